@@ -1,0 +1,1 @@
+"""jaxpf: particle filters for visual tracking of many, articulated and deformable objects."""

@@ -1,0 +1,132 @@
+"""How substates move from frame to frame.
+
+Every dynamics here draws noise for all particles at once (``propagate_all``), which is
+several times cheaper than a key per particle; ``propagate`` is the one-particle form.
+"""
+
+import jax
+import jax.numpy as jnp
+
+from jaxpf.pytree import pytree_dataclass
+
+
+class BatchedDynamics:
+    """Gives the one-particle ``propagate`` to classes that define ``propagate_all``."""
+
+    def propagate_all(self, key, partition, current, previous, parent):
+        """Move all particles: ``partition`` ``[N]``, the substates ``[D, N]``."""
+        raise TypeError(f"{type(self).__name__} must define propagate_all")
+
+    def propagate(self, key, partition, current, previous, parent):
+        """Move one particle: ``partition`` ``[]``, the substates ``[D]``."""
+        moved = self.propagate_all(
+            key, jnp.asarray(partition)[None], *(x[:, None] for x in (current, previous, parent))
+        )
+        return moved[:, 0]
+
+
+@pytree_dataclass
+class RandomWalk(BatchedDynamics):
+    """``x_t = x_{t-1} + scale * n``.
+
+    Attributes:
+        scale: standard deviation of the noise per frame, ``[D]`` or ``[P, D]`` or ``[]``,
+            in the substate's units.
+    """
+
+    scale: jax.Array
+
+    def propagate_all(self, key, partition, current, previous, parent):
+        """Move all particles, ``[D, N]``."""
+        noise = jax.random.normal(key, current.shape, current.dtype)
+        return current + _per_particle(self.scale, partition, current) * noise
+
+
+@pytree_dataclass
+class AR2(BatchedDynamics):
+    """Second-order autoregression, ``x_t = x_{t-1} + momentum (x_{t-1} - x_{t-2}) + scale n``.
+
+    Source: smith2004, section 2, with momentum .5 and scale (2, 2, .001) for the centre
+    (pixels) and the scale of a box.
+
+    Attributes:
+        scale: sigma, standard deviation of the noise, ``[D]`` or ``[P, D]`` or ``[]``.
+        momentum: share of the last displacement that is repeated.
+    """
+
+    scale: jax.Array
+    momentum: jax.Array | float = 0.5
+
+    def propagate_all(self, key, partition, current, previous, parent):
+        """Move all particles, ``[D, N]``."""
+        noise = jax.random.normal(key, current.shape, current.dtype)
+        drift = current + jnp.asarray(self.momentum, current.dtype) * (current - previous)
+        return drift + _per_particle(self.scale, partition, current) * noise
+
+
+@pytree_dataclass
+class LinearGaussian(BatchedDynamics):
+    """``x_t = A x_{t-1} + B x_{t-2} + C parent_t + b + L n`` for each partition.
+
+    Attributes:
+        transition: A, ``[P, D, D]``.
+        noise: L, ``[P, D, D]``, a square root of the noise covariance.
+        lag: B, ``[P, D, D]``, or None for a first-order model.
+        coupling: C, ``[P, D, D]``, multiplies the parent's substate at the current frame;
+            None if no partition has a parent.
+        offset: b, ``[P, D]``, or None.
+    """
+
+    transition: jax.Array
+    noise: jax.Array
+    lag: jax.Array | None = None
+    coupling: jax.Array | None = None
+    offset: jax.Array | None = None
+
+    def propagate_all(self, key, partition, current, previous, parent):
+        """Move all particles, ``[D, N]``."""
+        noise = jax.random.normal(key, current.shape, current.dtype)
+        moved = _apply(self.transition, partition, current) + _apply(self.noise, partition, noise)
+        if self.lag is not None:
+            moved = moved + _apply(self.lag, partition, previous)
+        if self.coupling is not None:
+            moved = moved + _apply(self.coupling, partition, parent)
+        if self.offset is not None:
+            moved = moved + jnp.asarray(self.offset, current.dtype)[partition].T
+        return moved
+
+
+@pytree_dataclass
+class IndependentGaussian:
+    """Initial sampler: independent normal substates, ``key -> [P, D]``.
+
+    Attributes:
+        mean: ``[P, D]``.
+        scale: standard deviations, broadcast to ``[P, D]``.
+    """
+
+    mean: jax.Array
+    scale: jax.Array
+
+    #: Partitions are drawn independently, so that roots may be exchanged (``sps``).
+    independent = True
+
+    def __call__(self, key):
+        mean = jnp.asarray(self.mean)
+        return mean + jnp.asarray(self.scale) * jax.random.normal(key, mean.shape, mean.dtype)
+
+
+def _per_particle(scale, partition, like):
+    """``[]``, ``[D]`` or ``[P, D]`` parameters, broadcast against substates ``[D, N]``."""
+    scale = jnp.asarray(scale, like.dtype)
+    if scale.ndim == 2:
+        return scale[partition].T
+    return scale[:, None] if scale.ndim == 1 else scale
+
+
+def _apply(matrices, partition, vectors):
+    """Matrix of each particle's partition, ``[P, D, D]``, times its vector ``[D, N]``."""
+    matrices = jnp.asarray(matrices, vectors.dtype)
+    # D is small: an explicit sum over columns fuses, where a batched dot would not.
+    columns = [matrices[:, :, k][partition].T * vectors[k] for k in range(vectors.shape[0])]
+    return sum(columns[1:], start=columns[0])

@@ -1,0 +1,77 @@
+"""What a tracker carries from frame to frame, and what a frame reports.
+
+The state is carried, the summary is reported: every tracker's ``step`` returns both.
+"""
+
+import jax
+import jax.numpy as jnp
+
+from jaxpf.pytree import pytree_dataclass
+
+#: Bits of ``Summary.status``.
+STATUS_OK = 0
+STATUS_INVALID_LIKELIHOOD = 1  # some log-likelihoods were NaN or +inf: taken as -inf and counted
+STATUS_IMPOSSIBLE = 2  # an observation was impossible for every particle: it was left out
+STATUS_LOST = 4  # some partition had zero likelihood in every particle (see ``Summary.lost``)
+
+
+@pytree_dataclass
+class ParticleState:
+    """A weighted set of N particles over P partitions of D dimensions.
+
+    Inside, particles stand on the last axis, which lets XLA vectorise small substates;
+    the properties ``substates`` and ``previous_substates`` give the public layout
+    ``[..., N, P, D]`` whatever axes ``vmap`` or ``scan`` put in front.
+
+    Attributes:
+        lagged: ``[2, D, P, N]``, the substates of the current frame and of the one before.
+        log_weights: ``[N]``, normalised: their exponentials sum to one.
+        lineage: ``[P, N]`` int32.  Two particles share a partition's id exactly when they
+            carry the same draw of it; ids are renewed when the partition is propagated and
+            copied by resampling and exchange.
+        component: ``[N]`` int32, the mixture component or discrete label of each particle.
+        weighted: ``[]`` bool, false only for a set that was drawn and never weighed, which
+            must not be resampled.
+    """
+
+    lagged: jax.Array
+    log_weights: jax.Array
+    lineage: jax.Array
+    component: jax.Array
+    weighted: jax.Array
+
+    @property
+    def substates(self) -> jax.Array:
+        """Current substates, ``[..., N, P, D]``."""
+        return jnp.moveaxis(self.lagged[..., 0, :, :, :], (-1, -2, -3), (-3, -2, -1))
+
+    @property
+    def previous_substates(self) -> jax.Array:
+        """Substates one frame earlier, ``[..., N, P, D]``."""
+        return jnp.moveaxis(self.lagged[..., 1, :, :, :], (-1, -2, -3), (-3, -2, -1))
+
+
+@pytree_dataclass
+class Summary:
+    """What one frame reports: the weighted set before the frame's last resampling.
+
+    Attributes:
+        estimate: ``[P, D]``, weighted mean of the substates.
+        log_evidence: ``[]``, log of the frame's factor in an unbiased estimate of
+            ``p(y_1:T)``; ``-inf`` if the frame was impossible for every particle.
+        ess: ``[]``, effective sample size ``1 / sum(w^2)`` (maccormick1999, eq. 6).
+        uniqueness: ``[P]``, distinct draws of a partition over N (smith2004, section 3.1).
+        spread: ``[P, D]``, weighted standard deviation of the substates.
+        status: ``[]`` int32, a sum of the ``STATUS_*`` bits.
+        lost: ``[P]`` bool, partitions whose likelihood was zero in every particle.
+        num_invalid: ``[]`` int32, log-likelihoods that were NaN or +inf.
+    """
+
+    estimate: jax.Array
+    log_evidence: jax.Array
+    ess: jax.Array
+    uniqueness: jax.Array
+    spread: jax.Array
+    status: jax.Array
+    lost: jax.Array
+    num_invalid: jax.Array

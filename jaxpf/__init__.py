@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _MODULES = (
+    "contract",
     "dynamics",
     "errors",
     "geometry",
@@ -34,6 +35,7 @@ _NAMES = {
 
 if TYPE_CHECKING:
     from jaxpf import (  # noqa: F401
+        contract,
         dynamics,
         errors,
         geometry,

@@ -112,6 +112,7 @@ class IndependentGaussian:
     independent = True
 
     def __call__(self, key):
+        """Draw all partitions, ``[P, D]``."""
         mean = jnp.asarray(self.mean)
         return mean + jnp.asarray(self.scale) * jax.random.normal(key, mean.shape, mean.dtype)
 

@@ -75,7 +75,7 @@ def monte_carlo(
         keys = jax.random.wrap_key_data(keys)
     if keys.ndim != 1 or keys.shape[0] == 0:
         raise InputError(
-            f"keys has shape {keys.shape}; give one key per run, as jax.random.split(key, runs) does."
+            f"keys has shape {keys.shape}; give one key per run, as jax.random.split(key, R) does."
         )
     if batch_size < 1:
         raise InputError(f"batch_size={batch_size} must be at least 1.")

@@ -75,3 +75,31 @@ class Summary:
     status: jax.Array
     lost: jax.Array
     num_invalid: jax.Array
+
+
+def summarise(state, log_evidence, status, lost, num_invalid) -> Summary:
+    """Estimate, effective sample size, uniqueness and spread of a weighted set."""
+    weights = jnp.exp(state.log_weights)
+    alive = weights > 0
+    values = jnp.where(alive, state.lagged[0], 0.0)  # a dead particle may hold NaN
+    estimate = jnp.sum(weights * values, axis=-1)
+    deviation = jnp.where(alive, values - estimate[..., None], 0.0)
+    variance = jnp.sum(weights * deviation**2, axis=-1)
+    spread = jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0)
+    return Summary(
+        estimate=estimate.T,
+        log_evidence=log_evidence,
+        ess=1.0 / jnp.sum(weights**2),
+        uniqueness=count_unique(state.lineage) / state.lineage.shape[-1],
+        spread=spread.T,
+        status=status,
+        lost=lost,
+        num_invalid=num_invalid,
+    )
+
+
+def count_unique(lineage: jax.Array) -> jax.Array:
+    """``[P]``: the number of distinct ids, each in 0..N-1, in every row of ``[P, N]``."""
+    rows = jnp.arange(lineage.shape[0])[:, None]
+    present = jnp.zeros(lineage.shape, jnp.int32).at[rows, lineage].set(1)
+    return jnp.sum(present, axis=-1)

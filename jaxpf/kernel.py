@@ -1,0 +1,336 @@
+"""The partitioned kernel: SIR, PS, DPS, SPS and branched sampling in one compiled program.
+
+A frame is P stages of one operation: propagate the partition whose turn it is in the
+particle's component, weigh it, exchange parts where the ordering says so, and resample
+within components.  Two ideas keep it short and fast:
+
+- *Stage rows.*  Inside a frame, row j of every array belongs to stage j, whatever
+  partition a component processes there, so that a stage writes one row in place.
+- *Lineage instead of copies.*  Resampling moves no substates.  A particle is P integers:
+  ``lineage[j]`` is the slot that drew the partition of row j or, before its stage, the
+  particle of the previous frame it continues.  Resampling and exchange permute these
+  integers, and the substates are gathered once, at the end of the frame.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxpf import exchange, resampling
+from jaxpf.resampling import Components
+from jaxpf.state import (
+    STATUS_IMPOSSIBLE,
+    STATUS_INVALID_LIKELIHOOD,
+    STATUS_LOST,
+    ParticleState,
+    Summary,
+    summarise,
+)
+
+
+class Frame(NamedTuple):
+    """What the stages of a frame carry.  Rows are stages, not partitions.
+
+    Attributes:
+        stages: ``[2, D, P, N]``, substates drawn at each stage, and the ones they left.
+        log_probs: ``[P, N]``, log-likelihood of each draw, by slot of drawing.
+        lineage: ``[P, N]`` int32, see the module's docstring.
+        log_weights: ``[N]``, unnormalised: their sum carries the evidence.
+        impossible: ``[N]`` bool, the particle's component met a stage at which no particle
+            of it had any likelihood; the stage was left out of ``log_weights``.
+        equal: ``[]`` bool, weights were equal after the last resampling.
+        num_invalid: ``[]`` int32.
+        labels: ``[N]`` int32, components of the particles.
+    """
+
+    stages: jax.Array
+    log_probs: jax.Array
+    lineage: jax.Array
+    log_weights: jax.Array
+    impossible: jax.Array
+    equal: jax.Array
+    num_invalid: jax.Array
+    labels: jax.Array
+
+
+def begin(tracker, key, state, observation) -> tuple[Components, Frame]:
+    """Resample jointly, then split the particles into the ordering's components."""
+    num_particles, ordering = tracker.num_particles, tracker.ordering
+    resample_key, split_key = jax.random.split(key)
+    identity = jnp.arange(num_particles, dtype=jnp.int32)
+    whole = resampling.one_component(num_particles)
+    chosen, log_weights, resampled = _resample(
+        tracker, resample_key, state.log_weights, state.log_weights, whole
+    )
+    # A set that was only drawn has equal weights already: resampling it would lose particles.
+    ancestors = jnp.where(state.weighted, chosen, identity)
+    uniform = jnp.full_like(log_weights, -np.log(num_particles))
+    log_weights = jnp.where(state.weighted & ~resampled, log_weights, uniform)
+    if ordering.by_label:
+        labels = state.component[ancestors]
+        shuffle = exchange.order_by_group(labels)
+        labels = labels[shuffle]
+        sizes = jnp.zeros((ordering.order.shape[0],), jnp.int32).at[labels].add(1)
+        components = resampling.components_of_sizes(sizes, num_particles)
+    else:
+        edges = jnp.round(jnp.cumsum(ordering.fractions) * num_particles).astype(jnp.int32)
+        components = resampling.components_of_sizes(
+            jnp.diff(edges, prepend=jnp.zeros((1,), jnp.int32)), num_particles
+        )
+        labels = components.index
+        # The order of particles matters only where it decides who joins which component.
+        shuffle = lax.cond(
+            ordering.fractions[0] < 1.0,
+            lambda: jax.random.permutation(split_key, identity),
+            lambda: identity,
+        )
+    ancestors, log_weights = ancestors[shuffle], log_weights[shuffle]
+    shape = (tracker.num_partitions, num_particles)
+    return components, Frame(
+        stages=jnp.zeros_like(state.lagged),
+        log_probs=jnp.zeros(shape, log_weights.dtype),
+        lineage=jnp.broadcast_to(ancestors, shape),
+        log_weights=log_weights,
+        impossible=jnp.zeros((num_particles,), bool),
+        equal=resampled | ~state.weighted,
+        num_invalid=jnp.zeros((), jnp.int32),
+        labels=labels,
+    )
+
+
+def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Array, Frame], Frame]:
+    """The body of the loop over stages."""
+    num_particles, num_partitions = tracker.num_particles, tracker.num_partitions
+    ordering = tracker.ordering
+    dtype = state.lagged.dtype
+    past = state.lagged.reshape(-1, num_partitions * num_particles)
+    dimension = state.lagged.shape[1]
+    has_parents = any(parent != -1 for parent in tracker.parents)
+    parents = jnp.asarray(tracker.parents, jnp.int32)
+
+    def parent_substates(frame, partition):
+        if not has_parents:
+            return jnp.zeros((dimension, num_particles), dtype)
+        parent = parents[partition]
+        row = ordering.rank[components.index, jnp.maximum(parent, 0)]
+        slot = jnp.take_along_axis(frame.lineage, row[None], axis=0)[0]
+        drawn = frame.stages[0].reshape(dimension, num_partitions * num_particles)
+        return jnp.where(parent >= 0, drawn[:, row * num_particles + slot], 0.0)
+
+    def body(stage, frame: Frame) -> Frame:
+        propagate_key, resample_key, exchange_key = jax.random.split(
+            jax.random.fold_in(key, stage), 3
+        )
+        partition = ordering.order[components.index, stage]
+        left = past[:, partition * num_particles + frame.lineage[stage]]
+        left = left.reshape(2, dimension, num_particles)
+        moved = _propagate(
+            tracker.dynamics,
+            propagate_key,
+            partition,
+            left[0],
+            left[1],
+            parent_substates(frame, partition),
+        ).astype(dtype)
+        log_prob = _log_prob(tracker.likelihood, observation, partition, moved).astype(dtype)
+        chex.assert_shape(log_prob, (num_particles,))
+        invalid = jnp.isnan(log_prob) | jnp.isposinf(log_prob)
+        log_prob = jnp.where(invalid, -jnp.inf, log_prob)
+        frame = frame._replace(
+            stages=lax.dynamic_update_index_in_dim(
+                frame.stages, jnp.stack([moved, left[0]]), stage, axis=2
+            ),
+            log_probs=lax.dynamic_update_index_in_dim(frame.log_probs, log_prob, stage, axis=0),
+            lineage=lax.dynamic_update_index_in_dim(
+                frame.lineage, jnp.arange(num_particles, dtype=jnp.int32), stage, axis=0
+            ),
+            num_invalid=frame.num_invalid + jnp.sum(invalid, dtype=jnp.int32),
+        )
+        # Where a level exchanges its parts, its likelihoods enter at the end of the level.
+        before = frame.log_weights
+        frame = _absorb(frame, components, jnp.where(ordering.exchanged[stage], 0.0, log_prob))
+
+        def resample(frame):
+            selection = frame.log_weights
+            if tracker.tempering is not None:
+                possible = ~jnp.isneginf(selection)
+                change = jnp.where(possible, selection - before, 0.0)
+                selection = jnp.where(possible, before + tracker.tempering * change, -jnp.inf)
+            ancestors, log_weights, resampled = _resample(
+                tracker, resample_key, frame.log_weights, selection, components
+            )
+            return frame._replace(
+                lineage=frame.lineage[:, ancestors],
+                log_weights=log_weights,
+                equal=resampled,
+            )
+
+        def exchange_level(frame):
+            return _exchange_level(
+                tracker, exchange_key, resample_key, components, stage, resample, frame
+            )
+
+        return lax.cond(
+            ordering.exchange_after[stage],
+            exchange_level,
+            lambda frame: lax.cond(
+                ordering.resample_after[stage], resample, lambda frame: frame, frame
+            ),
+            frame,
+        )
+
+    return body
+
+
+def _exchange_level(tracker, key, resample_key, components, stage, resample, frame) -> Frame:
+    """End of a level: weigh its parts, resample, and let every slot draw its parts anew."""
+    ordering, num_partitions = tracker.ordering, tracker.num_partitions
+    num_particles = tracker.num_particles
+    same_level = ordering.level == ordering.level[stage]
+    weigh_key, draw_key = jax.random.split(key)
+
+    def per_part(function, initial):
+        """Loop over the level's stages; the predicate is shared by all runs."""
+
+        def body(row, carry):
+            return lax.cond(same_level[row], lambda c: function(row, c), lambda c: c, carry)
+
+        return lax.fori_loop(0, num_partitions, body, initial)
+
+    def weigh(row, carry):
+        exchanges, frame = carry
+        parent = ordering.tree[ordering.order[0, row]]
+        is_root = parent < 0
+        group = frame.lineage[ordering.rank[0, jnp.maximum(parent, 0)]]
+        weighed = exchange.weigh(
+            jax.random.fold_in(weigh_key, row),
+            ordering.swap,
+            frame.log_probs[row],
+            jnp.where(is_root, 0, group),
+            is_root,
+        )
+        # Unequal incoming weights (a skipped adaptive resampling) forbid the exchange.
+        factor = jnp.where(frame.equal, weighed.log_factor, frame.log_probs[row])
+        exchanges = jax.tree.map(lambda all_, one: all_.at[row].set(one), exchanges, weighed)
+        return exchanges, _absorb(frame, components, factor)
+
+    floats = jnp.zeros((num_partitions, num_particles), frame.log_weights.dtype)
+    ints = jnp.zeros((num_partitions, num_particles), jnp.int32)
+    exchanges = exchange.Exchange(floats, ints, floats, floats, ints, ints)
+    exchanges, frame = per_part(weigh, (exchanges, frame))
+    allowed, candidates = frame.equal, frame.lineage
+    # Resampling shows each slot's ancestor through a row of identities.
+    identity = jnp.arange(num_particles, dtype=jnp.int32)
+    tagged = frame._replace(lineage=jnp.concatenate([candidates, identity[None]]))
+    tagged = lax.cond(ordering.resample_after[stage], resample, lambda frame: frame, tagged)
+    ancestors, lineage = tagged.lineage[-1], tagged.lineage[:-1]
+
+    def draw(row, lineage):
+        one = jax.tree.map(lambda all_: all_[row], exchanges)
+        giver = exchange.draw(jax.random.fold_in(draw_key, row), ordering.swap, one, ancestors)
+        giver = jnp.where(allowed, giver, ancestors)
+        carried = ordering.carrier[stage] == row
+        return jnp.where(carried[:, None], candidates[:, giver], lineage)
+
+    return tagged._replace(lineage=per_part(draw, lineage))
+
+
+def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summary]:
+    """Gather the particles, correct by the joint likelihood, normalise, and report."""
+    num_particles, num_partitions = tracker.num_particles, tracker.num_partitions
+    ordering = tracker.ordering
+    row = ordering.rank[components.index].T
+    lineage = jnp.take_along_axis(frame.lineage, row, axis=0)
+    flat = frame.stages.reshape(-1, num_partitions * num_particles)
+    lagged = flat[:, row * num_particles + lineage].reshape(frame.stages.shape)
+    log_probs = frame.log_probs.reshape(-1)[row * num_particles + lineage]
+    if hasattr(tracker.likelihood, "log_joint"):
+        log_joint = jax.vmap(tracker.likelihood.log_joint, in_axes=(None, 2, 1))(
+            observation, jnp.swapaxes(lagged[0], 0, 1), log_probs
+        ).astype(log_probs.dtype)
+        invalid = jnp.isnan(log_joint) | jnp.isposinf(log_joint)
+        log_joint = jnp.where(invalid, -jnp.inf, log_joint)
+        frame = frame._replace(num_invalid=frame.num_invalid + jnp.sum(invalid, dtype=jnp.int32))
+        weighting = jnp.sum(jnp.where(jnp.isneginf(log_probs), 0.0, log_probs), axis=0)
+        frame = _absorb(frame, components, log_joint - weighting)
+
+    all_impossible = jnp.all(frame.impossible)
+    log_weights = jnp.where(frame.impossible & ~all_impossible, -jnp.inf, frame.log_weights)
+    log_total = jax.nn.logsumexp(log_weights)
+    literal = resampling.component_cdf(log_weights, components)
+    renormalised = jnp.where(
+        literal.alive,
+        log_weights - literal.log_mean - np.log(num_particles),
+        -jnp.inf,
+    )
+    log_weights = jnp.where(ordering.literal, renormalised, log_weights)
+    log_weights = log_weights - jax.nn.logsumexp(log_weights)
+    state = ParticleState(
+        lagged=lagged,
+        log_weights=log_weights,
+        lineage=lineage,
+        component=frame.labels,
+        weighted=jnp.ones((), bool),
+    )
+    log_evidence = jnp.where(all_impossible, -jnp.inf, log_total)
+    # By partition, whoever processed it when: the draws are permuted, none is dropped.
+    drawn = frame.log_probs.reshape(-1)[row * num_particles + jnp.arange(num_particles)]
+    lost = jnp.all(jnp.isneginf(drawn), axis=1)
+    status = (
+        STATUS_INVALID_LIKELIHOOD * (frame.num_invalid > 0)
+        + STATUS_IMPOSSIBLE * all_impossible
+        + STATUS_LOST * jnp.any(lost)
+    ).astype(jnp.int32)
+    return state, summarise(state, log_evidence, status, lost, frame.num_invalid)
+
+
+def _absorb(frame: Frame, components: Components, log_factor: jax.Array) -> Frame:
+    """Multiply the weights by a factor, unless it is zero for a whole component.
+
+    A component without any likelihood is marked impossible.  Its weights are left as they
+    were, for the case that all components end so: then the frame's impossible observation
+    is left out, instead of every weight being lost.
+    """
+    log_weights = frame.log_weights + log_factor
+    possible = ~jnp.isneginf(resampling.component_max(log_weights, components))
+    return frame._replace(
+        log_weights=jnp.where(possible, log_weights, frame.log_weights),
+        impossible=frame.impossible | ~possible,
+    )
+
+
+def _resample(tracker, key, log_weights, log_selection, components):
+    """Weighted resampling, adaptive if asked.  Returns ancestors, log-weights, whether done."""
+    ancestors, new_log_weights = resampling.weighted_resample(
+        key, log_weights, log_selection, tracker.resampling, components
+    )
+    if tracker.ess_threshold is None:
+        return ancestors, new_log_weights, jnp.ones((), bool)
+    few = resampling.few_effective(log_selection, components, tracker.ess_threshold)
+    identity = jnp.arange(tracker.num_particles, dtype=jnp.int32)
+    return (
+        jnp.where(few, ancestors, identity),
+        jnp.where(few, new_log_weights, log_weights),
+        jnp.all(few),
+    )
+
+
+def _propagate(dynamics, key, partition, current, previous, parent):
+    """All particles at once, by the batched method if there is one."""
+    if hasattr(dynamics, "propagate_all"):
+        return dynamics.propagate_all(key, partition, current, previous, parent)
+    keys = jax.random.split(key, partition.shape[0])
+    return jax.vmap(dynamics.propagate, in_axes=(0, 0, 1, 1, 1), out_axes=1)(
+        keys, partition, current, previous, parent
+    )
+
+
+def _log_prob(likelihood, observation, partition, substates):
+    if hasattr(likelihood, "log_prob_all"):
+        return likelihood.log_prob_all(observation, partition, substates)
+    return jax.vmap(likelihood.log_prob, in_axes=(None, 0, 1))(observation, partition, substates)

@@ -22,6 +22,7 @@ import numpy as np
 from jax import lax
 
 from jaxpf import exchange, resampling
+from jaxpf.ordering import Ordering
 from jaxpf.resampling import Components
 from jaxpf.state import (
     STATUS_IMPOSSIBLE,
@@ -41,6 +42,8 @@ class Frame(NamedTuple):
         log_probs: ``[P, N]``, log-likelihood of each draw, by slot of drawing.
         lineage: ``[P, N]`` int32, see the module's docstring.
         log_weights: ``[N]``, unnormalised: their sum carries the evidence.
+        seen: ``[P, C]`` bool, at that stage some particle of the component that had weight
+            had likelihood too.
         impossible: ``[N]`` bool, the particle's component met a stage at which no particle
             of it had any likelihood; the stage was left out of ``log_weights``.
         equal: ``[]`` bool, weights were equal after the last resampling.
@@ -52,6 +55,7 @@ class Frame(NamedTuple):
     log_probs: jax.Array
     lineage: jax.Array
     log_weights: jax.Array
+    seen: jax.Array
     impossible: jax.Array
     equal: jax.Array
     num_invalid: jax.Array
@@ -75,6 +79,7 @@ def begin(tracker, key, state, observation) -> tuple[Components, Frame]:
         labels = state.component[ancestors]
         shuffle = exchange.order_by_group(labels)
         labels = labels[shuffle]
+        ancestors, log_weights = ancestors[shuffle], log_weights[shuffle]
         sizes = jnp.zeros((ordering.order.shape[0],), jnp.int32).at[labels].add(1)
         components = resampling.components_of_sizes(sizes, num_particles)
     else:
@@ -83,19 +88,22 @@ def begin(tracker, key, state, observation) -> tuple[Components, Frame]:
             jnp.diff(edges, prepend=jnp.zeros((1,), jnp.int32)), num_particles
         )
         labels = components.index
+
+        def shuffled():
+            shuffle = jax.random.permutation(split_key, identity)
+            return ancestors[shuffle], log_weights[shuffle]
+
         # The order of particles matters only where it decides who joins which component.
-        shuffle = lax.cond(
-            ordering.fractions[0] < 1.0,
-            lambda: jax.random.permutation(split_key, identity),
-            lambda: identity,
+        ancestors, log_weights = lax.cond(
+            _is_split(ordering), shuffled, lambda: (ancestors, log_weights)
         )
-    ancestors, log_weights = ancestors[shuffle], log_weights[shuffle]
     shape = (tracker.num_partitions, num_particles)
     return components, Frame(
         stages=jnp.zeros_like(state.lagged),
         log_probs=jnp.zeros(shape, log_weights.dtype),
         lineage=jnp.broadcast_to(ancestors, shape),
         log_weights=log_weights,
+        seen=jnp.zeros((tracker.num_partitions, ordering.order.shape[0]), bool),
         impossible=jnp.zeros((num_particles,), bool),
         equal=resampled | ~state.weighted,
         num_invalid=jnp.zeros((), jnp.int32),
@@ -153,7 +161,8 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
         )
         # Where a level exchanges its parts, its likelihoods enter at the end of the level.
         before = frame.log_weights
-        frame = _absorb(frame, components, jnp.where(ordering.exchanged[stage], 0.0, log_prob))
+        factor = jnp.where(ordering.exchanged[stage], 0.0, log_prob)
+        frame = _absorb(frame, components, factor, stage)
 
         def resample(frame):
             selection = frame.log_weights
@@ -217,7 +226,7 @@ def _exchange_level(tracker, key, resample_key, components, stage, resample, fra
         # Unequal incoming weights (a skipped adaptive resampling) forbid the exchange.
         factor = jnp.where(frame.equal, weighed.log_factor, frame.log_probs[row])
         exchanges = jax.tree.map(lambda all_, one: all_.at[row].set(one), exchanges, weighed)
-        return exchanges, _absorb(frame, components, factor)
+        return exchanges, _absorb(frame, components, factor, row)
 
     floats = jnp.zeros((num_partitions, num_particles), frame.log_weights.dtype)
     ints = jnp.zeros((num_partitions, num_particles), jnp.int32)
@@ -244,12 +253,21 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
     """Gather the particles, correct by the joint likelihood, normalise, and report."""
     num_particles, num_partitions = tracker.num_particles, tracker.num_partitions
     ordering = tracker.ordering
-    row = ordering.rank[components.index].T
-    lineage = jnp.take_along_axis(frame.lineage, row, axis=0)
+    # By partition, not by stage; a particle's draws lie in rows of its own component.
+    row = lax.cond(
+        _is_split(ordering),
+        lambda: ordering.rank[components.index].T,
+        lambda: jnp.broadcast_to(ordering.rank[0][:, None], frame.lineage.shape),
+    )
     flat = frame.stages.reshape(-1, num_partitions * num_particles)
-    lagged = flat[:, row * num_particles + lineage].reshape(frame.stages.shape)
-    log_probs = frame.log_probs.reshape(-1)[row * num_particles + lineage]
+    # Without resampling or exchange inside the frame every particle kept its own draws.
+    lineage, lagged = lax.cond(
+        jnp.any(ordering.resample_after | ordering.exchange_after),
+        lambda: _gathered(frame, flat, row),
+        lambda: (frame.lineage, flat.reshape(frame.stages.shape)[:, :, ordering.rank[0]]),
+    )
     if hasattr(tracker.likelihood, "log_joint"):
+        log_probs = frame.log_probs.reshape(-1)[row * num_particles + lineage]
         log_joint = jax.vmap(tracker.likelihood.log_joint, in_axes=(None, 2, 1))(
             observation, jnp.swapaxes(lagged[0], 0, 1), log_probs
         ).astype(log_probs.dtype)
@@ -259,17 +277,17 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
         weighting = jnp.sum(jnp.where(jnp.isneginf(log_probs), 0.0, log_probs), axis=0)
         frame = _absorb(frame, components, log_joint - weighting)
 
+    every_component = ordering.rank.T, jnp.arange(ordering.rank.shape[0])
+    lost = ~jnp.any(frame.seen[every_component], axis=1)
+
     all_impossible = jnp.all(frame.impossible)
     log_weights = jnp.where(frame.impossible & ~all_impossible, -jnp.inf, frame.log_weights)
     log_total = jax.nn.logsumexp(log_weights)
-    literal = resampling.component_cdf(log_weights, components)
-    renormalised = jnp.where(
-        literal.alive,
-        log_weights - literal.log_mean - np.log(num_particles),
-        -jnp.inf,
+    log_weights = lax.cond(
+        ordering.literal,
+        lambda: _renormalised(log_weights, components),
+        lambda: log_weights - log_total,
     )
-    log_weights = jnp.where(ordering.literal, renormalised, log_weights)
-    log_weights = log_weights - jax.nn.logsumexp(log_weights)
     state = ParticleState(
         lagged=lagged,
         log_weights=log_weights,
@@ -278,9 +296,6 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
         weighted=jnp.ones((), bool),
     )
     log_evidence = jnp.where(all_impossible, -jnp.inf, log_total)
-    # By partition, whoever processed it when: the draws are permuted, none is dropped.
-    drawn = frame.log_probs.reshape(-1)[row * num_particles + jnp.arange(num_particles)]
-    lost = jnp.all(jnp.isneginf(drawn), axis=1)
     status = (
         STATUS_INVALID_LIKELIHOOD * (frame.num_invalid > 0)
         + STATUS_IMPOSSIBLE * all_impossible
@@ -289,7 +304,32 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
     return state, summarise(state, log_evidence, status, lost, frame.num_invalid)
 
 
-def _absorb(frame: Frame, components: Components, log_factor: jax.Array) -> Frame:
+def _is_split(ordering: Ordering) -> jax.Array:
+    """Whether particles divide into components, or may do so; the same for all runs."""
+    return jnp.asarray(ordering.by_label) | (ordering.fractions[0] < 1.0)
+
+
+def _gathered(frame: Frame, flat: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Lineage ``[P, N]`` and substates ``[2, D, P, N]`` by partition."""
+    num_particles = frame.lineage.shape[1]
+    lineage = jnp.take_along_axis(frame.lineage, row, axis=0)
+    lagged = flat[:, row * num_particles + lineage]
+    return lineage, lagged.reshape(frame.stages.shape)
+
+
+def _renormalised(log_weights: jax.Array, components: Components) -> jax.Array:
+    """smith2004's literal reassembly: every component's weights sum to its share n_c / N."""
+    cdf = resampling.component_cdf(log_weights, components)
+    scaled = jnp.where(cdf.alive, log_weights - jnp.where(cdf.alive, cdf.log_mean, 0.0), -jnp.inf)
+    return scaled - jax.nn.logsumexp(scaled)
+
+
+def _absorb(
+    frame: Frame,
+    components: Components,
+    log_factor: jax.Array,
+    stage: jax.Array | None = None,
+) -> Frame:
     """Multiply the weights by a factor, unless it is zero for a whole component.
 
     A component without any likelihood is marked impossible.  Its weights are left as they
@@ -298,6 +338,11 @@ def _absorb(frame: Frame, components: Components, log_factor: jax.Array) -> Fram
     """
     log_weights = frame.log_weights + log_factor
     possible = ~jnp.isneginf(resampling.component_max(log_weights, components))
+    if stage is not None:
+        num_particles = log_weights.shape[0]
+        first = jnp.minimum(components.start, num_particles - 1)
+        seen = possible[first] & (components.size > 0)
+        frame = frame._replace(seen=frame.seen.at[stage].set(seen))
     return frame._replace(
         log_weights=jnp.where(possible, log_weights, frame.log_weights),
         impossible=frame.impossible | ~possible,

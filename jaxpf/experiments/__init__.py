@@ -1,0 +1,1 @@
+"""Experiments: scenes, methods and published numbers, put side by side."""

@@ -1,0 +1,5 @@
+"""``python -m jaxpf``."""
+
+from jaxpf.cli import main
+
+main()

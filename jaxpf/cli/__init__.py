@@ -1,0 +1,66 @@
+"""The command line.  Each command's module is imported only when it is used."""
+
+import importlib
+import sys
+from typing import Any
+
+try:
+    import click
+except ModuleNotFoundError:  # pragma: no cover - depends on how jaxpf was installed
+    sys.exit("the command line needs its extra packages: pip install 'jaxpf[cli]'")
+
+from jaxpf import __version__
+
+# Name -> (module, one-line help).  Written out so that `jaxpf --help` imports no command.
+_COMMANDS = {
+    "track": ("jaxpf.cli.track", "Track boxes through a video; write tracks, video and plots."),
+    "frame": ("jaxpf.cli.frame", "Save one frame with a pixel grid, to read boxes off."),
+    "demo": ("jaxpf.cli.demo", "Compare SIR, PS, DPS and SPS on a synthetic scene."),
+    "bench": ("jaxpf.cli.bench", "Measure speed on this machine, beside its baselines."),
+}
+
+
+class _LazyGroup(click.Group):
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        if name not in _COMMANDS:
+            return None
+        return importlib.import_module(_COMMANDS[name][0]).command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, help_) for name, (_, help_) in _COMMANDS.items()])
+
+
+@click.group(
+    cls=_LazyGroup,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Particle filters for visual tracking of many objects, in JAX.",
+    epilog="`jaxpf COMMAND --help` explains a command.  A first look: `jaxpf demo`.",
+)
+@click.version_option(__version__, prog_name="jaxpf")
+def group() -> None:
+    """Hold the commands."""
+
+
+def main(arguments: list[str] | None = None) -> Any:
+    """Run the command line; a user's mistake is one sentence and exit code 2."""
+    from jaxpf.errors import InputError
+
+    try:
+        return group.main(arguments, prog_name="jaxpf", standalone_mode=False)
+    except InputError as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(2)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("Interrupted.", err=True)
+        sys.exit(130)
+    except BrokenPipeError:
+        # The reader of our output went away (`jaxpf ... | head`): nothing to complain about.
+        sys.stderr.close()
+        sys.exit(0)

@@ -1,0 +1,5 @@
+"""``python -m jaxpf.cli``."""
+
+from jaxpf.cli import main
+
+main()

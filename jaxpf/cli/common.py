@@ -1,0 +1,163 @@
+"""What several commands share: configuration files, tables, progress, the compile cache."""
+
+import os
+import platform
+import sys
+import tomllib
+from collections.abc import Callable, Iterable, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import click
+
+from jaxpf.errors import InputError
+from jaxpf.files import atomic_write
+
+_PACKAGES = ("jaxpf", "jax", "jaxlib", "optax", "chex", "numpy", "opencv-python-headless")
+
+
+class NumberList(click.ParamType):
+    """Numbers separated by commas, such as ``4,2,0.003``."""
+
+    def __init__(self, kind: type = float, length: int | None = None):
+        self.kind, self.length = kind, length
+        self.name = "whole numbers" if kind is int else "numbers"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> list[Any]:
+        """Text or a list (from a TOML file) to a list of numbers."""
+        parts = value.split(",") if isinstance(value, str) else list(value)
+        try:
+            numbers = [self.kind(part) for part in parts]
+        except (TypeError, ValueError):
+            self.fail(f"{value!r} is not {self.name} separated by commas.", param, ctx)
+        if self.length is not None and len(numbers) != self.length:
+            self.fail(f"{value!r} holds {len(numbers)} numbers instead of {self.length}.")
+        return numbers
+
+
+def config_option() -> Callable:
+    """``--config FILE``: defaults for the options from the command's table in a TOML file."""
+
+    def load(ctx: click.Context, param: click.Parameter, path: str | None) -> str | None:
+        if path is not None:
+            ctx.default_map = _read_config(Path(path), ctx)
+        return path
+
+    return click.option(
+        "--config",
+        metavar="FILE",
+        callback=load,
+        is_eager=True,
+        expose_value=False,
+        help="TOML file with options; what is given here too wins.  Every run writes one.",
+    )
+
+
+def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
+    try:
+        with open(path, "rb") as file:
+            content = tomllib.load(file)
+    except OSError as error:
+        raise InputError(
+            f"cannot read the configuration '{path}': {(error.strerror or '').lower()}; check the "
+            "path."
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"the configuration '{path}' is not valid TOML: {error}.") from None
+    name = ctx.command.name or ""
+    table = content.get(name)
+    if not isinstance(table, dict):
+        raise InputError(f"the configuration '{path}' has no table [{name}]; add one.")
+    known = {param.name for param in ctx.command.params if param.name not in ("config", "help")}
+    options = {key.replace("-", "_"): value for key, value in table.items()}
+    for key in options:
+        if key not in known:
+            raise InputError(
+                f"the configuration '{path}' sets '{key}' in [{name}], which is no option; the "
+                f"options are {', '.join(sorted(map(str, known)))}."
+            )
+    return options
+
+
+def write_config(path: Path, command: str, options: dict[str, Any]) -> None:
+    """Write the TOML file that repeats a run; options that are None are left out."""
+    import tomli_w
+
+    kept = {key: _plain(value) for key, value in options.items() if value is not None}
+    with atomic_write(path, "wb") as file:
+        tomli_w.dump({command: kept}, file)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, the platform and the packages that results depend on."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def use_compile_cache() -> None:
+    """Keep compiled kernels between runs, in ``JAXPF_CACHE_DIR`` or the user's cache folder."""
+    import jax
+
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    folder = os.environ.get("JAXPF_CACHE_DIR") or os.path.join(base, "jaxpf")
+    try:
+        os.makedirs(folder, exist_ok=True)
+    except OSError:
+        return  # no home, a read-only disk: compiling anew is slower, not wrong
+    jax.config.update("jax_compilation_cache_dir", folder)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table; the first column is left-aligned, numbers right."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="left" if index == 0 else "right")
+    for row in rows:
+        table.add_row(*row)
+    # A pipe or a file has no width: do not cut what is printed there.
+    Console(width=None if sys.stdout.isatty() else 120).print(table)
+
+
+def progress_bar(unit: str) -> Any:
+    """A progress bar on standard error, with ``unit`` per second and the time left."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    class Rate(TextColumn):
+        def render(self, task: Any) -> Any:
+            from rich.text import Text
+
+            return Text("" if task.speed is None else f"{task.speed:.1f} {unit}/s")
+
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        Rate(""),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+    )

@@ -1,0 +1,43 @@
+"""``jaxpf frame``: one frame with a pixel grid."""
+
+from pathlib import Path
+
+import click
+
+
+@click.command("frame")
+@click.argument("video", type=click.Path(path_type=Path))
+@click.option("--number", "-n", default=0, show_default=True, help="Frame, counting from 0.")
+@click.option("--step", type=int, default=None, help="Pixels between grid lines.  [default: auto]")
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(path_type=Path),
+    default=None,
+    help="PNG file to write.  [default: NAME-frame-NUMBER.png]",
+)
+def command(video: Path, number: int, step: int | None, output: Path | None) -> None:
+    """Save one frame of VIDEO with a pixel grid, to read boxes off.
+
+    A box is x,y,w,h: the pixel of its top left corner, its width and its height.
+    """
+    import cv2
+
+    from jaxpf.errors import InputError
+    from jaxpf.files import atomic_write
+    from jaxpf.overlay import draw_pixel_grid
+    from jaxpf.video import open_frames
+
+    if step is not None and step < 1:
+        raise InputError(f"--step {step} must be at least 1 pixel.")
+    source = open_frames(video)
+    picture = draw_pixel_grid(next(source.frames(number)), step)
+    output = output or Path(f"{source.name}-frame-{number}.png")
+    if output.suffix.lower() != ".png":
+        raise InputError(f"output '{output}' must end in .png; rename it.")
+    done, encoded = cv2.imencode(".png", picture[..., ::-1])
+    if not done:
+        raise RuntimeError("OpenCV could not encode a PNG image")
+    with atomic_write(output, "wb") as file:
+        file.write(encoded.tobytes())
+    click.echo(f"{output}: frame {number} of '{video}', {source.width}x{source.height} pixels")

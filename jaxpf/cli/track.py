@@ -1,0 +1,386 @@
+"""``jaxpf track``: boxes through a video, to tracks on disk."""
+
+import contextlib
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from jaxpf.cli import common
+from jaxpf.errors import InputError
+
+_METHODS = ("sir", "ps", "dps", "sps")
+_SCHEMES = ("systematic", "stratified", "multinomial", "residual")
+_SWAPS = ("combinatorial", "none", "random", "sorted")
+_LIKELIHOODS = ("auto", "integral", "sampled")
+
+
+@click.command("track")
+@click.argument("video", type=click.Path(path_type=Path))
+@click.option("--box", "box", multiple=True, metavar="X,Y,W,H", help="A start box; repeat it.")
+@click.option(
+    "--boxes",
+    type=click.Path(path_type=Path),
+    help="CSV of start boxes: MOT format (frames and x, y from 1), or with the header "
+    "frame,id,x,y,w,h (from 0).",
+)
+@click.option("--ids", type=common.NumberList(int), help="Objects of --boxes, such as 1,2,5.")
+@click.option("--start", default=0, show_default=True, help="Start frame, counting from 0.")
+@click.option("--frames", type=int, help="Track at most this many frames after the start.")
+@click.option("--method", default="dps", show_default=True, help=f"{', '.join(_METHODS)}.")
+@click.option("--order", type=common.NumberList(int), help="Order of objects for ps: 2,0,1.")
+@click.option("--swap", default="combinatorial", show_default=True, help="Exchange rule of sps.")
+@click.option("--particles", "-n", default=300, show_default=True, help="Number of particles.")
+@click.option("--seed", default=0, show_default=True, help="Random seed.")
+@click.option("--resampling", default="systematic", show_default=True, help=", ".join(_SCHEMES))
+@click.option("--ess-threshold", type=float, help="Resample only below this share of particles.")
+@click.option("--sharpness", default=20.0, show_default=True, help="Likelihood: exp(-S d^2).")
+@click.option("--parts", default=2, show_default=True, help="Horizontal bands of the histogram.")
+@click.option("--likelihood", default="auto", show_default=True, help=", ".join(_LIKELIHOODS))
+@click.option(
+    "--scale",
+    type=common.NumberList(float, 3),
+    default="4,2,0.003",
+    show_default=True,
+    help="Noise per frame: x and y in pixels, relative size.",
+)
+@click.option(
+    "--truth", type=click.Path(path_type=Path), help="CSV as for --boxes: adds a metrics table."
+)
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(path_type=Path),
+    help="Folder for the results.  [default: jaxpf-NAME]",
+)
+@click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")
+@click.option(
+    "--overlay/--no-overlay", default=True, help="Write the overlay video.  [default: on]"
+)
+@common.config_option()
+def command(**options: Any) -> None:
+    """Track boxes through VIDEO, a video file or a folder of images.
+
+    The start boxes come from --box (repeated) or from --boxes with --ids.  Filtering begins
+    with the frame after the start frame.  The output folder receives tracks.csv (MOT
+    format), overlay.webm, diagnostics.csv and .png, summary.json, and run.toml, which repeats
+    the run: `jaxpf track VIDEO --config run.toml -o ANOTHER`.
+
+    Example: jaxpf track clip.mp4 --box 120,80,40,90 --box 300,85,42,88
+    """
+    _check_options(options)
+    from jaxpf import files
+    from jaxpf.video import open_frames
+
+    source = open_frames(options["video"])
+    first = next(source.frames(options["start"]))
+    ids, boxes = _start_boxes(options, source)
+    truth = None
+    if options["truth"] is not None:
+        from jaxpf.tracks import read_boxes
+
+        truth = read_boxes(options["truth"], empty_boxes="absent")
+    common.use_compile_cache()
+    import jax
+
+    tracker = _build_tracker(options, first, boxes)
+    output = options["output"] or Path(f"jaxpf-{source.name}")
+    files.prepare_output_folder(output, options["overwrite"])
+    _write_repeatable_options(output, options)
+
+    recorder = _Recorder(output, source, options, ids, boxes, tracker)
+    interrupted = False
+    try:
+        with recorder:
+            recorder.start(options["start"], first)
+            recorder.follow(jax.random.key(options["seed"]))
+    except KeyboardInterrupt:
+        interrupted = True
+    recorder.finish(interrupted, truth)
+    if interrupted:
+        raise KeyboardInterrupt
+
+
+def _check_options(options: dict[str, Any]) -> None:
+    for name, valid in (
+        ("method", _METHODS),
+        ("resampling", _SCHEMES),
+        ("swap", _SWAPS),
+        ("likelihood", _LIKELIHOODS),
+    ):
+        if options[name] not in valid:
+            raise InputError(
+                f"--{name} {options[name]!r} is unknown; choose one of {', '.join(valid)}."
+            )
+    for name, least in (("start", 0), ("particles", 1), ("parts", 1)):
+        if options[name] < least:
+            raise InputError(f"--{name} {options[name]} must be at least {least}.")
+    if options["frames"] is not None and options["frames"] < 1:
+        raise InputError(f"--frames {options['frames']} must be at least 1.")
+    if options["ess_threshold"] is not None and not 0 <= options["ess_threshold"] <= 1:
+        raise InputError(
+            f"--ess-threshold {options['ess_threshold']} must be a share between 0 and 1."
+        )
+
+
+def _start_boxes(options: dict[str, Any], source: Any) -> tuple[np.ndarray, np.ndarray]:
+    from jaxpf import tracks
+
+    if options["box"] and options["boxes"]:
+        raise InputError("--box and --boxes were both given; use one of them.")
+    if options["ids"] is not None and not options["boxes"]:
+        raise InputError("--ids names objects of a CSV file; give the file with --boxes.")
+    if options["boxes"]:
+        ids, boxes = tracks.start_boxes(
+            tracks.read_boxes(options["boxes"]), options["start"], options["ids"]
+        )
+    elif options["box"]:
+        boxes = np.stack([tracks.parse_box(text) for text in options["box"]])
+        ids = np.arange(1, len(boxes) + 1)
+    else:
+        raise InputError(
+            "no start box: give --box x,y,w,h for every object, or --boxes FILE.csv "
+            f"(`jaxpf frame {source.path}` saves a frame with a pixel grid to read them off)."
+        )
+    tracks.check_boxes(boxes, source.width, source.height, [f"object {i}" for i in ids])
+    return ids, boxes
+
+
+def _build_tracker(options: dict[str, Any], first: np.ndarray, boxes: np.ndarray) -> Any:
+    from jaxpf.boxes import box_tracker, ordering_of
+    from jaxpf.likelihoods.histogram import histogram
+
+    likelihood = histogram(
+        first,
+        boxes,
+        sharpness=options["sharpness"],
+        parts=options["parts"],
+        method=options["likelihood"],
+        num_particles=options["particles"],
+    )
+    ordering = ordering_of(
+        options["method"], len(boxes), order=options["order"], swap=options["swap"]
+    )
+    return box_tracker(
+        likelihood,
+        boxes,
+        ordering,
+        scale=options["scale"],
+        num_particles=options["particles"],
+        resampling=options["resampling"],
+        ess_threshold=options["ess_threshold"],
+    )
+
+
+def _write_repeatable_options(output: Path, options: dict[str, Any]) -> None:
+    repeatable = {
+        name: value for name, value in options.items() if name not in ("output", "overwrite")
+    }
+    for name in ("video", "boxes", "truth"):
+        if repeatable[name] is not None:
+            repeatable[name] = repeatable[name].resolve()
+    common.write_config(output / "run.toml", "track", repeatable)
+
+
+class _Recorder:
+    """Writes everything that a run leaves behind, frame by frame."""
+
+    def __init__(self, output, source, options, ids, boxes, tracker):
+        from jaxpf.overlay import object_colours
+        from jaxpf.tracks import TrackWriter
+        from jaxpf.video_writer import VideoWriter
+
+        self.output, self.source, self.options = output, source, options
+        self.ids, self.boxes, self.tracker = ids, boxes, tracker
+        self.sizes = boxes[:, 2:]
+        self.colours = object_colours(len(ids))
+        self.lost_frames: dict[int, list[int]] = {int(i): [] for i in ids}
+        self.num_tracked = self.num_invalid = self.num_impossible = 0
+        self.seconds_first = self.seconds_rest = 0.0
+        self._stack = contextlib.ExitStack()
+        self.tracks = self._stack.enter_context(TrackWriter(output / "tracks.csv"))
+        self.diagnostics = self._stack.enter_context(
+            open(output / "diagnostics.csv", "w", encoding="utf-8", buffering=1)  # noqa: SIM115
+        )
+        header = ["frame", "ess", "log_evidence", *(f"uniqueness_{i}" for i in ids)]
+        self.diagnostics.write(",".join(header) + "\n")
+        self.video = None
+        if options["overlay"]:
+            self.video = self._stack.enter_context(
+                VideoWriter(output / "overlay.webm", source.width, source.height, source.fps)
+            )
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exception):
+        return self._stack.__exit__(*exception)
+
+    def start(self, number, frame):
+        """The start frame's row is the given box."""
+        self.tracks.append(number, self.ids, self.boxes)
+        self._draw(frame, self.boxes, np.zeros(len(self.ids), bool), None)
+
+    def follow(self, key):
+        """Track the frames after the start frame."""
+        import itertools
+
+        from jaxpf.tracking import stream
+
+        start, limit = self.options["start"], self.options["frames"]
+        frames = itertools.islice(
+            self.source.frames(start), 1, None if limit is None else limit + 1
+        )
+        expected = self.source.num_frames or self.source.frames_expected
+        total = None if expected is None else max(expected - start - 1, 0)
+        if limit is not None:
+            total = limit if total is None else min(total, limit)
+        clock = time.perf_counter()
+        with common.progress_bar("frames") as progress:
+            task = progress.add_task("compiling", total=total)
+            for tracked in stream(self.tracker, key, frames):
+                self._record(start + 1 + tracked.time, tracked)
+                elapsed, clock = time.perf_counter() - clock, time.perf_counter()
+                if self.num_tracked == 1:
+                    self.seconds_first = elapsed
+                    progress.reset(task, total=total, completed=1, description="tracking")
+                else:
+                    self.seconds_rest += elapsed
+                    progress.advance(task)
+            progress.update(task, total=self.num_tracked)
+
+    def _record(self, number, tracked):
+        from jaxpf.geometry import boxes_from_substates
+
+        summary = tracked.summary
+        boxes = np.asarray(boxes_from_substates(summary.estimate, self.sizes), float)
+        lost = summary.lost | self._off_frame(boxes)
+        for name in self.ids[lost]:
+            self.lost_frames[int(name)].append(number)
+        self.num_tracked += 1
+        self.num_invalid += int(summary.num_invalid)
+        self.num_impossible += int(np.isneginf(summary.log_evidence))
+        self.tracks.append(number, self.ids, boxes, np.where(lost, 0.0, 1.0))
+        values = [summary.ess, summary.log_evidence, *summary.uniqueness]
+        self.diagnostics.write(",".join([str(number), *(f"{v:.6g}" for v in values)]) + "\n")
+        cloud = None
+        if self.video is not None:
+            cloud = np.swapaxes(np.asarray(tracked.state.substates)[..., :2], 0, 1)
+        self._draw(tracked.frame, boxes, lost, cloud)
+
+    def _off_frame(self, boxes):
+        x, y, w, h = boxes.T
+        width, height = self.source.width, self.source.height
+        inside = (x < width) & (y < height) & (x + w > 0) & (y + h > 0)
+        return ~inside  # a NaN box compares false everywhere, so it counts as lost
+
+    def _draw(self, frame, boxes, lost, cloud):
+        from jaxpf.overlay import draw_boxes, draw_particles
+
+        if self.video is None:
+            return
+        if cloud is not None:
+            frame = draw_particles(frame, cloud, self.colours)
+        self.video.write(draw_boxes(frame, boxes, self.ids, self.colours, lost))
+
+    def finish(self, interrupted, truth):
+        """Write what is known only at the end, and tell the user."""
+        from jaxpf import plotting
+        from jaxpf.files import atomic_write
+
+        rate = (self.num_tracked - 1) / self.seconds_rest if self.seconds_rest > 0 else None
+        content = {
+            "parameters": {k: _jsonable(v) for k, v in self.options.items()},
+            "likelihood_method": self.tracker.likelihood.method,
+            "ids": self.ids.tolist(),
+            "frames_tracked": self.num_tracked,
+            "interrupted": interrupted,
+            "video_truncated": self.source.truncated,
+            "video_note": self.source.note,
+            "lost_frames": {str(k): v for k, v in self.lost_frames.items()},
+            "impossible_frames": self.num_impossible,
+            "invalid_likelihoods": self.num_invalid,
+            "seconds_first_frame": round(self.seconds_first, 3),
+            "seconds_other_frames": round(self.seconds_rest, 3),
+            "frames_per_second": None if rate is None else round(rate, 2),
+            "versions": common.versions(),
+        }
+        with atomic_write(self.output / "summary.json") as file:
+            json.dump(content, file, indent=2)
+            file.write("\n")
+        if self.num_tracked:
+            table = np.loadtxt(self.output / "diagnostics.csv", delimiter=",", skiprows=1, ndmin=2)
+            figure = plotting.diagnostics(
+                table[:, 0],
+                table[:, 1],
+                table[:, 3:],
+                table[:, 2],
+                self.ids.tolist(),
+                self.options["particles"],
+            )
+            plotting.save_figure(figure, self.output / "diagnostics.png")
+        self._tell(rate)
+        if truth is not None and self.num_tracked:
+            _report_truth(self.output, truth, self.ids)
+
+    def _tell(self, rate):
+        speed = "" if rate is None else f", {rate:.1f} frames/s"
+        click.echo(f"{self.output}: {self.num_tracked} frames tracked{speed}")
+        if self.num_tracked == 0:
+            click.echo("No frame follows the start frame, so nothing was tracked.", err=True)
+        if self.source.note:
+            click.echo(f"Note: {self.source.note}", err=True)
+        for name, frames in self.lost_frames.items():
+            if frames:
+                click.echo(
+                    f"Lost: object {name} in {len(frames)} frame(s), first in frame {frames[0]}.",
+                    err=True,
+                )
+        if self.num_impossible:
+            click.echo(
+                f"Warning: {self.num_impossible} frame(s) had no likelihood for any particle; "
+                "their observation was left out.",
+                err=True,
+            )
+        if self.num_invalid:
+            click.echo(
+                f"Warning: {self.num_invalid} likelihood(s) were not a number and counted as zero.",
+                err=True,
+            )
+
+
+def _jsonable(value: Any) -> Any:
+    return str(value) if isinstance(value, Path) else value
+
+
+def _report_truth(output: Path, truth: Any, ids: np.ndarray) -> None:
+    """Metrics over the frames after the start that have truth."""
+    from jaxpf import metrics, tracks
+    from jaxpf.files import atomic_write
+
+    estimated = tracks.read_boxes(output / "tracks.csv", empty_boxes="absent")
+    first, last = int(estimated.frame.min()), int(estimated.frame.max())
+    known = [int(i) for i in ids if i in set(truth.id.tolist())]
+    if not known:
+        click.echo(f"No object of this run occurs in {truth.source}: no metrics.", err=True)
+        return
+    estimate = tracks.dense(estimated, known, last + 1)[first + 1 :]
+    target = tracks.dense(truth, known, last + 1)[first + 1 :]
+    measures = metrics.summarise(estimate[None], target)
+    columns = {"frames": np.asarray(metrics.has_truth(target)).sum(axis=0)}
+    for name in ("tracked", "precision", "recall", "overlap", "centre_error"):
+        columns[name] = np.asarray(measures[name].value)
+    rows = [
+        [f"object {name}", f"{columns['frames'][k]:.0f}"]
+        + [f"{columns[c][k]:.3f}" for c in list(columns)[1:]]
+        for k, name in enumerate(known)
+    ]
+    common.print_table("Against the truth", ["", *columns], rows)
+    with atomic_write(output / "metrics.csv") as file:
+        file.write("id," + ",".join(columns) + "\n")
+        for k, name in enumerate(known):
+            file.write(f"{name}," + ",".join(f"{columns[c][k]:.6g}" for c in columns) + "\n")
+

@@ -1,0 +1,90 @@
+"""Several orderings on one scene, with common seeds and honest intervals."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf import metrics
+from jaxpf.boxes import box_tracker
+from jaxpf.geometry import boxes_from_substates
+from jaxpf.likelihoods.histogram import histogram_from_patches
+from jaxpf.ordering import Ordering
+from jaxpf.partitioned import Partitioned
+from jaxpf.running import monte_carlo
+from jaxpf.state import Summary
+
+#: The tracker of smith2004's synthetic test: noise of u and v in pixels, and of the scale.
+SMITH2004_SCALE = (2.0, 2.0, 0.001)
+SMITH2004_PARTICLES = 300
+
+
+class Result(NamedTuple):
+    """Many runs of one ordering on one scene, in NumPy arrays.
+
+    The first frame of the scene is where the tracker starts; T counts the frames after it.
+
+    Attributes:
+        name: of the ordering.
+        boxes: estimated boxes x, y, w, h, ``[R, T, P, 4]``.
+        summary: of every run and frame, leading axes ``[R, T]``.
+        measures: see ``jaxpf.metrics.summarise``.
+    """
+
+    name: str
+    boxes: np.ndarray
+    summary: Summary
+    measures: dict[str, metrics.Interval]
+
+
+def scene_tracker(
+    scene: Any,
+    ordering: Ordering,
+    *,
+    sharpness: float = 20.0,
+    num_particles: int = SMITH2004_PARTICLES,
+    scale: tuple[float, ...] = SMITH2004_SCALE,
+    resampling: str = "multinomial",
+    num_runs: int = 1,
+) -> Partitioned:
+    """A box tracker that starts at the scene's first true boxes and knows its patches."""
+    likelihood = histogram_from_patches(
+        scene.patches,
+        scene.sizes,
+        sharpness=sharpness,
+        frame_size=scene.frames.shape[1:3],
+        num_particles=num_particles,
+        num_runs=num_runs,
+    )
+    return box_tracker(
+        likelihood,
+        scene.boxes[0],
+        ordering,
+        scale=scale,
+        num_particles=num_particles,
+        resampling=resampling,
+    )
+
+
+def compare(
+    scene: Any, trackers: Mapping[str, Partitioned], seeds: Iterable[int], batch_size: int = 10
+) -> Iterator[Result]:
+    """Run every tracker with the same seeds; yields each result as it is done.
+
+    Args:
+        scene: see ``scenes.Scene``.
+        trackers: name -> tracker; those of one shape share one compiled kernel.
+        seeds: one per run.
+        batch_size: runs that are vectorised together.
+    """
+    keys = jnp.stack([jax.random.key(seed) for seed in seeds])
+    frames, truth = jnp.asarray(scene.frames[1:]), scene.boxes[1:]
+    for name, tracker in trackers.items():
+        summary = jax.tree.map(
+            np.asarray, monte_carlo(tracker, keys, frames, batch_size=batch_size)
+        )
+        boxes = np.asarray(boxes_from_substates(summary.estimate, scene.sizes))
+        measures = metrics.summarise(boxes, truth)
+        yield Result(name, boxes, summary, jax.tree.map(np.asarray, measures))

@@ -1,0 +1,114 @@
+"""Output folders and files that are either complete or absent."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any
+
+from jaxpf.errors import InputError
+
+
+@contextmanager
+def report_os_errors(action: str, path: str | os.PathLike[str]) -> Iterator[None]:
+    """Turn an ``OSError`` within the block into an ``InputError`` that names ``path``.
+
+    Args:
+        action: what was tried, as a verb phrase: ``"write"``, ``"create the folder"``.
+        path: the file or folder concerned.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(
+            f"cannot {action} '{path}': {reason}; check the path, its permissions and the free "
+            "space, or choose another place"
+        ) from error
+
+
+def temporary_sibling(path: Path) -> Path:
+    """A hidden name in the folder of ``path``, with its suffix and the process id.
+
+    Only a rename within one folder is atomic, hence the same folder; libraries that choose
+    a format by the suffix see the right one; two processes never share a name.
+    """
+    return path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+
+
+@contextmanager
+def atomic_write(
+    path: str | os.PathLike[str], mode: str = "w", encoding: str | None = "utf-8"
+) -> Iterator[IO[Any]]:
+    """Open a file that appears under its name only once it is complete.
+
+    The text goes to a temporary file in the same folder, which is flushed to disk and
+    renamed at the end of the block.  If the block raises, whatever was at ``path`` stays as
+    it was and the temporary file is removed.
+
+    Args:
+        path: the file to write or replace; its folder must exist.
+        mode: ``"w"`` or ``"wb"``.
+        encoding: of text; ignored with ``"wb"``.
+
+    Yields:
+        The open file.
+
+    Raises:
+        InputError: the file cannot be written (no such folder, no permission, disk full).
+    """
+    if mode not in ("w", "wb"):
+        raise ValueError(f"mode is 'w' or 'wb', not {mode!r}")
+    path = Path(path)
+    temporary = temporary_sibling(path)
+    text = mode == "w"
+    # newline="" keeps "\n" on every platform: the same run gives the same bytes.
+    options: dict[str, Any] = {"encoding": encoding, "newline": ""} if text else {}
+    try:
+        with report_os_errors("write", path):
+            with open(temporary, mode, **options) as file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, path)
+    finally:
+        with suppress(OSError):  # gone already, or never there
+            temporary.unlink()
+
+
+def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
+    """Create the folder for a run's results, or refuse to mix them with other files.
+
+    With ``overwrite`` nothing is deleted: files of the same names are replaced as the run
+    writes them, others stay.
+
+    Args:
+        path: the folder; parents are created too.
+        overwrite: accept a folder that is not empty.
+
+    Returns:
+        The folder.
+
+    Raises:
+        InputError: it is a file, it is not empty, or it cannot be created or written.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_dir():
+        raise InputError(
+            f"output folder '{path}' is a file; choose another --output or remove the file"
+        )
+    with report_os_errors("create the output folder", path):
+        path.mkdir(parents=True, exist_ok=True)
+        first = next(iter(sorted(entry.name for entry in path.iterdir())), None)
+    if first is not None and not overwrite:
+        raise InputError(
+            f"output folder '{path}' is not empty (it holds '{first}'); choose another --output "
+            "or add --overwrite"
+        )
+    # Found out now rather than after an hour of tracking; permission bits alone do not tell
+    # (read-only mounts, quotas).
+    with report_os_errors("write into the output folder", path):
+        probe = path / f".write-test.{os.getpid()}"
+        probe.touch()
+        probe.unlink()
+    return path

@@ -1,0 +1,97 @@
+"""Boxes and the states of objects that have a centre and a scale.
+
+A box is (x, y, w, h) in pixels, (x, y) its top left corner.  A substate begins with (u, v, a):
+the centre in pixels and the scale relative to the object's reference size.  A box that is not
+finite, or has no width or no height, is *degenerate*: it covers nothing, its area is 0 and it
+meets no other box.
+"""
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+
+def boxes_from_substates(substates: ArrayLike, sizes: ArrayLike) -> Array:
+    """The boxes that substates describe.
+
+    Args:
+        substates: ``[..., P, D]``, D >= 3, each beginning with (u, v, a); the rest is not used.
+        sizes: ``[P, 2]`` width and height of the objects at scale 1, in pixels.
+
+    Returns:
+        ``[..., P, 4]``: x = u - a w / 2, y = v - a h / 2, a w, a h.
+    """
+    substates, sizes = jnp.asarray(substates), jnp.asarray(sizes)
+    extent = substates[..., 2:3] * sizes
+    return jnp.concatenate([substates[..., :2] - extent / 2, extent], axis=-1)
+
+
+def substates_from_boxes(boxes: ArrayLike, sizes: ArrayLike) -> Array:
+    """The substates (u, v, a) that describe boxes best; inverts ``boxes_from_substates``.
+
+    A box whose aspect is not the reference's keeps its centre and its area, not its sides.
+
+    Args:
+        boxes: ``[..., P, 4]``, in pixels.
+        sizes: ``[P, 2]`` width and height of the objects at scale 1, in pixels.
+
+    Returns:
+        ``[..., P, 3]``: the centre, and a = sqrt(box area / reference area).  A box that is not
+        finite gives NaN, a box without area the scale 0.
+    """
+    boxes, sizes = jnp.asarray(boxes), jnp.asarray(sizes)
+    ratio = area(boxes) / (sizes[..., 0] * sizes[..., 1])
+    is_finite = jnp.all(jnp.isfinite(boxes), axis=-1)
+    scale = jnp.where(is_finite, jnp.sqrt(ratio), jnp.nan)
+    return jnp.concatenate([centres(boxes), scale[..., None]], axis=-1)
+
+
+def centres(boxes: ArrayLike) -> Array:
+    """The centres ``[..., 2]`` of boxes ``[..., 4]``, in pixels; NaN for a box that is not finite.
+
+    A box without area still has a centre.
+    """
+    boxes = jnp.asarray(boxes)
+    is_finite = jnp.all(jnp.isfinite(boxes), axis=-1, keepdims=True)
+    return jnp.where(is_finite, boxes[..., :2] + boxes[..., 2:] / 2, jnp.nan)
+
+
+def is_proper(boxes: ArrayLike) -> Array:
+    """``[...]`` bool: whether boxes ``[..., 4]`` are finite and have width and height."""
+    boxes = jnp.asarray(boxes)
+    return jnp.all(jnp.isfinite(boxes), axis=-1) & jnp.all(boxes[..., 2:] > 0, axis=-1)
+
+
+def area(boxes: ArrayLike) -> Array:
+    """``[...]`` areas of boxes ``[..., 4]``, in square pixels; 0 for a degenerate box."""
+    extent = _proper_or_empty(boxes)[..., 2:]
+    return extent[..., 0] * extent[..., 1]
+
+
+def intersection_area(one: ArrayLike, other: ArrayLike) -> Array:
+    """Area that two boxes share, in square pixels; 0 if either is degenerate.
+
+    Boxes that only touch share nothing.  The result never exceeds either area, whatever the
+    rounding.
+
+    Args:
+        one: ``[..., 4]``.
+        other: ``[..., 4]``; the leading axes broadcast.
+
+    Returns:
+        ``[...]``.
+    """
+    first, second = _proper_or_empty(one), _proper_or_empty(other)
+    start = jnp.maximum(first[..., :2], second[..., :2])
+    end = jnp.minimum(first[..., :2] + first[..., 2:], second[..., :2] + second[..., 2:])
+    # Rounding in x + w can make a box seem wider than it is: no side exceeds the narrower box's.
+    extent = jnp.minimum(end - start, jnp.minimum(first[..., 2:], second[..., 2:]))
+    extent = jnp.maximum(extent, 0)
+    return extent[..., 0] * extent[..., 1]
+
+
+def _proper_or_empty(boxes: ArrayLike) -> Array:
+    """The boxes as floats, with zeros in place of degenerate ones: no NaN gets further."""
+    boxes = jnp.asarray(boxes)
+    boxes = boxes.astype(jnp.result_type(boxes.dtype, jnp.float32))
+    return jnp.where(is_proper(boxes)[..., None], boxes, 0)

@@ -1,0 +1,239 @@
+"""Drawing on frames: boxes, particles and a grid to read coordinates from.
+
+Every function takes a uint8 RGB frame [H, W, 3] and returns a new one.  Coordinates are
+continuous pixels: pixel (0, 0) is the square [0, 1) x [0, 1).
+"""
+
+import cv2
+import numpy as np
+
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+_DARK = (20, 20, 20)
+_LIGHT = (255, 255, 255)
+
+# Okabe and Ito, "Color universal design" (2008), without black; the order keeps neighbours far
+# apart for every common kind of colour vision.
+_PALETTE = (
+    (230, 159, 0),
+    (86, 180, 233),
+    (0, 158, 115),
+    (240, 228, 66),
+    (213, 94, 0),
+    (204, 121, 167),
+    (0, 114, 178),
+)
+
+
+def object_colours(num_objects: int) -> np.ndarray:
+    """Colours that people with any common kind of colour vision can tell apart.
+
+    Seven are distinct; from the eighth object on they come again lighter, then darker, and the
+    labels tell the objects apart.
+
+    Returns:
+        uint8 RGB [num_objects, 3].
+    """
+    palette = np.asarray(_PALETTE, np.float64)
+    rounds = (palette, palette + 0.55 * (255 - palette), 0.55 * palette)
+    colours = np.concatenate(rounds)[np.arange(num_objects) % (3 * len(palette))]
+    return np.round(colours).astype(np.uint8)
+
+
+def draw_boxes(
+    frame: np.ndarray,
+    boxes: np.ndarray,
+    ids: np.ndarray | list[int],
+    colours: np.ndarray | None = None,
+    lost: np.ndarray | None = None,
+) -> np.ndarray:
+    """Draw labelled boxes.
+
+    Args:
+        frame: uint8 RGB [H, W, 3].
+        boxes: x, y, w, h in pixels [P, 4]; a box that is not finite is skipped.
+        ids: the labels [P].
+        colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
+        lost: bool [P]; a lost object's box is dashed and its label says so.
+    """
+    frame = frame.copy()
+    boxes = np.asarray(boxes, np.float64).reshape(-1, 4)
+    colours = object_colours(len(boxes)) if colours is None else np.asarray(colours)
+    thickness = _thickness(frame)
+    rim = 2 if min(frame.shape[:2]) >= 240 else 1
+    labels = []
+    for index, box in enumerate(boxes):
+        if not np.isfinite(box).all():
+            continue
+        left, top, right, bottom = _corners(box, frame)
+        colour = _as_colour(colours[index])
+        is_lost = lost is not None and bool(lost[index])
+        # A dark rim keeps every colour visible on every background.
+        for line, width in ((_DARK, thickness + rim), (colour, thickness)):
+            if is_lost:
+                _dashed_rectangle(frame, (left, top), (right, bottom), line, width)
+            else:
+                cv2.rectangle(frame, (left, top), (right, bottom), line, width)
+        labels.append((f"{ids[index]} lost" if is_lost else f"{ids[index]}", left, top, colour))
+    # Labels come last so that no box crosses one.
+    for text, left, top, colour in labels:
+        _label(frame, text, left, top, colour)
+    return frame
+
+
+def draw_particles(
+    frame: np.ndarray,
+    centres: np.ndarray,
+    colours: np.ndarray | None = None,
+    max_per_object: int = 200,
+) -> np.ndarray:
+    """Draw one dot per particle and object.
+
+    Args:
+        frame: uint8 RGB [H, W, 3].
+        centres: x, y in pixels [P, N, 2]; those that are not finite are skipped.
+        colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
+        max_per_object: at most so many of the N particles are drawn, evenly spread over the
+            particle index, so that the picture does not depend on chance.
+    """
+    frame = frame.copy()
+    centres = np.asarray(centres, np.float64)
+    colours = object_colours(len(centres)) if colours is None else np.asarray(colours)
+    radius = max(1, round(min(frame.shape[:2]) / 300))
+    num_particles = centres.shape[1]
+    chosen = np.unique(
+        np.linspace(0, num_particles - 1, min(num_particles, max_per_object)).round().astype(int)
+    )
+    height, width = frame.shape[:2]
+    for points, colour in zip(centres[:, chosen], colours, strict=True):
+        points = points[np.isfinite(points).all(axis=-1)]
+        inside = (points > -radius).all(axis=-1) & (points < (width + radius, height + radius)).all(
+            axis=-1
+        )
+        for x, y in np.floor(points[inside]).astype(int):
+            cv2.circle(frame, (int(x), int(y)), radius, _as_colour(colour), cv2.FILLED)
+    return frame
+
+
+def draw_pixel_grid(frame: np.ndarray, step: int | None = None) -> np.ndarray:
+    """Draw a labelled grid, so that a user can read the coordinates of a box off the picture.
+
+    A frame whose longer side is under 480 pixels is enlarged by a whole factor, so that the
+    labels can be read; they count pixels of the original, and the picture says so.
+
+    Args:
+        frame: uint8 RGB [H, W, 3].
+        step: distance of the lines in pixels of the original; by default about ten lines
+            along the longer side.
+
+    Returns:
+        uint8 RGB [k H, k W, 3] with the enlargement k.
+    """
+    height, width = frame.shape[:2]
+    enlargement = 1 if max(width, height) >= 480 else -(-640 // max(width, height))
+    if step is None:
+        nice = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+        step = next((value for value in nice if max(width, height) / value <= 13), nice[-1])
+    if step < 1:
+        raise ValueError(f"the step of the grid is at least one pixel, not {step}")
+    size = (width * enlargement, height * enlargement)
+    picture = cv2.resize(frame, size, interpolation=cv2.INTER_NEAREST)
+    line = _thickness(picture)
+    for values, draws_rows in (
+        (range(step, width, step), False),
+        (range(step, height, step), True),
+    ):
+        along = picture if draws_rows else picture.swapaxes(0, 1)
+        for at in (value * enlargement for value in values):
+            # Dark beside light is visible on any background; the coordinate lies between them.
+            _blend(along[max(at - line, 0) : at], 0)
+            _blend(along[at : at + line], 255)
+    for value in range(0, width, step):
+        _text(picture, f"{value}", value * enlargement + 2, 2)
+    for value in range(step, height, step):
+        _text(picture, f"{value}", 2, value * enlargement + 2)
+    if enlargement > 1:
+        note = f"labels: original pixels, shown {enlargement}x"
+        text_width, text_height = _text_size(picture, note)
+        _text(picture, note, size[0] - text_width - 6, size[1] - text_height - 6)
+    return picture
+
+
+def _blend(pixels: np.ndarray, grey: int) -> None:
+    pixels[...] = (0.4 * pixels + 0.6 * grey).astype(np.uint8)
+
+
+def _thickness(frame: np.ndarray) -> int:
+    return max(1, round(min(frame.shape[:2]) / 300))
+
+
+def _font_scale(frame: np.ndarray) -> float:
+    # Below this, letters cannot be told apart.
+    return max(0.33, min(frame.shape[:2]) / 950)
+
+
+def _stroke(frame: np.ndarray) -> int:
+    """Thickness of letters: thinner than lines, or the loops of an 8 close."""
+    return max(1, int(2 * _font_scale(frame)))
+
+
+def _text_size(frame: np.ndarray, text: str) -> tuple[int, int]:
+    (width, height), _ = cv2.getTextSize(text, _FONT, _font_scale(frame), _stroke(frame))
+    return width, height
+
+
+def _as_colour(colour: np.ndarray) -> tuple[int, int, int]:
+    return (int(colour[0]), int(colour[1]), int(colour[2]))
+
+
+def _corners(box: np.ndarray, frame: np.ndarray) -> tuple[int, int, int, int]:
+    """First and last column and row that a box covers, kept in the range of OpenCV."""
+    height, width = frame.shape[:2]
+    x, y, w, h = box
+    columns = np.clip([x, x + w], -width, 2 * width).round()
+    rows = np.clip([y, y + h], -height, 2 * height).round()
+    left, top = int(columns[0]), int(rows[0])
+    return left, top, max(left, int(columns[1]) - 1), max(top, int(rows[1]) - 1)
+
+
+def _dashed_rectangle(
+    frame: np.ndarray,
+    first: tuple[int, int],
+    last: tuple[int, int],
+    colour: tuple[int, int, int],
+    thickness: int,
+) -> None:
+    dash = 4 * _thickness(frame) + 2
+    (left, top), (right, bottom) = first, last
+    for x in range(left, right + 1, 2 * dash):
+        for y in (top, bottom):
+            cv2.line(frame, (x, y), (min(x + dash, right), y), colour, thickness)
+    for y in range(top, bottom + 1, 2 * dash):
+        for x in (left, right):
+            cv2.line(frame, (x, y), (x, min(y + dash, bottom)), colour, thickness)
+
+
+def _label(frame: np.ndarray, text: str, left: int, top: int, colour: tuple[int, int, int]) -> None:
+    """A filled tag above the corner (left, top), moved into the frame where it sticks out."""
+    height, width = frame.shape[:2]
+    text_width, text_height = _text_size(frame, text)
+    pad = 2 + _thickness(frame) if min(frame.shape[:2]) >= 240 else 1
+    tag_width, tag_height = text_width + 2 * pad, text_height + 2 * pad
+    x = min(max(left, 0), max(width - tag_width, 0))
+    y = top - tag_height if top >= tag_height else max(top, 0)
+    y = min(y, max(height - tag_height, 0))
+    cv2.rectangle(frame, (x, y), (x + tag_width - 1, y + tag_height - 1), colour, cv2.FILLED)
+    luminance = 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]
+    ink = _DARK if luminance > 110 else _LIGHT
+    origin = (x + pad, y + pad + text_height)
+    cv2.putText(frame, text, origin, _FONT, _font_scale(frame), ink, _stroke(frame), cv2.LINE_AA)
+
+
+def _text(frame: np.ndarray, text: str, left: int, top: int) -> None:
+    """White text on a dark plate; (left, top) is the plate's upper left corner."""
+    width, height = _text_size(frame, text)
+    pad = 1 + _thickness(frame)
+    last = (left + width + 2 * pad - 1, top + height + 2 * pad - 1)
+    cv2.rectangle(frame, (left, top), last, _DARK, cv2.FILLED)
+    origin = (left + pad, top + pad + height)
+    scale, stroke = _font_scale(frame), _stroke(frame)
+    cv2.putText(frame, text, origin, _FONT, scale, _LIGHT, stroke, cv2.LINE_AA)

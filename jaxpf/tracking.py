@@ -1,0 +1,46 @@
+"""Tracking one video as its frames stream by: constant memory, one compiled step."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from jaxpf import running
+
+
+class TrackedFrame(NamedTuple):
+    """One tracked frame, in NumPy arrays.
+
+    Attributes:
+        time: number of the frame among those tracked, from 0.
+        frame: the picture, as it came.
+        state: the tracker's state, still on the device.
+        summary: what the frame reports.
+    """
+
+    time: int
+    frame: np.ndarray
+    state: Any
+    summary: Any
+
+
+def stream(tracker: Any, key: jax.Array, frames: Iterable[np.ndarray]) -> Iterator[TrackedFrame]:
+    """Track frames one by one; gives what ``jaxpf.run`` gives with the same key.
+
+    Frames are not kept: memory does not grow with the length of the video.
+
+    Args:
+        tracker: any tracker.
+        key: the run's random key.
+        frames: uint8 RGB ``[H, W, 3]``, all of one size.
+    """
+    state = jax.jit(running.init)(tracker, key)
+    for time, frame in enumerate(frames):
+        state, summary = _step(tracker, key, time, state, frame)
+        yield TrackedFrame(time, frame, state, jax.tree.map(np.asarray, summary))
+
+
+@jax.jit
+def _step(tracker, key, time, state, frame):
+    return tracker.step(running.frame_key(key, time), state, frame)

@@ -1,0 +1,241 @@
+"""Reads annotated real sequences from folders; pictures are decoded only when asked for.
+
+A folder holds
+
+* ``meta.json``: ``name``, ``frames`` (a video file, or a pattern such as ``frames/%04d.png``
+  counted from 0), ``n_frames``, ``width``, ``height``, ``fps``;
+* ``gt.csv``: a header ``frame,id,x,y,w,h,occ`` and one line per frame and object, frames counted
+  from 0, (x, y) the box's top left corner in pixels, and occ 0 visible, 1 partly hidden, 2 mostly
+  or fully hidden, -1 not annotated.
+"""
+
+import csv
+import dataclasses
+import json
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from scenes.scene import Scene, SceneError
+
+NOT_ANNOTATED = -1
+
+_COLUMNS = ["frame", "id", "x", "y", "w", "h", "occ"]
+_META_NUMBERS = ["n_frames", "width", "height", "fps"]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Clip:
+    """An annotated sequence on disk; ``load`` makes a ``Scene`` of it.
+
+    Attributes:
+        name: what the clip is called.
+        folder: where it lies.
+        source: the video file, or the pattern of the picture files, relative to the folder.
+        num_frames: T.
+        width: width of a frame in pixels.
+        height: height of a frame in pixels.
+        fps: frames per second.
+        ids: the annotation's number of each of the P objects, ascending.
+        boxes: ``[T, P, 4]`` float, the true boxes (x, y, w, h) in pixels, (x, y) the top left
+            corner; NaN where an object has no line.
+        occlusion: ``[T, P]`` int, 0 visible, 1 partly hidden, 2 mostly or fully hidden, -1 not
+            annotated or no line.
+    """
+
+    name: str
+    folder: Path
+    source: str
+    num_frames: int
+    width: int
+    height: int
+    fps: float
+    ids: tuple[int, ...]
+    boxes: np.ndarray
+    occlusion: np.ndarray
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """The pictures one by one, ``[H, W, 3]`` uint8, RGB."""
+        read = self._read_pictures if "%" in self.source else self._read_video
+        count = 0
+        for picture in read():
+            if picture.shape != (self.height, self.width, 3):
+                raise SceneError(
+                    f"{self.folder / self.source}: frame {count} measures {picture.shape[1]} x "
+                    f"{picture.shape[0]}, but meta.json says {self.width} x {self.height}"
+                )
+            yield np.ascontiguousarray(picture[..., ::-1])  # OpenCV decodes to BGR
+            count += 1
+        if count < self.num_frames:
+            raise SceneError(
+                f"{self.folder / self.source} ends after {count} frames, but meta.json says "
+                f"n_frames = {self.num_frames}"
+            )
+
+    def load(self, ids: Sequence[int] | None = None) -> Scene:
+        """Decode the whole clip.
+
+        Args:
+            ids: the objects to keep, in this order; all of them by default.
+
+        Returns:
+            A scene whose reference patches are cut from the first frame in which each object is
+            annotated (the part of the box that lies in the frame).  ``extras`` holds ``ids [P]``
+            and ``occlusion [T, P]``.
+        """
+        kept = self.ids if ids is None else tuple(ids)
+        unknown = [number for number in kept if number not in self.ids]
+        if unknown:
+            raise SceneError(
+                f"clip {self.name!r} has no object {unknown[0]}; its ids are "
+                f"{', '.join(map(str, self.ids))}"
+            )
+        columns = [self.ids.index(number) for number in kept]
+        frames = np.stack(list(self.frames()))
+        boxes = self.boxes[:, columns]
+        return Scene(
+            name=self.name,
+            frames=frames,
+            boxes=boxes,
+            patches=[self._cut_patch(frames, column) for column in columns],
+            fps=self.fps,
+            parameters={"folder": str(self.folder), "ids": kept},
+            extras={"ids": np.array(kept, dtype=int), "occlusion": self.occlusion[:, columns]},
+        )
+
+    def _read_pictures(self) -> Iterator[np.ndarray]:
+        for number in range(self.num_frames):
+            path = self.folder / (self.source % number)
+            picture = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
+            if picture is None:
+                raise SceneError(f"{path}: frame {number} is missing or is not a picture")
+            yield picture
+
+    def _read_video(self) -> Iterator[np.ndarray]:
+        video = cv2.VideoCapture(str(self.folder / self.source))
+        try:
+            for _ in range(self.num_frames):
+                is_read, picture = video.read()
+                if not is_read:
+                    return
+                yield picture
+        finally:
+            video.release()
+
+    def _cut_patch(self, frames: np.ndarray, column: int) -> np.ndarray:
+        first = int(np.argmax(~np.isnan(self.boxes[:, column, 0])))
+        x, y, w, h = self.boxes[first, column]
+        left, right = np.clip(np.rint([x, x + w]).astype(int), 0, self.width)
+        top, bottom = np.clip(np.rint([y, y + h]).astype(int), 0, self.height)
+        if left >= right or top >= bottom:
+            raise SceneError(
+                f"clip {self.name!r}: in frame {first}, its first, object {self.ids[column]} lies "
+                "outside the picture, so it has no reference patch; leave it out with ids="
+            )
+        return frames[first, top:bottom, left:right].copy()
+
+
+def read_clip(folder: str | Path) -> Clip:
+    """Open an annotated sequence: reads ``meta.json`` and ``gt.csv``, no pictures yet."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise SceneError(f"{folder}: there is no such folder")
+    meta = _read_meta(folder / "meta.json")
+    source = meta["frames"]
+    first = folder / (source % 0 if "%" in source else source)
+    if not first.is_file():
+        raise SceneError(f"{first} is missing: meta.json names {source!r} as the frames")
+    rows = _read_truth(folder / "gt.csv", meta["n_frames"])
+
+    ids = tuple(sorted({number for _, number in rows}))
+    boxes = np.full((meta["n_frames"], len(ids), 4), np.nan)
+    occlusion = np.full(boxes.shape[:2], NOT_ANNOTATED)
+    for (frame, number), (box, hidden) in rows.items():
+        boxes[frame, ids.index(number)] = box
+        occlusion[frame, ids.index(number)] = hidden
+    return Clip(
+        name=str(meta["name"]),
+        folder=folder,
+        source=source,
+        num_frames=meta["n_frames"],
+        width=meta["width"],
+        height=meta["height"],
+        fps=float(meta["fps"]),
+        ids=ids,
+        boxes=boxes,
+        occlusion=occlusion,
+    )
+
+
+def _read_meta(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise SceneError(f"{path} is missing: a clip's folder needs meta.json and gt.csv")
+    try:
+        meta = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise SceneError(f"{path} is not valid JSON: {error}") from error
+    if not isinstance(meta, dict):
+        raise SceneError(f"{path} must hold an object with names and values")
+    for key in ["name", "frames"]:
+        if not isinstance(meta.get(key), str):
+            raise SceneError(f"{path}: {key} = {meta.get(key)!r} must be text")
+    for key in _META_NUMBERS:
+        value = meta.get(key)
+        kinds = (int, float) if key == "fps" else (int,)
+        if isinstance(value, bool) or not isinstance(value, kinds) or value <= 0:
+            raise SceneError(f"{path}: {key} = {value!r} must be a number above 0")
+    return meta
+
+
+def _read_truth(path: Path, num_frames: int) -> dict[tuple[int, int], tuple[list[float], int]]:
+    """(frame, id) -> (box, occlusion)."""
+    if not path.is_file():
+        raise SceneError(f"{path} is missing: a clip's folder needs meta.json and gt.csv")
+    rows: dict[tuple[int, int], tuple[list[float], int]] = {}
+    with path.open(newline="", encoding="utf-8") as file:
+        lines = csv.reader(file)
+        header = [name.strip() for name in next(lines, [])]
+        if header != _COLUMNS:
+            raise SceneError(
+                f"{path}, line 1: the header must be {','.join(_COLUMNS)!r}, "
+                f"not {','.join(header)!r}"
+            )
+        for cells in lines:
+            if not cells:  # an empty line, such as the last one
+                continue
+            place = f"{path}, line {lines.line_num}: {','.join(cells)!r}"
+            if len(cells) != len(_COLUMNS):
+                raise SceneError(f"{place} has {len(cells)} values, not {len(_COLUMNS)}")
+            frame, number, hidden = (_whole(cells[k], _COLUMNS[k], place) for k in (0, 1, 6))
+            box = [_real(cells[k], _COLUMNS[k], place) for k in (2, 3, 4, 5)]
+            if not 0 <= frame < num_frames:
+                raise SceneError(f"{place}: frame must lie in 0..{num_frames - 1}")
+            if box[2] <= 0 or box[3] <= 0:
+                raise SceneError(f"{place}: w and h must be above 0")
+            if hidden not in (NOT_ANNOTATED, 0, 1, 2):
+                raise SceneError(f"{place}: occ must be -1, 0, 1 or 2")
+            if (frame, number) in rows:
+                raise SceneError(f"{place}: a second box for object {number} in frame {frame}")
+            rows[frame, number] = (box, hidden)
+    return rows
+
+
+def _whole(text: str, column: str, place: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise SceneError(f"{place}: {column} = {text!r} is not a whole number") from None
+
+
+def _real(text: str, column: str, place: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise SceneError(f"{place}: {column} = {text!r} is not a finite number")
+    return value

@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+
+from jaxpf.overlay import draw_boxes, draw_particles, draw_pixel_grid, object_colours
+
+
+def grey(width=120, height=90):
+    return np.full((height, width, 3), 128, np.uint8)
+
+
+def changed(before, after):
+    return (before != after).any(axis=-1)
+
+
+def test_a_box_is_drawn_on_the_pixels_it_covers():
+    frame = grey()
+    drawn = draw_boxes(frame, np.array([[20.0, 30.0, 40.0, 25.0]]), [7])
+    colour = object_colours(1)[0]
+    # Columns 20 to 59 and rows 30 to 54 are covered.
+    for row, column in ((54, 25), (40, 20), (40, 59), (30, 57)):
+        np.testing.assert_array_equal(drawn[row, column], colour)
+    assert not changed(frame, drawn)[33:52, 23:56].any()
+    assert (frame == 128).all(), "the given frame is left alone"
+
+
+@pytest.mark.parametrize("box", [[np.nan] * 4, [1, 2, np.inf, 4]])
+def test_a_box_that_is_not_finite_is_skipped(box):
+    frame = grey()
+    np.testing.assert_array_equal(draw_boxes(frame, np.array([box]), [1]), frame)
+
+
+def test_labels_stay_inside_the_frame_whatever_the_box():
+    frame = grey()
+    for box in ([-30, -20, 60, 50], [110, 80, 50, 50], [1e9, 1e9, 1, 1], [-1e9, 0, 2e9, 5]):
+        drawn = draw_boxes(frame, np.array([box], float), [3], lost=np.array([True]))
+        assert drawn.shape == frame.shape
+        assert changed(frame, drawn).any()
+
+
+def test_a_lost_box_looks_different():
+    boxes = np.array([[20.0, 30.0, 60.0, 45.0]])
+    found = draw_boxes(grey(), boxes, [1], lost=np.array([False]))
+    lost = draw_boxes(grey(), boxes, [1], lost=np.array([True]))
+    colour = object_colours(1)[0]
+    assert (lost[74, 20:80] == colour).all(-1).sum() < (found[74, 20:80] == colour).all(-1).sum()
+
+
+def test_particles_are_thinned_and_those_outside_are_skipped():
+    frame = grey()
+    centres = np.full((1, 1000, 2), np.nan)
+    assert not changed(frame, draw_particles(frame, centres)).any()
+    centres[0, :, 0] = np.linspace(5, 115, 1000)
+    centres[0, :, 1] = 45
+    few = changed(frame, draw_particles(frame, centres, max_per_object=3)).any(axis=0)
+    assert few[[5, 60, 115]].all()
+    assert not few[20:40].any()
+    centres[0, :, 0] = 1e12
+    assert not changed(frame, draw_particles(frame, centres)).any()
+
+
+@pytest.mark.parametrize("num_objects", [0, 1, 7, 21, 40])
+def test_colours_are_distinct_as_far_as_they_reach(num_objects):
+    colours = object_colours(num_objects)
+    assert colours.shape == (num_objects, 3)
+    assert colours.dtype == np.uint8
+    assert len({tuple(colour) for colour in colours.tolist()}) == min(num_objects, 21)
+
+
+@pytest.mark.parametrize(
+    ("size", "expected"),
+    [
+        ((640, 480), (640, 480)),
+        ((160, 120), (640, 480)),
+        ((1, 1), (640, 640)),
+        ((480, 3), (480, 3)),
+    ],
+)
+def test_the_grid_enlarges_small_frames_by_a_whole_factor(size, expected):
+    picture = draw_pixel_grid(grey(*size))
+    assert (picture.shape[1], picture.shape[0]) == expected
+
+
+def test_grid_lines_lie_at_the_coordinates_that_they_name():
+    picture = draw_pixel_grid(grey(640, 480), step=100).astype(int)
+    row = picture[250, :, 0]
+    for value in range(100, 640, 100):
+        assert row[value - 1] < 128 < row[value], "dark before the coordinate, light after it"
+    assert (
+        np.delete(row, [v + d for v in range(100, 640, 100) for d in (-2, -1, 0, 1)]) == 128
+    ).all()
+    with pytest.raises(ValueError, match="at least one pixel"):
+        draw_pixel_grid(grey(), step=0)

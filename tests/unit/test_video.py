@@ -1,0 +1,295 @@
+import os
+import subprocess
+import sys
+import tracemalloc
+
+import cv2
+import numpy as np
+import pytest
+
+from jaxpf.errors import InputError
+from jaxpf.images import natural_order
+from jaxpf.quiet import quiet_opencv, quiet_stderr
+from jaxpf.video import open_frames
+
+CODECS = {"mp4": "mp4v", "webm": "VP80", "avi": "MJPG"}
+
+
+def numbered_frame(index, width=64, height=48):
+    """A frame whose left part is red and whose grey background codes its number."""
+    frame = np.full((height, width, 3), 10 + 6 * index, np.uint8)
+    frame[:, : width // 4] = (220, 30, 30)
+    return frame
+
+
+def number_of(frame):
+    # Decoded grey is 2 to 4 levels too dark: OpenCV's conversion from YUV rounds down.
+    return round((float(frame[10:-10, 30:-10].mean()) + 2 - 10) / 6)
+
+
+def write_video(path, num_frames=40, fps=25.0, frame=numbered_frame, size=(64, 48)):
+    fourcc = cv2.VideoWriter.fourcc(*CODECS[path.suffix[1:]])
+    with quiet_opencv(), quiet_stderr():
+        writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, fps, size)
+    assert writer.isOpened()
+    for index in range(num_frames):
+        writer.write(frame(index % 40)[..., ::-1])
+    writer.release()
+    return path
+
+
+def noisy_frame(index):
+    noise = np.random.default_rng(index).integers(0, 40, (48, 64, 3))
+    return (numbered_frame(index) // 2 + noise).astype(np.uint8)
+
+
+def cut(path, fraction):
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * fraction)])
+    return path
+
+
+def message_of(call, *arguments):
+    with pytest.raises(InputError) as caught:
+        call(*arguments)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "webm", "avi"])
+def test_a_video_gives_its_frames_in_order_as_rgb(tmp_path, suffix):
+    source = open_frames(write_video(tmp_path / f"walk.{suffix}", fps=10))
+    assert (source.name, source.width, source.height, source.fps) == ("walk", 64, 48, 10.0)
+    assert source.frames_expected == 40
+    assert source.num_frames is None
+    frames = list(source)
+    assert [number_of(frame) for frame in frames] == list(range(40))
+    assert all(frame.dtype == np.uint8 and frame.shape == (48, 64, 3) for frame in frames)
+    red, green, _ = frames[0][24, 4]
+    assert red > 180
+    assert green < 80
+    assert source.num_frames == 40
+    assert not source.truncated
+    assert source.note is None
+
+
+def test_a_video_can_be_read_again_and_from_any_frame(tmp_path):
+    source = open_frames(write_video(tmp_path / "walk.mp4"))
+    assert number_of(next(source.frames(17))) == 17
+    assert len(list(source)) == 40
+    assert [number_of(frame) for frame in source.frames(start=37)] == [37, 38, 39]
+
+
+def test_a_given_rate_replaces_that_of_the_container(tmp_path):
+    path = write_video(tmp_path / "walk.mp4", 3)
+    assert open_frames(path, fps=7).fps == 7
+    message = message_of(open_frames, path, 0.0)
+    assert "fps 0.0" in message
+    assert str(path) in message
+    assert "such as 25" in message
+
+
+def test_start_frames_outside_the_video_are_refused(tmp_path):
+    source = open_frames(write_video(tmp_path / "walk.mp4", 5))
+    for start in (5, 99):
+        message = message_of(lambda start=start: next(source.frames(start)))
+        assert f"start frame {start}" in message
+        assert "has 5 frame(s)" in message
+        assert "from 0 to 4" in message
+    assert "start frame -1" in message_of(source.frames, -1)
+
+
+@pytest.mark.parametrize("suffix", ["avi", "webm"])
+def test_a_cut_video_yields_what_decodes_and_says_it_is_truncated(tmp_path, suffix):
+    path = cut(write_video(tmp_path / f"walk.{suffix}", frame=noisy_frame), 0.6)
+    source = open_frames(path)
+    count = len(list(source))
+    assert 15 <= count <= 30
+    assert source.truncated
+    assert source.num_frames == count
+    assert str(path) in source.note
+    assert f"announces 40 frames, and {count} can be decoded" in source.note
+    assert "copy or convert it again" in source.note
+
+
+def test_a_difference_of_one_or_two_frames_is_a_note_and_no_truncation(tmp_path):
+    source = open_frames(write_video(tmp_path / "walk.mp4"))
+    source.frames_expected = 41
+    list(source)
+    assert not source.truncated
+    assert "announces 41 frames, and 40 can be decoded" in source.note
+
+
+def test_a_varying_rate_is_not_taken_for_truncation(tmp_path):
+    path = write_video(tmp_path / "walk.webm", frame=noisy_frame)
+    data = bytearray(path.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 300] = bytes(300)
+    path.write_bytes(data)
+    source = open_frames(path)
+    source._reached_end(20, last_time=39 / 25)
+    assert not source.truncated
+    assert "frame rate varies" in source.note
+    source._reached_end(20, last_time=19 / 25)
+    assert source.truncated
+
+
+def test_a_cut_mp4_without_its_index_is_refused(tmp_path):
+    path = cut(write_video(tmp_path / "walk.mp4", frame=noisy_frame), 0.6)
+    message = message_of(open_frames, path)
+    assert str(path) in message
+    assert "begins as MP4 but is cut off" in message
+    assert "copy it again" in message
+
+
+def test_damage_in_the_middle_of_a_video_is_reported(tmp_path):
+    path = write_video(tmp_path / "walk.mp4", frame=noisy_frame)
+    data = bytearray(path.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 400] = bytes(400)
+    path.write_bytes(data)
+    source = open_frames(path)
+    count = len(list(source))
+    assert count > 0
+    assert (source.note is not None) == (count < 40)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("gone.mp4", None, "check the path"),
+        ("empty.mp4", b"", "is empty (0 bytes)"),
+        ("boxes.txt", b"frame,id,x,y,w,h\n0,1,2,3,4,5\n" * 300, "is a text file"),
+        ("umlauts.csv", "größe,".encode() * 2000, "is a text file"),
+        ("noise.mp4", bytes(range(256)) * 20, "is not a video that OpenCV can read"),
+        ("frame.png", b"\x89PNG\r\n\x1a\n\x00", "is a single image; give the folder"),
+    ],
+)
+def test_what_is_no_video_is_refused_with_a_remedy(tmp_path, name, content, expected):
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    message = message_of(open_frames, path)
+    assert str(path) in message
+    assert expected in message
+
+
+def test_memory_does_not_grow_with_the_length(tmp_path):
+    def peak(num_frames):
+        source = open_frames(write_video(tmp_path / "long.avi", num_frames))
+        tracemalloc.start()
+        for _ in source:
+            pass
+        result = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return result
+
+    one_frame = 64 * 48 * 3
+    assert one_frame < peak(50) < peak(10) + 2 * one_frame
+
+
+def test_nothing_is_printed_and_the_log_level_is_put_back(tmp_path):
+    write_video(tmp_path / "good.webm", 3)
+    cut(write_video(tmp_path / "bad.mp4", frame=noisy_frame), 0.5)
+    program = (
+        "import os, sys, cv2, numpy as np; from jaxpf.video import open_frames, VideoWriter\n"
+        "log = cv2 if hasattr(cv2, 'getLogLevel') else cv2.utils.logging\n"
+        "level = log.getLogLevel()\n"
+        "list(open_frames('good.webm'))\n"
+        "try: open_frames('bad.mp4')\n"
+        "except ValueError: pass\n"
+        "with VideoWriter('out.webm', 64, 48, 25) as w: w.write(np.zeros((48, 64, 3), np.uint8))\n"
+        "assert log.getLogLevel() == level\n"
+        "assert 'OPENCV_FFMPEG_LOGLEVEL' not in os.environ\n"
+        "assert 'jax' not in sys.modules\n"
+    )
+    environment = {k: v for k, v in os.environ.items() if k != "OPENCV_FFMPEG_LOGLEVEL"}
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_a_folder_gives_its_images_in_natural_order(tmp_path):
+    for index in (0, 1, 2, 9, 10, 11):
+        cv2.imwrite(str(tmp_path / f"img{index}.png"), numbered_frame(index)[..., ::-1])
+    (tmp_path / "notes.txt").write_text("not a frame")
+    (tmp_path / "._img3.png").write_bytes(b"left by a file system")
+    source = open_frames(tmp_path)
+    assert (source.name, source.num_frames, source.fps) == (tmp_path.name, 6, 25.0)
+    assert [number_of(frame) for frame in source] == [0, 1, 2, 9, 10, 11]
+    assert [number_of(frame) for frame in source.frames(4)] == [10, 11]
+    np.testing.assert_array_equal(next(iter(source)), numbered_frame(0))
+    assert "start frame 6" in message_of(source.frames, 6)
+
+
+def test_natural_order_compares_numbers_as_numbers():
+    names = ["b1", "a10", "a2", "10", "9", "a2b", "A3"]
+    assert sorted(names, key=natural_order) == ["9", "10", "a2", "a2b", "A3", "a10", "b1"]
+
+
+@pytest.mark.parametrize("suffix", ["png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp", "PNG"])
+def test_every_listed_format_is_read(tmp_path, suffix):
+    cv2.imwrite(str(tmp_path / f"0.{suffix}"), numbered_frame(7)[..., ::-1])
+    source = open_frames(tmp_path)
+    assert number_of(next(iter(source))) == 7
+    assert "holds one image only" in source.note
+
+
+def test_grey_alpha_and_16_bits_become_rgb(tmp_path):
+    grey = np.full((8, 10), 77, np.uint8)
+    alpha = np.dstack([np.full((8, 10), value, np.uint8) for value in (10, 20, 30, 0)])
+    deep = np.zeros((8, 10, 3), np.uint16)
+    deep[..., 2], deep[..., 1] = 65535, 32896  # BGR
+    deep_grey = np.full((8, 10), 25700, np.uint16)
+    for index, image in enumerate((grey, alpha, deep, deep_grey)):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), image)
+    pixels = [frame[0, 0].tolist() for frame in open_frames(tmp_path)]
+    assert pixels == [[77, 77, 77], [30, 20, 10], [255, 128, 0], [100, 100, 100]]
+
+
+def test_floating_point_images_are_refused(tmp_path):
+    cv2.imwrite(str(tmp_path / "0.tif"), np.ones((8, 10, 3), np.float32))
+    message = message_of(open_frames, tmp_path)
+    assert "0.tif" in message
+    assert "float32" in message
+    assert "convert it to 8 or 16 bits" in message
+
+
+def test_mixed_sizes_are_refused_naming_both(tmp_path):
+    cv2.imwrite(str(tmp_path / "0.png"), np.zeros((48, 64, 3), np.uint8))
+    cv2.imwrite(str(tmp_path / "1.png"), np.zeros((24, 32, 3), np.uint8))
+    message = message_of(list, open_frames(tmp_path))
+    assert "'0.png' is 64x48 but '1.png' is 32x24" in message
+    assert str(tmp_path) in message
+    assert "keep only frames of one size" in message
+
+
+@pytest.mark.parametrize(("content", "state"), [(b"", "empty (0 bytes)"), (b"no image", "damaged")])
+def test_an_image_that_does_not_decode_is_named(tmp_path, content, state):
+    cv2.imwrite(str(tmp_path / "0.png"), np.zeros((48, 64, 3), np.uint8))
+    (tmp_path / "1.png").write_bytes(content)
+    message = message_of(list, open_frames(tmp_path))
+    assert str(tmp_path / "1.png") in message
+    assert state in message
+    assert "replace or remove it" in message
+
+
+def test_a_folder_without_images_is_refused_and_points_to_what_was_meant(tmp_path):
+    message = message_of(open_frames, tmp_path)
+    assert f"folder '{tmp_path}' holds no images" in message
+    assert "png" in message
+    (tmp_path / "video.mp4").touch()
+    assert f"did you mean '{tmp_path / 'video.mp4'}'" in message_of(open_frames, tmp_path)
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "0.png").touch()
+    assert f"did you mean '{tmp_path / 'frames'}'" in message_of(open_frames, tmp_path)
+    cv2.imwrite(str(tmp_path / "preview.png"), np.zeros((48, 64, 3), np.uint8))
+    message = message_of(open_frames, tmp_path)
+    assert f"one image only, 'preview.png'; did you mean '{tmp_path / 'frames'}'" in message

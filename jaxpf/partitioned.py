@@ -21,9 +21,9 @@ class Partitioned:
 
     Attributes:
         dynamics: see ``jaxpf.contract.Dynamics``.
-        likelihood: see ``jaxpf.contract.Likelihood``.  If it has ``log_joint``, its ``log_prob`` is the
-            weighting function of weighted resampling and the last weights are corrected
-            by the joint likelihood (maccormick1999, figure 8).
+        likelihood: see ``jaxpf.contract.Likelihood``.  If it has ``log_joint``, its
+            ``log_prob`` is the weighting function of weighted resampling and the last
+            weights are corrected by the joint likelihood (maccormick1999, figure 8).
         ordering: from ``jaxpf.ordering``; traced, changing it compiles nothing new.
         initial: ``[P, D]`` array, or a sampler ``key -> [P, D]`` registered as a pytree
             (``jax.tree_util.Partial`` makes one of a function).  It is the state just

@@ -10,14 +10,16 @@ from jaxpf.files import atomic_write
 from jaxpf.overlay import object_colours
 
 
-def new_figure(rows: int = 1, columns: int = 1, **options: Any) -> tuple[Any, Any]:
-    """A figure and its axes, for a file rather than a window; see ``matplotlib``."""
+def new_figure(
+    rows: int = 1, columns: int = 1, share_x: bool = False, **options: Any
+) -> tuple[Any, Any]:
+    """A figure and its axes ``[rows, columns]``, for a file rather than a window."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(layout="constrained", **options)
     FigureCanvasAgg(figure)
-    return figure, figure.subplots(rows, columns, squeeze=False)
+    return figure, figure.subplots(rows, columns, squeeze=False, sharex=share_x)
 
 
 def save_figure(figure: Any, path: str | os.PathLike[str], dpi: int = 120) -> None:
@@ -49,7 +51,7 @@ def diagnostics(
         ids: the objects' names ``[P]``.
         num_particles: N.
     """
-    figure, axes = new_figure(3, 1, figsize=(9, 8), sharex=True)
+    figure, axes = new_figure(3, 1, figsize=(9, 8), share_x=True)
     upper, middle, lower = axes[:, 0]
     upper.plot(frames, ess, color="black")
     upper.set(ylabel=f"effective sample size\n(of {num_particles})", ylim=(0, None))

@@ -3,8 +3,11 @@
 Why not ``jnp.cumsum``: on CPU a ``lax.scan`` over the particles, vectorised over the
 runs, is several times faster, and its additions happen in order, so the result never
 decreases and does not change where a term is zero.  Resampling relies on both: a
-particle of zero weight then never has offspring.
+particle of zero weight then never has offspring.  (Blocks, unrolled or scanned, were
+slower or no faster, and took four times as long to compile.)
 """
+
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -21,46 +24,50 @@ def running_sum(values: jax.Array, first: jax.Array | None = None) -> jax.Array:
 
     Never decreasing for values >= 0, and constant across zeros, on every platform.
     """
-    if first is None:
-        first = jnp.zeros(values.shape, bool)
+    zero = jnp.zeros((), values.dtype)
+
+    def parallel(values):
+        sums = _parallel(jnp.add, values, first)
+        # A parallel sum may wobble by a rounding error: carry the last positive term's
+        # value forward, so that zeros keep the sum exactly constant.
+        return _parallel(jnp.maximum, jnp.where(values > 0, sums, zero), first)
+
     return lax.platform_dependent(
-        values, first, cpu=_running_sum_sequential, default=_running_sum_parallel
+        values, cpu=lambda values: _sequential(jnp.add, zero, values, first), default=parallel
     )
 
 
-def running_max(values: jax.Array, first: jax.Array) -> jax.Array:
+def running_max(values: jax.Array, first: jax.Array | None = None) -> jax.Array:
     """Inclusive running maximum of ``values`` ``[N]``, restarting where ``first`` is true."""
-
-    def sequential(values, first):
-        def body(carry, item):
-            value, restart = item
-            carry = jnp.where(restart, value, jnp.maximum(carry, value))
-            return carry, carry
-
-        return lax.scan(body, values[0], (values, first))[1]
-
-    def parallel(values, first):
-        return lax.associative_scan(
-            lambda a, b: (jnp.where(b[1], b[0], jnp.maximum(a[0], b[0])), a[1] | b[1]),
-            (values, first),
-        )[0]
-
-    return lax.platform_dependent(values, first, cpu=sequential, default=parallel)
-
-
-def _running_sum_sequential(values, first):
-    def body(carry, item):
-        value, restart = item
-        carry = jnp.where(restart, value, carry + value)
-        return carry, carry
-
-    return lax.scan(body, jnp.zeros_like(values[0]), (values, first))[1]
-
-
-def _running_sum_parallel(values, first):
-    sums, _ = lax.associative_scan(
-        lambda a, b: (jnp.where(b[1], b[0], a[0] + b[0]), a[1] | b[1]), (values, first)
+    lowest = jnp.array(-jnp.inf, values.dtype)
+    return lax.platform_dependent(
+        values,
+        cpu=lambda values: _sequential(jnp.maximum, lowest, values, first),
+        default=lambda values: _parallel(jnp.maximum, values, first),
     )
-    # A parallel sum may wobble by a rounding error: carry the last positive term's value
-    # forward, so that zeros keep the sum exactly constant.
-    return running_max(jnp.where(values > 0, sums, jnp.zeros_like(sums)), first)
+
+
+def _sequential(
+    combine: Callable, identity: jax.Array, values: jax.Array, first: jax.Array | None
+) -> jax.Array:
+    """Prefix combination, one value after the other."""
+
+    def extend(total, item):
+        value, restart = item
+        total = combine(total, value)
+        if restart is not None:
+            total = jnp.where(restart, value, total)
+        return total, total
+
+    return lax.scan(extend, identity, (values, first))[1]
+
+
+def _parallel(combine: Callable, values: jax.Array, first: jax.Array | None) -> jax.Array:
+    """Prefix combination in logarithmic depth, for accelerators."""
+    if first is None:
+        return lax.associative_scan(combine, values)
+
+    def join(left, right):
+        return jnp.where(right[1], right[0], combine(left[0], right[0])), left[1] | right[1]
+
+    return lax.associative_scan(join, (values, first))[0]

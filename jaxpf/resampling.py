@@ -145,9 +145,9 @@ class ComponentCDF:
 
 def component_cdf(log_weights: jax.Array, components: Components) -> ComponentCDF:
     """Cumulative weights within each component, each scaled by its own largest weight."""
-    first = segment_starts(components.index)
+    first = _starts(components)
     last = jnp.maximum(components.start + components.size - 1, 0)
-    largest = component_max(log_weights, components, first)
+    largest = component_max(log_weights, components)
     alive = ~jnp.isneginf(largest)
     relative = jnp.where(alive, log_weights - jnp.where(alive, largest, 0.0), 0.0)
     weights = jnp.exp(relative)
@@ -168,26 +168,26 @@ def component_cdf(log_weights: jax.Array, components: Components) -> ComponentCD
     )
 
 
-def component_max(
-    values: jax.Array, components: Components, first: jax.Array | None = None
-) -> jax.Array:
+def component_max(values: jax.Array, components: Components) -> jax.Array:
     """``[N]``: the largest of ``values`` ``[N]`` in each slot's component."""
     if components.size.shape[0] == 1:
         return jnp.broadcast_to(jnp.max(values), values.shape)
-    if first is None:
-        first = segment_starts(components.index)
     last = jnp.maximum(components.start + components.size - 1, 0)
-    return running_max(values, first)[last][components.index]
+    return running_max(values, _starts(components))[last][components.index]
+
+
+def _starts(components: Components) -> jax.Array | None:
+    """Where components begin; None where the shape alone says that there is one."""
+    return None if components.size.shape[0] == 1 else segment_starts(components.index)
 
 
 def few_effective(
     log_weights: jax.Array, components: Components, threshold: jax.Array
 ) -> jax.Array:
     """``[N]`` bool: the slot's component has an effective sample size <= threshold * n."""
-    first = segment_starts(components.index)
     last = jnp.maximum(components.start + components.size - 1, 0)
     cdf = component_cdf(log_weights, components)
-    squares = running_sum(cdf.weights**2, first)[last][components.index]
+    squares = running_sum(cdf.weights**2, _starts(components))[last][components.index]
     return cdf.total**2 <= threshold * cdf.size.astype(squares.dtype) * squares
 
 

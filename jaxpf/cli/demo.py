@@ -153,7 +153,7 @@ def _overlay(scene: Any, tracker: Any, result: Any, seeds: list[int], path: Path
     ids = list(range(1, scene.num_objects + 1))
     colours = overlay.object_colours(len(ids))
     zoom, (height, width) = 2, scene.frames.shape[1:3]
-    with VideoWriter(path, zoom * width, zoom * height, 8, codec="vp9") as video:
+    with VideoWriter(path, zoom * width, zoom * height, 8, codec="vp8") as video:
         for tracked in stream(tracker, jax.random.key(seeds[0]), scene.frames[1:]):
             frame = cv2.resize(
                 tracked.frame, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_NEAREST

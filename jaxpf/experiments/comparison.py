@@ -54,7 +54,7 @@ def scene_tracker(
         scene.patches,
         scene.sizes,
         sharpness=sharpness,
-        frame_size=scene.frames.shape[1:3],
+        frame_shape=scene.frames.shape[1:3],
         num_particles=num_particles,
         num_runs=num_runs,
     )

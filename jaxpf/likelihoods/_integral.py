@@ -1,0 +1,114 @@
+"""Histograms of upright boxes from an integral histogram (Porikli, CVPR 2005).
+
+``table[i, j, b]`` counts the pixels of bin b above row i and left of column j, modulo
+2^16 or 2^32, so a box's count is a difference of four corners.  A difference of wrapped
+counts is exact as long as the true count is below the modulus.  Bins come last: the corner
+of a box is one contiguous row.
+"""
+
+import jax
+import jax.numpy as jnp
+
+# Bins are counted, and similarities summed, in groups of this many, side by side: one or
+# two vector registers on today's CPUs.  The number of bins is a multiple of it.
+LANES = 16
+
+
+def integral_table(bins, num_bins: int, dtype) -> jax.Array:
+    """Integral histogram of a map of bins.
+
+    Args:
+        bins: integer [H, W]; a pixel whose bin is ``num_bins`` or more is counted nowhere.
+        num_bins: how many bins, B.
+        dtype: ``uint16`` or ``uint32``; counts wrap around.
+
+    Returns:
+        ``dtype`` [H + 1, W + 1, B].
+    """
+    # A first row and column of uncounted pixels make row 0 and column 0 of the table.
+    bins = jnp.pad(bins.astype(dtype), ((1, 0), (1, 0)), constant_values=num_bins)
+    return jax.lax.platform_dependent(
+        bins,
+        cpu=lambda b: _table_by_rows(b, num_bins),
+        default=lambda b: _table_at_once(b, num_bins),
+    )
+
+
+def _table_by_rows(bins, num_bins):
+    """Two nested scans: on a CPU the running counts of a row stay in registers and cache."""
+    levels = jnp.arange(num_bins, dtype=bins.dtype)
+
+    def add_row(above, row):
+        def add_pixel(count, pixel):
+            bin_of_pixel, counts_above = pixel
+            count = count + (bin_of_pixel == levels).astype(bins.dtype)
+            return count, counts_above + count
+
+        _, counts = jax.lax.scan(add_pixel, jnp.zeros(num_bins, bins.dtype), (row, above))
+        return counts, counts
+
+    start = jnp.zeros((bins.shape[1], num_bins), bins.dtype)
+    return jax.lax.scan(add_row, start, bins)[1]
+
+
+def _table_at_once(bins, num_bins):
+    """Two cumulative sums: one big operation each, for a device with many threads."""
+    member = (bins[..., None] == jnp.arange(num_bins, dtype=bins.dtype)).astype(bins.dtype)
+    return jnp.cumsum(jnp.cumsum(member, axis=1, dtype=bins.dtype), axis=0, dtype=bins.dtype)
+
+
+def integral_similarity(table, references, partition, left, top, width, height):
+    """Sum over parts of the Bhattacharyya coefficient, for many upright boxes.
+
+    Args:
+        table: unsigned [H + 1, W + 1, B], see :func:`integral_table`.
+        references: [P, parts, B], square roots of the reference histograms.
+        partition: int [N].
+        left: [N], left edge, pixels.
+        top: [N], top edge, pixels.
+        width: [N], pixels, at least 1.
+        height: [N], pixels, at least 1 per part.
+
+    Returns:
+        Similarity [N], and bool [N]: whether every part's count fits the table's dtype.
+    """
+    num_rows, num_columns, num_bins = table.shape
+    num_parts = references.shape[1]
+    dtype = left.dtype
+    groups = num_bins // LANES
+    table = table.reshape(-1, LANES)
+    references = references.astype(dtype).reshape(-1, LANES)
+
+    # floor(x + 1/2), not round-half-to-even: a box at least a pixel wide keeps a column.
+    x0, x1 = jnp.floor(left + 0.5), jnp.floor(left + width + 0.5)
+    edges = [jnp.floor(top + height * (k / num_parts) + 0.5) for k in range(num_parts + 1)]
+    column0, column1 = (jnp.clip(x, 0, num_columns - 1).astype(jnp.int32) for x in (x0, x1))
+    rows = [jnp.clip(y, 0, num_rows - 1).astype(jnp.int32) for y in edges]
+
+    def take(array, row):
+        return array.at[row].get(mode="promise_in_bounds", wrap_negative_indices=False)
+
+    def above(row, group):
+        """Pixels of the box's columns above an edge, for one group of bins."""
+        left_, right = ((row * num_columns + column) * groups for column in (column0, column1))
+        return take(table, right + group) - take(table, left_ + group)
+
+    # One fused loop: gather LANES bins of every corner, difference, square root, multiply,
+    # accumulate.  It gathers by groups because slicing a gathered row of B bins breaks the
+    # fusion.  The sum over lanes is a product with ones because a product is not fused into
+    # the loop; a reduction would be, and would make it scalar (each 3 times slower).
+    total = jnp.zeros((*left.shape, LANES), dtype)
+    fits = jnp.ones(left.shape, bool)
+    largest_count = min(jnp.iinfo(table.dtype).max, 2**31 - 1)  # pixels are int32
+    for k in range(num_parts):
+        part = jnp.zeros_like(total)
+        for group in range(groups):
+            count = above(rows[k + 1], group) - above(rows[k], group)
+            # Counts are integers, so no gradient ever passes through this square root.
+            root = jnp.sqrt(count.astype(dtype))
+            part += root * take(references, (partition * num_parts + k) * groups + group)
+        area = (x1 - x0) * (edges[k + 1] - edges[k])
+        total += part * jax.lax.rsqrt(jnp.maximum(area, 1))[:, None]
+        pixels = (column1 - column0) * (rows[k + 1] - rows[k])
+        fits &= pixels <= largest_count
+    return jnp.dot(total, jnp.ones(LANES, dtype)), fits

@@ -145,10 +145,11 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
             left[1],
             parent_substates(frame, partition),
         ).astype(dtype)
+        moved = lax.optimization_barrier(moved)
         log_prob = _log_prob(tracker.likelihood, observation, partition, moved).astype(dtype)
         chex.assert_shape(log_prob, (num_particles,))
         invalid = jnp.isnan(log_prob) | jnp.isposinf(log_prob)
-        log_prob = jnp.where(invalid, -jnp.inf, log_prob)
+        log_prob = lax.optimization_barrier(jnp.where(invalid, -jnp.inf, log_prob))
         frame = frame._replace(
             stages=lax.dynamic_update_index_in_dim(
                 frame.stages, jnp.stack([moved, left[0]]), stage, axis=2
@@ -288,6 +289,7 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
         lambda: _renormalised(log_weights, components),
         lambda: log_weights - log_total,
     )
+    log_weights = lax.optimization_barrier(log_weights)
     state = ParticleState(
         lagged=lagged,
         log_weights=log_weights,
@@ -320,7 +322,8 @@ def _gathered(frame: Frame, flat: jax.Array, row: jax.Array) -> tuple[jax.Array,
 def _renormalised(log_weights: jax.Array, components: Components) -> jax.Array:
     """smith2004's literal reassembly: every component's weights sum to its share n_c / N."""
     cdf = resampling.component_cdf(log_weights, components)
-    scaled = jnp.where(cdf.alive, log_weights - jnp.where(cdf.alive, cdf.log_mean, 0.0), -jnp.inf)
+    mean = components.spread(jnp.where(cdf.alive, cdf.log_mean, 0.0))
+    scaled = jnp.where(components.spread(cdf.alive), log_weights - mean, -jnp.inf)
     return scaled - jax.nn.logsumexp(scaled)
 
 
@@ -337,11 +340,9 @@ def _absorb(
     is left out, instead of every weight being lost.
     """
     log_weights = frame.log_weights + log_factor
-    possible = ~jnp.isneginf(resampling.component_max(log_weights, components))
+    seen = ~jnp.isneginf(resampling.component_max(log_weights, components))
+    possible = components.spread(seen)
     if stage is not None:
-        num_particles = log_weights.shape[0]
-        first = jnp.minimum(components.start, num_particles - 1)
-        seen = possible[first] & (components.size > 0)
         frame = frame._replace(seen=frame.seen.at[stage].set(seen))
     return frame._replace(
         log_weights=jnp.where(possible, log_weights, frame.log_weights),
@@ -356,7 +357,8 @@ def _resample(tracker, key, log_weights, log_selection, components):
     )
     if tracker.ess_threshold is None:
         return ancestors, new_log_weights, jnp.ones((), bool)
-    few = resampling.few_effective(log_selection, components, tracker.ess_threshold)
+    few_in = resampling.few_effective(log_selection, components, tracker.ess_threshold)
+    few = components.spread(few_in)
     identity = jnp.arange(tracker.num_particles, dtype=jnp.int32)
     return (
         jnp.where(few, ancestors, identity),

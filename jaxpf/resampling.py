@@ -35,6 +35,16 @@ class Components:
     start: jax.Array
     size: jax.Array
 
+    def spread(self, values: jax.Array) -> jax.Array:
+        """Give every slot its component's entry of ``values`` ``[C]``: ``[N]``."""
+        if self.size.shape[0] == 1:
+            return jnp.broadcast_to(values, self.index.shape)
+        return values[self.index]
+
+    def last_of(self, values: jax.Array) -> jax.Array:
+        """``[C]``: the entry of ``values`` ``[N]`` at each component's last slot."""
+        return values[jnp.maximum(self.start + self.size - 1, 0)]
+
 
 def components_of_sizes(sizes: jax.Array, num_particles: int) -> Components:
     """Contiguous components of the given sizes ``[C]`` (int, traced), summing to N."""
@@ -112,68 +122,54 @@ def weighted_resample(
         components = one_component(num_particles)
     log_selection = jnp.where(jnp.isnan(log_selection), -jnp.inf, log_selection)
     cdf = component_cdf(log_selection, components)
-    chosen = _SCHEMES[scheme](key, cdf)
-    chosen = jnp.where(cdf.alive, chosen, jnp.arange(num_particles, dtype=jnp.int32))
+    alive = components.spread(cdf.alive)
+    chosen = _SCHEMES[scheme](key, cdf, components)
+    chosen = jnp.where(alive, chosen, jnp.arange(num_particles, dtype=jnp.int32))
     selectable = ~jnp.isneginf(log_selection)
     correction = jnp.where(selectable, log_weights, 0.0) - jnp.where(selectable, log_selection, 0.0)
-    new_log_weights = correction[chosen] + cdf.log_mean
-    return chosen, jnp.where(cdf.alive, new_log_weights, log_weights)
+    new_log_weights = correction[chosen] + components.spread(cdf.log_mean)
+    return chosen, jnp.where(alive, new_log_weights, log_weights)
 
 
 @pytree_dataclass
 class ComponentCDF:
-    """The cumulative distribution of each component, spread over its slots.
+    """The cumulative distribution of each component.
 
     Attributes:
-        cumulative: ``[N]``, running sum of the weights (largest = 1) within the component.
-        total: ``[N]``, the component's total of the same.
-        alive: ``[N]`` bool, false in a component whose weights are all zero.
-        log_mean: ``[N]``, log of the mean weight of the slot's component.
-        weights: ``[N]``, the terms of the running sum.
-        start: ``[N]`` int32, first slot of the slot's component.
-        size: ``[N]`` int32, number of slots in it.
+        weights: ``[N]``, scaled so that the largest of each component is 1.
+        cumulative: ``[N]``, running sum of ``weights`` within the component.
+        total: ``[C]``, sum of ``weights``.
+        alive: ``[C]`` bool, false for a component whose weights are all zero.
+        log_mean: ``[C]``, log of the mean weight before scaling.
     """
 
+    weights: jax.Array
     cumulative: jax.Array
     total: jax.Array
     alive: jax.Array
     log_mean: jax.Array
-    weights: jax.Array
-    start: jax.Array
-    size: jax.Array
 
 
 def component_cdf(log_weights: jax.Array, components: Components) -> ComponentCDF:
     """Cumulative weights within each component, each scaled by its own largest weight."""
-    first = _starts(components)
-    last = jnp.maximum(components.start + components.size - 1, 0)
     largest = component_max(log_weights, components)
     alive = ~jnp.isneginf(largest)
-    relative = jnp.where(alive, log_weights - jnp.where(alive, largest, 0.0), 0.0)
+    reference = components.spread(jnp.where(alive, largest, 0.0))
+    relative = jnp.where(components.spread(alive), log_weights - reference, 0.0)
     weights = jnp.exp(relative)
-    cumulative = running_sum(weights, first)
-    total = cumulative[last][components.index]
-    size = components.size[components.index]
-    log_mean = jnp.where(
-        alive, largest + jnp.log(total) - jnp.log(size.astype(weights.dtype)), -jnp.inf
-    )
-    return ComponentCDF(
-        cumulative=cumulative,
-        total=total,
-        alive=alive,
-        log_mean=log_mean,
-        weights=weights,
-        start=components.start[components.index],
-        size=size,
-    )
+    cumulative = running_sum(weights, _starts(components))
+    total = components.last_of(cumulative)
+    size = jnp.maximum(components.size, 1).astype(weights.dtype)
+    log_mean = jnp.where(alive, largest + jnp.log(total) - jnp.log(size), -jnp.inf)
+    return ComponentCDF(weights, cumulative, total, alive, log_mean)
 
 
 def component_max(values: jax.Array, components: Components) -> jax.Array:
-    """``[N]``: the largest of ``values`` ``[N]`` in each slot's component."""
+    """``[C]``: the largest of ``values`` ``[N]`` in each component; -inf in an empty one."""
     if components.size.shape[0] == 1:
-        return jnp.broadcast_to(jnp.max(values), values.shape)
-    last = jnp.maximum(components.start + components.size - 1, 0)
-    return running_max(values, _starts(components))[last][components.index]
+        return jnp.max(values)[None]
+    largest = components.last_of(running_max(values, _starts(components)))
+    return jnp.where(components.size > 0, largest, -jnp.inf)
 
 
 def _starts(components: Components) -> jax.Array | None:
@@ -184,11 +180,10 @@ def _starts(components: Components) -> jax.Array | None:
 def few_effective(
     log_weights: jax.Array, components: Components, threshold: jax.Array
 ) -> jax.Array:
-    """``[N]`` bool: the slot's component has an effective sample size <= threshold * n."""
-    last = jnp.maximum(components.start + components.size - 1, 0)
+    """``[C]`` bool: the component's effective sample size is <= threshold * n_c."""
     cdf = component_cdf(log_weights, components)
-    squares = running_sum(cdf.weights**2, _starts(components))[last][components.index]
-    return cdf.total**2 <= threshold * cdf.size.astype(squares.dtype) * squares
+    squares = components.last_of(running_sum(cdf.weights**2, _starts(components)))
+    return cdf.total**2 <= threshold * components.size.astype(squares.dtype) * squares
 
 
 def inverse_cdf(
@@ -228,57 +223,63 @@ def _ancestors_of_thresholds(offspring_before_end: jax.Array, start: jax.Array) 
     return running_sum(ending)[:num_particles]
 
 
-def _complete(counts: jax.Array, cdf: ComponentCDF) -> jax.Array:
+def _complete(counts: jax.Array, cdf: ComponentCDF, components: Components) -> jax.Array:
     """Cumulative counts clipped to the component, complete where the weights end.
 
     Rounding of ``n * cumulative / total - u`` in float32 could leave the last slots
     without an ancestor, or give them a particle of zero weight.
     """
-    counts = jnp.clip(counts.astype(jnp.int32), 0, cdf.size)
-    return jnp.where(cdf.cumulative >= cdf.total, cdf.size, counts)
+    size = components.spread(components.size)
+    counts = jnp.clip(counts.astype(jnp.int32), 0, size)
+    return jnp.where(cdf.cumulative >= components.spread(cdf.total), size, counts)
 
 
-def _expected_offspring(cdf: ComponentCDF) -> jax.Array:
-    return cdf.cumulative / cdf.total * cdf.size.astype(cdf.cumulative.dtype)
+def _expected(values: jax.Array, cdf: ComponentCDF, components: Components) -> jax.Array:
+    """``n_c * values / total_c``: offspring expected, or running counts of them."""
+    return values * components.spread(components.size.astype(values.dtype) / cdf.total)
 
 
-def _systematic(key, cdf):
-    # One uniform per component: drawn per slot, read at the component's first slot.
-    uniform = jax.random.uniform(key, cdf.cumulative.shape, cdf.cumulative.dtype)[cdf.start]
-    counts = jnp.ceil(_expected_offspring(cdf) - uniform)
-    return _ancestors_of_thresholds(_complete(counts, cdf), cdf.start)
+def _systematic(key, cdf, components):
+    uniform = jax.random.uniform(key, components.size.shape, cdf.cumulative.dtype)
+    expected = _expected(cdf.cumulative, cdf, components)
+    counts = jnp.ceil(expected - components.spread(uniform))
+    start = components.spread(components.start)
+    return _ancestors_of_thresholds(_complete(counts, cdf, components), start)
 
 
-def _stratified(key, cdf):
+def _stratified(key, cdf, components):
     uniform = jax.random.uniform(key, cdf.cumulative.shape, cdf.cumulative.dtype)
-    expected = _expected_offspring(cdf)
+    expected = _expected(cdf.cumulative, cdf, components)
     whole = jnp.floor(expected)
-    stratum = cdf.start + jnp.minimum(whole.astype(jnp.int32), cdf.size - 1)
+    start, size = components.spread(components.start), components.spread(components.size)
+    stratum = start + jnp.minimum(whole.astype(jnp.int32), size - 1)
     counts = whole + (uniform[stratum] < expected - whole)
-    return _ancestors_of_thresholds(_complete(counts, cdf), cdf.start)
+    return _ancestors_of_thresholds(_complete(counts, cdf, components), start)
 
 
-def _multinomial(key, cdf):
+def _multinomial(key, cdf, components):
     uniform = jax.random.uniform(key, cdf.cumulative.shape, cdf.cumulative.dtype)
-    return inverse_cdf(cdf.cumulative, below(cdf.total, uniform), cdf.start, cdf.size)
+    targets = below(components.spread(cdf.total), uniform)
+    start, size = components.spread(components.start), components.spread(components.size)
+    return inverse_cdf(cdf.cumulative, targets, start, size)
 
 
-def _residual(key, cdf):
+def _residual(key, cdf, components):
     # Liu & Chen 1998: floor(n w) copies for certain, the rest multinomial on what is left.
-    num_particles = cdf.cumulative.shape[0]
-    slots = jnp.arange(num_particles, dtype=jnp.int32)
-    component_start = slots == cdf.start
-    expected = cdf.weights / cdf.total * cdf.size.astype(cdf.weights.dtype)
+    start, size = components.spread(components.start), components.spread(components.size)
+    first = _starts(components)
+    expected = _expected(cdf.weights, cdf, components)
     copies = jnp.floor(expected)
-    certain = running_sum(copies.astype(jnp.int32), component_start)
-    last = cdf.start + cdf.size - 1
     # Rounding may push the sum of the floors past n where all n w are whole numbers.
-    certain = jnp.minimum(certain, cdf.size)
-    from_copies = _ancestors_of_thresholds(certain, cdf.start)
-    left = running_sum(jnp.maximum(expected - copies, 0.0), component_start)
+    certain = jnp.minimum(running_sum(copies.astype(jnp.int32), first), size)
+    from_copies = _ancestors_of_thresholds(certain, start)
+    left = running_sum(jnp.maximum(expected - copies, 0.0), first)
     uniform = jax.random.uniform(key, cdf.cumulative.shape, cdf.cumulative.dtype)
-    from_rest = inverse_cdf(left, below(left[last], uniform), cdf.start, cdf.size)
-    return jnp.where(slots - cdf.start < certain[last], from_copies, from_rest)
+    targets = below(components.spread(components.last_of(left)), uniform)
+    from_rest = inverse_cdf(left, targets, start, size)
+    slot = jnp.arange(start.shape[0], dtype=jnp.int32) - start
+    num_certain = components.spread(components.last_of(certain))
+    return jnp.where(slot < num_certain, from_copies, from_rest)
 
 
 _SCHEMES = {

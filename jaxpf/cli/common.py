@@ -32,7 +32,9 @@ class NumberList(click.ParamType):
         except (TypeError, ValueError):
             self.fail(f"{value!r} is not {self.name} separated by commas.", param, ctx)
         if self.length is not None and len(numbers) != self.length:
-            self.fail(f"{value!r} holds {len(numbers)} numbers instead of {self.length}.")
+            self.fail(
+                f"{value!r} holds {len(numbers)} number(s); give {self.length} of them.", param, ctx
+            )
         return numbers
 
 
@@ -69,15 +71,56 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
     table = content.get(name)
     if not isinstance(table, dict):
         raise InputError(f"the configuration '{path}' has no table [{name}]; add one.")
-    known = {param.name for param in ctx.command.params if param.name not in ("config", "help")}
-    options = {key.replace("-", "_"): value for key, value in table.items()}
-    for key in options:
-        if key not in known:
+    known = {param.name: param for param in ctx.command.params if param.name != "config"}
+    options = {}
+    for key, value in table.items():
+        param = known.get(key.replace("-", "_"))
+        if param is None:
             raise InputError(
                 f"the configuration '{path}' sets '{key}' in [{name}], which is no option; the "
                 f"options are {', '.join(sorted(map(str, known)))}."
             )
+        suits, wanted = _suits(param, value)
+        if not suits:
+            raise InputError(
+                f"the configuration '{path}' sets '{key}' in [{name}] to {_shown(value)}; give "
+                f"{wanted}."
+            )
+        if isinstance(param, click.Option) and param.multiple:
+            value = [item if isinstance(item, str) else ",".join(map(str, item)) for item in value]
+        options[str(param.name)] = value
     return options
+
+
+def _suits(param: click.Parameter, value: Any) -> tuple[bool, str]:
+    """Whether a TOML value has the option's type, which click would force it into; and the type."""
+    kind = param.type
+    if isinstance(param, click.Option) and param.multiple:
+        suits = isinstance(value, list) and all(
+            isinstance(item, str) or _are_numbers(item, float) for item in value
+        )
+        return suits, "a list such as [[120, 80, 40, 90], [300, 85, 42, 88]]"
+    if isinstance(kind, NumberList):
+        return isinstance(value, str) or _are_numbers(value, kind.kind), f"a list of {kind.name}"
+    if isinstance(kind, click.types.BoolParamType):
+        return isinstance(value, bool), "true or false"
+    if isinstance(kind, click.types.IntParamType):
+        return _are_numbers([value], int), "a whole number"
+    if isinstance(kind, click.types.FloatParamType):
+        return _are_numbers([value], float), "a number"
+    return isinstance(value, str), "a text in quotes"
+
+
+def _are_numbers(values: Any, kind: type) -> bool:
+    allowed = int if kind is int else int | float
+    return isinstance(values, list) and all(
+        isinstance(value, allowed) and not isinstance(value, bool) for value in values
+    )
+
+
+def _shown(value: Any) -> str:
+    """A value as TOML spells it, near enough for a message."""
+    return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
 def write_config(path: Path, command: str, options: dict[str, Any]) -> None:

@@ -28,13 +28,24 @@ def command(video: Path, number: int, step: int | None, output: Path | None) -> 
     from jaxpf.overlay import draw_pixel_grid
     from jaxpf.video import open_frames
 
+    if number < 0:
+        raise InputError(f"--number {number} must be at least 0: frames count from 0.")
     if step is not None and step < 1:
         raise InputError(f"--step {step} must be at least 1 pixel.")
-    source = open_frames(video)
-    picture = draw_pixel_grid(next(source.frames(number)), step)
-    output = output or Path(f"{source.name}-frame-{number}.png")
-    if output.suffix.lower() != ".png":
+    if output is not None and output.suffix.lower() != ".png":
         raise InputError(f"output '{output}' must end in .png; rename it.")
+    source = open_frames(video)
+    output = output or Path(f"{source.name}-frame-{number}.png")
+    if output.parent.resolve() == video.resolve():
+        raise InputError(
+            f"output '{output}' would lie among the frames of '{video}'; choose another --output."
+        )
+    try:
+        frame = next(source.frames(number))
+    except InputError as error:
+        # To the library it is where tracking starts.
+        raise InputError(str(error).removeprefix("start ")) from None
+    picture = draw_pixel_grid(frame, step)
     done, encoded = cv2.imencode(".png", picture[..., ::-1])
     if not done:
         raise RuntimeError("OpenCV could not encode a PNG image")

@@ -1,7 +1,10 @@
 """``jaxpf track``: boxes through a video, to tracks on disk."""
 
 import contextlib
+import itertools
 import json
+import math
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -18,6 +21,17 @@ _SWAPS = ("combinatorial", "none", "random", "sorted")
 _LIKELIHOODS = ("auto", "integral", "sampled")
 _CODECS = ("vp9", "vp8")
 
+#: Everything that a run may leave in its output folder.
+_OUTPUTS = (
+    "tracks.csv",
+    "overlay.webm",
+    "diagnostics.csv",
+    "diagnostics.png",
+    "metrics.csv",
+    "summary.json",
+    "run.toml",
+)
+
 
 @click.command("track")
 @click.argument("video", type=click.Path(path_type=Path))
@@ -31,16 +45,51 @@ _CODECS = ("vp9", "vp8")
 @click.option("--ids", type=common.NumberList(int), help="Objects of --boxes, such as 1,2,5.")
 @click.option("--start", default=0, show_default=True, help="Start frame, counting from 0.")
 @click.option("--frames", type=int, help="Track at most this many frames after the start.")
-@click.option("--method", default="dps", show_default=True, help=f"{', '.join(_METHODS)}.")
-@click.option("--order", type=common.NumberList(int), help="Order of objects for ps: 2,0,1.")
-@click.option("--swap", default="combinatorial", show_default=True, help="Exchange rule of sps.")
+@click.option(
+    "--method",
+    default="dps",
+    show_default=True,
+    help="sir (all objects at once), ps (one after another), dps (ps in as many orders as "
+    "objects), sps (side by side, then exchanged between particles).",
+)
+@click.option(
+    "--order",
+    type=common.NumberList(int),
+    help="For ps, the objects in the order to treat them, the first box being 0: 2,0,1.",
+)
+@click.option(
+    "--swap",
+    default="combinatorial",
+    show_default=True,
+    help=f"How sps exchanges objects: {', '.join(_SWAPS)}.",
+)
 @click.option("--particles", "-n", default=300, show_default=True, help="Number of particles.")
-@click.option("--seed", default=0, show_default=True, help="Random seed.")
+@click.option("--seed", default=0, show_default=True, help="Random seed: same seed, same tracks.")
 @click.option("--resampling", default="systematic", show_default=True, help=", ".join(_SCHEMES))
-@click.option("--ess-threshold", type=float, help="Resample only below this share of particles.")
-@click.option("--sharpness", default=20.0, show_default=True, help="Likelihood: exp(-S d^2).")
-@click.option("--parts", default=2, show_default=True, help="Horizontal bands of the histogram.")
-@click.option("--likelihood", default="auto", show_default=True, help=", ".join(_LIKELIHOODS))
+@click.option(
+    "--ess-threshold",
+    type=float,
+    help="Resample only where the effective sample size is at most this share of the "
+    "particles, 0 to 1.  [default: always]",
+)
+@click.option(
+    "--sharpness",
+    default=20.0,
+    show_default=True,
+    help="Likelihood exp(-S d^2) of the colour distance d: larger trusts colours more.",
+)
+@click.option(
+    "--parts",
+    default=2,
+    show_default=True,
+    help="Horizontal bands of a box, each with its own colour histogram.",
+)
+@click.option(
+    "--likelihood",
+    default="auto",
+    show_default=True,
+    help="How histograms are computed: integral, sampled, or auto for the faster of the two.",
+)
 @click.option(
     "--scale",
     type=common.NumberList(float, 3),
@@ -74,41 +123,64 @@ def command(**options: Any) -> None:
     The start boxes come from --box (repeated) or from --boxes with --ids.  Filtering begins
     with the frame after the start frame.  The output folder receives tracks.csv (MOT
     format), overlay.webm, diagnostics.csv and .png, summary.json, and run.toml, which repeats
-    the run: `jaxpf track VIDEO --config run.toml -o ANOTHER`.
+    the run: `jaxpf track --config run.toml -o ANOTHER`.
 
     Example: jaxpf track clip.mp4 --box 120,80,40,90 --box 300,85,42,88
     """
+    _prefer_command_line(options)
     _check_options(options)
-    from jaxpf import files
     from jaxpf.video import open_frames
 
     source = open_frames(options["video"])
-    first = next(source.frames(options["start"]))
+    frames = source.frames(options["start"])
+    first = next(frames)
     ids, boxes = _start_boxes(options, source)
-    truth = None
-    if options["truth"] is not None:
-        from jaxpf.tracks import read_boxes
-
-        truth = read_boxes(options["truth"], empty_boxes="absent")
+    truth = _read_truth(options, ids)
+    output = options["output"] or Path(f"jaxpf-{source.name}")
+    _check_output(output, source.path)
     common.use_compile_cache()
     import jax
 
-    tracker = _build_tracker(options, first, boxes)
-    output = options["output"] or Path(f"jaxpf-{source.name}")
-    files.prepare_output_folder(output, options["overwrite"])
-    _write_repeatable_options(output, options)
+    tracker = _build_tracker(options, first, ids, boxes)
+    existed = output.is_dir()
+    _prepare_output(output, options)
 
     recorder = _Recorder(output, source, options, ids, boxes, tracker)
-    interrupted = False
+    stopped: KeyboardInterrupt | InputError | None = None
     try:
         with recorder:
             recorder.start(options["start"], first)
-            recorder.follow(jax.random.key(options["seed"]))
-    except KeyboardInterrupt:
-        interrupted = True
-    recorder.finish(interrupted, truth)
-    if interrupted:
-        raise KeyboardInterrupt
+            recorder.follow(jax.random.key(options["seed"]), frames)
+    except (KeyboardInterrupt, InputError) as error:
+        stopped = error
+    if isinstance(stopped, InputError):
+        if recorder.num_tracked == 0:
+            _remove_outputs(output, itself=not existed)
+        else:
+            # What was tracked stays; the first error matters more than a second one.
+            with contextlib.suppress(InputError):
+                recorder.finish(stopped, truth)
+    else:
+        recorder.finish(stopped, truth)
+    if stopped is not None:
+        raise stopped
+
+
+def _prefer_command_line(options: dict[str, Any]) -> None:
+    """Drop what the configuration says where the command line says something that excludes it."""
+    source = click.get_current_context().get_parameter_source
+
+    def typed(name: str) -> bool:
+        return source(name) is click.core.ParameterSource.COMMANDLINE
+
+    if typed("box") and not typed("boxes"):
+        options["boxes"] = None
+        if not typed("ids"):
+            options["ids"] = None
+    if typed("boxes") and not typed("box"):
+        options["box"] = ()
+    if typed("method") and options["method"] != "ps" and not typed("order"):
+        options["order"] = None
 
 
 def _check_options(options: dict[str, Any]) -> None:
@@ -128,6 +200,14 @@ def _check_options(options: dict[str, Any]) -> None:
             raise InputError(f"--{name} {options[name]} must be at least {least}.")
     if options["frames"] is not None and options["frames"] < 1:
         raise InputError(f"--frames {options['frames']} must be at least 1.")
+    if not 0 <= options["seed"] < 2**32:
+        raise InputError(f"--seed {options['seed']} must be between 0 and {2**32 - 1}.")
+    if not 0 < options["sharpness"] < math.inf:
+        raise InputError(f"--sharpness {options['sharpness']} must be positive and finite.")
+    if options["order"] is not None and options["method"] != "ps":
+        raise InputError(
+            f"--order was given, but method {options['method']!r} has none; add --method ps."
+        )
     if options["ess_threshold"] is not None and not 0 <= options["ess_threshold"] <= 1:
         raise InputError(
             f"--ess-threshold {options['ess_threshold']} must be a share between 0 and 1."
@@ -157,18 +237,65 @@ def _start_boxes(options: dict[str, Any], source: Any) -> tuple[np.ndarray, np.n
     return ids, boxes
 
 
-def _build_tracker(options: dict[str, Any], first: np.ndarray, boxes: np.ndarray) -> Any:
+def _read_truth(options: dict[str, Any], ids: np.ndarray) -> Any:
+    """The table of --truth, which must say something about this run."""
+    if options["truth"] is None:
+        return None
+    from jaxpf.tracks import read_boxes
+
+    truth = read_boxes(options["truth"], empty_boxes="absent")
+    names = ", ".join(map(str, ids))
+    ours = np.isin(truth.id, ids)
+    if not ours.any():
+        raise InputError(
+            f"--truth {truth.source} has no box of object {names}, which this run tracks; give "
+            "the truth of these objects, or leave it out."
+        )
+    start, limit = options["start"], options["frames"]
+    after = truth.frame[ours] > start
+    if limit is not None:
+        after &= truth.frame[ours] <= start + limit
+    if not after.any():
+        until = "" if limit is None else f" to {start + limit}"
+        raise InputError(
+            f"--truth {truth.source} has no box of object {names} in the frames from "
+            f"{start + 1}{until} (counting from 0); give another start, or leave it out."
+        )
+    return truth
+
+
+def _build_tracker(
+    options: dict[str, Any], first: np.ndarray, ids: np.ndarray, boxes: np.ndarray
+) -> Any:
     from jaxpf.boxes import box_tracker, ordering_of
     from jaxpf.likelihoods.histogram import histogram
 
-    likelihood = histogram(
-        first,
-        boxes,
-        sharpness=options["sharpness"],
-        parts=options["parts"],
-        method=options["likelihood"],
-        num_particles=options["particles"],
-    )
+    order = options["order"]
+    if order is not None and sorted(order) != list(range(len(boxes))):
+        raise InputError(
+            f"--order {','.join(map(str, order))} is not a permutation of the {len(boxes)} "
+            f"object(s); name each of 0 to {len(boxes) - 1} once."
+        )
+    if options["method"] == "dps" and options["particles"] < len(boxes):
+        raise InputError(
+            f"--particles {options['particles']} is fewer than the {len(boxes)} components of "
+            f"dps, one per object; give at least {len(boxes)}, better some hundreds."
+        )
+    try:
+        likelihood = histogram(
+            first,
+            boxes,
+            sharpness=options["sharpness"],
+            parts=options["parts"],
+            method=options["likelihood"],
+            num_particles=options["particles"],
+        )
+    except InputError as error:
+        # The library counts its boxes from 0; people know their objects by id.
+        named = re.sub(
+            r"boxes\[(\d+)\]", lambda match: f"the box of object {ids[int(match[1])]}", str(error)
+        )
+        raise InputError(named) from None
     ordering = ordering_of(
         options["method"], len(boxes), order=options["order"], swap=options["swap"]
     )
@@ -183,7 +310,23 @@ def _build_tracker(options: dict[str, Any], first: np.ndarray, boxes: np.ndarray
     )
 
 
-def _write_repeatable_options(output: Path, options: dict[str, Any]) -> None:
+def _check_output(output: Path, video: Path) -> None:
+    """Refuse to write among the frames, or over the video, that the run reads."""
+    folder, video = output.resolve(), video.resolve()
+    if folder == video or (folder == video.parent and video.name in _OUTPUTS):
+        raise InputError(
+            f"output folder '{output}' would mix the results with the video '{video}' itself; "
+            "choose another --output."
+        )
+
+
+def _prepare_output(output: Path, options: dict[str, Any]) -> None:
+    """Make the folder, without files of an earlier run, and write what repeats this one."""
+    from jaxpf.files import prepare_output_folder, report_os_errors
+
+    prepare_output_folder(output, options["overwrite"])
+    with report_os_errors("replace the files in", output):
+        _remove_outputs(output)
     repeatable = {
         name: value for name, value in options.items() if name not in ("output", "overwrite")
     }
@@ -193,10 +336,19 @@ def _write_repeatable_options(output: Path, options: dict[str, Any]) -> None:
     common.write_config(output / "run.toml", "track", repeatable)
 
 
+def _remove_outputs(output: Path, itself: bool = False) -> None:
+    for name in _OUTPUTS:
+        (output / name).unlink(missing_ok=True)
+    if itself:
+        with contextlib.suppress(OSError):
+            output.rmdir()
+
+
 class _Recorder:
     """Writes everything that a run leaves behind, frame by frame."""
 
     def __init__(self, output, source, options, ids, boxes, tracker):
+        from jaxpf.files import report_os_errors
         from jaxpf.overlay import object_colours
         from jaxpf.tracks import TrackWriter
         from jaxpf.video_writer import VideoWriter
@@ -210,11 +362,12 @@ class _Recorder:
         self.seconds_first = self.seconds_rest = 0.0
         self._stack = contextlib.ExitStack()
         self.tracks = self._stack.enter_context(TrackWriter(output / "tracks.csv"))
-        self.diagnostics = self._stack.enter_context(
-            open(output / "diagnostics.csv", "w", encoding="utf-8", buffering=1)  # noqa: SIM115
-        )
-        header = ["frame", "ess", "log_evidence", *(f"uniqueness_{i}" for i in ids)]
-        self.diagnostics.write(",".join(header) + "\n")
+        with report_os_errors("write", output / "diagnostics.csv"):
+            # Unbuffered, as the tracks are: whole lines, and no surprise when it is closed.
+            self.diagnostics = self._stack.enter_context(
+                open(output / "diagnostics.csv", "wb", buffering=0)  # noqa: SIM115
+            )
+        self._diagnose(["frame", "ess", "log_evidence", *(f"uniqueness_{i}" for i in ids)])
         self.video = None
         if options["overlay"]:
             self.video = self._stack.enter_context(
@@ -238,16 +391,12 @@ class _Recorder:
         self.tracks.append(number, self.ids, self.boxes)
         self._draw(frame, self.boxes, np.zeros(len(self.ids), bool), None)
 
-    def follow(self, key):
+    def follow(self, key, frames):
         """Track the frames after the start frame."""
-        import itertools
-
         from jaxpf.tracking import stream
 
         start, limit = self.options["start"], self.options["frames"]
-        frames = itertools.islice(
-            self.source.frames(start), 1, None if limit is None else limit + 1
-        )
+        frames = itertools.islice(frames, limit)
         expected = self.source.num_frames or self.source.frames_expected
         total = None if expected is None else max(expected - start - 1, 0)
         if limit is not None:
@@ -274,16 +423,30 @@ class _Recorder:
         lost = summary.lost | self._off_frame(boxes)
         for name in self.ids[lost]:
             self.lost_frames[int(name)].append(number)
-        self.num_tracked += 1
         self.num_invalid += int(summary.num_invalid)
         self.num_impossible += int(np.isneginf(summary.log_evidence))
         self.tracks.append(number, self.ids, boxes, np.where(lost, 0.0, 1.0))
         values = [summary.ess, summary.log_evidence, *summary.uniqueness]
-        self.diagnostics.write(",".join([str(number), *(f"{v:.6g}" for v in values)]) + "\n")
+        self._diagnose([str(number), *(f"{value:.6g}" for value in values)])
+        self.num_tracked += 1
         cloud = None
         if self.video is not None:
             cloud = np.swapaxes(np.asarray(tracked.state.substates)[..., :2], 0, 1)
         self._draw(tracked.frame, boxes, lost, cloud)
+
+    def _diagnose(self, fields):
+        """Append one line to diagnostics.csv: all of it or nothing."""
+        from jaxpf.files import report_os_errors
+
+        data, end = (",".join(fields) + "\n").encode("ascii"), self.diagnostics.tell()
+        with report_os_errors("write", self.output / "diagnostics.csv"):
+            try:
+                while data:
+                    data = data[self.diagnostics.write(data) :]
+            except BaseException:
+                self.diagnostics.truncate(end)
+                self.diagnostics.seek(end)
+                raise
 
     def _off_frame(self, boxes):
         x, y, w, h = boxes.T
@@ -300,8 +463,8 @@ class _Recorder:
             frame = draw_particles(frame, cloud, self.colours)
         self.video.write(draw_boxes(frame, boxes, self.ids, self.colours, lost))
 
-    def finish(self, interrupted, truth):
-        """Write what is known only at the end, and tell the user."""
+    def finish(self, stopped, truth):
+        """Write what is known only at the end, and tell the user; ``stopped``: by what, or None."""
         from jaxpf import plotting
         from jaxpf.files import atomic_write
 
@@ -311,7 +474,8 @@ class _Recorder:
             "likelihood_method": self.tracker.likelihood.method,
             "ids": self.ids.tolist(),
             "frames_tracked": self.num_tracked,
-            "interrupted": interrupted,
+            "interrupted": isinstance(stopped, KeyboardInterrupt),
+            "error": str(stopped) if isinstance(stopped, InputError) else None,
             "video_truncated": self.source.truncated,
             "video_note": self.source.note,
             "lost_frames": {str(k): v for k, v in self.lost_frames.items()},
@@ -336,14 +500,14 @@ class _Recorder:
                 self.options["particles"],
             )
             plotting.save_figure(figure, self.output / "diagnostics.png")
-        self._tell(rate)
+        self._tell(rate, stopped)
         if truth is not None and self.num_tracked:
             _report_truth(self.output, truth, self.ids)
 
-    def _tell(self, rate):
+    def _tell(self, rate, stopped):
         speed = "" if rate is None else f", {rate:.1f} frames/s"
         click.echo(f"{self.output}: {self.num_tracked} frames tracked{speed}")
-        if self.num_tracked == 0:
+        if self.num_tracked == 0 and stopped is None:
             click.echo("No frame follows the start frame, so nothing was tracked.", err=True)
         if self.source.note:
             click.echo(f"Note: {self.source.note}", err=True)
@@ -378,9 +542,6 @@ def _report_truth(output: Path, truth: Any, ids: np.ndarray) -> None:
     estimated = tracks.read_boxes(output / "tracks.csv", empty_boxes="absent")
     first, last = int(estimated.frame.min()), int(estimated.frame.max())
     known = [int(i) for i in ids if i in set(truth.id.tolist())]
-    if not known:
-        click.echo(f"No object of this run occurs in {truth.source}: no metrics.", err=True)
-        return
     estimate = tracks.dense(estimated, known, last + 1)[first + 1 :]
     target = tracks.dense(truth, known, last + 1)[first + 1 :]
     measures = metrics.summarise(estimate[None], target)

@@ -14,10 +14,11 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from jaxpf.prefix import running_max, running_sum, segment_starts
-from jaxpf.resampling import below, inverse_cdf
+from jaxpf.resampling import below, component_cdf, inverse_cdf, one_component, systematic
 
 # Codes of ordering.SWAPS.
 _NONE, _RANDOM, _SORTED, _COMBINATORIAL = range(4)
@@ -31,7 +32,6 @@ class Exchange(NamedTuple):
         members: particles ordered by group; for the permuting rules, the particle whose
             part each particle receives.
         cumulative: within the group, running sum of the likelihoods in ``members`` order.
-        total: the sum over the particle's group.
         start: position in ``members`` where the particle's group begins.
         size: number of particles in its group.
     """
@@ -39,7 +39,6 @@ class Exchange(NamedTuple):
     log_factor: jax.Array
     members: jax.Array
     cumulative: jax.Array
-    total: jax.Array
     start: jax.Array
     size: jax.Array
 
@@ -54,41 +53,83 @@ def weigh(
         swap: ``[]`` int32, index into ``ordering.SWAPS``.
         log_probs: ``[N]``, the part's log-likelihood in each particle.
         group: ``[N]`` int32 in 0..N-1, particles that may trade the part.
-        is_root: ``[]`` bool, all particles form one group (saves the sort).
+        is_root: ``[]`` bool, all particles form one group.
     """
-    return lax.cond(
-        swap == _COMBINATORIAL,
-        lambda: _weigh_combinatorial(log_probs, group, is_root),
-        lambda: _weigh_permutation(key, swap, log_probs, group),
+    combinatorial = jnp.where(is_root, 1, 2)
+    return lax.switch(
+        jnp.where(swap == _COMBINATORIAL, combinatorial, 0),
+        [
+            lambda: _weigh_permutation(key, swap, log_probs, group),
+            lambda: _weigh_all(log_probs),
+            lambda: _weigh_groups(log_probs, group),
+        ],
     )
 
 
-def draw(key: jax.Array, swap: jax.Array, exchange: Exchange, ancestors: jax.Array) -> jax.Array:
+def draw(
+    key: jax.Array, swap: jax.Array, exchange: Exchange, ancestors: jax.Array, is_root: jax.Array
+) -> jax.Array:
     """``[N]``: the particle from which each slot, of the given ancestor, takes the part.
 
     The combinatorial rule draws within the ancestor's group with probability proportional
-    to the likelihood, independently for every slot and part (Dubuisson, Gonzales & Nguyen
-    2012, combinatorial resampling).
+    to the likelihood, independently of the slot's other parts (Dubuisson, Gonzales &
+    Nguyen 2012, combinatorial resampling).
     """
-
-    def combinatorial():
-        total = exchange.total[ancestors]
-        uniform = jax.random.uniform(key, total.shape, total.dtype)
-        position = inverse_cdf(
-            exchange.cumulative,
-            below(total, uniform),
-            exchange.start[ancestors],
-            exchange.size[ancestors],
-        )
-        return exchange.members[position]
-
-    return lax.cond(swap == _COMBINATORIAL, combinatorial, lambda: exchange.members[ancestors])
+    combinatorial = jnp.where(is_root, 1, 2)
+    return lax.switch(
+        jnp.where(swap == _COMBINATORIAL, combinatorial, 0),
+        [
+            lambda: exchange.members[ancestors],
+            lambda: _draw_from_all(key, exchange),
+            lambda: _draw_from_groups(key, exchange, ancestors),
+        ],
+    )
 
 
-def _weigh_combinatorial(log_probs, group, is_root):
+def _weigh_all(log_probs):
+    """One group of all particles."""
     num_particles = log_probs.shape[0]
-    identity = jnp.arange(num_particles, dtype=jnp.int32)
-    members = lax.cond(is_root, lambda: identity, lambda: order_by_group(group))
+    cdf = component_cdf(log_probs, one_component(num_particles))
+    slots = jnp.arange(num_particles, dtype=jnp.int32)
+    return Exchange(
+        log_factor=jnp.broadcast_to(cdf.log_mean, log_probs.shape),
+        members=slots,
+        cumulative=cdf.cumulative,
+        start=jnp.zeros_like(slots),
+        size=jnp.full_like(slots, num_particles),
+    )
+
+
+def _draw_from_all(key, exchange):
+    """Systematic draws, dealt out to the slots by a random affine permutation.
+
+    Each slot's draw has the right law and, because the permutation's offset is uniform, is
+    independent of the slot's other parts; that is all that unbiasedness needs.  The random
+    stride keeps neighbouring slots from sharing neighbouring draws of several parts, and
+    costs nothing next to the sort behind a uniform permutation.
+    """
+    num_particles = exchange.cumulative.shape[0]
+    systematic_key, stride_key, offset_key = jax.random.split(key, 3)
+    drawn = systematic(systematic_key, exchange.cumulative, one_component(num_particles))
+    strides = _coprime_strides(num_particles)
+    stride = strides[jax.random.randint(stride_key, (), 0, strides.shape[0])]
+    offset = jax.random.randint(offset_key, (), 0, num_particles).astype(jnp.uint32)
+    slots = jnp.arange(num_particles, dtype=jnp.uint32)
+    return drawn[((slots * stride + offset) % num_particles).astype(jnp.int32)]
+
+
+def _coprime_strides(num_particles: int) -> jax.Array:
+    """Strides that visit all slots before repeating one; small enough not to overflow."""
+    largest = min(num_particles, (2**32 - num_particles) // num_particles)
+    candidates = np.unique(np.linspace(1, max(largest - 1, 1), 2048).astype(np.int64))
+    coprime = candidates[np.gcd(candidates, num_particles) == 1]
+    return jnp.asarray(coprime, jnp.uint32)
+
+
+def _weigh_groups(log_probs, group):
+    """Groups of any size, in any order: one integer sort brings them together."""
+    num_particles = log_probs.shape[0]
+    members = order_by_group(group)
     grouped = group[members]
     sizes = jnp.zeros((num_particles,), jnp.int32).at[group].add(1)
     ends = running_sum(sizes)
@@ -99,15 +140,22 @@ def _weigh_combinatorial(log_probs, group, is_root):
     possible = ~jnp.isneginf(largest)
     scaled = jnp.exp(jnp.where(possible, ordered - jnp.where(possible, largest, 0.0), 0.0))
     cumulative = running_sum(scaled, first)
-    total = cumulative[end - 1]
-    largest_of_group = largest[end - 1]
     size = end - start
-    log_factor = jnp.where(
-        jnp.isneginf(largest_of_group),
+    log_mean = jnp.where(
+        possible,
+        largest + jnp.log(cumulative[ends[grouped] - 1] / sizes[grouped].astype(scaled.dtype)),
         -jnp.inf,
-        largest_of_group + jnp.log(total) - jnp.log(size.astype(total.dtype)),
     )
-    return Exchange(log_factor, members, cumulative, total, start, size)
+    return Exchange(log_mean[start], members, cumulative, start, size)
+
+
+def _draw_from_groups(key, exchange, ancestors):
+    """Independent draws by each slot within its ancestor's group."""
+    start, size = exchange.start[ancestors], exchange.size[ancestors]
+    total = exchange.cumulative[start + size - 1]
+    uniform = jax.random.uniform(key, total.shape, total.dtype)
+    position = inverse_cdf(exchange.cumulative, below(total, uniform), start, size)
+    return exchange.members[position]
 
 
 def _weigh_permutation(key, swap, log_probs, group):
@@ -120,7 +168,7 @@ def _weigh_permutation(key, swap, log_probs, group):
     receivers = order_by_group(group)
     source = jnp.zeros((num_particles,), jnp.int32).at[receivers].set(givers)
     zeros = jnp.zeros_like(log_probs)
-    return Exchange(log_probs[source], source, zeros, zeros, identity, identity)
+    return Exchange(log_probs[source], source, zeros, identity, identity)
 
 
 def order_by_group(group: jax.Array) -> jax.Array:

@@ -212,17 +212,18 @@ def _exchange_level(tracker, key, resample_key, components, stage, resample, fra
 
         return lax.fori_loop(0, num_partitions, body, initial)
 
+    def parent_of(row):
+        return ordering.tree[ordering.order[0, row]]
+
     def weigh(row, carry):
         exchanges, frame = carry
-        parent = ordering.tree[ordering.order[0, row]]
-        is_root = parent < 0
-        group = frame.lineage[ordering.rank[0, jnp.maximum(parent, 0)]]
+        parent = parent_of(row)
         weighed = exchange.weigh(
             jax.random.fold_in(weigh_key, row),
             ordering.swap,
             frame.log_probs[row],
-            jnp.where(is_root, 0, group),
-            is_root,
+            frame.lineage[ordering.rank[0, jnp.maximum(parent, 0)]],
+            parent < 0,
         )
         # Unequal incoming weights (a skipped adaptive resampling) forbid the exchange.
         factor = jnp.where(frame.equal, weighed.log_factor, frame.log_probs[row])
@@ -231,23 +232,27 @@ def _exchange_level(tracker, key, resample_key, components, stage, resample, fra
 
     floats = jnp.zeros((num_partitions, num_particles), frame.log_weights.dtype)
     ints = jnp.zeros((num_partitions, num_particles), jnp.int32)
-    exchanges = exchange.Exchange(floats, ints, floats, floats, ints, ints)
+    exchanges = exchange.Exchange(floats, ints, floats, ints, ints)
     exchanges, frame = per_part(weigh, (exchanges, frame))
     allowed, candidates = frame.equal, frame.lineage
-    # Resampling shows each slot's ancestor through a row of identities.
+    # A row of identities in place of the lineage comes out as each slot's ancestor.
     identity = jnp.arange(num_particles, dtype=jnp.int32)
-    tagged = frame._replace(lineage=jnp.concatenate([candidates, identity[None]]))
+    tagged = frame._replace(lineage=identity[None])
     tagged = lax.cond(ordering.resample_after[stage], resample, lambda frame: frame, tagged)
-    ancestors, lineage = tagged.lineage[-1], tagged.lineage[:-1]
+    ancestors = tagged.lineage[0]
 
-    def draw(row, lineage):
+    def draw(row, givers):
         one = jax.tree.map(lambda all_: all_[row], exchanges)
-        giver = exchange.draw(jax.random.fold_in(draw_key, row), ordering.swap, one, ancestors)
-        giver = jnp.where(allowed, giver, ancestors)
-        carried = ordering.carrier[stage] == row
-        return jnp.where(carried[:, None], candidates[:, giver], lineage)
+        giver = exchange.draw(
+            jax.random.fold_in(draw_key, row), ordering.swap, one, ancestors, parent_of(row) < 0
+        )
+        return givers.at[row].set(jnp.where(allowed, giver, ancestors))
 
-    return tagged._replace(lineage=per_part(draw, lineage))
+    givers = per_part(draw, ints)
+    # What hangs from a part of this level moves with it; all else stays with the ancestor.
+    carrier = ordering.carrier[stage][:, None]
+    source = jnp.where(carrier >= 0, givers[ordering.carrier[stage]], ancestors)
+    return tagged._replace(lineage=jnp.take_along_axis(candidates, source, axis=1))
 
 
 def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summary]:

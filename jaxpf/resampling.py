@@ -223,7 +223,16 @@ def _ancestors_of_thresholds(offspring_before_end: jax.Array, start: jax.Array) 
     return running_sum(ending)[:num_particles]
 
 
-def _complete(counts: jax.Array, cdf: ComponentCDF, components: Components) -> jax.Array:
+def systematic(key: jax.Array, cumulative: jax.Array, components: Components) -> jax.Array:
+    """Systematic ancestors ``[N]`` from running sums of weights ``[N]``, one per component."""
+    total = components.last_of(cumulative)
+    uniform = jax.random.uniform(key, components.size.shape, cumulative.dtype)
+    counts = jnp.ceil(_expected(cumulative, total, components) - components.spread(uniform))
+    start = components.spread(components.start)
+    return _ancestors_of_thresholds(_complete(counts, cumulative, total, components), start)
+
+
+def _complete(counts, cumulative, total, components) -> jax.Array:
     """Cumulative counts clipped to the component, complete where the weights end.
 
     Rounding of ``n * cumulative / total - u`` in float32 could leave the last slots
@@ -231,30 +240,26 @@ def _complete(counts: jax.Array, cdf: ComponentCDF, components: Components) -> j
     """
     size = components.spread(components.size)
     counts = jnp.clip(counts.astype(jnp.int32), 0, size)
-    return jnp.where(cdf.cumulative >= components.spread(cdf.total), size, counts)
+    return jnp.where(cumulative >= components.spread(total), size, counts)
 
 
-def _expected(values: jax.Array, cdf: ComponentCDF, components: Components) -> jax.Array:
+def _expected(values, total, components) -> jax.Array:
     """``n_c * values / total_c``: offspring expected, or running counts of them."""
-    return values * components.spread(components.size.astype(values.dtype) / cdf.total)
+    return values * components.spread(components.size.astype(values.dtype) / total)
 
 
 def _systematic(key, cdf, components):
-    uniform = jax.random.uniform(key, components.size.shape, cdf.cumulative.dtype)
-    expected = _expected(cdf.cumulative, cdf, components)
-    counts = jnp.ceil(expected - components.spread(uniform))
-    start = components.spread(components.start)
-    return _ancestors_of_thresholds(_complete(counts, cdf, components), start)
+    return systematic(key, cdf.cumulative, components)
 
 
 def _stratified(key, cdf, components):
     uniform = jax.random.uniform(key, cdf.cumulative.shape, cdf.cumulative.dtype)
-    expected = _expected(cdf.cumulative, cdf, components)
+    expected = _expected(cdf.cumulative, cdf.total, components)
     whole = jnp.floor(expected)
     start, size = components.spread(components.start), components.spread(components.size)
     stratum = start + jnp.minimum(whole.astype(jnp.int32), size - 1)
     counts = whole + (uniform[stratum] < expected - whole)
-    return _ancestors_of_thresholds(_complete(counts, cdf, components), start)
+    return _ancestors_of_thresholds(_complete(counts, cdf.cumulative, cdf.total, components), start)
 
 
 def _multinomial(key, cdf, components):
@@ -268,7 +273,7 @@ def _residual(key, cdf, components):
     # Liu & Chen 1998: floor(n w) copies for certain, the rest multinomial on what is left.
     start, size = components.spread(components.start), components.spread(components.size)
     first = _starts(components)
-    expected = _expected(cdf.weights, cdf, components)
+    expected = _expected(cdf.weights, cdf.total, components)
     copies = jnp.floor(expected)
     # Rounding may push the sum of the floors past n where all n w are whole numbers.
     certain = jnp.minimum(running_sum(copies.astype(jnp.int32), first), size)

@@ -11,7 +11,7 @@ from jax import lax
 from jaxpf.errors import InputError
 
 #: Runs per compiled batch of ``monte_carlo``.
-RUNS_PER_BATCH = 10
+RUNS_PER_BATCH = 25
 
 
 def summary_only(state: Any, summary: Any) -> Any:

@@ -5,6 +5,7 @@ import itertools
 import json
 import math
 import re
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -129,6 +130,7 @@ def command(**options: Any) -> None:
     """
     _prefer_command_line(options)
     _check_options(options)
+    from jaxpf import files
     from jaxpf.video import open_frames
 
     source = open_frames(options["video"])
@@ -143,25 +145,29 @@ def command(**options: Any) -> None:
 
     tracker = _build_tracker(options, first, ids, boxes)
     existed = output.is_dir()
-    _prepare_output(output, options)
+    files.prepare_output_folder(output, options["overwrite"])
 
-    recorder = _Recorder(output, source, options, ids, boxes, tracker)
+    recorder = None
     stopped: KeyboardInterrupt | InputError | None = None
     try:
+        _remove_outputs(output)
+        _write_repeatable_options(output, options)
+        recorder = _Recorder(output, source, options, ids, boxes, tracker)
         with recorder:
             recorder.start(options["start"], first)
             recorder.follow(jax.random.key(options["seed"]), frames)
     except (KeyboardInterrupt, InputError) as error:
         stopped = error
-    if isinstance(stopped, InputError):
-        if recorder.num_tracked == 0:
-            _remove_outputs(output, itself=not existed)
-        else:
-            # What was tracked stays; the first error matters more than a second one.
-            with contextlib.suppress(InputError):
-                recorder.finish(stopped, truth)
+    if recorder is not None and (stopped is None or recorder.num_tracked > 0):
+        # What was tracked stays; the first error matters more than another one at the end.
+        with contextlib.suppress(*([] if stopped is None else [InputError])):
+            recorder.finish(stopped, truth)
     else:
-        recorder.finish(stopped, truth)
+        # Nothing was tracked: leave no half-made folder behind.
+        _remove_outputs(output)
+        if not existed:
+            with contextlib.suppress(OSError):
+                output.rmdir()
     if stopped is not None:
         raise stopped
 
@@ -198,6 +204,8 @@ def _check_options(options: dict[str, Any]) -> None:
     for name, least in (("start", 0), ("particles", 1), ("parts", 1)):
         if options[name] < least:
             raise InputError(f"--{name} {options[name]} must be at least {least}.")
+    if options["particles"] >= 2**31:
+        raise InputError(f"--particles {options['particles']} must be below {2**31}.")
     if options["frames"] is not None and options["frames"] < 1:
         raise InputError(f"--frames {options['frames']} must be at least 1.")
     if not 0 <= options["seed"] < 2**32:
@@ -320,28 +328,25 @@ def _check_output(output: Path, video: Path) -> None:
         )
 
 
-def _prepare_output(output: Path, options: dict[str, Any]) -> None:
-    """Make the folder, without files of an earlier run, and write what repeats this one."""
-    from jaxpf.files import prepare_output_folder, report_os_errors
+def _remove_outputs(output: Path) -> None:
+    """Remove the files of a run, and no others."""
+    from jaxpf.files import report_os_errors
 
-    prepare_output_folder(output, options["overwrite"])
-    with report_os_errors("replace the files in", output):
-        _remove_outputs(output)
+    for name in _OUTPUTS:
+        with report_os_errors("replace", output / name):
+            (output / name).unlink(missing_ok=True)
+
+
+def _write_repeatable_options(output: Path, options: dict[str, Any]) -> None:
+    # In the order of the help: the same run writes the same file, however it was typed.
+    names = [str(param.name) for param in click.get_current_context().command.params]
     repeatable = {
-        name: value for name, value in options.items() if name not in ("output", "overwrite")
+        name: options[name] for name in names if name not in ("config", "output", "overwrite")
     }
     for name in ("video", "boxes", "truth"):
         if repeatable[name] is not None:
             repeatable[name] = repeatable[name].resolve()
     common.write_config(output / "run.toml", "track", repeatable)
-
-
-def _remove_outputs(output: Path, itself: bool = False) -> None:
-    for name in _OUTPUTS:
-        (output / name).unlink(missing_ok=True)
-    if itself:
-        with contextlib.suppress(OSError):
-            output.rmdir()
 
 
 class _Recorder:
@@ -396,7 +401,7 @@ class _Recorder:
         from jaxpf.tracking import stream
 
         start, limit = self.options["start"], self.options["frames"]
-        frames = itertools.islice(frames, limit)
+        frames = itertools.islice(frames, None if limit is None else min(limit, sys.maxsize))
         expected = self.source.num_frames or self.source.frames_expected
         total = None if expected is None else max(expected - start - 1, 0)
         if limit is not None:
@@ -500,14 +505,14 @@ class _Recorder:
                 self.options["particles"],
             )
             plotting.save_figure(figure, self.output / "diagnostics.png")
-        self._tell(rate, stopped)
+        self._tell(rate)
         if truth is not None and self.num_tracked:
             _report_truth(self.output, truth, self.ids)
 
-    def _tell(self, rate, stopped):
+    def _tell(self, rate):
         speed = "" if rate is None else f", {rate:.1f} frames/s"
         click.echo(f"{self.output}: {self.num_tracked} frames tracked{speed}")
-        if self.num_tracked == 0 and stopped is None:
+        if self.num_tracked == 0:
             click.echo("No frame follows the start frame, so nothing was tracked.", err=True)
         if self.source.note:
             click.echo(f"Note: {self.source.note}", err=True)
@@ -546,8 +551,8 @@ def _report_truth(output: Path, truth: Any, ids: np.ndarray) -> None:
     target = tracks.dense(truth, known, last + 1)[first + 1 :]
     measures = metrics.summarise(estimate[None], target)
     columns = {"frames": np.asarray(metrics.has_truth(target)).sum(axis=0)}
-    for name in ("tracked", "precision", "recall", "overlap", "centre_error"):
-        columns[name] = np.asarray(measures[name].value)
+    for measure in ("tracked", "precision", "recall", "overlap", "centre_error"):
+        columns[measure] = np.asarray(measures[measure].value)
     rows = [
         [f"object {name}", f"{columns['frames'][k]:.0f}"]
         + [f"{columns[c][k]:.3f}" for c in list(columns)[1:]]

@@ -13,7 +13,7 @@ from jaxpf.geometry import boxes_from_substates
 from jaxpf.likelihoods.histogram import histogram_from_patches
 from jaxpf.ordering import Ordering
 from jaxpf.partitioned import Partitioned
-from jaxpf.running import monte_carlo
+from jaxpf.running import RUNS_PER_BATCH, monte_carlo
 from jaxpf.state import Summary
 
 #: The tracker of smith2004's synthetic test: noise of u and v in pixels, and of the scale.
@@ -69,7 +69,10 @@ def scene_tracker(
 
 
 def compare(
-    scene: Any, trackers: Mapping[str, Partitioned], seeds: Iterable[int], batch_size: int = 10
+    scene: Any,
+    trackers: Mapping[str, Partitioned],
+    seeds: Iterable[int],
+    batch_size: int = RUNS_PER_BATCH,
 ) -> Iterator[Result]:
     """Run every tracker with the same seeds; yields each result as it is done.
 

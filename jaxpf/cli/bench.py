@@ -1,0 +1,74 @@
+"""``jaxpf bench``: the table of costs on the user's machine."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from jaxpf.cli import common
+
+
+@click.command("bench")
+@click.option("--repeats", default=15, show_default=True, help="Interleaved repeats.")
+@click.option("--scaling", is_flag=True, help="Also how cost grows with N, P and R, to N = 10^6.")
+@click.option("--output", "-o", type=click.Path(path_type=Path), help="CSV file to write, too.")
+def command(repeats: int, scaling: bool, output: Path | None) -> None:
+    """Measure speed on this machine, each figure beside its baseline.
+
+    ns: nanoseconds per particle, partition and frame, compilation excluded; the whole
+    kernel includes the histogram table.  Ratios are medians of interleaved pairs with 95 %
+    intervals; trust them more than the figures.
+    """
+    from jaxpf.errors import InputError
+
+    if repeats < 1:
+        raise InputError(f"--repeats {repeats} must be at least 1.")
+    common.use_compile_cache()
+    from jaxpf.experiments import speed
+
+    rows: list[Any] = []
+    sections = [
+        ("Histogram likelihood (table excluded)", speed.histogram_rows(repeats)),
+        ("Whole kernel: 50 runs, 300 particles, 7 objects, 360x288", speed.kernel_rows(repeats)),
+        ("Generic kernel: 1-D model, 50 runs, 1000 particles", speed.generic_rows(repeats)),
+    ]
+    if scaling:
+        sections.append(("Growth of cost (flat is linear)", speed.scaling_rows()))
+    for title, section in sections:
+        rows += _show(title, section)
+    memory = list(speed.memory_rows())
+    common.print_table(
+        "Memory of a run with 10 000 particles",
+        ["frames", "bytes"],
+        [[str(frames), str(size)] for frames, size in memory],
+    )
+    if output is not None:
+        from jaxpf.files import atomic_write
+
+        with atomic_write(output) as file:
+            file.write(",".join(speed.Row._fields) + "\n")
+            for row in rows:
+                file.write(",".join(f'"{x}"' if isinstance(x, str) else f"{x:.6g}" for x in row))
+                file.write("\n")
+        click.echo(f"{output}: written")
+
+
+def _show(title: str, section: Iterable[Any]) -> list[Any]:
+    rows = list(section)
+    common.print_table(
+        title,
+        ["", "ns", "ratio", "95 % interval", "of", "goal"],
+        [
+            [
+                row.what,
+                f"{row.nanoseconds:.1f}",
+                "" if row.ratio != row.ratio else f"{row.ratio:.2f}",
+                "" if not row.of else f"[{row.low:.2f}, {row.high:.2f}]",
+                row.of,
+                row.goal,
+            ]
+            for row in rows
+        ],
+    )
+    return rows

@@ -6,6 +6,7 @@ several times cheaper than a key per particle; ``propagate`` is the one-particle
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from jaxpf.pytree import pytree_dataclass
 
@@ -34,7 +35,7 @@ class RandomWalk(BatchedDynamics):
             in the substate's units.
     """
 
-    scale: jax.Array
+    scale: ArrayLike
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""
@@ -54,8 +55,8 @@ class AR2(BatchedDynamics):
         momentum: share of the last displacement that is repeated.
     """
 
-    scale: jax.Array
-    momentum: jax.Array | float = 0.5
+    scale: ArrayLike
+    momentum: ArrayLike = 0.5
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""
@@ -77,11 +78,11 @@ class LinearGaussian(BatchedDynamics):
         offset: b, ``[P, D]``, or None.
     """
 
-    transition: jax.Array
-    noise: jax.Array
-    lag: jax.Array | None = None
-    coupling: jax.Array | None = None
-    offset: jax.Array | None = None
+    transition: ArrayLike
+    noise: ArrayLike
+    lag: ArrayLike | None = None
+    coupling: ArrayLike | None = None
+    offset: ArrayLike | None = None
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""
@@ -105,8 +106,8 @@ class IndependentGaussian:
         scale: standard deviations, broadcast to ``[P, D]``.
     """
 
-    mean: jax.Array
-    scale: jax.Array
+    mean: ArrayLike
+    scale: ArrayLike
 
     #: Partitions are drawn independently, so that roots may be exchanged (``sps``).
     independent = True

@@ -20,29 +20,14 @@ from typing import Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 from jax import Array
-from jax.scipy.special import logsumexp, ndtri
+from jax.scipy.special import logsumexp
 from jax.typing import ArrayLike
 
 from jaxpf.errors import InputError
 from jaxpf.geometry import area, centres, intersection_area, is_proper
+from jaxpf.intervals import Interval, as_float, masked_mean, mean_interval, wilson_interval
 
 Over = Literal["tracked", "all"]
-
-
-class Interval(NamedTuple):
-    """A figure with its uncertainty; all four have the same shape.
-
-    Attributes:
-        value: the mean or the rate.
-        standard_error: the estimated standard deviation of ``value``.
-        lower: lower end of the confidence interval.
-        upper: upper end of the confidence interval.
-    """
-
-    value: Array
-    standard_error: Array
-    lower: Array
-    upper: Array
 
 
 class EffectiveDynamics(NamedTuple):
@@ -190,91 +175,6 @@ def recovery_rate(estimate: ArrayLike, truth: ArrayLike, level: ArrayLike = 0.95
     return _rate(recovery(estimate, truth), truth, level)
 
 
-def wilson_interval(successes: ArrayLike, trials: ArrayLike, level: ArrayLike = 0.95) -> Interval:
-    """A rate with the confidence interval of Wilson (1927).
-
-    With n trials, k successes, p = k / n and z the normal quantile of the level, the ends are
-    (p + z^2 / 2n +- z sqrt(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n).  Unlike p +- z times
-    the standard error it stays in [0, 1] and does not shrink to a point at 0 or n successes.
-
-    Args:
-        successes: k, ``[...]``.
-        trials: n, ``[...]``; without any, the rate is NaN and the interval [0, 1].
-        level: confidence, in (0, 1).
-
-    Returns:
-        ``[...]`` each.
-    """
-    successes, trials = jnp.broadcast_arrays(_as_float(successes), _as_float(trials))
-    z = _quantile(level)
-    any_trials = trials > 0
-    n = jnp.where(any_trials, trials, 1)
-    p = successes / n
-    variance = p * (1 - p) / n
-    middle = (p + z**2 / (2 * n)) / (1 + z**2 / n)
-    reach = z * jnp.sqrt(variance + z**2 / (4 * n**2)) / (1 + z**2 / n)
-    # At 0 and n successes an end is exactly 0 or 1; rounding must not carry it past.
-    lower = jnp.where(successes <= 0, 0.0, jnp.clip(middle - reach, 0, 1))
-    upper = jnp.where(successes >= n, 1.0, jnp.clip(middle + reach, 0, 1))
-    return Interval(
-        value=jnp.where(any_trials, p, jnp.nan),
-        standard_error=jnp.where(any_trials, jnp.sqrt(variance), jnp.nan),
-        lower=jnp.where(any_trials, lower, 0.0),
-        upper=jnp.where(any_trials, upper, 1.0),
-    )
-
-
-def mean_interval(
-    values: ArrayLike,
-    weights: ArrayLike | None = None,
-    axis: int = 0,
-    level: ArrayLike = 0.95,
-) -> Interval:
-    """A mean over independent runs with its standard error and normal interval.
-
-    The mean is m = sum_r w_r x_r / sum_r w_r and the squared standard error
-    R / (R - 1) sum_r w_r^2 (x_r - m)^2 / (sum_r w_r)^2, which for equal weights is the usual
-    sample variance over R.  With per-run means as values and the numbers of their frames as
-    weights, m is the mean of the pooled frames and the error allows for the frames of one run
-    being alike.
-
-    Args:
-        values: ``[..., R, ...]``; those that are not finite are left out.
-        weights: w, broadcasting with ``values``, not negative; equal by default.
-        axis: the axis of the runs.
-        level: confidence, in (0, 1).
-
-    Returns:
-        The shape of ``values`` without the axis.  The mean of nothing is NaN, and so are the
-        error and the interval with fewer than two runs.
-    """
-    values = _as_float(values)
-    mass = jnp.broadcast_to(1.0 if weights is None else _as_float(weights), values.shape)
-    counts = jnp.isfinite(values) & (mass > 0)
-    mass = jnp.where(counts, mass, 0)
-    total = jnp.sum(mass, axis, keepdims=True)
-    share = mass / jnp.where(total > 0, total, 1)
-    values = jnp.where(counts, values, 0)
-    mean = jnp.sum(share * values, axis, keepdims=True)
-    runs = jnp.sum(counts, axis)
-    squares = jnp.sum((share * (values - mean)) ** 2, axis)
-    error = jnp.sqrt(squares * runs / jnp.maximum(runs - 1, 1))
-    error = jnp.where(runs > 1, error, jnp.nan)
-    value = jnp.where(runs > 0, jnp.squeeze(mean, axis), jnp.nan)
-    reach = _quantile(level) * error
-    return Interval(value, error, value - reach, value + reach)
-
-
-def masked_mean(values: ArrayLike, mask: ArrayLike, axis: int | Sequence[int]) -> Array:
-    """Mean of the values where ``mask`` holds and the value is finite; NaN where none is left."""
-    values = _as_float(values)
-    axis = axis if isinstance(axis, int) else tuple(axis)
-    counts = jnp.isfinite(values) & mask
-    total = jnp.sum(jnp.where(counts, values, 0), axis)
-    number = jnp.sum(counts, axis)
-    return jnp.where(number > 0, total / jnp.maximum(number, 1), jnp.nan)
-
-
 def summarise(
     boxes_estimate: ArrayLike, boxes_truth: ArrayLike, level: ArrayLike = 0.95
 ) -> dict[str, Interval]:
@@ -348,7 +248,7 @@ def effective_dynamics(spread: ArrayLike, scale: ArrayLike) -> EffectiveDynamics
     Returns:
         ``[..., P, D]`` each; NaN in coordinates that have no process noise.
     """
-    spread, scale = _as_float(spread), _as_float(scale)
+    spread, scale = as_float(spread), as_float(scale)
     has_noise = scale > 0
     ratio = jnp.where(has_noise, spread / jnp.where(has_noise, scale, 1), jnp.nan)
     return EffectiveDynamics(deviation_ratio=ratio, variance_ratio=ratio**2)
@@ -365,7 +265,7 @@ def effective_sample_size(log_weights: ArrayLike) -> Array:
     Returns:
         ``[...]``, from 1 to N, or 0 if no weight is above 0.
     """
-    log_weights = _as_float(log_weights)
+    log_weights = as_float(log_weights)
     log_weights = jnp.where(jnp.isfinite(log_weights), log_weights, -jnp.inf)
     largest = jnp.max(log_weights, axis=-1, keepdims=True)
     # Relative to the largest weight, so that neither sum overflows or vanishes.
@@ -417,13 +317,3 @@ def _rate(outcome: Array, truth: ArrayLike, level: ArrayLike) -> Interval:
     ever = jnp.any(has_truth(truth), axis=-2)
     trials = jnp.sum(jnp.broadcast_to(ever, outcome.shape), axis=0)
     return wilson_interval(jnp.sum(outcome, axis=0), trials, level)
-
-
-def _quantile(level: ArrayLike) -> Array:
-    """z with P(|normal| < z) = level."""
-    return ndtri((1 + jnp.asarray(level)) / 2)
-
-
-def _as_float(values: ArrayLike) -> Array:
-    values = jnp.asarray(values)
-    return values.astype(jnp.result_type(values.dtype, jnp.float32))

@@ -123,10 +123,11 @@ def _plot(results: dict[str, Any], path: Path) -> None:
     from jaxpf import plotting
 
     figure, axes = plotting.new_figure(1, 2, figsize=(11, 4))
-    recovery = {
-        name: tuple(100 * float(x[0]) for x in (r.measures["recovery_rate"][i] for i in (0, 2, 3)))
-        for name, r in results.items()
-    }
+    recovery = {}
+    for name, result in results.items():
+        rate = result.measures["recovery_rate"]
+        value, low, high = (100 * float(x[0]) for x in (rate.value, rate.lower, rate.upper))
+        recovery[name] = (value, low, high)
     plotting.bars_with_intervals(axes[0, 0], recovery, "object 1 found again (% of runs)")
     for (name, result), colour in zip(results.items(), plotting.colours(len(results)), strict=True):
         unique = 100 * result.summary.uniqueness.mean(axis=(0, 1))

@@ -126,8 +126,8 @@ def histogram_rows(repeats: int) -> Iterator[Row]:
     """Integral and sampled histograms against the OpenCV loop; the table is not included."""
     frame, boxes = crowded_frame()
     centres = jnp.asarray([(x + w / 2, y + h / 2, 1.0) for x, y, w, h in boxes], jnp.float32)
-    noise = np.random.default_rng(2).normal(size=(RUNS, 3, PARTICLES)) * [[4], [4], [0.02]]
-    noise = jnp.asarray(noise, jnp.float32)
+    offsets = np.random.default_rng(2).normal(size=(RUNS, 3, PARTICLES)) * [[4], [4], [0.02]]
+    noise = jnp.asarray(offsets, jnp.float32)
     candidates: dict[str, Callable[[], Any]] = {"opencv": opencv_loop(frame, boxes[0])}
     for method in ("integral", "sampled"):
         likelihood = histogram(frame, boxes, method=method)
@@ -143,7 +143,7 @@ def histogram_rows(repeats: int) -> Iterator[Row]:
 
             return lax.fori_loop(0, OBJECTS, stage, jnp.zeros((RUNS, PARTICLES)))
 
-        candidates[method] = lambda stages=stages, observation=observation: stages(observation)
+        candidates[method] = partial(stages, observation)
     seconds = interleaved(candidates, repeats)
     loop = seconds["opencv"] / 300
     yield Row("OpenCV, a loop in Python", float(np.median(loop)) * 1e9, 1, 1, 1, "", "")
@@ -180,9 +180,7 @@ def kernel_rows(repeats: int, num_frames: int = 8) -> Iterator[Row]:
         tracker = box_tracker(
             likelihood, boxes, ordering, scale=(2, 2, 0.001), num_particles=PARTICLES
         )
-        candidates[name] = lambda tracker=tracker: jaxpf.monte_carlo(
-            tracker, keys, frames, keep_estimate, batch_size=RUNS
-        )
+        candidates[name] = partial(jaxpf.monte_carlo, tracker, keys, frames, keep_estimate, RUNS)
     seconds = interleaved(candidates, repeats)
     units = RUNS * PARTICLES * OBJECTS * num_frames
     for name in chosen:
@@ -277,9 +275,7 @@ def generic_rows(repeats: int, num_particles: int = 1000, num_frames: int = 50) 
     }
     candidates: dict[str, Callable[[], Any]] = {"minimal": lambda: minimal(keys)}
     for name, tracker in trackers.items():
-        candidates[name] = lambda tracker=tracker: jaxpf.monte_carlo(
-            tracker, keys, frames, keep_report, batch_size=RUNS
-        )
+        candidates[name] = partial(jaxpf.monte_carlo, tracker, keys, frames, keep_report, RUNS)
     seconds = interleaved(candidates, repeats)
     units = RUNS * num_particles * num_frames
     yield compared("minimal filter, 1-D", seconds["minimal"], units, seconds["minimal"], "", "")
@@ -341,5 +337,5 @@ def memory_rows() -> Iterator[tuple[int, int]]:
 
     for num_frames in (10, 100, 1000):
         compiled = jax.jit(track).lower(jax.random.key(0), jnp.zeros((num_frames, 1, 1))).compile()
-        analysis = compiled.memory_analysis()
+        analysis: Any = compiled.memory_analysis()
         yield num_frames, int(analysis.temp_size_in_bytes)

@@ -1,0 +1,121 @@
+"""Figures with their uncertainty: rates, means, and the intervals around them."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+from jax.scipy.special import ndtri
+from jax.typing import ArrayLike
+
+
+class Interval(NamedTuple):
+    """A figure with its uncertainty; all four have the same shape.
+
+    Attributes:
+        value: the mean or the rate.
+        standard_error: the estimated standard deviation of ``value``.
+        lower: lower end of the confidence interval.
+        upper: upper end of the confidence interval.
+    """
+
+    value: Array
+    standard_error: Array
+    lower: Array
+    upper: Array
+
+
+def wilson_interval(successes: ArrayLike, trials: ArrayLike, level: ArrayLike = 0.95) -> Interval:
+    """A rate with the confidence interval of Wilson (1927).
+
+    With n trials, k successes, p = k / n and z the normal quantile of the level, the ends are
+    (p + z^2 / 2n +- z sqrt(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n).  Unlike p +- z times
+    the standard error it stays in [0, 1] and does not shrink to a point at 0 or n successes.
+
+    Args:
+        successes: k, ``[...]``.
+        trials: n, ``[...]``; without any, the rate is NaN and the interval [0, 1].
+        level: confidence, in (0, 1).
+
+    Returns:
+        ``[...]`` each.
+    """
+    successes, trials = jnp.broadcast_arrays(as_float(successes), as_float(trials))
+    z = _quantile(level)
+    any_trials = trials > 0
+    n = jnp.where(any_trials, trials, 1)
+    p = successes / n
+    variance = p * (1 - p) / n
+    middle = (p + z**2 / (2 * n)) / (1 + z**2 / n)
+    reach = z * jnp.sqrt(variance + z**2 / (4 * n**2)) / (1 + z**2 / n)
+    # At 0 and n successes an end is exactly 0 or 1; rounding must not carry it past.
+    lower = jnp.where(successes <= 0, 0.0, jnp.clip(middle - reach, 0, 1))
+    upper = jnp.where(successes >= n, 1.0, jnp.clip(middle + reach, 0, 1))
+    return Interval(
+        value=jnp.where(any_trials, p, jnp.nan),
+        standard_error=jnp.where(any_trials, jnp.sqrt(variance), jnp.nan),
+        lower=jnp.where(any_trials, lower, 0.0),
+        upper=jnp.where(any_trials, upper, 1.0),
+    )
+
+
+def mean_interval(
+    values: ArrayLike,
+    weights: ArrayLike | None = None,
+    axis: int = 0,
+    level: ArrayLike = 0.95,
+) -> Interval:
+    """A mean over independent runs with its standard error and normal interval.
+
+    The mean is m = sum_r w_r x_r / sum_r w_r and the squared standard error
+    R / (R - 1) sum_r w_r^2 (x_r - m)^2 / (sum_r w_r)^2, which for equal weights is the usual
+    sample variance over R.  With per-run means as values and the numbers of their frames as
+    weights, m is the mean of the pooled frames and the error allows for the frames of one run
+    being alike.
+
+    Args:
+        values: ``[..., R, ...]``; those that are not finite are left out.
+        weights: w, broadcasting with ``values``, not negative; equal by default.
+        axis: the axis of the runs.
+        level: confidence, in (0, 1).
+
+    Returns:
+        The shape of ``values`` without the axis.  The mean of nothing is NaN, and so are the
+        error and the interval with fewer than two runs.
+    """
+    values = as_float(values)
+    mass = jnp.broadcast_to(1.0 if weights is None else as_float(weights), values.shape)
+    counts = jnp.isfinite(values) & (mass > 0)
+    mass = jnp.where(counts, mass, 0)
+    total = jnp.sum(mass, axis, keepdims=True)
+    share = mass / jnp.where(total > 0, total, 1)
+    values = jnp.where(counts, values, 0)
+    mean = jnp.sum(share * values, axis, keepdims=True)
+    runs = jnp.sum(counts, axis)
+    squares = jnp.sum((share * (values - mean)) ** 2, axis)
+    error = jnp.sqrt(squares * runs / jnp.maximum(runs - 1, 1))
+    error = jnp.where(runs > 1, error, jnp.nan)
+    value = jnp.where(runs > 0, jnp.squeeze(mean, axis), jnp.nan)
+    reach = _quantile(level) * error
+    return Interval(value, error, value - reach, value + reach)
+
+
+def masked_mean(values: ArrayLike, mask: ArrayLike, axis: int | Sequence[int]) -> Array:
+    """Mean of the values where ``mask`` holds and the value is finite; NaN where none is left."""
+    values = as_float(values)
+    axis = axis if isinstance(axis, int) else tuple(axis)
+    counts = jnp.isfinite(values) & mask
+    total = jnp.sum(jnp.where(counts, values, 0), axis)
+    number = jnp.sum(counts, axis)
+    return jnp.where(number > 0, total / jnp.maximum(number, 1), jnp.nan)
+
+
+def _quantile(level: ArrayLike) -> Array:
+    """z with P(|normal| < z) = level."""
+    return ndtri((1 + jnp.asarray(level)) / 2)
+
+
+def as_float(values: ArrayLike) -> Array:
+    """An array of floats: integers and bools become the default float."""
+    values = jnp.asarray(values)
+    return values.astype(jnp.result_type(values.dtype, jnp.float32))

@@ -1,0 +1,181 @@
+"""Linear-Gaussian problems with a known answer, and z-scores of a filter against it.
+
+``Z^``, ``Z^ m^`` and ``Z^ E^[x^2]`` of a properly weighted filter are unbiased at any number
+of particles.  A z-score is the distance of their mean over many runs from the exact value,
+in standard errors of that mean: for a correct filter |z| is a draw from |N(0, 1)|.
+"""
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxpf
+from jaxpf.dynamics import IndependentGaussian, LinearGaussian
+from jaxpf.likelihoods.gaussian import CorrelatedGaussian, Gaussian, kalman, stacked_model
+
+NUM_PARTICLES = 48
+RUNS = 20_000
+BATCH = 2_000
+#: About one in 150 000 per statistic, if the filter is right; seeds are fixed.
+LIMIT = 4.5
+#: What a wrong filter must exceed.
+WRONG = 10.0
+
+TREE = (-1, 0, 0)
+DEEP_TREE = (-1, 0, 0, 1, 2)
+FOREST = (-1, -1, 0, 1)
+OBJECTS = (-1, -1, -1, -1)
+
+
+class Problem(NamedTuple):
+    """A model, three frames, and the exact posterior of every frame.
+
+    ``log_evidence`` is ``[T]``; ``mean`` and ``variance`` are ``[T, P]``.
+    """
+
+    dynamics: Any
+    likelihood: Any
+    parents: tuple[int, ...]
+    initial: Any
+    frames: np.ndarray
+    log_evidence: np.ndarray
+    mean: np.ndarray
+    variance: np.ndarray
+
+    def tracker(self, ordering, **settings):
+        settings = {"num_particles": NUM_PARTICLES} | settings
+        return jaxpf.Partitioned(
+            dynamics=self.dynamics,
+            likelihood=self.likelihood,
+            ordering=ordering,
+            initial=self.initial,
+            parents=self.parents,
+            **settings,
+        )
+
+
+def problem(
+    parents,
+    *,
+    transition=0.9,
+    coupling=0.5,
+    lag=None,
+    initial_scale=None,
+    correlation=None,
+    same_frames=False,
+    num_frames=3,
+) -> Problem:
+    """``x^k_t = transition x^k_{t-1} + lag x^k_{t-2} + coupling parent_t + n``, ``y = x + n``.
+
+    Noises are of unit variance; with a ``correlation``, the observation noise is correlated
+    between partitions and the likelihood does not factor.
+    """
+    size = len(parents)
+    blocks = np.ones((size, 1, 1))
+    has_parents = any(parent >= 0 for parent in parents)
+    dynamics = LinearGaussian(
+        transition=transition * blocks,
+        noise=blocks,
+        lag=None if lag is None else lag * blocks,
+        coupling=coupling * blocks if has_parents else None,
+    )
+    covariance = np.eye(size)
+    if correlation is not None:
+        covariance = (1 - correlation) * np.eye(size) + correlation
+    frames = 1.5 * np.random.default_rng(0).normal(size=(num_frames, size))
+    if same_frames:
+        frames = np.repeat(frames[:, :1], size, axis=1)
+    system, process = stacked_model(dynamics, parents)
+    start = np.zeros((2 * size, 2 * size))
+    initial: Any = np.zeros((size, 1))
+    if initial_scale is not None:
+        initial = IndependentGaussian(mean=np.zeros((size, 1)), scale=np.array(initial_scale))
+        # Before the first frame both lags hold the same draw.
+        start = initial_scale**2 * np.kron(np.ones((2, 2)), np.eye(size))
+    log_evidence, mean, posterior = kalman(
+        system,
+        process,
+        np.hstack([np.eye(size), np.zeros((size, size))]),
+        covariance,
+        np.zeros(2 * size),
+        start,
+        frames,
+    )
+    factors = correlation is None
+    return Problem(
+        dynamics=dynamics,
+        likelihood=Gaussian(noise=blocks) if factors else CorrelatedGaussian(covariance),
+        parents=tuple(parents),
+        initial=initial,
+        frames=frames[..., None] if factors else frames,
+        log_evidence=log_evidence,
+        mean=mean[:, :size],
+        variance=np.diagonal(posterior, axis1=1, axis2=2)[:, :size],
+    )
+
+
+def objects(**changes) -> Problem:
+    """Four independent objects with a second-order motion and an uncertain start."""
+    settings = {"transition": 0.7, "lag": 0.3, "initial_scale": 1.0}
+    return problem(OBJECTS, **(settings | changes))
+
+
+def moments(state, summary):
+    """The one ``record`` of all tests here, so that they share compiled kernels."""
+    weights = jnp.exp(state.log_weights)
+    values = state.substates[..., 0]
+    return summary.log_evidence, weights @ values, weights @ values**2, summary.uniqueness
+
+
+class Scores(NamedTuple):
+    """z-scores of the evidence ``[]``, and of means and second moments ``[P]``."""
+
+    evidence: float
+    means: np.ndarray
+    seconds: np.ndarray
+
+    @property
+    def worst(self) -> float:
+        """The largest absolute z-score; infinite if one is not a number."""
+        scores = np.abs(np.concatenate([[self.evidence], self.means, self.seconds]))
+        return float(np.nan_to_num(scores, nan=np.inf).max())
+
+
+def scores_of(recorded, exact: Problem) -> Scores:
+    """Compare what ``moments`` recorded, leading axes ``[R, T]``, with the exact answer."""
+    log_evidence, mean, second = (np.asarray(part) for part in recorded[:3])
+    assert log_evidence.dtype == np.float64
+    ratio = np.exp(log_evidence.sum(1) - exact.log_evidence.sum())
+
+    def z(samples, expected):
+        return (samples.mean(0) - expected) / (samples.std(0) / len(samples) ** 0.5)
+
+    return Scores(
+        evidence=float(z(ratio, 1.0)),
+        means=z(ratio[:, None] * mean[:, -1], exact.mean[-1]),
+        seconds=z(ratio[:, None] * second[:, -1], exact.variance[-1] + exact.mean[-1] ** 2),
+    )
+
+
+#: Halves the time to compile; the arithmetic is the same.
+COMPILER_OPTIONS = {"xla_llvm_disable_expensive_passes": True}
+
+
+@partial(jax.jit, static_argnames="batch", compiler_options=COMPILER_OPTIONS)
+def _monte_carlo(tracker, keys, frames, batch):
+    return jaxpf.monte_carlo(tracker, keys, frames, moments, batch_size=batch)
+
+
+def record_runs(exact: Problem, ordering, *, seed=1, runs=RUNS, batch=BATCH, **settings):
+    """``moments`` of many runs of a filter on a problem, leading axes ``[R, T]``."""
+    tracker = exact.tracker(ordering, **settings)
+    keys = jax.random.split(jax.random.key(seed), runs)
+    return _monte_carlo(tracker, keys, exact.frames, batch)
+
+
+def scores(exact: Problem, ordering, **settings) -> Scores:
+    """Run a filter many times on a problem and compare it with the exact answer."""
+    return scores_of(record_runs(exact, ordering, **settings), exact)

@@ -1,0 +1,53 @@
+"""Estimates converge to the exact answer at the rate 1/sqrt(N)."""
+
+import numpy as np
+import pytest
+from exact import OBJECTS, objects, record_runs
+
+from jaxpf import ordering
+
+pytestmark = [pytest.mark.statistical, pytest.mark.slow]
+
+SIZES = (100, 400, 1600, 6400)
+RUNS = 400
+
+
+@pytest.fixture(scope="module")
+def last_frames():
+    """For each method, means and second moments of the last frame, ``[R, P]`` at each N."""
+    exact = objects()
+    orderings = {
+        "ps": ordering.ps([2, 0, 3, 1]),
+        "dps": ordering.dps(4),
+        "sps": ordering.sps(OBJECTS),
+    }
+    found = {name: [] for name in orderings}
+    for size in SIZES:
+        for name, order in orderings.items():
+            recorded = record_runs(exact, order, seed=7, runs=RUNS, batch=50, num_particles=size)
+            found[name].append([np.asarray(part)[:, -1] for part in recorded[1:3]])
+    return exact, found
+
+
+@pytest.mark.parametrize("method", ["ps", "dps", "sps"])
+def test_error_falls_with_the_root_of_the_number_of_particles(last_frames, method):
+    exact, found = last_frames
+    rmse = [np.sqrt(np.mean((mean - exact.mean[-1]) ** 2)) for mean, _ in found[method]]
+    slope = np.polyfit(np.log(SIZES), np.log(rmse), 1)[0]
+    assert slope == pytest.approx(-0.5, abs=0.1)
+
+
+@pytest.mark.parametrize("method", ["ps", "dps", "sps"])
+def test_many_particles_leave_no_visible_bias(last_frames, method):
+    exact, found = last_frames
+    mean, _ = found[method][-1]
+    errors = mean - exact.mean[-1]
+    assert (np.abs(errors.mean(0)) < 4 * errors.std(0) / RUNS**0.5).all()
+
+
+@pytest.mark.parametrize("method", ["ps", "dps", "sps"])
+def test_many_particles_have_the_posterior_variance(last_frames, method):
+    exact, found = last_frames
+    mean, second = found[method][-1]
+    ratio = (second - mean**2).mean(0) / exact.variance[-1]
+    np.testing.assert_allclose(ratio, 1.0, atol=0.03)

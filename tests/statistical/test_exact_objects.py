@@ -1,0 +1,69 @@
+"""Independent objects with a second-order motion: lags must travel with their object.
+
+Every method against the Kalman filter, and whether it treats identical objects alike.
+"""
+
+import numpy as np
+import pytest
+import scipy.stats
+from exact import LIMIT, OBJECTS, WRONG, objects, record_runs, scores, scores_of
+
+from jaxpf import ordering
+
+pytestmark = [pytest.mark.statistical, pytest.mark.slow]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        pytest.param(lambda: ordering.sir(4), id="sir"),
+        pytest.param(lambda: ordering.ps([0, 1, 2, 3]), id="ps-0123"),
+        pytest.param(lambda: ordering.ps([3, 1, 2, 0]), id="ps-3120"),
+        pytest.param(lambda: ordering.dps(4), id="dps"),
+        pytest.param(
+            lambda: ordering.dps(orders=[[2, 0, 3, 1], [3, 2, 1, 0], [0, 1, 3, 2]]), id="dps-3"
+        ),
+        pytest.param(lambda: ordering.sps(OBJECTS), id="sps-combinatorial"),
+        pytest.param(lambda: ordering.sps(OBJECTS, exchange_roots=False), id="sps-no-exchange"),
+    ],
+)
+def test_filter_of_independent_objects_is_unbiased(make):
+    assert scores(objects(), make()).worst < LIMIT
+
+
+def test_literal_reassembly_is_biased_in_its_means():
+    """The paper's rule throws the components' evidence away."""
+    literal = scores(objects(), ordering.dps(4, reassembly="literal"))
+    assert np.abs(literal.means).max() > 2 * WRONG
+
+
+def test_sorted_swap_of_objects_is_biased_by_far():
+    assert scores(objects(), ordering.sps(OBJECTS, "sorted")).evidence > 3 * WRONG
+
+
+def test_the_yardstick_notices_an_answer_that_is_slightly_wrong():
+    exact, recorded = objects(), record_runs(objects(), ordering.sps(OBJECTS))
+    more_evidence = exact._replace(log_evidence=exact.log_evidence + np.log(1.1) / 3)
+    assert abs(scores_of(recorded, more_evidence).evidence) > LIMIT
+    more_variance = exact._replace(variance=1.2 * exact.variance)
+    assert np.abs(scores_of(recorded, more_variance).seconds).max() > LIMIT
+
+
+def p_values(order):
+    """Friedman's test over objects, of squared errors and of uniqueness in the last frame."""
+    exact = objects(same_frames=True)
+    _, mean, _, uniqueness = (np.asarray(part)[:, -1] for part in record_runs(exact, order))
+    errors = (mean - exact.mean[-1]) ** 2
+    return [scipy.stats.friedmanchisquare(*measure.T).pvalue for measure in (errors, uniqueness)]
+
+
+def test_dps_treats_identical_objects_alike():
+    assert min(p_values(ordering.dps(4))) > 1e-3
+
+
+def test_sps_treats_identical_objects_alike():
+    assert min(p_values(ordering.sps(OBJECTS))) > 1e-3
+
+
+def test_ps_treats_identical_objects_unlike():
+    assert max(p_values(ordering.ps([0, 1, 2, 3]))) < 1e-6

@@ -1,0 +1,140 @@
+"""Known faults, planted one at a time: each must throw the z-scores far out.
+
+So the exactness tests are shown to see these faults.  A mutated kernel is traced through a
+new function, because a compiled one would hide the mutation.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from exact import (
+    BATCH,
+    COMPILER_OPTIONS,
+    DEEP_TREE,
+    FOREST,
+    LIMIT,
+    OBJECTS,
+    RUNS,
+    TREE,
+    WRONG,
+    moments,
+    objects,
+    problem,
+    scores,
+    scores_of,
+)
+
+from jaxpf import exchange, kernel, ordering, resampling, running
+
+pytestmark = [pytest.mark.statistical, pytest.mark.slow]
+
+
+def mutant_scores(exact, order, **settings):
+    """``exact.scores`` through a kernel that is traced now."""
+
+    def monte_carlo(tracker, keys, frames):
+        return running._monte_carlo.__wrapped__(tracker, keys, frames, moments)
+
+    keys = jax.random.split(jax.random.key(1), RUNS).reshape(-1, BATCH)
+    tracker = exact.tracker(order, **settings)
+    recorded = jax.jit(monte_carlo, compiler_options=COMPILER_OPTIONS)(tracker, keys, exact.frames)
+    return scores_of(jax.tree.map(lambda x: x.reshape(RUNS, *x.shape[2:]), recorded), exact)
+
+
+def mutate_weights(monkeypatch, weigh):
+    """Replace the corrected weights of a resampling; the ancestors stay right."""
+    original = resampling.weighted_resample
+
+    def mutant(key, log_weights, log_selection, scheme="systematic", components=None):
+        chosen, right = original(key, log_weights, log_selection, scheme, components)
+        return chosen, weigh(chosen, right, log_weights, components)
+
+    monkeypatch.setattr(resampling, "weighted_resample", mutant)
+
+
+def test_kills_the_inverse_of_rho_dropped(monkeypatch):
+    def weigh(chosen, right, log_weights, components):
+        return log_weights[chosen] - jnp.log(components.size[components.index])
+
+    mutate_weights(monkeypatch, weigh)
+    assert mutant_scores(problem(TREE), ordering.ps([0, 1, 2])).worst > WRONG
+
+
+def test_kills_the_inverse_of_n_dropped(monkeypatch):
+    def weigh(chosen, right, log_weights, components):
+        return right + jnp.log(components.size[components.index])
+
+    mutate_weights(monkeypatch, weigh)
+    assert mutant_scores(problem(TREE), ordering.ps([0, 1, 2])).worst > WRONG
+
+
+def test_kills_rho_normalised_across_components(monkeypatch):
+    def weigh(chosen, right, log_weights, components):
+        total = jax.nn.logsumexp(log_weights) - jnp.log(log_weights.shape[0])
+        return jnp.full_like(right, total)
+
+    mutate_weights(monkeypatch, weigh)
+    assert mutant_scores(objects(), ordering.dps(4)).worst > WRONG
+
+
+def test_kills_weights_kept_after_a_resampling(monkeypatch):
+    original = kernel._resample
+
+    def mutant(tracker, key, log_weights, log_selection, components):
+        ancestors, _, _ = original(tracker, key, log_weights, log_selection, components)
+        return ancestors, log_weights[ancestors], jnp.zeros((), bool)
+
+    monkeypatch.setattr(kernel, "_resample", mutant)
+    assert mutant_scores(problem(TREE), ordering.ps([0, 1, 2])).worst > WRONG
+
+
+def test_kills_a_redraw_from_the_resampled_set(monkeypatch):
+    """Candidates must be the particles before the resampling, not their offspring."""
+
+    def redraw(key, swap, one, ancestors, is_root):
+        positions = jnp.zeros_like(one.members).at[one.members].set(jnp.arange(len(ancestors)))
+        before = jnp.concatenate([jnp.zeros(1), one.cumulative[:-1]])
+        starts = positions == one.start
+        weight = one.cumulative[positions] - jnp.where(starts, 0.0, before[positions])
+        mine, theirs = one.start[ancestors][:, None], one.start[ancestors][None, :]
+        logits = jnp.where(mine == theirs, jnp.log(weight)[ancestors][None, :], -jnp.inf)
+        return ancestors[jax.random.categorical(key, logits, axis=1)].astype(jnp.int32)
+
+    monkeypatch.setattr(exchange, "draw", redraw)
+    found = mutant_scores(problem(DEEP_TREE), ordering.sps(DEEP_TREE), resampling="multinomial")
+    assert found.worst > WRONG
+
+
+def test_kills_a_swap_that_leaves_the_past_of_descendants_behind(monkeypatch):
+    """On a single-root tree this fault is none: a group shares its past there."""
+
+    original = ordering._carriers
+
+    def only_itself(order, level, tree):
+        carrier = original(order, level, tree)
+        return np.where(carrier == np.arange(len(order)), carrier, -1).astype(np.int32)
+
+    monkeypatch.setattr(ordering, "_carriers", only_itself)
+    exact = problem(FOREST, transition=0.7, lag=0.3, initial_scale=1.0)
+    assert scores(exact, ordering.sps(FOREST)).worst > WRONG
+
+
+def test_kills_a_swap_that_leaves_the_lags_of_the_part_behind(monkeypatch):
+    original = kernel.finish
+
+    def mutant(tracker, observation, components, frame):
+        state, summary = original(tracker, observation, components, frame)
+        # Nobody is resampled after the only level: slot i's own past is what slot i drew from.
+        own = frame.stages[1][:, tracker.ordering.rank[0]]
+        return dataclasses.replace(state, lagged=state.lagged.at[1].set(own)), summary
+
+    monkeypatch.setattr(kernel, "finish", mutant)
+    assert mutant_scores(objects(), ordering.sps(OBJECTS)).worst > WRONG
+
+
+def test_the_kernel_without_a_mutation_passes_the_same_way(monkeypatch):
+    mutate_weights(monkeypatch, lambda chosen, right, log_weights, components: right)
+    assert mutant_scores(problem(TREE), ordering.ps([0, 1, 2])).worst < LIMIT

@@ -1,0 +1,140 @@
+"""``--config``: one TOML file that can hold every option of a command."""
+
+import tomllib
+
+import cv2
+import numpy as np
+import pytest
+
+from jaxpf import cli
+from jaxpf.cli import common
+
+
+@pytest.fixture
+def images(tmp_path):
+    folder = tmp_path / "images"
+    folder.mkdir()
+    for number in range(2):
+        cv2.imwrite(str(folder / f"{number}.png"), np.full((48, 64, 3), 100, np.uint8))
+    return folder
+
+
+@pytest.fixture
+def refusal(tmp_path, images, monkeypatch, capsys):
+    """The sentence with which ``jaxpf track`` refuses a configuration and typed options."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(common, "use_compile_cache", lambda: None)
+
+    def run(content, *arguments):
+        (tmp_path / "run.toml").write_bytes(
+            content if isinstance(content, bytes) else content.encode()
+        )
+        with pytest.raises(SystemExit) as stop:
+            cli.main(["track", str(images), "--config", "run.toml", *arguments])
+        assert stop.value.code == 2
+        *_, sentence = capsys.readouterr().err.strip().splitlines()
+        assert sentence.startswith("Error: ")
+        assert not list(tmp_path.glob("jaxpf-*"))
+        return sentence
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("x = [", "'run.toml' is not valid TOML"),
+        (b"\xff[track]", "'run.toml' is not valid TOML"),
+        ("", "has no table [track]; add one"),
+        ("[demo]\nruns = 2", "has no table [track]; add one"),
+        ("track = 3", "has no table [track]; add one"),
+        ("[track]\nboxx = 3", "sets 'boxx' in [track], which is no option; the options are box,"),
+        ("[track]\nconfig = 'a'", "sets 'config' in [track], which is no option"),
+        ("[track]\nparticles = 'many'", "sets 'particles' in [track] to 'many'; give a whole"),
+        ("[track]\nparticles = 60.7", "to 60.7; give a whole number"),
+        ("[track]\nparticles = true", "to true; give a whole number"),
+        ("[track]\nsharpness = '20'", "to '20'; give a number"),
+        ("[track]\noverlay = 0", "to 0; give true or false"),
+        ("[track]\nmethod = 3", "to 3; give a text in quotes"),
+        ("[track]\nboxes = 3", "to 3; give a text in quotes"),
+        ("[track]\nscale = 4", "to 4; give a list of numbers"),
+        ("[track]\nscale = [4, 2]", "[4, 2] holds 2 number(s); give 3 of them"),
+        ("[track]\nids = [1.5]", "to [1.5]; give a list of whole numbers"),
+        ("[track]\nbox = '6,8,12,16'", "give a list such as [[120, 80, 40, 90]"),
+        ("[track]\nbox = [6, 8, 12, 16]", "give a list such as [[120, 80, 40, 90]"),
+    ],
+)
+def test_a_bad_configuration_is_one_sentence_that_names_file_and_key(refusal, content, message):
+    assert message in refusal(content)
+
+
+def test_a_configuration_that_is_not_there_is_refused(tmp_path, capsys):
+    for path in (tmp_path / "nowhere.toml", tmp_path):
+        with pytest.raises(SystemExit) as stop:
+            cli.main(["track", "clip.avi", "--config", str(path)])
+        assert stop.value.code == 2
+        assert f"cannot read the configuration '{path}'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("spelling", ["ess-threshold", "ess_threshold"])
+def test_keys_are_spelt_with_hyphens_or_underscores(refusal, spelling):
+    assert "--ess-threshold 2 must be a share" in refusal(f"[track]\n{spelling} = 2").replace(
+        "2.0", "2"
+    )
+
+
+def test_the_video_may_stand_in_the_configuration(tmp_path, capsys):
+    (tmp_path / "run.toml").write_text("[track]\nvideo = 'nowhere.mp4'")
+    with pytest.raises(SystemExit):
+        cli.main(["track", "--config", str(tmp_path / "run.toml")])
+    assert "there is no video or folder at 'nowhere.mp4'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("boxes", ['["70,0,5,5"]', "[[70, 0, 5, 5]]"])
+def test_boxes_may_be_texts_or_lists_of_numbers(refusal, boxes):
+    assert "the box of object 1 (70,0,5,5) lies outside" in refusal(f"[track]\nbox = {boxes}")
+
+
+def test_what_is_typed_wins_over_the_configuration(refusal):
+    assert "--seed -2" in refusal("[track]\nseed = -1", "--seed", "-2")
+    assert "'typed' is unknown" in refusal("[track]\nmethod = 'written'", "--method", "typed")
+
+
+def test_boxes_that_are_typed_replace_those_of_the_configuration(refusal):
+    written = "[track]\nboxes = 'nowhere.csv'\nids = [1]"
+    assert "(70,0,5,5) lies outside" in refusal(written, "--box", "70,0,5,5")
+    written = "[track]\nbox = [[1, 2, 3, 4]]"
+    assert "no file of boxes at 'typed.csv'" in refusal(written, "--boxes", "typed.csv")
+
+
+def test_a_typed_method_drops_the_order_of_the_configuration(refusal):
+    written = "[track]\nmethod = 'ps'\norder = [1, 0]\nbox = [[70, 0, 5, 5]]"
+    assert "lies outside" in refusal(written, "--method", "dps")
+    assert "add --method ps" in refusal(written, "--method", "dps", "--order", "1,0")
+
+
+def test_the_output_of_the_configuration_is_used(refusal, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("")
+    written = "[track]\noutput = 'mine'\nbox = [[1, 2, 9, 9]]"
+    assert "output folder 'mine' is not empty" in refusal(written)
+
+
+def test_what_is_written_reads_back_as_the_same_options(tmp_path):
+    options = {
+        "video": tmp_path / "a.mp4",
+        "box": ("1,2,3,4",),
+        "scale": [4.0, 2.0, 0.003],
+        "seed": 3,
+        "overlay": False,
+        "ids": None,
+    }
+    common.write_config(tmp_path / "run.toml", "track", options)
+    table = tomllib.loads((tmp_path / "run.toml").read_text())["track"]
+    assert table == {
+        "video": str(tmp_path / "a.mp4"),
+        "box": ["1,2,3,4"],
+        "scale": [4.0, 2.0, 0.003],
+        "seed": 3,
+        "overlay": False,
+    }

@@ -1,0 +1,143 @@
+"""Dynamics: the formulas, noise aside and noise included, for one particle and for all."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxpf.dynamics import (
+    AR2,
+    BatchedDynamics,
+    IndependentGaussian,
+    LinearGaussian,
+    RandomWalk,
+)
+
+N = 20_000
+KEY = jax.random.key(0)
+
+
+def particles(values):
+    """``[D, N]``: the same substate in every particle."""
+    return jnp.repeat(jnp.asarray(values, jnp.float32)[:, None], N, axis=1)
+
+
+def move(dynamics, partition, current=(0.0, 0.0), previous=(0.0, 0.0), parent=(0.0, 0.0)):
+    partitions = jnp.full((N,), partition)
+    return np.asarray(
+        dynamics.propagate_all(KEY, partitions, *map(particles, (current, previous, parent)))
+    )
+
+
+def assert_normal(samples, mean, covariance):
+    """Mean and covariance within 4.5 standard errors, of samples ``[D, N]``."""
+    covariance = np.asarray(covariance, float)
+    error = np.sqrt(np.diagonal(covariance) / N)
+    assert (np.abs(samples.mean(1) - mean) <= 4.5 * error + 1e-5).all()
+    scale = np.sqrt(np.outer(np.diagonal(covariance), np.diagonal(covariance)) + covariance**2)
+    assert (np.abs(np.cov(samples) - covariance) <= 4.5 * scale / N**0.5 + 1e-5).all()
+
+
+@pytest.mark.parametrize(
+    ("scale", "expected"),
+    [
+        (np.float32(2.0), (2.0, 2.0)),
+        (np.array([1.0, 3.0]), (1.0, 3.0)),
+        (np.array([[1.0, 3.0], [0.5, 4.0]]), (0.5, 4.0)),
+    ],
+    ids=["scalar", "by-dimension", "by-partition"],
+)
+def test_random_walk_adds_noise_of_the_given_scale(scale, expected):
+    moved = move(RandomWalk(scale), 1, current=(5.0, -1.0), previous=(99.0, 99.0))
+    assert_normal(moved, (5.0, -1.0), np.diag(np.square(expected)))
+
+
+def test_ar2_repeats_half_the_last_displacement():
+    moved = move(AR2(np.array([2.0, 0.5])), 0, current=(5.0, -1.0), previous=(3.0, 1.0))
+    assert_normal(moved, (6.0, -2.0), np.diag([4.0, 0.25]))
+
+
+def test_ar2_momentum_is_a_parameter():
+    moved = move(AR2(np.float32(0.0), momentum=2.0), 0, current=(5.0, 0.0), previous=(3.0, 0.0))
+    np.testing.assert_allclose(moved[0], 9.0)
+
+
+def linear():
+    rng = np.random.default_rng(1)
+    return LinearGaussian(
+        transition=rng.normal(size=(3, 2, 2)),
+        noise=np.tril(rng.normal(size=(3, 2, 2))),
+        lag=rng.normal(size=(3, 2, 2)),
+        coupling=rng.normal(size=(3, 2, 2)),
+        offset=rng.normal(size=(3, 2)),
+    )
+
+
+@pytest.mark.parametrize("partition", [0, 2])
+def test_linear_gaussian_uses_every_term_of_its_partition(partition):
+    made, p = linear(), partition
+    current, previous, parent = np.array([[1.0, -2.0], [0.5, 3.0], [-1.0, 2.0]])
+    moved = move(made, p, current, previous, parent)
+    mean = (
+        made.transition[p] @ current
+        + made.lag[p] @ previous
+        + made.coupling[p] @ parent
+        + made.offset[p]
+    )
+    assert_normal(moved, mean, made.noise[p] @ made.noise[p].T)
+
+
+def test_partitions_may_differ_from_particle_to_particle():
+    made = LinearGaussian(
+        transition=np.array([[[1.0]], [[2.0]]]), noise=np.zeros((2, 1, 1)), offset=[[0.0], [10.0]]
+    )
+    ones = jnp.ones((1, 4))
+    moved = made.propagate_all(KEY, jnp.array([0, 1, 1, 0]), ones, ones, ones)
+    np.testing.assert_array_equal(moved, [[1.0, 12.0, 12.0, 1.0]])
+
+
+@pytest.mark.parametrize("make", [linear, lambda: RandomWalk(1.0), lambda: AR2(1.0)])
+def test_one_particle_form_has_the_law_of_the_batched_one(make):
+    made = make()
+    current, previous, parent = jnp.array([[1.0, -2.0], [0.5, 3.0], [-1.0, 2.0]])
+    keys = jax.random.split(jax.random.key(1), N)
+    one = jax.vmap(lambda key: made.propagate(key, 1, current, previous, parent))(keys)
+    assert one.shape == (N, 2)
+    one, together = np.asarray(one, float).T, move(made, 1, current, previous, parent)
+    # Both are estimates: the difference has twice the variance of either.
+    spread = np.cov(together)
+    error = np.sqrt(2 * np.diagonal(spread) / N)
+    assert (np.abs(one.mean(1) - together.mean(1)) < 4.5 * error).all()
+    scale = np.sqrt(np.outer(np.diagonal(spread), np.diagonal(spread)) + spread**2)
+    assert (np.abs(np.cov(one) - spread) < 4.5 * scale * np.sqrt(2 / N)).all()
+
+
+@pytest.mark.parametrize("make", [linear, lambda: RandomWalk(1.0), lambda: AR2(1.0)])
+def test_dtype_is_that_of_the_substates(make):
+    with jax.enable_x64(True):
+        for dtype in (jnp.float32, jnp.float64):
+            x = jnp.zeros((2, 5), dtype)
+            moved = make().propagate_all(KEY, jnp.zeros(5, jnp.int32), x, x, x)
+            assert moved.dtype == dtype
+
+
+def test_batched_dynamics_without_a_batched_form_says_what_is_missing():
+    class Empty(BatchedDynamics):
+        pass
+
+    with pytest.raises(TypeError, match="Empty must define propagate_all"):
+        Empty().propagate(KEY, 0, jnp.zeros(2), jnp.zeros(2), jnp.zeros(2))
+
+
+def test_independent_gaussian_draws_every_partition_on_its_own():
+    sampler = IndependentGaussian(
+        mean=np.array([[1.0, 2.0], [3.0, 4.0]], np.float32), scale=np.array([0.5, 2.0])
+    )
+    drawn = jax.vmap(sampler)(jax.random.split(KEY, N))
+    assert drawn.shape == (N, 2, 2)
+    assert_normal(
+        np.asarray(drawn, np.float64).reshape(N, 4).T,
+        [1.0, 2.0, 3.0, 4.0],
+        np.diag([0.25, 4.0, 0.25, 4.0]),
+    )
+    assert sampler.independent

@@ -1,0 +1,76 @@
+import re
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+# A home or working folder of Linux or macOS, a temporary folder, or a Windows drive.
+MACHINE_PATH = re.compile(
+    r"(?<![\w.])/(?:home|Users|root|tmp|work|var|private|opt|usr|mnt|srv)/\w|[A-Za-z]:\\\\?\w"
+)
+
+each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+
+
+def code_cells(path):
+    cells = nbformat.read(path, as_version=4).cells
+    return [cell for cell in cells if cell.cell_type == "code" and cell.source.strip()]
+
+
+def without_pictures(node):
+    """The notebook's JSON less its base64 pictures, in which any letters may occur."""
+    if isinstance(node, dict):
+        return {k: without_pictures(v) for k, v in node.items() if not k.startswith("image/")}
+    return [without_pictures(item) for item in node] if isinstance(node, list) else node
+
+
+def test_there_are_notebooks():
+    assert {"first_steps", "partitioned_sampling"} <= {path.stem for path in NOTEBOOKS}
+
+
+@each_notebook
+def test_the_committed_notebook_was_executed_in_one_go(path):
+    counts = [cell.execution_count for cell in code_cells(path)]
+    assert counts == list(range(1, len(counts) + 1))
+
+
+@each_notebook
+def test_the_committed_notebook_holds_pictures_and_no_errors(path):
+    outputs = [output for cell in code_cells(path) for output in cell.outputs]
+    assert any("image/png" in output.get("data", {}) for output in outputs)
+    assert not [output for output in outputs if output.output_type == "error"]
+    warnings = [o.text for o in outputs if o.output_type == "stream" and o.name == "stderr"]
+    assert not warnings
+
+
+@each_notebook
+def test_the_committed_notebook_is_small(path):
+    assert path.stat().st_size < 1e6
+
+
+@each_notebook
+def test_the_committed_notebook_tells_nothing_about_the_machine(path):
+    notebook = nbformat.read(path, as_version=4)
+    outputs = [without_pictures(cell.get("outputs", [])) for cell in notebook.cells]
+    metadata = [notebook.metadata, *(cell.metadata for cell in notebook.cells)]
+    found = MACHINE_PATH.search(f"{outputs} {metadata}")
+    assert found is None, f"{path.name} holds the path {found and found.group()!r}..."
+    assert set(notebook.metadata) <= {"kernelspec", "language_info"}
+
+
+def test_the_search_for_paths_finds_them():
+    for text in ("'/home/me/x.webm'", "(/tmp/a)", "at /Users/me", r"C:\\Users", "/root/x"):
+        assert MACHINE_PATH.search(text), text
+    for text in ("image/png", "text/plain", "a/home/b", "12/25", "Z^/Z"):
+        assert not MACHINE_PATH.search(text), text
+
+
+@pytest.mark.slow
+@each_notebook
+def test_the_notebook_runs(path):
+    notebook = nbformat.read(path, as_version=4)
+    resources = {"metadata": {"path": str(FOLDER)}}
+    NotebookClient(notebook, timeout=300, kernel_name="python3", resources=resources).execute()

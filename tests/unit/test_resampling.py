@@ -1,0 +1,325 @@
+"""Ancestors: laws, bounds and degenerate weights of every scheme."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.stats
+
+from jaxpf import InputError
+from jaxpf.resampling import (
+    SCHEMES,
+    ancestors,
+    components_of_sizes,
+    few_effective,
+    one_component,
+    weighted_resample,
+)
+
+WEIGHTS = np.array([0.02, 0.3, 0.0, 0.13, 0.07, 0.21, 0.0, 0.27])
+# Sizes of components, an empty one first, between and last.
+SIZES = np.array([0, 3, 0, 4, 1, 0])
+KEYS = 20_000
+
+schemes = pytest.mark.parametrize("scheme", SCHEMES)
+
+
+def log(weights):
+    with np.errstate(divide="ignore"):
+        return jnp.log(jnp.asarray(weights, jnp.float32))
+
+
+def keys(count=KEYS, seed=0):
+    return jax.random.split(jax.random.key(seed), count)
+
+
+def offspring(chosen, num_particles):
+    """Counts ``[..., N]`` of ancestors ``[..., N]``."""
+    return np.sum(np.asarray(chosen)[..., None] == np.arange(num_particles), axis=-2)
+
+
+def draw(scheme, weights=WEIGHTS, count=KEYS, components=None):
+    log_weights = log(weights)
+    one = jax.jit(jax.vmap(lambda key: ancestors(key, log_weights, scheme, components)))
+    return np.asarray(one(keys(count)))
+
+
+def z_scores(samples, expected):
+    """In standard errors; where the samples do not vary they must be right."""
+    error, deviation = samples.mean(0) - expected, samples.std(0)
+    constant = deviation < 1e-9
+    np.testing.assert_allclose(error[constant], 0.0, atol=1e-5)
+    return error[~constant] / (deviation[~constant] / len(samples) ** 0.5)
+
+
+# Laws.
+
+
+@schemes
+@pytest.mark.statistical
+def test_expected_offspring_are_proportional_to_the_weights(scheme):
+    counts = offspring(draw(scheme), 8)
+    assert np.abs(z_scores(counts, 8 * WEIGHTS)).max() < 4.5
+
+
+@schemes
+@pytest.mark.statistical
+def test_expected_offspring_are_proportional_within_unequal_components(scheme):
+    components = components_of_sizes(SIZES, 8)
+    weights = np.array([0.1, 0.2, 0.7, 5.0, 1.0, 0.0, 2.0, 1e-9])
+    counts = offspring(draw(scheme, weights, components=components), 8)
+    expected = np.concatenate([3 * weights[:3], 4 * weights[3:7] / 8, [1.0]])
+    assert np.abs(z_scores(counts, expected)).max() < 4.5
+
+
+@pytest.mark.statistical
+def test_multinomial_ancestors_are_independent_draws_from_the_weights():
+    chosen = draw("multinomial")
+    possible = WEIGHTS > 0
+    counts = offspring(chosen.reshape(1, -1), 8)[0]
+    assert counts[~possible].sum() == 0
+    assert scipy.stats.chisquare(counts[possible], chosen.size * WEIGHTS[possible]).pvalue > 1e-3
+    # Two slots are independent: their joint counts are products.
+    pairs = np.zeros((8, 8))
+    np.add.at(pairs, (chosen[:, 0], chosen[:, 5]), 1)
+    expected = len(chosen) * np.outer(WEIGHTS, WEIGHTS)
+    rows = expected > 0
+    assert scipy.stats.chisquare(pairs[rows], expected[rows]).pvalue > 1e-3
+
+
+@pytest.mark.statistical
+def test_multinomial_counts_have_the_binomial_variance():
+    counts = offspring(draw("multinomial"), 8)
+    np.testing.assert_allclose(counts.var(0), 8 * WEIGHTS * (1 - WEIGHTS), rtol=0.05)
+
+
+def test_systematic_counts_are_the_floor_or_the_ceiling():
+    counts = offspring(draw("systematic", count=2000), 8)
+    assert ((counts >= np.floor(8 * WEIGHTS)) & (counts <= np.ceil(8 * WEIGHTS))).all()
+
+
+def test_systematic_counts_are_the_floor_or_the_ceiling_within_components():
+    rng = np.random.default_rng(1)
+    sizes = np.array([5, 0, 17, 1, 41])
+    components = components_of_sizes(sizes, 64)
+    weights = rng.gamma(0.5, size=64)
+    index = np.repeat(np.arange(5), sizes)
+    total = np.bincount(index, weights, 5)
+    expected = weights * sizes[index] / total[index]
+    counts = offspring(draw("systematic", weights, 2000, components), 64)
+    assert (counts >= np.floor(expected - 1e-4)).all()
+    assert (counts <= np.ceil(expected + 1e-4)).all()
+
+
+def test_stratified_slots_take_the_ancestor_of_their_own_stratum():
+    chosen = draw("stratified", count=2000)
+    ends = np.cumsum(WEIGHTS)
+    slots = np.arange(8)
+    low, high = np.searchsorted(ends, slots / 8, "right"), np.searchsorted(ends, (slots + 1) / 8)
+    assert ((chosen >= low) & (chosen <= high)).all()
+
+
+def test_residual_counts_are_at_least_the_floor():
+    counts = offspring(draw("residual", count=2000), 8)
+    assert (counts >= np.floor(8 * WEIGHTS)).all()
+    assert len(np.unique(counts, axis=0)) > 10  # the rest is random
+
+
+@pytest.mark.statistical
+def test_residual_rest_is_multinomial_on_what_is_left():
+    counts = offspring(draw("residual"), 8)
+    floors = np.floor(8 * WEIGHTS)
+    left = 8 * WEIGHTS - floors
+    share = left / left.sum()
+    rest = 8 - floors.sum()
+    np.testing.assert_allclose(counts.var(0), rest * share * (1 - share), rtol=0.06, atol=1e-3)
+
+
+@schemes
+@pytest.mark.statistical
+@pytest.mark.parametrize("same", [True, False], ids=["by-weight", "by-another-function"])
+def test_weighted_resampling_preserves_weighted_sums(scheme, same):
+    """``E[sum_i w'_i f(x_i)] = sum_i w_i f(x_i)``, in every component on its own."""
+    rng = np.random.default_rng(2)
+    components = components_of_sizes(np.array([5, 0, 12, 3]), 20)
+    log_weights = jnp.asarray(rng.normal(size=20), jnp.float32)
+    log_selection = log_weights if same else jnp.asarray(rng.normal(size=20), jnp.float32)
+    values = np.stack([np.ones(20), rng.normal(size=20), np.arange(20.0)])
+
+    def one(key):
+        return weighted_resample(key, log_weights, log_selection, scheme, components)
+
+    chosen, new = (np.asarray(x) for x in jax.jit(jax.vmap(one))(keys()))
+    index = np.asarray(components.index)
+    for component in (0, 2, 3):
+        mine = index == component
+        sums = np.einsum("rn,frn->rf", np.exp(new[:, mine]), values[:, chosen[:, mine]])
+        exact = values[:, mine] @ np.exp(np.asarray(log_weights))[mine]
+        error, spread = sums.mean(0) - exact, sums.std(0)
+        # Rounding of float32 counts where the sums do not vary.
+        assert (np.abs(error) < 4.5 * spread / KEYS**0.5 + 2e-6 * np.abs(exact).max()).all()
+
+
+@schemes
+def test_resampling_by_the_weight_leaves_equal_weights(scheme):
+    components = components_of_sizes(SIZES, 8)
+    _, new = weighted_resample(jax.random.key(0), log(WEIGHTS), log(WEIGHTS), scheme, components)
+    sums = [WEIGHTS[:3].sum() / 3, WEIGHTS[3:7].sum() / 4, WEIGHTS[7]]
+    np.testing.assert_allclose(np.exp(new), np.repeat(sums, [3, 4, 1]), rtol=1e-5)
+
+
+@schemes
+def test_scale_of_the_weights_does_not_matter(scheme):
+    shifted = ancestors(jax.random.key(4), log(WEIGHTS) - 690.0, scheme)
+    np.testing.assert_array_equal(shifted, ancestors(jax.random.key(4), log(WEIGHTS), scheme))
+
+
+# Components.
+
+
+@schemes
+def test_ancestors_stay_in_their_component_for_sizes_known_at_run_time(scheme):
+    log_weights = log(np.random.default_rng(0).gamma(0.3, size=40))
+    traces = []
+
+    @jax.jit
+    def one(key, sizes):
+        traces.append(0)
+        return ancestors(key, log_weights, scheme, components_of_sizes(sizes, 40))
+
+    for seed, sizes in enumerate([[40, 0, 0], [0, 40, 0], [0, 0, 40], [1, 38, 1], [13, 0, 27]]):
+        index = np.repeat(np.arange(3), sizes)
+        chosen = np.asarray(one(jax.random.key(seed), jnp.array(sizes)))
+        np.testing.assert_array_equal(index[chosen], index)
+    assert len(traces) == 1
+
+
+def test_components_of_sizes_lays_them_side_by_side():
+    components = components_of_sizes(SIZES, 8)
+    np.testing.assert_array_equal(components.index, [1, 1, 1, 3, 3, 3, 3, 4])
+    np.testing.assert_array_equal(components.start, [0, 0, 3, 3, 7, 8])
+    np.testing.assert_array_equal(components.size, SIZES)
+
+
+@schemes
+def test_ancestors_never_decrease_except_where_drawn_independently(scheme):
+    chosen = draw(scheme, count=200)
+    if scheme in ("systematic", "stratified"):
+        assert (np.diff(chosen, axis=1) >= 0).all()
+    else:
+        assert (np.diff(chosen, axis=1) < 0).any()
+
+
+# Degenerate weights.
+
+
+@schemes
+def test_a_single_particle_is_its_own_ancestor(scheme):
+    for value in (0.0, -690.0, -np.inf, np.nan):
+        chosen, new = weighted_resample(
+            jax.random.key(0), jnp.array([value]), jnp.array([value]), scheme
+        )
+        assert chosen.tolist() == [0]
+        np.testing.assert_array_equal(new, [value])
+
+
+@schemes
+@pytest.mark.parametrize("position", [0, 3, 7])
+def test_the_only_living_particle_has_all_offspring(scheme, position):
+    for alive in (0.0, -690.0, 300.0):
+        log_weights = jnp.full(8, -jnp.inf).at[position].set(alive)
+        chosen, new = weighted_resample(jax.random.key(1), log_weights, log_weights, scheme)
+        np.testing.assert_array_equal(chosen, np.full(8, position))
+        np.testing.assert_allclose(new, np.full(8, alive - np.log(8)), rtol=1e-6)
+
+
+@schemes
+def test_weights_of_1e_minus_300_are_resampled_as_others_are(scheme):
+    log_weights = jnp.array([-690.0, -690.0 + np.log(3), -jnp.inf, -2000.0])
+    counts = offspring(jax.vmap(lambda key: ancestors(key, log_weights, scheme))(keys(500)), 4)
+    assert counts[:, 2:].sum() == 0
+    np.testing.assert_allclose(counts.mean(0)[:2], [1, 3], atol=0.2)
+
+
+@schemes
+def test_weights_that_are_all_zero_leave_everything_as_it_was(scheme):
+    nothing = jnp.full(5, -jnp.inf)
+    chosen, new = weighted_resample(jax.random.key(0), nothing, nothing, scheme)
+    np.testing.assert_array_equal(chosen, np.arange(5))
+    np.testing.assert_array_equal(new, nothing)
+
+
+@schemes
+def test_a_dead_component_stays_beside_a_living_one(scheme):
+    log_weights = jnp.array([-jnp.inf, -jnp.inf, 0.0, -jnp.inf])
+    components = components_of_sizes(np.array([2, 2]), 4)
+    chosen, new = weighted_resample(jax.random.key(0), log_weights, log_weights, scheme, components)
+    np.testing.assert_array_equal(chosen, [0, 1, 2, 2])
+    np.testing.assert_allclose(new, [-np.inf, -np.inf, -np.log(2), -np.log(2)], rtol=1e-6)
+
+
+@schemes
+def test_nan_counts_as_zero_weight(scheme):
+    log_weights = jnp.array([jnp.nan, 0.0, jnp.nan, 0.0])
+    chosen = jax.vmap(lambda key: ancestors(key, log_weights, scheme))(keys(500))
+    assert set(np.unique(chosen)) == {1, 3}
+    new = weighted_resample(jax.random.key(0), jnp.zeros(4), log_weights, scheme)[1]
+    assert np.isfinite(new).all()
+
+
+@schemes
+@pytest.mark.slow
+def test_dead_particles_never_have_offspring_among_a_million_in_float32(scheme):
+    rng = np.random.default_rng(3)
+    log_weights = rng.normal(size=1_000_000).astype(np.float32)
+    dead = rng.random(1_000_000) < 0.5
+    dead[:1000] = dead[-1000:] = True
+    log_weights[dead] = -np.inf
+    log_weights = jnp.asarray(log_weights)
+    one = jax.jit(lambda key, components: ancestors(key, log_weights, scheme, components))
+    for components in (
+        one_component(1_000_000),
+        components_of_sizes(jnp.array([300_000, 0, 699_000, 1_000]), 1_000_000),
+    ):
+        for seed in range(2):
+            chosen = np.asarray(one(jax.random.key(seed), components))
+            kept = chosen == np.arange(1_000_000)
+            inside = np.asarray(components.index) != 3
+            # The last component is dead altogether and keeps its particles.
+            assert not dead[chosen[inside]].any()
+            assert kept[~inside].all()
+
+
+@schemes
+def test_flat_weights_keep_every_particle_unless_drawn_independently(scheme):
+    uniques = [len(np.unique(ancestors(key, jnp.zeros(300), scheme))) for key in keys(20, seed=5)]
+    if scheme == "multinomial":
+        # 1 - (1 - 1/N)^N = .6327 of them survive.
+        assert np.mean(uniques) / 300 == pytest.approx(0.633, abs=0.02)
+    elif scheme == "stratified":
+        # One point per stratum: only rounding at an edge could lose a particle.
+        assert min(uniques) >= 299
+    else:
+        assert min(uniques) == 300
+
+
+# Adaptive resampling.
+
+
+def test_few_effective_compares_each_component_with_its_own_size():
+    components = components_of_sizes(np.array([4, 0, 4]), 8)
+    log_weights = log(np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]))
+    np.testing.assert_array_equal(
+        few_effective(log_weights, components, 0.5), [False] * 4 + [True] * 4
+    )
+
+
+def test_few_effective_is_true_at_the_threshold_itself():
+    half = log(np.array([1.0, 1.0, 0.0, 0.0]))
+    assert few_effective(half, one_component(4), 0.5).all()
+    assert not few_effective(half, one_component(4), 0.49).any()
+
+
+def test_unknown_scheme_is_refused_by_name():
+    with pytest.raises(InputError, match=r"resampling='bootstrap'.*systematic, stratified"):
+        ancestors(jax.random.key(0), jnp.zeros(3), "bootstrap")

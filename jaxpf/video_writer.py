@@ -117,6 +117,8 @@ class VideoWriter:
                 with report_os_errors("write", self.path):
                     os.replace(self._temporary, self.path)
         if self.num_frames and not _ends_with_frame(self.path, self.num_frames - 1):
+            if self.path.stat().st_size == 0:
+                self.path.unlink()
             raise InputError(
                 f"video '{self.path}' is incomplete: its last frames cannot be read back; check "
                 "the free disk space"

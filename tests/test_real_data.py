@@ -19,24 +19,30 @@ pytestmark = pytest.mark.slow
 def campus(data_folder):
     """The clip with objects 1 to 5, its likelihood learned in frame 0."""
     scene = read_clip(data_folder / "tud_campus").load(ids=[1, 2, 3, 4, 5])
-    likelihood = histogram(scene.frames[0], scene.boxes[0], sharpness=20.0, method="sampled")
+    likelihood = histogram(scene.frames[0], scene.boxes[0], sharpness=20.0, method="integral")
     return scene, likelihood
 
 
-def success_of_object_3(campus, method):
-    """Share of 20 seeds in which object 3's box meets the truth in every frame."""
+# The last frame in which another walker is hidden by object 3 (events.csv of the clip).
+LAST_OCCLUSION = 54
+
+
+def kept_through_the_occlusions(campus, method):
+    """Share of 20 seeds in which object 3's box meets the truth in every frame until then."""
     scene, likelihood = campus
     tracker = box_tracker(
         likelihood, scene.boxes[0], ordering_of(method, 5), scale=(4, 2, 0.003), num_particles=300
     )
     keys = jnp.stack([jax.random.key(seed) for seed in range(20)])
     summary = jaxpf.monte_carlo(tracker, keys, jnp.asarray(scene.frames[1:]), batch_size=20)
-    boxes = boxes_from_substates(summary.estimate, scene.boxes[0][:, 2:])
-    return float(np.asarray(metrics.success_rate(boxes, scene.boxes[1:]).value)[2])
+    boxes = boxes_from_substates(summary.estimate, scene.boxes[0][:, 2:])[:, :LAST_OCCLUSION]
+    truth = scene.boxes[1 : LAST_OCCLUSION + 1]
+    return float(np.asarray(metrics.success_rate(boxes, truth).value)[2])
 
 
 def test_dps_keeps_the_occluded_walker_and_sir_does_not(campus):
-    dps, sir = success_of_object_3(campus, "dps"), success_of_object_3(campus, "sir")
-    print(f"success of object 3 over 20 seeds: DPS {dps:.2f}, SIR {sir:.2f}")
+    dps = kept_through_the_occlusions(campus, "dps")
+    sir = kept_through_the_occlusions(campus, "sir")
+    print(f"object 3 kept through the occlusions, 20 seeds: DPS {dps:.2f}, SIR {sir:.2f}")
     assert dps >= 0.9
     assert sir < 0.9

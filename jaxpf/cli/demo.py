@@ -12,7 +12,7 @@ from jaxpf.cli import common
 
 @click.command("demo")
 @click.option("--runs", default=50, show_default=True, help="Independent runs per method.")
-@click.option("--seed", default=0, show_default=True, help="Seed of the scene; runs follow it.")
+@click.option("--seed", default=100, show_default=True, help="Seed of the scene; runs follow it.")
 @click.option("--particles", "-n", default=300, show_default=True, help="Number of particles.")
 @click.option("--sharpness", default=20.0, show_default=True, help="Likelihood: exp(-S d^2).")
 @click.option(
@@ -29,12 +29,14 @@ def command(runs: int, seed: int, particles: int, sharpness: float, output: Path
 
     Seven objects wander over noise.  A distracter that looks like object 1 appears on top of
     it in frame 3, leads the tracker away and vanishes in frame 9 (Smith & Gatica-Perez 2004).
-    Which methods find object 1 again?  The runs start from the same boxes, with the same
-    seeds; intervals are at 95 %.
+    Which methods find object 1 again?  That depends much on the scene: try another --seed.
+    The runs start from the same boxes, with the same seeds; intervals are at 95 %.
     """
     from jaxpf.errors import InputError
     from jaxpf.files import prepare_output_folder
 
+    if not 0 <= seed < 2**20:
+        raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
     for name, value in (("runs", runs), ("particles", particles)):
         if value < 1:
             raise InputError(f"--{name} {value} must be at least 1.")

@@ -340,7 +340,8 @@ def _box_histogram(bins, box, parts, place):
         if inside.size == 0:
             raise InputError(
                 f"{place} is {box.tolist()}: its part {k} of {parts} has no pixel inside the "
-                f"frame of {bins.shape[1]} x {bins.shape[0]} pixels; move it inside."
+                f"frame of {bins.shape[1]} x {bins.shape[0]} pixels; move it inside or use fewer "
+                "parts."
             )
         result[k] = np.bincount(inside.ravel(), minlength=NUM_BINS) / inside.size
     return result

@@ -95,7 +95,7 @@ def test_kills_a_redraw_from_the_resampled_set(monkeypatch):
     """Candidates must be the particles before the resampling, not their offspring."""
 
     def redraw(key, swap, one, ancestors, is_root):
-        positions = jnp.zeros_like(one.members).at[one.members].set(jnp.arange(len(ancestors)))
+        positions = jnp.argsort(one.members)
         before = jnp.concatenate([jnp.zeros(1), one.cumulative[:-1]])
         starts = positions == one.start
         weight = one.cumulative[positions] - jnp.where(starts, 0.0, before[positions])

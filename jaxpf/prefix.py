@@ -25,26 +25,25 @@ def running_sum(values: jax.Array, first: jax.Array | None = None) -> jax.Array:
     Never decreasing for values >= 0, and constant across zeros, on every platform.
     """
     zero = jnp.zeros((), values.dtype)
-
-    def parallel(values):
-        sums = _parallel(jnp.add, values, first)
-        # A parallel sum may wobble by a rounding error: carry the last positive term's
-        # value forward, so that zeros keep the sum exactly constant.
-        return _parallel(jnp.maximum, jnp.where(values > 0, sums, zero), first)
-
-    return lax.platform_dependent(
-        values, cpu=lambda values: _sequential(jnp.add, zero, values, first), default=parallel
-    )
+    if _on_cpu():
+        return _sequential(jnp.add, zero, values, first)
+    sums = _parallel(jnp.add, values, first)
+    # A parallel sum may wobble by a rounding error: carry the last positive term's value
+    # forward, so that zeros keep the sum exactly constant.
+    return _parallel(jnp.maximum, jnp.where(values > 0, sums, zero), first)
 
 
 def running_max(values: jax.Array, first: jax.Array | None = None) -> jax.Array:
     """Inclusive running maximum of ``values`` ``[N]``, restarting where ``first`` is true."""
-    lowest = jnp.array(-jnp.inf, values.dtype)
-    return lax.platform_dependent(
-        values,
-        cpu=lambda values: _sequential(jnp.maximum, lowest, values, first),
-        default=lambda values: _parallel(jnp.maximum, values, first),
-    )
+    if _on_cpu():
+        return _sequential(jnp.maximum, jnp.array(-jnp.inf, values.dtype), values, first)
+    return _parallel(jnp.maximum, values, first)
+
+
+def _on_cpu() -> bool:
+    # Not lax.platform_dependent: it traces both forms at every call, and the parallel one
+    # made up most of the time to trace a filter.
+    return jax.default_backend() == "cpu"
 
 
 def _sequential(

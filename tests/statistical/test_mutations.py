@@ -118,7 +118,7 @@ def test_kills_a_swap_that_leaves_the_past_of_descendants_behind(monkeypatch):
         return np.where(carrier == np.arange(len(order)), carrier, -1).astype(np.int32)
 
     monkeypatch.setattr(ordering, "_carriers", only_itself)
-    exact = problem(FOREST, transition=0.7, lag=0.3, initial_scale=1.0)
+    exact = problem(FOREST, transition=0.7, lag=0.3, coupling=1.2, initial_scale=1.0)
     assert scores(exact, ordering.sps(FOREST)).worst > WRONG
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _MODULES = (
+    "boxes",
     "contract",
     "dynamics",
     "errors",
@@ -18,12 +19,17 @@ _MODULES = (
     "likelihoods",
     "metrics",
     "ordering",
+    "overlay",
     "partitioned",
+    "plotting",
+    "pytree",
     "resampling",
     "running",
     "state",
+    "tracking",
     "tracks",
     "video",
+    "video_writer",
 )
 _NAMES = {
     "InputError": "errors",
@@ -31,11 +37,13 @@ _NAMES = {
     "Partitioned": "partitioned",
     "Summary": "state",
     "monte_carlo": "running",
+    "pytree_dataclass": "pytree",
     "run": "running",
 }
 
 if TYPE_CHECKING:
     from jaxpf import (  # noqa: F401
+        boxes,
         contract,
         dynamics,
         errors,
@@ -44,15 +52,21 @@ if TYPE_CHECKING:
         likelihoods,
         metrics,
         ordering,
+        overlay,
         partitioned,
+        plotting,
+        pytree,
         resampling,
         running,
         state,
+        tracking,
         tracks,
         video,
+        video_writer,
     )
     from jaxpf.errors import InputError
     from jaxpf.partitioned import Partitioned
+    from jaxpf.pytree import pytree_dataclass
     from jaxpf.running import monte_carlo, run
     from jaxpf.state import ParticleState, Summary
 
@@ -62,6 +76,7 @@ __all__ = [
     "Partitioned",
     "Summary",
     "monte_carlo",
+    "pytree_dataclass",
     "run",
 ]
 

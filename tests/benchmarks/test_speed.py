@@ -1,0 +1,41 @@
+"""The measurements of ``jaxpf bench``, at small sizes: they run, and say what they should.
+
+Nothing is asserted about time.  For figures, run ``jaxpf bench``.
+"""
+
+from math import comb
+
+import numpy as np
+import pytest
+
+from jaxpf.experiments import speed
+
+pytestmark = pytest.mark.slow
+
+
+def test_memory_does_not_grow_with_the_number_of_frames():
+    sizes = dict(speed.memory_rows())
+    # What grows is what the record keeps of a frame (4 bytes), not a copy of the particles.
+    assert (sizes[1000] - sizes[10]) / 990 < 100
+
+
+def test_the_generic_kernel_is_timed_against_the_minimal_filter():
+    rows = list(speed.generic_rows(repeats=1, num_particles=20, num_frames=3))
+    assert all(row.ratio > 0 for row in rows)
+    assert rows[0].ratio == 1
+
+
+def test_the_histogram_is_timed_against_opencv():
+    rows = list(speed.histogram_rows(repeats=1))
+    assert [row.what for row in rows[1:]] == ["histogram, integral", "histogram, sampled"]
+    assert all(np.isfinite([row.nanoseconds, row.ratio]).all() for row in rows)
+
+
+@pytest.mark.parametrize("repeats", [9, 15, 31])
+def test_the_interval_of_the_median_covers_95_percent(repeats):
+    median, low, high = speed.median_interval(np.arange(float(repeats)))
+    assert median == (repeats - 1) / 2
+    assert high == repeats - 1 - low
+    # The median lies outside if at most `low` values fall on one side of it.
+    outside = 2 * sum(comb(repeats, k) for k in range(int(low) + 1)) / 2**repeats
+    assert outside <= 0.05

@@ -222,7 +222,8 @@ def _exchange_level(tracker, key, resample_key, components, stage, resample, fra
             jax.random.fold_in(weigh_key, row),
             ordering.swap,
             frame.log_probs[row],
-            frame.lineage[ordering.rank[0, jnp.maximum(parent, 0)]],
+            # Roots hang on nothing: all particles form one group.
+            jnp.where(parent < 0, 0, frame.lineage[ordering.rank[0, jnp.maximum(parent, 0)]]),
             parent < 0,
         )
         # Unequal incoming weights (a skipped adaptive resampling) forbid the exchange.

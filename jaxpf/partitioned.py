@@ -122,6 +122,14 @@ def check_tracker(tracker: Partitioned) -> None:
             together with ``log_joint``, tempering, an unlike tree or jointly drawn roots.
     """
     resampling.check_scheme(tracker.resampling)
+    for name, least in (("tempering", "above 0"), ("ess_threshold", "at least 0")):
+        value = getattr(tracker, name)
+        if value is None or not is_concrete(value):
+            continue
+        if np.any(np.asarray(value) > 1) or not np.all(
+            np.asarray(value) > 0 if name == "tempering" else np.asarray(value) >= 0
+        ):
+            raise InputError(f"{name}={value} must be {least} and at most 1; None switches it off.")
     ordering, parents = tracker.ordering, tracker.parents
     if len(parents) != ordering.num_partitions:
         raise InputError(

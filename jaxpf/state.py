@@ -63,7 +63,8 @@ class Summary:
         uniqueness: ``[P]``, distinct draws of a partition over N (smith2004, section 3.1).
         spread: ``[P, D]``, weighted standard deviation of the substates.
         status: ``[]`` int32, a sum of the ``STATUS_*`` bits.
-        lost: ``[P]`` bool, partitions whose likelihood was zero in every particle.
+        lost: ``[P]`` bool, partitions whose likelihood was zero in every particle that still
+            had weight.
         num_invalid: ``[]`` int32, log-likelihoods that were NaN or +inf.
     """
 
@@ -90,7 +91,7 @@ def summarise(state, log_evidence, status, lost, num_invalid) -> Summary:
         estimate=estimate.T,
         log_evidence=log_evidence,
         ess=1.0 / jnp.sum(weights**2),
-        uniqueness=count_unique(state.lineage) / state.lineage.shape[-1],
+        uniqueness=count_unique(state.lineage).astype(weights.dtype) / state.lineage.shape[-1],
         spread=spread.T,
         status=status,
         lost=lost,

@@ -9,7 +9,7 @@ from jaxpf import ordering
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
 SIZES = (100, 400, 1600, 6400)
-RUNS = 400
+RUNS = 250
 
 
 @pytest.fixture(scope="module")

@@ -405,9 +405,9 @@ def test_a_fault_of_the_video_on_the_way_keeps_what_was_tracked(track, tmp_path)
 
 
 def test_a_disk_that_fills_up_is_one_sentence_and_keeps_whole_lines(track, tmp_path, monkeypatch):
-    from jaxpf.cli.track import _Recorder
+    from jaxpf.cli.recorder import Recorder
 
-    diagnose = _Recorder._diagnose
+    diagnose = Recorder._diagnose
 
     class Full:
         def __init__(self, file):
@@ -423,7 +423,7 @@ def test_a_disk_that_fills_up_is_one_sentence_and_keeps_whole_lines(track, tmp_p
             self.diagnostics = Full(self.diagnostics)
         diagnose(self, fields)
 
-    monkeypatch.setattr(_Recorder, "_diagnose", fails_at_the_third)
+    monkeypatch.setattr(Recorder, "_diagnose", fails_at_the_third)
     outcome = track(*BOXES)
     assert outcome.code == 2
     assert re.search(r"cannot write '.*diagnostics.csv': no space left", outcome.err)

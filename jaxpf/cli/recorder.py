@@ -1,0 +1,231 @@
+"""What `jaxpf track` leaves behind: tracks, overlay, diagnostics, summary and metrics."""
+
+import contextlib
+import itertools
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from jaxpf.cli import common
+from jaxpf.errors import InputError
+
+
+class Recorder:
+    """Writes everything that a run leaves behind, frame by frame."""
+
+    def __init__(self, output, source, options, ids, boxes, tracker):
+        from jaxpf.files import report_os_errors
+        from jaxpf.overlay import object_colours
+        from jaxpf.tracks import TrackWriter
+        from jaxpf.video_writer import VideoWriter
+
+        self.output, self.source, self.options = output, source, options
+        self.ids, self.boxes, self.tracker = ids, boxes, tracker
+        self.sizes = boxes[:, 2:]
+        self.colours = object_colours(len(ids))
+        self.lost_frames: dict[int, list[int]] = {int(i): [] for i in ids}
+        self.num_tracked = self.num_invalid = self.num_impossible = 0
+        self.seconds_first = self.seconds_rest = 0.0
+        self._stack = contextlib.ExitStack()
+        self.tracks = self._stack.enter_context(TrackWriter(output / "tracks.csv"))
+        with report_os_errors("write", output / "diagnostics.csv"):
+            # Unbuffered, as the tracks are: whole lines, and no surprise when it is closed.
+            self.diagnostics = self._stack.enter_context(
+                open(output / "diagnostics.csv", "wb", buffering=0)  # noqa: SIM115
+            )
+        self._diagnose(["frame", "ess", "log_evidence", *(f"uniqueness_{i}" for i in ids)])
+        self.video = None
+        if options["overlay"]:
+            self.video = self._stack.enter_context(
+                VideoWriter(
+                    output / "overlay.webm",
+                    source.width,
+                    source.height,
+                    source.fps,
+                    codec=options["codec"],
+                )
+            )
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exception):
+        return self._stack.__exit__(*exception)
+
+    def start(self, number, frame):
+        """The start frame's row is the given box."""
+        self.tracks.append(number, self.ids, self.boxes)
+        self._draw(frame, self.boxes, np.zeros(len(self.ids), bool), None)
+
+    def follow(self, key, frames):
+        """Track the frames after the start frame."""
+        from jaxpf.tracking import stream
+
+        start, limit = self.options["start"], self.options["frames"]
+        frames = itertools.islice(frames, None if limit is None else min(limit, sys.maxsize))
+        expected = self.source.num_frames or self.source.frames_expected
+        total = None if expected is None else max(expected - start - 1, 0)
+        if limit is not None:
+            total = limit if total is None else min(total, limit)
+        clock = time.perf_counter()
+        with common.progress_bar("frames") as progress:
+            task = progress.add_task("compiling", total=total)
+            for tracked in stream(self.tracker, key, frames):
+                self._record(start + 1 + tracked.time, tracked)
+                elapsed, clock = time.perf_counter() - clock, time.perf_counter()
+                if self.num_tracked == 1:
+                    self.seconds_first = elapsed
+                    progress.reset(task, total=total, completed=1, description="tracking")
+                else:
+                    self.seconds_rest += elapsed
+                    progress.advance(task)
+            progress.update(task, total=self.num_tracked)
+
+    def _record(self, number, tracked):
+        from jaxpf.geometry import boxes_from_substates
+
+        summary = tracked.summary
+        boxes = np.asarray(boxes_from_substates(summary.estimate, self.sizes), float)
+        lost = summary.lost | self._off_frame(boxes)
+        for name in self.ids[lost]:
+            self.lost_frames[int(name)].append(number)
+        self.num_invalid += int(summary.num_invalid)
+        self.num_impossible += int(np.isneginf(summary.log_evidence))
+        self.tracks.append(number, self.ids, boxes, np.where(lost, 0.0, 1.0))
+        values = [summary.ess, summary.log_evidence, *summary.uniqueness]
+        self._diagnose([str(number), *(f"{value:.6g}" for value in values)])
+        self.num_tracked += 1
+        cloud = None
+        if self.video is not None:
+            cloud = np.swapaxes(np.asarray(tracked.state.substates)[..., :2], 0, 1)
+        self._draw(tracked.frame, boxes, lost, cloud)
+
+    def _diagnose(self, fields):
+        """Append one line to diagnostics.csv: all of it or nothing."""
+        from jaxpf.files import report_os_errors
+
+        data, end = (",".join(fields) + "\n").encode("ascii"), self.diagnostics.tell()
+        with report_os_errors("write", self.output / "diagnostics.csv"):
+            try:
+                while data:
+                    data = data[self.diagnostics.write(data) :]
+            except BaseException:
+                self.diagnostics.truncate(end)
+                self.diagnostics.seek(end)
+                raise
+
+    def _off_frame(self, boxes):
+        x, y, w, h = boxes.T
+        width, height = self.source.width, self.source.height
+        inside = (x < width) & (y < height) & (x + w > 0) & (y + h > 0)
+        return ~inside  # a NaN box compares false everywhere, so it counts as lost
+
+    def _draw(self, frame, boxes, lost, cloud):
+        from jaxpf.overlay import draw_boxes, draw_particles
+
+        if self.video is None:
+            return
+        if cloud is not None:
+            frame = draw_particles(frame, cloud, self.colours)
+        self.video.write(draw_boxes(frame, boxes, self.ids, self.colours, lost))
+
+    def finish(self, stopped, truth):
+        """Write what is known only at the end, and tell the user; ``stopped``: by what, or None."""
+        from jaxpf import plotting
+        from jaxpf.files import atomic_write
+
+        rate = (self.num_tracked - 1) / self.seconds_rest if self.seconds_rest > 0 else None
+        content = {
+            "parameters": {k: _jsonable(v) for k, v in self.options.items()},
+            "likelihood_method": self.tracker.likelihood.method,
+            "ids": self.ids.tolist(),
+            "frames_tracked": self.num_tracked,
+            "interrupted": isinstance(stopped, KeyboardInterrupt),
+            "error": str(stopped) if isinstance(stopped, InputError) else None,
+            "video_truncated": self.source.truncated,
+            "video_note": self.source.note,
+            "lost_frames": {str(k): v for k, v in self.lost_frames.items()},
+            "impossible_frames": self.num_impossible,
+            "invalid_likelihoods": self.num_invalid,
+            "seconds_first_frame": round(self.seconds_first, 3),
+            "seconds_other_frames": round(self.seconds_rest, 3),
+            "frames_per_second": None if rate is None else round(rate, 2),
+            "versions": common.versions(),
+        }
+        with atomic_write(self.output / "summary.json") as file:
+            json.dump(content, file, indent=2)
+            file.write("\n")
+        if self.num_tracked:
+            table = np.loadtxt(self.output / "diagnostics.csv", delimiter=",", skiprows=1, ndmin=2)
+            figure = plotting.diagnostics(
+                table[:, 0],
+                table[:, 1],
+                table[:, 3:],
+                table[:, 2],
+                self.ids.tolist(),
+                self.options["particles"],
+            )
+            plotting.save_figure(figure, self.output / "diagnostics.png")
+        self._tell(rate)
+        if truth is not None and self.num_tracked:
+            _report_truth(self.output, truth, self.ids)
+
+    def _tell(self, rate):
+        speed = "" if rate is None else f", {rate:.1f} frames/s"
+        click.echo(f"{self.output}: {self.num_tracked} frames tracked{speed}")
+        if self.num_tracked == 0:
+            click.echo("No frame follows the start frame, so nothing was tracked.", err=True)
+        if self.source.note:
+            click.echo(f"Note: {self.source.note}", err=True)
+        for name, frames in self.lost_frames.items():
+            if frames:
+                click.echo(
+                    f"Lost: object {name} in {len(frames)} frame(s), first in frame {frames[0]}.",
+                    err=True,
+                )
+        if self.num_impossible:
+            click.echo(
+                f"Warning: {self.num_impossible} frame(s) had no likelihood for any particle; "
+                "their observation was left out.",
+                err=True,
+            )
+        if self.num_invalid:
+            click.echo(
+                f"Warning: {self.num_invalid} likelihood(s) were not a number and counted as zero.",
+                err=True,
+            )
+
+
+def _jsonable(value: Any) -> Any:
+    return str(value) if isinstance(value, Path) else value
+
+
+def _report_truth(output: Path, truth: Any, ids: np.ndarray) -> None:
+    """Metrics over the frames after the start that have truth."""
+    from jaxpf import metrics, tracks
+    from jaxpf.files import atomic_write
+
+    estimated = tracks.read_boxes(output / "tracks.csv", empty_boxes="absent")
+    first, last = int(estimated.frame.min()), int(estimated.frame.max())
+    known = [int(i) for i in ids if i in set(truth.id.tolist())]
+    estimate = tracks.dense(estimated, known, last + 1)[first + 1 :]
+    target = tracks.dense(truth, known, last + 1)[first + 1 :]
+    measures = metrics.summarise(estimate[None], target)
+    columns = {"frames": np.asarray(metrics.has_truth(target)).sum(axis=0)}
+    for measure in ("tracked", "precision", "recall", "overlap", "centre_error"):
+        columns[measure] = np.asarray(measures[measure].value)
+    rows = [
+        [f"object {name}", f"{columns['frames'][k]:.0f}"]
+        + [f"{columns[c][k]:.3f}" for c in list(columns)[1:]]
+        for k, name in enumerate(known)
+    ]
+    common.print_table("Against the truth", ["", *columns], rows)
+    with atomic_write(output / "metrics.csv") as file:
+        file.write("id," + ",".join(columns) + "\n")
+        for k, name in enumerate(known):
+            file.write(f"{name}," + ",".join(f"{columns[c][k]:.6g}" for c in columns) + "\n")

@@ -62,7 +62,7 @@ class Frame(NamedTuple):
     labels: jax.Array
 
 
-def begin(tracker, key, state, observation) -> tuple[Components, Frame]:
+def begin(tracker, key, state) -> tuple[Components, Frame]:
     """Resample jointly, then split the particles into the ordering's components."""
     num_particles, ordering = tracker.num_particles, tracker.ordering
     resample_key, split_key = jax.random.split(key)
@@ -181,9 +181,7 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
             )
 
         def exchange_level(frame):
-            return _exchange_level(
-                tracker, exchange_key, resample_key, components, stage, resample, frame
-            )
+            return _exchange_level(tracker, exchange_key, components, stage, resample, frame)
 
         return lax.cond(
             ordering.exchange_after[stage],
@@ -197,7 +195,7 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
     return body
 
 
-def _exchange_level(tracker, key, resample_key, components, stage, resample, frame) -> Frame:
+def _exchange_level(tracker, key, components, stage, resample, frame) -> Frame:
     """End of a level: weigh its parts, resample, and let every slot draw its parts anew."""
     ordering, num_partitions = tracker.ordering, tracker.num_partitions
     num_particles = tracker.num_particles

@@ -107,7 +107,7 @@ class Partitioned:
         chex.assert_shape(state.log_weights, (self.num_particles,))
         chex.assert_shape(state.lagged, (2, None, self.num_partitions, self.num_particles))
         begin_key, stages_key = jax.random.split(key)
-        components, carry = kernel.begin(self, begin_key, state, observation)
+        components, carry = kernel.begin(self, begin_key, state)
         body = kernel.stage_body(self, stages_key, state, observation, components)
         carry = lax.fori_loop(0, self.num_partitions, body, carry)
         return kernel.finish(self, observation, components, carry)

@@ -1,0 +1,188 @@
+"""Reading the results of an evaluation, finished or not."""
+
+import dataclasses
+import json
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf.errors import InputError
+from jaxpf.evaluation.batches import Batch, batch_files, read_batch
+
+SETTINGS = "settings.json"
+TRUTH = "truth.npz"
+
+
+@dataclasses.dataclass(frozen=True)
+class Configuration:
+    """One method with one ordering and one setting of the parameters.
+
+    Attributes:
+        method: "SIR", "PS", "DPS" or "SPS", or the name of imported tracks.
+        ordering: objects in the order of PS counted from 1, such as "2345671" ("2-3-...-1"
+            for ten objects and more), "shifts" for DPS, the swap rule for SPS, "" for SIR
+            and for imported tracks.
+        parameters: every parameter of the grid (sharpness, particles, scale, ...), varied or
+            not; empty for imported tracks.
+    """
+
+    method: str
+    ordering: str = ""
+    parameters: dict[str, float | int | str] = dataclasses.field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """Method and ordering, for tables and legends."""
+        return f"{self.method} {self.ordering}".strip()
+
+    @property
+    def is_imported(self) -> bool:
+        """Whether these are another tracker's tracks."""
+        return not self.parameters
+
+
+class Results:
+    """What an evaluation left in its folder: configurations, truth, and batches of runs.
+
+    Make one with ``Results.open(folder)``; ``jaxpf.evaluation.evaluate`` returns one.
+    Batches are read when they are asked for, so memory does not grow with the runs.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        settings: dict[str, Any],
+        truth: np.ndarray,
+        load_scene: Callable[[], Any] | None = None,
+    ):
+        self.folder = folder
+        self.settings = settings
+        self.truth = truth
+        self._load_scene = load_scene
+
+    @classmethod
+    def open(
+        cls, folder: str | os.PathLike[str], load_scene: Callable[[], Any] | None = None
+    ) -> "Results":
+        """Open the folder of an evaluation.
+
+        Args:
+            folder: where the evaluation was written.
+            load_scene: function that opens the evaluation's scene, for ``scene()``.
+
+        Raises:
+            InputError: no evaluation there, or one that cannot be read.
+        """
+        folder = Path(folder)
+        settings = read_settings(folder)
+        try:
+            with np.load(folder / TRUTH, allow_pickle=False) as content:
+                truth = content["truth"]
+        except (OSError, ValueError, KeyError, EOFError):
+            raise InputError(
+                f"'{folder / TRUTH}' is missing or damaged; evaluate into another folder."
+            ) from None
+        return cls(folder, settings, truth, load_scene)
+
+    @property
+    def scene_name(self) -> str:
+        """What the scene is called."""
+        return self.settings["scene"]["name"]
+
+    @property
+    def object_ids(self) -> tuple[int, ...]:
+        """The number by which the truth knows each of the P objects."""
+        return tuple(self.settings["scene"]["object_ids"])
+
+    @property
+    def start_frame(self) -> int:
+        """The frame of the source, from 0, in which trackers start; T counts those after it."""
+        return self.settings["scene"]["start_frame"]
+
+    @property
+    def fps(self) -> float:
+        """Frames per second."""
+        return self.settings["scene"]["fps"]
+
+    @property
+    def runs(self) -> int:
+        """Runs that were asked for, per configuration."""
+        return self.settings["runs"]
+
+    @property
+    def seed(self) -> int:
+        """The seed of all runs."""
+        return self.settings["asked"]["seed"]
+
+    @property
+    def configurations(self) -> list[Configuration]:
+        """All configurations, those of one setting of the parameters together."""
+        return [Configuration(**entry) for entry in self.settings["configurations"]]
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """Names of the parameters that differ between configurations."""
+        ours = [c.parameters for c in self.configurations if not c.is_imported]
+        names = ours[0] if ours else {}
+        return tuple(name for name in names if len({p[name] for p in ours}) > 1)
+
+    def noise_scale(self, configuration: Configuration) -> np.ndarray:
+        """``[D]``: process noise of u, v (pixels) and a; NaN for imported tracks."""
+        if configuration.is_imported:
+            return np.full(3, np.nan)
+        return np.array([float(x) for x in str(configuration.parameters["scale"]).split(",")])
+
+    def finished(self, configuration: Configuration) -> int:
+        """Number of runs of a configuration that are on disk."""
+        return sum(len(batch) for batch in self.batches(configuration))
+
+    def batches(self, configuration: Configuration) -> Iterator[Batch]:
+        """Finished runs of a configuration, in the order of the runs.
+
+        Raises:
+            InputError: a configuration that is not of this evaluation; a damaged batch.
+        """
+        configurations = self.configurations
+        if configuration not in configurations:
+            raise InputError(
+                f"'{self.folder}' has no configuration {configuration.label!r} with "
+                f"{configuration.parameters}; take one of its `configurations`."
+            )
+        for path in batch_files(self.folder, configurations.index(configuration)):
+            yield read_batch(path)
+
+    def scene(self) -> Any:
+        """The scene, opened anew.
+
+        Raises:
+            InputError: these results were opened without ``load_scene``.
+        """
+        if self._load_scene is None:
+            raise InputError(
+                f"the results '{self.folder}' were opened without a way to open their scene; use "
+                "Results.open(folder, load_scene=...)."
+            )
+        return self._load_scene()
+
+
+def read_settings(folder: Path) -> dict[str, Any]:
+    """``settings.json`` of an evaluation.
+
+    Raises:
+        InputError: it is missing or damaged.
+    """
+    path = folder / SETTINGS
+    try:
+        settings = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"'{folder}' holds no evaluation: '{path}' is missing.") from None
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"'{path}' cannot be read ({error}); evaluate into another folder."
+        ) from None
+    if not isinstance(settings, dict) or "configurations" not in settings:
+        raise InputError(f"'{path}' describes no evaluation; evaluate into another folder.")
+    return settings

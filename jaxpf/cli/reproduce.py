@@ -1,0 +1,99 @@
+"""``jaxpf reproduce``: a paper's experiment, published and measured side by side."""
+
+import importlib
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+
+from jaxpf.cli import common
+
+# Paper -> module with a function `run`; see jaxpf.experiments.comparison_table.
+PAPERS = {
+    "smith2004": "jaxpf.experiments.smith2004",
+    "gonzales2011": "jaxpf.experiments.gonzales2011",
+}
+
+
+@click.command("reproduce")
+@click.argument("paper", type=click.Choice(list(PAPERS)))
+@click.option("--runs", type=int, help="Independent runs per cell.  [default: as in the paper]")
+@click.option("--seed", default=0, show_default=True, help="First seed of the scenes and runs.")
+@click.option("--quick", is_flag=True, help="A much smaller version, to see what it does.")
+@click.option(
+    "--data",
+    type=click.Path(path_type=Path),
+    help="Folder with real clips (tud_campus).  [default: the environment's JAXPF_DATA]",
+)
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(path_type=Path),
+    help="Folder for tables, figures and report.  [default: jaxpf-PAPER]",
+)
+@click.option("--overwrite", is_flag=True, help="Accept an output folder that is not empty.")
+@common.config_option()
+def command(
+    paper: str,
+    runs: int | None,
+    seed: int,
+    quick: bool,
+    data: Path | None,
+    output: Path | None,
+    overwrite: bool,
+) -> None:
+    """Repeat a paper's experiment; print its figures beside ours, and judge its claims.
+
+    Published figures stand left of ours, which have 95 % intervals.  A claim is supported,
+    contradicted, or cannot be resolved at this number of runs.
+    """
+    from jaxpf.errors import InputError
+    from jaxpf.files import prepare_output_folder
+
+    if runs is not None and runs < 1:
+        raise InputError(f"--runs {runs} must be at least 1.")
+    if not 0 <= seed < 2**20:
+        raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
+    data = _data_folder(data)
+    folder = prepare_output_folder(output or Path(f"jaxpf-{paper}"), overwrite)
+    common.use_compile_cache()
+    from jaxpf.experiments import comparison_table
+    from jaxpf.experiments.claims import RULE
+
+    began = time.perf_counter()
+    experiment: Any = importlib.import_module(PAPERS[paper])
+    comparison = experiment.run(runs=runs, seed=seed, quick=quick, data=data, report=click.echo)
+    for table in comparison.tables:
+        common.print_table(table.title, table.columns, table.texts())
+        if table.note:
+            click.echo(f"{table.note}\n")
+    if comparison.claims:
+        common.print_table(
+            "Claims", comparison_table.CLAIM_COLUMNS, [list(claim) for claim in comparison.claims]
+        )
+        click.echo(RULE)
+    for note in comparison.notes:
+        click.echo(f"- {note}")
+    options = {"paper": paper, "runs": runs, "seed": seed, "quick": quick, "data": data}
+    common.write_config(folder / "run.toml", "reproduce", options)
+    written = comparison_table.write(comparison, folder)
+    seconds = time.perf_counter() - began
+    click.echo(f"{folder}/: {', '.join([*written, 'run.toml'])} ({seconds:.0f} s)")
+
+
+def _data_folder(given: Path | None) -> Path | None:
+    """The folder named by ``--data`` or ``JAXPF_DATA``; None if neither is."""
+    from jaxpf.errors import InputError
+
+    place = "--data" if given is not None else "JAXPF_DATA"
+    folder = given if given is not None else Path(os.environ.get("JAXPF_DATA", ""))
+    if folder == Path(""):
+        return None
+    if not folder.is_dir():
+        raise InputError(
+            f"{place} names '{folder}', which is no folder; name one that holds real clips, such "
+            "as tud_campus, or leave it out."
+        )
+    return folder

@@ -1,18 +1,21 @@
-"""Test-beds for trackers: synthetic scenes, and a reader of annotated real clips.
+"""Test-beds for trackers: synthetic scenes, and readers of annotated real clips.
 
-A scene is frames, truth and reference patches.  ``names()`` lists the synthetic ones,
-``make(name, seed)`` draws one, ``read_clip(folder)`` opens a real one.  Nothing here knows of
-trackers.
+A scene is frames, truth and reference patches.  ``open_scene(source)`` opens any: by name, from
+a folder, or from a user's function.  ``names()`` lists the synthetic ones, ``make(name, seed)``
+draws one, ``open_folder(folder)`` opens a real sequence.  Nothing here knows of trackers.
 """
 
 import dataclasses
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from scenes.benchmark_clips import read_mot, read_otb
 from scenes.clips import Clip, read_clip
 from scenes.distracter import DistracterParameters, distracter_scene
 from scenes.scene import Scene, SceneError
+from scenes.sequences import call_scene, names_function, open_folder, start_scene
 
 __all__ = [
     "Clip",
@@ -23,7 +26,12 @@ __all__ = [
     "distracter_scene",
     "make",
     "names",
+    "open_folder",
+    "open_scene",
     "read_clip",
+    "read_mot",
+    "read_otb",
+    "start_scene",
 ]
 
 # name -> its parameters' class, and the function of (parameters, seed) that draws it
@@ -56,16 +64,92 @@ def make(name: str, seed: int = 0, **parameters: Any) -> Scene:
             f"scene {name!r} has no parameter {', '.join(map(repr, unknown))}; "
             f"it has {', '.join(valid)}"
         )
+    return draw(parameters_class(**parameters), _whole_seed(name, seed))
+
+
+def open_scene(
+    source: str | Path | Callable[..., Any],
+    *,
+    seed: int = 0,
+    ids: Sequence[int] | None = None,
+    start_frame: int | None = None,
+    num_frames: int | None = None,
+    parameters: Mapping[str, Any] | None = None,
+) -> Scene:
+    """Open a scene, wherever it comes from.
+
+    Args:
+        source: one of
+
+            * a name that ``names()`` lists;
+            * a folder with an annotated sequence: ``meta.json`` and ``gt.csv``, or a
+              MOTChallenge or an OTB sequence (``open_folder``); a folder that is called like a
+              registered scene is written ``./distracter``;
+            * a function that returns a ``Scene``, or where it is found, as
+              ``path/to/file.py:function`` or ``package.module:function`` (``call_scene``).
+        seed: of registered scenes and functions; a folder has none and leaves it out.
+        ids: for folders, the objects, in this order; by default all that are in view in the
+            start frame or, without one, in the first frame that has any.
+        start_frame: for folders, where the scene begins, counting from 0; by default the first
+            frame with all chosen objects in view.
+        num_frames: for folders, how many frames from there on; by default all.
+        parameters: of registered scenes and functions, by name.
+
+    Returns:
+        The scene.  From a folder it begins with the start frame: boxes and frames are cut to it,
+        the reference patches are the truth's boxes there, and ``extras`` has ``ids``,
+        ``start_frame``, ``source`` and ``occlusion``.  Boxes that reach beyond the picture stay
+        whole, their patches are the part inside (``start_scene``).
+
+    Raises:
+        SceneError: one sentence with what is wrong: an unknown scene, a missing file, a
+            malformed line, an absent object, a function that fails.
+    """
+    given = dict(parameters or {})
+    if isinstance(source, str | Path) and _is_folder(source):
+        if given:
+            raise SceneError(
+                f"{source} is a recorded sequence and has no parameters, but "
+                f"{', '.join(map(repr, given))} was given"
+            )
+        return start_scene(open_folder(source), ids, start_frame, num_frames)
+    for name, value in {"ids": ids, "start_frame": start_frame, "num_frames": num_frames}.items():
+        if value is not None:
+            raise SceneError(
+                f"{name} = {value!r} chooses from a recorded sequence, but the scene {source!r} is "
+                "drawn by a function; set its own parameters instead"
+            )
+    if callable(source):
+        return call_scene(source, _whole_seed(str(source), seed), given)
+    text = str(source)
+    if text not in _REGISTRY and names_function(text):
+        return call_scene(text, _whole_seed(text, seed), given)
+    return make(text, seed, **given)
+
+
+def _is_folder(source: str | Path) -> bool:
+    """Whether it is, or is meant to be, a folder and neither a name nor a function."""
+    if source in _REGISTRY:
+        return False
+    if Path(source).exists():
+        return True
+    return not names_function(str(source)) and (isinstance(source, Path) or "/" in source)
+
+
+def _whole_seed(name: str, seed: int) -> int:
     try:
         whole_seed = operator.index(seed)
     except TypeError:
         whole_seed = -1
     if whole_seed < 0:
         raise SceneError(f"scene {name!r}: seed = {seed!r} must be a whole number, 0 or more")
-    return draw(parameters_class(**parameters), whole_seed)
+    return whole_seed
 
 
 def _look_up(name: str) -> tuple[type, Callable[[Any, int], Scene]]:
     if name not in _REGISTRY:
-        raise SceneError(f"no scene {name!r}; the scenes are {', '.join(names())}")
+        raise SceneError(
+            f"no scene {name!r}; the scenes are {', '.join(names())}, and a folder with an "
+            "annotated sequence or a function, file.py:function, can be given as well"
+        )
     return _REGISTRY[name]

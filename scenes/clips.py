@@ -36,6 +36,8 @@ class Clip:
         name: what the clip is called.
         folder: where it lies.
         source: the video file, or the pattern of the picture files, relative to the folder.
+        first_number: what the pattern makes of frame 0; frame t has the number first_number + t.
+        description: the file that says what ``num_frames``, ``width`` and ``height`` are.
         num_frames: T.
         width: width of a frame in pixels.
         height: height of a frame in pixels.
@@ -57,23 +59,29 @@ class Clip:
     ids: tuple[int, ...]
     boxes: np.ndarray
     occlusion: np.ndarray
+    first_number: int = 0
+    description: str = "meta.json"
 
-    def frames(self) -> Iterator[np.ndarray]:
-        """The pictures one by one, ``[H, W, 3]`` uint8, RGB."""
+    def frames(self, start: int = 0, stop: int | None = None) -> Iterator[np.ndarray]:
+        """The pictures ``[H, W, 3]`` uint8, RGB, of frames ``start`` to ``stop - 1``, one by one.
+
+        By default all of them.
+        """
+        stop = self.num_frames if stop is None else stop
         read = self._read_pictures if "%" in self.source else self._read_video
-        count = 0
-        for picture in read():
+        count = start
+        for picture in read(start, stop):
             if picture.shape != (self.height, self.width, 3):
                 raise SceneError(
                     f"{self.folder / self.source}: frame {count} measures {picture.shape[1]} x "
-                    f"{picture.shape[0]}, but meta.json says {self.width} x {self.height}"
+                    f"{picture.shape[0]}, but {self.description} says {self.width} x {self.height}"
                 )
             yield np.ascontiguousarray(picture[..., ::-1])  # OpenCV decodes to BGR
             count += 1
-        if count < self.num_frames:
+        if count < stop:
             raise SceneError(
-                f"{self.folder / self.source} ends after {count} frames, but meta.json says "
-                f"n_frames = {self.num_frames}"
+                f"{self.folder / self.source} ends after {count} frames, but {self.description} "
+                f"says that there are {self.num_frames}"
             )
 
     def load(self, ids: Sequence[int] | None = None) -> Scene:
@@ -85,7 +93,7 @@ class Clip:
         Returns:
             A scene whose reference patches are cut from the first frame in which each object is
             annotated (the part of the box that lies in the frame).  ``extras`` holds ``ids [P]``
-            and ``occlusion [T, P]``.
+            and ``occlusion [T, P]``.  ``scenes.open_scene`` starts where all objects are there.
         """
         kept = self.ids if ids is None else tuple(ids)
         unknown = [number for number in kept if number not in self.ids]
@@ -101,42 +109,55 @@ class Clip:
             name=self.name,
             frames=frames,
             boxes=boxes,
-            patches=[self._cut_patch(frames, column) for column in columns],
+            patches=[self._first_patch(frames, column) for column in columns],
             fps=self.fps,
             parameters={"folder": str(self.folder), "ids": kept},
             extras={"ids": np.array(kept, dtype=int), "occlusion": self.occlusion[:, columns]},
         )
 
-    def _read_pictures(self) -> Iterator[np.ndarray]:
-        for number in range(self.num_frames):
-            path = self.folder / (self.source % number)
+    def _read_pictures(self, start: int, stop: int) -> Iterator[np.ndarray]:
+        for frame in range(start, stop):
+            path = self.folder / (self.source % (self.first_number + frame))
             picture = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
             if picture is None:
-                raise SceneError(f"{path}: frame {number} is missing or is not a picture")
+                raise SceneError(f"{path}: frame {frame} is missing or is not a picture")
             yield picture
 
-    def _read_video(self) -> Iterator[np.ndarray]:
+    def _read_video(self, start: int, stop: int) -> Iterator[np.ndarray]:
         video = cv2.VideoCapture(str(self.folder / self.source))
         try:
-            for _ in range(self.num_frames):
-                is_read, picture = video.read()
-                if not is_read:
+            for frame in range(stop):
+                if not video.grab():
                     return
-                yield picture
+                if frame >= start:
+                    is_read, picture = video.retrieve()
+                    if not is_read:
+                        return
+                    yield picture
         finally:
             video.release()
 
-    def _cut_patch(self, frames: np.ndarray, column: int) -> np.ndarray:
+    def _first_patch(self, frames: np.ndarray, column: int) -> np.ndarray:
         first = int(np.argmax(~np.isnan(self.boxes[:, column, 0])))
-        x, y, w, h = self.boxes[first, column]
-        left, right = np.clip(np.rint([x, x + w]).astype(int), 0, self.width)
-        top, bottom = np.clip(np.rint([y, y + h]).astype(int), 0, self.height)
-        if left >= right or top >= bottom:
+        patch = cut_patch(frames[first], self.boxes[first, column])
+        if patch.size == 0:
             raise SceneError(
                 f"clip {self.name!r}: in frame {first}, its first, object {self.ids[column]} lies "
                 "outside the picture, so it has no reference patch; leave it out with ids="
             )
-        return frames[first, top:bottom, left:right].copy()
+        return patch
+
+
+def cut_patch(picture: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """The pixels of ``picture [H, W, ...]`` that a box (x, y, w, h) covers, as a copy.
+
+    The edges are rounded to whole pixels, half-way ones to even; of a box that is partly outside
+    the picture the part inside is cut, of one wholly outside nothing: a size of 0.
+    """
+    x, y, w, h = box
+    left, right = np.clip(np.rint([x, x + w]).astype(int), 0, picture.shape[1])
+    top, bottom = np.clip(np.rint([y, y + h]).astype(int), 0, picture.shape[0])
+    return picture[top:bottom, left:right].copy()
 
 
 def read_clip(folder: str | Path) -> Clip:
@@ -210,8 +231,8 @@ def _read_truth(path: Path, num_frames: int) -> dict[tuple[int, int], tuple[list
             place = f"{path}, line {lines.line_num}: {','.join(cells)!r}"
             if len(cells) != len(_COLUMNS):
                 raise SceneError(f"{place} has {len(cells)} values, not {len(_COLUMNS)}")
-            frame, number, hidden = (_whole(cells[k], _COLUMNS[k], place) for k in (0, 1, 6))
-            box = [_real(cells[k], _COLUMNS[k], place) for k in (2, 3, 4, 5)]
+            frame, number, hidden = (whole_number(cells[k], _COLUMNS[k], place) for k in (0, 1, 6))
+            box = [real_number(cells[k], _COLUMNS[k], place) for k in (2, 3, 4, 5)]
             if not 0 <= frame < num_frames:
                 raise SceneError(f"{place}: frame must lie in 0..{num_frames - 1}")
             if box[2] <= 0 or box[3] <= 0:
@@ -224,14 +245,16 @@ def _read_truth(path: Path, num_frames: int) -> dict[tuple[int, int], tuple[list
     return rows
 
 
-def _whole(text: str, column: str, place: str) -> int:
+def whole_number(text: str, column: str, place: str) -> int:
+    """The number that a cell holds; the message names the column and the place."""
     try:
         return int(text)
     except ValueError:
         raise SceneError(f"{place}: {column} = {text!r} is not a whole number") from None
 
 
-def _real(text: str, column: str, place: str) -> float:
+def real_number(text: str, column: str, place: str) -> float:
+    """The finite number that a cell holds; the message names the column and the place."""
     try:
         value = float(text)
     except ValueError:

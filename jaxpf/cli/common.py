@@ -1,11 +1,9 @@
 """What several commands share: configuration files, tables, progress, the compile cache."""
 
 import os
-import platform
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +11,6 @@ import click
 
 from jaxpf.errors import InputError
 from jaxpf.files import atomic_write
-
-_PACKAGES = ("jaxpf", "jax", "jaxlib", "optax", "chex", "numpy", "opencv-python-headless")
 
 
 class NumberList(click.ParamType):
@@ -136,17 +132,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     return str(value) if isinstance(value, Path) else value
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python, the platform and the packages that results depend on."""
-    found = {"python": platform.python_version(), "platform": platform.platform()}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "unknown"
-    return found
 
 
 def use_compile_cache() -> None:

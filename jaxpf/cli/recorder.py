@@ -13,6 +13,7 @@ import numpy as np
 
 from jaxpf.cli import common
 from jaxpf.errors import InputError
+from jaxpf.versions import versions
 
 
 class Recorder:
@@ -155,7 +156,7 @@ class Recorder:
             "seconds_first_frame": round(self.seconds_first, 3),
             "seconds_other_frames": round(self.seconds_rest, 3),
             "frames_per_second": None if rate is None else round(rate, 2),
-            "versions": common.versions(),
+            "versions": versions(),
         }
         with atomic_write(self.output / "summary.json") as file:
             json.dump(content, file, indent=2)

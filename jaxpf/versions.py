@@ -1,0 +1,17 @@
+"""Versions of what results depend on."""
+
+import platform
+from importlib.metadata import PackageNotFoundError, version
+
+_PACKAGES = ("jaxpf", "jax", "jaxlib", "optax", "chex", "numpy", "opencv-python-headless")
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, the platform and the packages that results depend on."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found

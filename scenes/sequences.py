@@ -160,7 +160,7 @@ def call_scene(function: str | Callable[..., Any], seed: int, parameters: Mappin
     except SceneError:
         raise
     except Exception as error:
-        raise SceneError(f"{place} failed with {type(error).__name__}: {error}") from error
+        raise SceneError(f"{place} failed with {_cause(error)}") from error
     if not isinstance(scene, Scene):
         raise SceneError(f"{place} returned {_article(type(scene).__name__)}, not a scenes.Scene")
     if scene.num_frames == 0 or scene.num_objects == 0:
@@ -246,6 +246,11 @@ def _name_of(function: Callable) -> str:
     return f"{getattr(function, '__module__', '')}:{name}"
 
 
+def _cause(error: Exception) -> str:
+    """On one line, whatever the message has."""
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
 def _article(noun: str) -> str:
     return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
 
@@ -258,8 +263,7 @@ def _import_function(source: str) -> Callable[..., Any]:
     try:
         module = _load_file(Path(place)) if is_file else _load_module(place)
     except Exception as error:
-        cause = f"{type(error).__name__}: {error}"
-        raise SceneError(f"{source!r}: {place} cannot be imported ({cause})") from error
+        raise SceneError(f"{source!r}: {place} cannot be imported ({_cause(error)})") from error
     function = getattr(module, name, None)
     if not callable(function):
         state = "has no function" if function is None else "holds something that is no function,"

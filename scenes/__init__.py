@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from scenes.articulated import ArticulatedParameters, articulated_scene
 from scenes.benchmark_clips import read_mot, read_otb
 from scenes.clips import Clip, read_clip
 from scenes.distracter import DistracterParameters, distracter_scene
@@ -18,10 +19,12 @@ from scenes.scene import Scene, SceneError
 from scenes.sequences import call_scene, names_function, open_folder, start_scene
 
 __all__ = [
+    "ArticulatedParameters",
     "Clip",
     "DistracterParameters",
     "Scene",
     "SceneError",
+    "articulated_scene",
     "default_parameters",
     "distracter_scene",
     "make",
@@ -36,6 +39,7 @@ __all__ = [
 
 # name -> its parameters' class, and the function of (parameters, seed) that draws it
 _REGISTRY: dict[str, tuple[type, Callable[[Any, int], Scene]]] = {
+    "articulated": (ArticulatedParameters, articulated_scene),
     "distracter": (DistracterParameters, distracter_scene),
 }
 

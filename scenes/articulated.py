@@ -1,0 +1,353 @@
+"""The synthetic test of Gonzales, Dubuisson and Nguyen (gonzales2011, section 4): moving parts.
+
+An object of P rectangles, a centre and two arms, translates and distorts.  The paper fixes the
+numbers of parts and of frames and names the motions (weak; strong at the beginning; "very strong
+and erratic" throughout); its sequences were never published.  Everything else is a choice, made
+here once and documented in ``ArticulatedParameters``.
+"""
+
+import dataclasses
+import math
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from scenes.scene import Scene, SceneError
+
+MOTIONS = ("smooth", "strong_start", "erratic")
+
+# Every ingredient has its own random stream, so that, say, another noise level leaves the
+# motion of a seed as it is.
+_MOTION, _TEXTURES, _BACKGROUND, _PIXELS, _PATCHES = range(5)
+
+
+@dataclasses.dataclass(frozen=True)
+class ArticulatedParameters:
+    """What the articulated scene is made of; "paper" marks what gonzales2011 fixes.
+
+    Lengths are in pixels, angles in degrees, times in frames, colours in grey levels 0 to 255.
+
+    Attributes:
+        num_parts: P, an odd number: the centre and two arms of (P - 1) / 2 parts each
+            (paper: 3, 5, 7, 9, 11).
+        num_frames: length of the sequence (paper: 300).
+        motion: "smooth" swings every coordinate in sines; "strong_start" is the same path, run
+            through faster in the beginning; "erratic" sends every coordinate from one random
+            target to the next, each on its own clock (the paper's three kinds of sequences).
+        frame_width: width of a frame.
+        frame_height: height of a frame.
+        fps: frames per second; it only matters to a player.
+        centre_width: width of the centre.
+        centre_height: height of the centre.
+        part_length: length of an arm's part, along the arm.
+        part_width: its width, across the arm.
+        inset: the joint of two parts lies this far inside either of them, so that no gap opens
+            as they turn.
+        travel_x: largest distance of the centre from the middle of the frame, horizontally.
+        travel_y: the same, vertically.
+        tilt: largest rotation of the centre.
+        swing: largest angle between a part and its parent.
+        travel_period: mean period of the smooth travel.
+        swing_period: mean period of the smooth swings and of the smooth tilt.
+        period_spread: every coordinate's period is drawn from (1 -+ this) times the mean.
+        strong_frames: how long the beginning of "strong_start" lasts.
+        strong_factor: how many times faster it is there; the factor falls to 1 within the last
+            quarter of ``strong_frames``.
+        erratic_shortest: least time from one target to the next, "erratic" only.
+        erratic_longest: greatest time from one target to the next.
+        cell_size: parts are mosaics of square cells with this side.
+        accent_share: share of a part's cells that have its second colour.
+        saturation: saturation of the parts' colours, 0 to 1.
+        brightness: value (in HSV) of the parts' colours, 0 to 1.
+        object_noise: standard deviation of the normal noise on the parts' pixels, drawn anew in
+            every frame, and once for the reference patches.
+        background_mean: mean of the background.
+        background_noise: standard deviation of the background's normal noise, independent in
+            each channel and pixel; one background for all frames.
+    """
+
+    num_parts: int = 7
+    num_frames: int = 300
+    motion: Literal["smooth", "strong_start", "erratic"] = "smooth"
+    frame_width: int = 400
+    frame_height: int = 300
+    fps: float = 25.0
+    centre_width: int = 34
+    centre_height: int = 30
+    part_length: int = 28
+    part_width: int = 16
+    inset: float = 2.5
+    travel_x: float = 45.0
+    travel_y: float = 30.0
+    tilt: float = 12.0
+    swing: float = 26.0
+    travel_period: float = 130.0
+    swing_period: float = 90.0
+    period_spread: float = 0.3
+    strong_frames: int = 60
+    strong_factor: float = 3.0
+    erratic_shortest: int = 4
+    erratic_longest: int = 12
+    cell_size: int = 4
+    accent_share: float = 0.3
+    saturation: float = 0.8
+    brightness: float = 0.8
+    object_noise: float = 10.0
+    background_mean: float = 128.0
+    background_noise: float = 45.0
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            self._check_kind(field.name, field.type)
+        for name in (
+            *("num_frames", "frame_width", "frame_height", "fps", "centre_width", "centre_height"),
+            *("part_length", "part_width", "travel_period", "swing_period", "strong_factor"),
+            *("erratic_shortest", "cell_size"),
+        ):
+            self._require(name, getattr(self, name) > 0, "must be above 0")
+        for name in (
+            *("inset", "travel_x", "travel_y", "tilt", "swing", "strong_frames"),
+            *("object_noise", "background_noise"),
+        ):
+            self._require(name, getattr(self, name) >= 0, "must not be negative")
+        for name in ("accent_share", "saturation", "brightness"):
+            self._require(name, 0 <= getattr(self, name) <= 1, "must lie between 0 and 1")
+        self._require("period_spread", 0 <= self.period_spread < 1, "must lie between 0 and 1")
+        odd = self.num_parts >= 1 and self.num_parts % 2 == 1
+        self._require("num_parts", odd, "must be odd: a centre and two arms of equal length")
+        self._require("motion", self.motion in MOTIONS, f"must be one of {', '.join(MOTIONS)}")
+        longest = self.erratic_longest >= self.erratic_shortest
+        self._require("erratic_longest", longest, "must be at least erratic_shortest")
+        narrow = min(self.part_length, self.centre_width) / 2
+        self._require("inset", self.inset <= narrow, f"must be at most {narrow}, half a part")
+
+    def _check_kind(self, name: str, kind: object) -> None:
+        value = getattr(self, name)
+        is_real = isinstance(value, int | float) and not isinstance(value, bool)
+        if kind is int:
+            self._require(name, is_real and isinstance(value, int), "must be a whole number")
+        elif kind is float:
+            self._require(name, is_real and math.isfinite(value), "must be a finite number")
+
+    def _require(self, name: str, holds: bool, remedy: str) -> None:
+        if not holds:
+            raise SceneError(f"articulated scene: {name} = {getattr(self, name)!r} {remedy}")
+
+
+def articulated_scene(parameters: ArticulatedParameters, seed: int = 0) -> Scene:
+    """Draw the scene; the same parameters and seed give the same scene, bit for bit.
+
+    Part 0 is the centre; odd parts make up the left arm and even ones the right, from the
+    centre outwards.  ``boxes`` are the upright bounding boxes.  ``extras`` holds
+
+    * ``corners [T, P, 4, 2]``: top left, top right, bottom right and bottom left corner of every
+      part, as they lie at angle 0, in pixels;
+    * ``poses [T, P, 3]``: x, y of the part's centre and its angle in radians, clockwise in the
+      image, continuous in time;
+    * ``parents``, a tuple ``[P]``, -1 for the centre;
+    * ``parent_anchors [P, 2]`` and ``part_anchors [P, 2]``: where a part's joint lies in its
+      parent's coordinates and in its own (origin at the centre, axes turned with the part).
+    """
+    parents = _tree(parameters.num_parts)
+    sizes = np.full((parameters.num_parts, 2), (parameters.part_length, parameters.part_width))
+    sizes[0] = parameters.centre_width, parameters.centre_height
+    parent_anchors, part_anchors = _joints(parameters, parents, sizes)
+    motion = _draw_motion(parameters, np.random.default_rng([seed, _MOTION]))
+    poses = _place(motion, parents, parent_anchors, part_anchors)
+    poses[..., :2] += np.array([parameters.frame_width, parameters.frame_height]) / 2
+    corners = _corners(poses, sizes)
+    _check_in_view(parameters, corners)
+    textures = _paint_textures(parameters, sizes, np.random.default_rng([seed, _TEXTURES]))
+    frames = _draw_frames(parameters, seed, poses, corners, textures)
+    # The reference patches are learned from noisy pictures, as the parts are seen.
+    rng = np.random.default_rng([seed, _PATCHES])
+    lowest, highest = corners.min(axis=2), corners.max(axis=2)
+    return Scene(
+        name="articulated",
+        frames=frames,
+        boxes=np.concatenate([lowest, highest - lowest], axis=-1),
+        patches=[_with_noise(texture, parameters.object_noise, rng) for texture in textures],
+        fps=parameters.fps,
+        parameters={**dataclasses.asdict(parameters), "seed": seed},
+        extras={
+            "corners": corners,
+            "poses": poses,
+            "parents": parents,
+            "parent_anchors": parent_anchors,
+            "part_anchors": part_anchors,
+        },
+    )
+
+
+def _tree(num_parts: int) -> tuple[int, ...]:
+    """Two arms from a centre: -1, 0, 0, 1, 2, 3, 4, ..."""
+    return tuple(-1 if part == 0 else max(part - 2, 0) for part in range(num_parts))
+
+
+def _joints(
+    parameters: ArticulatedParameters, parents: tuple[int, ...], sizes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where each part's joint lies in its parent's coordinates and in its own, ``[P, 2]`` each."""
+    parent_anchors, part_anchors = np.zeros(sizes.shape), np.zeros(sizes.shape)
+    for part, parent in enumerate(parents):
+        if parent >= 0:
+            outwards = -1 if part % 2 == 1 else 1
+            parent_anchors[part, 0] = outwards * (sizes[parent, 0] / 2 - parameters.inset)
+            part_anchors[part, 0] = -outwards * (sizes[part, 0] / 2 - parameters.inset)
+    return parent_anchors, part_anchors
+
+
+# Motion
+
+
+def _draw_motion(parameters: ArticulatedParameters, rng: np.random.Generator) -> np.ndarray:
+    """``[T, P + 2]``: x and y of the centre, its angle, and the angle of every other joint."""
+    turns = np.deg2rad([parameters.tilt, *[parameters.swing] * (parameters.num_parts - 1)])
+    largest = np.array([parameters.travel_x, parameters.travel_y, *turns])
+    if parameters.motion == "erratic":
+        return largest * np.stack([_draw_erratic(parameters, rng) for _ in largest], axis=1)
+    periods = np.full(largest.shape, parameters.swing_period)
+    periods[:2] = parameters.travel_period
+    spread = parameters.period_spread
+    periods *= rng.uniform(1 - spread, 1 + spread, periods.shape)
+    phases = rng.uniform(0, 2 * np.pi, periods.shape)
+    clock = np.concatenate([[0.0], np.cumsum(_speed(parameters))])[:-1]
+    return largest * np.sin(2 * np.pi * clock[:, None] / periods + phases)
+
+
+def _speed(parameters: ArticulatedParameters) -> np.ndarray:
+    """``[T]``: how much of the smooth motion's time passes in each frame."""
+    if parameters.motion != "strong_start":
+        return np.ones(parameters.num_frames)
+    left = parameters.strong_frames - np.arange(parameters.num_frames)
+    share = np.clip(left / max(parameters.strong_frames / 4, 1), 0, 1)
+    return 1 + (parameters.strong_factor - 1) * share
+
+
+def _draw_erratic(parameters: ArticulatedParameters, rng: np.random.Generator) -> np.ndarray:
+    """``[T]`` in -1 to 1: from target to random target, at rest in each."""
+    track = np.empty(parameters.num_frames)
+    at, start = 0, rng.uniform(-1, 1)
+    while at < len(track):
+        steps = int(rng.integers(parameters.erratic_shortest, parameters.erratic_longest + 1))
+        target = rng.uniform(-1, 1)
+        share = np.arange(steps)[: len(track) - at] / steps
+        ease = share**2 * (3 - 2 * share)
+        track[at : at + steps] = start + (target - start) * ease
+        at, start = at + steps, target
+    return track
+
+
+def _place(
+    motion: np.ndarray,
+    parents: tuple[int, ...],
+    parent_anchors: np.ndarray,
+    part_anchors: np.ndarray,
+) -> np.ndarray:
+    """Poses ``[T, P, 3]`` down the tree; the centre is placed relative to the origin."""
+    poses = np.empty((len(motion), len(parents), 3))
+    for part, parent in enumerate(parents):
+        if parent < 0:
+            poses[:, part] = motion[:, :3]
+            continue
+        angle = poses[:, parent, 2] + motion[:, part + 2]
+        joint = poses[:, parent, :2] + _turned(parent_anchors[part], poses[:, parent, 2])
+        poses[:, part, :2] = joint - _turned(part_anchors[part], angle)
+        poses[:, part, 2] = angle
+    return poses
+
+
+def _turned(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Vectors ``[..., 2]`` turned by angles ``[...]``, clockwise in the image."""
+    x, y = vectors[..., 0], vectors[..., 1]
+    cosine, sine = np.cos(angles), np.sin(angles)
+    return np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
+
+
+def _corners(poses: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """``[T, P, 4, 2]``, clockwise from the corner that is top left at angle 0."""
+    signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    offsets = signs * sizes[:, None] / 2
+    return poses[..., None, :2] + _turned(offsets, poses[..., None, 2])
+
+
+def _check_in_view(parameters: ArticulatedParameters, corners: np.ndarray) -> None:
+    frame = (parameters.frame_width, parameters.frame_height)
+    outside = np.argwhere(((corners < 0) | (corners > frame)).any(axis=(2, 3)))
+    if len(outside):
+        frame_number, part = outside[0]
+        raise SceneError(
+            f"articulated scene: part {part} leaves the {frame[0]} x {frame[1]} frame in frame "
+            f"{frame_number}; take fewer or smaller parts, less travel_x, travel_y or swing, or a "
+            "larger frame"
+        )
+
+
+# Pictures
+
+
+def _paint_textures(
+    parameters: ArticulatedParameters, sizes: np.ndarray, rng: np.random.Generator
+) -> list[np.ndarray]:
+    """Every part's look ``[h, w, 3]`` float: a mosaic of two hues, others in every part."""
+    textures = []
+    for part, (width, height) in enumerate(sizes):
+        columns, rows = -(-width // parameters.cell_size), -(-height // parameters.cell_size)
+        cells = np.arange(rows * columns) < round(parameters.accent_share * rows * columns)
+        grid = rng.permutation(cells).reshape(rows, columns)
+        block = np.ones((parameters.cell_size, parameters.cell_size), bool)
+        is_accent = np.kron(grid, block)[:height, :width].astype(bool)
+        hue = part / parameters.num_parts
+        hsv = np.empty((height, width, 3), np.float32)
+        hsv[..., 0] = 360 * (np.where(is_accent, hue + 0.12, hue) % 1)
+        hsv[..., 1] = parameters.saturation
+        hsv[..., 2] = parameters.brightness
+        textures.append(255.0 * cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB))
+    return textures
+
+
+def _draw_frames(
+    parameters: ArticulatedParameters,
+    seed: int,
+    poses: np.ndarray,
+    corners: np.ndarray,
+    textures: list[np.ndarray],
+) -> np.ndarray:
+    """``[T, H, W, 3]`` uint8: the background, the arms' ends, and the centre on top."""
+    shape = (parameters.frame_height, parameters.frame_width, 3)
+    mean = np.full(shape, parameters.background_mean)
+    rng = np.random.default_rng([seed, _BACKGROUND])
+    background = _with_noise(mean, parameters.background_noise, rng)
+    rng = np.random.default_rng([seed, _PIXELS])
+    frames = np.repeat(background[None], parameters.num_frames, axis=0)
+    for frame, pose, corner in zip(frames, poses, corners, strict=True):
+        for part in reversed(range(len(textures))):
+            _paste(frame, pose[part], corner[part], textures[part], parameters.object_noise, rng)
+    return frames
+
+
+def _paste(
+    picture: np.ndarray,
+    pose: np.ndarray,
+    corners: np.ndarray,
+    texture: np.ndarray,
+    noise: float,
+    rng: np.random.Generator,
+) -> None:
+    """Draw one part in place: a pixel whose middle lies in it shows the texture's cell there."""
+    left, top = np.floor(corners.min(axis=0)).astype(int).clip(0)
+    right, bottom = np.ceil(corners.max(axis=0)).astype(int)
+    window = picture[top:bottom, left:right]
+    rows, columns = np.mgrid[top : top + len(window), left : left + window.shape[1]]
+    offsets = np.stack([columns, rows], axis=-1) + 0.5 - pose[:2]
+    height, width = texture.shape[:2]
+    inner = _turned(offsets, -pose[2]) + np.array([width, height]) / 2
+    column, row = np.floor(inner).astype(int).transpose(2, 0, 1)
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    window[inside] = _with_noise(texture[row[inside], column[inside]], noise, rng)
+
+
+def _with_noise(picture: np.ndarray, scale: float, rng: np.random.Generator) -> np.ndarray:
+    noisy = picture + scale * rng.standard_normal(picture.shape)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)

@@ -1,0 +1,141 @@
+"""The articulated scene: parts stay attached, the truth fits the pictures, motions differ."""
+
+import numpy as np
+import pytest
+
+import scenes
+from scenes import ArticulatedParameters, SceneError
+
+FEW = {"num_frames": 8}
+
+
+def make(seed=3, **parameters):
+    return scenes.make("articulated", seed=seed, **(FEW | parameters))
+
+
+def turned(vectors, angles):
+    """Clockwise in the image, by complex numbers."""
+    product = (vectors[..., 0] + 1j * vectors[..., 1]) * np.exp(1j * np.asarray(angles))
+    return np.stack([product.real, product.imag], axis=-1)
+
+
+def steps(scene):
+    """How far every corner moves from frame to frame, ``[T - 1, P]``."""
+    return np.linalg.norm(np.diff(scene.extras["corners"], axis=0), axis=-1).mean(axis=-1)
+
+
+@pytest.mark.parametrize("motion", ["smooth", "strong_start", "erratic"])
+@pytest.mark.parametrize("num_parts", [1, 3, 5, 7, 9, 11])
+def test_every_joint_holds_in_every_frame(num_parts, motion):
+    scene = make(num_parts=num_parts, motion=motion)
+    poses, parents = scene.extras["poses"], scene.extras["parents"]
+    assert parents == (-1, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8)[:num_parts]
+    for part, parent in enumerate(parents):
+        if parent < 0:
+            continue
+        seen_from_parent = poses[:, parent, :2] + turned(
+            scene.extras["parent_anchors"][part], poses[:, parent, 2]
+        )
+        seen_from_part = poses[:, part, :2] + turned(
+            scene.extras["part_anchors"][part], poses[:, part, 2]
+        )
+        np.testing.assert_allclose(seen_from_parent, seen_from_part, atol=1e-9)
+        bend = np.abs(poses[:, part, 2] - poses[:, parent, 2])
+        assert bend.max() <= np.deg2rad(ArticulatedParameters.swing) + 1e-9
+
+
+def test_corners_and_boxes_describe_the_poses():
+    scene = make()
+    corners, poses = scene.extras["corners"], scene.extras["poses"]
+    assert corners.shape == (8, 7, 4, 2)
+    np.testing.assert_allclose(corners.mean(axis=2), poses[..., :2], atol=1e-9)
+    for number, (width, height) in enumerate(scene.sizes):
+        upright = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (width / 2, height / 2)
+        expected = poses[:, number, None, :2] + turned(upright, poses[:, number, None, 2])
+        np.testing.assert_allclose(corners[:, number], expected, atol=1e-9)
+    np.testing.assert_allclose(scene.boxes[..., :2], corners.min(axis=2))
+    np.testing.assert_allclose(scene.boxes[..., :2] + scene.boxes[..., 2:], corners.max(axis=2))
+
+
+def test_pixels_inside_a_part_show_it_and_pixels_outside_show_the_background():
+    scene = make(object_noise=0.0, background_noise=0.0, accent_share=0.0)
+    for frame, poses in zip(scene.frames, scene.extras["poses"], strict=True):
+        rows, columns = np.mgrid[: frame.shape[0], : frame.shape[1]] + 0.5
+        covered = np.zeros(frame.shape[:2], bool)
+        for part in range(scene.num_objects):  # the centre lies on top
+            inner = turned(np.stack([columns, rows], -1) - poses[part, :2], -poses[part, 2])
+            inside = (np.abs(inner) < scene.sizes[part] / 2 - 1e-6).all(axis=-1)
+            colour = scene.patches[part][0, 0]
+            assert (frame[inside & ~covered] == colour).all()
+            covered |= (np.abs(inner) <= scene.sizes[part] / 2 + 1e-6).all(axis=-1)
+        assert (frame[~covered] == 128).all()
+
+
+def test_motions_differ_as_the_paper_says():
+    smooth, strong, erratic = (
+        np.concatenate(
+            [steps(scenes.make("articulated", s, num_parts=5, motion=m)) for s in range(2)], axis=1
+        )
+        for m in ("smooth", "strong_start", "erratic")
+    )
+    assert 2 * smooth[:40].mean() < strong[:40].mean()
+    # After the beginning it is the same path at the same speed.
+    assert 0.7 < strong[60:].mean() / smooth[60:].mean() < 1.3
+    assert 2 * smooth.mean() < erratic.mean()
+    changes = [np.abs(np.diff(motion, axis=0)).mean() for motion in (smooth, erratic)]
+    assert 5 * changes[0] < changes[1]
+
+
+def test_a_strong_start_runs_through_the_smooth_path_faster():
+    calm = scenes.make("articulated", 4, num_frames=40, strong_factor=3.0)
+    strong = scenes.make("articulated", 4, num_frames=10, strong_factor=3.0, motion="strong_start")
+    np.testing.assert_allclose(strong.extras["poses"], calm.extras["poses"][::3][:10], atol=1e-9)
+
+
+def test_same_seed_same_scene_and_parameters_repeat_it():
+    one = make(seed=5)
+    again = scenes.make("articulated", **one.parameters)
+    np.testing.assert_array_equal(one.frames, again.frames)
+    np.testing.assert_array_equal(one.extras["corners"], again.extras["corners"])
+    other = make(seed=6)
+    assert not np.array_equal(one.extras["poses"], other.extras["poses"])
+    quiet = make(seed=5, object_noise=0.0)
+    np.testing.assert_array_equal(one.extras["poses"], quiet.extras["poses"])
+
+
+def test_neighbouring_parts_look_different():
+    scene = make(num_parts=11)
+    colours = np.array([patch.reshape(-1, 3).mean(axis=0) for patch in scene.patches])
+    for part, parent in enumerate(scene.extras["parents"]):
+        if parent >= 0:
+            assert np.abs(colours[part] - colours[parent]).max() > 40
+
+
+@pytest.mark.parametrize("motion", ["smooth", "strong_start", "erratic"])
+def test_the_largest_object_stays_in_view(motion):
+    scene = scenes.make("articulated", seed=0, num_parts=11, motion=motion)
+    assert scene.frames.shape == (300, 300, 400, 3)
+    assert (scene.boxes[..., :2] >= 0).all()
+    assert (scene.boxes[..., :2] + scene.boxes[..., 2:] <= (400, 300)).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"num_parts": 4}, "num_parts = 4 must be odd"),
+        ({"num_parts": 0}, "num_parts = 0 must be odd"),
+        ({"num_parts": 3.0}, "num_parts = 3.0 must be a whole number"),
+        ({"motion": "wild"}, "motion = 'wild' must be one of smooth, strong_start, erratic"),
+        ({"swing": float("nan")}, "swing = nan must be a finite number"),
+        ({"part_length": 0}, "part_length = 0 must be above 0"),
+        ({"object_noise": -1.0}, "object_noise = -1.0 must not be negative"),
+        ({"accent_share": 1.5}, "accent_share = 1.5 must lie between 0 and 1"),
+        ({"period_spread": 1.0}, "period_spread = 1.0 must lie"),
+        ({"erratic_longest": 2}, "erratic_longest = 2 must be at least erratic_shortest"),
+        ({"inset": 20.0}, "inset = 20.0 must be at most 14.0"),
+        ({"frame_width": 120}, "part . leaves the 120 x 300 frame in frame 0; take fewer"),
+    ],
+)
+def test_every_mistake_has_one_clear_sentence(changes, words):
+    with pytest.raises(SceneError, match=words):
+        make(**changes)

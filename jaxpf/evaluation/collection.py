@@ -1,0 +1,201 @@
+"""One pass over the runs of an evaluation: rows for the table, and what figures need.
+
+Memory does not grow with the number of runs: batches are read one at a time, the measures of the
+runs go to temporary files, one per measure, and what is drawn is accumulated.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from statistics import NormalDist
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxpf.evaluation.batches import Batch
+from jaxpf.evaluation.measures import COLUMNS, THRESHOLDS, Measured, measure_batch
+from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.evaluation.summary import LEVEL, with_all
+from jaxpf.files import report_os_errors
+
+#: Quantiles of the centre error that are drawn over time.
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+#: The runs of a configuration that are shown, by their overlap over all frames and objects.
+ROLES = ("best", "median", "worst")
+
+
+class Curve(NamedTuple):
+    """Success curves with intervals, ``[P + 1, len(THRESHOLDS)]`` each; all objects come last."""
+
+    value: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+class ShownRun(NamedTuple):
+    """A run that is exported and shown.
+
+    Attributes:
+        role: one or more of ``ROLES``, as in "best"; "only" for a single run.
+        run: its number.
+        overlap: over all objects and frames with truth.
+        boxes: ``[T, P, 4]`` estimates.
+        lost: ``[T, P]`` bool.
+    """
+
+    role: str
+    run: int
+    overlap: float
+    boxes: np.ndarray
+    lost: np.ndarray
+
+
+class Collected(NamedTuple):
+    """What one configuration's runs left.
+
+    Attributes:
+        configuration: whose runs these are.
+        runs: ``[R]`` numbers of the finished runs.
+        column: function of a column's name, gives ``[R, P]``.
+        quantiles: of the centre error, ``[len(QUANTILES), T, P + 1]``; all objects come last.
+        curve: see ``Curve``.
+        shown: the runs that are exported.
+    """
+
+    configuration: Configuration
+    runs: np.ndarray
+    column: Callable[[str], np.ndarray]
+    quantiles: np.ndarray
+    curve: Curve
+    shown: list[ShownRun]
+
+
+def collect(
+    results: Results,
+    configuration: Configuration,
+    store: Path,
+    on_batch: Callable[[Batch, np.ndarray], None] = lambda batch, columns: None,
+) -> Collected | None:
+    """Measure the finished runs of one configuration.
+
+    Args:
+        results: the evaluation.
+        configuration: one of its configurations.
+        store: an empty folder for temporary files, which must outlive the result.
+        on_batch: called with every batch and its ``[R, P, K]`` columns.
+
+    Returns:
+        None without any finished run.
+    """
+    truth, scale = results.truth, results.noise_scale(configuration)
+    runs: list[np.ndarray] = []
+    errors, curves = ErrorQuantiles(*truth.shape[:2]), _CurveMean(truth.shape[1])
+    paths = [store / f"{index}.f4" for index in range(len(COLUMNS))]
+    with report_os_errors("write", store), ExitStack() as stack:
+        files = [stack.enter_context(open(path, "wb")) for path in paths]
+        for batch in results.batches(configuration):
+            measured = measure_batch(batch, truth, scale)
+            for index, file in enumerate(files):
+                file.write(measured.columns[:, :, index].astype(np.float32).tobytes())
+            runs.append(batch.runs)
+            errors.add(measured.centre_error)
+            curves.add(measured)
+            on_batch(batch, measured.columns)
+    if not runs:
+        return None
+
+    def column(name: str) -> np.ndarray:
+        flat = np.fromfile(paths[COLUMNS.index(name)], np.float32)
+        return flat.reshape(-1, truth.shape[1]).astype(np.float64)
+
+    numbers = np.concatenate(runs)
+    overlap = with_all(column("overlap"), column("frames"))[0][:, -1]
+    shown = _shown_runs(results.batches(configuration), numbers, overlap)
+    return Collected(
+        configuration, numbers, column, errors.quantiles(QUANTILES), curves.interval(), shown
+    )
+
+
+class ErrorQuantiles:
+    """Quantiles over runs of errors at every frame, from counts in bins of 2 %.
+
+    A quantile is the middle of its bin, so it is within 1 %.  Errors under a hundredth of a
+    pixel, and over ten thousand, count in the bins at the ends.
+    """
+
+    _FIRST, _STEP, _BINS = 0.01, math.log(1.02), 700
+
+    def __init__(self, num_frames: int, num_objects: int):
+        self._shape = (num_frames, num_objects, self._BINS)
+        self._counts = np.zeros(self._shape, np.int32)
+
+    def add(self, errors: np.ndarray) -> None:
+        """Count ``errors [R, T, P]``; NaN does not count."""
+        known = np.isfinite(errors)
+        logs = np.log(np.maximum(errors[known], self._FIRST) / self._FIRST) / self._STEP
+        bins = np.minimum(logs.astype(np.int64), self._BINS - 1)
+        rows = np.arange(math.prod(self._shape[:2])).reshape(self._shape[:2])
+        places = np.broadcast_to(rows, errors.shape)[known] * self._BINS + bins
+        flat = np.bincount(places, minlength=self._counts.size)
+        self._counts += flat.reshape(self._shape)
+
+    def quantiles(self, levels: Sequence[float]) -> np.ndarray:
+        """``[len(levels), T, P + 1]``, all objects last; NaN where nothing was counted."""
+        pooled = np.sum(self._counts, axis=1, keepdims=True)
+        cumulative = np.cumsum(np.concatenate([self._counts, pooled], axis=1), axis=-1)
+        total = cumulative[..., -1:]
+        found = [np.argmax(cumulative >= np.maximum(1, level * total), -1) for level in levels]
+        middles = self._FIRST * np.exp((np.stack(found) + 0.5) * self._STEP)
+        return np.where(total[..., 0] > 0, middles, np.nan)
+
+
+class _CurveMean:
+    """Mean over runs of success curves, from the sums of their moments."""
+
+    def __init__(self, num_objects: int):
+        self._runs = 0
+        self._sums = np.zeros((2, num_objects + 1, len(THRESHOLDS)))
+
+    def add(self, measured: Measured) -> None:
+        frames = measured.columns[:, :, COLUMNS.index("frames"), None]
+        curve = measured.curve.astype(np.float64)  # NaN for an object that never has truth
+        total = np.maximum(np.sum(frames, axis=1, keepdims=True), 1)
+        pooled = np.sum(frames * np.nan_to_num(curve), axis=1, keepdims=True) / total
+        curve = np.concatenate([curve, pooled], axis=1)
+        self._runs += len(curve)
+        self._sums += np.sum([curve, curve**2], axis=1)
+
+    def interval(self) -> Curve:
+        value, square = self._sums / self._runs
+        if self._runs == 1:
+            return Curve(value, np.full_like(value, np.nan), np.full_like(value, np.nan))
+        error = np.sqrt(np.maximum(square - value**2, 0) / (self._runs - 1))
+        reach = NormalDist().inv_cdf((1 + LEVEL) / 2) * error
+        return Curve(value, value - reach, value + reach)
+
+
+def _shown_runs(
+    batches: Iterator[Batch], numbers: np.ndarray, overlap: np.ndarray
+) -> list[ShownRun]:
+    """The runs of ``ROLES``; fewer than three runs fill several roles."""
+    order = np.lexsort((numbers, -np.nan_to_num(overlap)))
+    chosen = dict(zip(ROLES, order[[0, (len(order) - 1) // 2, -1]], strict=True))
+    roles: dict[int, list[str]] = {}
+    for role, index in chosen.items():
+        roles.setdefault(int(index), []).append(role)
+    shown: dict[int, ShownRun] = {}
+    position = 0
+    for batch in batches:
+        for index, names in roles.items():
+            if position <= index < position + len(batch):
+                row = index - position
+                role = "only" if len(numbers) == 1 else "-".join(names)
+                shown[index] = ShownRun(
+                    *(role, int(numbers[index]), float(overlap[index])),
+                    *(batch.boxes[row].copy(), batch.lost[row].copy()),
+                )
+        position += len(batch)
+        if len(shown) == len(roles):
+            break
+    return [shown[index] for index in roles]

@@ -1,0 +1,210 @@
+"""Tables for people: one row per configuration, "value [lower, upper]" in the cells."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from jaxpf.errors import InputError
+from jaxpf.evaluation.measures import Measure, by_name
+
+if TYPE_CHECKING:
+    from jaxpf.evaluation.tables import Summary
+
+#: Measures that the tables show; all of them are in ``summary.csv``.
+HEADLINE = tuple(
+    by_name(name)
+    for name in (
+        *("success", "recovered", "precision", "recall", "overlap"),
+        *("centre_error", "uniqueness"),
+    )
+)
+#: Measures that a terminal of 120 columns has room for.
+PRINTED = HEADLINE[:6]
+#: Measures whose differences the tables show.
+COMPARED = tuple(by_name(name) for name in ("success", "recovered", "overlap", "centre_error"))
+#: Below this a difference is marked, after Holm's correction.
+SIGNIFICANT = 0.05
+
+NOTES = (
+    "Values with 95 % intervals in brackets. Runs are the independent units: frames and objects "
+    "of a run add to the value, not to the certainty. Rates have Wilson's interval (over all "
+    "objects, at the effective number of trials); means have the normal interval of their "
+    "standard error over runs.",
+    "Success: tracked, that is, overlapping the truth at all, in every frame. Recovery: tracked "
+    "in the last frame with truth. Precision and recall are over tracked frames, overlap "
+    "(intersection over union) over all frames with truth.",
+    "Differences are paired by run: equal seeds share their random numbers. Differences of rates "
+    "have Newcombe's interval (method 10) for one object and are tested by McNemar's exact test; "
+    "those of means have the normal interval and test of the runs' differences. A star marks "
+    f"p < {SIGNIFICANT} after Holm's correction over the comparisons in its column.",
+)
+
+
+class Table(NamedTuple):
+    """A table of text; ``jaxpf.cli.common.print_table(*table)`` prints it."""
+
+    title: str
+    columns: list[str]
+    rows: list[list[str]]
+
+
+def estimate_tables(
+    object_ids: Sequence[int],
+    summaries: Sequence["Summary"],
+    places: Iterable[int],
+    measures: Sequence[Measure] = HEADLINE,
+) -> list[Table]:
+    """Rates and means, one table per object.
+
+    Args:
+        object_ids: numbers of the P objects.
+        summaries: of the configurations.
+        places: indices of objects; P stands for all of them.
+        measures: the columns.
+    """
+    return [
+        _estimates(object_name(object_ids, place), summaries, place, measures)
+        for place in _distinct(object_ids, places)
+        if summaries
+    ]
+
+
+def difference_tables(
+    object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
+) -> list[Table]:
+    """Paired differences, one table per object; arguments as for ``estimate_tables``."""
+    return [
+        _differences(object_name(object_ids, place), summaries, place)
+        for place in _distinct(object_ids, places)
+        if any(summary.reference is not None for summary in summaries)
+    ]
+
+
+def object_name(object_ids: Sequence[int], place: int) -> str:
+    """What tables and figures call an object."""
+    return "all objects" if place == len(object_ids) else f"object {object_ids[place]}"
+
+
+def _distinct(object_ids: Sequence[int], places: Iterable[int]) -> list[int]:
+    """Each place once; all of one object is that object."""
+    return list(dict.fromkeys(0 if len(object_ids) == 1 else place for place in places))
+
+
+def _estimates(
+    title: str, summaries: Sequence["Summary"], place: int, measures: Sequence[Measure]
+) -> Table:
+    columns, cells = ["method"], [[summary.name] for summary in summaries]
+    if len({summary.runs for summary in summaries}) > 1:
+        columns.append("runs")
+        for row, summary in zip(cells, summaries, strict=True):
+            row.append(f"{summary.runs}")
+    for measure in measures:
+        found = [summary.estimates[measure.name] for summary in summaries]
+        triples = np.array([[x[place] for x in (e.value, e.lower, e.upper)] for e in found])
+        if np.isfinite(triples[:, 0]).any():
+            columns.append(heading(measure))
+            for row, text in zip(cells, cells_of(measure, triples), strict=True):
+                row.append(text)
+    return Table(title, columns, cells)
+
+
+def _differences(title: str, summaries: Sequence["Summary"], place: int) -> Table:
+    title = f"{title}: differences on common seeds"
+    compared = [summary for summary in summaries if summary.reference is not None]
+    columns = ["method", "compared with"]
+    cells = [[s.name, summaries[s.reference or 0].name] for s in compared]
+    for measure in COMPARED:
+        found = [summary.differences[measure.name] for summary in compared]
+        triples = np.array([[x[place] for x in (d.value, d.lower, d.upper)] for d in found])
+        if np.isfinite(triples[:, 0]).any():
+            columns.append(heading(measure))
+            texts = cells_of(measure, triples, sign="+")
+            for row, text, summary in zip(cells, texts, compared, strict=True):
+                star = summary.adjusted[measure.name][place] < SIGNIFICANT
+                row.append(f"{text} *" if star else text)
+    return Table(title, columns, cells)
+
+
+def heading(measure: Measure) -> str:
+    """Title of a measure and what it is counted in."""
+    unit = "%" if measure.percent else measure.unit
+    return f"{measure.title} ({unit})" if unit else measure.title
+
+
+def cells_of(measure: Measure, triples: np.ndarray, sign: str = "") -> list[str]:
+    """ "value [lower, upper]" for ``triples [C, 3]``, all with the same number of decimals.
+
+    So many decimals that the typical half-width of an interval is 3 to 30 of the last digit.
+    """
+    triples = triples * (100 if measure.percent else 1)
+    reach = (triples[:, 2] - triples[:, 1]) / 2
+    known = reach[np.isfinite(reach) & (reach > 0)]
+    typical = float(np.median(known)) if len(known) else math.nan
+    decimals = 1 if math.isnan(typical) else min(max(-math.floor(math.log10(typical / 3)), 0), 4)
+
+    def number(value: float, sign: str = "") -> str:
+        # Adding 0 turns -0 into 0.
+        return f"{round(value, decimals) + 0:{sign}.{decimals}f}"
+
+    texts = []
+    for value, lower, upper in triples:
+        text = number(value, sign) if np.isfinite(value) else "-"
+        ends = number(lower), number(upper)
+        if np.isfinite([value, lower, upper]).all() and (sign or ends[0] != ends[1]):
+            text += f" [{ends[0]}, {ends[1]}]"
+        texts.append(text)
+    return texts
+
+
+def to_markdown(title: str, tables: Iterable[Table], remarks: Iterable[str]) -> str:
+    """A Markdown document with all tables."""
+    parts = [f"# {_markdown(title)}", *(_markdown(note) for note in NOTES)]
+    parts += [f"- {_markdown(remark)}" for remark in remarks]
+    for table in tables:
+        rows = [[_markdown(cell) for cell in row] for row in table.rows]
+        parts += [f"## {_markdown(table.title)}", _tabulate(table.columns, rows, "github")]
+    return "\n\n".join(parts) + "\n"
+
+
+def to_latex(title: str, tables: Iterable[Table], remarks: Iterable[str]) -> str:
+    """LaTeX ``table`` environments, which need the package booktabs."""
+    parts = ["% \\usepackage{booktabs}"]
+    parts += [f"% {line}" for line in (*NOTES, *remarks)]
+    for table in tables:
+        body = _tabulate(table.columns, table.rows, "latex_booktabs")
+        caption = _latex(f"{title}: {table.title}.")
+        parts.append(
+            f"\\begin{{table}}\n\\centering\\footnotesize\n\\caption{{{caption}}}\n{body}\n\\end{{table}}"
+        )
+    return "\n\n".join(parts) + "\n"
+
+
+def _tabulate(columns: Sequence[str], rows: Sequence[Sequence[str]], style: str) -> str:
+    try:
+        from tabulate import tabulate
+    except ModuleNotFoundError:
+        raise InputError("writing tables needs tabulate; pip install 'jaxpf[cli]'") from None
+    alignment = ["left", *["right"] * (len(columns) - 1)]
+    return tabulate(
+        rows, headers=columns, tablefmt=style, disable_numparse=True, colalign=alignment
+    )
+
+
+def _markdown(text: str) -> str:
+    for mark in "\\`*_{}<>|#":
+        text = text.replace(mark, "\\" + mark)
+    return text
+
+
+_LATEX: dict[str, Any] = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    **{mark: "\\" + mark for mark in "&%$#_{}"},
+}
+
+
+def _latex(text: str) -> str:
+    return text.translate(str.maketrans(_LATEX))

@@ -1,12 +1,13 @@
 """Finished runs on disk: one file per batch, written whole, checked before it is believed."""
 
+import contextlib
 import dataclasses
 import os
 import re
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from jaxpf.errors import InputError
 from jaxpf.files import atomic_write
 
 FOLDER = "batches"
-_NAME = re.compile(r"(\d+)-(\d+)\.npz")
+_NAME = re.compile(r"\d+-\d+\.npz")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,30 +51,13 @@ class Batch:
         return len(self.runs)
 
 
-class StoredBatch(NamedTuple):
-    """A batch file that was read without fault.
-
-    Attributes:
-        path: of the file.
-        runs: ``[R]`` the runs it holds.
-    """
-
-    path: Path
-    runs: np.ndarray
-
-
-def batch_path(folder: str | os.PathLike[str], configuration: int, first_run: int) -> Path:
-    """Where a configuration's batch that begins with ``first_run`` is kept."""
-    return Path(folder) / FOLDER / f"{configuration:04d}-{first_run:08d}.npz"
-
-
 def write_batch(folder: str | os.PathLike[str], configuration: int, batch: Batch) -> Path:
     """Write a batch; the file appears only once it is complete.
 
     Raises:
         InputError: it cannot be written, because the disk is full for example.
     """
-    path = batch_path(folder, configuration, int(batch.runs[0]))
+    path = Path(folder) / FOLDER / f"{configuration:04d}-{int(batch.runs[0]):08d}.npz"
     arrays = {field.name: getattr(batch, field.name) for field in dataclasses.fields(batch)}
     with atomic_write(path, "wb") as file:
         np.savez(file, allow_pickle=False, **arrays)
@@ -86,23 +70,61 @@ def read_batch(path: Path) -> Batch:
     Raises:
         InputError: the file is damaged.
     """
-    names = [field.name for field in dataclasses.fields(Batch)]
+    with _opened(path) as content:
+        return Batch(**{field.name: content[field.name] for field in dataclasses.fields(Batch)})
+
+
+def read_runs(path: Path) -> np.ndarray:
+    """The numbers ``[R]`` of a batch's runs, without reading the rest.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    with _opened(path) as content:
+        return content["runs"]
+
+
+def batch_files(folder: str | os.PathLike[str], configuration: int) -> list[Path]:
+    """A configuration's batch files in the order of their runs, unread."""
+    paths = (Path(folder) / FOLDER).glob(f"{configuration:04d}-*.npz")
+    return sorted(path for path in paths if _NAME.fullmatch(path.name))
+
+
+def survey(
+    folder: str | os.PathLike[str], configuration: int, num_runs: int, truth_shape: tuple[int, ...]
+) -> tuple[np.ndarray, list[Path]]:
+    """Which runs of a configuration are on disk, every file read to its end.
+
+    Args:
+        folder: the evaluation's.
+        configuration: its index.
+        num_runs: runs that are wanted.
+        truth_shape: ``[T, P, 4]``, which boxes must have after their first axis.
+
+    Returns:
+        ``[num_runs]`` bool, the runs that need not be repeated, and the damaged files.
+    """
+    done, damaged = np.zeros(num_runs, bool), []
+    for path in batch_files(folder, configuration):
+        try:
+            batch = read_batch(path)
+        except InputError:
+            damaged.append(path)
+            continue
+        if batch.boxes.shape == (len(batch.runs), *truth_shape):
+            done[batch.runs[batch.runs < num_runs]] = True
+        else:
+            damaged.append(path)
+    return done, damaged
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[Any]:
     try:
         with np.load(path, allow_pickle=False) as content:
-            batch = Batch(**{name: content[name] for name in names})
+            yield content
     # What a truncated or altered file raises depends on where it was hit.
     except (OSError, ValueError, KeyError, EOFError, NotImplementedError, zipfile.BadZipFile):
         raise InputError(
-            f"the batch '{path}' is damaged; delete it and evaluate again: its runs are repeated."
+            f"the batch '{path}' is damaged; evaluate again, which repeats its runs alone."
         ) from None
-    return batch
-
-
-def batch_files(folder: str | os.PathLike[str], configuration: int) -> Iterator[Path]:
-    """A configuration's batch files in the order of their runs, unread."""
-    found = []
-    for path in (Path(folder) / FOLDER).glob("*.npz"):
-        match = _NAME.fullmatch(path.name)
-        if match and int(match[1]) == configuration:
-            found.append((int(match[2]), path))
-    return iter(path for _, path in sorted(found))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.evaluation.batches import Batch, batch_files, read_batch
+from jaxpf.evaluation.batches import Batch, batch_files, read_batch, read_runs
 
 SETTINGS = "settings.json"
 TRUTH = "truth.npz"
@@ -137,7 +137,8 @@ class Results:
 
     def finished(self, configuration: Configuration) -> int:
         """Number of runs of a configuration that are on disk."""
-        return sum(len(batch) for batch in self.batches(configuration))
+        paths = batch_files(self.folder, self._index(configuration))
+        return sum(len(read_runs(path)) for path in paths)
 
     def batches(self, configuration: Configuration) -> Iterator[Batch]:
         """Finished runs of a configuration, in the order of the runs.
@@ -145,14 +146,17 @@ class Results:
         Raises:
             InputError: a configuration that is not of this evaluation; a damaged batch.
         """
+        for path in batch_files(self.folder, self._index(configuration)):
+            yield read_batch(path)
+
+    def _index(self, configuration: Configuration) -> int:
         configurations = self.configurations
         if configuration not in configurations:
             raise InputError(
                 f"'{self.folder}' has no configuration {configuration.label!r} with "
                 f"{configuration.parameters}; take one of its `configurations`."
             )
-        for path in batch_files(self.folder, configurations.index(configuration)):
-            yield read_batch(path)
+        return configurations.index(configuration)
 
     def scene(self) -> Any:
         """The scene, opened anew.

@@ -8,9 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import metrics
-from jaxpf.boxes import box_tracker
+from jaxpf.evaluation import trackers as scene_trackers
 from jaxpf.geometry import boxes_from_substates
-from jaxpf.likelihoods.histogram import histogram_from_patches
 from jaxpf.ordering import Ordering
 from jaxpf.partitioned import Partitioned
 from jaxpf.running import RUNS_PER_BATCH, monte_carlo
@@ -49,22 +48,15 @@ def scene_tracker(
     resampling: str = "multinomial",
     num_runs: int = 1,
 ) -> Partitioned:
-    """A box tracker that starts at the scene's first true boxes and knows its patches."""
-    likelihood = histogram_from_patches(
-        scene.patches,
-        scene.sizes,
-        sharpness=sharpness,
-        frame_shape=scene.frames.shape[1:3],
-        num_particles=num_particles,
-        num_runs=num_runs,
-    )
-    return box_tracker(
-        likelihood,
-        scene.boxes[0],
+    """``jaxpf.evaluation.trackers.scene_tracker`` with smith2004's settings as defaults."""
+    return scene_trackers.scene_tracker(
+        scene,
         ordering,
-        scale=scale,
+        sharpness=sharpness,
         num_particles=num_particles,
+        scale=scale,
         resampling=resampling,
+        num_runs=num_runs,
     )
 
 
@@ -88,6 +80,7 @@ def compare(
         summary = jax.tree.map(
             np.asarray, monte_carlo(tracker, keys, frames, batch_size=batch_size)
         )
-        boxes = np.asarray(boxes_from_substates(summary.estimate, scene.sizes))
+        sizes = scene_trackers.start_sizes(scene)
+        boxes = np.asarray(boxes_from_substates(summary.estimate, sizes))
         measures = metrics.summarise(boxes, truth)
         yield Result(name, boxes, summary, jax.tree.map(np.asarray, measures))

@@ -1,0 +1,271 @@
+"""Carrying out an evaluation: what is missing is done, batch by batch, and kept."""
+
+import dataclasses
+import functools
+import math
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jaxpf.errors import InputError
+from jaxpf.evaluation import store
+from jaxpf.evaluation.batches import Batch, survey, write_batch
+from jaxpf.evaluation.execution import RETRIES, Factory, in_turn
+from jaxpf.evaluation.plan import Plan
+from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.files import report_os_errors
+
+if TYPE_CHECKING:
+    from jaxpf.evaluation.worker import Work
+
+#: Bytes that one batch may take in the memory of the process that computes it.
+MEMORY = 256 * 2**20
+
+
+@dataclasses.dataclass(frozen=True)
+class Prepared:
+    """An evaluation that is about to be carried out, or is finished.
+
+    Attributes:
+        plan: what was asked.
+        folder: where results go.
+        settings: for ``settings.json``.
+        truth: ``[T, P, 4]`` of the frames after the start frame.
+        configurations: all of them.
+        done: runs per configuration that are on disk.
+        work: batches that are missing.
+        imports: imported tracks that are missing, as (index of the configuration, batch).
+        damaged: batch files that are damaged; their runs are among the missing.
+        seconds: about how long the missing work takes on this machine.
+        memory: about how many bytes a working process takes.
+    """
+
+    plan: Plan
+    folder: Path
+    settings: dict[str, Any]
+    truth: np.ndarray
+    configurations: list[Configuration]
+    done: list[int]
+    work: list["Work"] = dataclasses.field(default_factory=list)
+    imports: list[tuple[int, Batch]] = dataclasses.field(default_factory=list)
+    damaged: list[Path] = dataclasses.field(default_factory=list)
+    seconds: float = 0.0
+    memory: int = 0
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether nothing is left to do."""
+        return not self.work and not self.imports
+
+    @property
+    def missing_runs(self) -> int:
+        """Runs that are to be done, over all configurations."""
+        return sum(work.num_runs for work in self.work) + len(self.imports)
+
+    def results(self) -> Results:
+        """What is on disk, finished or not."""
+        return Results.open(self.folder, functools.partial(_open, self.plan.scene))
+
+
+def evaluate(
+    plan: Plan,
+    folder: str | os.PathLike[str],
+    *,
+    executor: Executor | Factory | None = None,
+    progress: Callable[[int], None] | None = None,
+    memory: int = MEMORY,
+    runs_per_batch: int | None = None,
+    workers: int = 1,
+    retries: int = RETRIES,
+) -> Results:
+    """Run every configuration of a plan, and keep what is finished.
+
+    The same call again does only what is missing; more ``runs`` may be asked for.  The
+    results of a seed are the same, bit for bit, on one machine, whatever the batches, the
+    executor and the number of workers or devices.
+
+    Args:
+        plan: what to run.
+        folder: new, empty, or of the same evaluation.
+        executor: where batches are computed: any ``concurrent.futures.Executor``, or a
+            function without arguments that returns one, so that a broken one can be
+            replaced; in this process by default.  See ``execution.local_pool``.
+        progress: called with the number of runs that were finished.
+        memory: bytes that a batch may take while it is computed.
+        runs_per_batch: instead, runs per batch, rounded up to whole compiled batches.
+        workers: among how many to divide the runs at least.
+        retries: times that a batch may be repeated because a worker died.
+
+    Raises:
+        InputError: the folder belongs to other settings or another version; the scene cannot
+            be opened or an object is absent in its first frame; an argument is out of range;
+            the disk is full; workers died too often.
+    """
+    prepared = prepare(plan, folder, memory=memory, runs_per_batch=runs_per_batch, workers=workers)
+    return carry_out(prepared, executor=executor, progress=progress, retries=retries)
+
+
+def prepare(
+    plan: Plan,
+    folder: str | os.PathLike[str],
+    *,
+    memory: int = MEMORY,
+    runs_per_batch: int | None = None,
+    workers: int = 1,
+) -> Prepared:
+    """Find out what is to be done, and write nothing.
+
+    A finished evaluation is told without opening the scene and without JAX.  Arguments and
+    errors are as for ``evaluate``.
+    """
+    for name, value in (
+        ("memory", memory),
+        ("workers", workers),
+        ("runs_per_batch", runs_per_batch),
+    ):
+        if value is not None and value < 1:
+            raise InputError(f"{name} = {value} must be at least 1.")
+    folder = Path(folder)
+    settings = store.stored_settings(plan, folder)
+    if settings is not None:
+        results = Results.open(folder)
+        done, damaged = _surveyed(results, plan.runs)
+        same_runs = plan.runs == settings["runs"]
+        if same_runs and not damaged and all(runs.all() for runs in done):
+            counts = [int(runs.sum()) for runs in done]
+            return Prepared(plan, folder, settings, results.truth, results.configurations, counts)
+    return _prepare_work(plan, folder, settings, memory, runs_per_batch, workers)
+
+
+def carry_out(
+    prepared: Prepared,
+    *,
+    executor: Executor | Factory | None = None,
+    progress: Callable[[int], None] | None = None,
+    retries: int = RETRIES,
+) -> Results:
+    """Do what ``prepare`` found missing; arguments and errors as for ``evaluate``."""
+    if prepared.is_finished:
+        return prepared.results()
+    from jaxpf.evaluation.worker import run_batch
+
+    folder = prepared.folder
+    with store.locked(folder):
+        store.remove_leavings(folder)
+        for path in prepared.damaged:
+            with report_os_errors("replace", path):
+                path.unlink(missing_ok=True)
+        store.write_settings(folder, prepared.settings, prepared.truth)
+        for index, batch in prepared.imports:
+            write_batch(folder, index, batch)
+        for work, batch in in_turn(run_batch, prepared.work, executor, retries=retries):
+            write_batch(folder, work.index, batch)
+            if progress is not None:
+                progress(work.num_runs)
+    return prepared.results()
+
+
+def _open(scene: Any) -> Any:
+    return scene() if callable(scene) else scene
+
+
+def _surveyed(results: Results, num_runs: int) -> tuple[list[np.ndarray], list[Path]]:
+    """Which runs of each configuration are done, and the damaged files."""
+    done, damaged = [], []
+    for index, configuration in enumerate(results.configurations):
+        wanted = 1 if configuration.is_imported else num_runs
+        runs, broken = survey(results.folder, index, wanted, results.truth.shape)
+        done.append(runs)
+        damaged += broken
+    return done, damaged
+
+
+def _prepare_work(
+    plan: Plan,
+    folder: Path,
+    settings: dict[str, Any] | None,
+    memory: int,
+    runs_per_batch: int | None,
+    workers: int,
+) -> Prepared:
+    """Open the scene, and divide what is missing into batches."""
+    from jaxpf.evaluation import schedule
+    from jaxpf.evaluation.worker import Work, remember_scene
+
+    scene = _open(plan.scene)
+    schedule.check_scene(scene)
+    truth = np.asarray(scene.boxes[1:], np.float64)
+    if settings is None:
+        settings = schedule.new_settings(plan, scene)
+        configurations = [Configuration(**entry) for entry in settings["configurations"]]
+        done = [np.zeros(1 if c.is_imported else plan.runs, bool) for c in configurations]
+        damaged: list[Path] = []
+    else:
+        schedule.check_continues(settings, scene, folder)
+        settings = {**settings, "runs": plan.runs}
+        results = Results(folder, settings, truth)
+        configurations = results.configurations
+        done, damaged = _surveyed(results, plan.runs)
+    digest = settings["scene"]["digest"]
+    remember_scene(scene, digest)
+
+    ours = [index for index, c in enumerate(configurations) if not c.is_imported]
+    missing = {index: int(np.sum(~done[index])) for index in ours}
+    share = math.ceil(max(sum(missing.values()), 1) / workers)
+    work, seconds, largest_batch = [], 0.0, 0
+    costs: dict[tuple, schedule.Costs] = {}
+    shapes = set()
+    for index in ours:
+        shape = schedule.shape_of(configurations[index])
+        cost = costs.get(shape) or schedule.costs(configurations[index], scene)
+        costs[shape] = cost
+        most = schedule.most_runs(cost, memory) if runs_per_batch is None else runs_per_batch
+        for first, count, width in schedule.divide(done[index], min(most, share)):
+            work.append(
+                Work(
+                    index=index,
+                    configuration=configurations[index],
+                    first_run=first,
+                    num_runs=count,
+                    width=width,
+                    seed=plan.seed,
+                    float64=schedule.double_precision(),
+                    scene=plan.scene,
+                    digest=digest,
+                )
+            )
+            seconds += cost.seconds_per_batch + width * cost.seconds_per_run
+            largest_batch = max(largest_batch, width * cost.bytes_per_run)
+            shapes.add((shape, width))
+    return Prepared(
+        plan=plan,
+        folder=folder,
+        settings=settings,
+        truth=truth,
+        configurations=configurations,
+        done=[int(runs.sum()) for runs in done],
+        work=work,
+        imports=list(_missing_imports(plan, scene, configurations, done)),
+        damaged=damaged,
+        seconds=seconds + schedule.COMPILE * len(shapes),
+        memory=schedule.memory_of(scene, largest_batch),
+    )
+
+
+def _missing_imports(
+    plan: Plan, scene: Any, configurations: list[Configuration], done: list[np.ndarray]
+) -> Iterator[tuple[int, Batch]]:
+    from jaxpf.evaluation.schedule import object_ids, start_frame
+    from jaxpf.evaluation.worker import imported_batch
+
+    for index, configuration in enumerate(configurations):
+        if configuration.is_imported and not done[index].all():
+            from jaxpf.track_matching import read_tracks
+
+            path = plan.tracks[configuration.method]
+            boxes = read_tracks(path, scene.boxes, object_ids(scene), start_frame(scene))
+            yield index, imported_batch(boxes[1:], plan.seed)

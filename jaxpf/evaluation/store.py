@@ -1,0 +1,119 @@
+"""The folder of an evaluation: what was asked, and whether it may be continued."""
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf import __version__
+from jaxpf.errors import InputError
+from jaxpf.evaluation.batches import FOLDER
+from jaxpf.evaluation.plan import Plan, differences
+from jaxpf.evaluation.results import SETTINGS, TRUTH, read_settings
+from jaxpf.files import atomic_write, report_os_errors
+
+LOCK = ".lock"
+
+
+def stored_settings(plan: Plan, folder: Path) -> dict[str, Any] | None:
+    """The settings of an evaluation that ``plan`` continues; None where it would be new.
+
+    Raises:
+        InputError: the folder holds something else, or an evaluation of another version or
+            with other settings.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"'{folder}' is a file; choose another output folder.")
+    if not (folder / SETTINGS).exists():
+        _check_empty(folder)
+        return None
+    settings = read_settings(folder)
+    version = settings.get("versions", {}).get("jaxpf")
+    if version != __version__:
+        raise InputError(
+            f"the evaluation in '{folder}' was made by jaxpf {version} and this is jaxpf "
+            f"{__version__}, which may give other results; choose another output folder, or "
+            "continue with that version."
+        )
+    change = next(iter(differences(settings["asked"], plan.asked())), None)
+    if change is not None:
+        raise InputError(
+            f"the evaluation in '{folder}' was begun with {change}; choose another output folder, "
+            "or ask for the same (only `runs` may grow)."
+        )
+    if plan.runs < settings["runs"]:
+        raise InputError(
+            f"the evaluation in '{folder}' was begun with runs = {settings['runs']}, now "
+            f"{plan.runs}; choose another output folder, or ask for at least as many."
+        )
+    return settings
+
+
+def write_settings(folder: Path, settings: dict[str, Any], truth: np.ndarray) -> None:
+    """Begin or continue an evaluation; the settings, by which it is known, come last.
+
+    Raises:
+        InputError: the folder or the files cannot be written.
+    """
+    with report_os_errors("create the folder", folder):
+        (folder / FOLDER).mkdir(parents=True, exist_ok=True)
+    if not (folder / TRUTH).exists():
+        with atomic_write(folder / TRUTH, "wb") as file:
+            np.savez(file, allow_pickle=False, truth=truth)
+    with atomic_write(folder / SETTINGS) as file:
+        json.dump(settings, file, indent=1)
+
+
+def remove_leavings(folder: Path) -> None:
+    """Remove what a killed process left half-written."""
+    for place in (folder, folder / FOLDER):
+        for path in place.glob(".*.partial.*"):
+            with contextlib.suppress(OSError):
+                path.unlink()
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other processes from evaluating into the same folder at the same time.
+
+    The system drops the lock when the process ends, however it ends.  Where there are no
+    such locks nothing is kept: two processes would do the same work twice, to equal results.
+
+    Raises:
+        InputError: another process holds the folder, or it cannot be written.
+    """
+    with report_os_errors("create the folder", folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    with report_os_errors("write into the folder", folder), open(folder / LOCK, "w") as file:
+        try:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(
+                f"another process is evaluating into '{folder}'; wait for it, or choose another "
+                "output folder."
+            ) from None
+        except (ImportError, OSError):
+            pass
+        yield
+
+
+def _check_empty(folder: Path) -> None:
+    """Refuse a folder with files of somebody else; what a killed start left is ours."""
+    if not folder.is_dir():
+        return
+    with report_os_errors("read the folder", folder):
+        names = sorted(os.listdir(folder))
+    for name in names:
+        ours = name in (TRUTH, LOCK) or (name.startswith(".") and ".partial." in name)
+        if ours or (name == FOLDER and not os.listdir(folder / FOLDER)):
+            continue
+        raise InputError(
+            f"'{folder}' holds '{name}' but no evaluation ('{SETTINGS}' is missing); choose "
+            "another output folder."
+        )

@@ -4,6 +4,7 @@ Memory does not grow with the number of runs: batches are read one at a time, th
 runs go to temporary files, one per measure, and what is drawn is accumulated.
 """
 
+import importlib.util
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
@@ -14,19 +15,22 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxpf.evaluation.batches import Batch
-from jaxpf.evaluation.measures import COLUMNS, THRESHOLDS, Measured, measure_batch
+from jaxpf.evaluation.estimates import LEVEL, with_all
+from jaxpf.evaluation.measures import COLUMNS, SCORES, Measured, measure_batch
 from jaxpf.evaluation.results import Configuration, Results
-from jaxpf.evaluation.summary import LEVEL, with_all
 from jaxpf.files import report_os_errors
+from jaxpf.scores import OVERLAP_THRESHOLDS, tracking_scores
 
 #: Quantiles of the centre error that are drawn over time.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 #: The runs of a configuration that are shown, by their overlap over all frames and objects.
 ROLES = ("best", "median", "worst")
+#: Runs of a configuration that get the standard scores, which take about 10 ms per 20 frames.
+SCORED_RUNS = 100
 
 
 class Curve(NamedTuple):
-    """Success curves with intervals, ``[P + 1, len(THRESHOLDS)]`` each; all objects come last."""
+    """Success curves with intervals, ``[P + 1, 21]`` each; all objects come last."""
 
     value: np.ndarray
     lower: np.ndarray
@@ -61,6 +65,8 @@ class Collected(NamedTuple):
         quantiles: of the centre error, ``[len(QUANTILES), T, P + 1]``; all objects come last.
         curve: see ``Curve``.
         shown: the runs that are exported.
+        scores: of the first ``SCORED_RUNS`` runs, ``[R, len(SCORES)]``; without rows where
+            TrackEval is not installed.
     """
 
     configuration: Configuration
@@ -69,6 +75,12 @@ class Collected(NamedTuple):
     quantiles: np.ndarray
     curve: Curve
     shown: list[ShownRun]
+    scores: np.ndarray
+
+    @property
+    def num_objects(self) -> int:
+        """P."""
+        return self.quantiles.shape[2] - 1
 
 
 def collect(
@@ -111,9 +123,14 @@ def collect(
 
     numbers = np.concatenate(runs)
     overlap = with_all(column("overlap"), column("frames"))[0][:, -1]
-    shown = _shown_runs(results.batches(configuration), numbers, overlap)
     return Collected(
-        configuration, numbers, column, errors.quantiles(QUANTILES), curves.interval(), shown
+        configuration=configuration,
+        runs=numbers,
+        column=column,
+        quantiles=errors.quantiles(QUANTILES),
+        curve=curves.interval(),
+        shown=_shown_runs(results.batches(configuration), numbers, overlap),
+        scores=_scores(results.batches(configuration), truth),
     )
 
 
@@ -155,7 +172,7 @@ class _CurveMean:
 
     def __init__(self, num_objects: int):
         self._runs = 0
-        self._sums = np.zeros((2, num_objects + 1, len(THRESHOLDS)))
+        self._sums = np.zeros((2, num_objects + 1, len(OVERLAP_THRESHOLDS)))
 
     def add(self, measured: Measured) -> None:
         frames = measured.columns[:, :, COLUMNS.index("frames"), None]
@@ -199,3 +216,19 @@ def _shown_runs(
         if len(shown) == len(roles):
             break
     return [shown[index] for index in roles]
+
+
+def has_scores() -> bool:
+    """Whether TrackEval is installed, which computes the standard scores."""
+    return importlib.util.find_spec("trackeval") is not None
+
+
+def _scores(batches: Iterator[Batch], truth: np.ndarray) -> np.ndarray:
+    rows: list[list[float]] = []
+    for batch in batches if has_scores() else ():
+        for boxes in batch.boxes[: SCORED_RUNS - len(rows)]:
+            found = tracking_scores(boxes, truth)
+            rows.append([found[measure.name] for measure in SCORES])
+        if len(rows) == SCORED_RUNS:
+            break
+    return np.array(rows).reshape(-1, len(SCORES))

@@ -1,5 +1,6 @@
 """Figures of an evaluation: drawn once, saved as PNG and as PDF, the same bytes every time."""
 
+import functools
 import os
 import textwrap
 from collections.abc import Callable, Sequence
@@ -9,11 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxpf.evaluation.layout import COMPARED, heading, object_name
-from jaxpf.evaluation.measures import COORDINATES, THRESHOLDS, by_name
+from jaxpf.evaluation.measures import COORDINATES, by_name
 from jaxpf.evaluation.results import Results
-from jaxpf.evaluation.tables import Summary, Tables
+from jaxpf.evaluation.summary import Summary
+from jaxpf.evaluation.tables import Tables
 from jaxpf.files import atomic_write, report_os_errors
 from jaxpf.plotting import new_figure
+from jaxpf.scores import OVERLAP_THRESHOLDS
 
 #: Okabe and Ito (2008), the colours that show on white, most different first.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -140,7 +143,7 @@ def _plans(results: Results, tables: Tables) -> list[_Plan]:
                 "band: from 5 to 95 %. These are quantiles, not intervals; frames without truth "
                 "or estimate do not count."
                 + (f" Of all objects, {hardest} was recovered least." * (single and several)),
-                lambda place=place: _error_over_time(results, summaries, place),
+                functools.partial(_error_over_time, results, summaries, place),
             )
         )
     plans.append(
@@ -345,12 +348,12 @@ def _success_curves(results: Results, summaries: Sequence[Summary], places: Sequ
 
 def _single_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None:
     for index, summary in enumerate(summaries):
-        curve, area = summary.curve, summary.estimates["success_auc"].value[place]
+        curve, area = summary.curve, summary.estimates["success_area"].value[place]
         colour, dash = COLOURS[index % len(COLOURS)], ("-", "--")[index // len(COLOURS)]
         label = f"{_wrapped(summary.name)} [{100 * area:.1f}]"
-        axis.plot(THRESHOLDS, 100 * curve.value[place], dash, color=colour, label=label)
+        axis.plot(OVERLAP_THRESHOLDS, 100 * curve.value[place], dash, color=colour, label=label)
         ends = 100 * curve.lower[place], 100 * curve.upper[place]
-        axis.fill_between(THRESHOLDS, *ends, color=colour, alpha=0.18, linewidth=0)
+        axis.fill_between(OVERLAP_THRESHOLDS, *ends, color=colour, alpha=0.18, linewidth=0)
 
 
 def _grouped_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None:
@@ -358,11 +361,11 @@ def _grouped_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None
     methods = list(dict.fromkeys(summary.configuration.method for summary in summaries))
     for number, method in enumerate(methods):
         group = [s for s in summaries if s.configuration.method == method]
-        areas = [100 * s.estimates["success_auc"].value[place] for s in group]
+        areas = [100 * s.estimates["success_area"].value[place] for s in group]
         reach = f"{min(areas):.1f}" + (f" to {max(areas):.1f}" if len(areas) > 1 else "")
         for index, summary in enumerate(group):
             axis.plot(
-                *(THRESHOLDS, 100 * summary.curve.value[place]),
+                *(OVERLAP_THRESHOLDS, 100 * summary.curve.value[place]),
                 ("-", "--")[number // len(COLOURS) % 2],
                 color=COLOURS[number % len(COLOURS)],
                 linewidth=1,

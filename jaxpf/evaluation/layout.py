@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.evaluation.measures import Measure, by_name
+from jaxpf.evaluation.measures import SCORES, Measure, by_name
 
 if TYPE_CHECKING:
-    from jaxpf.evaluation.tables import Summary
+    from jaxpf.evaluation.summary import Summary
 
 #: Measures that the tables show; all of them are in ``summary.csv``.
 HEADLINE = tuple(
@@ -34,10 +34,10 @@ NOTES = (
     "standard error over runs.",
     "Success: tracked, that is, overlapping the truth at all, in every frame. Recovery: tracked "
     "in the last frame with truth. Precision and recall are over tracked frames, overlap "
-    "(intersection over union) over all frames with truth.",
+    "(intersection over union) over all frames with truth. The start frame never counts.",
     "Differences are paired by run: equal seeds share their random numbers. Differences of rates "
     "have Newcombe's interval (method 10) for one object and are tested by McNemar's exact test; "
-    "those of means have the normal interval and test of the runs' differences. A star marks "
+    "those of means have Student's interval and test of the runs' differences. A star marks "
     f"p < {SIGNIFICANT} after Holm's correction over the comparisons in its column.",
 )
 
@@ -69,6 +69,13 @@ def estimate_tables(
         for place in _distinct(object_ids, places)
         if summaries
     ]
+
+
+def score_tables(summaries: Sequence["Summary"], num_objects: int) -> list[Table]:
+    """One table with the standard scores, of all objects together; none without TrackEval."""
+    if not any(SCORES[0].name in summary.estimates for summary in summaries):
+        return []
+    return [_estimates("standard scores, all objects", summaries, num_objects, SCORES)]
 
 
 def difference_tables(

@@ -7,14 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from jaxpf import metrics
+from jaxpf import metrics, scores
 from jaxpf.evaluation.batches import Batch
 from jaxpf.intervals import masked_mean
 
-#: Thresholds of the success curve (wu2013).
-THRESHOLDS = np.linspace(0, 1, 21)
-#: Pixels within which the centre counts as found (wu2013).
-PRECISION_PIXELS = 20.0
 #: Coordinates by which the spread of a particle set is named.
 COORDINATES = ("u", "v", "a")
 
@@ -43,7 +39,17 @@ class Measure(NamedTuple):
     unit: str = ""
 
 
-#: Names of the columns that say how many frames a mean is over.
+#: Standard scores of a run, over all objects: see ``jaxpf.scores.tracking_scores``.
+SCORES = (
+    Measure("HOTA", "HOTA", percent=True),
+    Measure("MOTA", "MOTA", percent=True),
+    Measure("MOTP", "MOTP", percent=True),
+    Measure("IDF1", "IDF1", percent=True),
+    Measure("IDSW", "identity switches"),
+    Measure("Frag", "interruptions"),
+)
+
+#: Columns that say how many frames a mean is over.
 FRAMES, TRACKED_FRAMES = "frames", "tracked_frames"
 
 MEASURES = (
@@ -55,8 +61,8 @@ MEASURES = (
     Measure("precision_all", "precision, all frames", weight=FRAMES, percent=True),
     Measure("recall_all", "recall, all frames", weight=FRAMES, percent=True),
     Measure("overlap", "overlap", weight=FRAMES, percent=True),
-    Measure("success_auc", "area under the success curve", weight=FRAMES, percent=True),
-    Measure("precision_20px", "centre within 20 pixels", weight=FRAMES, percent=True),
+    Measure("success_area", "area under the success curve", weight=FRAMES, percent=True),
+    Measure("distance_precision", "centre within 20 pixels", weight=FRAMES, percent=True),
     Measure("centre_error", "centre error", weight="located_frames", unit="pixels"),
     Measure("uniqueness", "uniqueness", percent=True),
     *(
@@ -79,7 +85,7 @@ COLUMNS = (*COUNTS, *(measure.name for measure in MEASURES))
 
 def by_name(name: str) -> Measure:
     """The measure of a column."""
-    return next(measure for measure in MEASURES if measure.name == name)
+    return next(measure for measure in (*MEASURES, *SCORES) if measure.name == name)
 
 
 class Measured(NamedTuple):
@@ -88,8 +94,7 @@ class Measured(NamedTuple):
     Attributes:
         columns: ``[R, P, K]``, one for each of ``COLUMNS``; NaN where a measure does not exist.
         centre_error: ``[R, T, P]`` in pixels, NaN where there is no truth or no estimate.
-        curve: ``[R, P, len(THRESHOLDS)]``, the share of the frames with truth whose overlap
-            exceeds each threshold.
+        curve: ``[R, P, 21]``, see ``jaxpf.scores.success_curve``.
     """
 
     columns: np.ndarray
@@ -166,10 +171,7 @@ def _measure(
     def if_ever(outcome: Array) -> Array:
         return jnp.where(ever, outcome.astype(overlap.dtype), jnp.nan)
 
-    # Thresholds come last, frames are averaged away.
-    exceeds = overlap[..., None] > jnp.asarray(THRESHOLDS, overlap.dtype)
-    curve = masked_mean(exceeds.astype(overlap.dtype), present[..., None], -3)
-    near = jnp.isfinite(error) & (error <= PRECISION_PIXELS)
+    curve = scores.success_curve(boxes, truth)
     dynamics = metrics.effective_dynamics(spread, noise_scale)
     everywhere = jnp.ones(uniqueness.shape, bool)
 
@@ -192,8 +194,8 @@ def _measure(
         "precision_all": mean(precision),
         "recall_all": mean(recall),
         "overlap": mean(overlap),
-        "success_auc": jnp.mean(curve, axis=-1),
-        "precision_20px": mean(near.astype(overlap.dtype)),
+        "success_area": jnp.mean(curve, axis=-1),
+        "distance_precision": scores.distance_precision(boxes, truth),
         "centre_error": mean(error),
         "uniqueness": mean(uniqueness, everywhere),
         "ess": of_run(jnp.mean(ess, axis=-1)),

@@ -1,240 +1,180 @@
-"""Rates, means and paired differences over the runs of an evaluation, with their uncertainty.
+"""The summary of every configuration of an evaluation: estimates, and paired differences."""
 
-Runs are the independent units: the frames of a run, and its objects, are alike, so they add to
-the value and not to the certainty.
-
-* A rate of one object has Wilson's interval.  The rate over all objects is the mean share of the
-  objects; its interval is Wilson's at the effective number of trials p (1 - p) / SE^2, the
-  standard error SE being that of the shares of the runs (Korn and Graubard 1998; Dean and Pagano
-  2015), kept between the number of runs and the number of runs times objects.
-* A mean pools the frames that count; ``intervals.mean_interval`` gives its error over runs.
-* A difference compares runs of equal seed, which share their random numbers.  A difference of
-  rates has Newcombe's hybrid score interval (1998, Statistics in Medicine 17:2635, method 10)
-  and the exact test of McNemar; a difference of means has the standard error of the runs'
-  differences, with the normal interval and test.
-"""
-
-import math
-from statistics import NormalDist
+import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.special import bdtr
 
-from jaxpf.intervals import Interval, mean_interval, wilson_interval
-
-#: Confidence of every interval.
-LEVEL = 0.95
-
-_mean_interval = jax.jit(mean_interval, static_argnames=("axis", "level"))
-_wilson_interval = jax.jit(wilson_interval, static_argnames="level")
-
-
-class Estimate(NamedTuple):
-    """A rate or mean of each of P objects, and of all (last).
-
-    Attributes:
-        value: ``[P + 1]``.
-        standard_error: ``[P + 1]``; NaN for a single run.
-        lower: ``[P + 1]``, end of the interval.
-        upper: ``[P + 1]``.
-        runs: ``[P + 1]``, the runs that count.
-    """
-
-    value: np.ndarray
-    standard_error: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    runs: np.ndarray
+from jaxpf.evaluation.collection import Collected, Curve, ShownRun, has_scores
+from jaxpf.evaluation.estimates import (
+    Difference,
+    Estimate,
+    holm,
+    mean,
+    mean_difference,
+    rate,
+    rate_difference,
+    without_interval,
+)
+from jaxpf.evaluation.measures import MEASURES, SCORES, Measure
+from jaxpf.evaluation.results import Configuration, Results
 
 
-class Difference(NamedTuple):
-    """A configuration less its reference, on common seeds; ``[P + 1]`` each as in ``Estimate``.
+@dataclasses.dataclass(frozen=True)
+class Summary:
+    """What the runs of one configuration say.
 
     Attributes:
-        value: positive where the configuration has more.
-        standard_error: of the runs' differences.
-        lower: end of the interval.
-        upper: end of the interval.
-        runs: pairs that count.
-        gained: of rates, runs in which the configuration succeeds and the reference does not;
-            NaN otherwise.
-        lost: the reverse.
-        p: probability of so large a difference, or a larger one, if there is none in truth.
+        configuration: whose runs these are.
+        name: of the configuration, with the parameters that vary.
+        runs: finished runs.
+        estimates: for each measure; ``[P + 1]``, all objects last.
+        reference: index among the summaries of the one it is compared with, or None.
+        differences: from the reference, for each measure.
+        adjusted: Holm's p of each difference, ``[P + 1]``: the family is all comparisons of one
+            measure and object.
+        quantiles: of the centre error, ``[5, T, P + 1]``.
+        curve: success curves.
+        shown: the best, the median and the worst run.
     """
 
-    value: np.ndarray
-    standard_error: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    runs: np.ndarray
-    gained: np.ndarray
-    lost: np.ndarray
-    p: np.ndarray
+    configuration: Configuration
+    name: str
+    runs: int
+    estimates: dict[str, Estimate]
+    reference: int | None
+    differences: dict[str, Difference]
+    adjusted: dict[str, np.ndarray]
+    quantiles: np.ndarray
+    curve: Curve
+    shown: list[ShownRun]
 
 
-def with_all(values: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Add the mean over objects as a last column.
-
-    Args:
-        values: ``[R, P]``, NaN where an object does not count.
-        weights: ``[R, P]``.
-
-    Returns:
-        Values and weights ``[R, P + 1]``; the weights are 0 where the values are not finite.
-    """
-    weights = np.where(np.isfinite(values), weights, 0.0)
-    total = np.sum(weights, axis=1, keepdims=True)
-    mass = np.sum(weights * np.where(weights > 0, values, 0.0), axis=1, keepdims=True)
-    pooled = np.where(total > 0, mass / np.where(total > 0, total, 1.0), np.nan)
-    return np.concatenate([values, pooled], 1), np.concatenate([weights, total], 1)
-
-
-def mean(values: np.ndarray, weights: np.ndarray) -> Estimate:
-    """Means over runs of ``values [R, P]`` with ``weights [R, P]``."""
-    values, weights = with_all(values, weights)
-    interval = _mean_interval(values, weights, axis=0, level=LEVEL)
-    return _estimate(interval, np.sum(weights > 0, axis=0))
-
-
-def rate(outcomes: np.ndarray) -> Estimate:
-    """Rates over runs of ``outcomes [R, P]``, each 0, 1 or NaN."""
-    values, weights = with_all(outcomes, np.ones_like(outcomes))
-    runs = np.sum(weights > 0, axis=0)
-    value, error = (_as_float64(x) for x in _mean_interval(values, axis=0, level=LEVEL)[:2])
-    trials = runs.astype(np.float64)
-    variance, share = error[-1] ** 2, value[-1]
-    if 0 < share < 1 and np.isfinite(variance):
-        most = np.sum(weights[:, -1])
-        effective = share * (1 - share) / variance if variance > 0 else np.inf
-        trials[-1] = np.clip(effective, trials[-1], most)
-    successes = np.where(trials > 0, np.nan_to_num(value) * trials, 0)
-    successes[:-1] = np.round(successes[:-1])
-    wilson = _estimate(_wilson_interval(successes, trials, level=LEVEL), runs)
-    wilson.standard_error[-1] = error[-1]
-    return wilson
-
-
-def without_interval(estimate: Estimate) -> Estimate:
-    """The values alone, for a tracker that does not vary from run to run."""
-    unknown = np.full_like(estimate.value, np.nan)
-    return estimate._replace(standard_error=unknown, lower=unknown, upper=unknown)
-
-
-def mean_difference(
-    values: np.ndarray,
-    weights: np.ndarray,
-    other_values: np.ndarray,
-    other_weights: np.ndarray,
-) -> Difference:
-    """Difference of two weighted means over paired runs, ``[R, P]`` each.
-
-    Both means are ratios of sums over the runs.  The error is that of their difference
-    linearised, which for equal weights is the standard error of the runs' differences.
-    """
-    ours, our_residuals, our_runs = _linearised(values, weights)
-    theirs, their_residuals, their_runs = _linearised(other_values, other_weights)
-    runs = np.minimum(our_runs, their_runs)
-    squares = np.sum((our_residuals - their_residuals) ** 2, axis=0)
-    with np.errstate(invalid="ignore"):
-        error = np.sqrt(squares * runs / np.maximum(runs - 1, 1))
-    value = ours - theirs
-    error = np.where(runs > 1, error, np.nan)
-    # Differences that are the same in every run leave an error of rounding alone.
-    scale = np.maximum(np.abs(ours), np.abs(theirs))
-    error = np.where(error <= 1e-12 * scale, 0.0, error)
-    value = np.where(np.abs(value) <= 1e-12 * scale, 0.0, value)
-    reach = NormalDist().inv_cdf((1 + LEVEL) / 2) * error
-    p = np.array([_normal_p(*pair) for pair in zip(value, error, strict=True)])
-    nothing = np.full_like(value, np.nan)
-    return Difference(value, error, value - reach, value + reach, runs, nothing, nothing, p)
-
-
-def rate_difference(outcomes: np.ndarray, other: np.ndarray) -> Difference:
-    """Difference of rates over paired runs, ``[R, P]`` outcomes each 0, 1 or NaN."""
-    ones = np.ones_like(outcomes)
-    difference = mean_difference(outcomes, ones, other, ones)
-    fields = {name: array.copy() for name, array in difference._asdict().items()}
-    for index in range(outcomes.shape[1]):
-        both = np.isfinite(outcomes[:, index]) & np.isfinite(other[:, index])
-        ours, theirs = outcomes[both, index] > 0.5, other[both, index] > 0.5
-        gained, lost = int(np.sum(ours & ~theirs)), int(np.sum(theirs & ~ours))
-        fields["gained"][index], fields["lost"][index] = gained, lost
-        if not len(ours):
-            continue
-        fields["lower"][index], fields["upper"][index] = newcombe_interval(
-            int(np.sum(ours & theirs)), gained, lost, int(np.sum(~ours & ~theirs))
+def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]:
+    """Summarise what was collected of every configuration, in the same order."""
+    references = _references(collected)
+    estimates: list[dict[str, Estimate]] = [{} for _ in collected]
+    differences: list[dict[str, Difference]] = [{} for _ in collected]
+    adjusted: list[dict[str, np.ndarray]] = [{} for _ in collected]
+    for measure in (*MEASURES, *(SCORES if has_scores() else ())):
+        for index, entry in enumerate(collected):
+            values = _values(entry, measure)
+            estimates[index][measure.name] = _estimate(entry, measure, values)
+            if (reference := references[index]) is not None:
+                other = _values(collected[reference], measure)
+                differences[index][measure.name] = _difference(entry, measure, values, other)
+        compared = [index for index in range(len(collected)) if references[index] is not None]
+        if compared:
+            p = np.stack([differences[index][measure.name].p for index in compared])
+            family = np.stack([holm(column) for column in p.T], axis=1)
+            for index, row in zip(compared, family, strict=True):
+                adjusted[index][measure.name] = row
+    return [
+        Summary(
+            configuration=entry.configuration,
+            name=configuration_name(results, entry.configuration),
+            runs=len(entry.runs),
+            estimates=estimates[index],
+            reference=references[index],
+            differences=differences[index],
+            adjusted=adjusted[index],
+            quantiles=entry.quantiles,
+            curve=entry.curve,
+            shown=entry.shown,
         )
-        fields["p"][index] = mcnemar_p(gained, lost)
-    return Difference(**fields)
+        for index, entry in enumerate(collected)
+    ]
 
 
-def newcombe_interval(both: int, first: int, second: int, neither: int) -> tuple[float, float]:
-    """Interval of p1 - p2 in a paired fourfold table: Newcombe (1998), method 10.
+def configuration_name(results: Results, configuration: Configuration) -> str:
+    """Method, ordering, and the parameters that differ between configurations."""
+    varied = [
+        f"{name} {_plain(configuration.parameters[name])}"
+        for name in results.varied
+        if name in configuration.parameters
+    ]
+    return ", ".join([configuration.label, *varied])
 
-    Args:
-        both: pairs in which both succeed; similarly the others.
-        first: only the first succeeds.
-        second: only the second succeeds.
-        neither: none succeeds.
+
+def _plain(value: float | int | str) -> str:
+    return f"{value:g}" if isinstance(value, float) else f"{value}"
+
+
+def _references(collected: Sequence[Collected]) -> list[int | None]:
+    """What each configuration is compared with; None if nothing shares seeds with it.
+
+    It is the first configuration with the same parameters; and for that one, the first of all:
+    methods are compared at equal parameters, and parameters with the first method.
     """
-    total = both + first + second + neither
-    wins = np.array([both + first, both + second], float)
-    lower, upper = (_as_float64(x) for x in _wilson_interval(wins, total, level=LEVEL)[2:])
-    p = wins / total
-    product = math.prod((both + first, second + neither, both + second, first + neither))
-    determinant = float(both * neither - first * second)
-    if determinant > 0:  # his correction for continuity
-        determinant = max(determinant - total / 2, 0)
-    phi = determinant / math.sqrt(product) if product else 0.0
-    below, above = p - lower, upper - p
-    fall = below[0] ** 2 - 2 * phi * below[0] * above[1] + above[1] ** 2
-    rise = above[0] ** 2 - 2 * phi * above[0] * below[1] + below[1] ** 2
-    difference = (first - second) / total
-    return difference - math.sqrt(max(fall, 0)), difference + math.sqrt(max(rise, 0))
+    references: list[int | None] = []
+    for index, entry in enumerate(collected):
+        candidates = [
+            other
+            for other in range(index)
+            if not collected[other].configuration.is_imported
+            and len(np.intersect1d(collected[other].runs, entry.runs)) > 1
+        ]
+        same = [
+            other
+            for other in candidates
+            if collected[other].configuration.parameters == entry.configuration.parameters
+        ]
+        chosen = (same or candidates)[:1]
+        references.append(chosen[0] if chosen and not entry.configuration.is_imported else None)
+    return references
 
 
-def mcnemar_p(gained: int, lost: int) -> float:
-    """Two-sided exact test of McNemar: are gains and losses equally likely?"""
-    return min(1.0, 2 * float(bdtr(min(gained, lost), gained + lost, 0.5)))
+class _Values(NamedTuple):
+    """A measure of the runs of a configuration: ``runs [R]``, the others ``[R, P]``."""
+
+    runs: np.ndarray
+    values: np.ndarray
+    weights: np.ndarray
 
 
-def holm(p: ArrayLike) -> np.ndarray:
-    """p-values for a family of comparisons (Holm 1979); NaN is no comparison."""
-    p = np.asarray(p, np.float64)
-    adjusted = np.full(p.shape, np.nan)
-    known = np.flatnonzero(np.isfinite(p))
-    order = known[np.argsort(p[known], kind="stable")]
-    factors = len(order) - np.arange(len(order))
-    adjusted[order] = np.minimum(np.maximum.accumulate(factors * p[order]), 1.0)
-    return adjusted
+def _values(entry: Collected, measure: Measure) -> _Values:
+    if measure in SCORES:
+        values = entry.scores[:, [SCORES.index(measure)]]
+        return _Values(entry.runs[: len(values)], values, np.ones_like(values))
+    values = entry.column(measure.name)
+    weights = entry.column(measure.weight) if measure.weight else np.ones_like(values)
+    return _Values(entry.runs, values, weights)
 
 
-def _linearised(
-    values: np.ndarray, weights: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean ``[P + 1]``, each run's influence on it ``[R, P + 1]``, and the runs that count."""
-    values, weights = with_all(values.astype(np.float64), weights)
-    total = np.sum(weights, axis=0)
-    share = weights / np.where(total > 0, total, 1)
-    known = np.where(weights > 0, values, 0.0)
-    value = np.where(total > 0, np.sum(share * known, axis=0), np.nan)
-    residuals = np.where(weights > 0, share * (known - np.nan_to_num(value)), 0.0)
-    return value, residuals, np.sum(weights > 0, axis=0)
+def _estimate(entry: Collected, measure: Measure, given: _Values) -> Estimate:
+    found = rate(given.values) if measure.is_rate else mean(given.values, given.weights)
+    if measure in SCORES:
+        found = Estimate(*_of_all_objects(found, entry.num_objects))
+    return without_interval(found) if entry.configuration.is_imported else found
 
 
-def _normal_p(value: float, error: float) -> float:
-    if error > 0:
-        return math.erfc(abs(value) / error / math.sqrt(2))
-    return 1.0 if error == 0 and value == 0 else math.nan
+def _difference(entry: Collected, measure: Measure, given: _Values, other: _Values) -> Difference:
+    _, ours, theirs = np.intersect1d(given.runs, other.runs, return_indices=True)
+    if measure.is_rate:
+        return rate_difference(given.values[ours], other.values[theirs])
+    found = mean_difference(
+        *(given.values[ours], given.weights[ours]), *(other.values[theirs], other.weights[theirs])
+    )
+    if measure in SCORES:
+        found = Difference(*_of_all_objects(found, entry.num_objects))
+    return found
 
 
-def _estimate(interval: Interval, runs: np.ndarray) -> Estimate:
-    value, standard_error, lower, upper = map(_as_float64, interval)
-    return Estimate(value, standard_error, lower, upper, runs)
+def _of_all_objects(found: Sequence[np.ndarray], num_objects: int) -> list[np.ndarray]:
+    """Figures ``[2]`` of all objects as ``[P + 1]``: single objects have none, unless alone."""
+    has = np.arange(num_objects + 1) == num_objects
+    return [np.where(has | (num_objects == 1), figures[-1], np.nan) for figures in found]
 
 
-def _as_float64(values: object) -> np.ndarray:
-    return np.array(values, np.float64)
+def hardest_object(summaries: Sequence[Summary], num_objects: int) -> int:
+    """The object with the lowest mean recovery; of equal ones, the lowest overlap."""
+    if not summaries:
+        return 0
+    recovery, overlap = (
+        np.mean([summary.estimates[name].value[:num_objects] for summary in summaries], axis=0)
+        for name in ("recovered", "overlap")
+    )
+    # An object without truth has no rate, and is not hard.
+    order = np.lexsort((np.nan_to_num(overlap, nan=2), np.nan_to_num(recovery, nan=2)))
+    return int(order[0])

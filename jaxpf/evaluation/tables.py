@@ -27,62 +27,29 @@ from typing import IO, Any
 import numpy as np
 
 from jaxpf.evaluation.batches import Batch
-from jaxpf.evaluation.collection import Collected, Curve, ShownRun, collect
+from jaxpf.evaluation.collection import SCORED_RUNS, Collected, collect, has_scores
 from jaxpf.evaluation.layout import (
     PRINTED,
     Table,
     difference_tables,
     estimate_tables,
+    score_tables,
     to_latex,
     to_markdown,
 )
-from jaxpf.evaluation.measures import COLUMNS, MEASURES, Measure
+from jaxpf.evaluation.measures import COLUMNS
 from jaxpf.evaluation.results import Configuration, Results
 from jaxpf.evaluation.summary import (
-    Difference,
-    Estimate,
-    holm,
-    mean,
-    mean_difference,
-    rate,
-    rate_difference,
-    without_interval,
+    Summary,
+    configuration_name,
+    hardest_object,
+    summarise,
 )
 from jaxpf.files import atomic_write, report_os_errors
 from jaxpf.tracks import write_mot
 
 _KEYS = ("scene", "method", "ordering")
 _NUMBERS = ",".join(["%.7g"] * len(COLUMNS))
-
-
-@dataclasses.dataclass(frozen=True)
-class Summary:
-    """What the runs of one configuration say.
-
-    Attributes:
-        configuration: whose runs these are.
-        name: of the configuration, with the parameters that vary.
-        runs: finished runs.
-        estimates: for each measure; ``[P + 1]``, all objects last.
-        reference: index among the summaries of the one it is compared with, or None.
-        differences: from the reference, for each measure.
-        adjusted: Holm's p of each difference, ``[P + 1]``: the family is all comparisons of one
-            measure and object.
-        quantiles: of the centre error, ``[5, T, P + 1]``.
-        curve: success curves.
-        shown: the best, the median and the worst run.
-    """
-
-    configuration: Configuration
-    name: str
-    runs: int
-    estimates: dict[str, Estimate]
-    reference: int | None
-    differences: dict[str, Difference]
-    adjusted: dict[str, np.ndarray]
-    quantiles: np.ndarray
-    curve: Curve
-    shown: list[ShownRun]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,8 +87,8 @@ def write_tables(results: Results) -> Tables:
             rows = writer.for_configuration(configuration)
             if (found := collect(results, configuration, folder, rows)) is not None:
                 collected.append(found)
-        summaries = _summarise(results, collected)
-    hardest = _hardest(summaries, len(results.object_ids))
+        summaries = summarise(results, collected)
+    hardest = hardest_object(summaries, len(results.object_ids))
     remarks = _remarks(results, summaries)
     _write_summary(results, summaries)
     _write_differences(results, summaries)
@@ -129,6 +96,7 @@ def write_tables(results: Results) -> Tables:
     places = [len(ids), *range(len(ids))]
     everything = [
         *estimate_tables(ids, summaries, places),
+        *score_tables(summaries, len(ids)),
         *difference_tables(ids, summaries, places),
     ]
     title = f"{results.scene_name}, {results.runs} runs"
@@ -168,112 +136,6 @@ class _RowWriter:
         return write
 
 
-def _summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]:
-    references = _references(collected)
-    estimates: list[dict[str, Estimate]] = [{} for _ in collected]
-    differences: list[dict[str, Difference]] = [{} for _ in collected]
-    adjusted: list[dict[str, np.ndarray]] = [{} for _ in collected]
-    for measure in MEASURES:
-        for index, entry in enumerate(collected):
-            estimates[index][measure.name] = _estimate(entry, measure)
-            if (reference := references[index]) is not None:
-                found = _difference(entry, collected[reference], measure)
-                differences[index][measure.name] = found
-        compared = [index for index in range(len(collected)) if references[index] is not None]
-        if compared:
-            p = np.stack([differences[index][measure.name].p for index in compared])
-            family = np.stack([holm(column) for column in p.T], axis=1)
-            for index, row in zip(compared, family, strict=True):
-                adjusted[index][measure.name] = row
-    return [
-        Summary(
-            configuration=entry.configuration,
-            name=configuration_name(results, entry.configuration),
-            runs=len(entry.runs),
-            estimates=estimates[index],
-            reference=references[index],
-            differences=differences[index],
-            adjusted=adjusted[index],
-            quantiles=entry.quantiles,
-            curve=entry.curve,
-            shown=entry.shown,
-        )
-        for index, entry in enumerate(collected)
-    ]
-
-
-def configuration_name(results: Results, configuration: Configuration) -> str:
-    """Method, ordering, and the parameters that differ between configurations."""
-    varied = [
-        f"{name} {_plain(configuration.parameters[name])}"
-        for name in results.varied
-        if name in configuration.parameters
-    ]
-    return ", ".join([configuration.label, *varied])
-
-
-def _plain(value: float | int | str) -> str:
-    return f"{value:g}" if isinstance(value, float) else f"{value}"
-
-
-def _references(collected: Sequence[Collected]) -> list[int | None]:
-    """What each configuration is compared with; None if nothing shares seeds with it.
-
-    It is the first configuration with the same parameters; and for that one, the first of all:
-    methods are compared at equal parameters, and parameters with the first method.
-    """
-    references: list[int | None] = []
-    for index, entry in enumerate(collected):
-        candidates = [
-            other
-            for other in range(index)
-            if not collected[other].configuration.is_imported
-            and len(np.intersect1d(collected[other].runs, entry.runs)) > 1
-        ]
-        same = [
-            other
-            for other in candidates
-            if collected[other].configuration.parameters == entry.configuration.parameters
-        ]
-        chosen = (same or candidates)[:1]
-        references.append(chosen[0] if chosen and not entry.configuration.is_imported else None)
-    return references
-
-
-def _estimate(entry: Collected, measure: Measure) -> Estimate:
-    values = entry.column(measure.name)
-    found = rate(values) if measure.is_rate else mean(values, _weights(entry, measure, values))
-    return without_interval(found) if entry.configuration.is_imported else found
-
-
-def _difference(entry: Collected, reference: Collected, measure: Measure) -> Difference:
-    _, ours, theirs = np.intersect1d(entry.runs, reference.runs, return_indices=True)
-    values, other = entry.column(measure.name), reference.column(measure.name)
-    if measure.is_rate:
-        return rate_difference(values[ours], other[theirs])
-    return mean_difference(
-        *(values[ours], _weights(entry, measure, values)[ours]),
-        *(other[theirs], _weights(reference, measure, other)[theirs]),
-    )
-
-
-def _weights(entry: Collected, measure: Measure, values: np.ndarray) -> np.ndarray:
-    return entry.column(measure.weight) if measure.weight else np.ones_like(values)
-
-
-def _hardest(summaries: Sequence[Summary], num_objects: int) -> int:
-    """The object with the lowest mean recovery; of equal ones, the lowest overlap."""
-    if not summaries:
-        return 0
-    recovery, overlap = (
-        np.mean([summary.estimates[name].value[:num_objects] for summary in summaries], axis=0)
-        for name in ("recovered", "overlap")
-    )
-    # An object without truth has no rate, and is not hard.
-    order = np.lexsort((np.nan_to_num(overlap, nan=2), np.nan_to_num(recovery, nan=2)))
-    return int(order[0])
-
-
 def _remarks(results: Results, summaries: Sequence[Summary]) -> list[str]:
     remarks = []
     finished = {summary.name: summary.runs for summary in summaries}
@@ -284,6 +146,10 @@ def _remarks(results: Results, summaries: Sequence[Summary]) -> list[str]:
             remarks.append(f"{name}: imported tracks, the same for every seed; without intervals.")
         elif runs < results.runs:
             remarks.append(f"{name}: {runs} of {results.runs} runs are finished.")
+    if not has_scores():
+        remarks.append("HOTA, MOTA and IDF1 are left out: pip install 'jaxpf[scores]' adds them.")
+    elif any(summary.runs > SCORED_RUNS for summary in summaries):
+        remarks.append(f"HOTA, MOTA and IDF1 are of the first {SCORED_RUNS} runs.")
     return remarks
 
 
@@ -293,7 +159,7 @@ def _write_summary(results: Results, summaries: Iterable[Summary]) -> None:
     with _csv_writer(results.folder / "summary.csv", header) as rows:
         for summary in summaries:
             for measure, found in summary.estimates.items():
-                for place, identity in enumerate(_objects(results)):
+                for place, identity in _known(results, found.value):
                     numbers = [_number(getattr(found, field)[place]) for field in fields]
                     rows.writerow(
                         [*_keys(results, summary.configuration), identity, measure, *numbers]
@@ -310,7 +176,7 @@ def _write_differences(results: Results, summaries: Sequence[Summary]) -> None:
                 continue
             keys = _keys(results, summary.configuration)
             for measure, found in summary.differences.items():
-                for place, identity in enumerate(_objects(results)):
+                for place, identity in _known(results, found.value):
                     numbers = [_number(getattr(found, field)[place]) for field in fields]
                     adjusted = _number(summary.adjusted[measure][place])
                     reference = summaries[summary.reference].name
@@ -351,8 +217,10 @@ def _csv_writer(path: Path, header: Sequence[str]) -> Iterator[Any]:
         yield writer
 
 
-def _objects(results: Results) -> list[str]:
-    return [*map(str, results.object_ids), "all"]
+def _known(results: Results, values: np.ndarray) -> Iterator[tuple[int, str]]:
+    """Place and name of the objects that have a value; "all" comes last."""
+    names = [*map(str, results.object_ids), "all"]
+    return ((place, name) for place, name in enumerate(names) if np.isfinite(values[place]))
 
 
 def _parameters(results: Results) -> list[str]:

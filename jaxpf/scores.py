@@ -97,7 +97,7 @@ def success_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """
     overlaps = overlap(estimate, truth)
     exceeds = overlaps[..., None] > jnp.asarray(OVERLAP_THRESHOLDS, overlaps.dtype)
-    return _share_of_frames(exceeds, truth)
+    return _share_of_frames(exceeds.astype(overlaps.dtype), truth)
 
 
 def success_area(estimate: ArrayLike, truth: ArrayLike) -> Array:
@@ -115,7 +115,7 @@ def precision_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """
     errors = centre_error(estimate, truth)
     within = errors[..., None] <= jnp.asarray(CENTRE_THRESHOLDS, errors.dtype)
-    return _share_of_frames(within, truth)
+    return _share_of_frames(within.astype(errors.dtype), truth)
 
 
 def distance_precision(estimate: ArrayLike, truth: ArrayLike) -> Array:

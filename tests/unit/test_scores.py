@@ -1,0 +1,260 @@
+"""Scores in which others report: hand-worked cases, and an independent computation."""
+
+import sys
+
+import jax
+import numpy as np
+import pytest
+
+from jaxpf.errors import InputError
+from jaxpf.scores import (
+    CENTRE_THRESHOLDS,
+    OVERLAP_THRESHOLDS,
+    distance_precision,
+    precision_curve,
+    success_area,
+    success_curve,
+    tracking_scores,
+)
+
+SHARES = ("HOTA", "DetA", "AssA", "LocA", "MOTA", "MOTP", "IDF1", "IDR", "IDP")
+
+
+@pytest.fixture
+def truth():
+    """Two objects far apart in 10 frames."""
+    boxes = np.zeros((10, 2, 4))
+    boxes[..., 2:] = 10, 10
+    boxes[:, 0, 0] = np.arange(10)
+    boxes[:, 1, 0] = 100 - np.arange(10)
+    return boxes
+
+
+# CLEAR-MOT, IDF1 and HOTA
+
+
+@pytest.fixture
+def trackeval():
+    return pytest.importorskip("trackeval", reason="the extra 'scores' is not installed")
+
+
+@pytest.mark.usefixtures("trackeval")
+class TestTrackingScores:
+    def test_a_perfect_tracker_has_1_everywhere(self, truth, capfd):
+        truth[4:7, 1] = np.nan
+        found = tracking_scores(truth, truth)
+        assert {found[name] for name in SHARES} == {1.0}
+        assert (found["TP"], found["FP"], found["FN"], found["IDSW"]) == (17, 0, 0, 0)
+        assert found["Frag"] == 1  # TrackEval counts the absence of the object itself
+        assert (found["MT"], found["PT"], found["ML"]) == (2, 0, 0)
+        assert capfd.readouterr() == ("", "")
+
+    def test_the_order_of_the_columns_says_nothing(self, truth):
+        assert tracking_scores(truth[:, ::-1], truth) == tracking_scores(truth, truth)
+
+    def test_a_swap_half_way_costs_identity_and_no_detection(self, truth):
+        swapped = truth.copy()
+        swapped[5:] = truth[5:, ::-1]
+        found = tracking_scores(swapped, truth)
+        assert (found["TP"], found["FP"], found["FN"], found["IDSW"]) == (20, 0, 0, 2)
+        assert found["MOTA"] == pytest.approx(1 - 2 / 20)
+        # Each identity is right in 5 of 10 frames: IDTP 10, IDFP 10, IDFN 10.
+        assert found["IDF1"] == found["IDP"] == found["IDR"] == pytest.approx(0.5)
+        # Association of every pair: 5 common of 10 + 10 - 5 frames.
+        assert found["AssA"] == pytest.approx(1 / 3)
+        assert found["HOTA"] == pytest.approx(np.sqrt(1 / 3))
+        assert found["DetA"] == found["LocA"] == found["MOTP"] == 1
+
+    def test_misses_and_false_alarms_are_counted(self, truth):
+        estimate = np.full((10, 3, 4), np.nan)
+        estimate[:, :2] = truth
+        estimate[1:, 1] = np.nan  # the second object is lost after one frame of ten
+        estimate[:3, 2] = 300, 0, 10, 10  # and there is nothing at 300
+        found = tracking_scores(estimate, truth)
+        assert (found["TP"], found["FP"], found["FN"]) == (11, 3, 9)
+        assert found["MOTA"] == pytest.approx((11 - 3) / 20)
+        assert found["IDF1"] == pytest.approx(2 * 11 / (20 + 14))
+        assert found["DetA"] == pytest.approx(11 / 23)
+        # Eleven matches: ten of a pair with 10 of 10 in common, one of a pair with 1 of 10.
+        assert found["AssA"] == pytest.approx((10 * 1 + 1 * 0.1) / 11)
+        assert found["HOTA"] == pytest.approx(np.sqrt(11 / 23 * 10.1 / 11))
+        assert (found["MT"], found["PT"], found["ML"]) == (1, 0, 1)
+
+    def test_overlap_decides_what_matches(self, truth):
+        # 10 x 10 moved by 2: overlap 8 / 12, above .5 and above 13 of HOTA's 19 thresholds.
+        found = tracking_scores(truth + np.array([0, 2, 0, 0]), truth)
+        assert found["MOTA"] == 1
+        assert found["MOTP"] == pytest.approx(2 / 3)
+        assert found["HOTA"] == pytest.approx(13 / 19)
+        # Moved by 4: 6 / 14, below .5 and above 8 thresholds; every box is a miss and a false one.
+        found = tracking_scores(truth + np.array([0, 4, 0, 0]), truth)
+        assert (found["MOTA"], found["IDF1"]) == (-1, 0)
+        assert found["HOTA"] == pytest.approx(8 / 19)
+
+    def test_an_overlap_of_exactly_a_half_matches(self, truth):
+        found = tracking_scores(truth * [1, 1, 1, 0.5], truth)
+        assert (found["MOTA"], found["IDF1"]) == (1, 1)
+
+    def test_boxes_without_area_are_absent(self, truth):
+        estimate = truth.copy()
+        estimate[3:, 0, 2] = 0
+        estimate[3:, 1, 0] = np.inf
+        found = tracking_scores(estimate, truth)
+        assert (found["TP"], found["FP"], found["FN"]) == (6, 0, 14)
+
+    def test_identities_that_are_never_there_change_nothing(self, truth):
+        found = tracking_scores(truth, truth)
+        never = np.full((10, 1, 4), np.nan)
+        estimate = np.concatenate([truth[:, :1], never, truth[:, 1:]], axis=1)
+        assert tracking_scores(estimate, np.concatenate([never, truth], axis=1)) == found
+
+    def test_no_estimate_is_0_and_no_truth_is_unknown(self, truth):
+        nothing = np.full_like(truth, np.nan)
+        found = tracking_scores(nothing, truth)
+        assert (found["HOTA"], found["MOTA"], found["IDF1"]) == (0, 0, 0)
+        assert (found["FN"], found["ML"]) == (20, 2)
+        found = tracking_scores(truth, nothing)
+        assert all(np.isnan(found[name]) for name in SHARES)
+        assert (found["TP"], found["FP"], found["FN"]) == (0, 20, 0)
+
+    def test_the_scores_are_those_of_trackevals_own_reader(self, trackeval, tmp_path):
+        """The whole way round: MOT files on disk, read and scored by TrackEval alone."""
+        from jaxpf.tracks import write_mot
+
+        random = np.random.default_rng(5)
+        truth = np.cumsum(random.normal(0, 3, (40, 4, 4)) * [1, 1, 0, 0], axis=0)
+        truth += random.uniform(0, 60, (4, 4)) * [1, 1, 0, 0] + [1, 1, 30, 40]
+        estimate = truth[:, [0, 1, 2, 3, 0]] + random.normal(0, 4, (40, 5, 4)) * [1, 1, 0.3, 0.3]
+        estimate[20:, [1, 2]] = estimate[20:, [2, 1]]
+        truth[random.uniform(size=(40, 4)) < 0.1] = np.nan
+        estimate[random.uniform(size=(40, 5)) < 0.2] = np.nan
+        # As the files hold them.
+        truth, estimate = np.round(truth, 3), np.round(estimate, 3)
+        for boxes, path in (
+            (truth, tmp_path / "gt" / "X-train" / "S" / "gt" / "gt.txt"),
+            (estimate, tmp_path / "trackers" / "X-train" / "mine" / "data" / "S.txt"),
+        ):
+            path.parent.mkdir(parents=True)
+            frames = np.repeat(np.arange(40), boxes.shape[1])
+            write_mot(path, frames, np.tile(np.arange(boxes.shape[1]), 40), boxes.reshape(-1, 4))
+        (tmp_path / "gt" / "X-train" / "S" / "seqinfo.ini").write_text("[Sequence]\nseqLength=40\n")
+        dataset = trackeval.datasets.MotChallenge2DBox(
+            {
+                "GT_FOLDER": str(tmp_path / "gt"),
+                "TRACKERS_FOLDER": str(tmp_path / "trackers"),
+                "BENCHMARK": "X",
+                "SEQ_INFO": {"S": 40},
+                "DO_PREPROC": False,
+                "PRINT_CONFIG": False,
+            }
+        )
+        raw = dataset.get_raw_seq_data("mine", "S")
+        data = dataset.get_preprocessed_seq_data(raw, "pedestrian")
+        quiet = {"PRINT_CONFIG": False}
+        hota = trackeval.metrics.HOTA().eval_sequence(data)
+        clear = trackeval.metrics.CLEAR(quiet).eval_sequence(data)
+        identity = trackeval.metrics.Identity(quiet).eval_sequence(data)
+        found = tracking_scores(estimate, truth)
+        for name in ("HOTA", "DetA", "AssA", "LocA"):
+            assert found[name] == pytest.approx(np.mean(hota[name]), abs=1e-12)
+        for name in ("MOTA", "MOTP", "IDSW", "Frag", "MT", "PT", "ML"):
+            assert found[name] == pytest.approx(clear[name], abs=1e-12)
+        for name in ("IDF1", "IDR", "IDP"):
+            assert found[name] == pytest.approx(identity[name], abs=1e-12)
+        assert 0 < found["HOTA"] < 1
+        assert found["IDSW"] > 2
+
+
+def test_without_trackeval_the_remedy_is_named(truth, monkeypatch):
+    monkeypatch.setitem(sys.modules, "trackeval", None)
+    with pytest.raises(InputError, match=r"trackeval.*pip install 'jaxpf\[scores\]'") as caught:
+        tracking_scores(truth, truth)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_curves_need_no_trackeval(truth, monkeypatch):
+    monkeypatch.setitem(sys.modules, "trackeval", None)
+    assert np.isfinite(success_area(truth, truth)).all()
+
+
+@pytest.mark.parametrize("shape", [(9, 2, 4), (10, 2, 5), (10, 4), (3, 10, 2, 4)])
+def test_arrays_that_do_not_fit_are_refused(truth, shape):
+    with pytest.raises(InputError, match="cannot be compared; give"):
+        tracking_scores(np.zeros(shape), truth)
+
+
+# The curves of OTB
+
+
+def test_thresholds_are_the_benchmarks():
+    np.testing.assert_allclose(OVERLAP_THRESHOLDS, [0.05 * k for k in range(21)], atol=1e-15)
+    np.testing.assert_array_equal(CENTRE_THRESHOLDS, range(51))
+
+
+def test_a_perfect_tracker_exceeds_all_overlaps_but_1(truth):
+    curve = success_curve(truth, truth)
+    assert curve.shape == (2, 21)
+    np.testing.assert_array_equal(curve, [[1] * 20 + [0]] * 2)
+    np.testing.assert_allclose(success_area(truth, truth), 20 / 21, rtol=1e-6)
+    np.testing.assert_array_equal(precision_curve(truth, truth), np.ones((2, 51)))
+
+
+def test_curves_are_worked_out_by_hand():
+    truth = np.tile([0.0, 0, 10, 10], (5, 1, 1))
+    estimate = truth.copy()
+    estimate[1, 0] = 0, 0, 10, 5  # overlap .5, centre 2.5 away
+    estimate[2, 0] = 20, 0, 10, 10  # overlap 0, centre 20 away
+    estimate[3, 0] = np.nan
+    truth[4] = np.nan  # does not count
+    curve = np.asarray(success_curve(estimate, truth))[0]
+    # Overlaps 1, .5, 0 and a miss.  .5 does not exceed .5, and 0 does not exceed 0.
+    np.testing.assert_array_equal(curve, [0.5] * 10 + [0.25] * 10 + [0])
+    np.testing.assert_allclose(success_area(estimate, truth), [(5 + 2.5) / 21], rtol=1e-6)
+    errors = np.asarray(precision_curve(estimate, truth))[0]
+    np.testing.assert_array_equal(errors, [0.25] * 3 + [0.5] * 17 + [0.75] * 31)
+    np.testing.assert_array_equal(distance_precision(estimate, truth), [0.75])
+
+
+def test_an_object_without_truth_has_no_curve(truth):
+    truth[:, 1] = np.nan
+    assert np.isnan(success_curve(truth, truth)[1]).all()
+    assert np.isnan(distance_precision(truth, truth)[1])
+    assert np.isfinite(success_curve(truth, truth)[0]).all()
+
+
+@pytest.mark.parametrize("use_x64", [False, True])
+def test_curves_agree_with_counting_frame_by_frame(use_x64):
+    random = np.random.default_rng(3)
+    with jax.enable_x64(use_x64):
+        truth = random.uniform([0, 0, 5, 5], [40, 40, 45, 45], (30, 3, 4))
+        estimate = truth + random.normal(0, 8, (4, 30, 3, 4))
+        truth[random.uniform(size=(30, 3)) < 0.2] = np.nan
+        estimate[random.uniform(size=(4, 30, 3)) < 0.1] = np.nan
+        # Whole pixels: overlaps that equal a threshold occur.
+        truth, estimate = np.round(truth), np.round(estimate)
+        measures = (success_curve, success_area, precision_curve, distance_precision)
+        together = jax.jit(lambda *boxes: [measure(*boxes) for measure in measures])
+        found, area, errors, at_20 = map(np.asarray, together(estimate, truth))
+    assert found.shape == (4, 3, 21)
+    np.testing.assert_array_equal(at_20, errors[..., 20])
+    assert found.dtype == (np.float64 if use_x64 else np.float32)
+    for run in range(4):
+        for column in range(3):
+            overlaps, distances = [], []
+            for t in range(30):
+                gx, gy, gw, gh = truth[t, column]
+                ex, ey, ew, eh = estimate[run, t, column]
+                if np.isnan(gx):
+                    continue
+                common = max(0, min(gx + gw, ex + ew) - max(gx, ex)) * max(
+                    0, min(gy + gh, ey + eh) - max(gy, ey)
+                )
+                is_box = np.isfinite(ex) and ew > 0 and eh > 0
+                overlaps.append(common / (gw * gh + ew * eh - common) if is_box else 0)
+                offset = np.hypot(gx + gw / 2 - ex - ew / 2, gy + gh / 2 - ey - eh / 2)
+                distances.append(offset)
+            expected = [np.mean([o > k / 20 for o in overlaps]) for k in range(21)]
+            np.testing.assert_allclose(found[run, column], expected, atol=1e-6)
+            np.testing.assert_allclose(area[run, column], np.mean(expected), atol=1e-6)
+            expected = [np.mean([d <= k for d in distances]) for k in range(51)]
+            np.testing.assert_allclose(errors[run, column], expected, atol=1e-6)

@@ -5,7 +5,9 @@ of the benchmarks.  Boxes are x, y, w, h in pixels; a box that is not finite or 
 height stands for an absent object.
 """
 
+import contextlib
 import importlib
+import io
 from types import ModuleType
 
 import jax.numpy as jnp
@@ -134,7 +136,9 @@ def _share_of_frames(hits: Array, truth: ArrayLike) -> Array:
 
 def _import_trackeval() -> ModuleType:
     try:
-        return importlib.import_module("trackeval")
+        # It prints about benchmarks whose packages it lacks; none is needed here.
+        with contextlib.redirect_stdout(io.StringIO()):
+            return importlib.import_module("trackeval")
     except ImportError as error:
         raise InputError(
             f"CLEAR-MOT, IDF1 and HOTA need the package trackeval ({error}); install it with "

@@ -1,5 +1,6 @@
 """Scores in which others report: hand-worked cases, and an independent computation."""
 
+import subprocess
 import sys
 
 import jax
@@ -170,6 +171,20 @@ def test_without_trackeval_the_remedy_is_named(truth, monkeypatch):
     with pytest.raises(InputError, match=r"trackeval.*pip install 'jaxpf\[scores\]'") as caught:
         tracking_scores(truth, truth)
     assert "\n" not in str(caught.value)
+
+
+def test_only_scipy_is_needed_beside_trackeval_and_nothing_is_printed(trackeval):
+    """Without OpenCV and what else TrackEval names, as after ``pip install --no-deps``."""
+    code = (
+        "import sys\n"
+        "for name in ('cv2', 'pycocotools', 'tabulate', 'PIL'): sys.modules[name] = None\n"
+        "import numpy as np\n"
+        "from jaxpf.scores import tracking_scores\n"
+        "boxes = np.ones((3, 2, 4)) * np.arange(1, 3)[:, None]\n"
+        "assert tracking_scores(boxes, boxes)['HOTA'] == 1\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def test_the_curves_need_no_trackeval(truth, monkeypatch):

@@ -137,9 +137,9 @@ def test_rows_that_mot_ignores_are_ignored(mot_folder, drawn):
         "2,22,5,5,10,10,0,7,0.5",  # someone standing still
     ]
     (mot_folder / "gt" / "gt.txt").write_text("\n".join(rows[:8] + ignored + rows[8:]))
-    scene = open_scene(mot_folder)
-    np.testing.assert_array_equal(scene.extras["ids"], [4, 9])
-    np.testing.assert_array_equal(scene.boxes, boxes)
+    clip = scenes.read_mot(mot_folder)
+    assert clip.ids == (4, 9)
+    np.testing.assert_array_equal(clip.boxes, boxes)
 
 
 @pytest.mark.parametrize("tail", ["1,-1,-1,-1", "1,17.3,-4.2,0", "1,-1,-1", "0.7"])
@@ -392,7 +392,7 @@ def test_a_choice_that_a_sequence_has_not_is_refused(mot_folder, options, compla
 
 
 def test_boxes_beyond_the_picture_stay_whole_and_give_the_part_inside(mot_folder, drawn):
-    rows = ["1,4,-4,-9,20,30,1", "1,9,-30,5,20,20,1", "2,4,-4,-9,20,30,1", "2,9,112,5,20,20,1"]
+    rows = ["1,4,-4,-9,20,30,1", "1,9,-19,5,20,20,1", "2,4,-4,-9,20,30,1", "2,9,112,5,20,20,1"]
     (mot_folder / "gt" / "gt.txt").write_text("\n".join(rows))
     scene = open_scene(mot_folder, num_frames=1)
     np.testing.assert_array_equal(scene.extras["ids"], [4])  # 9 is annotated, but out of view
@@ -514,7 +514,6 @@ def test_a_python_function_makes_a_scene(drawn):
     [
         ("wrong", {}, "returned a dict, not a scenes.Scene"),
         ("breaks", {}, "failed with RuntimeError: no camera"),
-        ("complains", {}, "grey = 900 must lie in 0..255"),
         ("no_seed", {}, "cannot be called with (seed=...)"),
         ("flat", {"parameters": {"blur": 1}}, "cannot be called with (seed=..., blur=...)"),
         ("flat", {"seed": -1}, "seed = -1 must be a whole number, 0 or more"),
@@ -527,6 +526,10 @@ def test_a_python_function_makes_a_scene(drawn):
 def test_a_function_that_makes_no_scene_is_refused(scene_file, name, options, complaint):
     message = complaint_of(f"{scene_file}:{name}", **options)
     assert complaint in message
+
+
+def test_what_a_function_says_about_its_parameters_is_handed_on(scene_file):
+    assert complaint_of(f"{scene_file}:complains") == "grey = 900 must lie in 0..255"
 
 
 def test_functions_that_cannot_be_imported_are_named(scene_file, tmp_path):

@@ -18,8 +18,8 @@ from scenes.clips import Clip, cut_patch, read_clip
 from scenes.scene import Scene, SceneError
 
 _FORMATS = (
-    "meta.json and gt.csv; MOTChallenge: seqinfo.ini, gt/gt.txt and img1/; or OTB: "
-    "groundtruth_rect.txt and img/"
+    "meta.json and gt.csv, or seqinfo.ini, gt/gt.txt and img1/ (MOTChallenge), or "
+    "groundtruth_rect.txt and img/ (OTB)"
 )
 
 
@@ -43,7 +43,7 @@ def open_folder(folder: str | Path) -> Clip:
         return read_mot(folder)
     if (folder / "img").is_dir() or any(folder.glob("groundtruth_rect*.txt")):
         return read_otb(folder)
-    raise SceneError(f"{folder} is no sequence in a known format; the formats are {_FORMATS}")
+    raise SceneError(f"{folder} is no sequence in a known format; it must hold {_FORMATS}")
 
 
 def start_scene(

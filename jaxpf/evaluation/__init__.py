@@ -1,7 +1,7 @@
 """Monte-Carlo evaluations: many runs of many methods on one scene, kept on disk."""
 
 from jaxpf.evaluation.batches import Batch
-from jaxpf.evaluation.engine import Prepared, carry_out, evaluate, prepare
+from jaxpf.evaluation.engine import Prepared, carry_out, evaluate, finished, prepare
 from jaxpf.evaluation.execution import local_pool
 from jaxpf.evaluation.plan import Plan
 from jaxpf.evaluation.results import Configuration, Results
@@ -14,6 +14,7 @@ __all__ = [
     "Results",
     "carry_out",
     "evaluate",
+    "finished",
     "local_pool",
     "prepare",
 ]

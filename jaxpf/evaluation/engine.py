@@ -57,18 +57,9 @@ class Prepared:
     memory: int = 0
 
     @property
-    def is_finished(self) -> bool:
-        """Whether nothing is left to do."""
-        return not self.work and not self.imports
-
-    @property
     def missing_runs(self) -> int:
         """Runs that are to be done, over all configurations."""
         return sum(work.num_runs for work in self.work) + len(self.imports)
-
-    def results(self) -> Results:
-        """What is on disk, finished or not."""
-        return Results.open(self.folder, functools.partial(_open, self.plan.scene))
 
 
 def evaluate(
@@ -109,6 +100,23 @@ def evaluate(
     return carry_out(prepared, executor=executor, progress=progress, retries=retries)
 
 
+def finished(plan: Plan, folder: str | os.PathLike[str]) -> Results | None:
+    """The results of an evaluation with nothing left to do, or None.
+
+    Neither the scene nor JAX is needed to tell.  Every batch is read to its end.
+
+    Raises:
+        InputError: the folder belongs to other settings or another version.
+    """
+    folder = Path(folder)
+    settings = store.stored_settings(plan, folder)
+    if settings is None or settings["runs"] != plan.runs:
+        return None
+    results = _opened(plan, folder)
+    done, damaged = _surveyed(results, plan.runs)
+    return results if not damaged and all(runs.all() for runs in done) else None
+
+
 def prepare(
     plan: Plan,
     folder: str | os.PathLike[str],
@@ -117,11 +125,7 @@ def prepare(
     runs_per_batch: int | None = None,
     workers: int = 1,
 ) -> Prepared:
-    """Find out what is to be done, and write nothing.
-
-    A finished evaluation is told without opening the scene and without JAX.  Arguments and
-    errors are as for ``evaluate``.
-    """
+    """Find out what is to be done, and write nothing; arguments and errors as for ``evaluate``."""
     for name, value in (
         ("memory", memory),
         ("workers", workers),
@@ -131,13 +135,6 @@ def prepare(
             raise InputError(f"{name} = {value} must be at least 1.")
     folder = Path(folder)
     settings = store.stored_settings(plan, folder)
-    if settings is not None:
-        results = Results.open(folder)
-        done, damaged = _surveyed(results, plan.runs)
-        same_runs = plan.runs == settings["runs"]
-        if same_runs and not damaged and all(runs.all() for runs in done):
-            counts = [int(runs.sum()) for runs in done]
-            return Prepared(plan, folder, settings, results.truth, results.configurations, counts)
     return _prepare_work(plan, folder, settings, memory, runs_per_batch, workers)
 
 
@@ -149,8 +146,6 @@ def carry_out(
     retries: int = RETRIES,
 ) -> Results:
     """Do what ``prepare`` found missing; arguments and errors as for ``evaluate``."""
-    if prepared.is_finished:
-        return prepared.results()
     from jaxpf.evaluation.worker import run_batch
 
     folder = prepared.folder
@@ -166,7 +161,11 @@ def carry_out(
             write_batch(folder, work.index, batch)
             if progress is not None:
                 progress(work.num_runs)
-    return prepared.results()
+    return _opened(prepared.plan, folder)
+
+
+def _opened(plan: Plan, folder: Path) -> Results:
+    return Results.open(folder, functools.partial(_open, plan.scene))
 
 
 def _open(scene: Any) -> Any:

@@ -1,0 +1,382 @@
+"""``jaxpf evaluate``: methods, orderings and parameters compared on one scene, over many runs."""
+
+import contextlib
+import functools
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from jaxpf.cli import common
+from jaxpf.errors import InputError
+
+#: Written last, once tables and report are: what a finished evaluation prints again.
+FINISHED = "finished.json"
+
+#: Files that people look for.
+_WRITTEN = ("report.html", "results.csv", "summary.csv", "summary.md", "summary.tex", "run.toml")
+#: Options that say where results go or how they are computed, not what they are.
+_NOT_REPEATED = ("config", "output", "dry_run")
+
+
+@click.command("evaluate")
+@click.argument("scene", metavar="SCENE")
+@click.option(
+    "--methods",
+    default="sir,ps,dps,sps",
+    show_default=True,
+    help="sir (all objects at once), ps (one after another), dps (ps in as many orders as "
+    "objects), sps (side by side, then exchanged between particles).",
+)
+@click.option(
+    "--orders",
+    multiple=True,
+    default=["shifts"],
+    show_default=True,
+    help="For ps: 'shifts', every circular shift on its own, or the objects by their place from "
+    "1, such as 3,1,2; repeat it for several orders.",
+)
+@click.option(
+    "--swaps",
+    default="combinatorial",
+    show_default=True,
+    help="For sps: how objects change places.",
+)
+@click.option(
+    "--sharpness",
+    type=common.NumberList(),
+    default="20",
+    show_default=True,
+    help="Values of S in the likelihood exp(-S d^2): 20,30,40,50.",
+)
+@click.option(
+    "--particles",
+    "-n",
+    type=common.NumberList(int),
+    default="300",
+    show_default=True,
+    help="Numbers of particles.",
+)
+@click.option(
+    "--scale",
+    type=common.NumberList(float, 3),
+    multiple=True,
+    default=["4,2,0.003"],
+    show_default=True,
+    help="Noise per frame: x and y in pixels, relative size; repeat it for several.",
+)
+@click.option(
+    "--resampling",
+    default="systematic",
+    show_default=True,
+    help="Schemes: systematic, stratified, multinomial, residual.",
+)
+@click.option(
+    "--parts",
+    type=common.NumberList(int),
+    default="2",
+    show_default=True,
+    help="Horizontal bands of a box, each with its own colour histogram.",
+)
+@click.option(
+    "--likelihood",
+    default="auto",
+    show_default=True,
+    help="How histograms are computed: integral, sampled, or auto for the faster of the two.",
+)
+@click.option("--runs", default=50, show_default=True, help="Runs per configuration.")
+@click.option("--seed", default=0, show_default=True, help="Seed of all runs.")
+@click.option("--scene-seed", default=0, show_default=True, help="Seed of a synthetic scene.")
+@click.option(
+    "--set",
+    "parameters",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="A parameter of a synthetic scene, such as lead_distance=60; repeat it.",
+)
+@click.option(
+    "--ids",
+    type=common.NumberList(int),
+    help="Objects of a folder's truth, such as 1,2,5.  [default: all in the start frame]",
+)
+@click.option(
+    "--start-frame",
+    type=int,
+    help="Of a folder, from 0.  [default: the first with all objects]",
+)
+@click.option("--frames", type=int, help="Of a folder: how many, the start frame included.")
+@click.option(
+    "--tracks",
+    multiple=True,
+    metavar="NAME=FILE",
+    help="Another tracker's results, in MOT format or with the header frame,id,x,y,w,h; repeat it.",
+)
+@click.option("--workers", default=1, show_default=True, help="Processes that share the work.")
+@click.option(
+    "--devices",
+    type=int,
+    help="Host devices per process over which runs are spread.  [default: all cores, shared out]",
+)
+@click.option(
+    "--memory", default=256, show_default=True, help="Megabytes that a batch of runs may take."
+)
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(path_type=Path),
+    help="Folder for the results, which a second call continues.  [default: jaxpf-NAME]",
+)
+@click.option("--dry-run", is_flag=True, help="Show the plan only.")
+@common.config_option()
+def command(**options: Any) -> None:
+    """Compare methods on SCENE over many runs, with intervals, and write tables and a report.
+
+    SCENE is the name of a synthetic scene, such as distracter, a folder with a sequence and its truth
+    (video or frames with gt.csv and meta.json; a MOTChallenge or an OTB sequence), or a
+    function that makes a scene, file.py:function.  Every method is run with every value of
+    --sharpness, --particles, --scale, --resampling, --parts and --likelihood; lists are
+    separated by commas.
+
+    Runs are kept batch by batch.  The same command continues what was interrupted, more --runs
+    are added to those there are, and a second call on a finished evaluation does nothing.  The
+    results of a seed do not depend on --workers, --devices or --memory.
+
+    Example: jaxpf evaluate distracter --sharpness 20,30,40,50 --scale 2,2,0.001
+    """
+    from jaxpf.evaluation import finished, prepare
+
+    _check(options)
+    output = options["output"] or Path(f"jaxpf-{_name(options['scene'])}")
+    plan = _plan(options)
+    results = finished(plan, output)
+    if results is not None and _print_again(output, plan.runs):
+        return
+    _start_jax(options)
+    if results is None:
+        prepared = prepare(
+            plan, output, memory=options["memory"] * 2**20, workers=options["workers"]
+        )
+        _show(prepared, options)
+        if options["dry_run"]:
+            return
+        results = _carry_out(prepared, options)
+    _finish(results, options)
+
+
+def _check(options: dict[str, Any]) -> None:
+    """Refuse what is no matter of the library, and complete what was left open."""
+    from jaxpf.evaluation.execution import num_cores
+
+    for name in ("workers", "devices", "memory"):
+        if options[name] is not None and options[name] < 1:
+            raise InputError(f"--{name} {options[name]} must be at least 1.")
+    options["scene"] = _resolved(options["scene"])
+    options["tracks"] = [
+        f"{name}={path}" for name, path in (_pair("--tracks", t, _full) for t in options["tracks"])
+    ]
+    options["devices"] = options["devices"] or max(1, num_cores() // options["workers"])
+
+
+def _plan(options: dict[str, Any]) -> Any:
+    """The library's plan for what was typed."""
+    from jaxpf.evaluation import Plan
+    from jaxpf.experiments.sources import load_scene
+
+    parameters = dict(_pair("--set", text, _value) for text in options["parameters"])
+    tracks = dict(_pair("--tracks", text, str) for text in options["tracks"])
+    if len(tracks) < len(options["tracks"]):
+        raise InputError("--tracks gives a name twice; give each file a name of its own.")
+    return Plan(
+        scene=functools.partial(
+            load_scene,
+            source=options["scene"],
+            seed=options["scene_seed"],
+            ids=options["ids"],
+            start_frame=options["start_frame"],
+            num_frames=options["frames"],
+            parameters=parameters,
+        ),
+        methods=_names(options["methods"]),
+        orders=options["orders"],
+        swaps=_names(options["swaps"]),
+        sharpness=options["sharpness"],
+        particles=options["particles"],
+        scale=options["scale"],
+        resampling=_names(options["resampling"]),
+        parts=options["parts"],
+        likelihood=_names(options["likelihood"]),
+        runs=options["runs"],
+        seed=options["seed"],
+        tracks=tracks,
+    )
+
+
+def _resolved(source: str) -> str:
+    """The scene with its folder or file in full, so that run.toml works from anywhere."""
+    place, colon, function = source.rpartition(":")
+    if colon and Path(place).is_file():
+        return f"{Path(place).resolve()}:{function}"
+    path = Path(source)
+    is_folder = path.exists() and (source != path.name or not _is_registered(source))
+    return str(path.resolve()) if is_folder else source
+
+
+def _is_registered(name: str) -> bool:
+    import scenes
+
+    return name in scenes.names()
+
+
+def _name(source: str) -> str:
+    """What to call the output folder of a scene."""
+    return Path(source.rpartition(":")[2] or source).name
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _pair(option: str, text: str, convert: Any) -> tuple[str, Any]:
+    name, equals, value = text.partition("=")
+    if not (equals and name.strip() and value.strip()):
+        raise InputError(f"{option} {text!r} must have the form NAME=VALUE.")
+    return name.strip(), convert(value.strip())
+
+
+def _full(path: str) -> str:
+    return str(Path(path).resolve())
+
+
+def _value(text: str) -> Any:
+    """A number, true, false or none; any other text is itself."""
+    if text.lower() in ("none", "null"):
+        return None
+    try:
+        return json.loads(text.lower() if text.lower() in ("true", "false") else text)
+    except ValueError:
+        return text
+
+
+def _start_jax(options: dict[str, Any]) -> None:
+    """Split the processor into host devices, before JAX is first used."""
+    import jax
+
+    with contextlib.suppress(RuntimeError):  # in use already, by a program that called us
+        jax.config.update("jax_num_cpu_devices", options["devices"])
+    common.use_compile_cache()
+
+
+def _show(prepared: Any, options: dict[str, Any]) -> None:
+    """The plan: what is compared, and what it costs."""
+    scene = prepared.settings["scene"]
+    click.echo(
+        f"{scene['name']}: {len(scene['object_ids'])} object(s), {len(prepared.truth)} frames "
+        f"after start frame {scene['start_frame']}, {scene['width']} x {scene['height']} pixels"
+    )
+    common.print_table("Plan", *_plan_table(prepared))
+    if prepared.damaged:
+        click.echo(f"{len(prepared.damaged)} damaged file(s) will be made again.")
+    workers = options["workers"]
+    place = "" if workers == 1 else f" in each of {workers} processes"
+    click.echo(
+        f"{prepared.missing_runs} runs to do: about {_duration(prepared.seconds)} and "
+        f"{prepared.memory / 2**30:.1f} GB of memory{place}; {options['devices']} device(s) each."
+    )
+
+
+def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]]]:
+    """One row per method: its orderings, the values of its parameters, its runs."""
+    by_method: dict[str, list[int]] = {}
+    for index, configuration in enumerate(prepared.configurations):
+        by_method.setdefault(configuration.method, []).append(index)
+    names = list(dict.fromkeys(n for c in prepared.configurations for n in c.parameters))
+    rows = []
+    for method, indices in by_method.items():
+        group = [prepared.configurations[index] for index in indices]
+        values = [
+            " ".join(dict.fromkeys(_shown(c.parameters.get(name, "")) for c in group))
+            for name in names
+        ]
+        orderings = " ".join(dict.fromkeys(c.ordering for c in group))
+        runs = 1 if group[0].is_imported else prepared.plan.runs
+        done = sum(prepared.done[index] for index in indices)
+        rows.append([method, orderings, *values, f"{len(group)} x {runs}", str(done)])
+    return ["", "ordering", *names, "runs", "done"], rows
+
+
+def _shown(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _duration(seconds: float) -> str:
+    for unit, length in (("h", 3600), ("min", 60)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.0f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def _carry_out(prepared: Any, options: dict[str, Any]) -> Any:
+    """Do what is missing behind a progress bar; an interruption says how to go on."""
+    from jaxpf.evaluation import carry_out, local_pool
+
+    (prepared.folder / FINISHED).unlink(missing_ok=True)
+    executor = None
+    if options["workers"] > 1:
+        executor = local_pool(options["workers"], options["devices"], common.use_compile_cache)
+    try:
+        with common.progress_bar("runs") as bar:
+            task = bar.add_task(prepared.settings["scene"]["name"], total=prepared.missing_runs)
+            return carry_out(
+                prepared, executor=executor, progress=lambda runs: bar.advance(task, runs)
+            )
+    except KeyboardInterrupt:
+        click.echo(
+            f"Finished runs are kept in '{prepared.folder}'; the same command continues.", err=True
+        )
+        raise
+
+
+def _finish(results: Any, options: dict[str, Any]) -> None:
+    """Tables, report, and the file that repeats the evaluation; then say what was found."""
+    try:
+        from jaxpf.evaluation.report import write_report
+    except ModuleNotFoundError:
+        write_report = lambda results: None
+    from jaxpf.evaluation.tables import write_tables
+    from jaxpf.files import atomic_write
+
+    # In the order of the help: the same evaluation writes the same file, however it was typed.
+    names = [str(param.name) for param in click.get_current_context().command.params]
+    repeated = {name: options[name] for name in names if name not in _NOT_REPEATED}
+    common.write_config(results.folder / "run.toml", "evaluate", repeated)
+    tables = write_tables(results)
+    write_report(results)
+    printed = {
+        "runs": results.runs,
+        "tables": [table._asdict() for table in tables.printed],
+        "remarks": tables.remarks,
+    }
+    with atomic_write(results.folder / FINISHED) as file:
+        json.dump(printed, file)
+    _print(results.folder, printed)
+
+
+def _print_again(folder: Path, runs: int) -> bool:
+    """Print what the finished evaluation printed; false if its report is not there or is old."""
+    try:
+        printed = json.loads((folder / FINISHED).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    if printed["runs"] != runs or not all((folder / name).is_file() for name in _WRITTEN):
+        return False
+    _print(folder, printed)
+    return True
+
+
+def _print(folder: Path, printed: dict[str, Any]) -> None:
+    for table in printed["tables"]:
+        common.print_table(table["title"], table["columns"], table["rows"])
+    for remark in printed["remarks"]:
+        click.echo(remark)
+    click.echo(f"{folder}/: {', '.join(_WRITTEN)}")

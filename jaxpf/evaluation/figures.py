@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.evaluation.layout import COMPARED, heading, object_name
+from jaxpf.evaluation.layout import COMPARED, difference_heading, object_name
 from jaxpf.evaluation.measures import COORDINATES, by_name
 from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.summary import Summary
@@ -21,8 +21,9 @@ from jaxpf.scores import OVERLAP_THRESHOLDS
 #: Okabe and Ito (2008), the colours that show on white, most different first.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 #: From so many configurations on, figures show all of them in less detail.
-MANY = 9
+MANY = 13
 _MOST_OBJECTS = 8
+_MOST_LINES = 8
 _STYLE: dict[Any, Any] = {
     "text.parse_math": False,  # a dollar in a user's name is a dollar
     "font.size": 8.5,
@@ -113,8 +114,8 @@ def _plans(results: Results, tables: Tables) -> list[_Plan]:
                 "differences",
                 "Paired differences",
                 "Each method less the one it is compared with, on common seeds. Bars: 95 % "
-                "intervals of the difference, not corrected for the number of comparisons. A bar "
-                "that crosses the line at 0 cannot tell the two apart.",
+                "intervals of the difference, not corrected for the number of comparisons. Where a "
+                "bar crosses the line at 0, these runs do not tell the two apart.",
                 lambda: _differences(results, tables, places),
             )
         )
@@ -151,8 +152,13 @@ def _plans(results: Results, tables: Tables) -> list[_Plan]:
             "success-curves",
             "Success curves",
             "Share of the frames whose overlap with the truth exceeds a threshold (wu2013), the "
-            "start frame left out. Bands: 95 % normal intervals over runs. In brackets: the area "
-            "under the curve.",
+            "start frame left out. "
+            + (
+                "Bands: 95 % normal intervals over runs. In brackets: the area under the curve."
+                if len(summaries) <= _MOST_LINES
+                else "One line per configuration, one colour per method. In brackets: the areas "
+                "under the curves."
+            ),
             lambda: _success_curves(results, summaries, places),
         )
     )
@@ -199,7 +205,7 @@ def _differences(results: Results, tables: Tables, places: Sequence[int]) -> Any
             shift = 0.17 * (2 * index - 1) if len(places) > 1 else 0
             label = object_name(results.object_ids, place)
             _points(axis, triples, shift, COLOURS[index], "oD"[index], label)
-        axis.set_xlabel(heading(measure))
+        axis.set_xlabel(difference_heading(measure))
     names = {summaries[s.reference].name for s in compared if s.reference is not None}
     first = names.pop() if len(names) == 1 else "the first method of equal parameters"
     figure.suptitle(f"difference from {first}")
@@ -337,7 +343,7 @@ def _error_over_time(results: Results, summaries: Sequence[Summary], place: int)
 def _success_curves(results: Results, summaries: Sequence[Summary], places: Sequence[int]) -> Any:
     figure, axes = new_figure(1, len(places), figsize=(4.6 * len(places), 3.9))
     for axis, place in zip(axes[0], places, strict=True):
-        draw = _single_curves if len(summaries) < MANY else _grouped_curves
+        draw = _single_curves if len(summaries) <= _MOST_LINES else _grouped_curves
         draw(axis, summaries, place)
         axis.set(title=object_name(results.object_ids, place), xlim=(0, 1), ylim=(0, 102))
         axis.set(xlabel="overlap threshold", ylabel="frames above the threshold (%)")

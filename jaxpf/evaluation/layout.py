@@ -38,7 +38,8 @@ NOTES = (
     "Differences are paired by run: equal seeds share their random numbers. Differences of rates "
     "have Newcombe's interval (method 10) for one object and are tested by McNemar's exact test; "
     "those of means have Student's interval and test of the runs' differences. A star marks "
-    f"p < {SIGNIFICANT} after Holm's correction over the comparisons in its column.",
+    f"p < {SIGNIFICANT} after Holm's correction over the comparisons in its column. Points are "
+    "percentage points.",
 )
 
 
@@ -126,7 +127,7 @@ def _differences(title: str, summaries: Sequence["Summary"], place: int) -> Tabl
         found = [summary.differences[measure.name] for summary in compared]
         triples = np.array([[x[place] for x in (d.value, d.lower, d.upper)] for d in found])
         if np.isfinite(triples[:, 0]).any():
-            columns.append(heading(measure))
+            columns.append(difference_heading(measure))
             texts = cells_of(measure, triples, sign="+")
             for row, text, summary in zip(cells, texts, compared, strict=True):
                 star = summary.adjusted[measure.name][place] < SIGNIFICANT
@@ -138,6 +139,11 @@ def heading(measure: Measure) -> str:
     """Title of a measure and what it is counted in."""
     unit = "%" if measure.percent else measure.unit
     return f"{measure.title} ({unit})" if unit else measure.title
+
+
+def difference_heading(measure: Measure) -> str:
+    """As ``heading``; differences of percentages are counted in percentage points."""
+    return heading(measure).replace("(%)", "(points)")
 
 
 def cells_of(measure: Measure, triples: np.ndarray, sign: str = "") -> list[str]:

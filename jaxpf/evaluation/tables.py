@@ -19,6 +19,7 @@ import csv
 import dataclasses
 import io
 import re
+import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -77,6 +78,8 @@ def write_tables(results: Results) -> Tables:
     """
     configurations = results.configurations
     with report_os_errors("write into", results.folder):
+        for leaving in results.folder.glob(".tables-*"):  # of a process that was killed
+            shutil.rmtree(leaving, ignore_errors=True)
         scratch = tempfile.TemporaryDirectory(dir=results.folder, prefix=".tables-")
     with scratch as store, atomic_write(results.folder / "results.csv") as file:
         writer = _RowWriter(file, results)

@@ -339,10 +339,7 @@ def _carry_out(prepared: Any, options: dict[str, Any]) -> Any:
 
 def _finish(results: Any, options: dict[str, Any]) -> None:
     """Tables, report, and the file that repeats the evaluation; then say what was found."""
-    try:
-        from jaxpf.evaluation.report import write_report
-    except ModuleNotFoundError:
-        write_report = lambda results: None
+    from jaxpf.evaluation.report import write_report
     from jaxpf.evaluation.tables import write_tables
     from jaxpf.files import atomic_write
 
@@ -351,7 +348,7 @@ def _finish(results: Any, options: dict[str, Any]) -> None:
     repeated = {name: options[name] for name in names if name not in _NOT_REPEATED}
     common.write_config(results.folder / "run.toml", "evaluate", repeated)
     tables = write_tables(results)
-    write_report(results)
+    write_report(results, tables)
     printed = {
         "runs": results.runs,
         "tables": [table._asdict() for table in tables.printed],

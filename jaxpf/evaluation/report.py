@@ -179,8 +179,8 @@ def _clips(results: Results, tables: Tables) -> tuple[list[dict[str, Any]], str]
                     "data": _data_uri("video/webm", clip.data),
                     "width": clip.width,
                     "height": clip.height,
-                    "caption": f"{shown.role.replace('-', ', ').capitalize()} (run {shown.run}): mean overlap "
-                    f"{100 * shown.overlap:.1f} %; {clip.rate:.3g} frames a second",
+                    "caption": f"{shown.role.replace('-', ', ').capitalize()} (run {shown.run}): "
+                    f"mean overlap {100 * shown.overlap:.1f} %; {clip.rate:.3g} frames a second",
                 }
             )
         if groups and total > CLIP_BYTES:

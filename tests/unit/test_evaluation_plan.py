@@ -28,7 +28,7 @@ def test_the_names_are_those_of_the_library():
     assert plans.METHODS == boxes.METHODS
     assert plans.SWAPS == ordering.SWAPS
     assert set(plans.SCHEMES) == set(resampling.SCHEMES)
-    assert plans.LIKELIHOODS == ("auto", *METHODS)
+    assert ("auto", *METHODS) == plans.LIKELIHOODS
     assert plans.DEFAULT_SCALE == boxes.DEFAULT_SCALE
 
 

@@ -11,11 +11,6 @@ import click
 from jaxpf.cli import common
 from jaxpf.errors import InputError
 
-#: Written last, once tables and report are: what a finished evaluation prints again.
-FINISHED = "finished.json"
-
-#: Files that people look for.
-_WRITTEN = ("report.html", "results.csv", "summary.csv", "summary.md", "summary.tex", "run.toml")
 #: Options that say where results go or how they are computed, not what they are.
 _NOT_REPEATED = ("config", "output", "dry_run")
 
@@ -132,9 +127,9 @@ _NOT_REPEATED = ("config", "output", "dry_run")
 def command(**options: Any) -> None:
     """Compare methods on SCENE over many runs, with intervals, and write tables and a report.
 
-    SCENE is the name of a synthetic scene, such as distracter, a folder with a sequence and its truth
-    (video or frames with gt.csv and meta.json; a MOTChallenge or an OTB sequence), or a
-    function that makes a scene, file.py:function.  Every method is run with every value of
+    SCENE is the name of a synthetic scene, such as distracter, a folder with a sequence and
+    its truth (video or frames with gt.csv and meta.json; a MOTChallenge or an OTB sequence),
+    or a function that makes a scene, file.py:function.  Every method is run with every value of
     --sharpness, --particles, --scale, --resampling, --parts and --likelihood; lists are
     separated by commas.
 
@@ -144,20 +139,24 @@ def command(**options: Any) -> None:
 
     Example: jaxpf evaluate distracter --sharpness 20,30,40,50 --scale 2,2,0.001
     """
+    from jaxpf.cli import evaluation_output
     from jaxpf.evaluation import finished, prepare
 
     _check(options)
     output = options["output"] or Path(f"jaxpf-{_name(options['scene'])}")
     plan = _plan(options)
     results = finished(plan, output)
-    if results is not None and _print_again(output, plan.runs):
+    if results is not None and options["dry_run"]:
+        click.echo(f"{output}/: finished, nothing left to do")
+        return
+    if results is not None and evaluation_output.print_again(output, plan.runs):
         return
     _start_jax(options)
     if results is None:
         prepared = prepare(
             plan, output, memory=options["memory"] * 2**20, workers=options["workers"]
         )
-        _show(prepared, options)
+        evaluation_output.show_plan(prepared, options["workers"], options["devices"])
         if options["dry_run"]:
             return
         results = _carry_out(prepared, options)
@@ -267,60 +266,12 @@ def _start_jax(options: dict[str, Any]) -> None:
     common.use_compile_cache()
 
 
-def _show(prepared: Any, options: dict[str, Any]) -> None:
-    """The plan: what is compared, and what it costs."""
-    scene = prepared.settings["scene"]
-    click.echo(
-        f"{scene['name']}: {len(scene['object_ids'])} object(s), {len(prepared.truth)} frames "
-        f"after start frame {scene['start_frame']}, {scene['width']} x {scene['height']} pixels"
-    )
-    common.print_table("Plan", *_plan_table(prepared))
-    if prepared.damaged:
-        click.echo(f"{len(prepared.damaged)} damaged file(s) will be made again.")
-    workers = options["workers"]
-    place = "" if workers == 1 else f" in each of {workers} processes"
-    click.echo(
-        f"{prepared.missing_runs} runs to do: about {_duration(prepared.seconds)} and "
-        f"{prepared.memory / 2**30:.1f} GB of memory{place}; {options['devices']} device(s) each."
-    )
-
-
-def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]]]:
-    """One row per method: its orderings, the values of its parameters, its runs."""
-    by_method: dict[str, list[int]] = {}
-    for index, configuration in enumerate(prepared.configurations):
-        by_method.setdefault(configuration.method, []).append(index)
-    names = list(dict.fromkeys(n for c in prepared.configurations for n in c.parameters))
-    rows = []
-    for method, indices in by_method.items():
-        group = [prepared.configurations[index] for index in indices]
-        values = [
-            " ".join(dict.fromkeys(_shown(c.parameters.get(name, "")) for c in group))
-            for name in names
-        ]
-        orderings = " ".join(dict.fromkeys(c.ordering for c in group))
-        runs = 1 if group[0].is_imported else prepared.plan.runs
-        done = sum(prepared.done[index] for index in indices)
-        rows.append([method, orderings, *values, f"{len(group)} x {runs}", str(done)])
-    return ["", "ordering", *names, "runs", "done"], rows
-
-
-def _shown(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _duration(seconds: float) -> str:
-    for unit, length in (("h", 3600), ("min", 60)):
-        if seconds >= 2 * length:
-            return f"{seconds / length:.0f} {unit}"
-    return f"{seconds:.0f} s"
-
-
 def _carry_out(prepared: Any, options: dict[str, Any]) -> Any:
     """Do what is missing behind a progress bar; an interruption says how to go on."""
+    from jaxpf.cli.evaluation_output import FINISHED
     from jaxpf.evaluation import carry_out, local_pool
 
-    (prepared.folder / FINISHED).unlink(missing_ok=True)
+    (prepared.folder / FINISHED).unlink(missing_ok=True)  # it tells of fewer runs
     executor = None
     if options["workers"] > 1:
         executor = local_pool(options["workers"], options["devices"], common.use_compile_cache)
@@ -339,9 +290,9 @@ def _carry_out(prepared: Any, options: dict[str, Any]) -> Any:
 
 def _finish(results: Any, options: dict[str, Any]) -> None:
     """Tables, report, and the file that repeats the evaluation; then say what was found."""
+    from jaxpf.cli.evaluation_output import print_results
     from jaxpf.evaluation.report import write_report
     from jaxpf.evaluation.tables import write_tables
-    from jaxpf.files import atomic_write
 
     # In the order of the help: the same evaluation writes the same file, however it was typed.
     names = [str(param.name) for param in click.get_current_context().command.params]
@@ -349,31 +300,4 @@ def _finish(results: Any, options: dict[str, Any]) -> None:
     common.write_config(results.folder / "run.toml", "evaluate", repeated)
     tables = write_tables(results)
     write_report(results, tables)
-    printed = {
-        "runs": results.runs,
-        "tables": [table._asdict() for table in tables.printed],
-        "remarks": tables.remarks,
-    }
-    with atomic_write(results.folder / FINISHED) as file:
-        json.dump(printed, file)
-    _print(results.folder, printed)
-
-
-def _print_again(folder: Path, runs: int) -> bool:
-    """Print what the finished evaluation printed; false if its report is not there or is old."""
-    try:
-        printed = json.loads((folder / FINISHED).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    if printed["runs"] != runs or not all((folder / name).is_file() for name in _WRITTEN):
-        return False
-    _print(folder, printed)
-    return True
-
-
-def _print(folder: Path, printed: dict[str, Any]) -> None:
-    for table in printed["tables"]:
-        common.print_table(table["title"], table["columns"], table["rows"])
-    for remark in printed["remarks"]:
-        click.echo(remark)
-    click.echo(f"{folder}/: {', '.join(_WRITTEN)}")
+    print_results(results, tables)

@@ -157,6 +157,8 @@ def carry_out(
         store.write_settings(folder, prepared.settings, prepared.truth)
         for index, batch in prepared.imports:
             write_batch(folder, index, batch)
+            if progress is not None:
+                progress(1)
         for work, batch in in_turn(run_batch, prepared.work, executor, retries=retries):
             write_batch(folder, work.index, batch)
             if progress is not None:

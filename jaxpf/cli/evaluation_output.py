@@ -1,0 +1,102 @@
+"""What ``jaxpf evaluate`` says: its plan before, its tables after."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from jaxpf.cli import common
+from jaxpf.files import atomic_write
+
+#: What a finished evaluation prints again; written last, once tables and report are.
+FINISHED = "finished.json"
+#: Files that people look for.
+_WRITTEN = ("report.html", "results.csv", "summary.csv", "summary.md", "summary.tex", "run.toml")
+
+
+def show_plan(prepared: Any, workers: int, devices: int) -> None:
+    """What is compared, and what it costs."""
+    scene = prepared.settings["scene"]
+    count = len(scene["object_ids"])
+    click.echo(
+        f"{scene['name']}: {count} object{'s' if count != 1 else ''}, {len(prepared.truth)} frames "
+        f"after the start frame {scene['start_frame']}, {scene['width']} x {scene['height']} pixels"
+    )
+    columns, rows, common_to_all = _plan_table(prepared)
+    common.print_table("Plan", columns, rows)
+    if common_to_all:
+        click.echo(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
+    if prepared.damaged:
+        click.echo(f"{len(prepared.damaged)} damaged file(s) will be made again.")
+    place = f"on {devices} device{'s' if devices > 1 else ''}"
+    if workers > 1:
+        place = f"in each of {workers} processes {place}"
+    click.echo(
+        f"{prepared.missing_runs} runs to do: about {_duration(prepared.seconds)}, about "
+        f"{prepared.memory / 2**30:.1f} GB of memory {place}"
+    )
+
+
+def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, str]]:
+    """One row per method; and the parameters that all configurations have in common."""
+    by_method: dict[str, list[int]] = {}
+    values: dict[str, dict[str, None]] = {}
+    for index, configuration in enumerate(prepared.configurations):
+        by_method.setdefault(configuration.method, []).append(index)
+        for name, value in configuration.parameters.items():
+            values.setdefault(name, {})[_shown(value)] = None
+    varied = [name for name, found in values.items() if len(found) > 1]
+    rows = []
+    for method, indices in by_method.items():
+        group = [prepared.configurations[index] for index in indices]
+        orderings = " ".join(dict.fromkeys(c.ordering for c in group))
+        cells = ["" if group[0].is_imported else " ".join(values[name]) for name in varied]
+        runs = 1 if group[0].is_imported else prepared.plan.runs
+        done = sum(prepared.done[index] for index in indices)
+        rows.append([method, orderings, *cells, f"{len(group)} x {runs}", str(done)])
+    common_to_all = {name: next(iter(values[name])) for name in values if name not in varied}
+    return ["method", "ordering", *varied, "runs", "done"], rows, common_to_all
+
+
+def _shown(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _duration(seconds: float) -> str:
+    for unit, length in (("h", 3600), ("min", 60)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.0f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def print_results(results: Any, tables: Any) -> None:
+    """Print the summary, and keep it for ``print_again``."""
+    printed = {
+        "runs": results.runs,
+        "tables": [table._asdict() for table in tables.printed],
+        "remarks": list(tables.remarks),
+    }
+    with atomic_write(results.folder / FINISHED) as file:
+        json.dump(printed, file)
+    _print(results.folder, printed)
+
+
+def print_again(folder: Path, runs: int) -> bool:
+    """Print what the finished evaluation printed; false if a file is missing or of fewer runs."""
+    try:
+        printed = json.loads((folder / FINISHED).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    if printed["runs"] != runs or not all((folder / name).is_file() for name in _WRITTEN):
+        return False
+    _print(folder, printed)
+    return True
+
+
+def _print(folder: Path, printed: dict[str, Any]) -> None:
+    for table in printed["tables"]:
+        common.print_table(table["title"], table["columns"], table["rows"])
+    for remark in printed["remarks"]:
+        click.echo(remark)
+    click.echo(f"{folder}/: {', '.join(_WRITTEN)}")

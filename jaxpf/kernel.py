@@ -13,7 +13,7 @@ within components.  Two ideas keep it short and fast:
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import chex
 import jax
@@ -44,6 +44,7 @@ class Frame(NamedTuple):
         log_weights: ``[N]``, unnormalised: their sum carries the evidence.
         seen: ``[P, C]`` bool, at that stage some particle of the component that had weight
             had likelihood too.
+        largest: ``[C]``, the largest log-weight of each component.
         impossible: ``[N]`` bool, the particle's component met a stage at which no particle
             of it had any likelihood; the stage was left out of ``log_weights``.
         equal: ``[]`` bool, weights were equal after the last resampling.
@@ -56,6 +57,7 @@ class Frame(NamedTuple):
     lineage: jax.Array
     log_weights: jax.Array
     seen: jax.Array
+    largest: jax.Array
     impossible: jax.Array
     equal: jax.Array
     num_invalid: jax.Array
@@ -94,8 +96,8 @@ def begin(tracker, key, state) -> tuple[Components, Frame]:
             return ancestors[shuffle], log_weights[shuffle]
 
         # The order of particles matters only where it decides who joins which component.
-        ancestors, log_weights = lax.cond(
-            _is_split(ordering), shuffled, lambda: (ancestors, log_weights)
+        ancestors, log_weights = _choose(
+            ordering, _is_split(ordering), shuffled, lambda: (ancestors, log_weights)
         )
     shape = (tracker.num_partitions, num_particles)
     return components, Frame(
@@ -104,6 +106,7 @@ def begin(tracker, key, state) -> tuple[Components, Frame]:
         lineage=jnp.broadcast_to(ancestors, shape),
         log_weights=log_weights,
         seen=jnp.zeros((tracker.num_partitions, ordering.order.shape[0]), bool),
+        largest=resampling.component_max(log_weights, components),
         impossible=jnp.zeros((num_particles,), bool),
         equal=resampled | ~state.weighted,
         num_invalid=jnp.zeros((), jnp.int32),
@@ -166,13 +169,14 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
         frame = _absorb(frame, components, factor, stage)
 
         def resample(frame):
-            selection = frame.log_weights
+            selection, largest = frame.log_weights, frame.largest
             if tracker.tempering is not None:
                 possible = ~jnp.isneginf(selection)
                 change = jnp.where(possible, selection - before, 0.0)
                 selection = jnp.where(possible, before + tracker.tempering * change, -jnp.inf)
+                largest = None
             ancestors, log_weights, resampled = _resample(
-                tracker, resample_key, frame.log_weights, selection, components
+                tracker, resample_key, frame.log_weights, selection, components, largest
             )
             return frame._replace(
                 lineage=frame.lineage[:, ancestors],
@@ -183,13 +187,14 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
         def exchange_level(frame):
             return _exchange_level(tracker, exchange_key, components, stage, resample, frame)
 
-        return lax.cond(
+        def resample_or_not(frame):
+            return lax.cond(ordering.resample_after[stage], resample, lambda frame: frame, frame)
+
+        return _choose(
+            ordering,
             ordering.exchange_after[stage],
-            exchange_level,
-            lambda frame: lax.cond(
-                ordering.resample_after[stage], resample, lambda frame: frame, frame
-            ),
-            frame,
+            lambda: exchange_level(frame),
+            lambda: frame if num_partitions == 1 else resample_or_not(frame),
         )
 
     return body
@@ -259,14 +264,16 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
     num_particles, num_partitions = tracker.num_particles, tracker.num_partitions
     ordering = tracker.ordering
     # By partition, not by stage; a particle's draws lie in rows of its own component.
-    row = lax.cond(
+    row = _choose(
+        ordering,
         _is_split(ordering),
         lambda: ordering.rank[components.index].T,
         lambda: jnp.broadcast_to(ordering.rank[0][:, None], frame.lineage.shape),
     )
     flat = frame.stages.reshape(-1, num_partitions * num_particles)
     # Without resampling or exchange inside the frame every particle kept its own draws.
-    lineage, lagged = lax.cond(
+    lineage, lagged = _choose(
+        ordering,
         jnp.any(ordering.resample_after | ordering.exchange_after),
         lambda: _gathered(frame, flat, row),
         lambda: (frame.lineage, flat.reshape(frame.stages.shape)[:, :, ordering.rank[0]]),
@@ -288,7 +295,8 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
     all_impossible = jnp.all(frame.impossible)
     log_weights = jnp.where(frame.impossible & ~all_impossible, -jnp.inf, frame.log_weights)
     log_total = jax.nn.logsumexp(log_weights)
-    log_weights = lax.cond(
+    log_weights = _choose(
+        ordering,
         ordering.literal,
         lambda: _renormalised(log_weights, components),
         lambda: log_weights - log_total,
@@ -308,6 +316,17 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
         + STATUS_LOST * jnp.any(lost)
     ).astype(jnp.int32)
     return state, summarise(state, log_evidence, status, lost, frame.num_invalid)
+
+
+def _choose(ordering: Ordering, predicate: jax.Array, true: Callable, false: Callable) -> Any:
+    """``lax.cond``, but ``false()`` where one partition leaves an ordering no choice.
+
+    The barrier stands in for the branch's edge: without it XLA computes what comes before
+    once for every use of it.
+    """
+    if ordering.num_partitions == 1:
+        return lax.optimization_barrier(false())
+    return lax.cond(predicate, true, false)
 
 
 def _is_split(ordering: Ordering) -> jax.Array:
@@ -344,20 +363,22 @@ def _absorb(
     is left out, instead of every weight being lost.
     """
     log_weights = frame.log_weights + log_factor
-    seen = ~jnp.isneginf(resampling.component_max(log_weights, components))
+    largest = resampling.component_max(log_weights, components)
+    seen = ~jnp.isneginf(largest)
     possible = components.spread(seen)
     if stage is not None:
         frame = frame._replace(seen=frame.seen.at[stage].set(seen))
     return frame._replace(
         log_weights=jnp.where(possible, log_weights, frame.log_weights),
+        largest=jnp.where(seen, largest, frame.largest),
         impossible=frame.impossible | ~possible,
     )
 
 
-def _resample(tracker, key, log_weights, log_selection, components):
+def _resample(tracker, key, log_weights, log_selection, components, largest=None):
     """Weighted resampling, adaptive if asked.  Returns ancestors, log-weights, whether done."""
     ancestors, new_log_weights = resampling.weighted_resample(
-        key, log_weights, log_selection, tracker.resampling, components
+        key, log_weights, log_selection, tracker.resampling, components, largest
     )
     if tracker.ess_threshold is None:
         return ancestors, new_log_weights, jnp.ones((), bool)

@@ -97,6 +97,7 @@ def weighted_resample(
     log_selection: jax.Array,
     scheme: str = "systematic",
     components: Components | None = None,
+    largest: jax.Array | None = None,
 ) -> tuple[jax.Array, jax.Array]:
     """Select particles by one function and correct their weights by its inverse.
 
@@ -112,6 +113,7 @@ def weighted_resample(
             finite wherever the weight is not zero.
         scheme: one of ``SCHEMES``.
         components: how the slots divide into components; default one.
+        largest: ``[C]``, the largest ``log_selection`` of each component, where it is known.
 
     Returns:
         Ancestors ``[N]`` int32 and the new log-weights ``[N]``.
@@ -120,14 +122,17 @@ def weighted_resample(
     num_particles = log_weights.shape[0]
     if components is None:
         components = one_component(num_particles)
+    by_weight = log_selection is log_weights
     log_selection = jnp.where(jnp.isnan(log_selection), -jnp.inf, log_selection)
-    cdf = component_cdf(log_selection, components)
+    cdf = component_cdf(log_selection, components, largest)
     alive = components.spread(cdf.alive)
     chosen = _SCHEMES[scheme](key, cdf, components)
     chosen = jnp.where(alive, chosen, jnp.arange(num_particles, dtype=jnp.int32))
-    selectable = ~jnp.isneginf(log_selection)
-    correction = jnp.where(selectable, log_weights, 0.0) - jnp.where(selectable, log_selection, 0.0)
-    new_log_weights = correction[chosen] + components.spread(cdf.log_mean)
+    new_log_weights = components.spread(cdf.log_mean)
+    if not by_weight:
+        selectable = ~jnp.isneginf(log_selection)
+        correction = jnp.where(selectable, log_weights - log_selection, 0.0)
+        new_log_weights += correction[chosen]
     return chosen, jnp.where(alive, new_log_weights, log_weights)
 
 
@@ -150,9 +155,12 @@ class ComponentCDF:
     log_mean: jax.Array
 
 
-def component_cdf(log_weights: jax.Array, components: Components) -> ComponentCDF:
+def component_cdf(
+    log_weights: jax.Array, components: Components, largest: jax.Array | None = None
+) -> ComponentCDF:
     """Cumulative weights within each component, each scaled by its own largest weight."""
-    largest = component_max(log_weights, components)
+    if largest is None:
+        largest = component_max(log_weights, components)
     alive = ~jnp.isneginf(largest)
     reference = components.spread(jnp.where(alive, largest, 0.0))
     relative = jnp.where(components.spread(alive), log_weights - reference, 0.0)
@@ -168,8 +176,16 @@ def component_max(values: jax.Array, components: Components) -> jax.Array:
     """``[C]``: the largest of ``values`` ``[N]`` in each component; -inf in an empty one."""
     if components.size.shape[0] == 1:
         return jnp.max(values)[None]
-    largest = components.last_of(running_max(values, _starts(components)))
-    return jnp.where(components.size > 0, largest, -jnp.inf)
+
+    def of_each():
+        largest = components.last_of(running_max(values, _starts(components)))
+        return jnp.where(components.size > 0, largest, -jnp.inf)
+
+    def of_all():
+        return jnp.full(components.size.shape, -jnp.inf, values.dtype).at[0].set(jnp.max(values))
+
+    # Shared by all runs, but for components by label: only the branch taken is computed.
+    return lax.cond(components.size[0] == values.shape[0], of_all, of_each)
 
 
 def _starts(components: Components) -> jax.Array | None:

@@ -1,17 +1,20 @@
 """Running any tracker: over the frames of a sequence, and over many independent runs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
+from jax.sharding import Mesh, PartitionSpec
 
 from jaxpf.errors import InputError
 
 #: Runs per compiled batch of ``monte_carlo``.
 RUNS_PER_BATCH = 25
+_AXIS = "runs"
 
 
 def summary_only(state: Any, summary: Any) -> Any:
@@ -47,13 +50,18 @@ def monte_carlo(
     frames: Any,
     record: Callable[[Any, Any], Any] = summary_only,
     batch_size: int = RUNS_PER_BATCH,
+    devices: Sequence[jax.Device] | None = None,
 ) -> Any:
     """Track one sequence many times, independently.
 
     Runs are processed in batches of one fixed width, the last one padded, so that a run's
-    result depends on its key alone, bit for bit, and not on how many other runs there
-    are.  What depends on a frame alone (``tracker.observe``) is computed once per frame
-    for all runs.  Memory does not grow with T, but for what ``record`` keeps.
+    result depends on its key alone, bit for bit, and not on how many other runs or devices
+    there are.  What depends on a frame alone (``tracker.observe``) is computed once per
+    frame for all runs, and on one device only.  Memory does not grow with T, but for what
+    ``record`` keeps.
+
+    On a CPU one device uses little more than one core.  More host devices use the others:
+    ``jax.config.update("jax_num_cpu_devices", 2)`` before JAX is first used.
 
     Args:
         tracker: as for ``run``.
@@ -62,12 +70,13 @@ def monte_carlo(
         record: as for ``run``.
         batch_size: runs that are vectorised together.  Results are reproducible bit for
             bit only among calls with the same ``batch_size``.
+        devices: the batches are dealt out to them; default all of ``jax.local_devices()``.
 
     Returns:
         What ``record`` kept, with leading axes ``[R, T]``.
 
     Raises:
-        InputError: as for ``run``; no keys; ``batch_size`` < 1.
+        InputError: as for ``run``; no keys; ``batch_size`` < 1; no devices.
     """
     _num_frames(frames)
     keys = jnp.asarray(keys)
@@ -79,10 +88,15 @@ def monte_carlo(
         )
     if batch_size < 1:
         raise InputError(f"batch_size={batch_size} must be at least 1.")
+    devices = tuple(jax.local_devices() if devices is None else devices)
+    if not devices:
+        raise InputError("devices is empty; give at least one, or None for all there are.")
     num_runs = keys.shape[0]
-    padding = -num_runs % batch_size
+    used = devices[: -(-num_runs // batch_size)]
+    padding = -num_runs % (batch_size * len(used))
     padded = keys[jnp.minimum(jnp.arange(num_runs + padding), num_runs - 1)]
-    recorded = _monte_carlo(tracker, padded.reshape(-1, batch_size), frames, record)
+    batches = padded.reshape(-1, batch_size)
+    recorded = _monte_carlo(tracker, batches, frames, record, used)
     return jax.tree.map(lambda x: x.reshape(num_runs + padding, *x.shape[2:])[:num_runs], recorded)
 
 
@@ -118,26 +132,62 @@ def _run(tracker, key, frames, record):
     return lax.scan(body, init(tracker, key), (times, frames))
 
 
-@partial(jax.jit, static_argnames="record")
-def _monte_carlo(tracker, keys, frames, record):
-    """``keys`` ``[B, W]``: batches one after another, the runs of a batch together."""
+@partial(jax.jit, static_argnames=("record", "devices"))
+def _monte_carlo(tracker, keys, frames, record, devices=()):
+    """``keys`` ``[B, W]``: batches one after another, the runs of a batch together.
+
+    Several devices share the batches.  Of each group of as many frames, every device
+    observes one and receives the others' observations.
+    """
+    if len(devices) <= 1:
+        return _run_batches(tracker, keys, frames, record, 1)
+    replicated, sharded = PartitionSpec(), PartitionSpec(_AXIS)
+    return jax.shard_map(
+        partial(_run_batches, record=record, num_devices=len(devices)),
+        mesh=Mesh(np.asarray(devices), (_AXIS,)),
+        in_specs=(replicated, sharded, replicated),
+        out_specs=sharded,
+        check_vma=False,
+    )(tracker, keys, frames)
+
+
+def _run_batches(tracker, keys, frames, record, num_devices):
+    """One device's batches."""
     observe, step = _split(tracker)
 
-    def batch_step(time, observation):
+    def observe_group(group):
+        if num_devices == 1:
+            return jax.tree.map(lambda x: x[None], observe(jax.tree.map(lambda x: x[0], group)))
+        mine = observe(jax.tree.map(lambda x: x[lax.axis_index(_AXIS)], group))
+        return jax.tree.map(lambda x: lax.all_gather(x, _AXIS), mine)
+
+    def frame_step(states, item):
+        time, observation = item
+
         def step_one(key, state):
             state, summary = step(frame_key(key, time), state, observation)
             return state, record(state, summary)
 
-        return lambda item: jax.vmap(step_one)(*item)
+        return lax.map(lambda batch: jax.vmap(step_one)(*batch), (keys, states))
 
-    def body(states, item):
-        time, frame = item
-        return lax.map(batch_step(time, observe(frame)), (keys, states))
+    def group_step(states, item):
+        times, group = item
+        return lax.scan(frame_step, states, (times, observe_group(group)))
 
+    num_frames = _num_frames(frames)
+    num_groups = -(-num_frames // num_devices)
+    # The last group is filled up with its last frame; what comes of it is dropped.
+    times = jnp.minimum(jnp.arange(num_groups * num_devices), num_frames - 1)
+    if num_frames % num_devices:
+        frames = jax.tree.map(lambda x: jnp.asarray(x)[times], frames)
+    groups = jax.tree.map(lambda x: x.reshape(num_groups, num_devices, *x.shape[1:]), frames)
     states = lax.map(jax.vmap(lambda key: init(tracker, key)), keys)
-    times = jnp.arange(_num_frames(frames))
-    _, recorded = lax.scan(body, states, (times, frames))
-    return jax.tree.map(lambda x: jnp.moveaxis(x, 0, 2), recorded)
+    _, recorded = lax.scan(group_step, states, (times.reshape(num_groups, num_devices), groups))
+
+    def by_run(x):
+        return jnp.moveaxis(x.reshape(num_groups * num_devices, *x.shape[2:])[:num_frames], 0, 2)
+
+    return jax.tree.map(by_run, recorded)
 
 
 def _split(tracker: Any) -> tuple[Callable, Callable]:

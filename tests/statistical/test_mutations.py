@@ -48,7 +48,7 @@ def mutate_weights(monkeypatch, weigh):
     """Replace the corrected weights of a resampling; the ancestors stay right."""
     original = resampling.weighted_resample
 
-    def mutant(key, log_weights, log_selection, scheme="systematic", components=None):
+    def mutant(key, log_weights, log_selection, scheme, components, largest=None):
         chosen, right = original(key, log_weights, log_selection, scheme, components)
         return chosen, weigh(chosen, right, log_weights, components)
 
@@ -83,7 +83,7 @@ def test_kills_rho_normalised_across_components(monkeypatch):
 def test_kills_weights_kept_after_a_resampling(monkeypatch):
     original = kernel._resample
 
-    def mutant(tracker, key, log_weights, log_selection, components):
+    def mutant(tracker, key, log_weights, log_selection, components, largest=None):
         ancestors, _, _ = original(tracker, key, log_weights, log_selection, components)
         return ancestors, log_weights[ancestors], jnp.zeros((), bool)
 

@@ -1,5 +1,8 @@
 """Running trackers: keys, batches, records, and what they cost to compile."""
 
+import subprocess
+import sys
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -231,3 +234,39 @@ def test_an_empty_batch_is_refused():
     keys = jax.random.split(jax.random.key(0), 2)
     with pytest.raises(InputError, match="batch_size=0 must be at least 1"):
         jaxpf.monte_carlo(tracker(), keys, FRAMES, batch_size=0)
+
+
+def test_devices_share_the_runs_bit_for_bit():
+    # In a process of its own: the number of host devices is fixed when JAX is first used.
+    program = """
+import subprocess
+import sys
+
+import jax
+jax.config.update("jax_num_cpu_devices", 3)
+import jax.numpy as jnp, numpy as np, jaxpf
+from jaxpf.dynamics import LinearGaussian
+from jaxpf.likelihoods.gaussian import Gaussian
+
+one = jnp.ones((1, 1, 1))
+tracker = jaxpf.Partitioned(
+    dynamics=LinearGaussian(transition=0.9 * one, noise=one),
+    likelihood=Gaussian(noise=one),
+    ordering=jaxpf.ordering.ps([0]),
+    initial=jnp.zeros((1, 1)),
+    num_particles=40,
+)
+frames = jnp.asarray(np.random.default_rng(0).normal(size=(7, 1, 1)), jnp.float32)
+keys = jax.random.split(jax.random.key(0), 13)
+alone, two, all_ = (
+    jaxpf.monte_carlo(tracker, keys, frames, batch_size=4, devices=devices)
+    for devices in (jax.devices()[:1], jax.devices()[:2], None)
+)
+assert len(all_.estimate.devices()) == 3
+for results in (two, all_):
+    jax.tree.map(np.testing.assert_array_equal, alone, results)
+print(np.asarray(alone.estimate).shape)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "(13, 7, 1, 1)"

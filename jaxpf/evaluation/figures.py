@@ -263,7 +263,8 @@ def _diversity_bars(
     figure, axes = new_figure(len(summaries), len(columns), share_x=True, figsize=size)
     for column, (name, title) in enumerate(columns):
         estimates = [summary.estimates[name] for summary in summaries]
-        top = 100 * float(np.nanmax([np.nanmax(e.upper) for e in estimates] + [0.01]))
+        ends = [[estimate.value, estimate.upper] for estimate in estimates]
+        top = 100 * float(np.nanmax(ends, initial=0.01))
         for row, estimate in enumerate(estimates):
             axis = axes[row, column]
             value, lower, upper = (

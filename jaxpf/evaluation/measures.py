@@ -1,5 +1,7 @@
 """The measures of single runs, from which every table and figure is made."""
 
+import dataclasses
+import math
 from typing import NamedTuple
 
 import jax
@@ -7,15 +9,17 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from jaxpf import metrics, scores
+from jaxpf import metrics
 from jaxpf.evaluation.batches import Batch
-from jaxpf.intervals import masked_mean
+from jaxpf.scores import OVERLAP_THRESHOLDS
 
 #: Coordinates by which the spread of a particle set is named.
 COORDINATES = ("u", "v", "a")
 
+#: Pixels within which a centre counts as found, by which OTB ranks trackers (wu2013).
+DISTANCE = 20
 _RUNS_AT_ONCE = 256
-_BOXES_AT_ONCE = 2**19
+_BOXES_AT_ONCE = 2**17
 
 
 class Measure(NamedTuple):
@@ -105,108 +109,91 @@ class Measured(NamedTuple):
 def measure_batch(batch: Batch, truth: np.ndarray, noise_scale: np.ndarray) -> Measured:
     """Measure every run of a batch.
 
-    Batches of all sizes share one compiled function: they are cut into pieces and padded.
-
     Args:
         batch: R runs.
         truth: ``[T, P, 4]`` boxes, NaN where an object is absent.
         noise_scale: ``[D]``, standard deviation of the process noise.
     """
-    num_frames, num_objects = truth.shape[:2]
-    width = _width(num_frames * num_objects)
-    noise_scale, spread = _three_coordinates(noise_scale, batch.spread)
-    arrays = (
-        *(batch.boxes, batch.uniqueness, spread),
-        *(batch.ess, batch.log_evidence, batch.lost),
-    )
-    parts = []
-    for start in range(0, len(batch), width):
-        pieces = [array[start : start + width] for array in arrays]
-        size = len(pieces[0])
-        padded = [np.concatenate([x, np.repeat(x[:1], width - size, axis=0)]) for x in pieces]
-        measured = _measure(truth, noise_scale, *padded)
-        parts.append([np.asarray(x)[:size] for x in measured])
-    columns, error, curve = (np.concatenate(part) for part in zip(*parts, strict=True))
-    columns = columns.astype(np.float64)
-    # A long sum of large terms: single precision would show in differences.
-    evidence = np.sum(batch.log_evidence.astype(np.float64), axis=1, keepdims=True)
-    columns[:, :, COLUMNS.index("log_evidence")] = evidence
-    return Measured(columns, error, curve)
+    width = max(1, min(_RUNS_AT_ONCE, _BOXES_AT_ONCE // math.prod(truth.shape[:2])))
+    arrays = {field.name: getattr(batch, field.name) for field in dataclasses.fields(batch)}
+    pieces = [
+        Batch(**{name: array[start : start + width] for name, array in arrays.items()})
+        for start in range(0, len(batch), width)
+    ]
+    measured = [_measure_piece(piece, truth, noise_scale, width) for piece in pieces]
+    return Measured(*(np.concatenate(parts) for parts in zip(*measured, strict=True)))
 
 
-def _width(boxes_per_run: int) -> int:
-    """Runs that are measured at once: fewer where a run is long, so that memory stays small."""
-    return max(1, min(_RUNS_AT_ONCE, 2 ** int(np.log2(max(1, _BOXES_AT_ONCE // boxes_per_run)))))
+def _measure_piece(
+    batch: Batch, truth: np.ndarray, noise_scale: np.ndarray, width: int
+) -> Measured:
+    present = np.broadcast_to(np.asarray(metrics.has_truth(truth)), batch.boxes.shape[:-1])
+    frames = _measure_frames(batch.boxes, truth, width)
+    tracked, error = frames["tracked"] > 0, frames["centre_error"]
+    # OTB's thresholds come last; frames are averaged away.
+    exceeds = frames["overlap"][..., None] > OVERLAP_THRESHOLDS.astype(np.float32)
+    curve = _mean(exceeds, present[..., None])
+    near = np.where(np.isfinite(error), error <= DISTANCE, 0)
+    values = {
+        FRAMES: np.sum(present, axis=1),
+        TRACKED_FRAMES: np.sum(tracked, axis=1),
+        "located_frames": np.sum(np.isfinite(error), axis=1),
+        # Outcomes are the same in every frame, and do not exist for an object without truth.
+        "success": _mean(frames["success"], present),
+        "recovered": _mean(frames["recovered"], present),
+        "tracked_share": _mean(frames["tracked"], present),
+        "precision": _mean(frames["precision"], tracked),
+        "recall": _mean(frames["recall"], tracked),
+        "precision_all": _mean(frames["precision"], present),
+        "recall_all": _mean(frames["recall"], present),
+        "overlap": _mean(frames["overlap"], present),
+        "success_area": np.mean(curve, axis=-1),
+        "distance_precision": _mean(near, present),
+        "centre_error": _mean(error, present),
+        "uniqueness": _mean(batch.uniqueness),
+        "ess": _mean(batch.ess)[:, None],
+        "log_evidence": np.sum(batch.log_evidence.astype(np.float64), axis=1, keepdims=True),
+        "frames_lost": np.sum(batch.lost, axis=1),
+    }
+    for place, name in enumerate(COORDINATES):
+        ratio = np.full(batch.uniqueness.shape, np.nan)
+        if place < len(noise_scale) and noise_scale[place] > 0:
+            ratio = batch.spread[..., place] / np.float64(noise_scale[place])
+        values[f"effective_dynamics_{name}"] = _mean(ratio)
+        values[f"effective_dynamics_var_{name}"] = _mean(ratio**2)
+    shape = (len(batch), truth.shape[1])
+    columns = np.stack([np.broadcast_to(values[name], shape) for name in COLUMNS], axis=-1)
+    return Measured(columns.astype(np.float64), error, curve)
 
 
-def _three_coordinates(scale: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first three coordinates, with NaN in place of those that a tracker does not have."""
-    count = len(COORDINATES)
-    missing = max(0, count - spread.shape[-1])
-    spread = np.pad(spread[..., :count], [(0, 0)] * 3 + [(0, missing)], constant_values=np.nan)
-    scale = np.asarray(scale, np.float64)[:count]
-    return np.pad(scale, (0, count - len(scale)), constant_values=np.nan), spread
+def _mean(values: np.ndarray, counts: np.ndarray | bool = True) -> np.ndarray:
+    """Mean over the frames, axis 1, that count and whose value is finite; NaN over none."""
+    counts = np.isfinite(values) & counts
+    total = np.sum(np.where(counts, values, 0), axis=1, dtype=np.float64)
+    number = np.sum(counts, axis=1)
+    return np.where(number > 0, total / np.maximum(number, 1), np.nan)
+
+
+def _measure_frames(boxes: np.ndarray, truth: np.ndarray, width: int) -> dict[str, np.ndarray]:
+    """Measures of every frame, ``[R, T, P]`` each; outcomes of runs are repeated.
+
+    The runs are padded to ``width``: batches of all sizes share one compiled function.
+    """
+    padding = np.repeat(boxes[:1], width - len(boxes), axis=0)
+    found = _compiled_measures(np.concatenate([boxes, padding]), truth)
+    return {name: np.asarray(values)[: len(boxes)] for name, values in found.items()}
 
 
 @jax.jit
-def _measure(
-    truth: Array,
-    noise_scale: Array,
-    boxes: Array,
-    uniqueness: Array,
-    spread: Array,
-    ess: Array,
-    log_evidence: Array,
-    lost: Array,
-) -> tuple[Array, Array, Array]:
-    present = jnp.broadcast_to(metrics.has_truth(truth), boxes.shape[:-1])
-    tracked = metrics.track_state(boxes, truth)
-    precision, recall = metrics.precision(boxes, truth), metrics.recall(boxes, truth)
-    overlap, error = metrics.overlap(boxes, truth), metrics.centre_error(boxes, truth)
-    ever = jnp.any(present, axis=-2)
-
-    def mean(values: Array, counts: Array = present) -> Array:
-        return masked_mean(values, counts, -2)
-
-    def if_ever(outcome: Array) -> Array:
-        return jnp.where(ever, outcome.astype(overlap.dtype), jnp.nan)
-
-    curve = scores.success_curve(boxes, truth)
-    dynamics = metrics.effective_dynamics(spread, noise_scale)
-    everywhere = jnp.ones(uniqueness.shape, bool)
-
-    def over_time(values: Array) -> list[Array]:
-        means = masked_mean(values, everywhere[..., None], -3)
-        return [means[..., index] for index in range(len(COORDINATES))]
-
-    def of_run(values: Array) -> Array:
-        return jnp.broadcast_to(values[:, None], ever.shape)
-
-    values = {
-        FRAMES: jnp.sum(present, axis=-2),
-        TRACKED_FRAMES: jnp.sum(tracked, axis=-2),
-        "located_frames": jnp.sum(jnp.isfinite(error), axis=-2),
-        "success": if_ever(metrics.success(boxes, truth)),
-        "recovered": if_ever(metrics.recovery(boxes, truth)),
-        "tracked_share": mean(tracked.astype(overlap.dtype)),
-        "precision": mean(precision, tracked),
-        "recall": mean(recall, tracked),
-        "precision_all": mean(precision),
-        "recall_all": mean(recall),
-        "overlap": mean(overlap),
-        "success_area": jnp.mean(curve, axis=-1),
-        "distance_precision": scores.distance_precision(boxes, truth),
-        "centre_error": mean(error),
-        "uniqueness": mean(uniqueness, everywhere),
-        "ess": of_run(jnp.mean(ess, axis=-1)),
-        "log_evidence": of_run(jnp.sum(log_evidence, axis=-1)),
-        "frames_lost": jnp.sum(lost, axis=-2),
+def _compiled_measures(boxes: Array, truth: Array) -> dict[str, Array]:
+    found = {
+        "tracked": metrics.track_state(boxes, truth),
+        "precision": metrics.precision(boxes, truth),
+        "recall": metrics.recall(boxes, truth),
+        "overlap": metrics.overlap(boxes, truth),
+        "centre_error": metrics.centre_error(boxes, truth),
+        "success": metrics.success(boxes, truth)[:, None],
+        "recovered": metrics.recovery(boxes, truth)[:, None],
     }
-    for prefix, ratio in (
-        ("effective_dynamics_", dynamics.deviation_ratio),
-        ("effective_dynamics_var_", dynamics.variance_ratio),
-    ):
-        for name, column in zip(COORDINATES, over_time(ratio), strict=True):
-            values[prefix + name] = column
-    columns = jnp.stack([values[name].astype(overlap.dtype) for name in COLUMNS], axis=-1)
-    return columns, error, curve
+    shape = boxes.shape[:-1]
+    return {name: jnp.broadcast_to(x, shape).astype(boxes.dtype) for name, x in found.items()}

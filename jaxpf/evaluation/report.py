@@ -82,12 +82,15 @@ def _content(results: Results, tables: Tables, figures: Sequence[Figure]) -> dic
     contents = [("summary", "Summary")] if summaries else []
     contents += [(section.name, section.title) for section in sections]
     contents += [("clips", "Clips"), ("settings", "Settings")]
-    configurations = f"{len(summaries)} configuration" + "s" * (len(summaries) != 1)
+    lead = (
+        _counted(len(summaries), "configuration"),
+        f"{_counted(results.runs, 'run')} each",
+        _counted(len(ids), "object"),
+        f"{_counted(len(results.truth), 'frame')} after the start frame",
+    )
     return {
         "title": f"Evaluation: {results.scene_name}",
-        "lead": f"{configurations}, {results.runs} runs each, {len(ids)} object"
-        + "s" * (len(ids) > 1)
-        + f", {len(results.truth)} frames after the start frame",
+        "lead": ", ".join(lead),
         "finding": _finding(results, tables),
         "remarks": tables.remarks,
         "contents": contents,
@@ -110,6 +113,8 @@ def _finding(results: Results, tables: Tables) -> str:
     if len(ours) < 2 or not np.isfinite(rates).all():
         return ""
     low, high = int(np.argmin(rates)), int(np.argmax(rates))
+    if rates[low] == rates[high]:
+        return ""
     which = object_name(results.object_ids, tables.hardest)
     which = f"{which}, recovered least of all objects," if len(results.object_ids) > 1 else which
     return (
@@ -245,6 +250,10 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, str]]:
         )
     else:
         yield name, str(value)
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" + "s" * (number != 1)
 
 
 def _data_uri(kind: str, data: bytes) -> str:

@@ -50,6 +50,7 @@ from jaxpf.files import atomic_write, report_os_errors
 from jaxpf.tracks import write_mot
 
 _KEYS = ("scene", "method", "ordering")
+_ENOUGH = 20  # runs, at which the normal quantile is 6 % below Student's
 _NUMBERS = ",".join(["%.7g"] * len(COLUMNS))
 
 
@@ -149,6 +150,12 @@ def _remarks(results: Results, summaries: Sequence[Summary]) -> list[str]:
             remarks.append(f"{name}: imported tracks, the same for every seed; without intervals.")
         elif runs < results.runs:
             remarks.append(f"{name}: {runs} of {results.runs} runs are finished.")
+    fewest = min((s.runs for s in summaries if not s.configuration.is_imported), default=_ENOUGH)
+    if fewest < _ENOUGH:
+        remarks.append(
+            f"With fewer than {_ENOUGH} runs the normal intervals of means are too narrow; those "
+            "of rates and of differences are not."
+        )
     if not has_scores():
         remarks.append("HOTA, MOTA and IDF1 are left out: pip install 'jaxpf[scores]' adds them.")
     elif any(summary.runs > SCORED_RUNS for summary in summaries):

@@ -1,0 +1,85 @@
+"""Evaluations whose every box is known: written like real ones, without running a tracker."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+
+from jaxpf.evaluation.batches import FOLDER, Batch, write_batch
+from jaxpf.evaluation.results import Configuration, Results
+
+PARAMETERS = {"sharpness": 20.0, "scale": "2,4,0.5", "particles": 100}
+SIR = Configuration("SIR", "", PARAMETERS)
+PS = Configuration("PS", "21", PARAMETERS)
+DPS = Configuration("DPS", "shifts", PARAMETERS)
+OTHER = Configuration("a|b <i>_100%$x$", "", {})  # imported, with a name that must be escaped
+
+
+def batch(boxes, first_run=0, **given):
+    """R runs from ``boxes [R, T, P, 4]``; everything else as given, or the same everywhere."""
+    boxes = np.asarray(boxes, np.float32)
+    runs, frames, objects = boxes.shape[:3]
+
+    def filled(name, value, *shape):
+        return np.broadcast_to(np.float32(given.get(name, value)), shape)
+
+    return Batch(
+        seeds=np.full(runs, 7),
+        runs=first_run + np.arange(runs),
+        boxes=boxes,
+        uniqueness=filled("uniqueness", 0.5, runs, frames, objects),
+        spread=filled("spread", 2.0, runs, frames, objects, 3),
+        ess=filled("ess", 30.0, runs, frames),
+        log_evidence=filled("log_evidence", -1.5, runs, frames),
+        lost=np.broadcast_to(given.get("lost", False), (runs, frames, objects)),
+    )
+
+
+def imported(boxes):
+    """The one batch of imported tracks ``[T, P, 4]``."""
+    nothing = dict.fromkeys(("uniqueness", "spread", "ess", "log_evidence"), np.nan)
+    return batch(np.asarray(boxes)[None], lost=np.isnan(boxes).any(axis=-1), **nothing)
+
+
+def make(folder, batches, truth, runs=None, ids=None, frames=None, start_frame=0):
+    """Write an evaluation and open it.
+
+    Args:
+        folder: a new one.
+        batches: configurations, each with its list of batches.
+        truth: ``[T, P, 4]``.
+        runs: that were asked for; by default as many as there are.
+        ids: of the objects; 1, 2, ... by default.
+        frames: of the scene, ``[T + 1, H, W, 3]``; without them the scene is not there.
+        start_frame: of the scene.
+    """
+    (folder / FOLDER).mkdir(parents=True)
+    for index, (_, parts) in enumerate(batches):
+        for part in parts:
+            write_batch(folder, index, part)
+    finished = max(sum(map(len, parts)) for _, parts in batches)
+    settings = {
+        "runs": finished if runs is None else runs,
+        "asked": {"seed": 7, "tracks": {"<script>": "&"}},
+        "versions": {"jaxpf": "0"},
+        "scene": {
+            "name": "made <scene>",
+            "object_ids": list(ids or range(1, truth.shape[1] + 1)),
+            "start_frame": start_frame,
+            "fps": 10.0,
+        },
+        "configurations": [dataclasses.asdict(configuration) for configuration, _ in batches],
+    }
+    scene = None if frames is None else lambda: SimpleNamespace(frames=frames)
+    return Results(folder, settings, np.asarray(truth, np.float64), scene)
+
+
+def walks(seed, runs, frames, objects, noise=6.0):
+    """Truth ``[T, P, 4]`` of boxes 20 x 30 that walk, and noisy estimates ``[R, T, P, 4]``."""
+    random = np.random.default_rng(seed)
+    path = np.cumsum(random.normal(0, 2, (frames, objects, 2)), axis=0) + 40
+    truth = np.concatenate([path, np.broadcast_to([20.0, 30.0], path.shape)], axis=-1)
+    error = np.cumsum(random.normal(0, noise, (runs, frames, objects, 2)), axis=1)
+    boxes = np.broadcast_to(truth, (runs, *truth.shape)).copy()
+    boxes[..., :2] += error
+    return truth, boxes

@@ -1,24 +1,78 @@
-"""Histograms of boxes at any angle, from a grid of sampled pixels.
+"""Histograms of boxes at any angle, from pixels sampled in groups of four.
+
+A box is covered by a grid of groups, each of four pixels at the corners of an upright square.
+The codes of a group lie in one 32-bit word of a table made once per frame, so that a gather,
+which costs several nanoseconds on a CPU however little it fetches, brings four pixels.
 
 With n samples of a part whose pixels fall in K bins, the sampled d^2 is too large by about
-(K - 1) / (8 n) per part (less as n nears the number of pixels), and scatters around that by
-far less.  The bias is nearly the same for every particle, so it hardly changes the weights.
-Measured on blurred noise with 88 bins, a box of 32 x 42 pixels in two parts, particles 4
-pixels from the object: bias 0.14, 0.043, 0.013, 0.001 and standard deviation 0.021, 0.011,
-0.006, 0.004 of d^2 at 16, 24, 32 and 64 samples per side.
+(K - 1) / (8 n) (less as n nears the number of pixels), and scatters around that.  The bias is
+nearly the same for every particle, so it hardly changes the weights.  Measured against every
+pixel on the scene "articulated" (parts of 28 x 16 pixels, 8 to 12 bins each, poses some pixels
+and degrees from the truth): bias .026, .012, .010, .002 and standard deviation .023, .017, .014,
+.009 of d^2 at 8, 10, 12 and 16 samples per side, where d^2 itself varies by .08.
 """
+
+import math
 
 import jax
 import jax.numpy as jnp
 
+#: Levels are counted in groups of this many, side by side in vector registers.
+LEVEL_LANES = 8
+#: The code of what lies outside the frame; bins are below it, and codes have 7 bits.
+OUTSIDE = 127
+# Groups whose codes are compared in one piece of straight-line code.
+_UNROLLED = 64
 
-def sampled_similarity(bins, num_samples, references, partition, u, v, width, height, cosine, sine):
+
+def group_distance(num_samples, num_parts, sizes) -> int:
+    """Pixels between the samples of a group: half the mean distance between groups.
+
+    Args:
+        num_samples: samples per side of a box, S.
+        num_parts: horizontal bands of a box.
+        sizes: [P][2], width and height of the boxes, pixels.
+    """
+    columns, rows = _grid(num_samples, num_parts)
+    spacings = [x for w, h in sizes for x in (w / (2 * columns), h / (2 * rows * num_parts))]
+    return max(1, round(math.exp(sum(map(math.log, spacings)) / len(spacings))))
+
+
+def sample_table(bins, distance):
+    """Codes of four pixels per entry, made once per frame.
+
+    Args:
+        bins: integer [H, W], below ``OUTSIDE``.
+        distance: pixels between the samples of a group, d.
+
+    Returns:
+        uint32 [H + d + 2, W + d + 2]: entry (i, j) holds pixels (i, j) - d - 1 and those d
+        columns, d rows and both further; those outside the frame are ``OUTSIDE``.
+    """
+    margin = distance + 1
+    before, after = margin, margin + distance
+    codes = jnp.pad(
+        bins.astype(jnp.uint32), ((before, after), (before, after)), constant_values=OUTSIDE
+    )
+    rows, columns = (size + distance + 2 for size in bins.shape)
+    table = jnp.zeros((rows, columns), jnp.uint32)
+    for k, (down, right) in enumerate(((0, 0), (0, distance), (distance, 0), (distance, distance))):
+        table |= codes[down : down + rows, right : right + columns] << (8 * k)
+    return table
+
+
+def sampled_similarity(
+    table, distance, num_samples, levels, roots, partition, u, v, width, height, cosine, sine
+):
     """Sum over parts of the Bhattacharyya coefficient, for many rotated boxes.
 
     Args:
-        bins: integer [H, W]; a pixel whose bin is B or more is counted nowhere.
-        num_samples: samples per side of the box, S.  Each part gets ceil(S / parts) rows.
-        references: [P, parts, B], square roots of the reference histograms.
+        table: uint32, see :func:`sample_table`.
+        distance: pixels between the samples of a group, as given to :func:`sample_table`.
+        num_samples: samples per side of the box, S: the box gets at least S / 2 columns and
+            rows of groups, the same number of rows in each part.
+        levels: integer [P, parts, K], bins that each object's references use.
+        roots: [P, parts, K], square roots of the references there.
         partition: int [N].
         u: [N], centre, pixels from the left.
         v: [N], centre, pixels from the top.
@@ -30,47 +84,70 @@ def sampled_similarity(bins, num_samples, references, partition, u, v, width, he
     Returns:
         Similarity [N].
     """
-    num_rows, num_columns = bins.shape
-    _, num_parts, num_bins = references.shape
+    num_parts, num_levels = levels.shape[1:]
     dtype = u.dtype
-    rows_per_part = -(-num_samples // num_parts)
-    num_grid_rows = rows_per_part * num_parts
-    # Samples sit at the centres of a grid's cells: fractions of the box, -1/2 to 1/2.
-    across = ((jnp.arange(num_samples) + 0.5) / num_samples - 0.5).astype(dtype)
-    down = ((jnp.arange(num_grid_rows) + 0.5) / num_grid_rows - 0.5).astype(dtype)
-    a, b = width[:, None, None] * across, height[:, None, None] * down[:, None]
-    cosine, sine = cosine[:, None, None], sine[:, None, None]
-    x = jnp.floor(u[:, None, None] + cosine * a - sine * b)
-    y = jnp.floor(v[:, None, None] + sine * a + cosine * b)
-    inside = (x >= 0) & (x < num_columns) & (y >= 0) & (y < num_rows)
-    x = jnp.clip(x, 0, num_columns - 1).astype(jnp.int32)
-    y = jnp.clip(y, 0, num_rows - 1).astype(jnp.int32)
-    pixels = bins.reshape(-1).at[y * num_columns + x]
-    sample = pixels.get(mode="promise_in_bounds", wrap_negative_indices=False)
-    sample = jnp.where(inside, sample, num_bins)
+    columns, rows = _grid(num_samples, num_parts)
+    across = jnp.tile((jnp.arange(columns) + 0.5) / columns - 0.5, rows * num_parts)
+    down = jnp.repeat((jnp.arange(rows * num_parts) + 0.5) / (rows * num_parts) - 0.5, columns)
+    zero, one = jnp.zeros_like(across), jnp.ones_like(across)
+    # Coordinates of the groups as a product of matrices: XLA would fuse any other form into
+    # the gather, and there compute it a number at a time, sines included.
+    pose = jnp.stack([u, v, cosine * width, sine * height, sine * width, cosine * height], axis=-1)
+    x_of_pose = jnp.stack([one, zero, across, -down, zero, zero])
+    y_of_pose = jnp.stack([zero, one, zero, zero, across, down])
+    to_places = jnp.concatenate([x_of_pose, y_of_pose], axis=1).astype(dtype)
+    x, y = jnp.split(jnp.dot(pose, to_places, precision=jax.lax.Precision.HIGHEST), 2, axis=-1)
+    margin = distance + 1
+    last_row, last_column = (size - 1 for size in table.shape)
+    # A group's first pixel is d / 2 up and left of its middle; truncation is floor from 0 on.
+    column = jnp.clip(x + (margin - distance / 2), 0, last_column).astype(jnp.int32)
+    row = jnp.clip(y + (margin - distance / 2), 0, last_row).astype(jnp.int32)
+    words = table.reshape(-1).at[row * table.shape[1] + column]
+    words = words.get(mode="promise_in_bounds", wrap_negative_indices=False)
 
-    counts = _counts(sample.reshape(-1, num_parts, rows_per_part, num_samples), num_bins)
-    root = jnp.sqrt(counts.astype(dtype) / (rows_per_part * num_samples))
-    product = (root * references.astype(dtype)[partition]).reshape(-1, num_parts * num_bins)
-    return jnp.dot(product, jnp.ones(num_parts * num_bins, dtype))
+    words = words.reshape(-1, num_parts, rows, columns)
+    levels = levels.astype(jnp.uint32)[partition]
+    similarity = jnp.zeros_like(u)
+    for k in range(num_parts):
+        counts = _counts(words[:, k], levels[:, k])
+        root = jnp.sqrt(counts.astype(dtype) / (4 * rows * columns))
+        # A product with ones is not fused into the loop over levels, where a sum would be
+        # and would make it scalar.
+        product = root * roots.astype(dtype)[partition, k]
+        similarity += jnp.dot(product, jnp.ones(num_levels, dtype))
+    return similarity
 
 
-def _counts(sample, num_bins):
-    """Histograms [N, parts, B] of samples [N, parts, rows, columns].
+def _grid(num_samples, num_parts) -> tuple[int, int]:
+    """Columns of groups, and rows of groups in each part."""
+    return -(-num_samples // 2), -(-num_samples // (2 * num_parts))
 
-    Every sample is compared with every bin, a row of samples at a time: compares and adds
-    of small integers, many to a register.  A scatter-add does less work, but under ``vmap``
-    it becomes a scalar loop, ten times slower on a CPU.
+
+def _counts(words, levels):
+    """How many codes equal each level: int32 [N, K] of words [N, rows, columns], levels [N, K].
+
+    Four codes of 7 bits are compared at once: a byte of ``(word ^ level) + 0x7f`` has its
+    highest bit unless the codes are equal.  These bits are added byte by byte.  A scatter-add
+    does less work, but under ``vmap`` it becomes a scalar loop, ten times slower on a CPU.
     """
-    num_rows, num_columns = sample.shape[2:]
-    dtype = jnp.uint8 if num_rows * num_columns < 2**8 else jnp.uint16
-    levels = jnp.arange(num_bins, dtype=sample.dtype)
+    num_rows, num_columns = words.shape[1:]
+    together = max(
+        r
+        for r in range(1, num_rows + 1)
+        if num_rows % r == 0 and r * num_columns <= max(_UNROLLED, num_columns)
+    )
+    levels = levels * jnp.uint32(0x01010101)
+    pieces = words.reshape(words.shape[0], num_rows // together, together * num_columns)
 
-    def add_row(i, counts):
-        row = jax.lax.dynamic_index_in_dim(sample, i, 2, keepdims=False)
-        for j in range(num_columns):
-            counts += (row[..., j, None] == levels).astype(dtype)
-        return counts
+    def add_piece(i, misses):
+        piece = jax.lax.dynamic_index_in_dim(pieces, i, 1, keepdims=False)
+        by_byte = jnp.zeros(levels.shape, jnp.uint32)
+        for j in range(piece.shape[1]):
+            differs = ((piece[:, j, None] ^ levels) + jnp.uint32(0x7F7F7F7F)) >> 7
+            by_byte += differs & jnp.uint32(0x01010101)
+        pairs = (by_byte & jnp.uint32(0x00FF00FF)) + ((by_byte >> 8) & jnp.uint32(0x00FF00FF))
+        return misses + (pairs & jnp.uint32(0xFFFF)) + (pairs >> 16)
 
-    start = jnp.zeros((*sample.shape[:2], num_bins), dtype)
-    return jax.lax.fori_loop(0, num_rows, add_row, start)
+    none = jnp.zeros(levels.shape, jnp.uint32)
+    misses = jax.lax.fori_loop(0, num_rows // together, add_piece, none)
+    return (4 * num_rows * num_columns - misses).astype(jnp.int32)

@@ -20,8 +20,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.geometry import cos_sin
+from jaxpf.likelihoods._costs import estimated_costs
 from jaxpf.likelihoods._integral import LANES, integral_similarity, integral_table
-from jaxpf.likelihoods._sampled import sampled_similarity
+from jaxpf.likelihoods._sampled import (
+    LEVEL_LANES,
+    group_distance,
+    sample_table,
+    sampled_similarity,
+)
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.pytree import pytree_dataclass, static_field
 
@@ -34,7 +41,8 @@ class HistogramLikelihood:
 
     A substate is (u, v, a): the centre of the box in pixels from the left and the top of
     the frame, and its scale; the box is ``a * w`` by ``a * h``.  With the sampled method it
-    may be (u, v, a, theta): rotation in radians, clockwise in the image.
+    may be (u, v, a, theta, ...): rotation in radians, clockwise in the image; what follows is
+    not looked at.
 
     Attributes:
         sharpness: scalar, lambda of smith2004.
@@ -43,10 +51,13 @@ class HistogramLikelihood:
         bin_lookup: int32 [110], colour bin -> one of B bins, or B: only bins that some
             reference uses are counted, for the others add nothing to the similarity.
         method: ``"integral"`` (upright boxes, corners at whole pixels) or ``"sampled"``
-            (``samples x samples`` pixels of a box at any angle).
+            (about ``samples x samples`` pixels of a box at any angle).
         samples: samples per side of the box.
         table_dtype: ``"uint16"`` or ``"uint32"``.  Counts wrap around: a box one of whose
             parts has 2^16 (2^32) pixels in the frame gets log-probability -inf.
+        levels: int32 [P, parts, K], for the sampled method: the bins that each reference uses,
+            filled up with B; None compares samples with all B bins.
+        distance: for the sampled method: pixels between the samples of a group of four.
     """
 
     sharpness: Any
@@ -56,6 +67,8 @@ class HistogramLikelihood:
     method: str = static_field(default="integral")
     samples: int = static_field(default=16)
     table_dtype: str = static_field(default="uint16")
+    levels: Any = None
+    distance: int = static_field(default=1)
 
     def observe(self, frame):
         """Work that depends on the frame alone, shared by all particles and runs.
@@ -64,7 +77,8 @@ class HistogramLikelihood:
             frame: uint8 RGB [H, W, 3].
 
         Returns:
-            integral: unsigned [H + 1, W + 1, B]; sampled: the bin of every pixel, uint8 [H, W].
+            integral: unsigned [H + 1, W + 1, B]; sampled: the bins of four pixels in every
+            entry, uint32 [H + distance + 2, W + distance + 2].
 
         Raises:
             InputError: the frame has another shape or dtype.
@@ -72,7 +86,7 @@ class HistogramLikelihood:
         check_frame(frame)
         bins = self.bin_lookup[hsv_bins(frame)]
         if self.method == "sampled":
-            return bins.astype(jnp.uint8)
+            return sample_table(bins, self.distance)
         return integral_table(bins, self.references.shape[-1], self.table_dtype)
 
     def log_prob(self, observation, partition, substate):
@@ -93,7 +107,7 @@ class HistogramLikelihood:
             box under one pixel wide, or with a part under one pixel high.
 
         Raises:
-            InputError: D is not 3 (or 4, with the sampled method).
+            InputError: D is not 3 (or more, with the sampled method).
         """
         self._check_substates(substates)
         dtype = substates.dtype
@@ -104,10 +118,12 @@ class HistogramLikelihood:
         valid = (width >= 1) & (height >= num_parts)
         finite = jnp.all(jnp.isfinite(substates), axis=0)
         if self.method == "sampled":
-            theta = substates[3] if substates.shape[0] == 4 else jnp.zeros_like(u)
+            theta = substates[3] if substates.shape[0] > 3 else jnp.zeros_like(u)
+            levels, roots = self._compact_references()
+            cosine, sine = cos_sin(theta)
             similarity = sampled_similarity(
-                observation, self.samples, self.references, partition,
-                u, v, width, height, jnp.cos(theta), jnp.sin(theta),
+                observation, self.distance, self.samples, levels, roots, partition,
+                u, v, width, height, cosine, sine,
             )  # fmt: skip
         else:
             similarity, fits = integral_similarity(
@@ -119,12 +135,22 @@ class HistogramLikelihood:
         log_prob = jnp.where(valid, log_prob, -jnp.inf)
         return jnp.where(finite, log_prob, jnp.nan)
 
+    def _compact_references(self):
+        """The bins that each reference uses and its values there, [P, parts, K] each."""
+        references = jnp.asarray(self.references)
+        if self.levels is None:
+            levels = jnp.arange(references.shape[-1])
+            return jnp.broadcast_to(levels, references.shape), references
+        padded = jnp.pad(references, ((0, 0), (0, 0), (0, 1)))
+        levels = jnp.asarray(self.levels)
+        return levels, jnp.take_along_axis(padded, levels, axis=-1)
+
     def _check_substates(self, substates):
         length = substates.shape[0]
-        if self.method == "sampled" and length not in (3, 4):
+        if self.method == "sampled" and length < 3:
             raise InputError(
                 f"a substate has {length} values: the sampled histogram likelihood takes "
-                "(u, v, a) or (u, v, a, theta)."
+                "(u, v, a) or (u, v, a, theta, ...)."
             )
         if self.method == "integral" and length != 3:
             raise InputError(
@@ -244,39 +270,8 @@ def histogram_from_patches(
     )  # fmt: skip
 
 
-# Nanoseconds on two busy CPU cores; see estimated_costs.
-_TABLE_PIXEL, _TABLE_ENTRY = 65.0, 1.6
-_INTEGRAL_QUERY, _INTEGRAL_BIN = 100.0, 1.0
-_SAMPLE, _SAMPLE_BIN = 4.2, 0.043
-
-
-def estimated_costs(
-    *,
-    num_pixels: int,
-    num_bins: int,
-    num_parts: int = 2,
-    num_objects: int = 1,
-    num_particles: int = 300,
-    num_runs: int = 1,
-    samples: int = 16,
-) -> dict[str, float]:
-    """Estimated time of one frame by either method, nanoseconds.
-
-    The integral method fills a table of pixels x bins, once for all runs, and then pays
-    for every bin of every part of every particle; the sampled method compares every sample
-    of every particle with every bin.  The constants were measured on two busy CPU cores in
-    float32, 16 to 112 bins (``tests/benchmarks/test_histogram_speed.py``); only their
-    ratios matter.  On 360 x 288 pixels, 64 bins and 16 samples the methods break even at
-    about 13 000 particles, counted over runs and objects.
-    """
-    queries = num_objects * num_particles * num_runs
-    rows_per_part = -(-samples // num_parts)
-    sampled_pixels = rows_per_part * num_parts * samples
-    return {
-        "integral": num_pixels * (_TABLE_PIXEL + num_bins * _TABLE_ENTRY)
-        + queries * (_INTEGRAL_QUERY + num_parts * num_bins * _INTEGRAL_BIN),
-        "sampled": queries * sampled_pixels * (_SAMPLE + num_bins * _SAMPLE_BIN),
-    }
+#: Samples per side of a box: more do not fit the counters of ``_sampled``.
+_MOST_SAMPLES = 500
 
 
 def _build(
@@ -297,16 +292,20 @@ def _build(
         raise InputError(
             f"samples is {samples}, which leaves a part without samples: use {num_parts} or more."
         )
+    if samples > _MOST_SAMPLES:
+        raise InputError(f"samples is {samples}: use at most {_MOST_SAMPLES} per side of a box.")
     used = np.flatnonzero(learned.any(axis=(0, 1)))
     num_bins = -(-len(used) // LANES) * LANES
     bin_lookup = np.full(NUM_BINS, num_bins, np.int32)
     bin_lookup[used] = np.arange(len(used))
     compact = np.zeros((num_objects, num_parts, num_bins))
     compact[..., : len(used)] = np.sqrt(learned[..., used])
+    levels = _used_levels(compact)
     if method == "auto":
         costs = estimated_costs(
             num_pixels=math.prod(frame_shape),
             num_bins=num_bins,
+            num_levels=levels.shape[-1],
             num_parts=num_parts,
             num_objects=num_objects,
             num_particles=num_particles or 300,
@@ -324,7 +323,17 @@ def _build(
         method=method,
         samples=samples,
         table_dtype="uint16" if 4 * largest_part < 2**16 else "uint32",
+        levels=jnp.asarray(levels, jnp.int32) if method == "sampled" else None,
+        distance=group_distance(samples, num_parts, sizes) if method == "sampled" else 1,
     )
+
+
+def _used_levels(references):
+    """[P, parts, K]: the bins that each reference uses, in order, filled up with B."""
+    is_used = references > 0
+    num_levels = -(-is_used.sum(axis=-1).max() // LEVEL_LANES) * LEVEL_LANES
+    levels = np.where(is_used, np.arange(references.shape[-1]), references.shape[-1])
+    return np.sort(levels, axis=-1)[..., :num_levels]
 
 
 def _box_histogram(bins, box, parts, place):

@@ -105,3 +105,41 @@ def test_gradient_of_the_intersection_survives_absent_boxes():
     boxes = jnp.array([[2.0, 3.0, 4.0, 20.0], [np.nan] * 4])
     # The first box shares 4 * 7: moving it down by dy takes 4 dy, widening it by dw adds 7 dw.
     np.testing.assert_allclose(jax.grad(common)(boxes), [[0, -4, 7, 0], [0, 0, 0, 0]], atol=1e-6)
+
+
+def test_cosine_and_sine_are_right_in_every_quadrant_and_far_away():
+    angles = np.concatenate([np.linspace(-10, 10, 4001), np.linspace(-1e4, 1e4, 4001)])
+    angles = angles.astype(np.float32)
+    cosine, sine = geometry.cos_sin(angles)
+    assert cosine.dtype == sine.dtype == jnp.float32
+    np.testing.assert_allclose(cosine, np.cos(angles.astype(float)), atol=3e-7)
+    np.testing.assert_allclose(sine, np.sin(angles.astype(float)), atol=3e-7)
+    assert np.isfinite(geometry.cos_sin(jnp.float32(3e30))).all()
+    assert np.isnan(geometry.cos_sin(jnp.float32(np.nan))).all()
+
+
+def test_gradients_of_cosine_and_sine_are_theirs():
+    angles = jnp.linspace(-7, 7, 201)
+    for k, slope in ((0, -jnp.sin(angles)), (1, jnp.cos(angles))):
+        got = jax.vmap(jax.grad(lambda angle, k=k: geometry.cos_sin(angle)[k]))(angles)
+        np.testing.assert_allclose(got, slope, atol=2e-6)
+
+
+def test_cosine_and_sine_under_x64():
+    with jax.enable_x64(True):
+        angles = jnp.linspace(-7, 7, 51)
+        np.testing.assert_allclose(geometry.cos_sin(angles)[0], np.cos(angles), atol=1e-15)
+
+
+def test_corners_of_rectangles_by_hand():
+    # 4 x 2 at (10, 20): upright, and turned clockwise by a right angle.
+    poses = np.array([[10.0, 20.0, 0.0, 99.0], [10.0, 20.0, np.pi / 2, 99.0]])
+    corners = geometry.corners_from_poses(poses, np.array([[4.0, 2.0], [4.0, 2.0]]))
+    assert corners.shape == (2, 4, 2)
+    np.testing.assert_allclose(corners[0], [[8, 19], [12, 19], [12, 21], [8, 21]], atol=1e-5)
+    np.testing.assert_allclose(corners[1], [[11, 18], [11, 22], [9, 22], [9, 18]], atol=1e-5)
+
+
+def test_turning_a_vector_clockwise_in_the_image():
+    x, y = geometry.turned(np.array([1.0, 0.0]), np.pi / 2)
+    np.testing.assert_allclose([x, y], [0, 1], atol=1e-6)

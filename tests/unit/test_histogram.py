@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import scenes
 from jaxpf.errors import InputError
 from jaxpf.likelihoods.color import NUM_BINS, hsv_bins
 from jaxpf.likelihoods.histogram import (
@@ -268,6 +269,86 @@ def test_sampling_every_pixel_equals_the_integral_histogram():
     np.testing.assert_allclose(one, other, atol=1e-4)
 
 
+def counted_one_by_one(likelihood, frame, partition, substate):
+    """The sampled likelihood's definition, in float64 and loops."""
+    bins, references = float_bins(frame), full_references(likelihood)[partition]
+    u, v, scale, theta = (float(x) for x in substate)
+    width, height = np.asarray(likelihood.sizes, float)[partition] * scale
+    num_parts, d = len(references), likelihood.distance
+    columns, rows = -(-likelihood.samples // 2), -(-likelihood.samples // (2 * num_parts))
+    similarity = 0.0
+    for part in range(num_parts):
+        counts = np.zeros(NUM_BINS)
+        for i in range(part * rows, (part + 1) * rows):
+            for j in range(columns):
+                a = ((j + 0.5) / columns - 0.5) * width
+                b = ((i + 0.5) / (rows * num_parts) - 0.5) * height
+                x = int(np.floor(u + np.cos(theta) * a - np.sin(theta) * b - d / 2))
+                y = int(np.floor(v + np.sin(theta) * a + np.cos(theta) * b - d / 2))
+                for row, column in ((y, x), (y, x + d), (y + d, x), (y + d, x + d)):
+                    if 0 <= row < frame.shape[0] and 0 <= column < frame.shape[1]:
+                        counts[bins[row, column]] += 1
+        similarity += np.sqrt(counts / (4 * rows * columns) * references[part]).sum()
+    return -float(likelihood.sharpness) * (num_parts - similarity)
+
+
+@pytest.mark.parametrize(("parts", "samples"), [(1, 10), (2, 16), (3, 7), (1, 36)])
+def test_sampled_equals_a_count_of_its_samples_one_by_one(parts, samples, boxes):
+    frame, rng = noise(12), np.random.default_rng(3)
+    likelihood = histogram(frame, boxes, parts=parts, method="sampled", samples=samples)
+    count = 40
+    at = np.stack([
+        rng.uniform(-10, WIDTH + 10, count), rng.uniform(-10, HEIGHT + 10, count),
+        rng.uniform(0.5, 2, count), rng.uniform(-7, 7, count),
+    ])  # fmt: skip
+    partition = np.arange(count) % len(boxes)
+    with jax.enable_x64(True):
+        double = histogram(frame, boxes, parts=parts, method="sampled", samples=samples)
+        got = log_prob_all(double, observe(double, frame), jnp.array(partition), jnp.array(at))
+    single = log_prob_all(
+        likelihood, observe(likelihood, frame), jnp.array(partition), jnp.array(at, jnp.float32)
+    )
+    expected = [
+        counted_one_by_one(likelihood, frame, p, x) for p, x in zip(partition, at.T, strict=True)
+    ]
+    np.testing.assert_allclose(got, expected, atol=1e-5)
+    # In float32 a sample on the edge of a pixel may fall to its other side.
+    assert np.mean(np.abs(single - np.array(expected)) < 1e-4) > 0.9
+    np.testing.assert_allclose(single, expected, atol=2)
+
+
+def test_sampled_is_close_to_counting_every_pixel_of_a_rotated_box():
+    # The figures that articulated trackers rest on; see jaxpf/likelihoods/_sampled.py.
+    scene = scenes.make("articulated", 2, num_parts=11, num_frames=1)
+    bins, rng = float_bins(scene.frames[0]), np.random.default_rng(0)
+    part = rng.integers(0, 11, 300)
+    spread = np.array([4, 4, 0.15]) * rng.choice([0.3, 1], (300, 1))
+    poses = scene.extras["poses"][0][part] + spread * rng.normal(size=(300, 3))
+    rows, columns = np.mgrid[: bins.shape[0], : bins.shape[1]] + 0.5
+    distance = {}
+    for samples in (8, 10, 12, 16):
+        likelihood = histogram_from_patches(
+            scene.patches, sharpness=1.0, parts=1, method="sampled", samples=samples
+        )
+        at = jnp.array(np.insert(poses, 2, 1, axis=1).T, jnp.float32)
+        observation = observe(likelihood, scene.frames[0])
+        distance[samples] = -log_prob_all(likelihood, observation, jnp.array(part), at)
+    references, exact = full_references(likelihood)[:, 0], []
+    for p, (x, y, theta) in zip(part, poses, strict=True):
+        turned = (columns - x + 1j * (rows - y)) * np.exp(-1j * theta)
+        width, height = scene.sizes[p]
+        inside = (np.abs(turned.real) < width / 2) & (np.abs(turned.imag) < height / 2)
+        share = np.bincount(bins[inside], minlength=NUM_BINS) / inside.sum()
+        exact.append(1 - np.sqrt(share * references[p]).sum())
+    for samples, bias, deviation in (
+        (8, 0.03, 0.027), (10, 0.018, 0.018), (12, 0.015, 0.016), (16, 0.006, 0.011)
+    ):  # fmt: skip
+        error = distance[samples] - np.array(exact)
+        print(f"{samples} samples per side: bias {error.mean():.4f}, deviation {error.std():.4f}")
+        assert abs(error.mean()) < bias
+        assert error.std() < deviation
+
+
 def test_rotation_is_clockwise_in_the_image():
     # A box of red over blue, turned clockwise by a right angle: red is then on the right.
     patch = np.zeros((16, 16, 3), np.uint8)
@@ -311,7 +392,7 @@ def test_runs_and_grids_of_parameters_map(method, boxes, substates):
         return log_prob_all(likelihood, observation, partition, substates)
 
     text = str(jax.make_jaxpr(jax.vmap(step, in_axes=(0, None)))(at, frame))
-    rows, columns = (HEIGHT + 1, WIDTH + 1) if method == "integral" else (HEIGHT, WIDTH)
+    rows, columns = shapes[0][:2]
     assert f"[10,{rows},{columns}" not in text, "the observation was repeated for every run"
     got = jax.jit(jax.vmap(step, in_axes=(0, None)))(at, frame)
     np.testing.assert_allclose(got[4], step(at[4], frame), atol=1e-5)
@@ -429,6 +510,7 @@ GOOD = [[10, 10, 16, 16]]
         (lambda: histogram(noise(), GOOD, parts=0), "parts is 0"),
         (lambda: histogram(noise(), GOOD, parts=20), "20 of height"),
         (lambda: histogram(noise(), GOOD, samples=1), "samples is 1"),
+        (lambda: histogram(noise(), GOOD, samples=1000), "samples is 1000: use at most 500"),
         (lambda: histogram(noise(), GOOD, num_runs=0), "num_runs is 0"),
         (lambda: histogram(noise(), GOOD, num_particles=-3), "num_particles is -3"),
         (lambda: histogram(noise(), GOOD, references={3: noise()}), "object 3"),

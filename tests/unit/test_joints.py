@@ -1,0 +1,182 @@
+"""Parts that hang on their parents: poses follow joints, and trees hold together."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import scenes
+from jaxpf.geometry import corners_from_poses
+from jaxpf.joints import (
+    RelativeToParent,
+    UniformAround,
+    UniformJoints,
+    joints_between,
+    substates_at,
+)
+
+TREE = (-1, 0, 0, 1, 2)
+#: Cross-shaped anchors, none of them zero, so that no rotation can be left out unnoticed.
+PARENT_ANCHOR = np.array([[0, 0], [-15, 2], [15, -3], [-12, 1], [12, -1]], float)
+PART_ANCHOR = np.array([[0, 0], [12, -2], [-12, 3], [11, 2], [-11, 1]], float)
+SCALE = np.array([[2, 3, 0.05], [0.5, 0.4, 0.1], [0.5, 0.4, 0.1], [0.3, 0.2, 0.2], [1, 1, 1]])
+
+
+def dynamics(scale=SCALE, **changes):
+    return RelativeToParent(
+        scale=scale, parent_anchor=PARENT_ANCHOR, part_anchor=PART_ANCHOR, parents=TREE, **changes
+    )
+
+
+def joint_in_the_image(substate, part, parent):
+    """The joint's place seen from the part and, offset included, from its parent."""
+
+    def turned(vector, angle):
+        return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ vector
+
+    seen_from_part = substate[:2] + turned(PART_ANCHOR[part], substate[2])
+    lever = PARENT_ANCHOR[part] + substate[3:5]
+    return seen_from_part, parent[:2] + turned(lever, parent[2])
+
+
+@pytest.mark.parametrize("part", [1, 2, 3, 4])
+def test_a_moved_part_still_hangs_on_its_moved_parent(part):
+    rng = np.random.default_rng(part)
+    current, previous, parent = rng.normal(size=(3, 6)) * [40, 40, 2, 1, 1, 1]
+    moved = dynamics().propagate(
+        jax.random.key(part), part, *map(jnp.array, (current, previous, parent))
+    )
+    seen_from_part, seen_from_parent = joint_in_the_image(np.asarray(moved, float), part, parent)
+    np.testing.assert_allclose(seen_from_part, seen_from_parent, atol=1e-4)
+    np.testing.assert_allclose(moved[2], parent[2] + moved[5], atol=1e-5)
+
+
+def test_without_noise_a_part_is_carried_by_its_parent():
+    still = dynamics(scale=np.zeros((5, 3)), memory=0.5)
+    poses = np.array([[100, 50, 0], [75, 49, 0.2], [126, 52, -0.3], [50, 45, 0.4], [150, 60, 0.1]])
+    at = substates_at(still, poses)
+    np.testing.assert_allclose(at[:, :3], poses, atol=1e-4)
+    key, zeros = jax.random.key(0), jnp.zeros(6)
+    np.testing.assert_allclose(still.propagate(key, 0, at[0], at[0], zeros), at[0], atol=1e-5)
+    # The parent turns by a right angle about its own centre; half of the offset stays.
+    parent = at[0].at[2].add(np.pi / 2)
+    moved = still.propagate(key, 1, at[1], at[1], parent)
+    np.testing.assert_allclose(moved[3:5], 0.5 * at[1, 3:5], atol=1e-4)
+    np.testing.assert_allclose(moved[5], at[1, 5], atol=1e-6)
+    full = dynamics(scale=np.zeros((5, 3)), memory=1.0).propagate(key, 1, at[1], at[1], parent)
+    x, y = poses[1, :2] - poses[0, :2]
+    np.testing.assert_allclose(full[:2], poses[0, :2] + [-y, x], atol=1e-4)
+
+
+def test_noise_has_the_stated_deviations():
+    count, key = 20_000, jax.random.key(3)
+    start = jnp.broadcast_to(jnp.array([10.0, 20, 0.3, 0, 0, 0.1])[:, None], (6, count))
+    parent = jnp.broadcast_to(jnp.array([5.0, 5, 0.2, 0, 0, 0])[:, None], (6, count))
+    for part in range(5):
+        partition = jnp.full(count, part, jnp.int32)
+        moved = dynamics().propagate_all(key, partition, start, start, parent)
+        rows = moved[:3] if part == 0 else moved[3:]
+        deviation = np.std(np.asarray(rows, float), axis=1)
+        np.testing.assert_allclose(deviation, SCALE[part], rtol=4 / np.sqrt(2 * count))
+        correlation = np.corrcoef(rows) - np.eye(3)
+        assert np.abs(correlation).max() < 4 / np.sqrt(count)
+    assert not np.asarray(
+        dynamics().propagate(key, 0, start[:, 0], start[:, 0], start[:, 0])[3:]
+    ).any()
+
+
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_one_particle_agrees_with_all(dtype):
+    with jax.enable_x64(dtype == jnp.float64):
+        rng = np.random.default_rng(0)
+        current, parent = (jnp.array(rng.normal(size=(6, 1)) * 10, dtype) for _ in range(2))
+        for part in range(5):
+            key = jax.random.key(part)
+            every = dynamics().propagate_all(key, jnp.array([part]), current, current, parent)
+            one = dynamics().propagate(key, part, current[:, 0], current[:, 0], parent[:, 0])
+            assert every.dtype == one.dtype == dtype
+            np.testing.assert_allclose(every[:, 0], one, rtol=1e-6)
+
+
+def test_particles_of_different_parts_move_by_their_own_joints():
+    rng = np.random.default_rng(1)
+    current, parent = (jnp.array(rng.normal(size=(6, 5)), jnp.float32) for _ in range(2))
+    still = dynamics(scale=np.zeros((5, 3)))
+    key = jax.random.key(0)
+    mixed = still.propagate_all(key, jnp.arange(5), current, current, parent)
+    each = [still.propagate(key, p, current[:, p], current[:, p], parent[:, p]) for p in range(5)]
+    np.testing.assert_allclose(mixed, np.stack(each, axis=1), atol=1e-5)
+
+
+def test_gradients_are_finite_and_those_of_the_rotation():
+    def end(angle, parent):
+        at = jnp.array([0.0, 0, 0, 0, 0, 0]).at[5].set(angle)
+        still = dynamics(scale=jnp.zeros((5, 3)))
+        return still.propagate(jax.random.key(0), 1, at, at, parent)
+
+    parent = jnp.array([3.0, 4, 0.3, 0, 0, 0])
+    slope = jax.jacobian(end)(0.2, parent)
+    moved = end(0.2, parent)
+    # Turning about the joint moves the centre at right angles to the lever.
+    joint = np.array(joint_in_the_image(np.asarray(moved, float), 1, np.asarray(parent, float))[0])
+    lever = moved[:2] - joint
+    np.testing.assert_allclose(slope[:2], [-lever[1], lever[0]], atol=1e-4)
+
+    def total(model):
+        return jnp.sum(model.propagate(jax.random.key(1), 1, moved, moved, parent))
+
+    gradient = jax.grad(total)(dynamics(scale=jnp.zeros((5, 3))))
+    for leaf in jax.tree.leaves(gradient):
+        assert np.isfinite(leaf).all()
+
+
+def test_the_scene_is_reached_by_its_own_joints():
+    scene = scenes.make("articulated", 1, num_frames=3)
+    extras = scene.extras
+    model = RelativeToParent(
+        scale=np.zeros((7, 3)),
+        parent_anchor=extras["parent_anchors"],
+        part_anchor=extras["part_anchors"],
+        parents=extras["parents"],
+    )
+    at = substates_at(model, jnp.array(extras["poses"][0], jnp.float32))
+    np.testing.assert_allclose(at[:, :3], extras["poses"][0], atol=1e-3)
+    np.testing.assert_allclose(at[:, 3:5], 0, atol=1e-3)  # no offset: parts are attached
+    corners = corners_from_poses(extras["poses"], scene.sizes)
+    np.testing.assert_allclose(corners, extras["corners"], atol=1e-3)
+
+
+def test_guessed_joints_lie_at_the_near_end_of_a_part():
+    # A trunk with an arm to its right, a forearm bent by a right angle, in any order.
+    poses = np.array([[140, 30, np.pi / 2], [100, 20, 0], [120, 10, 0]])
+    sizes = np.array([[30, 8], [20, 40], [20, 8]])
+    parent_anchor, part_anchor = joints_between(poses, sizes, (2, -1, 1))
+    np.testing.assert_allclose(part_anchor, [[-15, 0], [0, 0], [-10, 0]], atol=1e-5)
+    # The forearm's upper end, (140, 15), from the arm's centre; the arm's left from the trunk's.
+    np.testing.assert_allclose(parent_anchor, [[20, 5], [0, 0], [10, -10]], atol=1e-4)
+
+
+def test_a_start_is_uniform_in_its_reach():
+    poses, reach = jnp.array([[10.0, 20, 0.1], [50, 60, 0.2]]), jnp.array([4.0, 2, 0])
+    drawn = jax.vmap(UniformAround(poses, reach))(jax.random.split(jax.random.key(0), 4000))
+    apart = np.asarray(drawn - poses)
+    assert (np.abs(apart) <= reach + 1e-5).all()
+    np.testing.assert_allclose(apart.std(axis=0)[:, :2], [[4 / 3**0.5, 2 / 3**0.5]] * 2, rtol=0.05)
+    assert abs(np.corrcoef(apart[:, 0, 0], apart[:, 1, 0])[0, 1]) < 0.07
+
+
+def test_a_start_by_joints_holds_together():
+    model = dynamics()
+    poses = np.array([[100, 50, 0], [75, 49, 0.2], [126, 52, -0.3], [50, 45, 0.4], [150, 60, 0.1]])
+    reach = np.broadcast_to(np.array([4, 4, 0.2]), (5, 3))
+    sampler = UniformJoints(model, jnp.array(poses, jnp.float32), reach)
+    drawn = np.asarray(jax.vmap(sampler)(jax.random.split(jax.random.key(0), 500)), float)
+    for part, parent in enumerate(TREE):
+        if parent >= 0:
+            for one in drawn[:20]:
+                places = joint_in_the_image(one[part], part, one[parent])
+                np.testing.assert_allclose(*places, atol=1e-3)
+    # The end of an arm adds up the freedom of all its joints.
+    spread = drawn[..., :2].std(axis=0).sum(axis=1)
+    assert spread[0] < spread[1] < spread[3]
+    assert (np.abs(drawn[:, 0, :3] - poses[0]) <= np.array([4, 4, 0.2]) + 1e-4).all()

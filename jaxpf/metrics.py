@@ -88,6 +88,25 @@ def centre_error(estimate: ArrayLike, truth: ArrayLike) -> Array:
     return jnp.where(has_truth(truth), jnp.hypot(offset[..., 0], offset[..., 1]), jnp.nan)
 
 
+def corner_distances(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """Distances between the corners of an object's rectangles and the true ones, summed.
+
+    Source: gonzales2011, section 4, "the sum of the Euclidean distances between the corners".
+
+    Args:
+        estimate: ``[..., P, 4, 2]`` corners in pixels, see ``geometry.corners_from_poses``.
+        truth: ``[..., P, 4, 2]``; the leading axes broadcast.
+
+    Returns:
+        ``[...]``, the sum over all 4 P corners, in pixels; NaN if any corner is not finite, in
+        the truth or in the estimate.
+    """
+    apart = as_float(estimate) - as_float(truth)
+    distance = jnp.hypot(apart[..., 0], apart[..., 1])
+    total = jnp.sum(distance, axis=(-2, -1))
+    return jnp.where(jnp.isfinite(total), total, jnp.nan)
+
+
 # One run
 
 
@@ -252,6 +271,40 @@ def effective_dynamics(spread: ArrayLike, scale: ArrayLike) -> EffectiveDynamics
     has_noise = scale > 0
     ratio = jnp.where(has_noise, spread / jnp.where(has_noise, scale, 1), jnp.nan)
     return EffectiveDynamics(deviation_ratio=ratio, variance_ratio=ratio**2)
+
+
+def pose_variance(spread: ArrayLike, sizes: ArrayLike) -> Array:
+    """Variance of a set of particles over the poses of P rectangles, in square pixels.
+
+    gonzales2011 plots "the variance of the particle set" without a definition.  Here it is the
+    mean squared distance of a rectangle's corners from where they are on average, to first order
+    in the angle, summed over the rectangles: with r half the diagonal, var x + var y +
+    r^2 var theta.  So pixels and radians add up.
+
+    Args:
+        spread: ``[..., P, D]``, D >= 3, standard deviations of x, y, theta; the rest is not used.
+        sizes: ``[P, 2]`` width and height, pixels.
+
+    Returns:
+        ``[...]``; NaN if a spread is not finite.
+    """
+    spread, sizes = as_float(spread), as_float(sizes)
+    radius = 0.5 * jnp.hypot(sizes[..., 0], sizes[..., 1])
+    levers = jnp.stack([jnp.ones_like(radius), jnp.ones_like(radius), radius], axis=-1)
+    total = jnp.sum((spread[..., :3] * levers) ** 2, axis=(-2, -1))
+    return jnp.where(jnp.isfinite(total), total, jnp.nan)
+
+
+def resamplings_per_frame(resample_after: ArrayLike) -> Array:
+    """How often the whole set is resampled in a frame: P for PS, the number of levels for SPS.
+
+    Args:
+        resample_after: ``[..., P]`` bool, ``Ordering.resample_after``.
+
+    Returns:
+        ``[...]`` int: those within the frame and the one at its start.
+    """
+    return 1 + jnp.sum(jnp.asarray(resample_after), axis=-1)
 
 
 def effective_sample_size(log_weights: ArrayLike) -> Array:

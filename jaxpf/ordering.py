@@ -280,18 +280,19 @@ def _ordering(
     tree = (-1,) * num_partitions if tree is None else tuple(tree)
     level = np.arange(num_partitions) if level is None else level
     never = np.zeros(num_partitions, bool)
+    # Types are set by NumPy: JAX would compile a program for every conversion.
     return Ordering(
         order=jnp.asarray(order_table),
         rank=jnp.asarray(np.argsort(order_table, axis=1).astype(np.int32)),
-        fractions=jnp.asarray(fractions, jnp.float32),
+        fractions=jnp.asarray(fractions.astype(np.float32)),
         resample_after=jnp.asarray(resample_after),
         exchange_after=jnp.asarray(never if exchange_after is None else exchange_after),
         exchanged=jnp.asarray(never if exchanged is None else exchanged),
-        level=jnp.asarray(level, jnp.int32),
+        level=jnp.asarray(np.asarray(level, np.int32)),
         carrier=jnp.asarray(_carriers(order_table[0], level, tree)),
-        swap=jnp.asarray(swap, jnp.int32),
-        literal=jnp.asarray(literal),
-        tree=jnp.asarray(tree, jnp.int32),
+        swap=jnp.asarray(np.int32(swap)),
+        literal=jnp.asarray(np.bool_(literal)),
+        tree=jnp.asarray(np.array(tree, np.int32)),
         by_label=by_label,
     )
 

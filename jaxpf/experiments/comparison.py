@@ -74,8 +74,8 @@ def compare(
         seeds: one per run.
         batch_size: runs that are vectorised together.
     """
-    keys = jnp.stack([jax.random.key(seed) for seed in seeds])
-    frames, truth = jnp.asarray(scene.frames[1:]), scene.boxes[1:]
+    keys = jax.vmap(jax.random.key)(np.array(list(seeds)))
+    frames, truth = scene.frames[1:], scene.boxes[1:]
     for name, tracker in trackers.items():
         summary = jax.tree.map(
             np.asarray, monte_carlo(tracker, keys, frames, batch_size=batch_size)

@@ -6,11 +6,15 @@ from jaxpf.likelihoods.histogram import (
     histogram,
     histogram_from_patches,
 )
+from jaxpf.likelihoods.patch import PatchLikelihood, patch, patch_from_pictures
 
 __all__ = [
     "CorrelatedGaussian",
     "Gaussian",
     "HistogramLikelihood",
+    "PatchLikelihood",
     "histogram",
     "histogram_from_patches",
+    "patch",
+    "patch_from_pictures",
 ]

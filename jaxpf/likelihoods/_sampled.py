@@ -17,6 +17,8 @@ import math
 import jax
 import jax.numpy as jnp
 
+from jaxpf.likelihoods._places import cell_centres, places_in_image
+
 #: Levels are counted in groups of this many, side by side in vector registers.
 LEVEL_LANES = 8
 #: The code of what lies outside the frame; bins are below it, and codes have 7 bits.
@@ -87,16 +89,8 @@ def sampled_similarity(
     num_parts, num_levels = levels.shape[1:]
     dtype = u.dtype
     columns, rows = _grid(num_samples, num_parts)
-    across = jnp.tile((jnp.arange(columns) + 0.5) / columns - 0.5, rows * num_parts)
-    down = jnp.repeat((jnp.arange(rows * num_parts) + 0.5) / (rows * num_parts) - 0.5, columns)
-    zero, one = jnp.zeros_like(across), jnp.ones_like(across)
-    # Coordinates of the groups as a product of matrices: XLA would fuse any other form into
-    # the gather, and there compute it a number at a time, sines included.
-    pose = jnp.stack([u, v, cosine * width, sine * height, sine * width, cosine * height], axis=-1)
-    x_of_pose = jnp.stack([one, zero, across, -down, zero, zero])
-    y_of_pose = jnp.stack([zero, one, zero, zero, across, down])
-    to_places = jnp.concatenate([x_of_pose, y_of_pose], axis=1).astype(dtype)
-    x, y = jnp.split(jnp.dot(pose, to_places, precision=jax.lax.Precision.HIGHEST), 2, axis=-1)
+    across, down = cell_centres(columns, rows * num_parts)
+    x, y = places_in_image(across, down, u, v, width, height, cosine, sine)
     margin = distance + 1
     last_row, last_column = (size - 1 for size in table.shape)
     # A group's first pixel is d / 2 up and left of its middle; truncation is floor from 0 on.

@@ -1,0 +1,35 @@
+"""Where the samples of a rotated box lie in the image."""
+
+import jax
+import jax.numpy as jnp
+
+
+def cell_centres(columns: int, rows: int) -> tuple[jax.Array, jax.Array]:
+    """Centres of a grid's cells, row by row, as shares of a box, ``[G]`` in -1/2 to 1/2 each."""
+    across = jnp.tile((jnp.arange(columns) + 0.5) / columns - 0.5, rows)
+    down = jnp.repeat((jnp.arange(rows) + 0.5) / rows - 0.5, columns)
+    return across, down
+
+
+def places_in_image(across, down, u, v, width, height, cosine, sine):
+    """Image coordinates x and y, ``[N, G]`` each, of G places in every box.
+
+    Args:
+        across: [G], shares of the width, from the box's centre.
+        down: [G], shares of the height.
+        u: [N], centre, pixels from the left.
+        v: [N], centre, pixels from the top.
+        width: [N], pixels.
+        height: [N], pixels.
+        cosine: [N], of the rotation, clockwise in the image.
+        sine: [N].
+    """
+    # A product of matrices, because XLA would fuse any other form into the gather that
+    # follows, and there compute it a number at a time, sines included.
+    pose = jnp.stack([u, v, cosine * width, sine * height, sine * width, cosine * height], axis=-1)
+    zero, one = jnp.zeros_like(across), jnp.ones_like(across)
+    x_of_pose = jnp.stack([one, zero, across, -down, zero, zero])
+    y_of_pose = jnp.stack([zero, one, zero, zero, across, down])
+    to_places = jnp.concatenate([x_of_pose, y_of_pose], axis=1).astype(u.dtype)
+    x, y = jnp.split(jnp.dot(pose, to_places, precision=jax.lax.Precision.HIGHEST), 2, axis=-1)
+    return x, y

@@ -1,0 +1,226 @@
+"""Patch likelihood: eskil2014's formula, wherever and however the window lies."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxpf.errors import InputError
+from jaxpf.likelihoods import PatchLikelihood, patch, patch_from_pictures
+
+HEIGHT, WIDTH = 50, 70
+POSES = np.array([[20.0, 20.0, 0.3], [45.0, 25.0, -1.2]])
+SIZES = np.array([[14.0, 10.0], [9.0, 16.0]])
+observe = jax.jit(PatchLikelihood.observe)
+log_prob_all = jax.jit(PatchLikelihood.log_prob_all)
+
+
+def noise(seed=0):
+    frame = np.random.default_rng(seed).uniform(0, 256, (HEIGHT, WIDTH, 3))
+    for axis in (0, 1):  # smooth, as pictures are
+        frame = (np.roll(frame, 1, axis) + 2 * frame + np.roll(frame, -1, axis)) / 4
+    return frame.astype(np.uint8)
+
+
+def at(*substates):
+    return jnp.array(substates, jnp.float32).T
+
+
+def pixel(frame, row, column):
+    inside = 0 <= row < HEIGHT and 0 <= column < WIDTH
+    return frame[row, column].astype(float) if inside else np.zeros(3)
+
+
+def seen_one_by_one(frame, substate, size, window, interpolation):
+    """The window's colours by the definition, place by place."""
+    u, v, scale, theta = substate
+    columns, rows = window
+    colours = []
+    for i in range(rows):
+        for j in range(columns):
+            a = ((j + 0.5) / columns - 0.5) * size[0] * scale
+            b = ((i + 0.5) / rows - 0.5) * size[1] * scale
+            x = u + np.cos(theta) * a - np.sin(theta) * b
+            y = v + np.sin(theta) * a + np.cos(theta) * b
+            if interpolation == "nearest":
+                colours.append(pixel(frame, int(np.floor(y)), int(np.floor(x))))
+                continue
+            left, top = int(np.floor(x - 0.5)), int(np.floor(y - 0.5))
+            right, below = x - 0.5 - left, y - 0.5 - top
+            colours.append(
+                (1 - right) * (1 - below) * pixel(frame, top, left)
+                + right * (1 - below) * pixel(frame, top, left + 1)
+                + (1 - right) * below * pixel(frame, top + 1, left)
+                + right * below * pixel(frame, top + 1, left + 1)
+            )
+    return np.array(colours)
+
+
+@pytest.mark.parametrize("norm", ["mean", "sum"])
+@pytest.mark.parametrize("interpolation", ["nearest", "bilinear"])
+def test_it_is_the_papers_formula_place_by_place(norm, interpolation):
+    window, sigma, rng = (5, 4), 0.3, np.random.default_rng(1)
+    frame, other = noise(1), noise(2)
+    likelihood = patch(
+        frame, POSES, SIZES, sigma=sigma, window=window, norm=norm, interpolation=interpolation
+    )
+    count = 30
+    substates = np.stack([
+        rng.uniform(-5, WIDTH + 5, count), rng.uniform(-5, HEIGHT + 5, count),
+        rng.uniform(0.5, 2, count), rng.uniform(-4, 4, count),
+    ], axis=1)  # fmt: skip
+    substates[0] = -500, 20, 1, 0  # wholly outside
+    partition = np.arange(count) % 2
+    expected = []
+    for p, substate in zip(partition, substates, strict=True):
+        start = (POSES[p, 0], POSES[p, 1], 1, POSES[p, 2])
+        r = seen_one_by_one(frame, start, SIZES[p], window, interpolation)
+        o = seen_one_by_one(other, substate, SIZES[p], window, interpolation)
+        d = r / r.mean() - o / max(o.mean(), 1)
+        squares = (d**2).mean() if norm == "mean" else (d**2).sum()
+        expected.append(-squares / sigma**2)
+    got = log_prob_all(likelihood, observe(likelihood, other), jnp.array(partition), at(*substates))
+    close = np.isclose(got, expected, rtol=1e-3, atol=1e-3)
+    # In float32 a place on the edge of a pixel may fall to its other side.
+    assert close.all() if interpolation == "bilinear" else close.mean() > 0.9
+
+
+def test_five_per_cent_off_is_the_figure_of_the_design():
+    # 21 x 21 x 3 = 1323 entries, each off by 5 % of the mean, half up and half down.
+    picture = np.full((21, 22, 3), 100, np.uint8)
+    frame = picture.copy()
+    frame[:, ::2], frame[:, 1::2] = 95, 105
+    for norm, expected in (("sum", -1386 * 0.0025 / 0.01), ("mean", -0.25)):
+        likelihood = patch_from_pictures([picture], window=(22, 21), norm=norm)
+        got = likelihood.log_prob(likelihood.observe(frame), 0, jnp.array([11.0, 10.5, 1]))
+        np.testing.assert_allclose(got, expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("interpolation", ["nearest", "bilinear"])
+def test_brightness_does_not_matter_and_the_start_is_the_best_place(interpolation):
+    frame = noise() // 2
+    likelihood = patch(frame, POSES, SIZES, interpolation=interpolation)
+    rng = np.random.default_rng(0)
+    others = np.insert(POSES[0] + rng.normal(size=(50, 3)) * [3, 3, 0.3], 2, 1, axis=1)
+    substates = at((POSES[0, 0], POSES[0, 1], 1, POSES[0, 2]), *others)
+    partition = jnp.zeros(51, jnp.int32)
+    same = log_prob_all(likelihood, observe(likelihood, frame), partition, substates)
+    double = log_prob_all(likelihood, observe(likelihood, frame * 2), partition, substates)
+    np.testing.assert_allclose(same[0], 0, atol=1e-6)
+    assert np.argmax(same) == 0
+    np.testing.assert_allclose(same, double, rtol=1e-4, atol=1e-4)
+
+
+def test_rotation_is_clockwise_in_the_image():
+    picture = np.zeros((16, 16, 3), np.uint8)
+    picture[:8, :, 0], picture[8:, :, 2] = 255, 255  # red over blue: turned, red is right
+    likelihood = patch_from_pictures([picture], window=(8, 8))
+    frame = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    frame[:, 20:, 0], frame[:, :20, 2] = 255, 255
+    right, wrong = log_prob_all(
+        likelihood,
+        observe(likelihood, frame),
+        jnp.zeros(2, jnp.int32),
+        at((20, 20, 1, np.pi / 2), (20, 20, 1, -np.pi / 2)),
+    )
+    np.testing.assert_allclose(right, 0, atol=1e-5)
+    assert wrong < -100
+
+
+@pytest.mark.parametrize("interpolation", ["nearest", "bilinear"])
+def test_black_windows_and_windows_off_the_frame_are_finite(interpolation):
+    likelihood = patch(noise(), POSES, SIZES, interpolation=interpolation)
+    substates = at((20, 20, 1, 0), (-1000, 20, 1, 0), (1e9, 20, 1, 2), (20, 3e30, 1, 0))
+    partition = jnp.zeros(4, jnp.int32)
+    dark = log_prob_all(likelihood, observe(likelihood, 0 * noise()), partition, substates)
+    reference = np.asarray(likelihood.references[0], float)
+    np.testing.assert_allclose(dark, -np.mean(reference**2) / 0.01, rtol=1e-5)
+    dim = log_prob_all(likelihood, observe(likelihood, noise() // 250), partition, substates)
+    assert np.isfinite(dim).all()
+    nan, inf = np.nan, np.inf
+    bad = at((nan, 20, 1, 0), (20, 20, 1, inf), (20, 20, 0.01, 0), (20, 20, -1, 0))
+    got = np.asarray(log_prob_all(likelihood, observe(likelihood, noise()), partition, bad))
+    assert np.isnan(got[:2]).all()
+    assert np.isneginf(got[2:]).all()
+
+
+def test_gradients_are_those_of_the_bilinear_window_and_finite():
+    frame = noise(4)
+    likelihood = patch(frame, POSES, SIZES, interpolation="bilinear", sigma=0.5)
+    observation = observe(likelihood, noise(5))
+
+    def value(substate):
+        return likelihood.log_prob(observation, 0, substate)
+
+    with jax.enable_x64(True):
+        start = jnp.array([24.3, 21.7, 1.13, 0.41], jnp.float64)
+        slope = jax.jit(jax.grad(value))(start)
+        for k in range(4):
+            step = np.zeros(4)
+            step[k] = 1e-6
+            change = (value(start + step) - value(start - step)) / 2e-6
+            np.testing.assert_allclose(slope[k], change, rtol=1e-4, atol=1e-6)
+    edge = jnp.array([0.0, 0.0, 0.0, 0.0])
+    assert np.isfinite(jax.grad(lambda s: jnp.maximum(value(s), -1e3))(edge)).all()
+
+
+def test_one_particle_agrees_with_all_in_either_precision():
+    frame = noise(6)
+    for x64 in (False, True):
+        with jax.enable_x64(x64):
+            likelihood = patch(frame, POSES, SIZES, window=(6, 5))
+            observation = likelihood.observe(frame)
+            dtype = jnp.float64 if x64 else jnp.float32
+            substates = jnp.array([[20, 44], [20, 26], [1, 1.1], [0.2, -1]], dtype)
+            every = likelihood.log_prob_all(observation, jnp.arange(2), substates)
+            assert every.dtype == dtype
+            for p in range(2):
+                one = likelihood.log_prob(observation, p, substates[:, p])
+                np.testing.assert_allclose(one, every[p], rtol=1e-5)
+            upright = likelihood.log_prob_all(observation, jnp.arange(2), substates[:3])
+            flat = substates.at[3].set(0)
+            np.testing.assert_allclose(
+                upright, likelihood.log_prob_all(observation, jnp.arange(2), flat)
+            )
+
+
+def test_the_frame_is_prepared_once_for_all_runs():
+    likelihood = patch(noise(), POSES, SIZES, window=(4, 4))
+    partition, frame = jnp.zeros(3, jnp.int32), noise(3)
+
+    def step(substates, frame):
+        return likelihood.log_prob_all(likelihood.observe(frame), partition, substates)
+
+    many = jnp.ones((7, 4, 3)) * 20
+    text = str(jax.make_jaxpr(jax.vmap(step, in_axes=(0, None)))(many, frame))
+    assert f"[7,{HEIGHT + 2},{WIDTH + 2}" not in text
+
+
+BLACK = np.zeros((10, 10, 3), np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: patch(noise() / 2, POSES, SIZES), "frame is float64"),
+        (lambda: patch(noise(), POSES[:, :2], SIZES), r"poses has shape \[2, 2\]"),
+        (lambda: patch(noise(), POSES * np.nan, SIZES), "every number must be finite"),
+        (lambda: patch(noise(), POSES, SIZES[:1]), r"sizes has shape \[1, 2\]"),
+        (lambda: patch(noise(), POSES, SIZES * 0), r"sizes\[0\] is 0 x 0 pixels"),
+        (lambda: patch(noise(), POSES, SIZES, sigma=0.0), "sigma is 0.0"),
+        (lambda: patch(noise(), POSES, SIZES, window=(0, 3)), r"window is \(0, 3\)"),
+        (lambda: patch(noise(), POSES, SIZES, norm="max"), "norm is 'max': choose one of 'mean'"),
+        (lambda: patch(noise(), POSES, SIZES, interpolation="cubic"), "interpolation is 'cubic'"),
+        (lambda: patch(noise(), POSES + 500, SIZES), "the window of object 0 is black"),
+        (lambda: patch_from_pictures([noise(), BLACK]), r"pictures\[1\] is black"),
+        (lambda: patch_from_pictures([]), "pictures is empty"),
+        (lambda: patch_from_pictures([noise()[..., 0]]), r"pictures\[0\] is uint8 \[50, 70\]"),
+        (
+            lambda: patch(noise(), POSES, SIZES).log_prob(jnp.zeros((9, 9), int), 0, jnp.ones(2)),
+            "a substate has 2 values",
+        ),
+    ],
+)
+def test_every_mistake_has_one_clear_sentence(call, words):
+    with pytest.raises(InputError, match=words):
+        call()

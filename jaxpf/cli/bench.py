@@ -24,7 +24,7 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
 
     if repeats < 1:
         raise InputError(f"--repeats {repeats} must be at least 1.")
-    common.use_compile_cache()
+    common.start_jax()
     from jaxpf.experiments import speed
 
     rows: list[Any] = []

@@ -1,5 +1,6 @@
 """What several commands share: configuration files, tables, progress, the compile cache."""
 
+import contextlib
 import os
 import sys
 import tomllib
@@ -132,6 +133,20 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     return str(value) if isinstance(value, Path) else value
+
+
+def start_jax(devices: int | None = None) -> None:
+    """Set JAX up before it is first used: a host device for every core, and the compile cache.
+
+    ``devices`` is their number; by default all cores that this process may use.
+    """
+    import jax
+
+    from jaxpf.evaluation.execution import num_cores
+
+    with contextlib.suppress(RuntimeError):  # in use already, by a program that called us
+        jax.config.update("jax_num_cpu_devices", devices or num_cores())
+    use_compile_cache()
 
 
 def use_compile_cache() -> None:

@@ -41,7 +41,7 @@ def command(runs: int, seed: int, particles: int, sharpness: float, output: Path
         if value < 1:
             raise InputError(f"--{name} {value} must be at least 1.")
     prepare_output_folder(output, overwrite=True)
-    common.use_compile_cache()
+    common.start_jax()
     import scenes
     from jaxpf.experiments.comparison import compare, scene_tracker
 

@@ -1,6 +1,5 @@
 """``jaxpf evaluate``: methods, orderings and parameters compared on one scene, over many runs."""
 
-import contextlib
 import functools
 import json
 from pathlib import Path
@@ -151,7 +150,7 @@ def command(**options: Any) -> None:
         return
     if results is not None and evaluation_output.print_again(output, plan.runs):
         return
-    _start_jax(options)
+    common.start_jax(options["devices"])
     if results is None:
         prepared = prepare(
             plan, output, memory=options["memory"] * 2**20, workers=options["workers"]
@@ -255,15 +254,6 @@ def _value(text: str) -> Any:
         return json.loads(text.lower() if text.lower() in ("true", "false") else text)
     except ValueError:
         return text
-
-
-def _start_jax(options: dict[str, Any]) -> None:
-    """Split the processor into host devices, before JAX is first used."""
-    import jax
-
-    with contextlib.suppress(RuntimeError):  # in use already, by a program that called us
-        jax.config.update("jax_num_cpu_devices", options["devices"])
-    common.use_compile_cache()
 
 
 def _carry_out(prepared: Any, options: dict[str, Any]) -> Any:

@@ -58,7 +58,7 @@ def command(
         raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
     data = _data_folder(data)
     folder = prepare_output_folder(output or Path(f"jaxpf-{paper}"), overwrite)
-    common.use_compile_cache()
+    common.start_jax()
     from jaxpf.experiments import comparison_table
     from jaxpf.experiments.claims import RULE
 

@@ -232,8 +232,9 @@ def _settings(results: Results) -> Iterator[tuple[str, str]]:
     yield "start frame", f"{results.start_frame} (counted from 0)"
     yield "frames", f"{len(results.truth)} after the start frame, {results.fps:g} per second"
     yield "runs", f"{results.runs} per configuration"
-    for group in ("asked", "versions"):
-        yield from _flattened(group.replace("asked", ""), settings.get(group, {}))
+    yield from _flattened("", settings.get("asked", {}))
+    versions = settings.get("versions", {})
+    yield "versions", "; ".join(f"{name} {version}" for name, version in versions.items())
 
 
 def _flattened(name: str, value: Any) -> Iterator[tuple[str, str]]:
@@ -248,7 +249,7 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, str]]:
                 for entry in value
             ),
         )
-    else:
+    elif value is not None:
         yield name, str(value)
 
 

@@ -1,0 +1,261 @@
+"""What the figures of an evaluation show: one function per figure, for 1 or 40 configurations."""
+
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from jaxpf.evaluation.layout import COMPARED, difference_heading, object_name
+from jaxpf.evaluation.measures import COORDINATES, by_name
+from jaxpf.evaluation.results import Results
+from jaxpf.evaluation.summary import Summary
+from jaxpf.evaluation.tables import Tables
+from jaxpf.plotting import new_figure
+from jaxpf.scores import OVERLAP_THRESHOLDS
+
+#: Okabe and Ito (2008), the colours that show on white, most different first.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+#: From so many configurations on, figures show all of them in less detail.
+MANY = 13
+#: Objects that have panels of their own; of more, those that were recovered least.
+MOST_OBJECTS = 8
+#: Success curves that have colours of their own; of more, methods have.
+MOST_LINES = 8
+
+
+def rates(results: Results, tables: Tables) -> Any:
+    """Success and recovery, a panel per object, all objects first."""
+    summaries, ids = tables.summaries, results.object_ids
+    places = list(range(len(ids)))
+    if len(ids) > MOST_OBJECTS:
+        recovery = np.nanmean([s.estimates["recovered"].value[:-1] for s in summaries], axis=0)
+        places = sorted(np.argsort(recovery, kind="stable")[:MOST_OBJECTS].tolist())
+    if len(ids) > 1:
+        places = [len(ids), *places]
+    figure, axes = _forest(summaries, len(places), 1.25 if len(places) > 1 else 4)
+    for axis, place in zip(axes, places, strict=True):
+        for name, colour, marker, shift in (
+            ("success", COLOURS[0], "o", -0.17),
+            ("recovered", COLOURS[1], "D", 0.17),
+        ):
+            found = [summary.estimates[name] for summary in summaries]
+            triples = [[100 * x[place] for x in (e.value, e.lower, e.upper)] for e in found]
+            _points(axis, triples, shift, colour, marker, by_name(name).title)
+        axis.set(title=object_name(ids, place), xlim=(-4, 104), xticks=(0, 50, 100))
+        axis.set_xlabel("% of runs")
+    _legend(figure, axes[0])
+    return figure
+
+
+def differences(results: Results, tables: Tables, places: Sequence[int]) -> Any:
+    """Paired differences of four measures, for the objects at ``places``."""
+    summaries = tables.summaries
+    compared = [summary for summary in summaries if summary.reference is not None]
+    figure, axes = _forest(compared, len(COMPARED), 2.0)
+    for axis, measure in zip(axes, COMPARED, strict=True):
+        factor = 100 if measure.percent else 1
+        axis.axvline(0, color="0.4", linewidth=0.8, zorder=1)
+        for index, place in enumerate(places):
+            found = [summary.differences[measure.name] for summary in compared]
+            triples = [[factor * x[place] for x in (d.value, d.lower, d.upper)] for d in found]
+            shift = 0.17 * (2 * index - 1) if len(places) > 1 else 0
+            label = object_name(results.object_ids, place)
+            _points(axis, triples, shift, COLOURS[index], "oD"[index], label)
+        axis.set_xlabel(difference_heading(measure))
+    names = {summaries[s.reference].name for s in compared if s.reference is not None}
+    first = names.pop() if len(names) == 1 else "the first method of equal parameters"
+    figure.suptitle(f"difference from {first}")
+    _legend(figure, axes[0])
+    return figure
+
+
+def _forest(summaries: Sequence[Summary], columns: int, width: float) -> tuple[Any, Any]:
+    """Axes side by side with one row per configuration, the first on top."""
+    count = len(summaries)
+    size = (2.2 + width * columns, 1.3 + 0.27 * count)
+    figure, axes = new_figure(1, columns, figsize=size)
+    for index, axis in enumerate(axes[0]):
+        axis.set_ylim(count - 0.5, -0.5)
+        labels = [_wrapped(summary.name) for summary in summaries] if index == 0 else []
+        axis.set_yticks(range(count), labels) if labels else axis.set_yticks([])
+        axis.tick_params(axis="y", length=0)
+        axis.spines["left"].set_visible(False)
+        axis.grid(axis="x", alpha=0.3)
+        for row in range(0, count, 2):
+            axis.axhspan(row - 0.5, row + 0.5, color="0.95", zorder=0)
+        for row in _new_settings(summaries):
+            axis.axhline(row - 0.5, color="0.55", linewidth=0.8, zorder=1)
+    return figure, axes[0]
+
+
+def _new_settings(summaries: Sequence[Summary]) -> list[int]:
+    """Rows at which other parameters begin."""
+    parameters = [summary.configuration.parameters for summary in summaries]
+    return [row for row in range(1, len(parameters)) if parameters[row] != parameters[row - 1]]
+
+
+def _points(
+    axis: Any, triples: Sequence[Sequence[float]], shift: float, colour: str, marker: str, name: str
+) -> None:
+    value, lower, upper = np.asarray(triples, float).T
+    rows = np.arange(len(value)) + shift
+    known = np.isfinite(lower) & np.isfinite(upper)
+    axis.hlines(rows[known], lower[known], upper[known], color=colour, linewidth=1.3, zorder=2)
+    axis.plot(value, rows, marker, color=colour, markersize=4.2, label=name, zorder=3)
+
+
+def _legend(figure: Any, axis: Any) -> None:
+    handles, labels = axis.get_legend_handles_labels()
+    if len(labels) > 1:
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+
+
+def diversity(ids: Sequence[int], summaries: Sequence[Summary]) -> Any:
+    """Uniqueness and effective dynamics of every object (smith2004, figures 4 and 8)."""
+    columns = [
+        ("uniqueness", "uniqueness (%)"),
+        *((f"effective_dynamics_{x}", f"effective dynamics in {x} (%)") for x in COORDINATES[:2]),
+    ]
+    draw = _diversity_bars if len(summaries) < MANY else _diversity_map
+    return draw([f"{identity}" for identity in ids], summaries, columns)
+
+
+def _diversity_bars(
+    ids: Sequence[str], summaries: Sequence[Summary], columns: Sequence[tuple[str, str]]
+) -> Any:
+    width = max(2.4, 0.32 * len(ids))
+    size = (3 * width + 1.2, 1.0 + 1.15 * len(summaries))
+    figure, axes = new_figure(len(summaries), len(columns), share_x=True, figsize=size)
+    for column, (name, title) in enumerate(columns):
+        estimates = [summary.estimates[name] for summary in summaries]
+        ends = [[estimate.value, estimate.upper] for estimate in estimates]
+        top = 100 * float(np.nanmax(ends, initial=0.01))
+        for row, estimate in enumerate(estimates):
+            axis = axes[row, column]
+            value, lower, upper = (
+                100 * x[:-1] for x in (estimate.value, estimate.lower, estimate.upper)
+            )
+            errors = np.nan_to_num(np.clip([value - lower, upper - value], 0, None))
+            style = {"elinewidth": 0.8, "ecolor": "black"}
+            bars = axis.bar(
+                ids, np.nan_to_num(value), yerr=errors, color=COLOURS[0], width=0.7, error_kw=style
+            )
+            if len(ids) <= 10:
+                labels = [f"{x:.0f}" if x >= 9.95 else f"{x:.1f}" for x in value]
+                axis.bar_label(bars, labels, fontsize=6.5, padding=2)
+            axis.set_ylim(0, 1.22 * top)
+            if column == 0:
+                label = _narrow(summaries[row].name, 16)
+                axis.set_ylabel(label, rotation=0, ha="right", va="center")
+        axes[0, column].set_title(title)
+        axes[-1, column].set_xlabel("object")
+    return figure
+
+
+def _diversity_map(
+    ids: Sequence[str], summaries: Sequence[Summary], columns: Sequence[tuple[str, str]]
+) -> Any:
+    size = (2.2 + 3 * max(2.2, 0.33 * len(ids)), 1.2 + 0.24 * len(summaries))
+    figure, axes = new_figure(1, len(columns), figsize=size)
+    for axis, (name, title) in zip(axes[0], columns, strict=True):
+        values = 100 * np.array([summary.estimates[name].value[:-1] for summary in summaries])
+        top = max(100.0, float(np.nanmax(values, initial=0.0)))
+        axis.imshow(values, cmap="cividis", vmin=0, vmax=top, aspect="auto")
+        for row, column in np.ndindex(*values.shape):
+            if len(ids) <= 12 and np.isfinite(values[row, column]):
+                ink = "white" if values[row, column] < 0.55 * top else "black"
+                text = f"{values[row, column]:.{0 if values[row, column] >= 9.95 else 1}f}"
+                axis.text(column, row, text, ha="center", va="center", fontsize=6.5, color=ink)
+        for row in _new_settings(summaries):
+            axis.axhline(row - 0.5, color="white", linewidth=2)
+        axis.set_xticks(range(len(ids)), ids)
+        axis.set(title=title, xlabel="object")
+        axis.set_yticks(range(len(summaries)), [""] * len(summaries))
+        axis.tick_params(length=0)
+    axes[0, 0].set_yticklabels([_wrapped(summary.name) for summary in summaries])
+    return figure
+
+
+def error_over_time(results: Results, summaries: Sequence[Summary], place: int) -> Any:
+    """Quantiles of the centre error of one object, a panel per configuration."""
+    count = len(summaries)
+    columns = min(count, 4 if count < MANY else 5)
+    rows = -(-count // columns)
+    size = (max(4.5, 2.3 * columns), 0.7 + 1.75 * rows)
+    figure, axes = new_figure(rows, columns, figsize=size)
+    frames = results.start_frame + 1 + np.arange(len(results.truth))
+    everything = np.array([s.quantiles[:, :, place] for s in summaries])
+    top = 1.04 * max(float(np.max(everything, where=np.isfinite(everything), initial=0)), 1.0)
+    for index, axis in enumerate(axes.flat):
+        if index >= count:
+            axis.set_visible(False)
+            continue
+        low, quarter, median, three_quarters, high = summaries[index].quantiles[:, :, place]
+        axis.fill_between(frames, low, high, color=COLOURS[0], alpha=0.22, linewidth=0)
+        axis.fill_between(
+            frames, quarter, three_quarters, color=COLOURS[0], alpha=0.45, linewidth=0
+        )
+        axis.plot(frames, median, color="black", linewidth=1.2, marker="." * (len(frames) == 1))
+        axis.set_title(_narrow(summaries[index].name, 26))
+        axis.set(ylim=(0, top))
+        axis.grid(alpha=0.3)
+        if index + columns >= count:
+            axis.set_xlabel("frame")
+        else:
+            axis.tick_params(labelbottom=False)
+        if index % columns == 0:
+            axis.set_ylabel("centre error (px)")
+        else:
+            axis.tick_params(labelleft=False)
+    return figure
+
+
+def success_curves(results: Results, summaries: Sequence[Summary], places: Sequence[int]) -> Any:
+    """Success curves (wu2013) of the objects at ``places``."""
+    figure, axes = new_figure(1, len(places), figsize=(4.6 * len(places), 3.9))
+    for axis, place in zip(axes[0], places, strict=True):
+        draw = _single_curves if len(summaries) <= MOST_LINES else _grouped_curves
+        draw(axis, summaries, place)
+        axis.set(title=object_name(results.object_ids, place), xlim=(0, 1), ylim=(0, 102))
+        axis.set(xlabel="overlap threshold", ylabel="frames above the threshold (%)")
+        axis.grid(alpha=0.3)
+        axis.legend(fontsize=7, loc="lower left" if place == places[0] else "upper right")
+    return figure
+
+
+def _single_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None:
+    for index, summary in enumerate(summaries):
+        curve, area = summary.curve, summary.estimates["success_area"].value[place]
+        colour, dash = COLOURS[index % len(COLOURS)], ("-", "--")[index // len(COLOURS)]
+        label = f"{_wrapped(summary.name)} [{100 * area:.1f}]"
+        axis.plot(OVERLAP_THRESHOLDS, 100 * curve.value[place], dash, color=colour, label=label)
+        ends = 100 * curve.lower[place], 100 * curve.upper[place]
+        axis.fill_between(OVERLAP_THRESHOLDS, *ends, color=colour, alpha=0.18, linewidth=0)
+
+
+def _grouped_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None:
+    """One colour per method; too many lines for a legend of all."""
+    methods = list(dict.fromkeys(summary.configuration.method for summary in summaries))
+    for number, method in enumerate(methods):
+        group = [s for s in summaries if s.configuration.method == method]
+        areas = [100 * s.estimates["success_area"].value[place] for s in group]
+        reach = f"{min(areas):.1f}" + (f" to {max(areas):.1f}" if len(areas) > 1 else "")
+        for index, summary in enumerate(group):
+            axis.plot(
+                *(OVERLAP_THRESHOLDS, 100 * summary.curve.value[place]),
+                ("-", "--")[number // len(COLOURS) % 2],
+                color=COLOURS[number % len(COLOURS)],
+                linewidth=1,
+                alpha=0.8,
+                label=f"{method} [{reach}]" if index == 0 else None,
+            )
+
+
+def _narrow(name: str, width: int) -> str:
+    """A name in lines: the method, then each parameter."""
+    return "\n".join(textwrap.fill(part, width) for part in name.split(", "))
+
+
+def _wrapped(name: str) -> str:
+    return textwrap.fill(name, 44)

@@ -141,8 +141,8 @@ def _import_trackeval() -> ModuleType:
             return importlib.import_module("trackeval")
     except ImportError as error:
         raise InputError(
-            f"CLEAR-MOT, IDF1 and HOTA need the package trackeval ({error}); install it with "
-            "pip install 'jaxpf[scores]'"
+            f"CLEAR-MOT, IDF1 and HOTA need TrackEval ({error}); install it with pip install "
+            "'jaxpf[scores]' and then pip install --no-deps trackeval."
         ) from error
 
 

@@ -139,7 +139,7 @@ def command(**options: Any) -> None:
     Example: jaxpf evaluate distracter --sharpness 20,30,40,50 --scale 2,2,0.001
     """
     from jaxpf.cli import evaluation_output
-    from jaxpf.evaluation import finished, prepare
+    from jaxpf.evaluation import Limits, finished, prepare
 
     _check(options)
     output = options["output"] or Path(f"jaxpf-{_name(options['scene'])}")
@@ -152,9 +152,12 @@ def command(**options: Any) -> None:
         return
     common.start_jax(options["devices"])
     if results is None:
-        prepared = prepare(
-            plan, output, memory=options["memory"] * 2**20, workers=options["workers"]
+        limits = Limits(
+            memory=options["memory"] * 2**20,
+            workers=options["workers"],
+            devices=options["devices"],
         )
+        prepared = prepare(plan, output, limits)
         evaluation_output.show_plan(prepared, options["workers"], options["devices"])
         if options["dry_run"]:
             return

@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import math
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
@@ -11,24 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jaxpf.errors import InputError
 from jaxpf.evaluation import store
 from jaxpf.evaluation.batches import Batch, survey, write_batch
 from jaxpf.evaluation.execution import RETRIES, Factory, in_turn
-from jaxpf.evaluation.plan import Plan
+from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
 from jaxpf.evaluation.results import Configuration, Results
 from jaxpf.files import report_os_errors
 
 if TYPE_CHECKING:
     from jaxpf.evaluation.worker import Work
 
-#: Bytes that one batch may take in the memory of the process that computes it.
-MEMORY = 256 * 2**20
-
 
 @dataclasses.dataclass(frozen=True)
 class Prepared:
-    """An evaluation that is about to be carried out, or is finished.
+    """An evaluation that is about to be carried out.
 
     Attributes:
         plan: what was asked.
@@ -50,11 +45,11 @@ class Prepared:
     truth: np.ndarray
     configurations: list[Configuration]
     done: list[int]
-    work: list["Work"] = dataclasses.field(default_factory=list)
-    imports: list[tuple[int, Batch]] = dataclasses.field(default_factory=list)
-    damaged: list[Path] = dataclasses.field(default_factory=list)
-    seconds: float = 0.0
-    memory: int = 0
+    work: list["Work"]
+    imports: list[tuple[int, Batch]]
+    damaged: list[Path]
+    seconds: float
+    memory: int
 
     @property
     def missing_runs(self) -> int:
@@ -68,9 +63,7 @@ def evaluate(
     *,
     executor: Executor | Factory | None = None,
     progress: Callable[[int], None] | None = None,
-    memory: int = MEMORY,
-    runs_per_batch: int | None = None,
-    workers: int = 1,
+    limits: Limits = DEFAULT_LIMITS,
     retries: int = RETRIES,
 ) -> Results:
     """Run every configuration of a plan, and keep what is finished.
@@ -86,9 +79,7 @@ def evaluate(
             function without arguments that returns one, so that a broken one can be
             replaced; in this process by default.  See ``execution.local_pool``.
         progress: called with the number of runs that were finished.
-        memory: bytes that a batch may take while it is computed.
-        runs_per_batch: instead, runs per batch, rounded up to whole compiled batches.
-        workers: among how many to divide the runs at least.
+        limits: how the runs are divided into batches.
         retries: times that a batch may be repeated because a worker died.
 
     Raises:
@@ -96,7 +87,7 @@ def evaluate(
             be opened or an object is absent in its first frame; an argument is out of range;
             the disk is full; workers died too often.
     """
-    prepared = prepare(plan, folder, memory=memory, runs_per_batch=runs_per_batch, workers=workers)
+    prepared = prepare(plan, folder, limits)
     return carry_out(prepared, executor=executor, progress=progress, retries=retries)
 
 
@@ -118,24 +109,44 @@ def finished(plan: Plan, folder: str | os.PathLike[str]) -> Results | None:
 
 
 def prepare(
-    plan: Plan,
-    folder: str | os.PathLike[str],
-    *,
-    memory: int = MEMORY,
-    runs_per_batch: int | None = None,
-    workers: int = 1,
+    plan: Plan, folder: str | os.PathLike[str], limits: Limits = DEFAULT_LIMITS
 ) -> Prepared:
     """Find out what is to be done, and write nothing; arguments and errors as for ``evaluate``."""
-    for name, value in (
-        ("memory", memory),
-        ("workers", workers),
-        ("runs_per_batch", runs_per_batch),
-    ):
-        if value is not None and value < 1:
-            raise InputError(f"{name} = {value} must be at least 1.")
+    from jaxpf.evaluation import schedule
+    from jaxpf.evaluation.worker import remember_scene
+
     folder = Path(folder)
     settings = store.stored_settings(plan, folder)
-    return _prepare_work(plan, folder, settings, memory, runs_per_batch, workers)
+    scene = _open(plan.scene)
+    schedule.check_scene(scene)
+    truth = np.asarray(scene.boxes[1:], np.float64)
+    if settings is None:
+        settings = schedule.new_settings(plan, scene)
+        configurations = [Configuration(**entry) for entry in settings["configurations"]]
+        done = [np.zeros(1 if c.is_imported else plan.runs, bool) for c in configurations]
+        damaged: list[Path] = []
+    else:
+        schedule.check_continues(settings, scene, folder)
+        settings = {**settings, "runs": plan.runs}
+        results = Results(folder, settings, truth)
+        configurations = results.configurations
+        done, damaged = _surveyed(results, plan.runs)
+    digest = settings["scene"]["digest"]
+    remember_scene(scene, digest)
+    work, seconds, memory = schedule.batches(plan, scene, digest, configurations, done, limits)
+    return Prepared(
+        plan=plan,
+        folder=folder,
+        settings=settings,
+        truth=truth,
+        configurations=configurations,
+        done=[int(runs.sum()) for runs in done],
+        work=work,
+        imports=list(_missing_imports(plan, scene, configurations, done)),
+        damaged=damaged,
+        seconds=seconds,
+        memory=memory,
+    )
 
 
 def carry_out(
@@ -183,78 +194,6 @@ def _surveyed(results: Results, num_runs: int) -> tuple[list[np.ndarray], list[P
         done.append(runs)
         damaged += broken
     return done, damaged
-
-
-def _prepare_work(
-    plan: Plan,
-    folder: Path,
-    settings: dict[str, Any] | None,
-    memory: int,
-    runs_per_batch: int | None,
-    workers: int,
-) -> Prepared:
-    """Open the scene, and divide what is missing into batches."""
-    from jaxpf.evaluation import schedule
-    from jaxpf.evaluation.worker import Work, remember_scene
-
-    scene = _open(plan.scene)
-    schedule.check_scene(scene)
-    truth = np.asarray(scene.boxes[1:], np.float64)
-    if settings is None:
-        settings = schedule.new_settings(plan, scene)
-        configurations = [Configuration(**entry) for entry in settings["configurations"]]
-        done = [np.zeros(1 if c.is_imported else plan.runs, bool) for c in configurations]
-        damaged: list[Path] = []
-    else:
-        schedule.check_continues(settings, scene, folder)
-        settings = {**settings, "runs": plan.runs}
-        results = Results(folder, settings, truth)
-        configurations = results.configurations
-        done, damaged = _surveyed(results, plan.runs)
-    digest = settings["scene"]["digest"]
-    remember_scene(scene, digest)
-
-    ours = [index for index, c in enumerate(configurations) if not c.is_imported]
-    missing = {index: int(np.sum(~done[index])) for index in ours}
-    share = math.ceil(max(sum(missing.values()), 1) / workers)
-    work, seconds, largest_batch = [], 0.0, 0
-    costs: dict[tuple, schedule.Costs] = {}
-    shapes = set()
-    for index in ours:
-        shape = schedule.shape_of(configurations[index])
-        cost = costs.get(shape) or schedule.costs(configurations[index], scene)
-        costs[shape] = cost
-        most = schedule.most_runs(cost, memory) if runs_per_batch is None else runs_per_batch
-        for first, count, width in schedule.divide(done[index], min(most, share)):
-            work.append(
-                Work(
-                    index=index,
-                    configuration=configurations[index],
-                    first_run=first,
-                    num_runs=count,
-                    width=width,
-                    seed=plan.seed,
-                    float64=schedule.double_precision(),
-                    scene=plan.scene,
-                    digest=digest,
-                )
-            )
-            seconds += cost.seconds_per_batch + width * cost.seconds_per_run
-            largest_batch = max(largest_batch, width * cost.bytes_per_run)
-            shapes.add((shape, width))
-    return Prepared(
-        plan=plan,
-        folder=folder,
-        settings=settings,
-        truth=truth,
-        configurations=configurations,
-        done=[int(runs.sum()) for runs in done],
-        work=work,
-        imports=list(_missing_imports(plan, scene, configurations, done)),
-        damaged=damaged,
-        seconds=seconds + schedule.COMPILE * len(shapes),
-        memory=schedule.memory_of(scene, largest_batch),
-    )
 
 
 def _missing_imports(

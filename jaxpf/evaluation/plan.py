@@ -188,6 +188,39 @@ class Plan:
         return list(dict.fromkeys(found))
 
 
+@dataclasses.dataclass(frozen=True)
+class Limits:
+    """How runs are divided into batches, which has no influence on results.
+
+    A batch is what is written at once, and what a kill can cost: some 15 seconds of work, or
+    less to keep within the memory.
+
+    Attributes:
+        memory: bytes that a batch may take while it is computed.
+        runs_per_batch: instead, runs per batch, rounded up to whole compiled batches.
+        workers: processes among which to divide the runs at least.
+        devices: of each process, so that a batch has work for all; by default as many as this
+            process has.
+
+    Raises:
+        InputError: a number below 1.
+    """
+
+    memory: int = 256 * 2**20
+    runs_per_batch: int | None = None
+    workers: int = 1
+    devices: int | None = None
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if value is not None and value < 1:
+                raise InputError(f"{field.name} = {value} must be at least 1.")
+
+
+DEFAULT_LIMITS = Limits()
+
+
 def order_label(places: Sequence[int]) -> str:
     """An order of objects counted from 1: "3,1,2" as "312", with hyphens from ten objects on."""
     return ("" if len(places) < 10 else "-").join(map(str, places))

@@ -4,15 +4,16 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.errors import InputError
 from jaxpf.evaluation.execution import num_cores
-from jaxpf.evaluation.plan import Plan
+from jaxpf.evaluation.plan import Limits, Plan
 from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.trackers import scene_likelihood
-from jaxpf.evaluation.worker import scene_digest
+from jaxpf.evaluation.worker import Work, scene_digest
 from jaxpf.likelihoods.histogram import estimated_costs
 from jaxpf.running import RUNS_PER_BATCH
 from jaxpf.versions import versions
@@ -22,11 +23,12 @@ FORMAT = 1
 SECONDS_PER_BATCH = 15.0
 #: Bytes of JAX, its libraries and a compiled kernel.
 _BASE_MEMORY = 450 * 2**20
-#: Nanoseconds per particle, partition and frame on two cores, the likelihood excluded.
-_KERNEL = 130.0
+#: Nanoseconds of one core per particle, partition and frame, the likelihood excluded.
+_KERNEL = 160.0
+#: What a core adds to the speed, where there are several.
+_SHARE_OF_CORE = 0.75
 #: Seconds to compile one kernel.
-COMPILE = 9.0
-_MEASURED_ON_CORES = 2
+_COMPILE = 9.0
 
 
 class Costs(NamedTuple):
@@ -129,6 +131,56 @@ def double_precision() -> bool:
     return jnp.zeros(()).dtype == jnp.float64
 
 
+def batches(
+    plan: Plan,
+    scene: Any,
+    digest: str,
+    configurations: list[Configuration],
+    done: list[np.ndarray],
+    limits: Limits,
+) -> tuple[list[Work], float, int]:
+    """Divide what is missing into batches.
+
+    Returns:
+        The batches, about how many seconds they take on this machine, compiling included, and
+        about how many bytes a process takes.
+    """
+    ours = [index for index, c in enumerate(configurations) if not c.is_imported]
+    missing = sum(int(np.sum(~done[index])) for index in ours)
+    share = max(1, math.ceil(missing / limits.workers))
+    unit = RUNS_PER_BATCH * (limits.devices or jax.local_device_count())
+    known: dict[tuple, Costs] = {}
+    shapes = set()
+    work, seconds, largest = [], 0.0, 0
+    for index in ours:
+        configuration = configurations[index]
+        shape = _shape_of(configuration)
+        if shape not in known:
+            known[shape] = costs(configuration, scene)
+        cost = known[shape]
+        most = limits.runs_per_batch or most_runs(cost, limits.memory, unit)
+        for first, count, width in divide(done[index], min(most, share)):
+            work.append(
+                Work(
+                    index=index,
+                    configuration=configuration,
+                    first_run=first,
+                    num_runs=count,
+                    width=width,
+                    seed=plan.seed,
+                    float64=double_precision(),
+                    scene=plan.scene,
+                    digest=digest,
+                )
+            )
+            seconds += cost.seconds_per_batch + width * cost.seconds_per_run
+            largest = max(largest, width * cost.bytes_per_run)
+            shapes.add((shape, width))
+    # Two copies of the frames: the scene's, and the device's.
+    memory = _BASE_MEMORY + 2 * scene.frames.nbytes + largest
+    return work, seconds + _COMPILE * len(shapes), memory
+
+
 def costs(configuration: Configuration, scene: Any) -> Costs:
     """What the runs of a configuration cost."""
     parameters: dict[str, Any] = configuration.parameters
@@ -153,34 +205,23 @@ def costs(configuration: Configuration, scene: Any) -> Costs:
         )[method]
 
     fixed = per_frame(0)
-    speed = 1e-9 * num_frames * _MEASURED_ON_CORES / num_cores()
+    seconds = 1e-9 * num_frames / max(1.0, _SHARE_OF_CORE * num_cores())
     kernel = _KERNEL * num_objects * num_particles
     item = jnp.zeros(()).dtype.itemsize
     state = item * num_particles * (num_objects * 7 + 2)
     recorded = 4 * num_frames * (num_objects * 8 + 2)
     return Costs(
-        seconds_per_batch=fixed * speed,
-        seconds_per_run=(per_frame(1) - fixed + kernel) * speed,
+        seconds_per_batch=fixed * seconds,
+        seconds_per_run=(per_frame(1) - fixed + kernel) * seconds,
         bytes_per_run=3 * state + 4 * recorded,
     )
 
 
-def shape_of(configuration: Configuration) -> tuple[Any, ...]:
-    """The parameters that a kernel is compiled for."""
-    names = ("particles", "parts", "resampling", "likelihood")
-    return tuple(configuration.parameters[name] for name in names)
-
-
-def memory_of(scene: Any, bytes_per_batch: int) -> int:
-    """Bytes of a process that works on batches of a scene: two copies of the frames included."""
-    return _BASE_MEMORY + 2 * scene.frames.nbytes + bytes_per_batch
-
-
-def most_runs(cost: Costs, memory: int) -> int:
+def most_runs(cost: Costs, memory: int, unit: int) -> int:
     """Runs that one batch may hold, by its memory and by what a kill would cost."""
     by_memory = memory / cost.bytes_per_run
     by_time = SECONDS_PER_BATCH / cost.seconds_per_run
-    return max(1, int(min(by_memory, by_time)) // RUNS_PER_BATCH) * RUNS_PER_BATCH
+    return max(1, int(min(by_memory, by_time)) // unit) * unit
 
 
 def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, int]]:
@@ -191,8 +232,7 @@ def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, int]]:
         largest: runs that a batch may hold.
 
     Yields:
-        First run, number of runs, and runs to compute: a multiple of the compiled width that
-        is the same for all batches of one gap.
+        First run, number of runs, and runs to compute: the same for all batches of one gap.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[True], done, [True]]).astype(np.int8)))
     for start, stop in edges.reshape(-1, 2).tolist():
@@ -200,6 +240,12 @@ def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, int]]:
         width = math.ceil((stop - start) / count / RUNS_PER_BATCH) * RUNS_PER_BATCH
         for first in range(start, stop, width):
             yield first, min(width, stop - first), width
+
+
+def _shape_of(configuration: Configuration) -> tuple[Any, ...]:
+    """The parameters that a kernel is compiled for."""
+    names = ("particles", "parts", "resampling", "likelihood")
+    return tuple(configuration.parameters[name] for name in names)
 
 
 def _cheaper_likelihood(plan: Plan, scene: Any) -> str:

@@ -16,7 +16,7 @@ from small_evaluation import PARTICLES, RUNS, small_plan, small_scene
 import jaxpf
 from jaxpf import InputError, files
 from jaxpf.boxes import box_tracker
-from jaxpf.evaluation import Results, batches, evaluate, finished, prepare, store
+from jaxpf.evaluation import Limits, Results, batches, evaluate, finished, prepare, store
 from jaxpf.evaluation.execution import local_pool
 from jaxpf.evaluation.worker import keep_measures
 from jaxpf.geometry import boxes_from_substates
@@ -25,6 +25,8 @@ from jaxpf.likelihoods import histogram_from_patches
 HERE = Path(__file__).parent
 #: Two files per configuration.
 TWICE = 2 * RUNS
+#: One compiled batch per file.
+ONE = Limits(runs_per_batch=RUNS)
 
 
 def content(results):
@@ -74,13 +76,13 @@ def compile_cache(tmp_path_factory):
 def whole(tmp_path_factory, compile_cache):
     """An uninterrupted evaluation of two files per configuration."""
     folder = tmp_path_factory.mktemp("whole")
-    return evaluate(small_plan(runs=TWICE), folder, runs_per_batch=RUNS)
+    return evaluate(small_plan(runs=TWICE), folder, limits=ONE)
 
 
 @pytest.fixture
 def part(tmp_path, whole):
     """A folder with the first half of the same evaluation."""
-    return evaluate(small_plan(runs=RUNS), tmp_path / "part", runs_per_batch=RUNS).folder
+    return evaluate(small_plan(runs=RUNS), tmp_path / "part", limits=ONE).folder
 
 
 def test_results_tell_everything_about_the_evaluation(whole):
@@ -150,7 +152,7 @@ def test_runs_and_configurations_differ_but_numbers_are_common(whole):
 
 @pytest.mark.slow
 def test_the_size_of_batches_does_not_matter(whole, tmp_path):
-    together = evaluate(small_plan(runs=TWICE), tmp_path, runs_per_batch=1000)
+    together = evaluate(small_plan(runs=TWICE), tmp_path, limits=Limits(runs_per_batch=1000))
     assert len(names(tmp_path)) == 2
     assert_equal_bits(content(together), content(whole))
 
@@ -163,7 +165,7 @@ def test_two_processes_give_the_same_bits(whole, tmp_path):
     results = evaluate(
         small_plan(runs=TWICE),
         tmp_path,
-        runs_per_batch=RUNS,
+        limits=ONE,
         executor=local_pool(2, 1, use_compile_cache),
         progress=done.append,
     )
@@ -179,7 +181,7 @@ import jax
 jax.config.update("jax_num_cpu_devices", {devices})
 from jaxpf.cli.common import use_compile_cache
 use_compile_cache()
-from jaxpf.evaluation import evaluate
+from jaxpf.evaluation import Limits, evaluate
 from small_evaluation import small_plan
 assert jax.device_count() == {devices}
 evaluate(small_plan(runs={TWICE}), {str(tmp_path)!r})
@@ -212,20 +214,20 @@ assert "jax" not in sys.modules
 
 def test_more_runs_are_added_to_those_there_are(whole, part):
     before = stamps(part)
-    results = evaluate(small_plan(runs=TWICE), part, runs_per_batch=RUNS)
+    results = evaluate(small_plan(runs=TWICE), part, limits=ONE)
     assert results.runs == TWICE
     assert before.items() <= stamps(part).items()
     assert_equal_bits(content(results), content(whole))
 
 
 def test_only_missing_runs_are_done_again(whole, part):
-    evaluate(small_plan(runs=TWICE), part, runs_per_batch=RUNS)
+    evaluate(small_plan(runs=TWICE), part, limits=ONE)
     missing = part / "batches" / names(part)[1]
     missing.unlink()
     before = stamps(part)
     done = []
     assert finished(small_plan(runs=TWICE), part) is None
-    results = evaluate(small_plan(runs=TWICE), part, runs_per_batch=RUNS, progress=done.append)
+    results = evaluate(small_plan(runs=TWICE), part, limits=ONE, progress=done.append)
     assert done == [RUNS]
     assert before.items() <= stamps(part).items()
     assert_equal_bits(content(results), content(whole))
@@ -367,7 +369,7 @@ def test_two_processes_cannot_evaluate_into_one_folder(part):
         pytest.raises(InputError, match="another process is evaluating into"),
     ):
         evaluate(small_plan(runs=TWICE), part)
-    assert evaluate(small_plan(runs=TWICE), part, runs_per_batch=RUNS).runs == TWICE
+    assert evaluate(small_plan(runs=TWICE), part, limits=ONE).runs == TWICE
 
 
 def test_a_full_disk_is_one_sentence_and_finished_batches_stay(whole, tmp_path, monkeypatch):
@@ -383,12 +385,12 @@ def test_a_full_disk_is_one_sentence_and_finished_batches_stay(whole, tmp_path, 
 
     monkeypatch.setattr(files.os, "replace", full)
     with pytest.raises(InputError, match="no space left on device") as error:
-        evaluate(small_plan(runs=TWICE), tmp_path, runs_per_batch=RUNS)
+        evaluate(small_plan(runs=TWICE), tmp_path, limits=ONE)
     assert "\n" not in str(error.value)
     monkeypatch.undo()
     assert len(names(tmp_path)) == 2
     before = stamps(tmp_path)
-    results = evaluate(small_plan(runs=TWICE), tmp_path, runs_per_batch=RUNS)
+    results = evaluate(small_plan(runs=TWICE), tmp_path, limits=ONE)
     assert before.items() <= stamps(tmp_path).items()
     assert_equal_bits(content(results), content(whole))
 
@@ -401,7 +403,7 @@ def test_leavings_of_a_killed_start_do_not_stand_in_the_way(whole, tmp_path):
     results = evaluate(small_plan(), tmp_path)
     leaving.write_bytes(b"half")
     assert finished(small_plan(), tmp_path) is not None
-    results = evaluate(small_plan(runs=TWICE), tmp_path, runs_per_batch=RUNS)
+    results = evaluate(small_plan(runs=TWICE), tmp_path, limits=ONE)
     assert not leaving.exists()
     assert_equal_bits(content(results), content(whole))
 
@@ -413,9 +415,9 @@ def test_killing_it_loses_only_the_batch_in_flight(whole, tmp_path):
     code = f"""
 from jaxpf.cli.common import use_compile_cache
 use_compile_cache()
-from jaxpf.evaluation import evaluate
+from jaxpf.evaluation import Limits, evaluate
 from small_evaluation import small_plan
-evaluate(small_plan(runs={runs}), {str(tmp_path)!r}, runs_per_batch={RUNS})
+evaluate(small_plan(runs={runs}), {str(tmp_path)!r}, limits=Limits(runs_per_batch={RUNS}))
 """
     known: dict[str, int] = {}
     for _ in range(2):
@@ -433,7 +435,7 @@ evaluate(small_plan(runs={runs}), {str(tmp_path)!r}, runs_per_batch={RUNS})
         known = found
         for name in known:
             assert len(batches.read_batch(tmp_path / "batches" / name)) == RUNS
-    results = evaluate(small_plan(runs=runs), tmp_path, runs_per_batch=RUNS)
+    results = evaluate(small_plan(runs=runs), tmp_path, limits=ONE)
     assert known.items() <= stamps(tmp_path).items()
     found = content(results)
     np.testing.assert_array_equal(found[1, "runs"], np.arange(runs))
@@ -489,10 +491,10 @@ def test_a_single_frame_is_refused(tmp_path):
         evaluate(small_plan(scene), tmp_path / "out")
 
 
-@pytest.mark.parametrize("name", ["memory", "workers", "runs_per_batch"])
-def test_budgets_below_one_are_refused(tmp_path, name):
+@pytest.mark.parametrize("name", ["memory", "workers", "runs_per_batch", "devices"])
+def test_limits_below_one_are_refused(name):
     with pytest.raises(InputError, match=f"{name} = 0 must be at least 1"):
-        evaluate(small_plan(), tmp_path, **{name: 0})
+        Limits(**{name: 0})
 
 
 def test_work_is_divided_to_the_memory_budget_and_among_workers(tmp_path):
@@ -500,11 +502,11 @@ def test_work_is_divided_to_the_memory_budget_and_among_workers(tmp_path):
     one = prepare(plan, tmp_path)
     assert one.missing_runs == 20_000
     assert not list(tmp_path.iterdir())
-    tight = prepare(plan, tmp_path, memory=10 * 2**20)
+    tight = prepare(plan, tmp_path, Limits(memory=10 * 2**20))
     assert tight.memory < one.memory
     assert max(work.width for work in tight.work) < max(work.width for work in one.work)
     assert len({work.width for work in tight.work}) == 1  # one shape, one kernel
-    shared = prepare(plan, tmp_path, workers=8)
+    shared = prepare(plan, tmp_path, Limits(workers=8))
     assert len(shared.work) >= 8
     assert len(one.work) < 8
     for prepared in (one, tight, shared):
@@ -527,10 +529,10 @@ def test_memory_does_not_grow_with_the_runs(tmp_path, compile_cache):
 import resource
 from jaxpf.cli.common import use_compile_cache
 use_compile_cache()
-from jaxpf.evaluation import evaluate
+from jaxpf.evaluation import Limits, evaluate
 from small_evaluation import small_plan
 evaluate(small_plan(runs={runs}, methods=["sir"], particles=[4]), {str(tmp_path / str(runs))!r},
-         runs_per_batch=2000)
+         limits=Limits(runs_per_batch=2000))
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
         ran = subprocess.run(

@@ -6,7 +6,8 @@ the value and not to the certainty.
 * A rate of one object has Wilson's interval.  The rate over all objects is the mean share of the
   objects; its interval is Wilson's at the effective number of trials p (1 - p) / SE^2, the
   standard error SE being that of the shares of the runs (Korn and Graubard 1998; Dean and Pagano
-  2015), kept between the number of runs and the number of runs times objects.
+  2015), kept between the number of runs and the number of runs times objects; where no object
+  ever fails, or none succeeds, it is the number of runs.
 * A mean pools the frames that count; ``intervals.mean_interval`` gives its error over runs.
 * A difference compares runs of equal seed, which share their random numbers.  A difference of
   rates has Newcombe's hybrid score interval (1998, Statistics in Medicine 17:2635, method 10)

@@ -174,6 +174,25 @@ def test_two_processes_give_the_same_bits(whole, tmp_path):
 
 
 @pytest.mark.slow
+def test_dask_gives_the_same_bits(whole, tmp_path):
+    distributed = pytest.importorskip(
+        "distributed", reason="needs Dask: pip install jaxpf[cluster]"
+    )
+    from jaxpf.cli.common import use_compile_cache
+
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=2, processes=True, dashboard_address=None
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        client.run(use_compile_cache)
+        plan = small_plan(runs=TWICE)
+        results = evaluate(plan, tmp_path, limits=ONE, executor=client.get_executor)
+    assert_equal_bits(content(results), content(whole))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("devices", [1, 2])
 def test_the_number_of_devices_does_not_matter(whole, tmp_path, devices):
     code = f"""
@@ -328,6 +347,16 @@ def test_a_scene_object_is_evaluated_too(tmp_path, whole):
     first = {name: value[:RUNS] for name, value in content(whole).items()}
     assert_equal_bits(content(results), first)
     assert results.scene().name == "distracter"
+
+
+def test_another_precision_is_refused(part):
+    import jax
+
+    with (
+        jax.enable_x64(True),
+        pytest.raises(InputError, match="begun in single precision, now double"),
+    ):
+        evaluate(small_plan(runs=TWICE), part)
 
 
 def test_another_version_is_refused(part):

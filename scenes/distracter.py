@@ -24,6 +24,7 @@ from scenes.scene import Scene, SceneError
 _LAYOUT, _TEXTURES, _BACKGROUND, _PIXELS, _PATCHES = range(5)
 
 _TRIES_PER_OBJECT = 100
+_TRIES_PER_LEADER = 2000  # where a rare trajectory is asked for
 _TRIES_PER_LAYOUT = 50
 
 
@@ -60,6 +61,9 @@ class DistracterParameters:
         leader_travel: object 1's trajectory is drawn again until its displacement while the
             distracter is shown is at least this long: it "re-emerges" elsewhere, with the
             "quicker motion" that the paper mentions.
+        departure: object 1's trajectory is drawn again until its centre ends at least this far from
+            the place where the distracter vanished, so that only a tracker that follows it meets it
+            in the last frame.
         likeness: share of the distracter's cells that have object 1's colours, in each half; the
             other cells have a colour that object 1 has not.  At 1 the two are alike, at 0 they
             share no colour.
@@ -95,6 +99,7 @@ class DistracterParameters:
     lead_distance: float = 45.0
     lead_direction: float | None = None
     leader_travel: float = 15.0
+    departure: float = 0.0
     likeness: float = 0.6
     template_from_distracter: float = 1.0
     cell_size: int = 4
@@ -117,7 +122,7 @@ class DistracterParameters:
             self._require(name, getattr(self, name) > 0, "must be above 0")
         for name in (
             *("motion_scale", "separation", "frame_margin", "lead_distance", "leader_travel"),
-            *("object_noise", "background_noise"),
+            *("departure", "object_noise", "background_noise"),
         ):
             self._require(name, getattr(self, name) >= 0, "must not be negative")
         for name in (
@@ -215,8 +220,8 @@ def _draw_layout(
         f"distracter scene: {parameters.num_objects} objects of {parameters.object_width} x "
         f"{parameters.object_height} pixels do not stay apart and in view for "
         f"{parameters.num_frames} frames of {parameters.frame_width} x {parameters.frame_height}; "
-        "take fewer or smaller objects, less motion_scale, separation or lead_distance, or a "
-        "larger frame"
+        "take fewer or smaller objects, less motion_scale, separation, lead_distance or departure, "
+        "or a larger frame"
     )
 
 
@@ -237,11 +242,13 @@ def _try_layout(
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Place one object after the other, each clear of those before it; ``None`` if one fails."""
     leader = distracter = None
-    for _ in range(_TRIES_PER_OBJECT):
+    tries = _TRIES_PER_LEADER if parameters.departure > 0 else _TRIES_PER_OBJECT
+    for _ in range(tries):
         candidate = _draw_trajectory(parameters, start[0], rng)
         shadow, travel = _lead_away(parameters, candidate)
         if (
             travel >= parameters.leader_travel
+            and _departs(parameters, candidate, shadow)
             and _is_in_view(parameters, candidate)
             and _is_in_view(parameters, shadow)
         ):
@@ -267,16 +274,20 @@ def _draw_trajectory(
     parameters: DistracterParameters, start: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
     """``[T, 2]``: second-order autoregressive motion (smith2004, section 2), started at rest."""
-    trajectory = np.empty((parameters.num_frames, 2))
-    previous = current = start
-    for frame in range(parameters.num_frames):
-        trajectory[frame] = current
-        noise = parameters.motion_scale * rng.standard_normal(2)
-        previous, current = (
-            current,
-            current + parameters.momentum * (current - previous) + noise,
-        )
-    return trajectory
+    noise = parameters.motion_scale * rng.standard_normal((parameters.num_frames, 2))
+    return np.stack(
+        [_autoregression(start[k], noise[:, k], parameters.momentum) for k in (0, 1)], axis=-1
+    )
+
+
+def _autoregression(start: float, noise: np.ndarray, momentum: float) -> list[float]:
+    """One coordinate; plain numbers, for arrays of two would be ten times slower."""
+    positions = []
+    previous = current = float(start)
+    for step in noise.tolist():
+        positions.append(current)
+        previous, current = current, current + momentum * (current - previous) + step
+    return positions
 
 
 def _lead_away(
@@ -304,6 +315,17 @@ def _lead_away(
     progress = (frames - first) / max(last - first, 1)
     path = trajectory[first] + progress[:, None] * (end - trajectory[first])
     return np.where(is_shown[:, None], path, np.nan), travel
+
+
+def _departs(
+    parameters: DistracterParameters, trajectory: np.ndarray, distracter: np.ndarray
+) -> bool:
+    """Whether object 1 ends as far from the place where the distracter vanished as is asked."""
+    shown = np.flatnonzero(~np.isnan(distracter[:, 0]))
+    if len(shown) == 0:
+        return True
+    offset = trajectory[-1] - distracter[shown[-1]]
+    return float(np.hypot(*offset)) >= parameters.departure
 
 
 def _is_in_view(parameters: DistracterParameters, centres: np.ndarray) -> bool:

@@ -128,7 +128,7 @@ def student_interval(values: np.ndarray) -> Callable[[float], tuple[float, float
 
     Values that are NaN are left out.  Fewer than two leave no interval: NaN.
     """
-    from scipy.special import stdtrit  # type: ignore[import-untyped]
+    from scipy.special import stdtrit
 
     values = np.asarray(values, float)
     values = values[np.isfinite(values)]

@@ -159,6 +159,15 @@ def test_the_distracter_covers_object_1_then_leads_away_in_a_straight_line():
     np.testing.assert_allclose(steps, np.broadcast_to(steps[0], steps.shape), atol=1e-9)
 
 
+def test_object_1_departs_from_where_the_distracter_vanished():
+    distances = {}
+    for departure in (0.0, 60.0):
+        scene = scenes.make("distracter", seed=3, lead_distance=25.0, departure=departure)
+        vanished = scene.extras["distracter_boxes"][7, :2]
+        distances[departure] = np.hypot(*(scene.boxes[-1, 0, :2] - vanished))
+    assert distances[0.0] < 60 <= distances[60.0]
+
+
 def test_the_direction_of_the_lead_can_be_chosen():
     scene = scenes.make("distracter", seed=2, lead_direction=90.0, lead_distance=45.0)
     gap = scene.extras["distracter_boxes"][7, :2] - scene.boxes[7, 0, :2]

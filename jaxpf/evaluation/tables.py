@@ -157,7 +157,10 @@ def _remarks(results: Results, summaries: Sequence[Summary]) -> list[str]:
             "of rates and of differences are not."
         )
     if not has_scores():
-        remarks.append("HOTA, MOTA and IDF1 are left out: pip install 'jaxpf[scores]' adds them.")
+        remarks.append(
+            "HOTA, MOTA and IDF1 are left out; pip install 'jaxpf[scores]' and then pip install "
+            "--no-deps trackeval adds them."
+        )
     elif any(summary.runs > SCORED_RUNS for summary in summaries):
         remarks.append(f"HOTA, MOTA and IDF1 are of the first {SCORED_RUNS} runs.")
     return remarks

@@ -62,28 +62,37 @@ class OfFixedSize:
 
 
 def ordering_of_parts(
-    method: str, parents: Sequence[int], *, swap: str = "combinatorial"
+    method: str,
+    parents: Sequence[int],
+    *,
+    order: Sequence[int] | None = None,
+    swap: str = "combinatorial",
 ) -> Ordering:
     """The ordering that a method's name stands for, on a part tree.
 
     Args:
-        method: one of ``METHODS``; ``ps`` goes through the tree level by level, as ``sps`` does.
+        method: one of ``METHODS``.
         parents: the part tree, -1 for a root.
+        order: for ``ps``, all parts, each after its parent; by default level by level, as ``sps``
+            goes through the tree.
         swap: for ``sps``.
 
     Raises:
-        InputError: unknown method or swap, a parent that does not exist, or a cycle.
+        InputError: unknown method or swap, an order that is no permutation or is given to a
+            method that has none, a parent that does not exist, or a cycle.
     """
     tree = check_tree(parents)
     if method not in METHODS:
         raise InputError(
             f"method {method!r} is unknown for parts; choose one of {', '.join(METHODS)}."
         )
+    if order is not None and method != "ps":
+        raise InputError(f"an order was given, but method {method!r} has none; use method 'ps'.")
     if method == "sps":
         return orderings.sps(tree, swap)
     depth = tree_levels(tree)
-    order = sorted(range(len(tree)), key=lambda part: (depth[part], part))
-    ordering = orderings.ps(order)
+    downwards = sorted(range(len(tree)), key=lambda part: (depth[part], part))
+    ordering = orderings.ps(downwards if order is None else order)
     if method == "sir":
         # Parents first, but nobody is resampled in between.
         never = jnp.zeros_like(ordering.resample_after)
@@ -169,6 +178,30 @@ def parts_tracker(
         resampling=resampling,
         ess_threshold=ess_threshold,
     )
+
+
+def cut_pictures(frame: Any, poses: ArrayLike, sizes: ArrayLike) -> list[np.ndarray]:
+    """Upright pictures of rectangles at any angle, from which likelihoods are learned.
+
+    Args:
+        frame: uint8 RGB ``[H, W, 3]``.
+        poses: x, y (pixels) and theta (radians), ``[P, 3]``.
+        sizes: width and height, pixels, ``[P, 2]``; rounded, and at least 1.
+
+    Returns:
+        P pictures, uint8 RGB ``[h, w, 3]``: each pixel the frame's nearest.
+    """
+    frame = np.asarray(frame)
+    pictures = []
+    for (x, y, theta), size in zip(np.asarray(poses), np.asarray(sizes), strict=True):
+        width, height = np.maximum(np.rint(size).astype(int), 1)
+        across = ((np.arange(width) + 0.5) / width - 0.5) * size[0]
+        down = ((np.arange(height) + 0.5) / height - 0.5)[:, None] * size[1]
+        column = np.floor(x + np.cos(theta) * across - np.sin(theta) * down)
+        row = np.floor(y + np.sin(theta) * across + np.cos(theta) * down)
+        column = column.clip(0, frame.shape[1] - 1).astype(int)
+        pictures.append(frame[row.clip(0, frame.shape[0] - 1).astype(int), column])
+    return pictures
 
 
 def check_parts(

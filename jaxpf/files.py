@@ -4,7 +4,8 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from types import TracebackType
+from typing import IO, Any, Self
 
 from jaxpf.errors import InputError
 
@@ -74,6 +75,62 @@ def atomic_write(
     finally:
         with suppress(OSError):  # gone already, or never there
             temporary.unlink()
+
+
+class LineWriter:
+    """Append whole lines to a file that has its final name from the start.
+
+    After every call the file holds whole lines only: nothing is lost when the program is
+    interrupted or killed.  Use it as a context manager.
+
+    Attributes:
+        path: the file.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]):
+        """Create or empty the file.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        self.path = Path(path)
+        with report_os_errors("write", self.path):
+            # Unbuffered: one call is one call to the operating system.
+            self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115
+        self._end = 0
+
+    def write_lines(self, text: str) -> None:
+        """Append lines, all of them or none.
+
+        Raises:
+            InputError: the disk is full or the file cannot be written.
+        """
+        data = text.encode("utf-8")
+        with report_os_errors("write", self.path):
+            try:
+                written = 0
+                while written < len(data):
+                    written += self._file.write(data[written:]) or 0
+            except BaseException:
+                self._file.truncate(self._end)
+                self._file.seek(self._end)
+                raise
+        self._end += len(data)
+
+    def close(self) -> None:
+        """Close the file; further calls do nothing."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
 
 
 def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False) -> Path:

@@ -80,6 +80,51 @@ def draw_boxes(
     return frame
 
 
+def draw_rectangles(
+    frame: np.ndarray,
+    corners: np.ndarray,
+    names: np.ndarray | list[str],
+    colours: np.ndarray | None = None,
+    lost: np.ndarray | None = None,
+) -> np.ndarray:
+    """Draw labelled rectangles at any angle.
+
+    Args:
+        frame: uint8 RGB [H, W, 3].
+        corners: x, y in pixels [P, 4, 2], see ``geometry.corners_from_poses``; a rectangle that is
+            not finite is skipped.
+        names: the labels [P].
+        colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
+        lost: bool [P]; a lost part is drawn by its corners alone and its label says so.
+    """
+    frame = frame.copy()
+    corners = np.asarray(corners, np.float64).reshape(-1, 4, 2)
+    colours = object_colours(len(corners)) if colours is None else np.asarray(colours)
+    thickness = _thickness(frame)
+    rim = 2 if min(frame.shape[:2]) >= 240 else 1
+    size = np.array(frame.shape[1::-1])
+    labels = []
+    for index, quad in enumerate(corners):
+        if not np.isfinite(quad).all():
+            continue
+        # OpenCV counts from the middle of a pixel, here in 16ths; far outside it would overflow.
+        points = ((np.clip(quad, -size, 2 * size) - 0.5) * 16).round().astype(np.int32)
+        colour = _as_colour(colours[index])
+        is_lost = lost is not None and bool(lost[index])
+        for line, width in ((_DARK, thickness + rim), (colour, thickness)):
+            if is_lost:
+                for point in points // 16:
+                    cv2.circle(frame, (int(point[0]), int(point[1])), width, line, cv2.FILLED)
+            else:
+                cv2.polylines(frame, [points], True, line, width, cv2.LINE_AA, 4)
+        left, top = np.floor(np.clip(quad, -size, 2 * size).min(axis=0)).astype(int)
+        name = f"{names[index]} lost" if is_lost else f"{names[index]}"
+        labels.append((name, int(left), int(top), colour))
+    for text, left, top, colour in labels:
+        _label(frame, text, left, top, colour)
+    return frame
+
+
 def draw_particles(
     frame: np.ndarray,
     centres: np.ndarray,

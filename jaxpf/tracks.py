@@ -8,15 +8,13 @@ happens where a file is read or written and nowhere else.
 import math
 import os
 from collections.abc import Iterable, Sequence
-from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.box_files import BoxTable, read_boxes
 from jaxpf.errors import InputError
-from jaxpf.files import atomic_write, report_os_errors
+from jaxpf.files import LineWriter, atomic_write
 
 __all__ = [
     "BoxTable",
@@ -178,28 +176,8 @@ def write_mot(
         )
 
 
-class TrackWriter:
-    """Append tracks to a MOT file, frame by frame.
-
-    The file has its final name from the start, and after every frame it holds whole lines
-    only: nothing is lost when the program is interrupted or killed.  Use it as a context
-    manager.
-
-    Attributes:
-        path: the file.
-    """
-
-    def __init__(self, path: str | os.PathLike[str]):
-        """Create or empty the file.
-
-        Raises:
-            InputError: it cannot be written.
-        """
-        self.path = Path(path)
-        with report_os_errors("write", self.path):
-            # Unbuffered: one frame is one call to the operating system.
-            self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115
-        self._end = 0
+class TrackWriter(LineWriter):
+    """Append tracks to a MOT file, frame by frame; after every frame it holds whole lines only."""
 
     def append(
         self,
@@ -223,32 +201,7 @@ class TrackWriter:
         ids = np.asarray(ids)
         confidence = np.ones(len(ids)) if confidence is None else np.asarray(confidence)
         boxes = np.asarray(boxes).reshape(-1, 4)
-        data = _rows(np.full(len(ids), frame), ids, boxes, confidence).encode("ascii")
-        with report_os_errors("write", self.path):
-            try:
-                written = 0
-                while written < len(data):
-                    written += self._file.write(data[written:]) or 0
-            except BaseException:
-                self._file.truncate(self._end)
-                self._file.seek(self._end)
-                raise
-        self._end += len(data)
-
-    def close(self) -> None:
-        """Close the file; further calls do nothing."""
-        self._file.close()
-
-    def __enter__(self) -> "TrackWriter":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
+        self.write_lines(_rows(np.full(len(ids), frame), ids, boxes, confidence))
 
 
 def _rows(frames: np.ndarray, ids: np.ndarray, boxes: np.ndarray, confidence: np.ndarray) -> str:

@@ -22,18 +22,16 @@ class Recorder:
     def __init__(self, output, source, options, ids, boxes, tracker):
         from jaxpf.files import report_os_errors
         from jaxpf.overlay import object_colours
-        from jaxpf.tracks import TrackWriter
         from jaxpf.video_writer import VideoWriter
 
         self.output, self.source, self.options = output, source, options
         self.ids, self.boxes, self.tracker = ids, boxes, tracker
-        self.sizes = boxes[:, 2:]
         self.colours = object_colours(len(ids))
-        self.lost_frames: dict[int, list[int]] = {int(i): [] for i in ids}
+        self.lost_frames: dict[str, list[int]] = {str(i): [] for i in ids}
         self.num_tracked = self.num_invalid = self.num_impossible = 0
         self.seconds_first = self.seconds_rest = 0.0
         self._stack = contextlib.ExitStack()
-        self.tracks = self._stack.enter_context(TrackWriter(output / "tracks.csv"))
+        self.tracks = self._stack.enter_context(self._new_tracks(output / "tracks.csv"))
         with report_os_errors("write", output / "diagnostics.csv"):
             # Unbuffered, as the tracks are: whole lines, and no surprise when it is closed.
             self.diagnostics = self._stack.enter_context(
@@ -60,8 +58,34 @@ class Recorder:
 
     def start(self, number, frame):
         """The start frame's row is the given box."""
-        self.tracks.append(number, self.ids, self.boxes)
+        self._write(number, self.boxes, np.zeros(len(self.ids), bool))
         self._draw(frame, self.boxes, np.zeros(len(self.ids), bool), None)
+
+    # Boxes; jaxpf.cli.track_parts has parts in their place.
+
+    def _new_tracks(self, path):
+        from jaxpf.tracks import TrackWriter
+
+        return TrackWriter(path)
+
+    def _estimate(self, substates):
+        from jaxpf.geometry import boxes_from_substates
+
+        return np.asarray(boxes_from_substates(substates, self.boxes[:, 2:]), float)
+
+    def _bounds(self, boxes):
+        return boxes
+
+    def _write(self, number, boxes, lost):
+        self.tracks.append(number, self.ids, boxes, np.where(lost, 0.0, 1.0))
+
+    def _paint(self, frame, boxes, lost):
+        from jaxpf.overlay import draw_boxes
+
+        return draw_boxes(frame, boxes, self.ids, self.colours, lost)
+
+    def _likelihood_method(self):
+        return self.tracker.likelihood.method
 
     def follow(self, key, frames):
         """Track the frames after the start frame."""
@@ -88,23 +112,21 @@ class Recorder:
             progress.update(task, total=self.num_tracked)
 
     def _record(self, number, tracked):
-        from jaxpf.geometry import boxes_from_substates
-
         summary = tracked.summary
-        boxes = np.asarray(boxes_from_substates(summary.estimate, self.sizes), float)
-        lost = summary.lost | self._off_frame(boxes)
+        found = self._estimate(summary.estimate)
+        lost = summary.lost | self._off_frame(self._bounds(found))
         for name in self.ids[lost]:
-            self.lost_frames[int(name)].append(number)
+            self.lost_frames[str(name)].append(number)
         self.num_invalid += int(summary.num_invalid)
         self.num_impossible += int(np.isneginf(summary.log_evidence))
-        self.tracks.append(number, self.ids, boxes, np.where(lost, 0.0, 1.0))
+        self._write(number, found, lost)
         values = [summary.ess, summary.log_evidence, *summary.uniqueness]
         self._diagnose([str(number), *(f"{value:.6g}" for value in values)])
         self.num_tracked += 1
         cloud = None
         if self.video is not None:
             cloud = np.swapaxes(np.asarray(tracked.state.substates)[..., :2], 0, 1)
-        self._draw(tracked.frame, boxes, lost, cloud)
+        self._draw(tracked.frame, found, lost, cloud)
 
     def _diagnose(self, fields):
         """Append one line to diagnostics.csv: all of it or nothing."""
@@ -126,14 +148,14 @@ class Recorder:
         inside = (x < width) & (y < height) & (x + w > 0) & (y + h > 0)
         return ~inside  # a NaN box compares false everywhere, so it counts as lost
 
-    def _draw(self, frame, boxes, lost, cloud):
-        from jaxpf.overlay import draw_boxes, draw_particles
+    def _draw(self, frame, found, lost, cloud):
+        from jaxpf.overlay import draw_particles
 
         if self.video is None:
             return
         if cloud is not None:
             frame = draw_particles(frame, cloud, self.colours)
-        self.video.write(draw_boxes(frame, boxes, self.ids, self.colours, lost))
+        self.video.write(self._paint(frame, found, lost))
 
     def finish(self, stopped, truth):
         """Write what is known only at the end, and tell the user; ``stopped``: by what, or None."""
@@ -143,14 +165,14 @@ class Recorder:
         rate = (self.num_tracked - 1) / self.seconds_rest if self.seconds_rest > 0 else None
         content = {
             "parameters": {k: _jsonable(v) for k, v in self.options.items()},
-            "likelihood_method": self.tracker.likelihood.method,
+            "likelihood_method": self._likelihood_method(),
             "ids": self.ids.tolist(),
             "frames_tracked": self.num_tracked,
             "interrupted": isinstance(stopped, KeyboardInterrupt),
             "error": str(stopped) if isinstance(stopped, InputError) else None,
             "video_truncated": self.source.truncated,
             "video_note": self.source.note,
-            "lost_frames": {str(k): v for k, v in self.lost_frames.items()},
+            "lost_frames": self.lost_frames,
             "impossible_frames": self.num_impossible,
             "invalid_likelihoods": self.num_invalid,
             "seconds_first_frame": round(self.seconds_first, 3),

@@ -9,7 +9,7 @@ from typing import Any
 import click
 import numpy as np
 
-from jaxpf.cli import common
+from jaxpf.cli import common, track_parts
 from jaxpf.cli.recorder import Recorder
 from jaxpf.errors import InputError
 
@@ -41,6 +41,12 @@ _OUTPUTS = (
     "frame,id,x,y,w,h (from 0).",
 )
 @click.option("--ids", type=common.NumberList(int), help="Objects of --boxes, such as 1,2,5.")
+@click.option(
+    "--parts-file",
+    type=click.Path(path_type=Path),
+    help="Instead of boxes, the parts of an articulated object: CSV with the header "
+    "part,parent,x,y,w,h,angle (x, y the centre, angle in degrees clockwise, no parent: root).",
+)
 @click.option("--start", default=0, show_default=True, help="Start frame, counting from 0.")
 @click.option("--frames", type=int, help="Track at most this many frames after the start.")
 @click.option(
@@ -48,7 +54,8 @@ _OUTPUTS = (
     default="dps",
     show_default=True,
     help="sir (all objects at once), ps (one after another), dps (ps in as many orders as "
-    "objects), sps (side by side, then exchanged between particles).",
+    "objects), sps (side by side, then exchanged between particles).  Parts: sir, ps or sps, "
+    "which is then the default.",
 )
 @click.option(
     "--order",
@@ -86,14 +93,29 @@ _OUTPUTS = (
     "--likelihood",
     default="auto",
     show_default=True,
-    help="How histograms are computed: integral, sampled, or auto for the faster of the two.",
+    help="How histograms are computed: integral, sampled, or auto for the faster of the two.  "
+    "Parts: sampled, or patch, which compares pixels and suits grey pictures.",
 )
 @click.option(
     "--scale",
     type=common.NumberList(float, 3),
     default="4,2,0.003",
     show_default=True,
-    help="Noise per frame: x and y in pixels, relative size.",
+    help="Noise per frame: x and y in pixels, relative size.  Parts: of the root, x, y and degrees "
+    "[default: 3,3,3.5].",
+)
+@click.option(
+    "--joint-scale",
+    type=common.NumberList(float, 3),
+    default="0.5,0.5,4.5",
+    show_default=True,
+    help="Parts: noise of a joint, x and y in pixels and degrees.",
+)
+@click.option(
+    "--dynamics",
+    default="relative",
+    show_default=True,
+    help="Parts: relative (they follow their parents) or absolute (each moves on its own).",
 )
 @click.option(
     "--truth", type=click.Path(path_type=Path), help="CSV as for --boxes: adds a metrics table."
@@ -118,10 +140,11 @@ _OUTPUTS = (
 def command(**options: Any) -> None:
     """Track boxes through VIDEO, a video file or a folder of images.
 
-    The start boxes come from --box (repeated) or from --boxes with --ids.  Filtering begins
-    with the frame after the start frame.  The output folder receives tracks.csv (MOT
-    format), overlay.webm, diagnostics.csv and .png, summary.json, and run.toml, which repeats
-    the run: `jaxpf track --config run.toml -o ANOTHER`.
+    The start boxes come from --box (repeated) or from --boxes with --ids, the parts of an
+    articulated object from --parts-file.  Filtering begins with the frame after the start
+    frame.  The output folder receives tracks.csv (MOT format; of parts, in the columns
+    frame,part,x,y,w,h,angle), overlay.webm, diagnostics.csv and .png, summary.json, and
+    run.toml, which repeats the run: `jaxpf track --config run.toml -o ANOTHER`.
 
     Example: jaxpf track clip.mp4 --box 120,80,40,90 --box 300,85,42,88
     """
@@ -133,14 +156,21 @@ def command(**options: Any) -> None:
     source = open_frames(options["video"])
     frames = source.frames(options["start"])
     first = next(frames)
-    ids, boxes = _start_boxes(options, source)
-    truth = _read_truth(options, ids)
+    parts = truth = None
+    if options["parts_file"]:
+        parts = track_parts.start_parts(options, source.width, source.height)
+    else:
+        ids, boxes = _start_boxes(options, source)
+        truth = _read_truth(options, ids)
     output = options["output"] or Path(f"jaxpf-{source.name}")
     _check_output(output, source.path)
     common.use_compile_cache()
     import jax
 
-    tracker = _build_tracker(options, first, ids, boxes)
+    if parts is None:
+        tracker = _build_tracker(options, first, ids, boxes)
+    else:
+        tracker = track_parts.build_tracker(options, first, parts)
     existed = output.is_dir()
     files.prepare_output_folder(output, options["overwrite"])
 
@@ -149,7 +179,10 @@ def command(**options: Any) -> None:
     try:
         _remove_outputs(output)
         _write_repeatable_options(output, options)
-        recorder = Recorder(output, source, options, ids, boxes, tracker)
+        if parts is None:
+            recorder = Recorder(output, source, options, ids, boxes, tracker)
+        else:
+            recorder = track_parts.PartRecorder(output, source, options, parts, tracker)
         with recorder:
             recorder.start(options["start"], first)
             recorder.follow(jax.random.key(options["seed"]), frames)
@@ -182,16 +215,24 @@ def _prefer_command_line(options: dict[str, Any]) -> None:
             options["ids"] = None
     if typed("boxes") and not typed("box"):
         options["box"] = ()
+    if typed("parts_file"):
+        options |= {name: None for name in ("box", "boxes", "ids") if not typed(name)}
+    elif typed("box") or typed("boxes"):
+        options["parts_file"] = None
     if typed("method") and options["method"] != "ps" and not typed("order"):
         options["order"] = None
 
 
 def _check_options(options: dict[str, Any]) -> None:
+    likelihoods = _LIKELIHOODS
+    if options["parts_file"]:
+        track_parts.complete(options)
+        likelihoods = track_parts.LIKELIHOODS
     for name, valid in (
         ("method", _METHODS),
         ("resampling", _SCHEMES),
         ("swap", _SWAPS),
-        ("likelihood", _LIKELIHOODS),
+        ("likelihood", likelihoods),
         ("codec", _CODECS),
     ):
         if options[name] not in valid:
@@ -340,7 +381,7 @@ def _write_repeatable_options(output: Path, options: dict[str, Any]) -> None:
     repeatable = {
         name: options[name] for name in names if name not in ("config", "output", "overwrite")
     }
-    for name in ("video", "boxes", "truth"):
+    for name in ("video", "boxes", "parts_file", "truth"):
         if repeatable[name] is not None:
             repeatable[name] = repeatable[name].resolve()
     common.write_config(output / "run.toml", "track", repeatable)

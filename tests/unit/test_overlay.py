@@ -1,7 +1,13 @@
 import numpy as np
 import pytest
 
-from jaxpf.overlay import draw_boxes, draw_particles, draw_pixel_grid, object_colours
+from jaxpf.overlay import (
+    draw_boxes,
+    draw_particles,
+    draw_pixel_grid,
+    draw_rectangles,
+    object_colours,
+)
 
 
 def grey(width=120, height=90):
@@ -90,3 +96,26 @@ def test_grid_lines_lie_at_the_coordinates_that_they_name():
     ).all()
     with pytest.raises(ValueError, match="at least one pixel"):
         draw_pixel_grid(grey(), step=0)
+
+
+def test_a_turned_rectangle_is_drawn_along_its_sides():
+    frame = np.full((100, 120, 3), 40, np.uint8)
+    corners = np.array([[[60, 30], [90, 60], [60, 90], [30, 60]]], float)
+    colour = np.array([[255, 0, 0]], np.uint8)
+    drawn = draw_rectangles(frame, corners, ["a"], colour)
+    for start, end in zip(corners[0], np.roll(corners[0], -1, axis=0), strict=True):
+        x, y = np.floor((start + end) / 2 - 0.25).astype(int)
+        window = drawn[y - 1 : y + 3, x - 1 : x + 3].astype(int)
+        assert (window[..., 0] - window[..., 1]).max() > 150
+    assert (drawn[60, 60] == 40).all()  # its middle is left as it was
+    assert (frame == 40).all()
+    lost = draw_rectangles(frame, corners, ["a"], colour, np.array([True]))
+    assert (lost[75, 45] == 40).all()  # no side, but corners
+    assert (lost[89, 60] != 40).any()
+
+
+def test_rectangles_that_are_not_finite_or_far_away_do_no_harm():
+    frame = np.full((50, 60, 3), 40, np.uint8)
+    corners = np.array([[[np.nan, 1]] * 4, [[1e9, 1e9]] * 4, [[-1e9, 5]] * 4])
+    drawn = draw_rectangles(frame, corners, ["a", "b", "c"])
+    assert drawn.shape == frame.shape

@@ -1,0 +1,215 @@
+"""``jaxpf track --parts-file``: articulated objects from the command line."""
+
+import contextlib
+import csv
+import io
+import json
+import re
+import tomllib
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import pytest
+
+import scenes
+from jaxpf import cli
+from jaxpf.geometry import corners_from_poses
+
+NAMES = ("body", "left1", "right1", "left2", "right2")
+LENGTH = 12
+# Every successful run has these shapes, so that the filter is compiled once.
+PARTICLES = ("-n", "60")
+
+
+class Outcome(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+def jaxpf(*arguments):
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            cli.main([str(argument) for argument in arguments])
+        except SystemExit as stop:
+            code = stop.code
+    return Outcome(code, out.getvalue(), err.getvalue())
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return scenes.make("articulated", 4, num_parts=5, num_frames=LENGTH)
+
+
+@pytest.fixture(scope="module")
+def clip(scene, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clip")
+    for number, frame in enumerate(scene.frames):
+        cv2.imwrite(str(folder / f"{number}.png"), frame[..., ::-1])
+    return folder
+
+
+def lines_of(scene):
+    for part, (x, y, theta) in enumerate(scene.extras["poses"][0]):
+        parent = scene.extras["parents"][part]
+        width, height = scene.sizes[part]
+        on = NAMES[parent] if parent >= 0 else ""
+        yield f"{NAMES[part]},{on},{x:.2f},{y:.2f},{width:.0f},{height:.0f},{np.degrees(theta):.2f}"
+
+
+@pytest.fixture(scope="module")
+def parts_file(scene, tmp_path_factory):
+    path = tmp_path_factory.mktemp("parts") / "parts.csv"
+    path.write_text("part,parent,x,y,w,h,angle\n" + "\n".join(lines_of(scene)) + "\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole_run(clip, parts_file, tmp_path_factory):
+    output = tmp_path_factory.mktemp("run") / "out"
+    outcome = jaxpf(
+        "track", clip, "--parts-file", parts_file, *PARTICLES, "-o", output, "--codec", "vp8"
+    )
+    return outcome, output
+
+
+def mean_corner_distance(scene, output):
+    with (output / "tracks.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    poses = np.zeros((LENGTH, len(NAMES), 3))
+    for row in rows:
+        poses[int(row["frame"]), NAMES.index(row["part"])] = (
+            float(row["x"]), float(row["y"]), np.radians(float(row["angle"]))
+        )  # fmt: skip
+    corners = corners_from_poses(poses, scene.sizes)
+    return float(np.mean(np.linalg.norm(corners - scene.extras["corners"], axis=-1)))
+
+
+def test_parts_are_followed_and_every_file_is_written(scene, whole_run):
+    outcome, output = whole_run
+    assert outcome.code == 0, outcome.err
+    assert f"{LENGTH - 1} frames tracked" in outcome.out
+    assert {path.name for path in output.iterdir()} == {
+        "tracks.csv", "overlay.webm", "diagnostics.csv", "diagnostics.png", "summary.json",
+        "run.toml",
+    }  # fmt: skip
+    header, *rows = (output / "tracks.csv").read_text().splitlines()
+    assert header == "frame,part,x,y,w,h,angle"
+    assert len(rows) == LENGTH * len(NAMES)
+    assert mean_corner_distance(scene, output) < 4
+
+
+def test_the_overlay_shows_turned_rectangles(scene, whole_run):
+    _, output = whole_run
+    video = cv2.VideoCapture(str(output / "overlay.webm"))
+    shown = [video.read()[1] for _ in range(LENGTH)]
+    assert not video.read()[0]
+    # The middle of every part is left as it was; its outline is not.
+    pose = scene.extras["poses"][0]
+    for x, y, _ in pose.round().astype(int):
+        assert np.abs(shown[0][y, x].astype(int) - scene.frames[0][y, x, ::-1]).max() < 100
+    changed = np.abs(shown[0].astype(int) - scene.frames[0][..., ::-1]).max(axis=-1) > 60
+    assert changed.sum() > 500
+
+
+def test_the_summary_and_the_configuration_name_the_parts(whole_run, parts_file):
+    _, output = whole_run
+    summary = json.loads((output / "summary.json").read_text())
+    assert summary["ids"] == list(NAMES)
+    assert summary["likelihood_method"] == "sampled"
+    assert summary["lost_frames"] == {name: [] for name in NAMES}
+    options = tomllib.loads((output / "run.toml").read_text())["track"]
+    assert options["method"] == "sps"
+    assert options["scale"] == [3, 3, 3.5]
+    assert options["parts_file"] == str(parts_file.resolve())
+
+
+def test_the_configuration_repeats_the_run(whole_run, clip, tmp_path):
+    _, output = whole_run
+    again = jaxpf("track", clip, "--config", output / "run.toml", "-o", tmp_path / "again")
+    assert again.code == 0, again.err
+    one, other = (folder / "tracks.csv" for folder in (output, tmp_path / "again"))
+    assert one.read_bytes() == other.read_bytes()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--method", "ps", "--order", "0,2,1,4,3"),
+        ("--swap", "sorted"),
+        ("--dynamics", "absolute"),
+        ("--likelihood", "patch", "--sharpness", "20"),
+    ],
+    ids=["ps", "sorted", "absolute", "patch"],
+)
+def test_other_ways_to_track_parts(scene, clip, parts_file, tmp_path, options):
+    output = tmp_path / "out"
+    outcome = jaxpf(
+        "track",
+        clip,
+        "--parts-file",
+        parts_file,
+        *PARTICLES,
+        "-o",
+        output,
+        "--no-overlay",
+        *options,
+    )
+    assert outcome.code == 0, outcome.err
+    assert mean_corner_distance(scene, output) < 6
+    assert json.loads((output / "summary.json").read_text())["likelihood_method"] == (
+        "patch" if "patch" in options else "sampled"
+    )
+
+
+def test_boxes_on_the_command_line_win_over_parts_in_the_configuration(whole_run, clip, tmp_path):
+    _, output = whole_run
+    outcome = jaxpf(
+        "track", clip, "--config", output / "run.toml", "--box", "900,900,5,5", "-o", tmp_path / "o"
+    )
+    assert "lies outside the 400x300 frame" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--box", "1,2,3,4"), "--box is about boxes and --parts-file about parts; use one"),
+        (("--truth", "gt.csv"), "--truth is about boxes and --parts-file about parts"),
+        (("--method", "dps"), "method 'dps' is unknown for parts; choose one of sir, ps, sps"),
+        (("--likelihood", "integral"), "--likelihood 'integral' is not for parts; choose one of"),
+        (("--dynamics", "free"), "--dynamics 'free' is unknown; choose one of relative, absolute"),
+        (("-n", "1"), "--particles 1 leaves nothing to choose from; use 2 or more"),
+        (("--method", "ps", "--order", "1,0,2,3,4"), "puts part 1 before its parent 0"),
+        (("--method", "ps", "--order", "0,1"), "--order 0,1 is not a permutation of the 5 parts"),
+        (("--joint-scale", "1,1,-4"), "joint_scale .* must be three finite numbers"),
+        (("--swap", "best"), "--swap 'best' is unknown"),
+    ],
+)
+def test_every_mistake_has_one_clear_sentence(clip, parts_file, tmp_path, options, words):
+    output = tmp_path / "out"
+    outcome = jaxpf("track", clip, "--parts-file", parts_file, "-o", output, *options)
+    assert outcome.code == 2
+    assert outcome.err.startswith("Error: ")
+    assert outcome.err.count("\n") == 1
+    assert not output.exists()
+    assert re.search(words, outcome.err), outcome.err
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("tail,,10,10,5,5,0", "has 2 roots, body, tail"),
+        ("tail,nobody,10,10,5,5,0", "part 'tail' hangs on 'nobody', which is no part of the file"),
+        ("tail,body,1000,10,5,5,0", r"part 'tail' of .* has its centre \(1000,10\) outside"),
+        ("tail,body,10,10,0.4,5,0", "part 'tail' is 0.4.* pixels wide"),
+    ],
+)
+def test_parts_that_cannot_be_tracked_are_named(clip, parts_file, tmp_path, line, words):
+    path = tmp_path / "parts.csv"
+    path.write_text(f"{parts_file.read_text()}{line}\n")
+    outcome = jaxpf("track", clip, "--parts-file", path, "-o", tmp_path / "out")
+    assert outcome.code == 2
+    assert re.search(words, outcome.err), outcome.err
+    assert outcome.err.count("\n") == 1

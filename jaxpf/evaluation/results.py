@@ -14,6 +14,7 @@ from jaxpf.evaluation.batches import Batch, batch_files, read_batch, read_runs
 
 SETTINGS = "settings.json"
 TRUTH = "truth.npz"
+_KEYS = {"versions", "asked", "runs", "float64", "scene", "configurations"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -187,6 +188,6 @@ def read_settings(folder: Path) -> dict[str, Any]:
         raise InputError(
             f"'{path}' cannot be read ({error}); evaluate into another folder."
         ) from None
-    if not isinstance(settings, dict) or "configurations" not in settings:
+    if not isinstance(settings, dict) or not settings.keys() >= _KEYS:
         raise InputError(f"'{path}' describes no evaluation; evaluate into another folder.")
     return settings

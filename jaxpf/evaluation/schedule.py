@@ -18,7 +18,6 @@ from jaxpf.likelihoods.histogram import estimated_costs
 from jaxpf.running import RUNS_PER_BATCH
 from jaxpf.versions import versions
 
-FORMAT = 1
 #: Seconds that a batch takes about, at most: what a kill can cost.
 SECONDS_PER_BATCH = 15.0
 #: Bytes of JAX, its libraries and a compiled kernel.
@@ -85,7 +84,6 @@ def new_settings(plan: Plan, scene: Any) -> dict[str, Any]:
         scene.boxes.shape[1], lambda: _cheaper_likelihood(plan, scene)
     )
     return {
-        "format": FORMAT,
         "versions": versions(),
         "asked": plan.asked(),
         "runs": plan.runs,

@@ -86,9 +86,10 @@ def locked(folder: Path) -> Iterator[None]:
     Raises:
         InputError: another process holds the folder, or it cannot be written.
     """
-    with report_os_errors("create the folder", folder):
+    with report_os_errors("write into the folder", folder):
         folder.mkdir(parents=True, exist_ok=True)
-    with report_os_errors("write into the folder", folder), open(folder / LOCK, "w") as file:
+        file = open(folder / LOCK, "w")  # noqa: SIM115 - held open while the lock is
+    with file:
         try:
             import fcntl
 

@@ -401,6 +401,19 @@ def test_two_processes_cannot_evaluate_into_one_folder(part):
     assert evaluate(small_plan(runs=TWICE), part, limits=ONE).runs == TWICE
 
 
+def test_errors_while_the_folder_is_locked_are_not_mistaken_for_its_own(tmp_path):
+    with pytest.raises(FileNotFoundError, match="elsewhere"), store.locked(tmp_path):
+        raise FileNotFoundError("elsewhere")
+    with store.locked(tmp_path):  # it was given back
+        pass
+
+
+def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="cannot write into the folder"):
+        evaluate(small_plan(), tmp_path / "file" / "below")
+
+
 def test_a_full_disk_is_one_sentence_and_finished_batches_stay(whole, tmp_path, monkeypatch):
     """The disk fills up while the third of four batches is written."""
     replace, replaced = os.replace, []

@@ -34,6 +34,9 @@ PAPERS = {
     help="Folder for tables, figures and report.  [default: jaxpf-PAPER]",
 )
 @click.option("--overwrite", is_flag=True, help="Accept an output folder that is not empty.")
+@click.option(
+    "--calibrate", is_flag=True, help="Repeat the search for unpublished settings instead."
+)
 @common.config_option()
 def command(
     paper: str,
@@ -43,6 +46,7 @@ def command(
     data: Path | None,
     output: Path | None,
     overwrite: bool,
+    calibrate: bool,
 ) -> None:
     """Repeat a paper's experiment; print its figures beside ours, and judge its claims.
 
@@ -64,6 +68,9 @@ def command(
 
     began = time.perf_counter()
     experiment: Any = importlib.import_module(PAPERS[paper])
+    if calibrate:
+        _calibrate(experiment, paper, folder)
+        return
     comparison = experiment.run(runs=runs, seed=seed, quick=quick, data=data, report=click.echo)
     for table in comparison.tables:
         common.print_table(table.title, table.columns, table.texts())
@@ -81,6 +88,21 @@ def command(
     written = comparison_table.write(comparison, folder)
     seconds = time.perf_counter() - began
     click.echo(f"{folder}/: {', '.join([*written, 'run.toml'])} ({seconds:.0f} s)")
+
+
+def _calibrate(experiment: Any, paper: str, folder: Path) -> None:
+    from jaxpf.errors import InputError
+    from jaxpf.experiments.comparison_table import table_csv
+    from jaxpf.files import atomic_write
+
+    if not hasattr(experiment, "calibrate"):
+        raise InputError(f"--calibrate: {paper} has nothing to calibrate; leave it out.")
+    table = experiment.calibrate(report=click.echo)
+    common.print_table(table.title, table.columns, table.texts())
+    click.echo(table.note)
+    with atomic_write(folder / f"{table.name}.csv") as file:
+        file.write(table_csv(table))
+    click.echo(f"{folder}/: {table.name}.csv")
 
 
 def _data_folder(given: Path | None) -> Path | None:

@@ -143,6 +143,36 @@ def student_interval(values: np.ndarray) -> Callable[[float], tuple[float, float
     return interval
 
 
+def cluster_interval(rates: np.ndarray, trials: int) -> Callable[[float], tuple[float, float]]:
+    """Intervals for a rate from clusters of trials that resemble each other, in percent.
+
+    Wilson's interval at the effective number of trials: the number that would give independent
+    trials the variance seen between clusters, at most all of them, and reduced for the few
+    degrees of freedom of that variance (Korn and Graubard, Survey Methodology 1998, with
+    Wilson's interval in place of Clopper and Pearson's).  At a rate of 0 or 1 nothing is seen of
+    the variance between clusters: then each counts as one trial.
+
+    Args:
+        rates: ``[n]``, each cluster's rate, 0 to 1.
+        trials: per cluster.
+    """
+    from scipy.special import ndtri, stdtrit
+
+    rates = np.asarray(rates, float)
+    n, p = len(rates), float(np.mean(rates))
+
+    def interval(level: float) -> tuple[float, float]:
+        effective = float(n)
+        if 0 < p < 1 and n > 1:
+            between = float(np.var(rates, ddof=1)) / n
+            design = max(between * n * trials / (p * (1 - p)), 1.0)
+            tail = 0.5 + level / 2
+            effective = n * trials / design * float(ndtri(tail) / stdtrit(n - 1, tail)) ** 2
+        return wilson(p * effective, effective)(level)
+
+    return interval
+
+
 def wilson(successes: float, trials: float) -> Callable[[float], tuple[float, float]]:
     """Wilson's intervals for a rate, as percentages; [0, 100] without trials."""
 

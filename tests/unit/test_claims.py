@@ -1,0 +1,115 @@
+import math
+
+import numpy as np
+import pytest
+
+from jaxpf.experiments.claims import (
+    CANNOT_RESOLVE,
+    CONTRADICTS,
+    SUPPORTS,
+    Quantity,
+    cluster_interval,
+    judged,
+    newcombe,
+    shown,
+    student_interval,
+    verdict,
+    wilson,
+)
+
+
+def fixed(value, reach, **claimed):
+    """A quantity whose interval is ``value +- reach`` at 95 %, wider at higher levels."""
+
+    def interval(level):
+        wider = reach * (1 if level <= 0.95 else 1.5)
+        return value - wider, value + wider
+
+    return Quantity("it", value, interval, **claimed)
+
+
+def test_a_claim_is_supported_where_the_whole_interval_lies_in_its_range():
+    assert verdict([fixed(10, 5, at_least=0)]) == SUPPORTS
+    assert verdict([fixed(-10, 5, at_most=0)]) == SUPPORTS
+    assert verdict([fixed(0, 1, at_least=-2, at_most=2)]) == SUPPORTS
+
+
+def test_a_claim_is_contradicted_where_the_whole_interval_lies_outside():
+    assert verdict([fixed(-10, 5, at_least=0)]) == CONTRADICTS
+    assert verdict([fixed(5, 1, at_least=-2, at_most=2)]) == CONTRADICTS
+
+
+def test_an_interval_that_straddles_the_boundary_resolves_nothing():
+    assert verdict([fixed(3, 5, at_least=0)]) == CANNOT_RESOLVE
+    assert verdict([fixed(-3, 5, at_least=0)]) == CANNOT_RESOLVE
+    assert verdict([]) == CANNOT_RESOLVE
+    assert verdict([fixed(math.nan, math.nan, at_least=0)]) == CANNOT_RESOLVE
+
+
+def test_all_parts_must_support_and_one_is_enough_to_contradict():
+    good, open_, bad = (fixed(value, 5, at_least=0) for value in (10, 1, -20))
+    assert verdict([good, good]) == SUPPORTS
+    assert verdict([good, open_]) == CANNOT_RESOLVE
+    assert verdict([good, bad]) == CONTRADICTS
+
+
+def test_the_more_parts_the_more_it_takes_to_contradict():
+    # Outside at 95 %, not at the corrected level of two parts.
+    slightly = fixed(-6, 5, at_least=0)
+    assert verdict([slightly]) == CONTRADICTS
+    assert verdict([fixed(10, 5, at_least=0), slightly]) == CANNOT_RESOLVE
+
+
+def test_a_judged_claim_shows_its_figures():
+    claim = judged("a > b", "table 1", "3, 4", [fixed(10, 5, at_least=0)])
+    assert claim == ("a > b", "table 1", "3, 4", "it: 10 [5, 15]", SUPPORTS)
+    assert shown([fixed(1, 0.25)._replace(what="")], digits=2) == "1.00 [0.75, 1.25]"
+
+
+def test_students_interval_is_the_textbooks():
+    # Five values with mean 3 and standard deviation sqrt(2.5); t(.975, 4) = 2.776.
+    low, high = student_interval(np.array([1.0, 2, 3, 4, 5]))(0.95)
+    reach = 2.7764 * math.sqrt(2.5 / 5)
+    np.testing.assert_allclose([low, high], [3 - reach, 3 + reach], rtol=1e-4)
+    assert all(map(math.isnan, student_interval(np.array([1.0]))(0.95)))
+    assert student_interval(np.array([1.0, 2, 3, 4, 5, np.nan]))(0.95) == (low, high)
+
+
+def test_newcombes_interval_is_the_published_one():
+    # Newcombe 1998, table II, example (a): 56/70 against 48/80, method 10: .0524 to .3339.
+    low, high = newcombe((56, 48), (70, 80))(0.95)
+    np.testing.assert_allclose([low, high], [5.24, 33.39], atol=0.01)
+    # Example (e): 5/56 against 0/29: -.0381 to .1926.
+    np.testing.assert_allclose(newcombe((5, 0), (56, 29))(0.95), [-3.81, 19.26], atol=0.01)
+
+
+def test_clusters_that_agree_with_themselves_widen_the_interval():
+    alike = np.array([0.4, 0.4, 0.4, 0.4, 0.4, 0.4, 0.4, 0.4])
+    divided = np.array([1.0, 0, 1, 0, 1, 0, 0.2, 0])
+    assert np.mean(alike) == pytest.approx(np.mean(divided))
+    low, high = cluster_interval(alike, 5)(0.95)
+    wide_low, wide_high = cluster_interval(divided, 5)(0.95)
+    assert wide_low < low - 5
+    assert wide_high > high + 5
+    # Never narrower than if all trials were independent.
+    independent = wilson(16, 40)(0.95)
+    assert low <= independent[0]
+    assert high >= independent[1]
+
+
+def test_where_nothing_succeeded_each_cluster_counts_as_one_trial():
+    assert cluster_interval(np.zeros(10), 5)(0.95) == wilson(0, 10)(0.95)
+
+
+@pytest.mark.statistical
+def test_cluster_intervals_cover_the_rate():
+    """Scenes of different difficulty: the interval holds the population's rate often enough."""
+    rng = np.random.default_rng(0)
+    repeats, covered = 400, 0
+    for _ in range(repeats):
+        scenes = rng.beta(0.6, 0.9, size=10)
+        rates = rng.binomial(5, scenes) / 5
+        low, high = cluster_interval(rates, 5)(0.95)
+        covered += low <= 100 * 0.4 <= high
+    # 95 %, less three standard errors of 400 repeats.
+    assert covered / repeats > 0.95 - 3 * math.sqrt(0.95 * 0.05 / repeats)

@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _MODULES = (
+    "articulated",
     "boxes",
     "contract",
     "dynamics",
     "errors",
+    "evaluation",
     "geometry",
     "intervals",
+    "joints",
     "likelihoods",
     "metrics",
     "ordering",
@@ -25,7 +28,9 @@ _MODULES = (
     "pytree",
     "resampling",
     "running",
+    "scores",
     "state",
+    "track_matching",
     "tracking",
     "tracks",
     "video",
@@ -43,12 +48,15 @@ _NAMES = {
 
 if TYPE_CHECKING:
     from jaxpf import (  # noqa: F401
+        articulated,
         boxes,
         contract,
         dynamics,
         errors,
+        evaluation,
         geometry,
         intervals,
+        joints,
         likelihoods,
         metrics,
         ordering,
@@ -58,7 +66,9 @@ if TYPE_CHECKING:
         pytree,
         resampling,
         running,
+        scores,
         state,
+        track_matching,
         tracking,
         tracks,
         video,

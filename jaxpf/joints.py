@@ -9,6 +9,8 @@ at a rectangle's centre and turn with it.  With R(theta) the rotation and q the 
     (x, y) = (x_q, y_q) + R(theta_q) (parent_anchor + offset) - R(theta) part_anchor
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -38,6 +40,8 @@ class RelativeToParent(BatchedDynamics):
         part_anchor: ``[P, 2]``, the joint in the part's own coordinates, pixels.
         memory: share of an offset that stays to the next frame; below 1 it returns to zero, so
             that parts cannot drift away from their parents.
+        walks_alone: ``[P]`` bool, the parts that move as roots do; by default the roots.  With all
+            of them the dynamics are absolute, and nothing compiles anew.
         parents: static, the part tree, -1 for a root.
     """
 
@@ -45,6 +49,7 @@ class RelativeToParent(BatchedDynamics):
     parent_anchor: ArrayLike
     part_anchor: ArrayLike
     memory: ArrayLike = 0.5
+    walks_alone: Any = None
     parents: tuple[int, ...] = static_field(default=(-1,))
 
     def propagate_all(self, key, partition, current, previous, parent):
@@ -52,10 +57,11 @@ class RelativeToParent(BatchedDynamics):
         dtype = current.dtype
         # One gather of what is known of a particle's part; each costs more than it fetches.
         known = [jnp.asarray(x, dtype) for x in (self.scale, self.parent_anchor, self.part_anchor)]
-        is_root = jnp.asarray(np.array(self.parents)[:, None] < 0, dtype)
-        of_part = jnp.concatenate([*known, is_root], axis=1)[partition].T
+        alone = np.array(self.parents) < 0 if self.walks_alone is None else self.walks_alone
+        known.append(jnp.asarray(alone, dtype)[:, None])
+        of_part = jnp.concatenate(known, axis=1)[partition].T
         scale, parent_anchor, part_anchor = of_part[:3], of_part[3:5], of_part[5:7]
-        is_root = of_part[7] > 0
+        alone = of_part[7] > 0
         noise = jax.random.normal(key, scale.shape, dtype)
         # Rows are mixed below, and XLA would draw all noise anew for each of the six rows that
         # come out of it (four times slower): it fuses everything but a product of matrices.
@@ -63,8 +69,8 @@ class RelativeToParent(BatchedDynamics):
         memory = jnp.asarray(self.memory, dtype)
         joint = jnp.stack([memory * current[3], memory * current[4], current[5]]) + noise
         pose = place(joint, parent, parent_anchor, part_anchor)
-        pose = jnp.where(is_root, current[:3] + noise, pose)
-        return jnp.concatenate([pose, jnp.where(is_root, 0.0, joint)])
+        pose = jnp.where(alone, current[:3] + noise, pose)
+        return jnp.concatenate([pose, jnp.where(alone, 0.0, joint)])
 
 
 @pytree_dataclass
@@ -136,7 +142,8 @@ def substates_at(dynamics: RelativeToParent, poses: ArrayLike, shift: ArrayLike 
     Args:
         dynamics: see ``RelativeToParent``.
         poses: ``[P, 3]``.  What they leave between a part's anchors becomes its offset.
-        shift: added to a root's pose and to a part's joint, ``[P, 3]``; parts follow.
+        shift: added to the pose of a root, or of a part that walks alone, and to any other part's
+            joint, ``[P, 3]``; parts follow.
     """
     poses = jnp.asarray(poses)
     shift = jnp.broadcast_to(jnp.asarray(shift, poses.dtype), poses.shape)
@@ -147,14 +154,15 @@ def substates_at(dynamics: RelativeToParent, poses: ArrayLike, shift: ArrayLike 
             if part in substates or (parent >= 0 and parent not in substates):
                 continue
             parent_anchor, part_anchor = (anchor[part] for anchor in anchors)
-            if parent < 0:
-                pose, joint = poses[part] + shift[part], jnp.zeros_like(poses[part])
-            else:
+            pose, joint = poses[part] + shift[part], jnp.zeros_like(poses[part])
+            if parent >= 0:
                 x, y = turned(part_anchor, poses[part, 2])
                 apart = poses[part, :2] + jnp.stack([x, y]) - poses[parent, :2]
                 offset = jnp.stack(turned(apart, -poses[parent, 2])) - parent_anchor
-                joint = jnp.append(offset, poses[part, 2] - poses[parent, 2]) + shift[part]
-                pose = place(joint, substates[parent], parent_anchor, part_anchor)
+                hangs = jnp.append(offset, poses[part, 2] - poses[parent, 2]) + shift[part]
+                placed = place(hangs, substates[parent], parent_anchor, part_anchor)
+                alone = False if dynamics.walks_alone is None else dynamics.walks_alone[part]
+                pose, joint = jnp.where(alone, pose, placed), jnp.where(alone, joint, hangs)
             substates[part] = jnp.concatenate([pose, joint])
     return jnp.stack([substates[part] for part in range(len(substates))])
 

@@ -108,6 +108,19 @@ def test_particles_of_different_parts_move_by_their_own_joints():
     np.testing.assert_allclose(mixed, np.stack(each, axis=1), atol=1e-5)
 
 
+def test_parts_that_walk_alone_ignore_their_parents():
+    rng = np.random.default_rng(2)
+    current, parent = (jnp.array(rng.normal(size=(6, 5)), jnp.float32) for _ in range(2))
+    free = dynamics(scale=np.zeros((5, 3)), walks_alone=np.ones(5, bool))
+    moved = free.propagate_all(jax.random.key(0), jnp.arange(5), current, current, parent)
+    np.testing.assert_allclose(moved[:3], current[:3])
+    assert not np.asarray(moved[3:]).any()
+    poses = jnp.array(rng.normal(size=(5, 3)), jnp.float32)
+    at = substates_at(free, poses, shift=jnp.arange(15.0).reshape(5, 3))
+    np.testing.assert_allclose(at[:, :3], poses + np.arange(15).reshape(5, 3), rtol=1e-5)
+    assert not np.asarray(at[:, 3:]).any()
+
+
 def test_gradients_are_finite_and_those_of_the_rotation():
     def end(angle, parent):
         at = jnp.array([0.0, 0, 0, 0, 0, 0]).at[5].set(angle)

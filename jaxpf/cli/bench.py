@@ -43,6 +43,11 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
         ["frames", "bytes"],
         [[str(frames), str(size)] for frames, size in memory],
     )
+    common.print_table(
+        "smith2004, tables 1 and 2: 1800 runs from a cold start",
+        ["", "seconds", "goal"],
+        [["all, compilation included", f"{speed.cold_reproduction():.1f}", "< 60"]],
+    )
     if output is not None:
         from jaxpf.files import atomic_write
 

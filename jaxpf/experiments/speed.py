@@ -5,6 +5,10 @@ compilation.  Baseline and candidate are timed alternately and the median of the
 is reported: on a shared machine ratios can be trusted, figures hardly.
 """
 
+import os
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
@@ -322,6 +326,27 @@ def scaling_rows(largest: int = 10**6, repeats: int = 3) -> Iterator[Row]:
         nanoseconds = float(np.median(seconds)) / units * 1e9
         name = f"N = {num_particles}, P = {num_partitions}, R = {num_runs}"
         yield Row(name, nanoseconds, np.nan, np.nan, np.nan, "", "")
+
+
+_COLD_START = """
+from jaxpf.cli.common import start_jax
+start_jax()
+from jaxpf.experiments.smith2004.synthetic import all_orderings, measure
+chosen = {n: o for n, o in all_orderings().items() if n not in ("DPS evidence", "SPS")}
+measure(range(10), orderings=chosen)
+"""
+
+
+def cold_reproduction() -> float:
+    """Seconds for smith2004's tables 1 and 2 in a new process without any compiled kernel.
+
+    4 values of sharpness x (50 runs of Non-PS, 7 x 50 of PS, 50 of DPS): 1800 runs.
+    """
+    with tempfile.TemporaryDirectory() as empty:
+        environment = os.environ | {"JAXPF_CACHE_DIR": empty}
+        began = time.perf_counter()
+        subprocess.run([sys.executable, "-c", _COLD_START], env=environment, check=True)
+        return time.perf_counter() - began
 
 
 def memory_rows() -> Iterator[tuple[int, int]]:

@@ -109,10 +109,11 @@ def _data_folder(given: Path | None) -> Path | None:
     """The folder named by ``--data`` or ``JAXPF_DATA``; None if neither is."""
     from jaxpf.errors import InputError
 
-    place = "--data" if given is not None else "JAXPF_DATA"
-    folder = given if given is not None else Path(os.environ.get("JAXPF_DATA", ""))
-    if folder == Path(""):
+    from_environment = os.environ.get("JAXPF_DATA", "")
+    if given is None and not from_environment:
         return None
+    place = "JAXPF_DATA" if given is None else "--data"
+    folder = Path(from_environment) if given is None else given
     if not folder.is_dir():
         raise InputError(
             f"{place} names '{folder}', which is no folder; name one that holds real clips, such "

@@ -87,7 +87,7 @@ def sweep_table(result: Sweep) -> Table:
 
 def sweep_figure(result: Sweep) -> Any:
     """Recovery with intervals against distance, one line per method."""
-    figure, axes = plotting.new_figure(figsize=(8, 4.5))
+    figure, axes = plotting.new_figure(figsize=(9, 4.5))
     axis = axes[0, 0]
     colours = plotting.colours(len(METHODS))
     for k, (method, colour) in enumerate(zip(METHODS, colours, strict=True)):
@@ -101,5 +101,5 @@ def sweep_figure(result: Sweep) -> Any:
         ylim=(0, 100),
     )
     axis.grid(alpha=0.3)
-    axis.legend()
+    figure.legend(loc="outside right center")
     return figure

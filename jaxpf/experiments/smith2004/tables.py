@@ -24,7 +24,7 @@ from jaxpf.experiments.smith2004.synthetic import (
     shifted,
 )
 
-_PAPER_METHODS = ("Non-PS", "PS", "DPS")
+_CHUNK = 100  # permutations at a time, for memory
 
 
 def rate(values: np.ndarray, trials: int) -> Measured:
@@ -139,7 +139,11 @@ def shuffled_orders(recovered: np.ndarray, count: int = 2000, seed: int = 0) -> 
     """
     blocks = np.moveaxis(np.asarray(recovered, float), 1, -1).reshape(-1, recovered.shape[1])
     rng = np.random.default_rng(seed)
-    return np.stack([rng.permuted(blocks, axis=1).mean(axis=0) for _ in range(count)])
+    rates = []
+    for _ in range(0, count, _CHUNK):
+        shuffle = rng.random((_CHUNK, *blocks.shape)).argsort(axis=-1)
+        rates.append(np.take_along_axis(blocks[None], shuffle, axis=-1).mean(axis=1))
+    return np.concatenate(rates)[:count]
 
 
 def order_p_value(recovered: np.ndarray) -> float:
@@ -217,38 +221,46 @@ def figure_4(outcome: Outcome) -> Any:
 
 
 def figure_recovery(outcome: Outcome) -> Any:
-    """Recovery of object 1 at every sharpness, published (crosses) and ours."""
-    figure, axes = plotting.new_figure(1, 2, figsize=(12, 4.5))
-    left, right = axes[0]
+    """Recovery of object 1: rates, differences to PS scene by scene, and PS's orders."""
+    figure, axes = plotting.new_figure(1, 3, figsize=(15, 4.8))
+    rates, differences, orders = axes[0]
+    recovered = outcome.recovered.mean(axis=-1)
     for place, (method, colour) in enumerate(
         zip(METHODS, plotting.colours(len(METHODS)), strict=True)
     ):
-        cells = [
-            rate(
-                outcome.recovered[:, outcome.of(method), column].mean(axis=(1, 2)),
-                RUNS_PER_SCENE * len(outcome.of(method)),
-            )
-            for column in range(len(SHARPNESS))
-        ]
-        at = np.array(SHARPNESS) + (place - 2) * 0.9
-        _points(left, at, cells, colour, method)
+        by_scene = recovered[:, outcome.of(method)].mean(axis=1)  # [S, L]
+        at = np.array(SHARPNESS) + (place - 2) * 1.2
+        trials = RUNS_PER_SCENE * len(outcome.of(method))
+        _points(rates, at, [rate(column, trials) for column in by_scene.T], colour, method)
         published = TABLE_2["recovery"].get("PS mean" if method == "PS" else method)
         if published:
-            left.plot(at, published, "x", color=colour, ms=8, mew=2)
-    left.set(
-        xlabel="sharpness", ylabel="object 1 recovered (% of runs)", ylim=(0, 100), xticks=SHARPNESS
-    )
-    left.set_title("crosses: published")
-    left.legend(fontsize="small", ncols=2)
-    pooled = outcome.recovered[:, outcome.orders()].mean(axis=2)  # over sharpness values
-    cells = [rate(pooled[:, k].mean(axis=-1), RUNS_PER_SCENE) for k in range(NUM_OBJECTS)]
-    _points(right, np.arange(1, NUM_OBJECTS + 1), cells, "black", "PS")
-    right.axhline(100 * pooled.mean(), color="gray", lw=1)
-    right.set(
-        xlabel="object that PS treats first", ylim=(0, 100), title="by order, all sharpness values"
-    )
-    for axis in (left, right):
+            rates.plot(at, published, "x", color=colour, ms=9, mew=2)
+        if method == "PS":
+            continue
+        gaps = 100 * (by_scene - recovered[:, outcome.orders()].mean(axis=1))
+        cells = [Measured(float(gap.mean()), *student_interval(gap)(0.95)) for gap in gaps.T]
+        _points(differences, at, cells, colour, method)
+        if published:
+            gap = np.subtract(published, TABLE_2["recovery"]["PS mean"])
+            differences.plot(at, gap, "x", color=colour, ms=9, mew=2)
+    rates.set(ylabel="object 1 recovered (% of runs)", ylim=(0, 100))
+    differences.set(ylabel="points above the mean of PS's orders, by scene")
+    differences.axhline(0, color="gray", lw=1)
+    for axis in (rates, differences):
+        axis.set(xlabel="sharpness (crosses: published)", xticks=SHARPNESS)
         axis.grid(alpha=0.3)
+    pooled = recovered[:, outcome.orders()].mean(axis=-1)  # [S, K], over sharpness values
+    gaps = 100 * (pooled - pooled.mean(axis=1, keepdims=True))
+    cells = [Measured(float(gap.mean()), *student_interval(gap)(0.95)) for gap in gaps.T]
+    _points(orders, np.arange(1, NUM_OBJECTS + 1), cells, "black", "PS")
+    orders.axhline(0, color="gray", lw=1)
+    orders.set(
+        xlabel="object that PS treats first",
+        ylabel="points above the mean of PS's orders, all sharpness",
+        ylim=(-30, 30),
+    )
+    orders.grid(alpha=0.3)
+    figure.legend(*rates.get_legend_handles_labels(), loc="outside upper center", ncols=5)
     return figure
 
 

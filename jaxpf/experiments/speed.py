@@ -187,9 +187,10 @@ def kernel_rows(repeats: int, num_frames: int = 24) -> Iterator[Row]:
         )
         return partial(jaxpf.monte_carlo, tracker, keys, frames, keep_estimate, devices=devices)
 
-    candidates = {name: candidate(ordering) for name, ordering in chosen.items()}
+    candidates: dict[str, Callable[[], Any]] = {n: candidate(o) for n, o in chosen.items()}
     if len(devices) > 1:
         candidates["one device"] = candidate(chosen["DPS"], devices[:1])
+    candidates["opencv"] = opencv_loop(frame, boxes[0])
     seconds = interleaved(candidates, repeats)
     units = RUNS * PARTICLES * OBJECTS * num_frames
     for name in chosen:
@@ -200,6 +201,11 @@ def kernel_rows(repeats: int, num_frames: int = 24) -> Iterator[Row]:
     if len(devices) > 1:
         name = f"the same on one device of {len(devices)}"
         yield compared(name, seconds["one device"], units, seconds["DPS"], "this / DPS", ">= 1.3")
+    # 300 ns were asked for on a machine where OpenCV takes 7100: on any machine, 24 times less.
+    loop = seconds["opencv"] / 300
+    ratio = median_interval(loop / (seconds["DPS"] / units))
+    nanoseconds = float(np.median(loop)) * 1e9
+    yield Row("OpenCV, one likelihood alone", nanoseconds, *ratio, "this / DPS", ">= 24")
 
 
 # --- One dimension, one partition, against a minimal filter -------------------------------

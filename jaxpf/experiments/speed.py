@@ -337,9 +337,10 @@ def scaling_rows(largest: int = 10**6, repeats: int = 3) -> Iterator[Row]:
 _COLD_START = """
 from jaxpf.cli.common import start_jax
 start_jax()
-from jaxpf.experiments.smith2004.synthetic import all_orderings, measure
+from jaxpf.experiments.smith2004.synthetic import RUNS_PER_SCENE, all_orderings, measure
+from jaxpf.experiments.smith2004.published import RUNS
 chosen = {n: o for n, o in all_orderings().items() if n not in ("DPS evidence", "SPS")}
-measure(range(10), orderings=chosen)
+measure(range(RUNS // RUNS_PER_SCENE), orderings=chosen)
 """
 
 

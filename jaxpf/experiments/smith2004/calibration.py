@@ -17,6 +17,18 @@ either goes.  The search compares our figures with the published ones on scenes 
   finds the object again to the extent that it has diverse particles to select from.
 * *Lead distance*, from object 1 to where the distracter leaves the tracker: with a partial
   overlap the tracker can still climb to the object, and must do so before that has gone.
+
+What it found, with multinomial resampling (percent, averaged over the sharpness values):
+
+* size: precision of Non-PS and PS 78, 94 at 32 x 42 pixels, 72, 93 at 28 x 36, 65, 93 at
+  24 x 30, 62, 92 at 20 x 25; published 68, 91;
+* likeness and lead distance: recovery of Non-PS, PS and DPS 1, 24, 36 at .15 and 22 pixels;
+  published 2, 20, 38.  At 22 pixels it is 2, 6, 11 with a likeness of .1 and 6, 32, 46 with .2;
+  with one of .15 it is 2, 9, 20 at 26 pixels;
+* departure: without it 48, 76, 81; with 30 pixels 33, 60, 69; with 55 pixels 1, 24, 36.
+
+DPS came out above PS, and PS above Non-PS, in all settings with a departure of 55 pixels in
+which any method recovered the object in more than a tenth of the runs.
 """
 
 import itertools
@@ -27,11 +39,20 @@ import numpy as np
 
 from jaxpf.experiments.comparison_table import Table
 from jaxpf.experiments.smith2004.published import TABLE_1, TABLE_2
-from jaxpf.experiments.smith2004.synthetic import SCENE, Outcome, measure
+from jaxpf.experiments.smith2004.synthetic import Outcome, measure
 
 #: Scenes of the search.  The command takes seeds below 2^20, so that no report uses these.
-SEEDS = tuple(range(2**20, 2**20 + 8))
+SEEDS = tuple(range(2**20, 2**20 + 20))
 
+#: Where the search starts; the first stage sets the size, the second likeness and distance.
+START: dict[str, Any] = {
+    "object_width": 32,
+    "object_height": 42,
+    "likeness": 0.2,
+    "lead_distance": 22.0,
+    "leader_travel": 15.0,
+    "departure": 55.0,
+}
 #: Width and height at scale 1, first stage.
 SIZES = ((32, 42), (28, 36), (24, 30), (20, 25))
 #: Second stage, all combinations.
@@ -83,7 +104,7 @@ def figures_of(outcome: Outcome) -> dict[str, tuple[float, float]]:
 def search(
     seeds: Sequence[int] = SEEDS, report: Callable[[str], None] = print
 ) -> tuple[dict[str, Any], list[Trial]]:
-    """Repeat the search that set ``SCENE``: some 30 settings, ten minutes on two cores.
+    """Repeat the search that set ``synthetic.SCENE``: 23 settings, ten minutes on two cores.
 
     One thing at a time, each stage starting from the best of the last: the object's size by
     table 1, likeness and lead distance by table 2, and last what object 1's departure does.
@@ -96,7 +117,7 @@ def search(
         The best parameters, and all trials in order.
     """
     trials: list[Trial] = []
-    best = dict(SCENE)
+    best = dict(START)
     for stage, settings in _stages():
         scored = []
         for changed in settings:

@@ -312,9 +312,13 @@ def test_a_clip_without_its_events_is_told(clip_folder, tmp_path):
 def test_real_occlusions_are_measured_and_judged(clip_folder):
     """Five runs, whatever the number of devices that share them."""
     outcomes = occlusions.measure(clip_folder, 5, seed=0, particles=(30,))
-    assert [(outcome.identity, outcome.runs) for outcome in outcomes] == [(2, 5), (4, 5)]
-    table = occlusions.table(outcomes[0])
-    assert [label for label, _ in table.rows] == list(synthetic.all_orderings(5))
+    assert [(each.identity, each.hidden, each.runs) for each in outcomes] == [
+        (identity, identity in (2, 4), 5) for identity in (1, 2, 3, 4, 5)
+    ]
+    for_2, for_4, overview = occlusions.tables(outcomes)
+    assert ("object 2" in for_2.title, "object 4" in for_4.title) == (True, True)
+    assert [label for label, _ in overview.rows] == list(synthetic.all_orderings(5))
+    assert len(overview.columns) == 1 + 5
     # Objects that are easy to follow for 8 frames: independent filters lose none of them.
     assert outcomes[0].successes["SPS"] == outcomes[0].recoveries["SPS"] == 5
     assert outcomes[0].precision["SPS"].value > 50
@@ -323,7 +327,7 @@ def test_real_occlusions_are_measured_and_judged(clip_folder):
 def occluded(identity, particles, recoveries, runs=50):
     names = list(synthetic.all_orderings(5))
     counts = {name: recoveries.get(name, recoveries.get(name.split()[0], 0)) for name in names}
-    return occlusions.Occluded(particles, identity, runs, counts, counts, {}, {})
+    return occlusions.Tracked(particles, identity, True, runs, counts, counts, {}, {})
 
 
 def test_conclusions_on_real_occlusions():

@@ -13,7 +13,7 @@ from typing import Any
 from jaxpf.errors import InputError
 from jaxpf.experiments.comparison_table import Comparison
 from jaxpf.experiments.gonzales2011 import published, times, tracking
-from jaxpf.experiments.gonzales2011.figures import error_tables, figures
+from jaxpf.experiments.gonzales2011.curves import error_tables, figures
 from jaxpf.experiments.gonzales2011.judgements import claims
 from jaxpf.experiments.gonzales2011.tracking import NOISE, RUNS_PER_SCENE
 

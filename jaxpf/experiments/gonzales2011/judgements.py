@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from jaxpf import metrics
 from jaxpf.articulated import ordering_of_parts
 from jaxpf.experiments.claims import Claim, Quantity, judged, student_interval
-from jaxpf.experiments.gonzales2011.figures import Outcomes, gain, measured
+from jaxpf.experiments.gonzales2011.curves import Outcomes, gain, measured
 from jaxpf.experiments.gonzales2011.published import (
     FIGURE_8_PARTS,
     FIGURE_9_PARTICLES,

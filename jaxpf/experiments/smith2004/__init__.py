@@ -74,9 +74,9 @@ def run(
     if data is not None:
         real_runs = runs if quick else max(runs, published.RUNS)
         report(f"{occlusions.CLIP}: {real_runs} runs of every method, N = {occlusions.PARTICLES}")
-        hidden = occlusions.measure(data, real_runs, seed)
-        found += [occlusions.table(each) for each in hidden]
-        claims += occlusions.claims(hidden)
+        tracked = occlusions.measure(data, real_runs, seed)
+        found += occlusions.tables(tracked)
+        claims += occlusions.claims(tracked)
     return Comparison(
         paper="smith2004",
         title="smith2004 repeated: distributed partitioned sampling",

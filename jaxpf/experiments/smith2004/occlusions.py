@@ -6,7 +6,7 @@ walk faster, and its particles are reduced in a second round, for DPS to starve 
 """
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,12 +38,13 @@ PARTICLES = (300, 60)
 MEASURES = ("success", "recovery", "precision", "recall")
 
 
-class Occluded(NamedTuple):
-    """What happened to one hidden object at one N.
+class Tracked(NamedTuple):
+    """What happened to one object at one N.
 
     Attributes:
         particles: N.
         identity: the annotation's number of the object.
+        hidden: whether it is fully hidden for a while.
         runs: R.
         successes: method -> runs that tracked it throughout.
         recoveries: method -> runs that tracked it in the last annotated frame.
@@ -53,6 +54,7 @@ class Occluded(NamedTuple):
 
     particles: int
     identity: int
+    hidden: bool
     runs: int
     successes: dict[str, int]
     recoveries: dict[str, int]
@@ -66,7 +68,7 @@ def measure(
     seed: int,
     particles: tuple[int, ...] = PARTICLES,
     progress: Callable[[int], None] = lambda done: None,
-) -> list[Occluded]:
+) -> list[Tracked]:
     """Track the clip with every method at every N.
 
     Args:
@@ -99,8 +101,8 @@ def measure(
         )
         boxes = np.concatenate([result.boxes[:, 0] for result in results], axis=1)[:, :runs]
         found += [
-            _occluded(boxes, scene.boxes[1:], tuple(orderings), count, identity)
-            for identity in hidden
+            _tracked(boxes, scene.boxes[1:], tuple(orderings), count, identity, identity in hidden)
+            for identity in IDS
         ]
         progress(done)
     return found
@@ -135,9 +137,14 @@ def hidden_objects(folder: Path) -> list[int]:
     return sorted(hidden & set(IDS))
 
 
-def _occluded(
-    boxes: np.ndarray, truth: np.ndarray, names: tuple[str, ...], particles: int, identity: int
-) -> Occluded:
+def _tracked(
+    boxes: np.ndarray,
+    truth: np.ndarray,
+    names: tuple[str, ...],
+    particles: int,
+    identity: int,
+    hidden: bool,
+) -> Tracked:
     """``boxes`` ``[O, R, T, P, 4]``."""
     place = IDS.index(identity)
     one, true = boxes[..., place : place + 1, :], truth[:, place : place + 1]
@@ -156,9 +163,10 @@ def _occluded(
                 *(100 * float(x) for x in (interval.value, interval.lower, interval.upper))
             )
         quality.append(by_method)
-    return Occluded(
+    return Tracked(
         particles=particles,
         identity=identity,
+        hidden=hidden,
         runs=boxes.shape[1],
         successes=dict(zip(names, successes.tolist(), strict=True)),
         recoveries=dict(zip(names, recoveries.tolist(), strict=True)),
@@ -167,8 +175,42 @@ def _occluded(
     )
 
 
-def table(outcome: Occluded) -> Table:
-    """A row for every method, as in tables 3 and 4."""
+def tables(outcomes: Sequence[Tracked]) -> list[Table]:
+    """As tables 3 and 4 for each hidden object and N, then all objects in short."""
+    return [
+        *(_table(outcome) for outcome in outcomes if outcome.hidden),
+        *(
+            _overview([outcome for outcome in outcomes if outcome.particles == count])
+            for count in dict.fromkeys(outcome.particles for outcome in outcomes)
+        ),
+    ]
+
+
+def _overview(outcomes: Sequence[Tracked]) -> Table:
+    """Success of every object."""
+    rows: list[tuple[str, list[Cell | str]]] = [
+        (
+            name,
+            [Cell(None, _rate(outcome.successes[name], outcome.runs)) for outcome in outcomes],
+        )
+        for name in outcomes[0].successes
+    ]
+    return Table(
+        f"real_{CLIP}_n{outcomes[0].particles}",
+        f"{CLIP}: success of all objects, {outcomes[0].particles} particles (%)",
+        [
+            "method",
+            *(
+                f"object {outcome.identity}{' (hidden)' if outcome.hidden else ''}"
+                for outcome in outcomes
+            ),
+        ],
+        rows,
+    )
+
+
+def _table(outcome: Tracked) -> Table:
+    """A row for every method."""
     rows: list[tuple[str, list[Cell | str]]] = [
         (
             name,
@@ -194,8 +236,11 @@ def _rate(count: int, runs: int) -> Measured:
     return Measured(100 * count / runs, *wilson(count, runs)(0.95))
 
 
-def claims(outcomes: list[Occluded]) -> list[Claim]:
-    """The conclusions of section 5.2, judged on the analogue."""
+def claims(outcomes: Sequence[Tracked]) -> list[Claim]:
+    """The conclusions of section 5.2, judged on the hidden objects."""
+    outcomes = [outcome for outcome in outcomes if outcome.hidden]
+    if not outcomes:
+        return []
     largest = max(outcome.particles for outcome in outcomes)
     enough = [outcome for outcome in outcomes if outcome.particles == largest]
     few = [outcome for outcome in outcomes if outcome.particles != largest]
@@ -241,11 +286,11 @@ def _published(*sequences: str) -> str:
     return "; ".join(pieces)
 
 
-def _orders(outcome: Occluded) -> list[str]:
+def _orders(outcome: Tracked) -> list[str]:
     return [name for name in outcome.recoveries if name.startswith("PS ")]
 
 
-def _dps_over_ps(outcome: Occluded, **claimed: float) -> Quantity:
+def _dps_over_ps(outcome: Tracked, **claimed: float) -> Quantity:
     orders = _orders(outcome)
     total = sum(outcome.recoveries[name] for name in orders)
     runs = outcome.runs * len(orders)
@@ -255,7 +300,7 @@ def _dps_over_ps(outcome: Occluded, **claimed: float) -> Quantity:
     return Quantity(f"object {outcome.identity}", value, interval, **claimed)
 
 
-def _best_over_worst(outcome: Occluded) -> Quantity:
+def _best_over_worst(outcome: Tracked) -> Quantity:
     """Corrected for having chosen the extremes among all pairs of orders (Bonferroni)."""
     orders = _orders(outcome)
     rates = [outcome.recoveries[name] for name in orders]

@@ -1,0 +1,196 @@
+"""gonzales2011 repeated: what is measured, and how it becomes tables, claims and figures."""
+
+import re
+
+import numpy as np
+import pytest
+
+from jaxpf.errors import InputError
+from jaxpf.experiments import gonzales2011
+from jaxpf.experiments.claims import CANNOT_RESOLVE, CONTRADICTS, SUPPORTS
+from jaxpf.experiments.comparison_table import Comparison, write
+from jaxpf.experiments.gonzales2011 import curves, judgements, published, times, tracking
+from jaxpf.experiments.gonzales2011.tracking import DYNAMICS, METHODS, RUNS_PER_SCENE, Outcome
+
+FRAMES = 7
+KINDS = [(dynamics, method) for dynamics in DYNAMICS for method in METHODS]
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return tracking.measure("smooth", 3, (12,), seeds=(0, 1), num_frames=FRAMES)[12]
+
+
+def test_every_method_is_measured_on_every_sequence_and_run(measured):
+    assert set(measured.error) == set(measured.variance) == set(KINDS)
+    for values in (*measured.error.values(), *measured.variance.values()):
+        assert values.shape == (2, RUNS_PER_SCENE, FRAMES - 1)
+        assert np.isfinite(values).all()
+        assert (values > 0).all()
+    for error in measured.error.values():
+        # Twelve corners, each some pixels away: a tracker that lost the object is far above.
+        assert error.mean() < 12 * 8
+
+
+def test_methods_and_dynamics_really_differ_and_runs_do_too(measured):
+    errors = [values.ravel() for values in measured.error.values()]
+    for first in range(len(errors)):
+        for second in range(first):
+            assert not np.allclose(errors[first], errors[second])
+    runs = measured.error["absolute", "PS"].reshape(-1, FRAMES - 1)
+    assert len(np.unique(runs[:, -1])) == len(runs)
+
+
+def test_a_run_is_the_same_whatever_else_is_measured(measured):
+    again = tracking.measure(
+        "smooth", 3, (12,), seeds=(1,), num_frames=FRAMES, dynamics=DYNAMICS[1:]
+    )
+    for method in METHODS:
+        one, other = (found.error["relative", method] for found in (measured, again[12]))
+        np.testing.assert_array_equal(one[1:], other)
+
+
+def test_trackers_of_all_methods_have_one_shape():
+    import jax
+
+    import scenes
+
+    scene = scenes.make("articulated", 0, num_parts=5, num_frames=2)
+    found = tracking.trackers(scene, tracking.learn(scene), "erratic", 4)
+    assert set(found) == set(KINDS)
+    assert len({jax.tree.structure(tracker) for tracker in found.values()}) == 1
+    assert len({str(jax.tree.map(np.shape, tracker)) for tracker in found.values()}) == 1
+    alone = found["absolute", "PS"].dynamics.walks_alone
+    assert np.all(alone)
+    assert np.asarray(found["relative", "PS"].dynamics.walks_alone).tolist() == [True] + [False] * 4
+
+
+def fake_outcome(gains, variance_gains=None, num_scenes=4, spread=0.5):
+    """Outcomes in which a method has so many per cent less error than PS, give or take."""
+    rng = np.random.default_rng(0)
+
+    def values(gain):
+        noise = spread * rng.normal(size=(num_scenes, 1, 1))
+        return np.full((num_scenes, RUNS_PER_SCENE, 9), 1.0) * (100 - gain + noise)
+
+    by_gain = {"PS": 0.0} | gains
+    by_variance = {"PS": 0.0} | (variance_gains or gains)
+    return Outcome(
+        error={(d, m): values(by_gain.get(m, 0.0)) for d, m in KINDS},
+        variance={(d, m): values(by_variance.get(m, 0.0)) for d, m in KINDS},
+    )
+
+
+def everything(outcome):
+    cells = [("smooth", p, n) for p in (7, 9) for n in published.FIGURE_8_PARTICLES]
+    cells += [("strong_start", p, 20) for p in published.PARTS] + [("erratic", 5, 10)]
+    return dict.fromkeys(cells, outcome)
+
+
+def test_claims_follow_what_was_measured():
+    outcome = fake_outcome({"SPS sorted": 8.0, "SPS combinatorial": -8.0}, {"SPS sorted": 0.0})
+    found = judgements.claims(everything(outcome))
+    assert len(found) == 2 * 2 * 6 + 1
+    for claim in found[:-1]:
+        if "variance" in claim.statement:
+            assert claim.verdict == CANNOT_RESOLVE
+        elif "combinatorial" in claim.statement:
+            assert claim.verdict == CONTRADICTS
+        else:
+            assert claim.verdict == SUPPORTS
+    assert found[-1].verdict == SUPPORTS
+    assert "7 / 4" in found[-1].measured
+    assert "9 / 5" in found[-1].measured
+    first = found[0]
+    assert all(f"N = {n}: " in first.measured for n in published.FIGURE_8_PARTICLES)
+
+
+def test_one_bad_cell_contradicts_a_claim_about_every_cell():
+    outcomes = everything(fake_outcome({"SPS sorted": 8.0}))
+    outcomes["smooth", 7, 40] = fake_outcome({"SPS sorted": -8.0})
+    found = {claim.statement.split(" [")[0]: claim for claim in judgements.claims(outcomes)[:6]}
+    verdicts = {
+        name.split(" ")[2]: claim.verdict for name, claim in found.items() if "every N" in name
+    }
+    assert verdicts == {"7": CONTRADICTS, "9": SUPPORTS}
+
+
+def test_gains_are_per_cent_of_ps_sequence_by_sequence():
+    values = {
+        ("absolute", "PS"): np.array([[[10.0, 30]], [[40, 40]]]),
+        ("absolute", "SPS sorted"): np.array([[[10.0, 20]], [[50, 50]]]),
+    }
+    np.testing.assert_allclose(curves.gain(values, "absolute", "SPS sorted"), [25, -25])
+
+
+def fake_times():
+    rng = np.random.default_rng(1)
+    found = {}
+    for parts in published.PARTS:
+        for particles in published.TABLE_1_PARTICLES:
+            base = 1e-3 * parts * particles * (1 + 0.001 * rng.normal(size=5))
+            found[parts, particles] = {
+                "PS": base, "SPS sorted": 1.3 * base, "SPS combinatorial": 1.01 * base
+            }  # fmt: skip
+    return found
+
+
+def test_times_stand_beside_the_published_ones():
+    seconds, nanoseconds, ratios = times.time_tables(fake_times())
+    assert [len(table.rows) for table in (seconds, nanoseconds, ratios)] == [15, 15, 10]
+    label, cells = seconds.rows[-3]
+    assert label == "11 parts, PS"
+    assert cells[-1].published == 26.37
+    # 26.37 s over 11 parts, 200 particles and 300 frames: about 41 microseconds, the known figure.
+    assert 39_000 < nanoseconds.rows[-3][1][-1].published < 42_000
+    label, cells = ratios.rows[0]
+    assert label == "3 parts, SPS sorted / PS"
+    np.testing.assert_allclose(cells[0].published, 0.56 / 0.54)
+    np.testing.assert_allclose(cells[0].measured.value, 1.3, rtol=1e-6)
+    by_method = {claim.statement: claim for claim in times.time_claims(fake_times())}
+    verdicts = [claim.verdict for claim in by_method.values()]
+    assert verdicts == [CONTRADICTS, SUPPORTS]
+    # Counted by hand in the paper's table: four cells are above 4 %.
+    assert all("in 31 of 35 cells" in claim.published for claim in by_method.values())
+
+
+# A second transcription of the paper's table 1, line by line.
+TABLE_1 = """3 0.54 0.88 1.58 2.99 2.82 3.45 6.80 | 0.56 0.91 1.61 2.33 2.84 3.50 6.92
+5 0.71 1.26 2.33 3.34 4.43 5.43 11.62 | 0.74 1.32 2.42 3.43 4.51 5.60 12.05
+7 0.95 1.72 3.21 4.7 6.22 7.86 17.10 | 1.00 1.76 3.28 4.84 6.46 7.99 17.73
+9 1.21 2.18 4.12 6.16 8.12 10.35 22.06 | 1.25 2.23 4.25 6.32 8.40 10.59 22.77
+11 1.41 2.61 4.99 7.38 10.02 12.69 26.37 | 1.46 2.77 5.11 7.61 10.33 13.01 27.18"""
+
+
+def test_table_1_is_the_papers():
+    for line in TABLE_1.splitlines():
+        parts, ps, sps = re.match(r"(\d+) (.*) \| (.*)", line).groups()
+        assert list(published.TABLE_1[int(parts)]["PS"]) == [float(x) for x in ps.split()]
+        assert list(published.TABLE_1[int(parts)]["SPS"]) == [float(x) for x in sps.split()]
+    slip_parts, method, particles = published.SLIP
+    assert (
+        published.TABLE_1[slip_parts][method][published.TABLE_1_PARTICLES.index(particles)] == 2.99
+    )
+
+
+def test_everything_is_written(tmp_path):
+    outcomes = everything(fake_outcome({"SPS sorted": 8.0}))
+    comparison = Comparison(
+        paper="gonzales2011",
+        title="a test",
+        tables=[*curves.error_tables(outcomes), *times.time_tables(fake_times())],
+        claims=judgements.claims(outcomes),
+        figures=curves.figures(outcomes),
+        notes=gonzales2011.NOTES,
+    )
+    written = write(comparison, tmp_path)
+    assert {"figure_8_7_parts.png", "figure_9.png", "figure_10.png", "figure_11.png"} <= set(
+        written
+    )
+    text = (tmp_path / "gonzales2011.md").read_text()
+    assert "erratic, 5 parts, N = 10" in text
+
+
+def test_runs_come_in_whole_sequences():
+    with pytest.raises(InputError, match="--runs 7 must be a multiple of 5"):
+        gonzales2011.run(runs=7)

@@ -1,5 +1,6 @@
 """Likelihoods: how well a substate explains a frame."""
 
+from jaxpf.likelihoods.distance_law import learn_background
 from jaxpf.likelihoods.gaussian import CorrelatedGaussian, Gaussian
 from jaxpf.likelihoods.histogram import (
     HistogramLikelihood,
@@ -15,6 +16,7 @@ __all__ = [
     "PatchLikelihood",
     "histogram",
     "histogram_from_patches",
+    "learn_background",
     "patch",
     "patch_from_pictures",
 ]

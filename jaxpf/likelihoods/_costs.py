@@ -5,6 +5,7 @@ _TABLE_PIXEL, _TABLE_ENTRY = 65.0, 1.6
 _INTEGRAL_QUERY, _INTEGRAL_BIN = 100.0, 1.0
 _SAMPLED_PIXEL, _SAMPLED_QUERY = 25.0, 55.0
 _SAMPLED_GROUP, _SAMPLED_LEVEL = 5.7, 0.1
+_BILINEAR_PLACE, _BILINEAR_BIN = 56.0, 43.0
 
 
 def estimated_costs(
@@ -17,6 +18,7 @@ def estimated_costs(
     num_particles: int = 300,
     num_runs: int = 1,
     samples: int = 16,
+    interpolation: str = "nearest",
 ) -> dict[str, float]:
     """Estimated time of one frame by either method, nanoseconds.
 
@@ -30,6 +32,12 @@ def estimated_costs(
     """
     num_levels = num_bins if num_levels is None else num_levels
     queries = num_objects * num_particles * num_runs
+    if interpolation == "bilinear":
+        return {
+            "integral": num_pixels * (_TABLE_PIXEL + num_bins * _TABLE_ENTRY)
+            + queries * num_parts * num_bins * _BILINEAR_BIN,
+            "sampled": num_pixels * _SAMPLED_PIXEL + queries * samples**2 * _BILINEAR_PLACE,
+        }
     groups = -(-samples // (2 * num_parts)) * num_parts * -(-samples // 2)
     return {
         "integral": num_pixels * (_TABLE_PIXEL + num_bins * _TABLE_ENTRY)

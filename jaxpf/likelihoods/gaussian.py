@@ -19,6 +19,9 @@ class Gaussian:
     noise: jax.Array
     observation: jax.Array | None = None
 
+    #: ``log_prob`` is differentiable in the substate.
+    state_gradient = True
+
     def observe(self, frame):
         """The frame itself, ``[P, E]``."""
         return frame
@@ -63,6 +66,9 @@ class CorrelatedGaussian:
     """
 
     covariance: jax.Array
+
+    #: ``log_prob`` is differentiable in the substate.
+    state_gradient = True
 
     def observe(self, frame):
         """The frame itself, ``[P]``."""

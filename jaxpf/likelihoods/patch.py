@@ -58,6 +58,11 @@ class PatchLikelihood:
     norm: str = static_field(default="mean")
     interpolation: str = static_field(default="nearest")
 
+    @property
+    def state_gradient(self) -> bool:
+        """Whether ``log_prob`` is differentiable in the substate."""
+        return self.interpolation == "bilinear"
+
     def observe(self, frame):
         """The frame's colours, one word per pixel: uint32 [H + 2, W + 2] with a black margin.
 

@@ -1,9 +1,25 @@
 import os
+import shutil
+import tempfile
 from pathlib import Path
 
 import pytest
 
 _BESIDE_THE_PROJECT = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Share one compile cache: what a test compiles, workers and started programs find again."""
+    if hasattr(config, "workerinput"):
+        return  # pytest-xdist's workers inherit the environment
+    folder = tempfile.mkdtemp(prefix="jaxpf-tests-")
+    config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+    os.environ |= {
+        "JAXPF_CACHE_DIR": folder,
+        "JAX_COMPILATION_CACHE_DIR": folder,
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.1",
+        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+    }
 
 
 @pytest.fixture(scope="session")

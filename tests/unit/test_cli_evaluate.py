@@ -13,7 +13,6 @@ import cv2
 import jax
 import numpy as np
 import pytest
-from jax.experimental.compilation_cache import compilation_cache
 from small_evaluation import PARAMETERS, PARTICLES, small_scene
 
 from jaxpf import cli
@@ -61,16 +60,9 @@ def write_sequence(folder):
 
 
 @pytest.fixture(scope="module", autouse=True)
-def compile_cache(tmp_path_factory):
-    """What this process compiles, the programs that it starts find again."""
-    jax.devices()  # too late for --devices to change them for the tests that follow
-    before = jax.config.jax_compilation_cache_dir
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("JAXPF_CACHE_DIR", str(tmp_path_factory.mktemp("compiled")))
-        compilation_cache.reset_cache()
-        yield
-    jax.config.update("jax_compilation_cache_dir", before)
-    compilation_cache.reset_cache()
+def started_jax():
+    """Too late for --devices to change them for the tests that follow."""
+    jax.devices()
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,6 @@ import cv2
 import jax
 import numpy as np
 import pytest
-from jax.experimental.compilation_cache import compilation_cache
 
 from jaxpf import boxes as box_trackers
 from jaxpf import cli, likelihoods, tracks
@@ -100,18 +99,6 @@ def place(tmp_path_factory):
     *rows, _ = (folder / "gt.csv").read_text().splitlines()
     (folder / "partial.csv").write_text("\n".join(rows))  # object 2 ends a frame earlier
     return folder
-
-
-@pytest.fixture(scope="module", autouse=True)
-def compile_cache(tmp_path_factory):
-    """What this process compiles, the programs that it starts find again."""
-    before = jax.config.jax_compilation_cache_dir
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("JAXPF_CACHE_DIR", str(tmp_path_factory.mktemp("compiled")))
-        compilation_cache.reset_cache()
-        yield
-    jax.config.update("jax_compilation_cache_dir", before)
-    compilation_cache.reset_cache()
 
 
 @pytest.fixture(scope="module")

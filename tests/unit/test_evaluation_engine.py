@@ -55,25 +55,7 @@ def stamps(folder):
 
 
 @pytest.fixture(scope="module")
-def compile_cache(tmp_path_factory):
-    """What this process compiles, the processes that it starts find again."""
-    import jax
-    from jax.experimental.compilation_cache import compilation_cache
-
-    from jaxpf.cli.common import use_compile_cache
-
-    before = jax.config.jax_compilation_cache_dir
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("JAXPF_CACHE_DIR", str(tmp_path_factory.mktemp("compiled")))
-        compilation_cache.reset_cache()
-        use_compile_cache()
-        yield
-    jax.config.update("jax_compilation_cache_dir", before)
-    compilation_cache.reset_cache()
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory, compile_cache):
+def whole(tmp_path_factory):
     """An uninterrupted evaluation of two files per configuration."""
     folder = tmp_path_factory.mktemp("whole")
     return evaluate(small_plan(runs=TWICE), folder, limits=ONE)
@@ -563,7 +545,7 @@ def test_work_is_divided_to_the_memory_budget_and_among_workers(tmp_path):
 
 
 @pytest.mark.slow
-def test_memory_does_not_grow_with_the_runs(tmp_path, compile_cache):
+def test_memory_does_not_grow_with_the_runs(tmp_path):
     """Peak memory of 4000 runs and of 40 000 in batches of one size."""
 
     def peak(runs):

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from jaxpf.gradients import weighted, with_gradient_of
 from jaxpf.prefix import running_max, running_sum, segment_starts
 from jaxpf.resampling import below, component_cdf, inverse_cdf, one_component, systematic
 
@@ -128,6 +129,7 @@ def _coprime_strides(num_particles: int) -> jax.Array:
 
 def _weigh_groups(log_probs, group):
     """Groups of any size, in any order: one integer sort brings them together."""
+    differentiated, log_probs = log_probs, lax.stop_gradient(log_probs)
     num_particles = log_probs.shape[0]
     members = order_by_group(group)
     grouped = group[members]
@@ -146,7 +148,12 @@ def _weigh_groups(log_probs, group):
         largest + jnp.log(cumulative[ends[grouped] - 1] / sizes[grouped].astype(scaled.dtype)),
         -jnp.inf,
     )
-    return Exchange(log_mean[start], members, cumulative, start, size)
+    log_factor = log_mean[start]
+    alive = ~jnp.isneginf(log_probs)
+    share = jnp.exp(jnp.where(alive, log_probs - jnp.where(alive, log_factor, 0.0), -jnp.inf))
+    terms = weighted(share / size.astype(share.dtype), differentiated)
+    of_group = jnp.zeros_like(share).at[group].add(terms)[group]
+    return Exchange(with_gradient_of(log_factor, of_group), members, cumulative, start, size)
 
 
 def _draw_from_groups(key, exchange, ancestors):
@@ -162,7 +169,7 @@ def _weigh_permutation(key, swap, log_probs, group):
     num_particles = log_probs.shape[0]
     identity = jnp.arange(num_particles, dtype=jnp.int32)
     by_chance = jax.random.uniform(key, log_probs.shape, log_probs.dtype)
-    merit = jnp.where(swap == _SORTED, -log_probs, by_chance)
+    merit = jnp.where(swap == _SORTED, -lax.stop_gradient(log_probs), by_chance)
     # The k-th particle of a group, by index, receives the group's k-th best (or random) part.
     _, _, givers = lax.sort((group, merit, identity), num_keys=2, is_stable=True)
     receivers = order_by_group(group)

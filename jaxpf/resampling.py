@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf.errors import InputError
+from jaxpf.gradients import weighted, with_gradient_of
 from jaxpf.prefix import running_max, running_sum, segment_starts
 from jaxpf.pytree import pytree_dataclass
 
@@ -44,6 +45,12 @@ class Components:
     def last_of(self, values: jax.Array) -> jax.Array:
         """``[C]``: the entry of ``values`` ``[N]`` at each component's last slot."""
         return values[jnp.maximum(self.start + self.size - 1, 0)]
+
+    def sum_of(self, values: jax.Array) -> jax.Array:
+        """``[C]``: the sum of ``values`` ``[N]`` over each component."""
+        if self.size.shape[0] == 1:
+            return jnp.sum(values)[None]
+        return jnp.zeros(self.size.shape, values.dtype).at[self.index].add(values)
 
 
 def components_of_sizes(sizes: jax.Array, num_particles: int) -> Components:
@@ -158,7 +165,11 @@ class ComponentCDF:
 def component_cdf(
     log_weights: jax.Array, components: Components, largest: jax.Array | None = None
 ) -> ComponentCDF:
-    """Cumulative weights within each component, each scaled by its own largest weight."""
+    """Cumulative weights within each component, each scaled by its own largest weight.
+
+    Only ``log_mean`` is differentiated; the rest serves draws, which are not.
+    """
+    differentiated, log_weights = log_weights, lax.stop_gradient(log_weights)
     if largest is None:
         largest = component_max(log_weights, components)
     alive = ~jnp.isneginf(largest)
@@ -169,11 +180,18 @@ def component_cdf(
     total = components.last_of(cumulative)
     size = jnp.maximum(components.size, 1).astype(weights.dtype)
     log_mean = jnp.where(alive, largest + jnp.log(total) - jnp.log(size), -jnp.inf)
+    share = weights / components.spread(jnp.where(total > 0, total, 1.0))
+    share = jnp.where(components.spread(alive), share, 0.0)
+    log_mean = with_gradient_of(log_mean, components.sum_of(weighted(share, differentiated)))
     return ComponentCDF(weights, cumulative, total, alive, log_mean)
 
 
 def component_max(values: jax.Array, components: Components) -> jax.Array:
-    """``[C]``: the largest of ``values`` ``[N]`` in each component; -inf in an empty one."""
+    """``[C]``: the largest of ``values`` ``[N]`` in each component; -inf in an empty one.
+
+    It is not differentiated.
+    """
+    values = lax.stop_gradient(values)
     if components.size.shape[0] == 1:
         return jnp.max(values)[None]
 

@@ -40,7 +40,7 @@ def run(
     Raises:
         InputError: no frames, or arrays with different numbers of frames.
     """
-    _num_frames(frames)
+    num_frames(frames)
     return _run(tracker, key, frames, record)
 
 
@@ -78,14 +78,8 @@ def monte_carlo(
     Raises:
         InputError: as for ``run``; no keys; ``batch_size`` < 1; no devices.
     """
-    _num_frames(frames)
-    keys = jnp.asarray(keys)
-    if not jax.dtypes.issubdtype(keys.dtype, jax.dtypes.prng_key):
-        keys = jax.random.wrap_key_data(keys)
-    if keys.ndim != 1 or keys.shape[0] == 0:
-        raise InputError(
-            f"keys has shape {keys.shape}; give one key per run, as jax.random.split(key, R) does."
-        )
+    num_frames(frames)
+    keys = as_keys(keys)
     if batch_size < 1:
         raise InputError(f"batch_size={batch_size} must be at least 1.")
     devices = tuple(jax.local_devices() if devices is None else devices)
@@ -110,7 +104,28 @@ def init(tracker: Any, key: jax.Array) -> Any:
     return tracker.init(jax.random.fold_in(key, 0))
 
 
-def _num_frames(frames: Any) -> int:
+def as_keys(keys: jax.Array) -> jax.Array:
+    """One typed key per run, ``[R]``, also from keys of the old kind.
+
+    Raises:
+        InputError: no keys, or an array of another shape.
+    """
+    keys = jnp.asarray(keys)
+    if not jax.dtypes.issubdtype(keys.dtype, jax.dtypes.prng_key):
+        keys = jax.random.wrap_key_data(keys)
+    if keys.ndim != 1 or keys.shape[0] == 0:
+        raise InputError(
+            f"keys has shape {keys.shape}; give one key per run, as jax.random.split(key, R) does."
+        )
+    return keys
+
+
+def num_frames(frames: Any) -> int:
+    """Length of the leading axis of all arrays.
+
+    Raises:
+        InputError: no frames, or arrays with different numbers of frames.
+    """
     leaves = jax.tree.leaves(frames)
     lengths = {jnp.shape(leaf)[0] if jnp.ndim(leaf) else 0 for leaf in leaves}
     if len(lengths) != 1 or 0 in lengths:
@@ -128,7 +143,7 @@ def _run(tracker, key, frames, record):
         state, summary = tracker.step(frame_key(key, time), state, frame)
         return state, record(state, summary)
 
-    times = jnp.arange(_num_frames(frames))
+    times = jnp.arange(num_frames(frames))
     return lax.scan(body, init(tracker, key), (times, frames))
 
 
@@ -153,7 +168,7 @@ def _monte_carlo(tracker, keys, frames, record, devices=()):
 
 def _run_batches(tracker, keys, frames, record, num_devices):
     """One device's batches."""
-    observe, step = _split(tracker)
+    observe, step = split(tracker)
 
     def observe_group(group):
         if num_devices == 1:
@@ -174,23 +189,23 @@ def _run_batches(tracker, keys, frames, record, num_devices):
         times, group = item
         return lax.scan(frame_step, states, (times, observe_group(group)))
 
-    num_frames = _num_frames(frames)
-    num_groups = -(-num_frames // num_devices)
+    length = num_frames(frames)
+    num_groups = -(-length // num_devices)
     # The last group is filled up with its last frame; what comes of it is dropped.
-    times = jnp.minimum(jnp.arange(num_groups * num_devices), num_frames - 1)
-    if num_frames % num_devices:
+    times = jnp.minimum(jnp.arange(num_groups * num_devices), length - 1)
+    if length % num_devices:
         frames = jax.tree.map(lambda x: jnp.asarray(x)[times], frames)
     groups = jax.tree.map(lambda x: x.reshape(num_groups, num_devices, *x.shape[1:]), frames)
     states = lax.map(jax.vmap(lambda key: init(tracker, key)), keys)
     _, recorded = lax.scan(group_step, states, (times.reshape(num_groups, num_devices), groups))
 
     def by_run(x):
-        return jnp.moveaxis(x.reshape(num_groups * num_devices, *x.shape[2:])[:num_frames], 0, 2)
+        return jnp.moveaxis(x.reshape(num_groups * num_devices, *x.shape[2:])[:length], 0, 2)
 
     return jax.tree.map(by_run, recorded)
 
 
-def _split(tracker: Any) -> tuple[Callable, Callable]:
+def split(tracker: Any) -> tuple[Callable, Callable]:
     """The part of a step that depends on the frame alone, and the rest."""
     if hasattr(tracker, "observe") and hasattr(tracker, "step_observed"):
         return tracker.observe, tracker.step_observed

@@ -1,8 +1,10 @@
 """The runs behind tables 1 and 2 and figure 4: all methods on a set of distracter scenes."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 import scenes
@@ -122,19 +124,24 @@ def measure(
 
 
 def _measured(scene: scenes.Scene, result: GridResult) -> tuple[np.ndarray, ...]:
-    return tuple(_measures(np.asarray(result.boxes), scene.boxes[1:], result))
+    return tuple(np.asarray(each) for each in _measures(result, scene.boxes[1:]))
 
 
-def _measures(boxes: np.ndarray, truth: np.ndarray, result: GridResult) -> Iterator[np.ndarray]:
-    """Everything of an ``Outcome`` but the names, for one scene."""
-    yield np.asarray(metrics.recovery(boxes, truth))[..., 0]
-    yield np.asarray(metrics.success(boxes, truth))[..., 1:].mean(axis=(-2, -1))
-    for share in (metrics.mean_precision, metrics.mean_recall):
-        yield np.asarray(share(boxes, truth, over="all", axis=-2))[..., 1:].mean(axis=(-2, -1))
-    for share in (metrics.mean_precision, metrics.mean_recall):
-        leader = share(boxes[..., :1, :], truth[:, :1], over="tracked", axis=(-3, -2))
-        yield np.asarray(leader)[..., 0]
-    yield result.uniqueness.mean(axis=(2, 3))
-    dynamics = metrics.effective_dynamics(result.spread, np.asarray(SMITH2004_SCALE))
-    yield np.asarray(dynamics.deviation_ratio)[..., :2].mean(axis=(2, 3))
-    yield result.ess.mean(axis=(2, 3))
+@jax.jit
+def _measures(result: GridResult, truth: jax.Array) -> tuple[jax.Array, ...]:
+    """Everything of an ``Outcome`` but the names, for one scene.
+
+    Compiled as one: a cold start would otherwise compile every operation on its own.
+    """
+    leader, others = result.boxes[..., :1, :], result.boxes[..., 1:, :]
+    quality = (metrics.mean_precision, metrics.mean_recall)
+    dynamics = metrics.effective_dynamics(result.spread, jnp.asarray(SMITH2004_SCALE))
+    return (
+        metrics.recovery(leader, truth[:, :1])[..., 0],
+        metrics.success(others, truth[:, 1:]).mean(axis=(-2, -1)),
+        *(each(others, truth[:, 1:], over="all").mean(axis=(-2, -1)) for each in quality),
+        *(each(leader, truth[:, :1], over="tracked", axis=(-3, -2))[..., 0] for each in quality),
+        result.uniqueness.mean(axis=(2, 3)),
+        dynamics.deviation_ratio[..., :2].mean(axis=(2, 3)),
+        result.ess.mean(axis=(2, 3)),
+    )

@@ -53,7 +53,11 @@ class Row(NamedTuple):
     goal: str
 
 
-def interleaved(candidates: Mapping[str, Callable[[], Any]], repeats: int) -> dict[str, np.ndarray]:
+def interleaved(
+    candidates: Mapping[str, Callable[[], Any]],
+    repeats: int,
+    clock: Callable[[], float] = time.perf_counter,
+) -> dict[str, np.ndarray]:
     """Seconds of every candidate, ``[repeats]``, timed in turn after one warm-up."""
     for candidate in candidates.values():
         jax.block_until_ready(candidate())
@@ -61,9 +65,9 @@ def interleaved(candidates: Mapping[str, Callable[[], Any]], repeats: int) -> di
     for repeat in range(repeats):
         names = list(candidates)
         for name in names if repeat % 2 == 0 else reversed(names):
-            began = time.perf_counter()
+            began = clock()
             jax.block_until_ready(candidates[name]())
-            seconds[name].append(time.perf_counter() - began)
+            seconds[name].append(clock() - began)
     return {name: np.array(values) for name, values in seconds.items()}
 
 

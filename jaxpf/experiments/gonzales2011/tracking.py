@@ -8,16 +8,17 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh, PartitionSpec
 
 import scenes
 from jaxpf import metrics
-from jaxpf.articulated import ordering_of_parts, parts_tracker
+from jaxpf.articulated import OfFixedSize, ordering_of_parts, parts_tracker
 from jaxpf.experiments.gonzales2011.published import SHARPNESS
 from jaxpf.geometry import corners_from_poses
 from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
 from jaxpf.partitioned import Partitioned
 from jaxpf.pytree import pytree_dataclass
-from jaxpf.running import monte_carlo
+from jaxpf.running import run
 
 #: Runs on each sequence; sequences are the units of the intervals.
 RUNS_PER_SCENE = 5
@@ -29,6 +30,7 @@ DYNAMICS = ("absolute", "relative")
 METHODS = ("PS", "SPS sorted", "SPS combinatorial", "SPS without swap")
 _SWAPS = dict(zip(METHODS[1:], ("sorted", "combinatorial", "none"), strict=True))
 
+_SCENES = "scenes"
 #: How far around the object the particles start: pixels, pixels, radians (a choice).
 REACH = (5.0, 5.0, 0.1)
 
@@ -107,39 +109,53 @@ def measure(
             same for all methods.
         num_frames: of a sequence; the trackers start at the first.
         dynamics: which of ``DYNAMICS``.
-        progress: is told a line per sequence.
+        progress: is told a line per number of particles.
     """
-    errors: dict[Any, list[np.ndarray]] = {}
-    variances: dict[Any, list[np.ndarray]] = {}
-    for seed in seeds:
-        scene = scenes.make(
-            "articulated", seed, num_parts=num_parts, motion=motion, num_frames=num_frames
-        )
-        likelihood = learn(scene)
-        frames = _observe(likelihood, scene.frames[1:])
-        truth = scene.extras["corners"][1:]
-        keys = jnp.stack([jax.random.key(seed * RUNS_PER_SCENE + r) for r in range(RUNS_PER_SCENE)])
-        for num_particles in particles:
-            for name, tracker in trackers(
-                scene, Observed(likelihood), motion, num_particles, dynamics
-            ).items():
-                poses, spread = _track(tracker, keys, frames)
-                corners = corners_from_poses(poses, scene.sizes)
-                key = (num_particles, name)
-                error = metrics.corner_distances(corners, truth)
-                errors.setdefault(key, []).append(np.asarray(error))
-                variance = metrics.pose_variance(spread, scene.sizes)
-                variances.setdefault(key, []).append(np.asarray(variance))
-        progress(f"  {motion}, {num_parts} parts: sequence {seed} done")
-    return {
-        num_particles: Outcome(
-            *(
-                {name: np.stack(found[n, name]) for n, name in found if n == num_particles}
-                for found in (errors, variances)
+    sequences = [
+        scenes.make("articulated", seed, num_parts=num_parts, motion=motion, num_frames=num_frames)
+        for seed in seeds
+    ]
+    likelihoods = [learn(scene) for scene in sequences]
+    mesh = _mesh(len(sequences))
+    likelihood = _stacked(likelihoods)
+    frames = _observe(likelihood, np.stack([scene.frames[1:] for scene in sequences]), mesh)
+    truth = np.stack([scene.extras["corners"][1:] for scene in sequences])[:, None]
+    sizes = sequences[0].sizes
+    keys = jnp.stack(
+        [
+            jnp.stack([jax.random.key(seed * RUNS_PER_SCENE + r) for r in range(RUNS_PER_SCENE)])
+            for seed in seeds
+        ]
+    )
+    outcomes = {}
+    for num_particles in particles:
+        by_scene = [
+            trackers(scene, Observed(one), motion, num_particles, dynamics)
+            for scene, one in zip(sequences, likelihoods, strict=True)
+        ]
+        errors, variances = {}, {}
+        for method in METHODS:
+            moves = _stacked(
+                [
+                    _stacked([found[kind, method].dynamics for found in by_scene])
+                    for kind in dynamics
+                ]
             )
-        )
-        for num_particles in particles
-    }
+            starts = _stacked(
+                [_stacked([found[kind, method].initial for found in by_scene]) for kind in dynamics]
+            )
+            base = by_scene[0][dynamics[0], method]
+            poses, spread = _track(
+                base, moves, starts, OfFixedSize(Observed(likelihood)), keys, frames, mesh
+            )
+            error = metrics.corner_distances(corners_from_poses(poses, sizes), truth)
+            variance = metrics.pose_variance(spread, sizes)
+            for number, kind in enumerate(dynamics):
+                errors[kind, method] = np.asarray(error[number])
+                variances[kind, method] = np.asarray(variance[number])
+        outcomes[num_particles] = Outcome(errors, variances)
+        progress(f"  {motion}, {num_parts} parts, N = {num_particles} done")
+    return outcomes
 
 
 def trackers(
@@ -183,7 +199,7 @@ def trackers(
     return found
 
 
-def learn(scene: Any) -> HistogramLikelihood:
+def learn(scene: Any, samples: int = SAMPLES) -> HistogramLikelihood:
     """The likelihood of the scene's parts: one histogram each, as in the paper."""
     likelihood = histogram_from_patches(
         scene.patches,
@@ -191,7 +207,7 @@ def learn(scene: Any) -> HistogramLikelihood:
         sharpness=SHARPNESS,
         parts=1,
         method="sampled",
-        samples=SAMPLES,
+        samples=samples,
     )
     # Textures differ from scene to scene, and with them the numbers of bins that are used.
     return _padded(likelihood, num_bins=112, num_levels=16)
@@ -218,13 +234,65 @@ def _keep_poses(state: Any, summary: Any) -> Any:
     return summary.estimate[:, :3], summary.spread[:, :3]
 
 
-# Sixteen kernels are compiled for few particles each: here half the time to compile counts more
-# than the speed of the code, which table 1 measures apart.
-@partial(jax.jit, compiler_options={"xla_llvm_disable_expensive_passes": True})
-def _track(tracker: Any, keys: Any, frames: Any) -> Any:
-    return monte_carlo(tracker, keys, frames, _keep_poses, batch_size=RUNS_PER_SCENE)
+def _mesh(num_scenes: int) -> Mesh:
+    """As many devices as can share the sequences evenly."""
+    devices = jax.local_devices()
+    used = max(n for n in range(1, len(devices) + 1) if num_scenes % n == 0)
+    return Mesh(np.asarray(devices[:used]), (_SCENES,))
 
 
-@jax.jit
-def _observe(likelihood: Any, frames: Any) -> Any:
-    return jax.lax.map(likelihood.observe, frames)
+def _stacked(trees: Sequence[Any]) -> Any:
+    return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *trees)
+
+
+# Eighteen kernels are compiled for few particles each: here the time to compile counts more than
+# the speed of the code, which table 1 measures apart.
+@partial(jax.jit, static_argnames="mesh", compiler_options={"xla_backend_optimization_level": 1})
+def _track(base, dynamics, initial, likelihood, keys, frames, mesh):
+    """All runs on all sequences under all dynamics, together.
+
+    Few particles leave a processor idle between one small operation and the next; runs that go
+    side by side fill it.  Sequences are dealt out to the devices.
+
+    Args:
+        base: tracker whose ordering, traced but not batched, all runs share.
+        dynamics: stacked ``[K, S, ...]``: kinds of dynamics, sequences.
+        initial: stacked likewise.
+        likelihood: stacked ``[S, ...]``.
+        keys: ``[S, R]``.
+        frames: observed, ``[S, T, ...]``.
+        mesh: devices that share the sequences.
+
+    Returns:
+        Estimates and spreads of the poses, ``[K, S, R, T, P, 3]``.
+    """
+
+    def track(dynamics, initial, likelihood, key, frames):
+        tracker = dataclasses.replace(
+            base, dynamics=dynamics, initial=initial, likelihood=likelihood
+        )
+        return run(tracker, key, frames, _keep_poses)[1]
+
+    by_run = jax.vmap(track, in_axes=(None, None, None, 0, None))
+    by_scene = jax.vmap(by_run)
+    by_kind = jax.vmap(by_scene, in_axes=(0, 0, None, None, None))
+    scene, kind_and_scene = PartitionSpec(_SCENES), PartitionSpec(None, _SCENES)
+    return jax.shard_map(
+        by_kind,
+        mesh=mesh,
+        in_specs=(kind_and_scene, kind_and_scene, scene, scene, scene),
+        out_specs=kind_and_scene,
+        check_vma=False,
+    )(dynamics, initial, likelihood, keys, frames)
+
+
+@partial(jax.jit, static_argnames="mesh")
+def _observe(likelihood, frames, mesh):
+    scene = PartitionSpec(_SCENES)
+
+    def observe(likelihood, frames):
+        return jax.lax.map(lambda one: jax.lax.map(one[0].observe, one[1]), (likelihood, frames))
+
+    return jax.shard_map(
+        observe, mesh=mesh, in_specs=(scene, scene), out_specs=scene, check_vma=False
+    )(likelihood, frames)

@@ -33,6 +33,7 @@ _MODULES = (
     "track_matching",
     "tracking",
     "tracks",
+    "tuning",
     "video",
     "video_writer",
 )
@@ -44,6 +45,7 @@ _NAMES = {
     "monte_carlo": "running",
     "pytree_dataclass": "pytree",
     "run": "running",
+    "tune": "tuning",
 }
 
 if TYPE_CHECKING:
@@ -71,6 +73,7 @@ if TYPE_CHECKING:
         track_matching,
         tracking,
         tracks,
+        tuning,
         video,
         video_writer,
     )
@@ -79,6 +82,7 @@ if TYPE_CHECKING:
     from jaxpf.pytree import pytree_dataclass
     from jaxpf.running import monte_carlo, run
     from jaxpf.state import ParticleState, Summary
+    from jaxpf.tuning import tune
 
 __all__ = [
     "InputError",
@@ -88,6 +92,7 @@ __all__ = [
     "monte_carlo",
     "pytree_dataclass",
     "run",
+    "tune",
 ]
 
 

@@ -16,6 +16,7 @@ _COMMANDS = {
     "track": ("jaxpf.cli.track", "Track boxes through a video; write tracks, video and plots."),
     "frame": ("jaxpf.cli.frame", "Save one frame with a pixel grid, to read boxes off."),
     "evaluate": ("jaxpf.cli.evaluate", "Compare methods over many runs on a scene or a clip."),
+    "tune": ("jaxpf.cli.tune", "Tune parameters by gradient descent; compare on unseen data."),
     "demo": ("jaxpf.cli.demo", "Compare SIR, PS, DPS and SPS on a synthetic scene."),
     "reproduce": ("jaxpf.cli.reproduce", "Repeat a paper's experiment; judge its claims."),
     "bench": ("jaxpf.cli.bench", "Measure speed on this machine, beside its baselines."),

@@ -170,14 +170,13 @@ class HistogramLikelihood:
         valid = (width >= 1) & (height >= num_parts)
         if self.method == "sampled":
             theta = substates[3] if substates.shape[0] > 3 else jnp.zeros_like(u)
-            pose = (u, v, width, height, *cos_sin(theta))
-            levels = *self._compact_references(), partition
+            cosine, sine = cos_sin(theta)
+            levels, roots = self._compact_references()
+            boxes = (levels, roots, partition, u, v, width, height, cosine, sine)
             if self.interpolation == "bilinear":
-                similarity = interpolated_similarity(observation, self.samples, *levels, *pose)
+                similarity = interpolated_similarity(observation, self.samples, *boxes)
             else:
-                similarity = sampled_similarity(
-                    observation, self.distance, self.samples, *levels, *pose
-                )
+                similarity = sampled_similarity(observation, self.distance, self.samples, *boxes)
         else:
             count = integral_similarity
             if self.interpolation == "bilinear":

@@ -1,0 +1,236 @@
+"""``jaxpf tune``: parameters of the likelihood and the motion, found by gradient descent."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import click
+
+from jaxpf.cli import common
+from jaxpf.cli.evaluate import _name, _names, _resolved
+from jaxpf.errors import InputError
+
+#: Parameters for which `track` and `evaluate` have an option.
+_TUNABLE = ("likelihood.sharpness", "dynamics.scale")
+_METHODS = ("sir", "ps", "dps", "sps")
+_GRADIENTS = ("none", "stop_gradient", "soft")
+_OBJECTIVES = ("evidence", "position", "overlap")
+_NOT_REPEATED = ("config", "output")
+
+
+@click.command("tune")
+@click.argument("scene", metavar="SCENE_OR_FOLDER")
+@click.option(
+    "--parameters",
+    default="likelihood.sharpness,dynamics.scale[0],dynamics.scale[1]",
+    show_default=True,
+    help="Paths in the tracker, each perhaps with bounds: likelihood.sharpness=1:500.",
+)
+@click.option(
+    "--objective",
+    default="evidence",
+    show_default=True,
+    help="evidence (needs no labels), position or overlap (from the truth).",
+)
+@click.option("--method", default="dps", show_default=True, help=", ".join(_METHODS))
+@click.option("--sharpness", default=20.0, show_default=True, help="Value to start from.")
+@click.option(
+    "--scale",
+    type=common.NumberList(float, 3),
+    default="4,2,0.003",
+    show_default=True,
+    help="Values to start from: noise per frame of x and y in pixels and of the relative size.",
+)
+@click.option("--particles", "-n", default=100, show_default=True, help="While tuning.")
+@click.option("--resampling", default="systematic", show_default=True, help="Scheme.")
+@click.option("--parts", default=2, show_default=True, help="Horizontal bands of a box.")
+@click.option(
+    "--gradient",
+    default="none",
+    show_default=True,
+    help="Through resampling: none (biased, little noise), stop_gradient (unbiased) or soft.",
+)
+@click.option("--steps", default=150, show_default=True, help="At most, per repeat.")
+@click.option("--learning-rate", default=0.1, show_default=True, help="0.1: up to 10 % per step.")
+@click.option("--runs", default=2, show_default=True, help="Runs per sequence and step.")
+@click.option("--sequences-per-step", default=1, show_default=True, help="Scenes per step.")
+@click.option(
+    "--random-numbers",
+    default="fresh",
+    show_default=True,
+    help="fresh at every step, or common to all steps.",
+)
+@click.option("--clip", default=10.0, show_default=True, help="Longest gradient.")
+@click.option("--window", default=20, show_default=True, help="Steps that are averaged.")
+@click.option(
+    "--tolerance",
+    default=0.02,
+    show_default=True,
+    help="Stop when values change by less than this share from window to window.",
+)
+@click.option("--repeats", default=3, show_default=True, help="Descents with seeds of their own.")
+@click.option("--seed", default=0, show_default=True, help="Seed of everything random.")
+@click.option("--scene-seed", default=0, show_default=True, help="First seed of synthetic scenes.")
+@click.option("--train-scenes", default=3, show_default=True, help="Synthetic scenes to tune on.")
+@click.option(
+    "--held-out", default=10, show_default=True, help="Further synthetic scenes to compare on."
+)
+@click.option(
+    "--set", "settings", multiple=True, metavar="NAME=VALUE", help="A parameter of the scenes."
+)
+@click.option("--ids", type=common.NumberList(int), help="Objects of a folder's truth.")
+@click.option("--start-frame", type=int, help="Of a folder, from 0.")
+@click.option(
+    "--frames",
+    type=int,
+    help="Of a folder: frames to tune on, the start frame included; the comparison is on those "
+    "after them.  [default: half]",
+)
+@click.option(
+    "--labels",
+    type=int,
+    help="Labelled frames, evenly spread, for position and overlap.  [default: all]",
+)
+@click.option("--compare-runs", default=20, show_default=True, help="Runs of the comparison.")
+@click.option(
+    "--compare-particles", default=300, show_default=True, help="Particles of the comparison."
+)
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(path_type=Path),
+    help="Folder for the results, which a second call continues.  [default: jaxpf-tune-NAME]",
+)
+@common.config_option()
+def command(**options: Any) -> None:
+    """Tune parameters on SCENE_OR_FOLDER, and compare before and after on what was not seen.
+
+    SCENE_OR_FOLDER is, as for `jaxpf evaluate`, a synthetic scene, a folder with a sequence and
+    its truth, or file.py:function.  Synthetic scenes are tuned on some seeds and compared on
+    others; a folder is tuned on its first frames and compared on the rest, starting there
+    from the truth.
+
+    The output folder receives tuned.toml, which `jaxpf track` and `jaxpf evaluate` take as
+    --config, comparison.csv, tuning.png with the traces, and a checkpoint: the same command
+    continues what was interrupted.
+
+    Example: jaxpf tune distracter --parameters likelihood.sharpness,dynamics.scale
+    """
+    _check(options)
+    from jaxpf.cli.tune_output import (
+        COMPARISON,
+        TRACES,
+        TUNED,
+        compare_before_and_after,
+        show,
+        with_values,
+        write_traces,
+        write_tuned,
+    )
+    from jaxpf.cli.tune_scenes import divided_scenes
+    from jaxpf.files import prepare_output_folder
+    from jaxpf.tuning.checkpoint import NAME
+
+    train, unseen = divided_scenes(options)
+    common.start_jax()
+    from jaxpf import tuning
+    from jaxpf.tuning.sequences import training_sequence
+
+    wanted = [tuning.parameter(text) for text in _names(options["parameters"])]
+    before = _model(options)
+    sequences = [
+        training_sequence(scene, before, options["objective"], options["labels"]) for scene in train
+    ]
+    _check_parameters(sequences[0].tracker, wanted)
+    output = options["output"] or Path(f"jaxpf-tune-{_name(options['scene'])}")
+    if not (output / NAME).is_file():
+        prepare_output_folder(output)
+    try:
+        result = _tune(sequences, wanted, options, output)
+    except tuning.Diverged as error:
+        write_tuned(output / TUNED, error.result, error.result.last_good, before)
+        raise InputError(f"{error} They are kept in '{output / TUNED}'.") from None
+    except KeyboardInterrupt:
+        click.echo(
+            f"The steps so far are kept in '{output}'; the same command continues.", err=True
+        )
+        raise
+    # In the order of the help: the same tuning writes the same file, however it was typed.
+    names = [str(param.name) for param in click.get_current_context().command.params]
+    repeated = {name: options[name] for name in names if name not in _NOT_REPEATED}
+    common.write_config(output / "run.toml", "tune", repeated)
+    write_tuned(output / TUNED, result, result.values, before)
+    write_traces(output / TRACES, result, options["objective"])
+    show(result)
+    compare_before_and_after(output, unseen, before, with_values(before, result.values), options)
+    click.echo(f"{output}/: {TUNED}, {TRACES}, {COMPARISON}, run.toml")
+
+
+def _tune(sequences: list[Any], wanted: list[Any], options: dict[str, Any], output: Path) -> Any:
+    """Tune behind a progress bar."""
+    from jaxpf import tuning
+
+    chosen = {field.name for field in dataclasses.fields(tuning.Settings)} & set(options)
+    settings = tuning.Settings(**{name: options[name] for name in chosen})
+    with common.progress_bar("steps") as bar:
+        task = bar.add_task("tuning", total=settings.steps * settings.repeats)
+
+        def progress(descent: Any) -> None:
+            done = settings.steps if descent.stopped else descent.num_steps
+            bar.update(
+                task,
+                completed=descent.repeat * settings.steps + done,
+                description=f"repeat {descent.repeat + 1}, loss {descent.loss[-1]:.4g}",
+            )
+
+        return tuning.tune(
+            sequences,
+            wanted,
+            objective=options["objective"],
+            settings=settings,
+            folder=output,
+            progress=progress,
+        )
+
+
+def _check_parameters(tracker: Any, wanted: list[Any]) -> None:
+    """Refuse what `jaxpf track` and `jaxpf evaluate` have no option for."""
+    from jaxpf import tuning
+
+    for one in wanted:
+        tuning.read(tracker, one)
+        if one.name not in _TUNABLE:
+            raise InputError(
+                f"the parameter {one.path} has no option in `jaxpf track` and `jaxpf evaluate`; "
+                f"tune it in Python with jaxpf.tune, or choose among {', '.join(_TUNABLE)}."
+            )
+
+
+def _check(options: dict[str, Any]) -> None:
+    for name, valid in (
+        ("method", _METHODS),
+        ("gradient", _GRADIENTS),
+        ("objective", _OBJECTIVES),
+    ):
+        if options[name] not in valid:
+            raise InputError(
+                f"--{name} {options[name]!r} is unknown; choose one of {', '.join(valid)}."
+            )
+    for name in ("particles", "parts", "compare_particles", "train_scenes", "held_out"):
+        if options[name] < 1:
+            raise InputError(f"--{name.replace('_', '-')} {options[name]} must be at least 1.")
+    if options["compare_runs"] < 2:
+        raise InputError(f"--compare-runs {options['compare_runs']} must be at least 2.")
+    options["scene"] = _resolved(options["scene"])
+
+
+def _model(options: dict[str, Any]) -> Any:
+    from jaxpf.tuning.sequences import BoxModel
+
+    return BoxModel(
+        scale=tuple(options["scale"]),
+        **{
+            name: options[name]
+            for name in ("method", "sharpness", "particles", "resampling", "parts", "gradient")
+        },
+    )

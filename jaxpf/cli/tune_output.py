@@ -1,0 +1,153 @@
+"""What `jaxpf tune` leaves behind: values, traces, and the comparison on unseen frames."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from jaxpf.cli import common
+from jaxpf.files import atomic_write
+
+TUNED, TRACES, COMPARISON = "tuned.toml", "tuning.png", "comparison.csv"
+
+
+def with_values(model: Any, values: dict[str, Any]) -> Any:
+    """The model with tuned values."""
+    scale = np.array(model.scale, float)
+    sharpness = model.sharpness
+    for path, value in values.items():
+        name, _, index = path.partition("[")
+        if name == "likelihood.sharpness":
+            sharpness = float(value)
+        elif index:
+            scale[int(index.rstrip("]"))] = float(value)
+        else:
+            scale = np.asarray(value, float)
+    return dataclasses.replace(model, sharpness=sharpness, scale=tuple(scale.tolist()))
+
+
+def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) -> None:
+    """The values, as the options of `track` and `evaluate`, and how sure they are."""
+    import tomli_w
+
+    model = with_values(before, values)
+    named = {path.partition("[")[0] for path in values}
+    track: dict[str, Any] = {}
+    if "likelihood.sharpness" in named:
+        track["sharpness"] = _rounded(model.sharpness)
+    if "dynamics.scale" in named:
+        track["scale"] = [_rounded(x) for x in model.scale]
+    evaluate = {name: [value] for name, value in track.items()}
+    errors = result.standard_errors()
+    tuned = {
+        name: {
+            "value": _numbers(value),
+            "standard_error": _numbers(errors[name]),
+            "start": _numbers(result.start[name]),
+        }
+        for name, value in values.items()
+    }
+    with atomic_write(path, "wb") as file:
+        tomli_w.dump({"track": track, "evaluate": evaluate, "tuned": tuned}, file)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def _numbers(value: Any) -> Any:
+    rounded = np.vectorize(_rounded)(np.asarray(value, float))
+    return rounded.tolist()
+
+
+def write_traces(path: Path, result: Any, objective: str) -> None:
+    """The figure of the descents."""
+    from jaxpf.plotting import save_figure
+    from jaxpf.tuning.plot import traces
+
+    names = {
+        "evidence": "- log evidence per frame",
+        "position": "distance (pixels)",
+        "overlap": "1 - overlap",
+    }
+    save_figure(traces(result, names[objective]), path)
+
+
+def show(result: Any) -> None:
+    """The table of values, and how the descents ended."""
+    values, intervals = result.values, result.intervals()
+    rows = []
+    for one in result.parameters:
+        for index in np.ndindex(np.shape(values[one.path])):
+            suffix = "".join(f"[{i}]" for i in index)
+            low, high = (float(end[index]) for end in intervals[one.path])
+            spread = float(result.spread_errors[one.path][index])
+            curvature = float(result.curvature_errors[one.path][index])
+            rows.append(
+                [
+                    f"{one.path}{suffix}",
+                    f"{float(result.start[one.path][index]):.4g}",
+                    f"{float(values[one.path][index]):.4g}",
+                    f"[{low:.4g}, {high:.4g}]" if high > low else "",
+                    "" if np.isnan(spread) else f"{100 * spread:.1f} %",
+                    "" if np.isnan(curvature) else f"{100 * curvature:.1f} %",
+                ]
+            )
+    common.print_table(
+        "Tuned values",
+        ["", "start", "tuned", "95 % interval", "error of repeats", "error of frames"],
+        rows,
+    )
+    for descent in result.descents:
+        how = {"settled": "settled", "all steps": "stopped before it settled"}[descent.stopped]
+        click.echo(f"repeat {descent.repeat + 1}: {how} after {descent.num_steps} steps")
+    if result.no_curvature:
+        click.echo(f"Errors of the frames are left out: {result.no_curvature}.")
+
+
+def compare_before_and_after(
+    output: Path, unseen: list[Any], before: Any, after: Any, options: dict[str, Any]
+) -> None:
+    """Before and after, printed and written."""
+    from jaxpf.tuning.comparison import MEASURES, compare
+    from jaxpf.tuning.sequences import held_out
+
+    runs, particles = options["compare_runs"], options["compare_particles"]
+    before, after = (dataclasses.replace(x, particles=particles) for x in (before, after))
+    comparison = compare(
+        [held_out(scene, before, after, runs) for scene in unseen],
+        runs=runs,
+        seed=options["seed"] + 1,
+    )
+    what = f"{len(unseen)} scenes" if len(unseen) > 1 else unseen[0].name
+    rows, lines = [], ["measure,before,after,difference,low,high,unit,count"]
+    for name in MEASURES:
+        was, is_, change = (
+            getattr(comparison, part)[name] for part in ("before", "after", "difference")
+        )
+        factor, unit = (1, " px") if name == "centre error" else (100, " %")
+        rows.append(
+            [
+                name,
+                f"{factor * float(was.value):.1f}{unit}",
+                f"{factor * float(is_.value):.1f}{unit}",
+                f"{factor * float(change.value):+.1f} [{factor * float(change.lower):+.1f}, "
+                f"{factor * float(change.upper):+.1f}]",
+                comparison.verdict(name),
+            ]
+        )
+        lines.append(
+            f"{name},{float(was.value):.6g},{float(is_.value):.6g},{float(change.value):.6g},"
+            f"{float(change.lower):.6g},{float(change.upper):.6g},{comparison.unit},"
+            f"{comparison.count}"
+        )
+    common.print_table(
+        f"On {what}, not seen in tuning: {runs} runs each, {particles} particles, 95 % over "
+        f"{comparison.count} {comparison.unit}",
+        ["", "before", "after", "paired difference", ""],
+        rows,
+    )
+    with atomic_write(output / COMPARISON) as file:
+        file.write("\n".join(lines) + "\n")

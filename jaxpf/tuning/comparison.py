@@ -1,0 +1,162 @@
+"""Before and after, on sequences that tuning did not see."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from jax.scipy.special import betainc
+
+from jaxpf import metrics
+from jaxpf.errors import InputError
+from jaxpf.geometry import boxes_from_substates
+from jaxpf.intervals import Interval, mean_interval
+from jaxpf.running import monte_carlo
+
+#: Measures and whether more is better; "success" and "recovery" as in smith2004.
+MEASURES = {
+    "overlap": True,
+    "precision": True,
+    "recall": True,
+    "success": True,
+    "recovery": True,
+    "centre error": False,
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class HeldOut:
+    """A sequence for the comparison.
+
+    Attributes:
+        before: tracker with the values before tuning; starts just before the first frame.
+        after: the same with the tuned values.
+        frames: ``[T, H, W, 3]``.
+        truth: ``[T, P, 4]`` boxes, NaN where there is none.
+        sizes: ``[P, 2]``, width and height at scale 1, pixels.
+    """
+
+    before: Any
+    after: Any
+    frames: Any
+    truth: Any
+    sizes: Any
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """Means over units with Student's 95 % intervals, and the paired differences.
+
+    Attributes:
+        unit: what the intervals are over: "sequences", or "runs" of a single sequence, which
+            then speak about that sequence alone.
+        count: number of units.
+        before: measure -> mean; shares in 0 to 1, pixels for "centre error".
+        after: the same of the tuned values.
+        difference: after less before, of the same units with the same seeds.
+    """
+
+    unit: str
+    count: int
+    before: dict[str, Interval]
+    after: dict[str, Interval]
+    difference: dict[str, Interval]
+
+    def verdict(self, measure: str) -> str:
+        """ "better", "worse", or "no clear difference" at 95 %."""
+        change = self.difference[measure]
+        sign = 1 if MEASURES[measure] else -1
+        low, high = sorted((sign * float(change.lower), sign * float(change.upper)))
+        if low > 0:
+            return "better"
+        return "worse" if high < 0 else "no clear difference"
+
+
+def compare(sequences: Sequence[HeldOut], *, runs: int = 20, seed: int = 1) -> Comparison:
+    """Run both trackers with the same seeds on every sequence.
+
+    Precision, recall and overlap are means over all frames with truth, 0 where an object is lost;
+    all measures are means over objects.
+
+    Args:
+        sequences: that tuning did not see.
+        runs: per sequence and tracker.
+        seed: of the runs; choose another than tuning's.
+
+    Raises:
+        InputError: no sequence, or too few units for an interval.
+    """
+    if not sequences:
+        raise InputError("there is no sequence to compare on; give at least one.")
+    if len(sequences) == 1 and runs < 2:
+        raise InputError(f"runs = {runs} on one sequence gives no interval; use at least 2.")
+    columns: dict[str, list[np.ndarray]] = {"before": [], "after": []}
+    for place, held_out in enumerate(sequences):
+        keys = jax.random.split(jax.random.fold_in(jax.random.key(seed), place), runs)
+        for name in columns:
+            columns[name].append(_measured(getattr(held_out, name), keys, held_out))
+    one = len(sequences) == 1
+    before, after = (np.stack(x) for x in columns.values())
+    # [sequences, runs, measures] -> [units, measures]
+    before, after = (x[0] if one else x.mean(axis=1) for x in (before, after))
+
+    def intervals(values: np.ndarray) -> dict[str, Interval]:
+        return {name: _student(values[:, i]) for i, name in enumerate(MEASURES)}
+
+    return Comparison(
+        unit="runs" if one else "sequences",
+        count=len(before),
+        before=intervals(before),
+        after=intervals(after),
+        difference=intervals(after - before),
+    )
+
+
+def _student(values: np.ndarray) -> Interval:
+    """A mean with Student's interval: units are few, and the normal one would be too narrow."""
+    normal = mean_interval(values)
+    reach = _quantile(np.isfinite(values).sum() - 1) * float(normal.standard_error)
+    value = normal.value
+    return normal._replace(lower=value - reach, upper=value + reach)
+
+
+def _quantile(freedom: int) -> float:
+    """t with P(|T| < t) = .95 for Student's T, by bisection."""
+    if freedom < 1:
+        return float("nan")
+    low, high = 0.0, 20.0
+    for _ in range(40):
+        middle = (low + high) / 2
+        outside = betainc(freedom / 2, 0.5, freedom / (freedom + middle**2))
+        low, high = (middle, high) if float(outside) > 0.05 else (low, middle)
+    return high
+
+
+def _measured(tracker: Any, keys: Any, held_out: HeldOut) -> np.ndarray:
+    """``[R, measures]``: means over frames and objects."""
+    summaries = monte_carlo(tracker, keys, held_out.frames, _estimate)
+    boxes = boxes_from_substates(summaries, held_out.sizes)
+    truth = np.asarray(held_out.truth)
+    counts = np.asarray(metrics.has_truth(truth))
+    objects = counts.any(axis=0)
+
+    def mean(values: Any) -> np.ndarray:
+        return (
+            np.where(counts, np.nan_to_num(np.asarray(values)), 0).sum(axis=(1, 2)) / counts.sum()
+        )
+
+    error = np.asarray(metrics.centre_error(boxes, truth))
+    values = {
+        "overlap": mean(metrics.overlap(boxes, truth)),
+        "precision": mean(metrics.precision(boxes, truth)),
+        "recall": mean(metrics.recall(boxes, truth)),
+        "success": np.asarray(metrics.success(boxes, truth))[:, objects].mean(axis=1),
+        "recovery": np.asarray(metrics.recovery(boxes, truth))[:, objects].mean(axis=1),
+        "centre error": np.nanmean(np.where(counts, error, np.nan), axis=(1, 2)),
+    }
+    return np.stack([values[name] for name in MEASURES], axis=-1)
+
+
+def _estimate(state: Any, summary: Any) -> Any:
+    return summary.estimate

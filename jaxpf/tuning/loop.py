@@ -1,0 +1,238 @@
+"""``tune``: descend a loss of the tracker's parameters with Adam."""
+
+import dataclasses
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+
+from jaxpf.errors import InputError
+from jaxpf.tuning import checkpoint
+from jaxpf.tuning.parameters import Parameter, check_apart, parameter, read
+from jaxpf.tuning.problem import TrainingSequence, check_objective, free_loss, observed
+from jaxpf.tuning.result import Descent, Result, summarise
+from jaxpf.tuning.settings import Settings
+from jaxpf.tuning.uncertainty import curvature
+
+#: Steps between two checkpoints.
+_STEPS_PER_CHECKPOINT = 10
+
+
+class Diverged(InputError):
+    """The loss became infinite or no number.
+
+    Attributes:
+        result: what was found up to the step before.
+    """
+
+    def __init__(self, sentence: str, result: Result):
+        super().__init__(sentence)
+        self.result = result
+
+
+def tune(
+    sequences: TrainingSequence | Sequence[TrainingSequence],
+    parameters: Sequence[str | Parameter],
+    *,
+    objective: str | Callable = "evidence",
+    settings: Settings | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    label: Any = None,
+    progress: Callable[[Descent], None] | None = None,
+) -> Result:
+    """Find the values of parameters that fit sequences best.
+
+    What the gradient means is decided by the trackers, see ``jaxpf.gradients``; a motion noise
+    needs a likelihood that is differentiable in the state (``interpolation="bilinear"``) or
+    dynamics with ``log_density``, and is refused otherwise.
+
+    Args:
+        sequences: one or several; the parameters are common to all of their trackers.
+        parameters: paths such as "likelihood.sharpness", "dynamics.scale[0]" or, with bounds,
+            "likelihood.sharpness=1:500"; see ``Parameter``.
+        objective: "evidence", "position", "overlap", or a function ``(tracker, keys, frames) ->
+            [R]`` to be made small; see ``loss_function``.
+        settings: default ``Settings()``.
+        folder: existing folder for a checkpoint, from which the same call continues.
+        label: whatever else distinguishes this call in the checkpoint, such as the sequences'
+            names; fit for JSON.
+        progress: called with the descent after every step.
+
+    Returns:
+        Values, their uncertainty, and traces.
+
+    Raises:
+        InputError: a parameter that does not exist, is no float or starts outside its bounds;
+            an objective without its labels; a checkpoint of other settings.
+        Diverged: the loss is not finite.  The last good values are kept, in ``folder`` too.
+    """
+    settings = settings or Settings()
+    sequences = [sequences] if isinstance(sequences, TrainingSequence) else list(sequences)
+    check_objective(objective, sequences)
+    wanted = [one if isinstance(one, Parameter) else parameter(one) for one in parameters]
+    if not wanted:
+        raise InputError("no parameter was named; name at least one, such as likelihood.sharpness.")
+    check_apart(wanted)
+    start = {one.path: read(sequences[0].tracker, one) for one in wanted}
+    for sequence in sequences:
+        for one in wanted:
+            if read(sequence.tracker, one).shape != start[one.path].shape:
+                raise InputError(
+                    f"the parameter {one.path} of {sequence.name} has another shape than that of "
+                    f"{sequences[0].name}; tune sequences of the same kind together."
+                )
+        _check_gradients(sequence.tracker, wanted)
+    store = None
+    if folder is not None:
+        asked = checkpoint.asked(wanted, start, objective, settings, sequences, label)
+        store = checkpoint.Store(Path(folder), asked)
+    # What depends on the frames alone is done once, but in the checks above.
+    ready = [observed(sequence) for sequence in sequences]
+    value_and_gradient = free_loss(objective, wanted)
+    descents: list[Descent] = [] if store is None else store.read()
+    for repeat in range(settings.repeats):
+        descent = descents[repeat] if repeat < len(descents) else None
+        if descent is None:
+            descent = _begin(wanted, start, settings, repeat)
+            descents.append(descent)
+        try:
+            for done in _descend(descent, wanted, ready, value_and_gradient, settings):
+                descents[repeat] = done
+                if store is not None and done.num_steps % _STEPS_PER_CHECKPOINT == 0:
+                    store.write(descents)
+                if progress is not None:
+                    progress(done)
+        except _NotFinite as error:
+            if store is not None:
+                store.write(descents)
+            result = summarise(wanted, start, descents, settings)
+            where = f"{error} of step {descents[repeat].num_steps + 1}, repeat {repeat + 1}"
+            values = ", ".join(f"{name} = {_shown(x)}" for name, x in result.last_good.items())
+            raise Diverged(
+                f"the loss became {error.value} on {where}; the last good values are {values}: "
+                "start elsewhere, narrow the bounds or lower the learning rate.",
+                result,
+            ) from None
+        finally:
+            if store is not None:
+                store.write(descents)
+    result = summarise(wanted, start, descents, settings)
+    if objective == "evidence":
+        errors, reason = curvature(result, wanted, ready, value_and_gradient, settings)
+        result = dataclasses.replace(result, curvature_errors=errors, no_curvature=reason)
+    return result
+
+
+class _NotFinite(Exception):
+    def __init__(self, name: str, value: str):
+        super().__init__(name)
+        self.value = value
+
+
+def _shown(value: Any) -> str:
+    numbers = np.atleast_1d(np.asarray(value)).ravel()
+    return ", ".join(f"{x:.6g}" for x in numbers[:6]) + (", ..." if len(numbers) > 6 else "")
+
+
+def _check_gradients(tracker: Any, wanted: Sequence[Parameter]) -> None:
+    """Refuse a motion parameter whose gradient would be silently zero."""
+    if not any(one.name.startswith("dynamics.") for one in wanted):
+        return
+    try:
+        from jaxpf.gradients import check_motion_gradient
+    except ImportError:
+        return
+    check_motion_gradient(tracker)
+
+
+def _optimiser(settings: Settings) -> optax.GradientTransformation:
+    return optax.chain(optax.clip_by_global_norm(settings.clip), optax.adam(settings.learning_rate))
+
+
+def _begin(
+    wanted: Sequence[Parameter], start: dict[str, Any], settings: Settings, repeat: int
+) -> Descent:
+    rng = np.random.default_rng([settings.seed, repeat])
+    free = {}
+    for one in wanted:
+        z = np.asarray(one.to_free(start[one.path]), float)
+        free[one.path] = z if repeat == 0 else z + settings.jitter * rng.standard_normal(z.shape)
+    moments = jax.tree.leaves(_optimiser(settings).init(_on_device(free)))
+    return Descent(
+        repeat=repeat,
+        free={name: np.asarray(z)[None] for name, z in free.items()},
+        loss=np.zeros(0),
+        gradient_norm=np.zeros(0),
+        moments=[np.asarray(x) for x in moments],
+        stopped="",
+    )
+
+
+def _on_device(free: dict[str, np.ndarray]) -> dict[str, jax.Array]:
+    return {name: jnp.asarray(z, float) for name, z in free.items()}
+
+
+def _descend(descent, wanted, sequences, value_and_gradient, settings):
+    """Yield the descent after every step, until it stops."""
+    optimiser = _optimiser(settings)
+    free = _on_device({name: trace[-1] for name, trace in descent.free.items()})
+    structure = jax.tree.structure(optimiser.init(free))
+    moments = jax.tree.unflatten(structure, [jnp.asarray(x) for x in descent.moments])
+    key = jax.random.fold_in(jax.random.key(settings.seed), descent.repeat)
+    update = jax.jit(optimiser.update)
+    while not descent.stopped:
+        step = descent.num_steps
+        gradients, losses = [], []
+        for place in _of_step(step, len(sequences), settings):
+            sequence = sequences[place]
+            drawn = jax.random.fold_in(key, 0 if settings.random_numbers == "common" else step)
+            keys = jax.random.split(jax.random.fold_in(drawn, place), settings.runs)
+            loss, gradient = value_and_gradient(
+                free, sequence.tracker, keys, sequence.frames, sequence.truth, sequence.sizes
+            )
+            norm = float(optax.global_norm(gradient))
+            if not (np.isfinite(float(loss)) and np.isfinite(norm)):
+                value = "infinite" if np.isinf(float(loss)) else "no number"
+                if np.isfinite(float(loss)):
+                    value = f"{float(loss):.4g} with a gradient that is not finite"
+                raise _NotFinite(sequence.name, value)
+            losses.append(float(loss))
+            gradients.append(gradient)
+        mean = jax.tree.map(lambda *g: sum(g) / len(g), *gradients)
+        change, moments = update(mean, moments)
+        free = optax.apply_updates(free, change)
+        descent = dataclasses.replace(
+            descent,
+            free={
+                name: np.concatenate([descent.free[name], np.asarray(z)[None]])
+                for name, z in free.items()
+            },
+            loss=np.append(descent.loss, np.mean(losses)),
+            gradient_norm=np.append(descent.gradient_norm, float(optax.global_norm(mean))),
+            moments=[np.asarray(x) for x in jax.tree.leaves(moments)],
+        )
+        descent = dataclasses.replace(descent, stopped=_reason_to_stop(descent, settings))
+        yield descent
+
+
+def _of_step(step: int, count: int, settings: Settings) -> list[int]:
+    """Places of the sequences of a step: all, or as many as asked, in turn."""
+    number = min(settings.sequences_per_step or count, count)
+    return [(step * number + i) % count for i in range(number)]
+
+
+def _reason_to_stop(descent: Descent, settings: Settings) -> str:
+    steps, window = descent.num_steps, settings.window
+    if steps >= 2 * window:
+        moved = max(
+            float(np.max(np.abs(z[-window:].mean(axis=0) - z[-2 * window : -window].mean(axis=0))))
+            for z in descent.free.values()
+        )
+        if moved < settings.tolerance:
+            return "settled"
+    return "all steps" if steps >= settings.steps else ""

@@ -1,0 +1,232 @@
+"""Parameters of a tracker, named by their path: ``likelihood.sharpness``, ``dynamics.scale[0]``."""
+
+import dataclasses
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.errors import InputError
+
+_PATH = re.compile(r"(?P<name>[A-Za-z_][\w.]*)(?P<index>(\[\d+\])*)")
+#: Leaves that are numbers, but of an ordering: whole numbers in disguise.
+_NO_PARAMETERS = ("ordering",)
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """One parameter, or an array of them, and where its values may lie.
+
+    Attributes:
+        path: names from the tracker down, joined by dots, and perhaps an index:
+            ``dynamics.scale[0]`` of an array ``[3]`` or ``[P, 3]``.
+        low: values lie above it; -inf is no bound.
+        high: values lie below it; inf is no bound.
+
+    Raises:
+        InputError: a path that is malformed, or bounds in the wrong order.
+    """
+
+    path: str
+    low: float = -math.inf
+    high: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not _PATH.fullmatch(self.path):
+            raise InputError(
+                f"the parameter {self.path!r} is no path; write names joined by dots, such as "
+                "likelihood.sharpness or dynamics.scale[0]."
+            )
+        if not self.low < self.high:
+            raise InputError(
+                f"the bounds of {self.path} are {self.low:g} and {self.high:g}: the first must be "
+                "the smaller."
+            )
+
+    @property
+    def name(self) -> str:
+        """The path without its index."""
+        return self.path.partition("[")[0]
+
+    @property
+    def index(self) -> tuple[int, ...]:
+        """The index, () without one."""
+        return tuple(int(number) for number in re.findall(r"\[(\d+)\]", self.path))
+
+    # Values are optimised as free numbers z: x = low + e^z, or a logistic curve between bounds.
+
+    def to_free(self, value: Any) -> jax.Array:
+        """The free number z that stands for a value within the bounds."""
+        value = jnp.asarray(value, float)
+        if math.isinf(self.low) and math.isinf(self.high):
+            return value
+        if math.isinf(self.high):
+            return jnp.log(value - self.low)
+        if math.isinf(self.low):
+            return -jnp.log(self.high - value)
+        return jnp.log(value - self.low) - jnp.log(self.high - value)
+
+    def to_value(self, free: Any) -> jax.Array:
+        """The value that a free number stands for."""
+        free = jnp.asarray(free)
+        if math.isinf(self.low) and math.isinf(self.high):
+            return free
+        if math.isinf(self.high):
+            return self.low + jnp.exp(free)
+        if math.isinf(self.low):
+            return self.high - jnp.exp(-free)
+        return self.low + (self.high - self.low) * jax.nn.sigmoid(free)
+
+    def slope(self, free: Any) -> jax.Array:
+        """d value / d free."""
+        free = jnp.asarray(free, float)
+        derivative = jax.grad(lambda z: jnp.sum(self.to_value(z)))
+        return derivative(free)
+
+
+#: Bounds of parameters that carry these names, where a user gives none.
+DEFAULT_BOUNDS = {
+    "sharpness": (0.0, math.inf),
+    "sigma": (0.0, math.inf),
+    "scale": (0.0, math.inf),
+    "momentum": (0.0, 1.0),
+    "tempering": (0.0, 1.0),
+}
+
+
+def parameter(text: str) -> Parameter:
+    """A parameter from ``PATH`` or ``PATH=LOW:HIGH``; either bound may be left out.
+
+    Raises:
+        InputError: it has another form.
+    """
+    path, equals, bounds = (part.strip() for part in text.partition("="))
+    if not equals:
+        last = path.partition("[")[0].rpartition(".")[2]
+        return Parameter(path, *DEFAULT_BOUNDS.get(last, ()))
+    low, colon, high = bounds.partition(":")
+    try:
+        if not colon:
+            raise ValueError
+        return Parameter(path, float(low or -math.inf), float(high or math.inf))
+    except InputError:
+        raise
+    except ValueError:
+        raise InputError(
+            f"the parameter {text!r} must have the form PATH or PATH=LOW:HIGH, such as "
+            "likelihood.sharpness=1:500."
+        ) from None
+
+
+def names(tracker: Any) -> list[str]:
+    """Paths of all parameters that can be tuned: the leaves that hold floats."""
+    return [name for name, leaf in _leaves(tracker).items() if _is_tunable(name, leaf)]
+
+
+def read(tracker: Any, wanted: Parameter) -> jax.Array:
+    """The value of a parameter.
+
+    Raises:
+        InputError: there is no such path, it is not of floats, or its value is outside its
+            bounds.
+    """
+    leaves = _leaves(tracker)
+    leaf = leaves.get(wanted.name)
+    if leaf is None or not _is_tunable(wanted.name, leaf):
+        raise InputError(_why_not(tracker, wanted.name, leaf))
+    value = jnp.asarray(leaf, float)
+    shape = value.shape
+    if len(wanted.index) > len(shape) or any(
+        i >= n for i, n in zip(wanted.index, shape, strict=False)
+    ):
+        raise InputError(
+            f"the parameter {wanted.path} is outside {wanted.name}, whose shape is {list(shape)}; "
+            "count from 0."
+        )
+    value = value[wanted.index]
+    inside = np.asarray((value > wanted.low) & (value < wanted.high))
+    if not inside.all():
+        wrong = float(np.asarray(value)[~inside].flat[0])
+        raise InputError(
+            f"the parameter {wanted.path} starts at {wrong:g}, but must lie between "
+            f"{wanted.low:g} and {wanted.high:g}, ends excluded; start inside, or leave "
+            "it out."
+        )
+    return value
+
+
+def replace(tracker: Any, values: Mapping[str, Any]) -> Any:
+    """The tracker with other values, path -> value; traced values are welcome.
+
+    Raises:
+        InputError: there is no such path.
+    """
+    wanted = [Parameter(path) for path in values]
+    known = _leaves(tracker)
+    for one in wanted:
+        if one.name not in known:
+            raise InputError(_why_not(tracker, one.name, None))
+
+    def exchange(path, leaf):
+        name = _name(path)
+        for one in wanted:
+            if one.name == name:
+                leaf = jnp.asarray(leaf, jnp.result_type(leaf, float))
+                value = jnp.asarray(values[one.path], leaf.dtype)
+                leaf = leaf.at[one.index].set(value) if one.index else value
+        return leaf
+
+    return jax.tree_util.tree_map_with_path(exchange, tracker)
+
+
+def check_apart(wanted: Sequence[Parameter]) -> None:
+    """Refuse parameters that are named twice, or an array and one of its entries.
+
+    Raises:
+        InputError: which two.
+    """
+    for place, one in enumerate(wanted):
+        for other in wanted[:place]:
+            shorter = min(len(one.index), len(other.index))
+            if one.name == other.name and one.index[:shorter] == other.index[:shorter]:
+                raise InputError(
+                    f"the parameters {other.path} and {one.path} overlap; name each value once."
+                )
+
+
+def _leaves(tracker: Any) -> dict[str, Any]:
+    return {_name(path): leaf for path, leaf in jax.tree_util.tree_flatten_with_path(tracker)[0]}
+
+
+def _name(path: Any) -> str:
+    return ".".join(str(getattr(k, "name", getattr(k, "key", getattr(k, "idx", k)))) for k in path)
+
+
+def _is_tunable(name: str, leaf: Any) -> bool:
+    is_float = jnp.issubdtype(jnp.result_type(leaf), jnp.floating)
+    return is_float and name.partition(".")[0] not in _NO_PARAMETERS
+
+
+def _why_not(tracker: Any, name: str, leaf: Any) -> str:
+    choices = f"choose among {', '.join(names(tracker))}."
+    if leaf is not None and name.partition(".")[0] in _NO_PARAMETERS:
+        return f"the parameter {name} belongs to the ordering, which is not tuned; {choices}"
+    if leaf is not None:
+        kind = jnp.result_type(leaf)
+        return f"the parameter {name} holds {kind}, which has no gradient; {choices}"
+    node = tracker
+    for part in name.split("."):
+        if not hasattr(node, part):
+            return f"the tracker has no parameter {name}; {choices}"
+        node = getattr(node, part)
+    if node is None:
+        return f"the parameter {name} is not set in this tracker; {choices}"
+    if isinstance(node, bool | int | str | tuple):
+        return (
+            f"the parameter {name} is a fixed setting ({node!r}), not a number to tune; {choices}"
+        )
+    return f"{name} is a group of parameters or no parameter; {choices}"

@@ -1,0 +1,171 @@
+"""What is tuned on: sequences with their trackers, and the loss of one of them."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf import objectives
+from jaxpf.errors import InputError
+from jaxpf.likelihoods import HistogramLikelihood, PatchLikelihood
+from jaxpf.pytree import pytree_dataclass
+from jaxpf.tuning.parameters import Parameter, replace
+
+OBJECTIVES = ("evidence", "position", "overlap")
+
+#: Bytes that the observations of all frames may take to be kept rather than made at every step.
+_KEPT_OBSERVATIONS = 512 * 2**20
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainingSequence:
+    """One sequence to tune on.
+
+    Attributes:
+        tracker: starts just before the first frame and knows this sequence's objects.
+        frames: array or pytree, leading axis T.
+        truth: for supervised objectives: ``[T, P, 4]`` boxes x, y, w, h for "overlap";
+            ``[T, P, >= 2]`` substates, the centre first, for "position".  NaN where an object
+            is not labelled.
+        sizes: ``[P, 2]``, width and height at scale 1, for "overlap".
+        name: for messages.
+    """
+
+    tracker: Any
+    frames: Any
+    truth: Any = None
+    sizes: Any = None
+    name: str = "the sequence"
+
+    @property
+    def num_frames(self) -> int:
+        """T."""
+        return len(jax.tree.leaves(self.frames)[0])
+
+
+def check_objective(objective: Any, sequences: Sequence[TrainingSequence]) -> None:
+    """Refuse an objective that is unknown or lacks its labels.
+
+    Raises:
+        InputError: which, and for which sequence.
+    """
+    if not sequences:
+        raise InputError("there is no sequence to tune on; give at least one.")
+    if callable(objective):
+        return
+    if objective not in OBJECTIVES:
+        raise InputError(
+            f"objective {objective!r} is unknown; choose one of {', '.join(OBJECTIVES)}, or give "
+            "a function of (tracker, keys, frames)."
+        )
+    for sequence in sequences:
+        if objective != "evidence" and sequence.truth is None:
+            raise InputError(
+                f"objective {objective!r} needs labels, but {sequence.name} has none; give its "
+                "truth, or use 'evidence'."
+            )
+        if objective == "overlap" and sequence.sizes is None:
+            raise InputError(f"objective 'overlap' needs the sizes of {sequence.name}; give them.")
+        likelihood = getattr(sequence.tracker, "likelihood", None)
+        form = getattr(likelihood, "form", None)
+        if objective == "evidence" and form == "exponential":
+            raise InputError(
+                "the evidence of exp(-sharpness d^2) always prefers sharpness 0, because it is not "
+                "normalised; make the histogram with form='density' or 'ratio', or choose the "
+                "objective 'position' or 'overlap'."
+            )
+
+
+def loss_function(objective: str | Callable) -> Callable:
+    """The loss of a sequence: ``(tracker, keys, frames, truth, sizes) -> []``, smaller is better.
+
+    * "evidence": minus the log evidence per frame, averaged over runs.  The mean of the logs
+      lies below the log evidence by about half its variance, so that a low variance is rewarded
+      too: it is the bound of Maddison et al., "Filtering variational objectives", NeurIPS 2017.
+    * "position": mean distance to the labelled positions, pixels.
+    * "overlap": 1 - intersection over union with the labelled boxes.
+    * a function of ``(tracker, keys, frames)``: the mean of what it returns.
+    """
+
+    def loss(tracker, keys, frames, truth, sizes):
+        if callable(objective):
+            return jnp.mean(objective(tracker, keys, frames))
+        if objective == "evidence":
+            num_frames = len(jax.tree.leaves(frames)[0])
+            return -jnp.mean(objectives.log_evidence(tracker, keys, frames)) / num_frames
+        if objective == "position":
+            return jnp.mean(objectives.position_error(tracker, keys, frames, truth))
+        return jnp.mean(objectives.overlap_loss(tracker, keys, frames, truth, sizes))
+
+    return loss
+
+
+def free_loss(objective: str | Callable, wanted: Sequence[Parameter]) -> Callable:
+    """Value and gradient of the loss of free numbers z, compiled once per shape of sequence.
+
+    Returns:
+        Function of ``(z, tracker, keys, frames, truth, sizes)``; z is path -> array.
+    """
+    loss = loss_function(objective)
+
+    def of_free(free, tracker, keys, frames, truth, sizes):
+        values = {one.path: one.to_value(free[one.path]) for one in wanted}
+        return loss(_with(tracker, values), keys, frames, truth, sizes)
+
+    return jax.jit(jax.value_and_grad(of_free))
+
+
+def _with(tracker: Any, values: Mapping[str, Any]) -> Any:
+    if isinstance(tracker, Observed):
+        return Observed(replace(tracker.tracker, values))
+    return replace(tracker, values)
+
+
+@pytree_dataclass
+class Observed:
+    """A tracker whose frames are observations already."""
+
+    tracker: Any
+
+    @property
+    def num_partitions(self) -> int:
+        """P."""
+        return self.tracker.num_partitions
+
+    def init(self, key):
+        """See ``Partitioned``."""
+        return self.tracker.init(key)
+
+    def observe(self, frame):
+        """The frame, which is an observation."""
+        return frame
+
+    def step_observed(self, key, state, observation):
+        """See ``Partitioned``."""
+        return self.tracker.step_observed(key, state, observation)
+
+    def step(self, key, state, frame):
+        """See ``Partitioned``."""
+        return self.step_observed(key, state, frame)
+
+
+def observed(sequence: TrainingSequence) -> TrainingSequence:
+    """The sequence with its frames observed once and for all, where that is sound and fits.
+
+    Only likelihoods are concerned whose observations are known to depend on no parameter.
+    """
+    tracker = sequence.tracker
+    likelihood = getattr(tracker, "likelihood", None)
+    if not isinstance(likelihood, HistogramLikelihood | PatchLikelihood):
+        return sequence
+    frames = jnp.asarray(sequence.frames)
+    one = jax.eval_shape(tracker.observe, frames[0])
+    size = sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in jax.tree.leaves(one))
+    if size * len(frames) > _KEPT_OBSERVATIONS:
+        return dataclasses.replace(sequence, frames=frames)
+    observations = jax.jit(lambda frames: jax.lax.map(tracker.observe, frames))(frames)
+    return dataclasses.replace(sequence, tracker=Observed(tracker), frames=observations)

@@ -1,0 +1,140 @@
+"""What tuning found: values, their uncertainty, and how they were reached."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from jaxpf.tuning.parameters import Parameter, replace
+from jaxpf.tuning.settings import Settings
+
+#: Half the width of a 95 % interval, in standard errors.
+_REACH = 1.96
+
+
+@dataclasses.dataclass(frozen=True)
+class Descent:
+    """One repeat, finished or not.
+
+    Attributes:
+        repeat: its number, from 0.
+        free: path -> ``[S + 1, ...]``: the free numbers before the first step and after each.
+        loss: ``[S]``, before each step.
+        gradient_norm: ``[S]``, before clipping.
+        moments: the optimiser's state.
+        stopped: "" while it goes on, "settled", or "all steps".
+    """
+
+    repeat: int
+    free: dict[str, np.ndarray]
+    loss: np.ndarray
+    gradient_norm: np.ndarray
+    moments: list[np.ndarray]
+    stopped: str
+
+    @property
+    def num_steps(self) -> int:
+        """S, steps that were made."""
+        return len(self.loss)
+
+
+@dataclasses.dataclass(frozen=True)
+class Result:
+    """Tuned values.
+
+    Attributes:
+        parameters: what was tuned.
+        start: path -> value before.
+        free: path -> free numbers of ``values``.
+        spread_errors: path -> standard error of the free numbers from the spread over repeats
+            (sd / sqrt(repeats)): how far they depend on random numbers and starts.  NaN with one
+            repeat.
+        curvature_errors: path -> standard error of the free numbers from the curvature of the
+            log evidence (inverse of the observed information): how well the frames determine
+            them.  NaN for other objectives, and where the curvature is not that of a maximum.
+        descents: traces of the repeats.
+        no_curvature: why there are no ``curvature_errors``, or "".
+    """
+
+    parameters: tuple[Parameter, ...]
+    start: dict[str, np.ndarray]
+    free: dict[str, np.ndarray]
+    spread_errors: dict[str, np.ndarray]
+    curvature_errors: dict[str, np.ndarray]
+    descents: list[Descent]
+    no_curvature: str = ""
+
+    @property
+    def values(self) -> dict[str, np.ndarray]:
+        """path -> tuned value: means of the free numbers over the last window, over repeats."""
+        return self._values(self.free)
+
+    @property
+    def last_good(self) -> dict[str, np.ndarray]:
+        """path -> value of the last step whose loss was finite."""
+        return self._values({name: z[-1] for name, z in self.descents[-1].free.items()})
+
+    def _values(self, free: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        return {one.path: np.asarray(one.to_value(free[one.path])) for one in self.parameters}
+
+    def total_errors(self) -> dict[str, np.ndarray]:
+        """path -> standard error of the free numbers from both sources, as far as known."""
+        return {
+            name: np.sqrt(
+                np.nan_to_num(self.spread_errors[name]) ** 2
+                + np.nan_to_num(self.curvature_errors[name]) ** 2
+            )
+            for name in self.free
+        }
+
+    def standard_errors(self) -> dict[str, np.ndarray]:
+        """path -> standard error of the value, by the slope of its bounds' mapping."""
+        total = self.total_errors()
+        return {
+            one.path: np.abs(np.asarray(one.slope(self.free[one.path]))) * total[one.path]
+            for one in self.parameters
+        }
+
+    def intervals(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """path -> ends of the 95 % interval, which never leaves the bounds."""
+        total = self.total_errors()
+        low = self._values({name: z - _REACH * total[name] for name, z in self.free.items()})
+        high = self._values({name: z + _REACH * total[name] for name, z in self.free.items()})
+        return {name: (low[name], high[name]) for name in self.free}
+
+    def apply(self, tracker: Any) -> Any:
+        """The tracker with the tuned values."""
+        return replace(tracker, self.values)
+
+
+def summarise(
+    wanted: Sequence[Parameter],
+    start: Mapping[str, Any],
+    descents: list[Descent],
+    settings: Settings,
+) -> Result:
+    """Combine repeats: each gives the mean over its last window, and these their mean."""
+    free, errors = {}, {}
+    for one in wanted:
+        tails = np.stack(
+            [
+                d.free[one.path][-min(settings.window, max(1, d.num_steps // 2)) :].mean(axis=0)
+                for d in descents
+            ]
+        )
+        free[one.path] = tails.mean(axis=0)
+        count = len(tails)
+        errors[one.path] = (
+            tails.std(axis=0, ddof=1) / np.sqrt(count)
+            if count > 1
+            else np.full(tails.shape[1:], np.nan)
+        )
+    return Result(
+        parameters=tuple(wanted),
+        start={name: np.asarray(value) for name, value in start.items()},
+        free=free,
+        spread_errors=errors,
+        curvature_errors={name: np.full(np.shape(z), np.nan) for name, z in free.items()},
+        descents=descents,
+    )

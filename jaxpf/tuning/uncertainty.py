@@ -1,0 +1,82 @@
+"""How well the frames determine tuned values: the curvature of the log evidence."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.tuning.parameters import Parameter
+from jaxpf.tuning.problem import TrainingSequence
+from jaxpf.tuning.result import Result
+from jaxpf.tuning.settings import Settings
+
+#: Step of the free numbers between the gradients that are compared.
+_STEP = 0.15
+#: Runs per gradient, in terms of those of a step: differences are small beside their noise.
+_RUNS = 4
+#: More numbers than this would cost more than the descent.
+_MOST = 12
+
+
+def curvature(
+    result: Result,
+    wanted: Sequence[Parameter],
+    sequences: Sequence[TrainingSequence],
+    value_and_gradient: Callable,
+    settings: Settings,
+) -> tuple[dict[str, np.ndarray], str]:
+    """Standard errors of the free numbers, from the observed information.
+
+    The information is minus the second derivative of the log evidence of all sequences, found
+    by central differences of its gradient on common random numbers, .15 on either side.  Its
+    inverse is the covariance of the maximum-likelihood estimate, if the model is right and the
+    frames many.
+
+    Returns:
+        path -> errors, NaN where there are none; and why, or "".
+    """
+    sizes = [np.size(result.free[one.path]) for one in wanted]
+    none = {name: np.full(np.shape(z), np.nan) for name, z in result.free.items()}
+    total = sum(sizes)
+    if total > _MOST:
+        return none, f"{total} numbers are too many for their curvature"
+    centre = np.concatenate([np.ravel(result.free[one.path]) for one in wanted])
+    edges = np.cumsum(sizes)[:-1]
+    key = jax.random.fold_in(jax.random.key(settings.seed), 2**31 - 1)
+
+    def gradient(point: np.ndarray) -> np.ndarray:
+        parts = np.split(point, edges)
+        free = {
+            one.path: jnp.asarray(part.reshape(np.shape(result.free[one.path])), float)
+            for one, part in zip(wanted, parts, strict=True)
+        }
+        sum_: Any = np.zeros(total)
+        for place, sequence in enumerate(sequences):
+            for batch in range(_RUNS):
+                keys = jax.random.split(
+                    jax.random.fold_in(jax.random.fold_in(key, place), batch), settings.runs
+                )
+                _, slope = value_and_gradient(
+                    free, sequence.tracker, keys, sequence.frames, sequence.truth, sequence.sizes
+                )
+                flat = np.concatenate([np.ravel(slope[one.path]) for one in wanted])
+                sum_ = sum_ + flat * sequence.num_frames / _RUNS
+        return sum_
+
+    information = np.zeros((total, total))
+    for place in range(total):
+        shift = np.zeros(total)
+        shift[place] = _STEP
+        information[place] = (gradient(centre + shift) - gradient(centre - shift)) / (2 * _STEP)
+    information = (information + information.T) / 2
+    if not np.isfinite(information).all():
+        return none, "the gradient beside the values found is not finite"
+    if np.linalg.eigvalsh(information).min() <= 0:
+        return none, "the values found are no clear maximum of the evidence"
+    errors = np.sqrt(np.diag(np.linalg.inv(information)))
+    return {
+        one.path: part.reshape(np.shape(result.free[one.path]))
+        for one, part in zip(wanted, np.split(errors, edges), strict=True)
+    }, ""

@@ -6,13 +6,14 @@ several times cheaper than a key per particle; ``propagate`` is the one-particle
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.pytree import pytree_dataclass
 
 
 class BatchedDynamics:
-    """Gives the one-particle ``propagate`` to classes that define ``propagate_all``."""
+    """Gives the one-particle forms to classes that define those for all particles."""
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles: ``partition`` ``[N]``, the substates ``[D, N]``."""
@@ -24,6 +25,16 @@ class BatchedDynamics:
             key, jnp.asarray(partition)[None], *(x[:, None] for x in (current, previous, parent))
         )
         return moved[:, 0]
+
+    def log_density(self, partition, new, current, previous, parent):
+        """Log of the density ``[]`` from which ``propagate`` draws ``new`` ``[D]``.
+
+        A dimension without noise is left out: it is no density, and ``new`` is taken for right.
+        """
+        every = self.log_density_all(
+            jnp.asarray(partition)[None], *(x[:, None] for x in (new, current, previous, parent))
+        )
+        return every[0]
 
 
 @pytree_dataclass
@@ -41,6 +52,10 @@ class RandomWalk(BatchedDynamics):
         """Move all particles, ``[D, N]``."""
         noise = jax.random.normal(key, current.shape, current.dtype)
         return current + _per_particle(self.scale, partition, current) * noise
+
+    def log_density_all(self, partition, new, current, previous, parent):
+        """Log-densities of all particles, ``[N]``."""
+        return _log_normal(new - current, _per_particle(self.scale, partition, current))
 
 
 @pytree_dataclass
@@ -61,8 +76,16 @@ class AR2(BatchedDynamics):
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[D, N]``."""
         noise = jax.random.normal(key, current.shape, current.dtype)
-        drift = current + jnp.asarray(self.momentum, current.dtype) * (current - previous)
+        drift = self._drift(current, previous)
         return drift + _per_particle(self.scale, partition, current) * noise
+
+    def log_density_all(self, partition, new, current, previous, parent):
+        """Log-densities of all particles, ``[N]``."""
+        residual = new - self._drift(current, previous)
+        return _log_normal(residual, _per_particle(self.scale, partition, current))
+
+    def _drift(self, current, previous):
+        return current + jnp.asarray(self.momentum, current.dtype) * (current - previous)
 
 
 @pytree_dataclass
@@ -88,6 +111,19 @@ class LinearGaussian(BatchedDynamics):
         """Move all particles, ``[D, N]``."""
         noise = jax.random.normal(key, current.shape, current.dtype)
         moved = _apply(self.transition, partition, current) + _apply(self.noise, partition, noise)
+        return self._shifted(moved, partition, current, previous, parent)
+
+    def log_density_all(self, partition, new, current, previous, parent):
+        """Log-densities of all particles, ``[N]``; the noise must have full rank."""
+        mean = _apply(self.transition, partition, current)
+        residual = new - self._shifted(mean, partition, current, previous, parent)
+        noise = jnp.asarray(self.noise, current.dtype)
+        normal = _apply(jnp.linalg.inv(noise), partition, residual)
+        volume = jnp.linalg.slogdet(noise)[1][partition]
+        return _log_normal(normal, jnp.ones_like(normal)) - volume
+
+    def _shifted(self, moved, partition, current, previous, parent):
+        """What is added to ``A x_{t-1}``, noise apart."""
         if self.lag is not None:
             moved = moved + _apply(self.lag, partition, previous)
         if self.coupling is not None:
@@ -124,6 +160,14 @@ def _per_particle(scale, partition, like):
     if scale.ndim == 2:
         return scale[partition].T
     return scale[:, None] if scale.ndim == 1 else scale
+
+
+def _log_normal(residual, scale):
+    """Log-densities ``[N]`` of independent normal residuals ``[D, N]``; scale 0 counts as 0."""
+    noisy = scale > 0
+    scale = jnp.where(noisy, scale, 1.0)
+    terms = -0.5 * (residual / scale) ** 2 - jnp.log(scale) - 0.5 * np.log(2 * np.pi)
+    return jnp.sum(jnp.where(noisy, terms, 0.0), axis=0)
 
 
 def _apply(matrices, partition, vectors):

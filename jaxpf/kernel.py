@@ -21,7 +21,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxpf import exchange, resampling
+from jaxpf import contract, exchange, resampling, transport
+from jaxpf.gradients import with_gradient_of
 from jaxpf.ordering import Ordering
 from jaxpf.resampling import Components
 from jaxpf.state import (
@@ -50,6 +51,7 @@ class Frame(NamedTuple):
         equal: ``[]`` bool, weights were equal after the last resampling.
         num_invalid: ``[]`` int32.
         labels: ``[N]`` int32, components of the particles.
+        scores: ``[P, N]``, by slot of drawing, see ``ParticleState``; or None.
     """
 
     stages: jax.Array
@@ -62,6 +64,7 @@ class Frame(NamedTuple):
     equal: jax.Array
     num_invalid: jax.Array
     labels: jax.Array
+    scores: jax.Array | None
 
 
 def begin(tracker, key, state) -> tuple[Components, Frame]:
@@ -70,13 +73,14 @@ def begin(tracker, key, state) -> tuple[Components, Frame]:
     resample_key, split_key = jax.random.split(key)
     identity = jnp.arange(num_particles, dtype=jnp.int32)
     whole = resampling.one_component(num_particles)
-    chosen, log_weights, resampled = _resample(
-        tracker, resample_key, state.log_weights, state.log_weights, whole
-    )
+    incoming = state.log_weights
+    if state.scores is not None:
+        incoming = lax.stop_gradient(incoming)  # the scores hold their derivative
+    chosen, log_weights, equal = _resample(tracker, resample_key, incoming, incoming, whole)
     # A set that was only drawn has equal weights already: resampling it would lose particles.
     ancestors = jnp.where(state.weighted, chosen, identity)
     uniform = jnp.full_like(log_weights, -np.log(num_particles))
-    log_weights = jnp.where(state.weighted & ~resampled, log_weights, uniform)
+    log_weights = jnp.where(state.weighted & ~equal, log_weights, uniform)
     if ordering.by_label:
         labels = state.component[ancestors]
         shuffle = exchange.order_by_group(labels)
@@ -100,17 +104,23 @@ def begin(tracker, key, state) -> tuple[Components, Frame]:
             ordering, _is_split(ordering), shuffled, lambda: (ancestors, log_weights)
         )
     shape = (tracker.num_partitions, num_particles)
+    stages, lineage = jnp.zeros_like(state.lagged), jnp.broadcast_to(ancestors, shape)
+    if tracker.gradient == "transport":
+        # Blending moves substates: rows hold the past until their stage has come.
+        stages = state.lagged[:, :, ordering.order[components.index].T, ancestors]
+        lineage = jnp.broadcast_to(identity, shape)
     return components, Frame(
-        stages=jnp.zeros_like(state.lagged),
+        stages=stages,
         log_probs=jnp.zeros(shape, log_weights.dtype),
-        lineage=jnp.broadcast_to(ancestors, shape),
+        lineage=lineage,
         log_weights=log_weights,
         seen=jnp.zeros((tracker.num_partitions, ordering.order.shape[0]), bool),
         largest=resampling.component_max(log_weights, components),
         impossible=jnp.zeros((num_particles,), bool),
-        equal=resampled | ~state.weighted,
+        equal=(equal | ~state.weighted) & (tracker.gradient != "soft"),
         num_invalid=jnp.zeros((), jnp.int32),
         labels=labels,
+        scores=None if state.scores is None else jnp.zeros(shape, log_weights.dtype),
     )
 
 
@@ -138,21 +148,26 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
             jax.random.fold_in(key, stage), 3
         )
         partition = ordering.order[components.index, stage]
-        left = past[:, partition * num_particles + frame.lineage[stage]]
-        left = left.reshape(2, dimension, num_particles)
-        moved = _propagate(
-            tracker.dynamics,
-            propagate_key,
-            partition,
-            left[0],
-            left[1],
-            parent_substates(frame, partition),
-        ).astype(dtype)
-        moved = lax.optimization_barrier(moved)
-        log_prob = _log_prob(tracker.likelihood, observation, partition, moved).astype(dtype)
+        source = partition * num_particles + frame.lineage[stage]
+        left = past[:, source].reshape(2, dimension, num_particles)
+        if tracker.gradient == "transport":
+            left = frame.stages[:, :, stage]
+        conditions = left[0], left[1], parent_substates(frame, partition)
+        moved = contract.propagate(tracker.dynamics, propagate_key, partition, *conditions)
+        moved = lax.optimization_barrier(moved.astype(dtype))
+        if tracker.motion_gradient == "score":
+            moved = lax.stop_gradient(moved)
+        log_prob = contract.log_prob(tracker.likelihood, observation, partition, moved)
+        log_prob = log_prob.astype(dtype)
         chex.assert_shape(log_prob, (num_particles,))
         invalid = jnp.isnan(log_prob) | jnp.isposinf(log_prob)
         log_prob = lax.optimization_barrier(jnp.where(invalid, -jnp.inf, log_prob))
+        if tracker.motion_gradient == "score":
+            log_density = contract.log_density(tracker.dynamics, partition, moved, *conditions)
+            log_prob = with_gradient_of(log_prob, log_density.astype(dtype))
+        if frame.scores is not None:
+            score = with_gradient_of(state.scores.reshape(-1)[source], log_prob)
+            frame = frame._replace(scores=frame.scores.at[stage].set(score))
         frame = frame._replace(
             stages=lax.dynamic_update_index_in_dim(
                 frame.stages, jnp.stack([moved, left[0]]), stage, axis=2
@@ -169,19 +184,24 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
         frame = _absorb(frame, components, factor, stage)
 
         def resample(frame):
+            if tracker.gradient == "transport":
+                stages, log_weights, equal = transport.blend(
+                    tracker, frame.stages, frame.log_weights, components
+                )
+                return frame._replace(stages=stages, log_weights=log_weights, equal=equal)
             selection, largest = frame.log_weights, frame.largest
             if tracker.tempering is not None:
                 possible = ~jnp.isneginf(selection)
                 change = jnp.where(possible, selection - before, 0.0)
                 selection = jnp.where(possible, before + tracker.tempering * change, -jnp.inf)
                 largest = None
-            ancestors, log_weights, resampled = _resample(
+            ancestors, log_weights, equal = _resample(
                 tracker, resample_key, frame.log_weights, selection, components, largest
             )
             return frame._replace(
                 lineage=frame.lineage[:, ancestors],
                 log_weights=log_weights,
-                equal=resampled,
+                equal=equal,
             )
 
         def exchange_level(frame):
@@ -278,6 +298,10 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
         lambda: _gathered(frame, flat, row),
         lambda: (frame.lineage, flat.reshape(frame.stages.shape)[:, :, ordering.rank[0]]),
     )
+    scores = path = None
+    if frame.scores is not None:
+        scores = frame.scores.reshape(-1)[row * num_particles + lineage]
+        path = jnp.sum(scores, axis=0)
     if hasattr(tracker.likelihood, "log_joint"):
         log_probs = frame.log_probs.reshape(-1)[row * num_particles + lineage]
         log_joint = jax.vmap(tracker.likelihood.log_joint, in_axes=(None, 2, 1))(
@@ -288,12 +312,16 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
         frame = frame._replace(num_invalid=frame.num_invalid + jnp.sum(invalid, dtype=jnp.int32))
         weighting = jnp.sum(jnp.where(jnp.isneginf(log_probs), 0.0, log_probs), axis=0)
         frame = _absorb(frame, components, log_joint - weighting)
+        if path is not None:
+            path = with_gradient_of(path, log_joint - weighting)
 
     every_component = ordering.rank.T, jnp.arange(ordering.rank.shape[0])
     lost = ~jnp.any(frame.seen[every_component], axis=1)
 
     all_impossible = jnp.all(frame.impossible)
     log_weights = jnp.where(frame.impossible & ~all_impossible, -jnp.inf, frame.log_weights)
+    if path is not None:
+        log_weights = with_gradient_of(log_weights, path)
     log_total = jax.nn.logsumexp(log_weights)
     log_weights = _choose(
         ordering,
@@ -302,12 +330,16 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
         lambda: log_weights - log_total,
     )
     log_weights = lax.optimization_barrier(log_weights)
+    if scores is not None:
+        # What the weights were divided by belongs to no partition.
+        scores = with_gradient_of(scores, (log_weights - path)[None] / num_partitions)
     state = ParticleState(
         lagged=lagged,
         log_weights=log_weights,
         lineage=lineage,
         component=frame.labels,
         weighted=jnp.ones((), bool),
+        scores=scores,
     )
     log_evidence = jnp.where(all_impossible, -jnp.inf, log_total)
     status = (
@@ -362,6 +394,8 @@ def _absorb(
     were, for the case that all components end so: then the frame's impossible observation
     is left out, instead of every weight being lost.
     """
+    if frame.scores is not None:
+        log_factor = lax.stop_gradient(log_factor)
     log_weights = frame.log_weights + log_factor
     largest = resampling.component_max(log_weights, components)
     seen = ~jnp.isneginf(largest)
@@ -376,33 +410,24 @@ def _absorb(
 
 
 def _resample(tracker, key, log_weights, log_selection, components, largest=None):
-    """Weighted resampling, adaptive if asked.  Returns ancestors, log-weights, whether done."""
+    """Weighted resampling, adaptive if asked.
+
+    Returns ancestors, log-weights, and whether the weights are now equal.
+    """
+    drawn_by, soft = log_selection, tracker.gradient == "soft"
+    if soft:
+        share = 0.5 if tracker.soft_share is None else tracker.soft_share
+        drawn_by, largest = resampling.soft_selection(log_selection, share, components), None
     ancestors, new_log_weights = resampling.weighted_resample(
-        key, log_weights, log_selection, tracker.resampling, components, largest
+        key, log_weights, drawn_by, tracker.resampling, components, largest
     )
     if tracker.ess_threshold is None:
-        return ancestors, new_log_weights, jnp.ones((), bool)
+        return ancestors, new_log_weights, jnp.array(not soft)
     few_in = resampling.few_effective(log_selection, components, tracker.ess_threshold)
     few = components.spread(few_in)
     identity = jnp.arange(tracker.num_particles, dtype=jnp.int32)
     return (
         jnp.where(few, ancestors, identity),
         jnp.where(few, new_log_weights, log_weights),
-        jnp.all(few),
+        jnp.all(few) & (not soft),
     )
-
-
-def _propagate(dynamics, key, partition, current, previous, parent):
-    """All particles at once, by the batched method if there is one."""
-    if hasattr(dynamics, "propagate_all"):
-        return dynamics.propagate_all(key, partition, current, previous, parent)
-    keys = jax.random.split(key, partition.shape[0])
-    return jax.vmap(dynamics.propagate, in_axes=(0, 0, 1, 1, 1), out_axes=1)(
-        keys, partition, current, previous, parent
-    )
-
-
-def _log_prob(likelihood, observation, partition, substates):
-    if hasattr(likelihood, "log_prob_all"):
-        return likelihood.log_prob_all(observation, partition, substates)
-    return jax.vmap(likelihood.log_prob, in_axes=(None, 0, 1))(observation, partition, substates)

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxpf import kernel, resampling
+from jaxpf import kernel, resampling, transport
 from jaxpf.errors import InputError
+from jaxpf.gradients import check_gradient
 from jaxpf.ordering import SWAPS, Ordering, check_tree
 from jaxpf.pytree import is_concrete, pytree_dataclass, static_field
 from jaxpf.state import ParticleState, Summary
@@ -32,9 +33,15 @@ class Partitioned:
             trades impoverishment for variance of the weights.  ``None`` is 1.
         ess_threshold: resample only where the effective sample size is at most this share
             of the particles; ``None`` always resamples.
+        soft_share: share of the weights in the mixture of ``gradient="soft"``; None is 0.5.
+        transport_epsilon: regularisation of ``gradient="transport"``; None is 0.5.
         parents: static, the part tree of the model, -1 for a root; default all roots.
         num_particles: static, N.
         resampling: static, one of ``jaxpf.resampling.SCHEMES``.
+        gradient: static, what resampling passes on to a derivative, one of
+            ``jaxpf.gradients.GRADIENTS``.
+        motion_gradient: static, how the motion is differentiated, one of
+            ``jaxpf.gradients.MOTION_GRADIENTS``.
 
     Raises:
         InputError: see ``check_tracker``.
@@ -46,9 +53,13 @@ class Partitioned:
     initial: Any
     tempering: Any = None
     ess_threshold: Any = None
+    soft_share: Any = None
+    transport_epsilon: Any = None
     parents: Any = static_field(default=None)
     num_particles: int = static_field(default=300)
     resampling: str = static_field(default="systematic")
+    gradient: str = static_field(default="none")
+    motion_gradient: str = static_field(default="pathwise")
 
     def __post_init__(self):
         tree = (-1,) * self.ordering.num_partitions if self.parents is None else self.parents
@@ -82,6 +93,7 @@ class Partitioned:
             lineage=jnp.broadcast_to(jnp.arange(self.num_particles, dtype=jnp.int32), shape),
             component=jnp.zeros((self.num_particles,), jnp.int32),
             weighted=jnp.zeros((), bool),
+            scores=jnp.zeros(shape, values.dtype) if self.gradient == "stop_gradient" else None,
         )
 
     def observe(self, frame: Any) -> Any:
@@ -106,6 +118,8 @@ class Partitioned:
         """``step`` for a frame that was observed already."""
         chex.assert_shape(state.log_weights, (self.num_particles,))
         chex.assert_shape(state.lagged, (2, None, self.num_partitions, self.num_particles))
+        if self.gradient == "transport":
+            state = transport.blend_state(self, state)
         begin_key, stages_key = jax.random.split(key)
         components, carry = kernel.begin(self, begin_key, state)
         body = kernel.stage_body(self, stages_key, state, observation, components)
@@ -122,14 +136,20 @@ def check_tracker(tracker: Partitioned) -> None:
             together with ``log_joint``, tempering, an unlike tree or jointly drawn roots.
     """
     resampling.check_scheme(tracker.resampling)
-    for name, least in (("tempering", "above 0"), ("ess_threshold", "at least 0")):
+    exchanged = is_concrete(tracker.ordering) and np.asarray(tracker.ordering.exchanged).any()
+    check_gradient(tracker, exchanges=bool(exchanged))
+    for name, least in (
+        ("tempering", "above 0"),
+        ("soft_share", "above 0"),
+        ("ess_threshold", "at least 0"),
+    ):
         value = getattr(tracker, name)
         if value is None or not is_concrete(value):
             continue
         if np.any(np.asarray(value) > 1) or not np.all(
-            np.asarray(value) > 0 if name == "tempering" else np.asarray(value) >= 0
+            np.asarray(value) >= 0 if name == "ess_threshold" else np.asarray(value) > 0
         ):
-            raise InputError(f"{name}={value} must be {least} and at most 1; None switches it off.")
+            raise InputError(f"{name}={value} must be {least} and at most 1; None is the default.")
     ordering, parents = tracker.ordering, tracker.parents
     if len(parents) != ordering.num_partitions:
         raise InputError(

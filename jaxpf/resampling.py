@@ -143,6 +143,22 @@ def weighted_resample(
     return chosen, jnp.where(alive, new_log_weights, log_weights)
 
 
+def soft_selection(log_weights: jax.Array, share: jax.Array, components: Components) -> jax.Array:
+    """Log of the mixture ``share * rho + (1 - share) / n`` of weights and uniform, ``[N]``.
+
+    Selecting by it and reweighting keeps a derivative (Karkus, Hsu & Lee 2018, "soft
+    resampling").  A component whose weights are all zero is left so.
+    """
+    cdf = component_cdf(log_weights, components)
+    alive, share = components.spread(cdf.alive), jnp.asarray(share, log_weights.dtype)
+    # Relative to the component's mean weight, the uniform law is 1.
+    relative = log_weights - components.spread(jnp.where(cdf.alive, cdf.log_mean, 0.0))
+    relative = jnp.where(alive, relative, 0.0)
+    rest = jnp.log1p(-jnp.minimum(share, 1 - jnp.finfo(share.dtype).eps))
+    mixed = jnp.logaddexp(jnp.log(share) + relative, rest)
+    return jnp.where(alive, mixed, -jnp.inf)
+
+
 @pytree_dataclass
 class ComponentCDF:
     """The cumulative distribution of each component.

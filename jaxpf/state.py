@@ -32,6 +32,8 @@ class ParticleState:
         component: ``[N]`` int32, the mixture component or discrete label of each particle.
         weighted: ``[]`` bool, false only for a set that was drawn and never weighed, which
             must not be resampled.
+        scores: ``[P, N]`` zeros with a derivative: that of the log-weights, told apart by
+            partition, each along its own lineage (``gradient="stop_gradient"``); else None.
     """
 
     lagged: jax.Array
@@ -39,6 +41,7 @@ class ParticleState:
     lineage: jax.Array
     component: jax.Array
     weighted: jax.Array
+    scores: jax.Array | None = None
 
     @property
     def substates(self) -> jax.Array:

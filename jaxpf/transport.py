@@ -1,0 +1,112 @@
+"""Resampling without a draw: particles blended by entropy-regularised optimal transport.
+
+Corenflos, Thornton, Deligiannidis & Doucet 2021, "Differentiable particle filtering via
+entropy-regularized optimal transport": with P the plan that carries the weights to equal
+ones, particle i becomes ``n sum_j P_ij x_j``.  The plan is found by OTT's Sinkhorn solver
+(``pip install 'jaxpf[transport]'``) and differentiated implicitly.
+
+What to expect.  Time and memory grow with N^2.  Blending pulls particles together, so that
+the evidence and the spread are biased, more so for a larger ``transport_epsilon``.  It mixes
+whole particles: all partitions, and the substates of the frame before as well.  A particle
+then descends from all others, so that lineages mean nothing: every particle is its own, and
+``Summary.uniqueness`` is always 1; look at ``ess`` instead.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from jaxpf import resampling
+from jaxpf.errors import InputError
+from jaxpf.resampling import Components
+from jaxpf.state import ParticleState
+
+#: Sinkhorn's iterations stop at this total error of the marginals.
+THRESHOLD = 1e-3
+MAX_ITERATIONS = 500
+
+
+def blend_state(tracker, state: ParticleState) -> ParticleState:
+    """The weighted set of a frame as particles of equal weight, in place of its resampling."""
+    whole = resampling.one_component(tracker.num_particles)
+    lagged, log_weights, blended = blend(tracker, state.lagged, state.log_weights, whole)
+
+    def where(one, other):
+        return jnp.where(state.weighted & blended, one, other)
+
+    return dataclasses.replace(
+        state,
+        lagged=where(lagged, state.lagged),
+        log_weights=where(log_weights, state.log_weights),
+        weighted=state.weighted & ~blended,
+    )
+
+
+def blend(
+    tracker, lagged: jax.Array, log_weights: jax.Array, components: Components
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Blend within components, adaptively if asked.
+
+    Args:
+        tracker: gives ``transport_epsilon`` and ``ess_threshold``.
+        lagged: ``[2, D, P, N]``, current and earlier substates.
+        log_weights: ``[N]``; a component's total weight stays.
+        components: how the particles divide.
+
+    Returns:
+        Blended substates, log-weights, and whether all components were blended.
+
+    Raises:
+        InputError: OTT is not installed.
+    """
+    cdf = resampling.component_cdf(log_weights, components)
+    chosen = cdf.alive
+    if tracker.ess_threshold is not None:
+        chosen &= resampling.few_effective(log_weights, components, tracker.ess_threshold)
+    here = components.spread(chosen)
+    size = components.spread(components.size).astype(log_weights.dtype)
+    relative = log_weights - components.spread(jnp.where(cdf.alive, cdf.log_mean, 0.0))
+    # Sinkhorn takes the logarithm of a weight: one of 1e-10 for zero keeps it finite.
+    relative = jnp.where(jnp.isneginf(log_weights), 0.0, relative)
+    shares = jnp.where(jnp.isneginf(log_weights), 0.0, jnp.exp(relative))
+    shares = jnp.maximum(shares, 1e-10)
+    shares = shares * (size / components.spread(components.sum_of(shares)))
+    plan = _plan(tracker, lagged, lax.stop_gradient(shares), shares, components)
+    flat = lagged.reshape(-1, lagged.shape[-1])
+    blended = jnp.where(here, flat @ plan.T, flat).reshape(lagged.shape)
+    mean = components.spread(cdf.log_mean)
+    return blended, jnp.where(here, mean, log_weights), jnp.all(chosen | (components.size == 0))
+
+
+def _plan(tracker, lagged, stopped, shares, components: Components) -> jax.Array:
+    """``[N, N]``: row i holds what slot i takes of every particle; rows sum to one."""
+    try:
+        from ott.geometry.geometry import Geometry
+        from ott.problems.linear.linear_problem import LinearProblem
+        from ott.solvers.linear.sinkhorn import Sinkhorn
+    except ImportError as error:
+        raise InputError(
+            "gradient='transport' needs the package ott-jax; pip install 'jaxpf[transport]'."
+        ) from error
+    num_particles = lagged.shape[-1]
+    values = lagged[0].reshape(-1, num_particles)
+    # Coordinates have different units: each is measured in its own standard deviation.
+    weights = stopped / num_particles
+    centred = values - (values @ weights)[:, None]
+    variance = lax.stop_gradient(centred**2 @ weights)
+    scaled = centred / jnp.sqrt(jnp.where(variance > 0, variance, 1.0))[:, None]
+    squares = jnp.sum(scaled**2, axis=0)
+    cost = squares[:, None] + squares[None, :] - 2 * scaled.T @ scaled
+    cost = jnp.maximum(cost, 0.0) / values.shape[0]
+    epsilon = 0.5 if tracker.transport_epsilon is None else tracker.transport_epsilon
+    same = components.index[:, None] == components.index[None, :]
+    # No mass crosses components: exp(-200) of it is nothing.
+    cost = jnp.where(same, cost, 200.0 * epsilon + lax.stop_gradient(jnp.max(cost)))
+    target = jnp.full_like(shares, 1 / num_particles)
+    geometry = Geometry(cost_matrix=cost, epsilon=epsilon)
+    problem = LinearProblem(geometry, a=target, b=shares / num_particles)
+    solver = Sinkhorn(threshold=THRESHOLD, max_iterations=MAX_ITERATIONS)
+    plan = jnp.where(same, solver(problem).matrix, 0.0)
+    return plan / jnp.sum(plan, axis=1, keepdims=True)

@@ -9,7 +9,7 @@ from jaxpf.errors import InputError
 from jaxpf.experiments import gonzales2011
 from jaxpf.experiments.claims import CANNOT_RESOLVE, CONTRADICTS, SUPPORTS
 from jaxpf.experiments.comparison_table import Comparison, write
-from jaxpf.experiments.gonzales2011 import curves, judgements, published, times, tracking
+from jaxpf.experiments.gonzales2011 import costs, curves, judgements, published, times, tracking
 from jaxpf.experiments.gonzales2011.tracking import DYNAMICS, METHODS, RUNS_PER_SCENE, Outcome
 
 FRAMES = 7
@@ -41,13 +41,10 @@ def test_methods_and_dynamics_really_differ_and_runs_do_too(measured):
     assert len(np.unique(runs[:, -1])) == len(runs)
 
 
-def test_a_run_is_the_same_whatever_else_is_measured(measured):
-    again = tracking.measure(
-        "smooth", 3, (12,), seeds=(1,), num_frames=FRAMES, dynamics=DYNAMICS[1:]
-    )
-    for method in METHODS:
-        one, other = (found.error["relative", method] for found in (measured, again[12]))
-        np.testing.assert_array_equal(one[1:], other)
+def test_a_run_depends_on_its_sequence_and_seed_alone(measured):
+    swapped = tracking.measure("smooth", 3, (12,), seeds=(1, 0), num_frames=FRAMES)[12]
+    for kind in KINDS:
+        np.testing.assert_array_equal(measured.error[kind][::-1], swapped.error[kind])
 
 
 def test_trackers_of_all_methods_have_one_shape():
@@ -154,6 +151,46 @@ def test_times_stand_beside_the_published_ones():
     assert all("in 31 of 35 cells" in claim.published for claim in by_method.values())
 
 
+def test_growth_is_compared_with_linear_growth():
+    rows = dict(costs.growth_table(fake_times()).rows)
+    assert len(rows) == len(published.PARTS) + len(published.TABLE_1_PARTICLES)
+    linear, ps, _, combinatorial = rows["7 parts, N from 100 to 200"]
+    assert linear == "2.00"
+    np.testing.assert_allclose(ps.published, 17.10 / 7.86)
+    # The times were made to grow linearly.
+    np.testing.assert_allclose([ps.measured.value, combinatorial.measured.value], 2, rtol=0.01)
+    linear, ps, *_ = rows["3 to 11 parts, N = 200"]
+    assert linear == "3.67"
+    np.testing.assert_allclose(ps.measured.value, 11 / 3, rtol=0.01)
+
+
+def test_methods_are_timed_in_turn_for_every_cell(monkeypatch):
+    def compiled(num_parts, num_particles, num_frames, num_runs):
+        size = 1000 * num_parts * num_particles
+        return {
+            method: lambda k=k: sum(range(k * size)) and None
+            for k, method in enumerate(times.METHODS, 1)
+        }
+
+    monkeypatch.setattr(times, "_compiled", compiled)
+    found = times.measure_times((3, 5), (10, 20), num_frames=3, repeats=3, num_runs=5)
+    assert list(found) == [(3, 10), (3, 20), (5, 10), (5, 20)]
+    for cell in found.values():
+        assert {method: len(seconds) for method, seconds in cell.items()} == dict.fromkeys(
+            times.METHODS, 3
+        )
+        one, _, three = (np.median(cell[method]) for method in times.METHODS)
+        assert 1.5 * one < three < 6 * one
+
+
+def test_more_samples_come_closer_to_every_pixel():
+    few, many = (costs.likelihood_errors(n, num_parts=3, poses_per_part=30) for n in (8, 64))
+    assert few.shape == (3, 30)
+    assert np.std(many, axis=1).mean() < 0.5 * np.std(few, axis=1).mean()
+    # 64 x 64 samples of 28 x 16 pixels: only those at the edges may count otherwise.
+    assert np.abs(many).mean() < 0.4
+
+
 # A second transcription of the paper's table 1, line by line.
 TABLE_1 = """3 0.54 0.88 1.58 2.99 2.82 3.45 6.80 | 0.56 0.91 1.61 2.33 2.84 3.50 6.92
 5 0.71 1.26 2.33 3.34 4.43 5.43 11.62 | 0.74 1.32 2.42 3.43 4.51 5.60 12.05
@@ -178,7 +215,11 @@ def test_everything_is_written(tmp_path):
     comparison = Comparison(
         paper="gonzales2011",
         title="a test",
-        tables=[*curves.error_tables(outcomes), *times.time_tables(fake_times())],
+        tables=[
+            *curves.error_tables(outcomes),
+            *times.time_tables(fake_times()),
+            costs.growth_table(fake_times()),
+        ],
         claims=judgements.claims(outcomes),
         figures=curves.figures(outcomes),
         notes=gonzales2011.NOTES,

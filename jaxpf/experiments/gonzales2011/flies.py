@@ -76,7 +76,7 @@ SCALE = (1.5, 1.5, 0.05)
 JOINT_SCALE = (0.5, 0.5, 0.12)
 _WINDOW = (10, 8)
 #: Runs that are vectorised together; the devices share the batches.
-_TOGETHER = 10
+TOGETHER = 10
 
 
 class Fly(NamedTuple):
@@ -189,7 +189,7 @@ def measure(fly: Fly, runs: int = RUNS, num_particles: int = PARTICLES) -> dict[
     found = {"not moving": distance(np.broadcast_to(poses, (1, len(truth), *poses.shape)))}
     for method, tracker in trackers(fly, num_particles).items():
         estimate = monte_carlo(
-            tracker, keys, jnp.asarray(fly.frames[1:]), _keep_poses, batch_size=_TOGETHER
+            tracker, keys, jnp.asarray(fly.frames[1:]), _keep_poses, batch_size=TOGETHER
         )
         found[method] = distance(estimate)
     return found

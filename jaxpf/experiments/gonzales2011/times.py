@@ -155,8 +155,8 @@ def time_tables(times: Times) -> list[Table]:
             "Table 1: time of SPS over time of PS",
             columns,
             ratios,
-            "Median of the interleaved pairs.  The exchange costs about as much here as it did in "
-            "the paper or less; it is a larger share of what the likelihood leaves.",
+            "Median of the interleaved pairs.  Published, SPS adds 1227 ns per particle and part "
+            "at 11 parts and N = 200 to PS's 40 microseconds; see the nanoseconds for ours.",
         ),
     ]
 

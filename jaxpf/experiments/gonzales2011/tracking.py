@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, PartitionSpec
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 import scenes
 from jaxpf import metrics
@@ -111,14 +111,20 @@ def measure(
         dynamics: which of ``DYNAMICS``.
         progress: is told a line per number of particles.
     """
-    sequences = [
-        scenes.make("articulated", seed, num_parts=num_parts, motion=motion, num_frames=num_frames)
-        for seed in seeds
-    ]
-    likelihoods = [learn(scene) for scene in sequences]
+    sequences, likelihoods, observed = [], [], []
+    for seed in seeds:
+        scene = scenes.make(
+            "articulated", seed, num_parts=num_parts, motion=motion, num_frames=num_frames
+        )
+        likelihoods.append(learn(scene))
+        observed.append(np.asarray(_observe(likelihoods[-1], scene.frames[1:])))
+        # The pictures are the bulk of a scene, and done with.
+        rest = dataclasses.replace(scene, frames=scene.frames[:1].copy(), boxes=scene.boxes[:1])
+        sequences.append(rest)
     mesh = _mesh(len(sequences))
+    frames = jax.device_put(np.stack(observed), NamedSharding(mesh, PartitionSpec(_SCENES)))
+    del observed
     likelihood = _stacked(likelihoods)
-    frames = _observe(likelihood, np.stack([scene.frames[1:] for scene in sequences]), mesh)
     truth = np.stack([scene.extras["corners"][1:] for scene in sequences])[:, None]
     sizes = sequences[0].sizes
     keys = jnp.stack(
@@ -286,13 +292,6 @@ def _track(base, dynamics, initial, likelihood, keys, frames, mesh):
     )(dynamics, initial, likelihood, keys, frames)
 
 
-@partial(jax.jit, static_argnames="mesh")
-def _observe(likelihood, frames, mesh):
-    scene = PartitionSpec(_SCENES)
-
-    def observe(likelihood, frames):
-        return jax.lax.map(lambda one: jax.lax.map(one[0].observe, one[1]), (likelihood, frames))
-
-    return jax.shard_map(
-        observe, mesh=mesh, in_specs=(scene, scene), out_specs=scene, check_vma=False
-    )(likelihood, frames)
+@jax.jit
+def _observe(likelihood, frames):
+    return jax.lax.map(likelihood.observe, frames)

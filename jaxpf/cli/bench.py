@@ -26,11 +26,16 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
         raise InputError(f"--repeats {repeats} must be at least 1.")
     common.start_jax()
     from jaxpf.experiments import speed
+    from jaxpf.experiments.gonzales2011 import costs
 
     rows: list[Any] = []
     sections = [
         ("Histogram likelihood (table excluded)", speed.histogram_rows(repeats)),
         ("Whole kernel: 50 runs, 300 particles, 7 objects, 360x288", speed.kernel_rows(repeats)),
+        (
+            f"Turned parts: {costs.RUNS} runs, {costs.PARTICLES} particles; CPU time, one device",
+            costs.rows(repeats),
+        ),
         ("Generic kernel: 1-D model, 50 runs, 1000 particles", speed.generic_rows(repeats)),
     ]
     if scaling:

@@ -50,7 +50,9 @@ def measure_times(
     cells = [(p, n) for p in parts for n in particles]
     with ThreadPoolExecutor(len(jax.local_devices())) as pool:
         # Compilation is most of the work, and may go on in several threads.
-        compiled = list(pool.map(lambda cell: _compiled(*cell, num_frames, num_runs), cells))
+        compiled = list(
+            pool.map(lambda cell: _compiled(cell[0], cell[1], num_frames, num_runs), cells)
+        )
     report(f"  {len(cells)} kernels compiled")
     scale = FRAMES / num_frames / num_runs
     found: Times = {}

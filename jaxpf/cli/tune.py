@@ -13,7 +13,7 @@ from jaxpf.errors import InputError
 #: Parameters for which `track` and `evaluate` have an option.
 _TUNABLE = ("likelihood.sharpness", "dynamics.scale")
 _METHODS = ("sir", "ps", "dps", "sps")
-_GRADIENTS = ("none", "stop_gradient", "soft")
+_GRADIENTS = ("none", "stop_gradient", "soft", "transport")
 _OBJECTIVES = ("evidence", "position", "overlap")
 _NOT_REPEATED = ("config", "output")
 
@@ -46,9 +46,9 @@ _NOT_REPEATED = ("config", "output")
 @click.option("--parts", default=2, show_default=True, help="Horizontal bands of a box.")
 @click.option(
     "--gradient",
-    default="none",
+    default="stop_gradient",
     show_default=True,
-    help="Through resampling: none (biased, little noise), stop_gradient (unbiased) or soft.",
+    help="Through resampling: stop_gradient (unbiased), none (biased, less noise), soft, transport.",
 )
 @click.option("--steps", default=150, show_default=True, help="At most, per repeat.")
 @click.option("--learning-rate", default=0.1, show_default=True, help="0.1: up to 10 % per step.")

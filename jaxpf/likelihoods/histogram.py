@@ -74,7 +74,7 @@ class HistogramLikelihood:
             together another 1.3 and 2.7 times.
         form: ``"exponential"``, ``"density"`` or ``"ratio"``, see
             :mod:`jaxpf.likelihoods.distance_law`.
-        background: [P, nodes], for the form ``"ratio"``.
+        background: [P, n], d^2 of random boxes, for the form ``"ratio"``.
     """
 
     sharpness: Any

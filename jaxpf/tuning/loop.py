@@ -1,6 +1,7 @@
 """``tune``: descend a loss of the tracker's parameters with Adam."""
 
 import dataclasses
+import functools
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -93,7 +94,7 @@ def tune(
         store = checkpoint.Store(Path(folder), asked)
     # What depends on the frames alone is done once, but in the checks above.
     ready = [observed(sequence) for sequence in sequences]
-    value_and_gradient = free_loss(objective, wanted)
+    value_and_gradient = free_loss(objective, tuple(wanted))
     descents: list[Descent] = [] if store is None else store.read()
     for repeat in range(settings.repeats):
         descent = descents[repeat] if repeat < len(descents) else None
@@ -143,15 +144,27 @@ def _check_gradients(tracker: Any, wanted: Sequence[Parameter]) -> None:
     """Refuse a motion parameter whose gradient would be silently zero."""
     if not any(one.name.startswith("dynamics.") for one in wanted):
         return
-    try:
-        from jaxpf.gradients import check_motion_gradient
-    except ImportError:
-        return
+    from jaxpf.gradients import check_motion_gradient
+
     check_motion_gradient(tracker)
 
 
-def _optimiser(settings: Settings) -> optax.GradientTransformation:
-    return optax.chain(optax.clip_by_global_norm(settings.clip), optax.adam(settings.learning_rate))
+@functools.lru_cache(maxsize=8)
+def _optimiser(clip: float, learning_rate: float) -> tuple[Any, Callable]:
+    """Clipped Adam, and one step of it, compiled once."""
+    adam = optax.chain(optax.clip_by_global_norm(clip), optax.adam(learning_rate))
+
+    @jax.jit
+    def step(gradients, free, moments):
+        mean = jax.tree.map(lambda *g: sum(g) / len(g), *gradients)
+        change, moments = adam.update(mean, moments)
+        return optax.apply_updates(free, change), moments, _norm(mean)
+
+    return adam, step
+
+
+def _norm(tree: Any) -> jax.Array:
+    return jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(tree)))
 
 
 def _begin(
@@ -162,7 +175,9 @@ def _begin(
     for one in wanted:
         z = np.asarray(one.to_free(start[one.path]), float)
         free[one.path] = z if repeat == 0 else z + settings.jitter * rng.standard_normal(z.shape)
-    moments = jax.tree.leaves(_optimiser(settings).init(_on_device(free)))
+    moments = jax.tree.leaves(
+        _optimiser(settings.clip, settings.learning_rate)[0].init(_on_device(free))
+    )
     return Descent(
         repeat=repeat,
         free={name: np.asarray(z)[None] for name, z in free.items()},
@@ -179,12 +194,11 @@ def _on_device(free: dict[str, np.ndarray]) -> dict[str, jax.Array]:
 
 def _descend(descent, wanted, sequences, value_and_gradient, settings):
     """Yield the descent after every step, until it stops."""
-    optimiser = _optimiser(settings)
+    optimiser, take_step = _optimiser(settings.clip, settings.learning_rate)
     free = _on_device({name: trace[-1] for name, trace in descent.free.items()})
     structure = jax.tree.structure(optimiser.init(free))
     moments = jax.tree.unflatten(structure, [jnp.asarray(x) for x in descent.moments])
     key = jax.random.fold_in(jax.random.key(settings.seed), descent.repeat)
-    update = jax.jit(optimiser.update)
     while not descent.stopped:
         step = descent.num_steps
         gradients, losses = [], []
@@ -195,7 +209,7 @@ def _descend(descent, wanted, sequences, value_and_gradient, settings):
             loss, gradient = value_and_gradient(
                 free, sequence.tracker, keys, sequence.frames, sequence.truth, sequence.sizes
             )
-            norm = float(optax.global_norm(gradient))
+            norm = float(_norm(gradient))
             if not (np.isfinite(float(loss)) and np.isfinite(norm)):
                 value = "infinite" if np.isinf(float(loss)) else "no number"
                 if np.isfinite(float(loss)):
@@ -203,9 +217,7 @@ def _descend(descent, wanted, sequences, value_and_gradient, settings):
                 raise _NotFinite(sequence.name, value)
             losses.append(float(loss))
             gradients.append(gradient)
-        mean = jax.tree.map(lambda *g: sum(g) / len(g), *gradients)
-        change, moments = update(mean, moments)
-        free = optax.apply_updates(free, change)
+        free, moments, norm = take_step(gradients, free, moments)
         descent = dataclasses.replace(
             descent,
             free={
@@ -213,7 +225,7 @@ def _descend(descent, wanted, sequences, value_and_gradient, settings):
                 for name, z in free.items()
             },
             loss=np.append(descent.loss, np.mean(losses)),
-            gradient_norm=np.append(descent.gradient_norm, float(optax.global_norm(mean))),
+            gradient_norm=np.append(descent.gradient_norm, float(norm)),
             moments=[np.asarray(x) for x in jax.tree.leaves(moments)],
         )
         descent = dataclasses.replace(descent, stopped=_reason_to_stop(descent, settings))

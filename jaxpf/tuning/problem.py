@@ -1,6 +1,7 @@
 """What is tuned on: sequences with their trackers, and the loss of one of them."""
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -104,7 +105,8 @@ def loss_function(objective: str | Callable) -> Callable:
     return loss
 
 
-def free_loss(objective: str | Callable, wanted: Sequence[Parameter]) -> Callable:
+@functools.lru_cache(maxsize=8)
+def free_loss(objective: str | Callable, wanted: tuple[Parameter, ...]) -> Callable:
     """Value and gradient of the loss of free numbers z, compiled once per shape of sequence.
 
     Returns:

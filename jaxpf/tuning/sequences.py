@@ -34,7 +34,7 @@ class BoxModel:
     particles: int = 100
     resampling: str = "systematic"
     parts: int = 2
-    gradient: str = "none"
+    gradient: str = "stop_gradient"
 
 
 def training_sequence(
@@ -42,8 +42,9 @@ def training_sequence(
 ) -> TrainingSequence:
     """A scene with a tracker that is differentiable in parameters and state.
 
-    Its histograms are bilinear, and a density of the distance: its weights are those of
-    ``exp(-sharpness d^2)``, so that values found go with any other tracker of boxes.
+    Its histograms are bilinear, and their distance is weighed against that of random boxes of
+    the first frame (``form="ratio"``), which leaves the weights as they are: values found go
+    with any other tracker of boxes.
 
     Args:
         scene: see ``scenes.Scene``; trackers start in its first frame.
@@ -63,7 +64,8 @@ def training_sequence(
         method="integral",
         frame_shape=scene.frames.shape[1:3],
         interpolation="bilinear",
-        form="density",
+        form="ratio",
+        background_frame=scene.frames[0],
     )
     tracker = box_tracker(
         likelihood,

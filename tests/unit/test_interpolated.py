@@ -17,11 +17,10 @@ from jaxpf.likelihoods import (
     patch,
 )
 from jaxpf.likelihoods.distance_law import (
-    NODES,
-    density_of_samples,
     learn_background,
     log_density,
     log_normaliser,
+    log_tilt,
 )
 
 HEIGHT, WIDTH = 60, 80
@@ -186,18 +185,29 @@ def test_the_density_of_the_distance_integrates_to_one(sharpness, parts):
         assert abs(np.trapezoid(np.exp(plain), grid) - 1) > 1e-4
 
 
-def test_the_ratio_times_the_background_integrates_to_one():
+@pytest.mark.parametrize("sharpness", [1e-3, 4.0, 20.0])
+def test_the_ratio_times_the_background_integrates_to_one(sharpness):
+    """Against a known background density, whose samples stand for it."""
     with jax.enable_x64(True):
-        samples = np.random.default_rng(0).beta(5, 2, 3000) * 2
-        background = density_of_samples(samples, 2, 0.02)
-        assert background.shape == (NODES,)
-        assert background.min() > 0
         grid = np.linspace(0, 2, 200_001)
-        of_grid = np.interp(grid, np.linspace(0, 2, NODES), background)
-        assert abs(np.trapezoid(of_grid, grid) - 1) < 1e-6
-        assert abs(np.trapezoid(grid * of_grid, grid) - (0.98 * samples.mean() + 0.02)) < 1e-3
-        ratio = log_density("ratio", 7.0, 2, background[None], np.zeros(len(grid), int), grid)
-        assert abs(np.trapezoid(np.exp(ratio) * of_grid, grid) - 1) < 1e-4
+        background = 30 * (grid / 2) ** 4 * (1 - grid / 2) / 2  # Beta(5, 2) on [0, 2]
+        samples = np.random.default_rng(0).beta(5, 2, (1, 400_000)) * 2
+        ratio = log_density("ratio", sharpness, 2, samples, np.zeros(len(grid), int), grid)
+        exact = np.trapezoid(background * np.exp(-sharpness * grid), grid)
+        # Relative standard error of the mean of exp(-S s) over the samples.
+        error = np.std(np.exp(-sharpness * samples)) / exact / np.sqrt(samples.size)
+        assert abs(np.trapezoid(np.exp(ratio) * background, grid) - 1) < 4 * error + 1e-6
+        assert abs(np.exp(log_tilt(sharpness, samples[0])) / exact - 1) < 4 * error + 1e-6
+
+
+def test_forms_differ_in_a_constant_only():
+    squared = np.linspace(0, 2, 9)
+    partition = np.zeros(9, int)
+    background = np.random.default_rng(0).beta(5, 2, (1, 100)) * 2
+    plain = log_density("exponential", 7.0, 2, None, partition, squared)
+    for form in ("density", "ratio"):
+        other = log_density(form, 7.0, 2, background, partition, squared)
+        np.testing.assert_allclose(other - plain, (other - plain)[0], rtol=1e-5)
 
 
 def evidence_of(scene, form, sharpness):
@@ -238,14 +248,14 @@ def test_the_evidence_has_a_maximum_in_the_sharpness_where_it_is_normalised():
         assert 0 < np.argmax(values) < len(sharpness) - 1, values
 
 
-def test_random_boxes_of_a_frame_are_far_from_the_references():
+def test_random_boxes_of_a_frame_are_far_from_the_references_but_where_the_object_is():
     scene = scenes.make("distracter", seed=0)
     likelihood = histogram_from_patches(scene.patches, method="integral")
-    background = learn_background(likelihood, scene.frames[0], num_boxes=500)
-    grid = np.linspace(0, 2, NODES)
-    means = np.trapezoid(np.asarray(background) * grid, grid, axis=1)
-    assert (means > 1.0).all()
-    again = learn_background(likelihood, scene.frames[0], num_boxes=500)
+    background = np.asarray(learn_background(likelihood, scene.frames[0]))
+    assert abs(background.shape[1] - 2000) < 100
+    assert (background.mean(axis=1) > 1.4).all()
+    assert (background[1:].min(axis=1) < 0.5).all()
+    again = learn_background(likelihood, scene.frames[0])
     np.testing.assert_array_equal(background, again)
 
 
@@ -268,5 +278,3 @@ def test_a_background_needs_boxes_that_fit():
         learn_background(likelihood, picture()[:10, :10])
     with pytest.raises(InputError, match="num_boxes is 0"):
         learn_background(likelihood, picture(), num_boxes=0)
-    with pytest.raises(InputError, match="uniform_share is 0"):
-        learn_background(likelihood, picture(), uniform_share=0)

@@ -25,7 +25,8 @@ PAPERS = {
 @click.option(
     "--data",
     type=click.Path(path_type=Path),
-    help="Folder with real clips (tud_campus).  [default: the environment's JAXPF_DATA]",
+    help="Folder with real clips (tud_campus, sleap_fly_pair).  "
+    "[default: the environment's JAXPF_DATA]",
 )
 @click.option(
     "--output",

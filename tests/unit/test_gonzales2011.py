@@ -235,3 +235,10 @@ def test_everything_is_written(tmp_path):
 def test_runs_come_in_whole_sequences():
     with pytest.raises(InputError, match="--runs 7 must be a multiple of 5"):
         gonzales2011.run(runs=7)
+
+
+def test_a_folder_without_the_flies_is_refused_before_the_work_begins(tmp_path):
+    told = []
+    with pytest.raises(InputError, match="holds no sleap_fly_pair; name one that does, or leave"):
+        gonzales2011.run(quick=True, data=tmp_path, report=told.append)
+    assert not told

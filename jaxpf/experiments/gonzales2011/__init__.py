@@ -55,7 +55,8 @@ def run(
     """Repeat the paper; see ``jaxpf.experiments.comparison_table`` for the arguments.
 
     Raises:
-        InputError: ``runs`` is not a multiple of ``RUNS_PER_SCENE``.
+        InputError: ``runs`` is not a multiple of ``RUNS_PER_SCENE``, or the clip of the flies
+            cannot be read.
     """
     if runs is None:
         runs = _QUICK_SCENES * RUNS_PER_SCENE if quick else published.RUNS
@@ -66,6 +67,9 @@ def run(
         )
     seeds = range(seed, seed + runs // RUNS_PER_SCENE)
     frames = _QUICK_FRAMES if quick else published.FRAMES
+    fly = None
+    if data is not None:  # a mistake is told before the work begins
+        fly = flies.read_fly(data, num_frames=_QUICK_FRAMES if quick else flies.FRAMES)
     report(f"Figures 8 to 11: {len(seeds)} sequences with {RUNS_PER_SCENE} runs of 8 trackers each")
     cells = _cells(quick)
 
@@ -81,9 +85,8 @@ def run(
         for n, outcome in by_particles.items()
     }
     tables, notes = error_tables(outcomes), list(NOTES)
-    if data is not None:
+    if fly is not None:
         report(f"Flies: the clip {flies.CLIP}")
-        fly = flies.read_fly(data, num_frames=_QUICK_FRAMES if quick else flies.FRAMES)
         tables.append(flies.table(flies.measure(fly, runs=4 if quick else flies.RUNS)))
     else:
         notes.append(

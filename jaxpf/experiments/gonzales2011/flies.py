@@ -100,9 +100,14 @@ def read_fly(data: Path, first: int = 0, num_frames: int = FRAMES) -> Fly:
     Raises:
         InputError: the clip is missing or cannot be read, or a joint is not marked in ``first``.
     """
+    folder = data if data.name == CLIP else data / CLIP
+    if not folder.is_dir():
+        raise InputError(
+            f"the folder '{data}' holds no {CLIP}; name one that does, or leave out --data."
+        )
     try:
-        clip = read_clip(data / CLIP)
-        keypoints = read_keypoints(data / CLIP)
+        clip = read_clip(folder)
+        keypoints = read_keypoints(folder)
         frames = np.stack(list(itertools.islice(clip.frames(), first, first + num_frames + 1)))
     except SceneError as error:
         raise InputError(f"{error}.") from error

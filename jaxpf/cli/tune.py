@@ -48,7 +48,7 @@ _NOT_REPEATED = ("config", "output")
     "--gradient",
     default="stop_gradient",
     show_default=True,
-    help="Through resampling: stop_gradient (unbiased), none (biased, less noise), soft, transport.",
+    help="Through resampling: stop_gradient (unbiased), none (less noise), soft or transport.",
 )
 @click.option("--steps", default=150, show_default=True, help="At most, per repeat.")
 @click.option("--learning-rate", default=0.1, show_default=True, help="0.1: up to 10 % per step.")
@@ -123,7 +123,6 @@ def command(**options: Any) -> None:
         TUNED,
         compare_before_and_after,
         show,
-        with_values,
         write_traces,
         write_tuned,
     )
@@ -136,6 +135,8 @@ def command(**options: Any) -> None:
     from jaxpf import tuning
     from jaxpf.tuning.sequences import training_sequence
 
+    chosen = {field.name for field in dataclasses.fields(tuning.Settings)} & set(options)
+    settings = tuning.Settings(**{name: options[name] for name in chosen})
     wanted = [tuning.parameter(text) for text in _names(options["parameters"])]
     before = _model(options)
     sequences = [
@@ -146,7 +147,7 @@ def command(**options: Any) -> None:
     if not (output / NAME).is_file():
         prepare_output_folder(output)
     try:
-        result = _tune(sequences, wanted, options, output)
+        result = _tune(sequences, wanted, settings, options["objective"], output)
     except tuning.Diverged as error:
         write_tuned(output / TUNED, error.result, error.result.last_good, before)
         raise InputError(f"{error} They are kept in '{output / TUNED}'.") from None
@@ -162,16 +163,16 @@ def command(**options: Any) -> None:
     write_tuned(output / TUNED, result, result.values, before)
     write_traces(output / TRACES, result, options["objective"])
     show(result)
-    compare_before_and_after(output, unseen, before, with_values(before, result.values), options)
+    compare_before_and_after(output, unseen, before, before.with_values(result.values), options)
     click.echo(f"{output}/: {TUNED}, {TRACES}, {COMPARISON}, run.toml")
 
 
-def _tune(sequences: list[Any], wanted: list[Any], options: dict[str, Any], output: Path) -> Any:
+def _tune(
+    sequences: list[Any], wanted: list[Any], settings: Any, objective: str, output: Path
+) -> Any:
     """Tune behind a progress bar."""
     from jaxpf import tuning
 
-    chosen = {field.name for field in dataclasses.fields(tuning.Settings)} & set(options)
-    settings = tuning.Settings(**{name: options[name] for name in chosen})
     with common.progress_bar("steps") as bar:
         task = bar.add_task("tuning", total=settings.steps * settings.repeats)
 
@@ -186,7 +187,7 @@ def _tune(sequences: list[Any], wanted: list[Any], options: dict[str, Any], outp
         return tuning.tune(
             sequences,
             wanted,
-            objective=options["objective"],
+            objective=objective,
             settings=settings,
             folder=output,
             progress=progress,
@@ -196,7 +197,13 @@ def _tune(sequences: list[Any], wanted: list[Any], options: dict[str, Any], outp
 def _check_parameters(tracker: Any, wanted: list[Any]) -> None:
     """Refuse what `jaxpf track` and `jaxpf evaluate` have no option for."""
     from jaxpf import tuning
+    from jaxpf.tuning.parameters import check_apart
 
+    if not wanted:
+        raise InputError(
+            "--parameters names none; name at least one, such as likelihood.sharpness."
+        )
+    check_apart(wanted)
     for one in wanted:
         tuning.read(tracker, one)
         if one.name not in _TUNABLE:

@@ -13,26 +13,11 @@ from jaxpf.files import atomic_write
 TUNED, TRACES, COMPARISON = "tuned.toml", "tuning.png", "comparison.csv"
 
 
-def with_values(model: Any, values: dict[str, Any]) -> Any:
-    """The model with tuned values."""
-    scale = np.array(model.scale, float)
-    sharpness = model.sharpness
-    for path, value in values.items():
-        name, _, index = path.partition("[")
-        if name == "likelihood.sharpness":
-            sharpness = float(value)
-        elif index:
-            scale[int(index.rstrip("]"))] = float(value)
-        else:
-            scale = np.asarray(value, float)
-    return dataclasses.replace(model, sharpness=sharpness, scale=tuple(scale.tolist()))
-
-
 def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) -> None:
     """The values, as the options of `track` and `evaluate`, and how sure they are."""
     import tomli_w
 
-    model = with_values(before, values)
+    model = before.with_values(values)
     named = {path.partition("[")[0] for path in values}
     track: dict[str, Any] = {}
     if "likelihood.sharpness" in named:

@@ -9,11 +9,13 @@ from jaxpf.tuning.loop import Diverged, tune
 from jaxpf.tuning.parameters import Parameter, names, parameter, read, replace
 from jaxpf.tuning.problem import OBJECTIVES, TrainingSequence, loss_function
 from jaxpf.tuning.result import Descent, Result
+from jaxpf.tuning.sequences import BoxModel, held_out, training_sequence
 from jaxpf.tuning.settings import RANDOM_NUMBERS, Settings
 
 __all__ = [
     "OBJECTIVES",
     "RANDOM_NUMBERS",
+    "BoxModel",
     "Comparison",
     "Descent",
     "Diverged",
@@ -22,10 +24,12 @@ __all__ = [
     "Settings",
     "TrainingSequence",
     "compare",
+    "held_out",
     "loss_function",
     "names",
     "parameter",
     "read",
     "replace",
+    "training_sequence",
     "tune",
 ]

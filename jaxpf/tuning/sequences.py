@@ -1,6 +1,7 @@
 """Scenes made ready for tuning, and for the comparison afterwards."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,21 @@ class BoxModel:
     resampling: str = "systematic"
     parts: int = 2
     gradient: str = "stop_gradient"
+
+    def with_values(self, values: Mapping[str, Any]) -> "BoxModel":
+        """The model with tuned values of the sharpness and the motion noise, by their paths."""
+        scale, sharpness = np.array(self.scale, float), self.sharpness
+        for path, value in values.items():
+            name, _, index = path.partition("[")
+            if name == "likelihood.sharpness":
+                sharpness = float(value)
+            elif name != "dynamics.scale":
+                raise InputError(f"a model of boxes has no {path}; apply the result to a tracker.")
+            elif index:
+                scale[int(index.rstrip("]"))] = float(value)
+            else:
+                scale = np.asarray(value, float)
+        return dataclasses.replace(self, sharpness=sharpness, scale=tuple(scale.tolist()))
 
 
 def training_sequence(
@@ -75,8 +91,7 @@ def training_sequence(
         num_particles=model.particles,
         resampling=model.resampling,
     )
-    if model.gradient != "none":
-        tracker = dataclasses.replace(tracker, gradient=model.gradient)
+    tracker = dataclasses.replace(tracker, gradient=model.gradient)
     boxes = np.array(scene.boxes[1:], np.float32)
     if labels is not None:
         if not 1 <= labels <= len(boxes):

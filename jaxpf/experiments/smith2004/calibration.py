@@ -20,12 +20,12 @@ either goes.  The search compares our figures with the published ones on scenes 
 
 What it found, with multinomial resampling (percent, averaged over the sharpness values):
 
-* size: precision of Non-PS and PS 78, 94 at 32 x 42 pixels, 72, 93 at 28 x 36, 65, 93 at
-  24 x 30, 62, 92 at 20 x 25; published 68, 91;
-* likeness and lead distance: recovery of Non-PS, PS and DPS 1, 24, 36 at .15 and 22 pixels;
-  published 2, 20, 38.  At 22 pixels it is 2, 6, 11 with a likeness of .1 and 6, 32, 46 with .2;
-  with one of .15 it is 2, 9, 20 at 26 pixels;
-* departure: without it 48, 76, 81; with 30 pixels 33, 60, 69; with 55 pixels 1, 24, 36.
+* size: precision of Non-PS and PS 78, 94 at 32 x 42 pixels, 74, 93 at 28 x 36, 67, 93 at
+  24 x 30, 64, 92 at 20 x 25; published 68, 91;
+* likeness and lead distance: recovery of Non-PS, PS and DPS 6, 24, 36 at .15 and 22 pixels;
+  published 2, 20, 38.  At 22 pixels it is 4, 9, 13 with a likeness of .1 and 9, 29, 47 with .2;
+  with one of .15 it is 5, 11, 18 at 26 pixels;
+* departure: without it 46, 78, 82; with 30 pixels 32, 66, 76; with 55 pixels 6, 24, 36.
 
 DPS came out above PS, and PS above Non-PS, in all settings with a departure of 55 pixels in
 which any method recovered the object in more than a tenth of the runs.
@@ -104,7 +104,7 @@ def figures_of(outcome: Outcome) -> dict[str, tuple[float, float]]:
 def search(
     seeds: Sequence[int] = SEEDS, report: Callable[[str], None] = print
 ) -> tuple[dict[str, Any], list[Trial]]:
-    """Repeat the search that set ``synthetic.SCENE``: 23 settings, ten minutes on two cores.
+    """Repeat the search that set ``synthetic.SCENE``: 23 settings, some 20 minutes on two cores.
 
     One thing at a time, each stage starting from the best of the last: the object's size by
     table 1, likeness and lead distance by table 2, and last what object 1's departure does.

@@ -26,6 +26,14 @@ class BatchedDynamics:
         )
         return moved[:, 0]
 
+
+class BatchedDensity(BatchedDynamics):
+    """Gives the one-particle ``log_density`` to classes that define ``log_density_all``."""
+
+    def log_density_all(self, partition, new, current, previous, parent):
+        """Log-densities ``[N]`` of moves to ``new`` ``[D, N]``."""
+        raise TypeError(f"{type(self).__name__} must define log_density_all")
+
     def log_density(self, partition, new, current, previous, parent):
         """Log of the density ``[]`` from which ``propagate`` draws ``new`` ``[D]``.
 
@@ -38,7 +46,7 @@ class BatchedDynamics:
 
 
 @pytree_dataclass
-class RandomWalk(BatchedDynamics):
+class RandomWalk(BatchedDensity):
     """``x_t = x_{t-1} + scale * n``.
 
     Attributes:
@@ -59,7 +67,7 @@ class RandomWalk(BatchedDynamics):
 
 
 @pytree_dataclass
-class AR2(BatchedDynamics):
+class AR2(BatchedDensity):
     """Second-order autoregression, ``x_t = x_{t-1} + momentum (x_{t-1} - x_{t-2}) + scale n``.
 
     Source: smith2004, section 2, with momentum .5 and scale (2, 2, .001) for the centre
@@ -89,7 +97,7 @@ class AR2(BatchedDynamics):
 
 
 @pytree_dataclass
-class LinearGaussian(BatchedDynamics):
+class LinearGaussian(BatchedDensity):
     """``x_t = A x_{t-1} + B x_{t-2} + C parent_t + b + L n`` for each partition.
 
     Attributes:

@@ -19,9 +19,10 @@ of them with every swap.  x is a particle, w its weight, g a likelihood, n a com
     variance grows with the number of frames: prefer short sequences and many runs.
 ``soft``
     Ancestors are drawn from ``share * rho + (1 - share) / n`` and weighted by the ratio, which
-    is differentiable (Karkus, Hsu & Lee 2018).  The filter stays properly weighted; some
-    particles are wasted, and the bias shrinks with the share.  Weights are then never equal,
-    so that the exchanges of ``sps`` are left out: it runs as with ``swap="none"``.
+    is differentiable (Karkus, Hsu & Lee 2018).  The filter stays properly weighted; the
+    derivative is that of the normalised weights, times the total before.  Some particles are
+    wasted, and the bias shrinks with the share.  Weights are then never equal, so that the
+    exchanges of ``sps`` are left out: it runs as with ``swap="none"``.
 ``transport``
     No draw: each particle becomes a mixture of all, by entropy-regularised optimal transport
     (Corenflos et al. 2021); see ``jaxpf.transport``.  Differentiable, biased, O(N^2), and
@@ -66,6 +67,18 @@ def _with_gradient_of_jvp(primals, tangents):
 def weighted(share: jax.Array, log_weights: jax.Array) -> jax.Array:
     """``share * log_weights``, and 0 where the share is."""
     return share * jnp.where(share > 0, log_weights, 0.0)
+
+
+def barrier(tree: Any) -> Any:
+    """``lax.optimization_barrier`` whose integers and truth values have no derivative.
+
+    JAX's own gives them one, which the next ``jnp.all`` has no rule for.
+    """
+
+    def cut(x):
+        return x if jnp.issubdtype(x.dtype, jnp.inexact) else x | jnp.zeros_like(x)
+
+    return jax.tree.map(cut, jax.lax.optimization_barrier(tree))
 
 
 def check_motion_gradient(tracker: Any) -> None:

@@ -13,7 +13,7 @@ within components.  Two ideas keep it short and fast:
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import chex
 import jax
@@ -22,7 +22,8 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract, exchange, resampling, transport
-from jaxpf.gradients import with_gradient_of
+from jaxpf.frame import Frame
+from jaxpf.gradients import barrier, with_gradient_of
 from jaxpf.ordering import Ordering
 from jaxpf.resampling import Components
 from jaxpf.state import (
@@ -33,38 +34,6 @@ from jaxpf.state import (
     Summary,
     summarise,
 )
-
-
-class Frame(NamedTuple):
-    """What the stages of a frame carry.  Rows are stages, not partitions.
-
-    Attributes:
-        stages: ``[2, D, P, N]``, substates drawn at each stage, and the ones they left.
-        log_probs: ``[P, N]``, log-likelihood of each draw, by slot of drawing.
-        lineage: ``[P, N]`` int32, see the module's docstring.
-        log_weights: ``[N]``, unnormalised: their sum carries the evidence.
-        seen: ``[P, C]`` bool, at that stage some particle of the component that had weight
-            had likelihood too.
-        largest: ``[C]``, the largest log-weight of each component.
-        impossible: ``[N]`` bool, the particle's component met a stage at which no particle
-            of it had any likelihood; the stage was left out of ``log_weights``.
-        equal: ``[]`` bool, weights were equal after the last resampling.
-        num_invalid: ``[]`` int32.
-        labels: ``[N]`` int32, components of the particles.
-        scores: ``[P, N]``, by slot of drawing, see ``ParticleState``; or None.
-    """
-
-    stages: jax.Array
-    log_probs: jax.Array
-    lineage: jax.Array
-    log_weights: jax.Array
-    seen: jax.Array
-    largest: jax.Array
-    impossible: jax.Array
-    equal: jax.Array
-    num_invalid: jax.Array
-    labels: jax.Array
-    scores: jax.Array | None
 
 
 def begin(tracker, key, state) -> tuple[Components, Frame]:
@@ -117,7 +86,7 @@ def begin(tracker, key, state) -> tuple[Components, Frame]:
         seen=jnp.zeros((tracker.num_partitions, ordering.order.shape[0]), bool),
         largest=resampling.component_max(log_weights, components),
         impossible=jnp.zeros((num_particles,), bool),
-        equal=(equal | ~state.weighted) & (tracker.gradient != "soft"),
+        equal=jnp.array(False) if tracker.gradient == "soft" else equal | ~state.weighted,
         num_invalid=jnp.zeros((), jnp.int32),
         labels=labels,
         scores=None if state.scores is None else jnp.zeros(shape, log_weights.dtype),
@@ -181,7 +150,7 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
         # Where a level exchanges its parts, its likelihoods enter at the end of the level.
         before = frame.log_weights
         factor = jnp.where(ordering.exchanged[stage], 0.0, log_prob)
-        frame = _absorb(frame, components, factor, stage)
+        frame = frame.absorb(factor, components, stage)
 
         def resample(frame):
             if tracker.gradient == "transport":
@@ -252,7 +221,7 @@ def _exchange_level(tracker, key, components, stage, resample, frame) -> Frame:
         # Unequal incoming weights (a skipped adaptive resampling) forbid the exchange.
         factor = jnp.where(frame.equal, weighed.log_factor, frame.log_probs[row])
         exchanges = jax.tree.map(lambda all_, one: all_.at[row].set(one), exchanges, weighed)
-        return exchanges, _absorb(frame, components, factor, row)
+        return exchanges, frame.absorb(factor, components, row)
 
     floats = jnp.zeros((num_partitions, num_particles), frame.log_weights.dtype)
     ints = jnp.zeros((num_partitions, num_particles), jnp.int32)
@@ -311,7 +280,7 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
         log_joint = jnp.where(invalid, -jnp.inf, log_joint)
         frame = frame._replace(num_invalid=frame.num_invalid + jnp.sum(invalid, dtype=jnp.int32))
         weighting = jnp.sum(jnp.where(jnp.isneginf(log_probs), 0.0, log_probs), axis=0)
-        frame = _absorb(frame, components, log_joint - weighting)
+        frame = frame.absorb(log_joint - weighting, components)
         if path is not None:
             path = with_gradient_of(path, log_joint - weighting)
 
@@ -326,7 +295,7 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
     log_weights = _choose(
         ordering,
         ordering.literal,
-        lambda: _renormalised(log_weights, components),
+        lambda: resampling.renormalised(log_weights, components),
         lambda: log_weights - log_total,
     )
     log_weights = lax.optimization_barrier(log_weights)
@@ -357,7 +326,7 @@ def _choose(ordering: Ordering, predicate: jax.Array, true: Callable, false: Cal
     once for every use of it.
     """
     if ordering.num_partitions == 1:
-        return lax.optimization_barrier(false())
+        return barrier(false())
     return lax.cond(predicate, true, false)
 
 
@@ -374,41 +343,6 @@ def _gathered(frame: Frame, flat: jax.Array, row: jax.Array) -> tuple[jax.Array,
     return lineage, lagged.reshape(frame.stages.shape)
 
 
-def _renormalised(log_weights: jax.Array, components: Components) -> jax.Array:
-    """smith2004's literal reassembly: every component's weights sum to its share n_c / N."""
-    cdf = resampling.component_cdf(log_weights, components)
-    mean = components.spread(jnp.where(cdf.alive, cdf.log_mean, 0.0))
-    scaled = jnp.where(components.spread(cdf.alive), log_weights - mean, -jnp.inf)
-    return scaled - jax.nn.logsumexp(scaled)
-
-
-def _absorb(
-    frame: Frame,
-    components: Components,
-    log_factor: jax.Array,
-    stage: jax.Array | None = None,
-) -> Frame:
-    """Multiply the weights by a factor, unless it is zero for a whole component.
-
-    A component without any likelihood is marked impossible.  Its weights are left as they
-    were, for the case that all components end so: then the frame's impossible observation
-    is left out, instead of every weight being lost.
-    """
-    if frame.scores is not None:
-        log_factor = lax.stop_gradient(log_factor)
-    log_weights = frame.log_weights + log_factor
-    largest = resampling.component_max(log_weights, components)
-    seen = ~jnp.isneginf(largest)
-    possible = components.spread(seen)
-    if stage is not None:
-        frame = frame._replace(seen=frame.seen.at[stage].set(seen))
-    return frame._replace(
-        log_weights=jnp.where(possible, log_weights, frame.log_weights),
-        largest=jnp.where(seen, largest, frame.largest),
-        impossible=frame.impossible | ~possible,
-    )
-
-
 def _resample(tracker, key, log_weights, log_selection, components, largest=None):
     """Weighted resampling, adaptive if asked.
 
@@ -421,6 +355,8 @@ def _resample(tracker, key, log_weights, log_selection, components, largest=None
     ancestors, new_log_weights = resampling.weighted_resample(
         key, log_weights, drawn_by, tracker.resampling, components, largest
     )
+    if soft:
+        new_log_weights = resampling.keep_total(new_log_weights, log_weights, components)
     if tracker.ess_threshold is None:
         return ancestors, new_log_weights, jnp.array(not soft)
     few_in = resampling.few_effective(log_selection, components, tracker.ess_threshold)

@@ -97,8 +97,8 @@ def position_error(
         InputError: as for ``log_evidence``; a truth of another shape or without labels.
     """
     truth = _truth("truth", truth, tracker, frames, at_least=2)[..., :2]
+    _check_labelled("truth", truth)
     labelled = jnp.all(jnp.isfinite(truth), axis=-1)
-    _check_labelled("truth", labelled)
     truth = jnp.where(labelled[..., None], truth, 0.0)
     estimate = _record(tracker, keys, frames, _estimate, checkpoint)
     offset = jnp.where(labelled[:, None, :, None], estimate[..., :2] - truth[:, None], 0.0)
@@ -138,8 +138,8 @@ def overlap_loss(
         InputError: as for ``position_error``.
     """
     truth = _truth("truth_boxes", truth_boxes, tracker, frames, at_least=4)
+    _check_labelled("truth_boxes", truth)
     labelled = is_proper(truth)
-    _check_labelled("truth_boxes", labelled)
     # A box in place of a missing one keeps 0/0, and so NaN, out of the gradient.
     truth = jnp.where(labelled[..., None], truth, jnp.ones_like(truth))
     estimate = _record(tracker, keys, frames, _estimate, checkpoint)
@@ -219,6 +219,6 @@ def _truth(name: str, truth: ArrayLike, tracker: Any, frames: Any, at_least: int
     return truth
 
 
-def _check_labelled(name: str, labelled: jax.Array) -> None:
-    if is_concrete(labelled) and not np.asarray(labelled).any():
+def _check_labelled(name: str, truth: jax.Array) -> None:
+    if is_concrete(truth) and not np.isfinite(np.asarray(truth)).all(axis=-1).any():
         raise InputError(f"{name} labels no object in any frame; label at least one.")

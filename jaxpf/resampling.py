@@ -13,6 +13,7 @@ function and corrects by its inverse, so that the weighted set keeps its expecta
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.typing import ArrayLike
 
 from jaxpf.errors import InputError
 from jaxpf.gradients import weighted, with_gradient_of
@@ -143,20 +144,30 @@ def weighted_resample(
     return chosen, jnp.where(alive, new_log_weights, log_weights)
 
 
-def soft_selection(log_weights: jax.Array, share: jax.Array, components: Components) -> jax.Array:
+def soft_selection(log_weights: jax.Array, share: ArrayLike, components: Components) -> jax.Array:
     """Log of the mixture ``share * rho + (1 - share) / n`` of weights and uniform, ``[N]``.
 
     Selecting by it and reweighting keeps a derivative (Karkus, Hsu & Lee 2018, "soft
     resampling").  A component whose weights are all zero is left so.
     """
     cdf = component_cdf(log_weights, components)
-    alive, share = components.spread(cdf.alive), jnp.asarray(share, log_weights.dtype)
+    alive, part = components.spread(cdf.alive), jnp.asarray(share, log_weights.dtype)
     # Relative to the component's mean weight, the uniform law is 1.
     relative = log_weights - components.spread(jnp.where(cdf.alive, cdf.log_mean, 0.0))
     relative = jnp.where(alive, relative, 0.0)
-    rest = jnp.log1p(-jnp.minimum(share, 1 - jnp.finfo(share.dtype).eps))
-    mixed = jnp.logaddexp(jnp.log(share) + relative, rest)
+    rest = jnp.log1p(-jnp.minimum(part, 1 - jnp.finfo(part.dtype).eps))
+    mixed = jnp.logaddexp(jnp.log(part) + relative, rest)
     return jnp.where(alive, mixed, -jnp.inf)
+
+
+def keep_total(log_weights: jax.Array, before: jax.Array, components: Components) -> jax.Array:
+    """Give a component's new weights ``[N]`` the derivative of their total ``before``.
+
+    Their own total has the right expectation, but not its derivative.  Values are unchanged.
+    """
+    change = component_cdf(before, components).log_mean
+    change -= component_cdf(log_weights, components).log_mean
+    return with_gradient_of(log_weights, components.spread(change))
 
 
 @pytree_dataclass
@@ -200,6 +211,14 @@ def component_cdf(
     share = jnp.where(components.spread(alive), share, 0.0)
     log_mean = with_gradient_of(log_mean, components.sum_of(weighted(share, differentiated)))
     return ComponentCDF(weights, cumulative, total, alive, log_mean)
+
+
+def renormalised(log_weights: jax.Array, components: Components) -> jax.Array:
+    """smith2004's literal reassembly: every component's weights sum to its share n_c / N."""
+    cdf = component_cdf(log_weights, components)
+    mean = components.spread(jnp.where(cdf.alive, cdf.log_mean, 0.0))
+    scaled = jnp.where(components.spread(cdf.alive), log_weights - mean, -jnp.inf)
+    return scaled - jax.nn.logsumexp(scaled)
 
 
 def component_max(values: jax.Array, components: Components) -> jax.Array:

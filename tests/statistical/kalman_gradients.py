@@ -26,13 +26,12 @@ PARAMETERS = ("coefficient", "process noise", "observation noise")
 def scaled(model, factors):
     """Any object with ``dynamics`` and ``likelihood``: a tracker, or the exact problem."""
     dynamics, likelihood = model.dynamics, model.likelihood
-    changes = {
+    return {
         "dynamics": dataclasses.replace(
             dynamics, transition=dynamics.transition * factors[0], noise=dynamics.noise * factors[1]
         ),
         "likelihood": dataclasses.replace(likelihood, noise=likelihood.noise * factors[2]),
     }
-    return changes
 
 
 def exact_gradient(exact: Problem) -> np.ndarray:

@@ -1,0 +1,62 @@
+"""The expected gradient of the evidence against that of the Kalman filter.
+
+``stop_gradient`` must agree at any number of particles, for every method; how far the other
+variations are off is printed, and recorded with the test's result.
+"""
+
+import numpy as np
+import pytest
+from exact import LIMIT, TREE, WRONG, problem
+from kalman_gradients import gradients
+
+from jaxpf import ordering
+
+pytestmark = [pytest.mark.statistical, pytest.mark.slow]
+
+METHODS = {
+    "sir": ordering.sir(3),
+    "ps": ordering.ps([0, 2, 1]),
+    "dps": ordering.dps(orders=[[0, 1, 2], [0, 2, 1]]),
+    "sps-combinatorial": ordering.sps(TREE),
+}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_stop_gradient_is_unbiased_on_a_part_tree(method, record_property):
+    found = gradients(problem(TREE), METHODS[method], gradient="stop_gradient")
+    record_property("gradient", str(found))
+    print(found)
+    assert found.worst < LIMIT
+
+
+def test_stop_gradient_is_unbiased_where_roots_are_exchanged(record_property):
+    """The past of an object must bring its derivative along: groups here have many pasts."""
+    exact = problem((-1, -1), transition=0.7, lag=0.3, initial_scale=1.0)
+    found = gradients(exact, ordering.sps(num_partitions=2), gradient="stop_gradient")
+    record_property("gradient", str(found))
+    print(found)
+    assert found.worst < LIMIT
+
+
+VARIATIONS = {
+    "stop_gradient": ({"gradient": "stop_gradient"}, True),
+    "stop_gradient, score": ({"gradient": "stop_gradient", "motion_gradient": "score"}, True),
+    "none": ({"gradient": "none"}, False),
+    "soft": ({"gradient": "soft"}, False),
+    "transport": ({"gradient": "transport", "runs": 4000, "batch": 500}, False),
+}
+
+
+@pytest.mark.parametrize("variation", VARIATIONS)
+def test_bias_of_every_variation_on_one_partition(variation, record_property):
+    settings, unbiased = VARIATIONS[variation]
+    if variation == "transport":
+        pytest.importorskip("ott", reason="needs jaxpf[transport]")
+    found = gradients(problem((-1,)), ordering.ps([0]), **settings)
+    record_property("gradient", str(found))
+    print(found)
+    if unbiased:
+        assert found.worst < LIMIT
+    elif variation == "none":
+        assert np.abs(found.z).max() > 2 * WRONG  # so the test can tell
+    assert np.isfinite(found.gradient).all()

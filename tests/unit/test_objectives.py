@@ -1,0 +1,141 @@
+"""Objectives: the log evidence and supervised losses, differentiable in the tracker."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf import InputError, metrics, objectives, ordering
+from jaxpf.dynamics import RandomWalk
+from jaxpf.geometry import boxes_from_substates
+from jaxpf.likelihoods.gaussian import Gaussian
+from jaxpf.pytree import pytree_dataclass
+
+T, R = 7, 4
+KEYS = jax.random.split(jax.random.key(0), R)
+FRAMES = np.random.default_rng(0).normal([20, 30, 1], 1, (T, 1, 3)).astype(np.float32)
+
+
+def tracker(**settings):
+    defaults = {
+        "dynamics": RandomWalk(scale=np.float32([2.0, 2.0, 0.1])),
+        "likelihood": Gaussian(noise=np.eye(3, dtype=np.float32)[None]),
+        "ordering": ordering.ps([0]),
+        "initial": np.float32([[20.0, 30.0, 1.0]]),
+        "num_particles": 20,
+    }
+    return jaxpf.Partitioned(**(defaults | settings))
+
+
+SUMMARIES = jaxpf.monte_carlo(tracker(), KEYS, FRAMES)
+
+
+TRUTH = np.full((T, 1, 2), np.nan, np.float32)
+TRUTH[2], TRUTH[5] = [21.0, 29.0], [18.0, 33.0]
+SIZES = np.float32([[12.0, 9.0]])
+BOXES = np.full((T, 1, 4), np.nan, np.float32)
+BOXES[1], BOXES[4] = [15, 24, 12, 10], [90, 90, 5, 5]
+
+
+@pytree_dataclass
+class Never:
+    """A likelihood by which nothing is possible."""
+
+    noise: jax.Array
+
+    def observe(self, frame):
+        return frame
+
+    def log_prob(self, observation, partition, substate):
+        return jnp.where(substate[0] < jnp.inf, -jnp.inf, self.noise)
+
+
+@partial(jax.jit, static_argnames=("objective", "checkpoint"))
+def with_gradient(objective, made, *labels, checkpoint=True):
+    """An objective's values, and the gradient of their mean in the motion's scale."""
+
+    def mean(made):
+        values = objective(made, KEYS, FRAMES, *labels, checkpoint=checkpoint)
+        return jnp.mean(values), values
+
+    (_, values), gradient = jax.value_and_grad(mean, has_aux=True, allow_int=True)(made)
+    return values, gradient.dynamics.scale
+
+
+def test_log_evidence_is_that_of_the_runs_and_is_averaged_before_the_log():
+    found, _ = with_gradient(objectives.log_evidence, tracker())
+    np.testing.assert_allclose(found, SUMMARIES.log_evidence.sum(1), rtol=1e-5)
+    mean, slope = with_gradient(objectives.log_mean_evidence, tracker())
+    np.testing.assert_allclose(mean, np.log(np.mean(np.exp(np.float64(found)))), rtol=1e-5)
+    assert np.abs(slope).min() > 1e-3
+
+
+@pytest.mark.parametrize("checkpoint", [False, 3])
+def test_checkpoints_change_neither_value_nor_gradient(checkpoint):
+    value, slope = with_gradient(objectives.log_evidence, tracker())
+    same, other = with_gradient(objectives.log_evidence, tracker(), checkpoint=checkpoint)
+    np.testing.assert_allclose(same, value, rtol=1e-5)
+    assert np.abs(slope).min() > 1e-3
+    np.testing.assert_allclose(other, slope, rtol=1e-3)
+
+
+def test_an_evidence_of_zero_has_a_finite_gradient():
+    never = tracker(likelihood=Never(noise=np.float32(1.0)))
+    value, slope = with_gradient(objectives.log_mean_evidence, never)
+    assert np.isneginf(value)
+    assert np.isfinite(slope).all()
+
+
+def test_position_error_skips_what_is_not_labelled():
+    found, slope = with_gradient(objectives.position_error, tracker(), TRUTH)
+    estimates = np.asarray(SUMMARIES.estimate)[:, [2, 5], 0, :2]
+    expected = np.linalg.norm(estimates - TRUTH[[2, 5], 0], axis=-1).mean(1)
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
+    assert np.isfinite(slope).all()
+    assert np.abs(slope[:2]).min() > 0
+
+
+def test_position_error_of_an_exact_estimate_has_a_finite_gradient():
+    still = tracker(dynamics=RandomWalk(scale=np.zeros(3, np.float32)), num_particles=1)
+    truth = np.broadcast_to(np.float32([20, 30]), (T, 1, 2))
+    value, slope = with_gradient(objectives.position_error, still, truth)
+    np.testing.assert_array_equal(value, 0.0)
+    assert np.isfinite(slope).all()
+
+
+def test_overlap_loss_skips_what_is_not_labelled():
+    found, slope = with_gradient(objectives.overlap_loss, tracker(), BOXES, SIZES)
+    estimates = boxes_from_substates(SUMMARIES.estimate[:, [1, 4]], SIZES)
+    overlap = metrics.overlap(estimates, BOXES[[1, 4]])
+    assert (overlap[:, 1] == 0).all()
+    np.testing.assert_allclose(found, (1 - overlap).mean((1, 2)), rtol=1e-4)
+    assert np.isfinite(slope).all()
+    assert np.abs(slope).max() > 0
+
+
+@pytest.mark.parametrize(
+    ("call", "what"),
+    [
+        (lambda: objectives.log_evidence(tracker(), KEYS, FRAMES[:0]), "at least one frame"),
+        (lambda: objectives.log_evidence(tracker(), KEYS[:0], FRAMES), "one key per run"),
+        (lambda: objectives.log_evidence(tracker(), KEYS, FRAMES, checkpoint=0), "checkpoint=0"),
+        (
+            lambda: objectives.position_error(tracker(), KEYS, FRAMES, np.zeros((T, 2, 2))),
+            r"truth has shape \(7, 2, 2\); with 7 frames of 1 objects",
+        ),
+        (
+            lambda: objectives.position_error(tracker(), KEYS, FRAMES, np.full((T, 1, 2), np.nan)),
+            "truth labels no object",
+        ),
+        (
+            lambda: objectives.overlap_loss(tracker(), KEYS, FRAMES, np.zeros((T, 1, 2)), [[1, 1]]),
+            "truth_boxes has shape",
+        ),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(call, what):
+    with pytest.raises(InputError, match=what):
+        call()

@@ -76,7 +76,7 @@ def check_sizes(sizes, parts, name):
 
 def check_settings(
     sharpness, method, num_particles, num_runs, samples, num_parts, interpolation, form,
-    background_frame,
+    background_frames,
 ):  # fmt: skip
     """Refuse what no histogram likelihood can be made with."""
     if not (math.isfinite(sharpness) and sharpness > 0):
@@ -91,10 +91,10 @@ def check_settings(
     ):
         if value not in known:
             raise InputError(f"{name} is {value!r}: choose one of {', '.join(map(repr, known))}.")
-    if form == "ratio" and background_frame is None:
+    if form == "ratio" and background_frames is None:
         raise InputError(
-            "form is 'ratio', but there is no background_frame: give the frame of which random "
-            "boxes show what the background looks like."
+            "form is 'ratio', but there is no background_framess: give frames that show what "
+            "the background looks like."
         )
     for name, count in (("num_particles", num_particles or 1), ("num_runs", num_runs)):
         if count < 1:

@@ -24,7 +24,7 @@ with one is good for another.
     70 %, against 76 to 81 % at 8 to 14).
 
 ``"ratio"``
-    Let b be the density of s at boxes that lie anywhere in a frame.  Tilted by exp(-S s)::
+    Let b be the density of s at boxes that lie anywhere in the frames.  Tilted by exp(-S s)::
 
         f(s) = b(s) exp(-S s) / M(S),   M(S) = int_0^m b(s) exp(-S s) ds
 
@@ -34,12 +34,14 @@ with one is good for another.
     and all particles explain one and the same picture (Sidenbladh & Black, "Learning image
     statistics for Bayesian tracking", ICCV 2001, learn both densities; maccormick1999 divides
     measurement lines by their clutter for the same reason).  log p = -S s - log M(S), with M the
-    mean over boxes of a frame.  Its evidence asks how much better a place is than the others, so
-    it compares sharpnesses, motion, templates and parts: the form for tuning.  Meaningful as far
-    as that frame's boxes are what a wrong particle sees; learn it anew where the background
-    changes.  Beyond S = n / mean(s) or so, n boxes are too few to tell M.
+    mean over boxes of some frames.  Its evidence asks how much better a place is than the
+    others, so it compares sharpnesses, motion, templates and parts: the form for tuning.
+    Meaningful as far as those boxes are what a wrong particle sees; learn it anew where the
+    background changes.  A large S tells places a fraction of a pixel apart: then M is known only as
+    closely as the boxes lie.
 """
 
+import math
 from typing import Any
 
 import jax
@@ -49,6 +51,9 @@ import numpy as np
 from jaxpf.errors import InputError
 
 FORMS = ("exponential", "density", "ratio")
+
+# Boxes that are measured at once, and how many values of theirs are kept.
+_AT_ONCE, _ALONE, _GROUPS = 4096, 1024, 512
 
 
 def log_normaliser(sharpness: Any, parts: int) -> jax.Array:
@@ -62,14 +67,13 @@ def log_tilt(sharpness: Any, background: Any) -> jax.Array:
 
     Args:
         sharpness: [], S.
-        background: [..., n], s of n boxes.
+        background: [..., 2, n], values of s and the logs of their shares.
 
     Returns:
         [...].
     """
-    background = jnp.asarray(background)
-    total = jax.nn.logsumexp(-sharpness * background, axis=-1)
-    return total - np.log(background.shape[-1])
+    squared, log_share = background[..., 0, :], background[..., 1, :]
+    return jax.nn.logsumexp(log_share - sharpness * squared, axis=-1)
 
 
 def log_density(form, sharpness, parts, background, partition, squared_distance):
@@ -79,7 +83,7 @@ def log_density(form, sharpness, parts, background, partition, squared_distance)
         form: one of ``FORMS``.
         sharpness: [], S.
         parts: m.
-        background: [P, n], s of boxes anywhere, for ``"ratio"``, else ignored.
+        background: [P, 2, n], see ``learn_background``, for ``"ratio"``, else ignored.
         partition: int [N].
         squared_distance: [N], s.
     """
@@ -91,35 +95,34 @@ def log_density(form, sharpness, parts, background, partition, squared_distance)
     return value - log_tilt(sharpness, jnp.asarray(background, value.dtype))[partition]
 
 
-def learn_background(
-    likelihood: Any, frame: Any, *, num_boxes: int = 2000, seed: int = 0
-) -> jax.Array:
-    """Every object's d^2 at random boxes of a frame, for ``form="ratio"``.
+def learn_background(likelihood: Any, frames: Any, *, num_boxes: int = 100_000) -> jax.Array:
+    """Every object's d^2 all over some frames, for ``form="ratio"``.
 
-    Boxes have the object's size and lie anywhere within the frame, the objects' own places not
-    excluded.  They are one to a cell of a grid, at random within it: that covers the frame more
-    evenly than chance would.
+    Boxes have the object's size and lie within the frame, at every pixel, or at every second,
+    third and so on; the objects' own places are not excluded.
 
     Args:
         likelihood: a ``HistogramLikelihood``.
-        frame: uint8 RGB [H, W, 3].
-        num_boxes: about how many, per object.
-        seed: of the boxes.
+        frames: uint8 RGB [H, W, 3] or [T, H, W, 3].  Take several: an object's smallest d^2
+            differs from frame to frame, and where M is learned from a frame in which it is
+            large, any S looks too small for the others.
+        num_boxes: at most, per object and frame.  Boxes should lie closer than the likelihood
+            is wide.
 
     Returns:
-        [P, n].
+        [P, 2, n]: values of d^2 and the logs of their shares.  The smallest values are kept one
+        by one, the others, which weigh little, as means of groups.
 
     Raises:
         InputError: an argument is out of range, or an object is larger than the frame.
     """
     if num_boxes < 1:
         raise InputError(f"num_boxes is {num_boxes}: it must be at least 1.")
-    observation = likelihood.observe(jnp.asarray(frame))
-    rng = np.random.default_rng(seed)
-    extent = np.array(frame.shape[1::-1], float)
-    columns = max(1, round(float(np.sqrt(num_boxes * extent[0] / extent[1]))))
-    cells = np.array([columns, max(1, round(num_boxes / columns))])
-    corners = np.stack(np.meshgrid(*map(np.arange, cells)), axis=-1).reshape(-1, 2)
+    frames = np.asarray(frames)
+    frames = frames[None] if frames.ndim == 3 else frames
+    observations = [likelihood.observe(jnp.asarray(frame)) for frame in frames]
+    extent = np.array(frames.shape[2:0:-1], float)
+    measure = jax.jit(type(likelihood).squared_distance_all)
     learned = []
     for partition, size in enumerate(np.asarray(likelihood.sizes, float)):
         if np.any(size > extent):
@@ -127,13 +130,38 @@ def learn_background(
                 f"object {partition} is {size[0]:g} x {size[1]:g} pixels, larger than the frame of "
                 f"{extent[0]:g} x {extent[1]:g}: no random box of its size fits."
             )
-        share = (corners + rng.uniform(size=corners.shape)) / cells
-        centres = size / 2 + share * (extent - size)
+        room = extent - size
+        stride = max(1.0, np.ceil(np.sqrt(math.prod(room + 1) / num_boxes)))
+        places = [np.arange(0, length + 1e-6, stride) for length in room]
+        centres = np.stack(np.meshgrid(*places), axis=-1).reshape(-1, 2) + size / 2
         substates = np.concatenate([centres, np.ones((len(centres), 1))], axis=1).T
-        squared, _ = likelihood.squared_distance_all(
-            observation,
-            jnp.full(len(centres), partition, jnp.int32),
-            jnp.asarray(substates, likelihood.references.dtype),
-        )
-        learned.append(squared)
-    return jnp.stack(learned)
+        squared = []
+        for observation in observations:
+            pieces = [
+                measure(
+                    likelihood,
+                    observation,
+                    jnp.full(_AT_ONCE, partition, jnp.int32),
+                    jnp.asarray(piece, likelihood.references.dtype),
+                )[0]
+                for piece in _pieces(substates)
+            ]
+            squared.append(np.concatenate(pieces)[: len(centres)])
+        learned.append(_compressed(np.concatenate(squared)))
+    return jnp.asarray(np.stack(learned), float)
+
+
+def _pieces(substates: np.ndarray) -> list[np.ndarray]:
+    """``[3, n]`` in pieces of one width, the last one filled up."""
+    filled = np.pad(substates, ((0, 0), (0, -substates.shape[1] % _AT_ONCE)), mode="edge")
+    return np.split(filled, filled.shape[1] // _AT_ONCE, axis=1)
+
+
+def _compressed(squared: np.ndarray) -> np.ndarray:
+    """[2, n] of many values: the smallest alone, the rest in groups of like ones."""
+    ordered = np.sort(squared.astype(np.float64))
+    alone, rest = ordered[:_ALONE], ordered[_ALONE:]
+    groups = np.array_split(rest, min(_GROUPS, len(rest))) if len(rest) else []
+    values = np.concatenate([alone, [group.mean() for group in groups]])
+    counts = np.concatenate([np.ones(len(alone)), [len(group) for group in groups]])
+    return np.stack([values, np.log(counts / len(ordered))])

@@ -74,7 +74,7 @@ class HistogramLikelihood:
             together another 1.3 and 2.7 times.
         form: ``"exponential"``, ``"density"`` or ``"ratio"``, see
             :mod:`jaxpf.likelihoods.distance_law`.
-        background: [P, n], d^2 of random boxes, for the form ``"ratio"``.
+        background: [P, 2, n], for the form ``"ratio"``, see ``learn_background``.
     """
 
     sharpness: Any
@@ -246,7 +246,7 @@ def histogram(
         interpolation: ``"nearest"``, or ``"bilinear"`` for gradients with respect to substates.
         form: ``"exponential"``, ``"density"`` or ``"ratio"``, see
             :mod:`jaxpf.likelihoods.distance_law`; the ratio's background is learned from
-            random boxes of ``frame``.
+            boxes anywhere in ``frame``.
 
     Raises:
         InputError: an argument is out of range; the sentence says which.
@@ -293,7 +293,7 @@ def histogram_from_patches(
     frame_shape: tuple[int, int] = (288, 360),
     interpolation: str = "nearest",
     form: str = "exponential",
-    background_frame: Any = None,
+    background_frames: Any = None,
 ) -> HistogramLikelihood:
     """Learn the likelihood of P objects from one picture of each.
 
@@ -310,7 +310,7 @@ def histogram_from_patches(
         samples: see :func:`histogram`.
         interpolation: see :func:`histogram`.
         form: see :func:`histogram`.
-        background_frame: uint8 RGB [H, W, 3], from which ``form="ratio"`` learns the background.
+        background_frames: uint8 RGB [H, W, 3], from which ``form="ratio"`` learns the background.
 
     Raises:
         InputError: an argument is out of range; the sentence says which.
@@ -332,19 +332,19 @@ def histogram_from_patches(
     check_sizes(sizes, parts, "sizes")
     return _build(
         learned, sizes, sharpness, method, num_particles, num_runs, samples, frame_shape,
-        interpolation, form, background_frame,
+        interpolation, form, background_frames,
     )  # fmt: skip
 
 
 def _build(
     learned, sizes, sharpness, method, num_particles, num_runs, samples, frame_shape,
-    interpolation, form, background_frame,
+    interpolation, form, background_frames,
 ) -> HistogramLikelihood:  # fmt: skip
     """Keep the bins that a reference uses, choose the method, make the pytree."""
     num_objects, num_parts, _ = learned.shape
     check_settings(
         sharpness, method, num_particles, num_runs, samples, num_parts, interpolation, form,
-        background_frame,
+        background_frames,
     )  # fmt: skip
     used = np.flatnonzero(learned.any(axis=(0, 1)))
     num_bins = -(-len(used) // LANES) * LANES
@@ -386,5 +386,5 @@ def _build(
     )
     if form != "ratio":
         return likelihood
-    background = learn_background(likelihood, background_frame)
+    background = learn_background(likelihood, background_frames)
     return dataclasses.replace(likelihood, form=form, background=background)

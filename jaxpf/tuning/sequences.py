@@ -14,6 +14,9 @@ from jaxpf.likelihoods import histogram_from_patches
 from jaxpf.tuning.comparison import HeldOut
 from jaxpf.tuning.problem import TrainingSequence
 
+#: Frames of a sequence from which the background is learned.
+_BACKGROUND_FRAMES = 3
+
 
 @dataclasses.dataclass(frozen=True)
 class BoxModel:
@@ -58,8 +61,8 @@ def training_sequence(
 ) -> TrainingSequence:
     """A scene with a tracker that is differentiable in parameters and state.
 
-    Its histograms are bilinear, and their distance is weighed against that of random boxes of
-    the first frame (``form="ratio"``), which leaves the weights as they are: values found go
+    Its histograms are bilinear, and their distance is weighed against that of boxes anywhere in
+    some frames (``form="ratio"``), which leaves the weights as they are: values found go
     with any other tracker of boxes.
 
     Args:
@@ -81,7 +84,7 @@ def training_sequence(
         frame_shape=scene.frames.shape[1:3],
         interpolation="bilinear",
         form="ratio",
-        background_frame=scene.frames[0],
+        background_frames=scene.frames[_spread(len(scene.frames), _BACKGROUND_FRAMES)],
     )
     tracker = box_tracker(
         likelihood,
@@ -99,7 +102,7 @@ def training_sequence(
                 f"labels = {labels} must be 1 to {len(boxes)}, the frames of {scene.name!r} after "
                 "its first."
             )
-        kept = np.rint(np.linspace(len(boxes), 1, labels)).astype(int) - 1
+        kept = len(boxes) - 1 - _spread(len(boxes), labels)
         boxes[np.setdiff1d(np.arange(len(boxes)), kept)] = np.nan
     truth: Any = boxes
     if objective == "position":
@@ -135,3 +138,8 @@ def held_out(scene: Any, before: BoxModel, after: BoxModel, runs: int) -> HeldOu
         truth=np.asarray(scene.boxes[1:], np.float64),
         sizes=start_sizes(scene),
     )
+
+
+def _spread(count: int, wanted: int) -> np.ndarray:
+    """At most ``wanted`` of the numbers below ``count``, evenly spread, 0 included."""
+    return np.unique(np.rint(np.linspace(0, count - 1, min(wanted, count))).astype(int))

@@ -17,6 +17,7 @@ from jaxpf.likelihoods import (
     patch,
 )
 from jaxpf.likelihoods.distance_law import (
+    _compressed,
     learn_background,
     log_density,
     log_normaliser,
@@ -191,11 +192,12 @@ def test_the_ratio_times_the_background_integrates_to_one(sharpness):
     with jax.enable_x64(True):
         grid = np.linspace(0, 2, 200_001)
         background = 30 * (grid / 2) ** 4 * (1 - grid / 2) / 2  # Beta(5, 2) on [0, 2]
-        samples = np.random.default_rng(0).beta(5, 2, (1, 400_000)) * 2
+        samples = np.random.default_rng(0).beta(5, 2, 400_000) * 2
+        samples = np.stack([samples, np.full(samples.size, -np.log(samples.size))])[None]
         ratio = log_density("ratio", sharpness, 2, samples, np.zeros(len(grid), int), grid)
         exact = np.trapezoid(background * np.exp(-sharpness * grid), grid)
         # Relative standard error of the mean of exp(-S s) over the samples.
-        error = np.std(np.exp(-sharpness * samples)) / exact / np.sqrt(samples.size)
+        error = np.std(np.exp(-sharpness * samples[0, 0])) / exact / np.sqrt(samples.size / 2)
         assert abs(np.trapezoid(np.exp(ratio) * background, grid) - 1) < 4 * error + 1e-6
         assert abs(np.exp(log_tilt(sharpness, samples[0])) / exact - 1) < 4 * error + 1e-6
 
@@ -203,7 +205,7 @@ def test_the_ratio_times_the_background_integrates_to_one(sharpness):
 def test_forms_differ_in_a_constant_only():
     squared = np.linspace(0, 2, 9)
     partition = np.zeros(9, int)
-    background = np.random.default_rng(0).beta(5, 2, (1, 100)) * 2
+    background = np.log(np.random.default_rng(0).uniform(1, 2, (1, 2, 100)))
     plain = log_density("exponential", 7.0, 2, None, partition, squared)
     for form in ("density", "ratio"):
         other = log_density(form, 7.0, 2, background, partition, squared)
@@ -216,7 +218,7 @@ def evidence_of(scene, form, sharpness):
         scene.patches,
         method="integral",
         form=form,
-        background_frame=scene.frames[0],
+        background_frames=scene.frames[[0, 9, 12]],
     )
     offsets = np.random.default_rng(0).normal(0, 3, (2, 200))
 
@@ -248,15 +250,28 @@ def test_the_evidence_has_a_maximum_in_the_sharpness_where_it_is_normalised():
         assert 0 < np.argmax(values) < len(sharpness) - 1, values
 
 
-def test_random_boxes_of_a_frame_are_far_from_the_references_but_where_the_object_is():
+def test_boxes_of_a_frame_are_far_from_the_references_but_where_the_object_is():
     scene = scenes.make("distracter", seed=0)
     likelihood = histogram_from_patches(scene.patches, method="integral")
-    background = np.asarray(learn_background(likelihood, scene.frames[0]))
-    assert abs(background.shape[1] - 2000) < 100
-    assert (background.mean(axis=1) > 1.4).all()
-    assert (background[1:].min(axis=1) < 0.5).all()
-    again = learn_background(likelihood, scene.frames[0])
-    np.testing.assert_array_equal(background, again)
+    squared, log_share = np.moveaxis(
+        np.asarray(learn_background(likelihood, scene.frames[0], num_boxes=10_000)), 1, 0
+    )
+    share = np.exp(log_share)
+    np.testing.assert_allclose(share.sum(axis=1), 1, rtol=1e-5)
+    assert ((share * squared).sum(axis=1) > 1.4).all()
+    assert (squared[1:].min(axis=1) < 0.2).all()
+    np.testing.assert_allclose(1 / share.min(axis=1), 110 * 83, rtol=1e-4)  # every third pixel
+
+
+def test_groups_of_boxes_stand_for_their_members():
+    squared = np.random.default_rng(0).beta(5, 2, 50_000) * 2
+    values, log_share = _compressed(squared)
+    assert len(values) < 2000
+    with jax.enable_x64(True):
+        for sharpness in (0.1, 5.0, 50.0, 500.0):
+            exact = np.log(np.mean(np.exp(-sharpness * squared)))
+            found = log_tilt(sharpness, np.stack([values, log_share]))
+            assert abs(found - exact) < 0.01
 
 
 @pytest.mark.parametrize(
@@ -264,7 +279,7 @@ def test_random_boxes_of_a_frame_are_far_from_the_references_but_where_the_objec
     [
         ({"interpolation": "cubic"}, "interpolation is 'cubic'"),
         ({"form": "odds"}, "form is 'odds'"),
-        ({"form": "ratio"}, "there is no background_frame"),
+        ({"form": "ratio"}, "there is no background_frames"),
     ],
 )
 def test_a_wrong_choice_is_refused(options, words):

@@ -37,9 +37,12 @@ def error_tables(outcomes: Outcomes) -> list[Table]:
         rows: dict[str, list[Any]] = {name: [] for name in ("error", "variance", "gain")}
         for (motion, parts, particles), outcome in outcomes.items():
             label = f"{motion}, {parts} parts, N = {particles}"
-            for name in ("error", "variance"):
+            for name, digits in (("error", 0), ("variance", 1)):
                 values = getattr(outcome, name)
-                cells = [Cell(None, measured(by_scene(values[dynamics, m]))) for m in METHODS]
+                cells = [
+                    Cell(None, measured(by_scene(values[dynamics, m])), digits=digits)
+                    for m in METHODS
+                ]
                 rows[name].append((label, cells))
             gains = [
                 Cell(None, measured(gain(getattr(outcome, name), dynamics, m)), digits=1)

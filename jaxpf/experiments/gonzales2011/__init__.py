@@ -37,8 +37,8 @@ NOTES = (
     )
     + " (pixels, radians).",
     "The paper's swap pairs the best left arm with the best right one.  It is biased: see "
-    "notebooks/swap_bias.ipynb.  'SPS combinatorial' exchanges parts without bias.  A lower error or "
-    "variance of 'SPS sorted' may be the bias: it works like a sharper likelihood.",
+    "notebooks/swap_bias.ipynb.  'SPS combinatorial' exchanges parts without bias.  Where 'SPS "
+    "sorted' alone has a lower error or variance than PS, it owes that to the bias.",
     "Variance: of the corners about their mean, to first order, summed over the parts; the paper "
     "does not define its own.  Resampling is multinomial, as in the paper's section 3.1.",
     f"Likelihoods come from {tracking.SAMPLES} x {tracking.SAMPLES} pixels of a part; the table "

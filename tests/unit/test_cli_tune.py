@@ -13,7 +13,8 @@ WRITTEN = {"tuned.toml", "tuning.png", "comparison.csv", "run.toml", "checkpoint
 #: Every successful call has these shapes, so that the filter is compiled once.
 QUICK = (
     "--particles", "20", "--compare-particles", "20", "--runs", "2", "--compare-runs", "2",
-    "--method", "ps", "--repeats", "1", "--window", "2", "--scale", "1,1,0.001",
+    "--method", "sir", "--gradient", "none", "--repeats", "1", "--window", "2",
+    "--scale", "1,1,0.001",
 )  # fmt: skip
 
 
@@ -66,11 +67,12 @@ def test_the_same_command_continues_and_another_is_refused(tuned):
     assert other.err.count("Error") == 1
 
 
+@pytest.mark.slow
 def test_evaluate_and_track_take_the_values(tuned, tmp_path):
     output, _, _ = tuned
     config = output / "tuned.toml"
     evaluated = jaxpf(
-        "evaluate", "distracter", *SMALL, "--config", config, "--methods", "ps", "-n", "20",
+        "evaluate", "distracter", *SMALL, "--config", config, "--methods", "sir", "-n", "20",
         "--runs", "2", "-o", tmp_path / "evaluated",
     )  # fmt: skip
     assert evaluated.code == 0, evaluated.err
@@ -91,6 +93,7 @@ def test_evaluate_and_track_take_the_values(tuned, tmp_path):
     assert written["scale"] == values["scale"][0]
 
 
+@pytest.mark.slow
 def test_a_folder_is_divided_into_frames_to_learn_from_and_the_rest(tmp_path):
     folder = write_sequence(tmp_path / "two")
     outcome = jaxpf(

@@ -43,7 +43,7 @@ VARIATIONS = {
     "stop_gradient, score": ({"gradient": "stop_gradient", "motion_gradient": "score"}, True),
     "none": ({"gradient": "none"}, False),
     "soft": ({"gradient": "soft"}, False),
-    "transport": ({"gradient": "transport", "runs": 4000, "batch": 500}, False),
+    "transport": ({"gradient": "transport", "runs": 800, "batch": 100}, False),
 }
 
 

@@ -328,7 +328,7 @@ def test_what_cannot_work_is_refused_in_one_sentence(settings, what):
 
 def test_a_motion_gradient_that_would_be_zero_is_refused():
     made = tracker(ordering.ps([0]), likelihood=WholePixels(noise=np.float32(1.0)))
-    with pytest.raises(InputError, match=r"WholePixels .* motion_gradient='score'"):
+    with pytest.raises(InputError, match=r"WholePixels .*motion_gradient='score'"):
         gradients.check_motion_gradient(made)
     gradients.check_motion_gradient(dataclasses.replace(made, motion_gradient="score"))
     gradients.check_motion_gradient(tracker(ordering.ps([0])))

@@ -1,6 +1,7 @@
 """Likelihoods that are differentiable in the substate, and ones that integrate to 1."""
 
 import dataclasses
+import functools
 
 import jax
 import jax.numpy as jnp
@@ -35,6 +36,12 @@ def picture(seed=0):
 
 
 def made(kind, **options):
+    """One likelihood for all tests of a kind and precision."""
+    return _made(kind, bool(jax.config.jax_enable_x64), **options)
+
+
+@functools.cache
+def _made(kind, float64, **options):
     if kind == "patch":
         poses = np.concatenate([BOXES[:, :2] + BOXES[:, 2:] / 2, np.zeros((2, 1))], axis=1)
         return patch(
@@ -43,6 +50,16 @@ def made(kind, **options):
     return histogram(
         picture(), BOXES, method=kind, samples=9, interpolation="bilinear", sharpness=3.0, **options
     )
+
+
+@jax.jit
+def observe(likelihood, frame):
+    return likelihood.observe(frame)
+
+
+@jax.jit
+def squared_distance(likelihood, observation, partition, substates):
+    return likelihood.squared_distance_all(observation, partition, substates)[0]
 
 
 def poses(count, dimension, seed=1):
@@ -67,7 +84,7 @@ def test_the_gradient_in_position_scale_and_angle_matches_finite_differences(kin
         pytest.skip("the patch likelihood has one form")
     with jax.enable_x64(True):
         likelihood = made(kind, **({} if kind == "patch" else {"form": form}))
-        observation = likelihood.observe(jnp.asarray(picture(2)))
+        observation = observe(likelihood, picture(2))
         partition, substates = poses(400, dimension)
 
         @jax.jit
@@ -90,13 +107,14 @@ def test_the_gradient_in_position_scale_and_angle_matches_finite_differences(kin
 def test_the_value_is_continuous_where_whole_pixels_jump(kind, dimension):
     with jax.enable_x64(True):
         likelihood = made(kind)
-        observation = likelihood.observe(jnp.asarray(picture(2)))
+        observation = observe(likelihood, picture(2))
         steps = np.linspace(0, 3, 3001)
+        value_at = jax.jit(lambda x: likelihood.log_prob_all(observation, jnp.zeros(3001, int), x))
         along = np.repeat([[31.3], [27.9], [1.1], [0.4]][:dimension], len(steps), axis=1)
         for axis in range(dimension):
             line = along.copy()
             line[axis] += steps * (0.1 if axis > 1 else 1.0)
-            value = likelihood.log_prob_all(observation, jnp.zeros(3001, int), jnp.asarray(line))
+            value = value_at(line)
             assert np.max(np.abs(np.diff(value))) < 0.02 * np.ptp(value)
 
 
@@ -106,24 +124,24 @@ def test_it_agrees_with_whole_pixels(method):
     partition, substates = poses(300, 3)
     substates = jnp.asarray(substates, jnp.float32)
     exact = histogram(picture(), BOXES, method="integral", sharpness=3.0)
-    frame = jnp.asarray(picture(2))
-    squared, _ = smooth.squared_distance_all(smooth.observe(frame), partition, substates)
-    truth, _ = exact.squared_distance_all(exact.observe(frame), partition, substates)
+    seen, seen_exactly = observe(smooth, picture(2)), observe(exact, picture(2))
+    squared = squared_distance(smooth, seen, partition, substates)
+    truth = squared_distance(exact, seen_exactly, partition, substates)
     difference = np.abs(squared - truth)
     assert np.mean(difference) < 0.05
     assert np.corrcoef(squared, truth)[0, 1] > 0.985
     if method == "integral":  # on whole pixels the same boxes, but for the rounded root
         whole = jnp.stack([jnp.array([20.0, 41, 8]), jnp.array([30.0, 18, 7]), jnp.ones(3)])
         first = jnp.zeros(3, int)
-        a, _ = smooth.squared_distance_all(smooth.observe(frame), first, whole)
-        b, _ = exact.squared_distance_all(exact.observe(frame), first, whole)
+        a = squared_distance(smooth, seen, first, whole)
+        b = squared_distance(exact, seen_exactly, first, whole)
         np.testing.assert_allclose(a, b, atol=0.02)
 
 
 @pytest.mark.parametrize("method", ["integral", "sampled"])
 def test_boxes_without_a_pixel_and_numbers_that_are_none_keep_finite_gradients(method):
     likelihood = made(method)
-    observation = likelihood.observe(jnp.asarray(picture(2)))
+    observation = observe(likelihood, picture(2))
     substates = jnp.array(
         [[20.0, 5000.0, -4000.0, 20.0], [20.0, 20.0, -900.0, 20.0], [1.0, 1.0, 1.0, 0.01]]
     )
@@ -132,7 +150,7 @@ def test_boxes_without_a_pixel_and_numbers_that_are_none_keep_finite_gradients(m
         value = likelihood.log_prob_all(observation, jnp.zeros(4, int), substates)
         return jnp.sum(jnp.where(jnp.isfinite(value), value, 0)), value
 
-    gradient, value = jax.grad(total, has_aux=True)(substates)
+    gradient, value = jax.jit(jax.grad(total, has_aux=True))(substates)
     np.testing.assert_allclose(value[1:3], -3.0 * 2, rtol=1e-5)
     assert value[3] == -np.inf
     assert np.isfinite(gradient).all()
@@ -148,24 +166,27 @@ def test_every_likelihood_says_whether_it_is_differentiable_in_the_state():
     whole = histogram(picture(), BOXES)
     assert not whole.state_gradient
     assert not dataclasses.replace(made("patch"), interpolation="nearest").state_gradient
-    observation = whole.observe(jnp.asarray(picture(2)))
-    gradient = jax.grad(lambda x: whole.log_prob(observation, 0, x))(jnp.array([18.3, 24.2, 1.0]))
+    observation = observe(whole, picture(2))
+    gradient = jax.jit(jax.grad(lambda x: whole.log_prob(observation, 0, x)))(
+        jnp.array([18.3, 24.2, 1.0])
+    )
     np.testing.assert_array_equal(gradient[:2], 0)
 
 
 def test_runs_side_by_side_are_the_runs_one_by_one():
     likelihood = made("sampled")
-    observation = likelihood.observe(jnp.asarray(picture(2)))
+    observation = observe(likelihood, picture(2))
     partition, substates = poses(12, 4)
     substates = jnp.asarray(substates, jnp.float32).reshape(4, 3, 4).transpose(1, 0, 2)
     partition = jnp.asarray(partition).reshape(3, 4)
 
+    @jax.jit
     def gradient(partition, substates):
         return jax.grad(lambda x: likelihood.log_prob_all(observation, partition, x).sum())(
             substates
         )
 
-    together = jax.vmap(gradient)(partition, substates)
+    together = jax.jit(jax.vmap(gradient))(partition, substates)
     for run in range(3):
         one = gradient(partition[run], substates[run])
         np.testing.assert_allclose(together[run], one, rtol=1e-4, atol=1e-4)

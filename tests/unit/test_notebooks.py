@@ -13,7 +13,9 @@ MACHINE_PATH = re.compile(
 )
 
 #: What runs here with fewer repetitions than in the committed notebook: line -> shorter line.
-_DESCENT = "        steps={}, learning_rate=0.15, runs=2, sequences_per_step=1, window=12, repeats={}"
+_DESCENT = (
+    "        steps={}, learning_rate=0.15, runs=2, sequences_per_step=1, window=12, repeats={}"
+)
 SHORTER = {
     "smith2004": {"SEEDS = range(16)": "SEEDS = range(2)"},
     "tuning": {_DESCENT.format(40, 2): _DESCENT.format(4, 1)},

@@ -110,6 +110,13 @@ def masked_mean(values: ArrayLike, mask: ArrayLike, axis: int | Sequence[int]) -
     return jnp.where(number > 0, total / jnp.maximum(number, 1), jnp.nan)
 
 
+def student_quantile(freedom: float, level: float = 0.95) -> float:
+    """t with P(|T| < t) = level for Student's T with that many degrees of freedom, at least 1."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(max(freedom, 1), 0.5 + level / 2))
+
+
 def _quantile(level: ArrayLike) -> Array:
     """z with P(|normal| < z) = level."""
     return ndtri((1 + jnp.asarray(level)) / 2)

@@ -18,6 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxpf.intervals import student_quantile, wilson_interval
+
 SUPPORTS, CONTRADICTS, CANNOT_RESOLVE = "supports", "contradicts", "cannot resolve"
 
 #: The rule in one sentence, for reports.
@@ -128,8 +130,6 @@ def student_interval(values: np.ndarray) -> Callable[[float], tuple[float, float
 
     Values that are NaN are left out.  Fewer than two leave no interval: NaN.
     """
-    from scipy.special import stdtrit
-
     values = np.asarray(values, float)
     values = values[np.isfinite(values)]
     n = len(values)
@@ -137,7 +137,7 @@ def student_interval(values: np.ndarray) -> Callable[[float], tuple[float, float
     error = float(values.std(ddof=1)) / math.sqrt(n) if n > 1 else math.nan
 
     def interval(level: float) -> tuple[float, float]:
-        reach = float(stdtrit(max(n - 1, 1), 0.5 + level / 2)) * error
+        reach = student_quantile(n - 1, level) * error
         return mean - reach, mean + reach
 
     return interval
@@ -156,7 +156,7 @@ def cluster_interval(rates: np.ndarray, trials: int) -> Callable[[float], tuple[
         rates: ``[n]``, each cluster's rate, 0 to 1.
         trials: per cluster.
     """
-    from scipy.special import ndtri, stdtrit
+    from scipy.special import ndtri
 
     rates = np.asarray(rates, float)
     n, p = len(rates), float(np.mean(rates))
@@ -166,8 +166,8 @@ def cluster_interval(rates: np.ndarray, trials: int) -> Callable[[float], tuple[
         if 0 < p < 1 and n > 1:
             between = float(np.var(rates, ddof=1)) / n
             design = max(between * n * trials / (p * (1 - p)), 1.0)
-            tail = 0.5 + level / 2
-            effective = n * trials / design * float(ndtri(tail) / stdtrit(n - 1, tail)) ** 2
+            normal = float(ndtri(0.5 + level / 2))
+            effective = n * trials / design * (normal / student_quantile(n - 1, level)) ** 2
         return wilson(p * effective, effective)(level)
 
     return interval
@@ -177,8 +177,6 @@ def wilson(successes: float, trials: float) -> Callable[[float], tuple[float, fl
     """Wilson's intervals for a rate, as percentages; [0, 100] without trials."""
 
     def interval(level: float) -> tuple[float, float]:
-        from jaxpf.intervals import wilson_interval
-
         result = wilson_interval(successes, trials, level)
         return 100 * float(result.lower), 100 * float(result.upper)
 

@@ -20,8 +20,8 @@ with one is good for another.
     S = 1 / mean(s) nearly.  It is a density of the *number* s, not of the picture: it asks how
     large s is, and not whether s is smaller here than elsewhere.  Meaningful where the object's
     own distances are the question; as a criterion for tracking it prefers too small an S
-    (measured on the scene "distracter", N = 100: 2 to 4, where boxes overlap the truth by 62 to
-    70 %, against 76 to 81 % at 8 to 14).
+    (measured on two scenes "distracter", N = 100: 2 to 4, where boxes overlap the truth by 59 to
+    70 %; "ratio" prefers 8 to 14, with 69 to 81 %).
 
 ``"ratio"``
     Let b be the density of s at boxes that lie anywhere in the frames.  Tilted by exp(-S s)::

@@ -6,12 +6,11 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax.scipy.special import betainc
 
 from jaxpf import metrics
 from jaxpf.errors import InputError
 from jaxpf.geometry import boxes_from_substates
-from jaxpf.intervals import Interval, mean_interval
+from jaxpf.intervals import Interval, mean_interval, student_quantile
 from jaxpf.running import monte_carlo
 
 #: Measures and whether more is better; "success" and "recovery" as in smith2004.
@@ -116,21 +115,9 @@ def compare(sequences: Sequence[HeldOut], *, runs: int = 20, seed: int = 1) -> C
 def _student(values: np.ndarray) -> Interval:
     """A mean with Student's interval: units are few, and the normal one would be too narrow."""
     normal = mean_interval(values)
-    reach = _quantile(np.isfinite(values).sum() - 1) * float(normal.standard_error)
+    reach = student_quantile(np.isfinite(values).sum() - 1) * float(normal.standard_error)
     value = normal.value
     return normal._replace(lower=value - reach, upper=value + reach)
-
-
-def _quantile(freedom: int) -> float:
-    """t with P(|T| < t) = .95 for Student's T, by bisection."""
-    if freedom < 1:
-        return float("nan")
-    low, high = 0.0, 20.0
-    for _ in range(40):
-        middle = (low + high) / 2
-        outside = betainc(freedom / 2, 0.5, freedom / (freedom + middle**2))
-        low, high = (middle, high) if float(outside) > 0.05 else (low, middle)
-    return high
 
 
 def _measured(tracker: Any, keys: Any, held_out: HeldOut) -> np.ndarray:

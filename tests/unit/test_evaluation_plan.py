@@ -10,7 +10,7 @@ from jaxpf import InputError, boxes, ordering, resampling
 from jaxpf.evaluation import Plan
 from jaxpf.evaluation import plan as plans
 from jaxpf.evaluation.plan import differences, order_label, order_of_label
-from jaxpf.likelihoods.histogram import METHODS
+from jaxpf.likelihoods._references import METHODS
 
 
 def load(**given):

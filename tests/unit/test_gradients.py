@@ -1,6 +1,6 @@
 """Gradients through resampling: forward pass, finiteness, the score of the motion, refusals.
 
-Their expectation is checked in ``tests/statistical/test_gradients.py``.
+Their expectation is checked in ``tests/statistical/test_unbiased_gradients.py``.
 """
 
 import dataclasses

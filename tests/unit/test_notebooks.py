@@ -13,10 +13,8 @@ MACHINE_PATH = re.compile(
     r"(?<![\w.])/(?:home|Users|root|tmp|work|var|private|opt|usr|mnt|srv)/\w|[A-Za-z]:\\\\?\w"
 )
 
-#: What runs here with fewer repetitions than in the committed notebook: line -> shorter line.
-SHORTER = {"smith2004": {"SEEDS = range(16)": "SEEDS = range(2)"}}
 #: What runs here only if asked for.
-MINUTES = {"tuning"}
+MINUTES = {"smith2004", "tuning"}
 
 each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
@@ -74,24 +72,11 @@ def test_the_search_for_paths_finds_them():
         assert not MACHINE_PATH.search(text), text
 
 
-def shorten(notebook, lines):
-    """Replace whole lines of code, each of which must be there once."""
-    for line, shorter in lines.items():
-        cells = [
-            cell
-            for cell in notebook.cells
-            if cell.cell_type == "code" and line in cell.source.splitlines()
-        ]
-        assert len(cells) == 1, line
-        cells[0].source = cells[0].source.replace(line, shorter)
-
-
 @pytest.mark.slow
 @each_notebook
 def test_the_notebook_runs(path):
     if path.stem in MINUTES and "JAXPF_FULL_NOTEBOOKS" not in os.environ:
         pytest.skip(f"{path.name} compiles for minutes; set JAXPF_FULL_NOTEBOOKS=1 to run it")
     notebook = nbformat.read(path, as_version=4)
-    shorten(notebook, SHORTER.get(path.stem, {}))
     resources = {"metadata": {"path": str(FOLDER)}}
     NotebookClient(notebook, timeout=300, kernel_name="python3", resources=resources).execute()

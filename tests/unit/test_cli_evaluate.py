@@ -1,44 +1,24 @@
 """``jaxpf evaluate``: what it writes, that it continues, and what it says to a mistake."""
 
-import contextlib
 import csv
-import io
 import os
 import subprocess
 import sys
 import tomllib
-from typing import NamedTuple
 
 import cv2
 import jax
 import numpy as np
 import pytest
+from command_line import jaxpf
 from small_evaluation import PARAMETERS, PARTICLES, small_scene
 
-from jaxpf import cli
 from jaxpf.evaluation import Results, report
 
 WRITTEN = ["report.html", "results.csv", "summary.csv", "summary.md", "summary.tex", "run.toml"]
 SMALL = [text for name, value in PARAMETERS.items() for text in ("--set", f"{name}={value}")]
 #: Every successful evaluation has these shapes, so that the filter is compiled once.
 COMMON = ("--methods", "sir,ps", "-n", PARTICLES, "--scale", "1,1,.001", "--runs", "4")
-
-
-class Outcome(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-def jaxpf(*arguments):
-    """Run the command line in this process."""
-    out, err, code = io.StringIO(), io.StringIO(), 0
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        try:
-            cli.main([str(argument) for argument in arguments])
-        except SystemExit as stop:
-            code = stop.code
-    return Outcome(code, out.getvalue(), err.getvalue())
 
 
 def write_sequence(folder):

@@ -1,41 +1,22 @@
 """``jaxpf track --parts-file``: articulated objects from the command line."""
 
-import contextlib
 import csv
-import io
 import json
 import re
 import tomllib
-from typing import NamedTuple
 
 import cv2
 import numpy as np
 import pytest
+from command_line import jaxpf
 
 import scenes
-from jaxpf import cli
 from jaxpf.geometry import corners_from_poses
 
 NAMES = ("body", "left1", "right1", "left2", "right2")
 LENGTH = 12
 # Every successful run has these shapes, so that the filter is compiled once.
 PARTICLES = ("-n", "60")
-
-
-class Outcome(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-def jaxpf(*arguments):
-    out, err, code = io.StringIO(), io.StringIO(), 0
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        try:
-            cli.main([str(argument) for argument in arguments])
-        except SystemExit as stop:
-            code = stop.code
-    return Outcome(code, out.getvalue(), err.getvalue())
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,6 @@
 """``jaxpf track``: what it writes, and what it says to a user who made a mistake."""
 
 import contextlib
-import io
 import json
 import os
 import re
@@ -11,15 +10,15 @@ import sys
 import time
 import tomllib
 import weakref
-from typing import NamedTuple
 
 import cv2
 import jax
 import numpy as np
 import pytest
+from command_line import jaxpf
 
 from jaxpf import boxes as box_trackers
-from jaxpf import cli, likelihoods, tracks
+from jaxpf import likelihoods, tracks
 from jaxpf.tracking import stream
 from jaxpf.video import open_frames
 
@@ -29,23 +28,6 @@ COLOURS = ((220, 30, 30), (30, 40, 220))
 PARTICLES = ("-n", "60")
 FROM_1 = np.array([1, 1, 0, 0])  # MOT files count pixels from 1
 BOXES = ("--box", "6,8,12,16", "--box", "40,22,12,16")
-
-
-class Outcome(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-def jaxpf(*arguments):
-    """Run the command line in this process."""
-    out, err, code = io.StringIO(), io.StringIO(), 0
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        try:
-            cli.main([str(argument) for argument in arguments])
-        except SystemExit as stop:
-            code = stop.code
-    return Outcome(code, out.getvalue(), err.getvalue())
 
 
 def true_boxes(time):

@@ -135,6 +135,32 @@ def _plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
+def resolved_scene(source: str) -> str:
+    """A scene with its folder or file in full, so that run.toml works from anywhere."""
+    place, colon, function = source.rpartition(":")
+    if colon and Path(place).is_file():
+        return f"{Path(place).resolve()}:{function}"
+    path = Path(source)
+    is_folder = path.exists() and (source != path.name or not _is_registered(source))
+    return str(path.resolve()) if is_folder else source
+
+
+def _is_registered(name: str) -> bool:
+    import scenes
+
+    return name in scenes.names()
+
+
+def scene_name(source: str) -> str:
+    """What to call the output folder of a scene."""
+    return Path(source.rpartition(":")[2] or source).name
+
+
+def names_in(text: str) -> list[str]:
+    """Names separated by commas."""
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
 def start_jax(devices: int | None = None) -> None:
     """Set JAX up before it is first used: a host device for every core, and the compile cache.
 

@@ -142,7 +142,7 @@ def command(**options: Any) -> None:
     from jaxpf.evaluation import Limits, finished, prepare
 
     _check(options)
-    output = options["output"] or Path(f"jaxpf-{_name(options['scene'])}")
+    output = options["output"] or Path(f"jaxpf-{common.scene_name(options['scene'])}")
     plan = _plan(options)
     results = finished(plan, output)
     if results is not None and options["dry_run"]:
@@ -172,7 +172,7 @@ def _check(options: dict[str, Any]) -> None:
     for name in ("workers", "devices", "memory"):
         if options[name] is not None and options[name] < 1:
             raise InputError(f"--{name} {options[name]} must be at least 1.")
-    options["scene"] = _resolved(options["scene"])
+    options["scene"] = common.resolved_scene(options["scene"])
     options["tracks"] = [
         f"{name}={path}" for name, path in (_pair("--tracks", t, _full) for t in options["tracks"])
     ]
@@ -198,44 +198,19 @@ def _plan(options: dict[str, Any]) -> Any:
             num_frames=options["frames"],
             parameters=parameters,
         ),
-        methods=_names(options["methods"]),
+        methods=common.names_in(options["methods"]),
         orders=options["orders"],
-        swaps=_names(options["swaps"]),
+        swaps=common.names_in(options["swaps"]),
         sharpness=options["sharpness"],
         particles=options["particles"],
         scale=options["scale"],
-        resampling=_names(options["resampling"]),
+        resampling=common.names_in(options["resampling"]),
         parts=options["parts"],
-        likelihood=_names(options["likelihood"]),
+        likelihood=common.names_in(options["likelihood"]),
         runs=options["runs"],
         seed=options["seed"],
         tracks=tracks,
     )
-
-
-def _resolved(source: str) -> str:
-    """The scene with its folder or file in full, so that run.toml works from anywhere."""
-    place, colon, function = source.rpartition(":")
-    if colon and Path(place).is_file():
-        return f"{Path(place).resolve()}:{function}"
-    path = Path(source)
-    is_folder = path.exists() and (source != path.name or not _is_registered(source))
-    return str(path.resolve()) if is_folder else source
-
-
-def _is_registered(name: str) -> bool:
-    import scenes
-
-    return name in scenes.names()
-
-
-def _name(source: str) -> str:
-    """What to call the output folder of a scene."""
-    return Path(source.rpartition(":")[2] or source).name
-
-
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def _pair(option: str, text: str, convert: Any) -> tuple[str, Any]:

@@ -7,7 +7,6 @@ from typing import Any
 import click
 
 from jaxpf.cli import common
-from jaxpf.cli.evaluate import _name, _names, _resolved
 from jaxpf.errors import InputError
 
 #: Parameters for which `track` and `evaluate` have an option.
@@ -137,13 +136,13 @@ def command(**options: Any) -> None:
 
     chosen = {field.name for field in dataclasses.fields(tuning.Settings)} & set(options)
     settings = tuning.Settings(**{name: options[name] for name in chosen})
-    wanted = [tuning.parameter(text) for text in _names(options["parameters"])]
+    wanted = [tuning.parameter(text) for text in common.names_in(options["parameters"])]
     before = _model(options)
     sequences = [
         training_sequence(scene, before, options["objective"], options["labels"]) for scene in train
     ]
     _check_parameters(sequences[0].tracker, wanted)
-    output = options["output"] or Path(f"jaxpf-tune-{_name(options['scene'])}")
+    output = options["output"] or Path(f"jaxpf-tune-{common.scene_name(options['scene'])}")
     if not (output / NAME).is_file():
         prepare_output_folder(output)
     try:
@@ -228,7 +227,7 @@ def _check(options: dict[str, Any]) -> None:
             raise InputError(f"--{name.replace('_', '-')} {options[name]} must be at least 1.")
     if options["compare_runs"] < 2:
         raise InputError(f"--compare-runs {options['compare_runs']} must be at least 2.")
-    options["scene"] = _resolved(options["scene"])
+    options["scene"] = common.resolved_scene(options["scene"])
 
 
 def _model(options: dict[str, Any]) -> Any:

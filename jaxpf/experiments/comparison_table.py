@@ -20,8 +20,23 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from jaxpf.errors import InputError
 from jaxpf.experiments.claims import Claim, Measured
 from jaxpf.files import atomic_write
+
+
+def scene_seeds(runs: int, seed: int, runs_per_scene: int) -> range:
+    """Seeds of the scenes that share the runs, from ``seed`` on.
+
+    Raises:
+        InputError: the runs cannot be shared out evenly.
+    """
+    if runs % runs_per_scene:
+        raise InputError(
+            f"--runs {runs} must be a multiple of {runs_per_scene}: each scene takes "
+            f"{runs_per_scene} runs."
+        )
+    return range(seed, seed + runs // runs_per_scene)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,8 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from jaxpf.errors import InputError
-from jaxpf.experiments.comparison_table import Comparison
+from jaxpf.experiments.comparison_table import Comparison, scene_seeds
 from jaxpf.experiments.gonzales2011 import costs, flies, published, times, tracking
 from jaxpf.experiments.gonzales2011.curves import error_tables, figures
 from jaxpf.experiments.gonzales2011.judgements import claims
@@ -61,12 +60,7 @@ def run(
     """
     if runs is None:
         runs = _QUICK_SCENES * RUNS_PER_SCENE if quick else published.RUNS
-    if runs % RUNS_PER_SCENE:
-        raise InputError(
-            f"--runs {runs} must be a multiple of {RUNS_PER_SCENE}: each sequence takes "
-            f"{RUNS_PER_SCENE} runs."
-        )
-    seeds = range(seed, seed + runs // RUNS_PER_SCENE)
+    seeds = scene_seeds(runs, seed, RUNS_PER_SCENE)
     frames = _QUICK_FRAMES if quick else published.FRAMES
     fly = None
     if data is not None:  # a mistake is told before the work begins

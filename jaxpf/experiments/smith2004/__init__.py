@@ -9,8 +9,7 @@ import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
-from jaxpf.errors import InputError
-from jaxpf.experiments.comparison_table import Comparison, Table
+from jaxpf.experiments.comparison_table import Comparison, Table, scene_seeds
 from jaxpf.experiments.smith2004 import judgements, occlusions, published, sweep, tables
 from jaxpf.experiments.smith2004.synthetic import RUNS_PER_SCENE, SCENE, measure
 
@@ -50,14 +49,9 @@ def run(
     """
     if runs is None:
         runs = _QUICK_SCENES * RUNS_PER_SCENE if quick else published.RUNS
-    if runs % RUNS_PER_SCENE:
-        raise InputError(
-            f"--runs {runs} must be a multiple of {RUNS_PER_SCENE}: each scene takes "
-            f"{RUNS_PER_SCENE} runs."
-        )
+    seeds = scene_seeds(runs, seed, RUNS_PER_SCENE)
     if data is not None:
         occlusions.clip_folder(data)  # a mistake is told before the work begins
-    seeds = range(seed, seed + runs // RUNS_PER_SCENE)
     report(f"Tables 1 and 2: {len(seeds)} scenes with {RUNS_PER_SCENE} runs of every method each")
     outcome = measure(seeds, progress=lambda done: report(f"  scene {done} of {len(seeds)} done"))
     distances = _QUICK_DISTANCES if quick else sweep.DISTANCES

@@ -10,7 +10,7 @@ the particle from which each resampled slot takes the part.  The candidates are 
 particles *before* resampling: drawing again from the resampled set is biased.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -25,11 +25,10 @@ from jaxpf.resampling import below, component_cdf, inverse_cdf, one_component, s
 _NONE, _RANDOM, _SORTED, _COMBINATORIAL = range(4)
 
 
-class Exchange(NamedTuple):
+class Offer(NamedTuple):
     """What ``weigh`` hands to ``draw`` for one part, every entry ``[N]``.
 
     Attributes:
-        log_factor: what each particle's weight is multiplied by.
         members: particles ordered by group; for the permuting rules, the particle whose
             part each particle receives.
         cumulative: within the group, running sum of the likelihoods in ``members`` order.
@@ -37,17 +36,22 @@ class Exchange(NamedTuple):
         size: number of particles in its group.
     """
 
-    log_factor: jax.Array
     members: jax.Array
     cumulative: jax.Array
     start: jax.Array
     size: jax.Array
 
 
+def no_offers(shape: tuple[int, ...], dtype: Any) -> Offer:
+    """Room for the offers of several parts, every entry of the given shape."""
+    floats, ints = jnp.zeros(shape, dtype), jnp.zeros(shape, jnp.int32)
+    return Offer(ints, floats, ints, ints)
+
+
 def weigh(
     key: jax.Array, swap: jax.Array, log_probs: jax.Array, group: jax.Array, is_root: jax.Array
-) -> Exchange:
-    """Factors and candidates of one part.
+) -> tuple[jax.Array, Offer]:
+    """What each particle's weight is multiplied by, ``[N]``, and the candidates, for one part.
 
     Args:
         key: used by the random rule only.
@@ -68,7 +72,7 @@ def weigh(
 
 
 def draw(
-    key: jax.Array, swap: jax.Array, exchange: Exchange, ancestors: jax.Array, is_root: jax.Array
+    key: jax.Array, swap: jax.Array, offer: Offer, ancestors: jax.Array, is_root: jax.Array
 ) -> jax.Array:
     """``[N]``: the particle from which each slot, of the given ancestor, takes the part.
 
@@ -80,9 +84,9 @@ def draw(
     return lax.switch(
         jnp.where(swap == _COMBINATORIAL, combinatorial, 0),
         [
-            lambda: exchange.members[ancestors],
-            lambda: _draw_from_all(key, exchange),
-            lambda: _draw_from_groups(key, exchange, ancestors),
+            lambda: offer.members[ancestors],
+            lambda: _draw_from_all(key, offer),
+            lambda: _draw_from_groups(key, offer, ancestors),
         ],
     )
 
@@ -92,16 +96,12 @@ def _weigh_all(log_probs):
     num_particles = log_probs.shape[0]
     cdf = component_cdf(log_probs, one_component(num_particles))
     slots = jnp.arange(num_particles, dtype=jnp.int32)
-    return Exchange(
-        log_factor=jnp.broadcast_to(cdf.log_mean, log_probs.shape),
-        members=slots,
-        cumulative=cdf.cumulative,
-        start=jnp.zeros_like(slots),
-        size=jnp.full_like(slots, num_particles),
-    )
+    log_factor = jnp.broadcast_to(cdf.log_mean, log_probs.shape)
+    start, size = jnp.zeros_like(slots), jnp.full_like(slots, num_particles)
+    return log_factor, Offer(slots, cdf.cumulative, start, size)
 
 
-def _draw_from_all(key, exchange):
+def _draw_from_all(key, offer):
     """Systematic draws, dealt out to the slots by a random affine permutation.
 
     Each slot's draw has the right law and, because the permutation's offset is uniform, is
@@ -109,9 +109,9 @@ def _draw_from_all(key, exchange):
     stride keeps neighbouring slots from sharing neighbouring draws of several parts, and
     costs nothing next to the sort behind a uniform permutation.
     """
-    num_particles = exchange.cumulative.shape[0]
+    num_particles = offer.cumulative.shape[0]
     systematic_key, stride_key, offset_key = jax.random.split(key, 3)
-    drawn = systematic(systematic_key, exchange.cumulative, one_component(num_particles))
+    drawn = systematic(systematic_key, offer.cumulative, one_component(num_particles))
     strides = _coprime_strides(num_particles)
     stride = strides[jax.random.randint(stride_key, (), 0, strides.shape[0])]
     offset = jax.random.randint(offset_key, (), 0, num_particles).astype(jnp.uint32)
@@ -153,16 +153,16 @@ def _weigh_groups(log_probs, group):
     share = jnp.exp(jnp.where(alive, log_probs - jnp.where(alive, log_factor, 0.0), -jnp.inf))
     terms = weighted(share / size.astype(share.dtype), differentiated)
     of_group = jnp.zeros_like(share).at[group].add(terms)[group]
-    return Exchange(with_gradient_of(log_factor, of_group), members, cumulative, start, size)
+    return with_gradient_of(log_factor, of_group), Offer(members, cumulative, start, size)
 
 
-def _draw_from_groups(key, exchange, ancestors):
+def _draw_from_groups(key, offer, ancestors):
     """Independent draws by each slot within its ancestor's group."""
-    start, size = exchange.start[ancestors], exchange.size[ancestors]
-    total = exchange.cumulative[start + size - 1]
+    start, size = offer.start[ancestors], offer.size[ancestors]
+    total = offer.cumulative[start + size - 1]
     uniform = jax.random.uniform(key, total.shape, total.dtype)
-    position = inverse_cdf(exchange.cumulative, below(total, uniform), start, size)
-    return exchange.members[position]
+    position = inverse_cdf(offer.cumulative, below(total, uniform), start, size)
+    return offer.members[position]
 
 
 def _weigh_permutation(key, swap, log_probs, group):
@@ -175,7 +175,7 @@ def _weigh_permutation(key, swap, log_probs, group):
     receivers = order_by_group(group)
     source = jnp.zeros((num_particles,), jnp.int32).at[receivers].set(givers)
     zeros = jnp.zeros_like(log_probs)
-    return Exchange(log_probs[source], source, zeros, identity, identity)
+    return log_probs[source], Offer(source, zeros, identity, identity)
 
 
 def order_by_group(group: jax.Array) -> jax.Array:

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf import resampling
+from jaxpf.exchange import Offer
 from jaxpf.resampling import Components
 
 
@@ -27,6 +28,8 @@ class Frame(NamedTuple):
         num_invalid: ``[]`` int32.
         labels: ``[N]`` int32, components of the particles.
         scores: ``[P, N]``, by slot of drawing, see ``ParticleState``; or None.
+        offers: every entry ``[P, N]``, what each part of the level offers for exchange; None
+            where there is one partition.
     """
 
     stages: jax.Array
@@ -40,6 +43,7 @@ class Frame(NamedTuple):
     num_invalid: jax.Array
     labels: jax.Array
     scores: jax.Array | None
+    offers: Offer | None
 
     def absorb(
         self, log_factor: jax.Array, components: Components, stage: jax.Array | None = None

@@ -90,6 +90,9 @@ def begin(tracker, key, state) -> tuple[Components, Frame]:
         num_invalid=jnp.zeros((), jnp.int32),
         labels=labels,
         scores=None if state.scores is None else jnp.zeros(shape, log_weights.dtype),
+        offers=None
+        if tracker.num_partitions == 1
+        else exchange.no_offers(shape, log_weights.dtype),
     )
 
 
@@ -122,8 +125,13 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
         if tracker.gradient == "transport":
             left = frame.stages[:, :, stage]
         conditions = left[0], left[1], parent_substates(frame, partition)
-        moved = contract.propagate(tracker.dynamics, propagate_key, partition, *conditions)
-        moved = lax.optimization_barrier(moved.astype(dtype))
+        moved = _once(
+            ordering,
+            lambda: contract.propagate(
+                tracker.dynamics, propagate_key, partition, *conditions
+            ).astype(dtype),
+            left[0],
+        )
         if tracker.motion_gradient == "score":
             moved = lax.stop_gradient(moved)
         log_prob = contract.log_prob(tracker.likelihood, observation, partition, moved)
@@ -147,9 +155,8 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
             ),
             num_invalid=frame.num_invalid + jnp.sum(invalid, dtype=jnp.int32),
         )
-        # Where a level exchanges its parts, its likelihoods enter at the end of the level.
         before = frame.log_weights
-        factor = jnp.where(ordering.exchanged[stage], 0.0, log_prob)
+        factor, offers = _weigh_part(ordering, exchange_key, stage, frame)
         frame = frame.absorb(factor, components, stage)
 
         def resample(frame):
@@ -173,75 +180,73 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
                 equal=equal,
             )
 
-        def exchange_level(frame):
-            return _exchange_level(tracker, exchange_key, components, stage, resample, frame)
-
         def resample_or_not(frame):
             return lax.cond(ordering.resample_after[stage], resample, lambda frame: frame, frame)
 
-        return _choose(
+        frame = frame._replace(offers=None)
+        frame = _choose(
             ordering,
             ordering.exchange_after[stage],
-            lambda: exchange_level(frame),
+            lambda: _exchange_level(ordering, exchange_key, stage, resample_or_not, frame, offers),
             lambda: frame if num_partitions == 1 else resample_or_not(frame),
         )
+        return frame._replace(offers=offers)
 
     return body
 
 
-def _exchange_level(tracker, key, components, stage, resample, frame) -> Frame:
-    """End of a level: weigh its parts, resample, and let every slot draw its parts anew."""
-    ordering, num_partitions = tracker.ordering, tracker.num_partitions
-    num_particles = tracker.num_particles
-    same_level = ordering.level == ordering.level[stage]
-    weigh_key, draw_key = jax.random.split(key)
+def _weigh_part(ordering, key, stage, frame) -> tuple[jax.Array, exchange.Offer | None]:
+    """What a stage multiplies the weights by, ``[N]``, and the level's offers so far."""
+    log_prob = frame.log_probs[stage]
+    if frame.offers is None:
+        return log_prob, None
+    parent = ordering.tree[ordering.order[0, stage]]
 
-    def per_part(function, initial):
-        """Loop over the level's stages; the predicate is shared by all runs."""
-
-        def body(row, carry):
-            return lax.cond(same_level[row], lambda c: function(row, c), lambda c: c, carry)
-
-        return lax.fori_loop(0, num_partitions, body, initial)
-
-    def parent_of(row):
-        return ordering.tree[ordering.order[0, row]]
-
-    def weigh(row, carry):
-        exchanges, frame = carry
-        parent = parent_of(row)
-        weighed = exchange.weigh(
-            jax.random.fold_in(weigh_key, row),
+    def weigh():
+        return exchange.weigh(
+            jax.random.fold_in(key, 0),
             ordering.swap,
-            frame.log_probs[row],
+            log_prob,
             # Roots hang on nothing: all particles form one group.
             jnp.where(parent < 0, 0, frame.lineage[ordering.rank[0, jnp.maximum(parent, 0)]]),
             parent < 0,
         )
-        # Unequal incoming weights (a skipped adaptive resampling) forbid the exchange.
-        factor = jnp.where(frame.equal, weighed.log_factor, frame.log_probs[row])
-        exchanges = jax.tree.map(lambda all_, one: all_.at[row].set(one), exchanges, weighed)
-        return exchanges, frame.absorb(factor, components, row)
 
-    floats = jnp.zeros((num_partitions, num_particles), frame.log_weights.dtype)
-    ints = jnp.zeros((num_partitions, num_particles), jnp.int32)
-    exchanges = exchange.Exchange(floats, ints, floats, ints, ints)
-    exchanges, frame = per_part(weigh, (exchanges, frame))
+    def keep():
+        return log_prob, jax.tree.map(lambda rows: rows[stage], frame.offers)
+
+    factor, offer = lax.cond(ordering.exchanged[stage], weigh, keep)
+    # Unequal incoming weights (a skipped adaptive resampling) forbid the exchange.
+    factor = jnp.where(frame.equal, factor, log_prob)
+    return factor, jax.tree.map(
+        lambda rows, row: lax.dynamic_update_index_in_dim(rows, row, stage, axis=0),
+        frame.offers,
+        offer,
+    )
+
+
+def _exchange_level(ordering, key, stage, resample, frame, offers) -> Frame:
+    """End of a level: resample, and let every slot draw its parts anew."""
     allowed, candidates = frame.equal, frame.lineage
+    num_partitions, num_particles = candidates.shape
     # A row of identities in place of the lineage comes out as each slot's ancestor.
     identity = jnp.arange(num_particles, dtype=jnp.int32)
-    tagged = frame._replace(lineage=identity[None])
-    tagged = lax.cond(ordering.resample_after[stage], resample, lambda frame: frame, tagged)
+    tagged = resample(frame._replace(lineage=identity[None]))
     ancestors = tagged.lineage[0]
 
     def draw(row, givers):
-        one = jax.tree.map(lambda all_: all_[row], exchanges)
-        giver = exchange.draw(
-            jax.random.fold_in(draw_key, row), ordering.swap, one, ancestors, parent_of(row) < 0
-        )
-        return givers.at[row].set(jnp.where(allowed, giver, ancestors))
+        def drawn():
+            offer = jax.tree.map(lambda rows: rows[row], offers)
+            is_root = ordering.tree[ordering.order[0, row]] < 0
+            row_key = jax.random.fold_in(key, 1 + row)
+            giver = exchange.draw(row_key, ordering.swap, offer, ancestors, is_root)
+            return jnp.where(allowed, giver, ancestors)
 
-    givers = per_part(draw, ints)
+        # The predicate is shared by all runs: parts of other levels cost nothing.
+        same_level = ordering.level[row] == ordering.level[stage]
+        return givers.at[row].set(lax.cond(same_level, drawn, lambda: ancestors))
+
+    givers = lax.fori_loop(0, num_partitions, draw, candidates)
     # What hangs from a part of this level moves with it; all else stays with the ancestor.
     carrier = ordering.carrier[stage][:, None]
     source = jnp.where(carrier >= 0, givers[ordering.carrier[stage]], ancestors)
@@ -328,6 +333,15 @@ def _choose(ordering: Ordering, predicate: jax.Array, true: Callable, false: Cal
     if ordering.num_partitions == 1:
         return barrier(false())
     return lax.cond(predicate, true, false)
+
+
+def _once(ordering: Ordering, function: Callable[[], jax.Array], like: jax.Array) -> jax.Array:
+    """``function()``, computed once, however many things use it.
+
+    On a CPU, XLA would rather merge it into each of its uses and compute it there again, past
+    any barrier; but not past the edge of a branch that it cannot foresee.
+    """
+    return lax.cond(ordering.order[0, 0] >= 0, function, lambda: like)
 
 
 def _is_split(ordering: Ordering) -> jax.Array:

@@ -14,6 +14,7 @@ from jaxpf.gradients import check_gradient
 from jaxpf.ordering import SWAPS, Ordering, check_tree
 from jaxpf.pytree import is_concrete, pytree_dataclass, static_field
 from jaxpf.state import ParticleState, Summary
+from jaxpf.threefry import written_out
 
 
 @pytree_dataclass
@@ -78,6 +79,7 @@ class Partitioned:
 
     def init(self, key: jax.Array) -> ParticleState:
         """Draw the state just before the first frame, with equal weights."""
+        key = written_out(key)
         if callable(self.initial):
             drawn = jax.vmap(self.initial)(jax.random.split(key, self.num_particles))
             chex.assert_rank(drawn, 3)
@@ -120,7 +122,7 @@ class Partitioned:
         chex.assert_shape(state.lagged, (2, None, self.num_partitions, self.num_particles))
         if self.gradient == "transport":
             state = transport.blend_state(self, state)
-        begin_key, stages_key = jax.random.split(key)
+        begin_key, stages_key = jax.random.split(written_out(key))
         components, carry = kernel.begin(self, begin_key, state)
         body = kernel.stage_body(self, stages_key, state, observation, components)
         carry = lax.fori_loop(0, self.num_partitions, body, carry)

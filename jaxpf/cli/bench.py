@@ -25,7 +25,7 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
     if repeats < 1:
         raise InputError(f"--repeats {repeats} must be at least 1.")
     common.start_jax()
-    from jaxpf.experiments import speed
+    from jaxpf.experiments import gradient_costs, speed
     from jaxpf.experiments.gonzales2011 import costs
 
     rows: list[Any] = []
@@ -37,6 +37,7 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
             costs.rows(repeats),
         ),
         ("Generic kernel: 1-D model, 50 runs, 1000 particles", speed.generic_rows(repeats)),
+        (f"Gradient of the evidence: {gradient_costs.RUNS} runs", gradient_costs.rows(repeats)),
     ]
     if scaling:
         sections.append(("Growth of cost (flat is linear)", speed.scaling_rows()))
@@ -47,6 +48,15 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
         "Memory of a run with 10 000 particles",
         ["frames", "bytes"],
         [[str(frames), str(size)] for frames, size in memory],
+    )
+    common.print_table(
+        f"Megabytes of a gradient: {gradient_costs.RUNS} runs, {gradient_costs.PARTICLES} "
+        "particles, one partition",
+        ["frames", "all kept", "each frame again", f"windows of {gradient_costs.WINDOW}"],
+        [
+            [str(frames), *(f"{size / 1e6:.1f}" for size in sizes)]
+            for frames, sizes in gradient_costs.memory_rows()
+        ],
     )
     common.print_table(
         "smith2004, tables 1 and 2: 1800 runs from a cold start",

@@ -8,7 +8,7 @@ from math import comb
 import numpy as np
 import pytest
 
-from jaxpf.experiments import speed
+from jaxpf.experiments import gradient_costs, speed
 
 pytestmark = pytest.mark.slow
 
@@ -29,6 +29,22 @@ def test_the_histogram_is_timed_against_opencv():
     rows = list(speed.histogram_rows(repeats=1))
     assert [row.what for row in rows[1:]] == ["histogram, integral", "histogram, sampled"]
     assert all(np.isfinite([row.nanoseconds, row.ratio]).all() for row in rows)
+
+
+def test_the_gradient_is_timed_against_the_value():
+    rows = list(gradient_costs.rows(repeats=1, num_particles=30, num_frames=6, num_runs=2))
+    assert [row.goal for row in rows] == ["", "<= 4"] * 3
+    assert all(np.isfinite([row.nanoseconds, row.ratio]).all() for row in rows)
+
+
+def test_windows_bound_the_memory_of_a_gradient():
+    (few, (_, _, window_few)), (many, (whole, frame_by_frame, window_many)) = (
+        gradient_costs.memory_rows(num_particles=100)
+    )
+    assert many == 10 * few
+    assert window_many < 0.5 * frame_by_frame < 0.5 * whole
+    # Of T frames a window of k keeps T / k sets of particles and k frames: here 2.1 times as many.
+    assert window_many < 2.5 * window_few
 
 
 @pytest.mark.parametrize("repeats", [9, 15, 31])

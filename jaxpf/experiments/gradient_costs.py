@@ -1,0 +1,107 @@
+"""What the gradient of the evidence costs beside its value: time, and memory over many frames."""
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf import objectives
+from jaxpf import ordering as orderings
+from jaxpf.boxes import box_tracker
+from jaxpf.dynamics import LinearGaussian
+from jaxpf.experiments.speed import Row, compared, crowded_frame, interleaved
+from jaxpf.likelihoods.gaussian import Gaussian
+from jaxpf.likelihoods.histogram import histogram
+from jaxpf.partitioned import Partitioned
+
+RUNS, PARTICLES, OBJECTS = 10, 1000, 3
+#: Asked of value and gradient together, in units of the value.
+GOAL = 4
+#: Number of frames of ``memory_rows``, and the window of its last column.
+FRAMES, WINDOW = (100, 1000), 32
+
+
+def rows(
+    repeats: int, num_particles: int = PARTICLES, num_frames: int = 50, num_runs: int = RUNS
+) -> Iterator[Row]:
+    """Value and gradient against the value alone, every frame computed again on the way back.
+
+    A 1-D linear-Gaussian model by its paths, and boxes with a histogram likelihood by scores.
+    """
+    line = jnp.asarray(np.random.default_rng(0).normal(size=(num_frames, 1, 1)), jnp.float32)
+    frame, boxes = crowded_frame()
+    boxes = boxes[:OBJECTS]
+    video = jnp.stack([jnp.asarray(frame)] * max(num_frames // 6, 1))
+    boxed = box_tracker(
+        histogram(frame, boxes, method="integral"),
+        boxes,
+        orderings.dps(OBJECTS),
+        scale=(2, 2, 0.001),
+        num_particles=max(num_particles // 3, OBJECTS),
+    )
+    boxed = dataclasses.replace(boxed, gradient="stop_gradient", motion_gradient="score")
+    models = [
+        ("1-D, none", _line_tracker("none", num_particles), line, 1),
+        ("1-D, stop_gradient", _line_tracker("stop_gradient", num_particles), line, 1),
+        (f"{OBJECTS} boxes, stop_gradient", boxed, video, OBJECTS),
+    ]
+    keys = jax.random.split(jax.random.key(0), num_runs)
+    for name, tracker, frames, num_partitions in models:
+        seconds = interleaved(_value_and_gradient(tracker, keys, frames), repeats)
+        units = num_runs * tracker.num_particles * num_partitions * len(frames)
+        value = seconds["value"]
+        yield compared(f"{name}: value", value, units, value, "", "")
+        of, goal = "this / value", f"<= {GOAL}"
+        yield compared(f"{name}: with gradient", seconds["both"], units, value, of, goal)
+
+
+def memory_rows(num_particles: int = PARTICLES) -> Iterator[tuple[int, list[int]]]:
+    """Number of frames, and the bytes a gradient needs there in each way of ``checkpoint``.
+
+    Without, with every frame, and with a window of ``WINDOW`` frames; a 1-D model, ``RUNS`` runs.
+    """
+    tracker = _line_tracker("stop_gradient", num_particles)
+    keys = jax.random.split(jax.random.key(0), RUNS)
+    for num_frames in FRAMES:
+        sizes = []
+        for checkpoint in (False, True, WINDOW):
+            gradient = jax.jit(jax.grad(_mean_evidence, allow_int=True), static_argnums=3)
+            compiled = gradient.lower(
+                tracker, keys, jnp.zeros((num_frames, 1, 1)), checkpoint
+            ).compile()
+            analysis: Any = compiled.memory_analysis()
+            sizes.append(int(analysis.temp_size_in_bytes))
+        yield num_frames, sizes
+
+
+def _line_tracker(gradient: str, num_particles: int) -> Partitioned:
+    one = jnp.ones((1, 1, 1))
+    return Partitioned(
+        dynamics=LinearGaussian(transition=0.9 * one, noise=one),
+        likelihood=Gaussian(noise=one),
+        ordering=orderings.ps([0]),
+        initial=jnp.zeros((1, 1)),
+        num_particles=num_particles,
+        gradient=gradient,
+    )
+
+
+def _mean_evidence(tracker: Any, keys: jax.Array, frames: Any, checkpoint: bool | int = True):
+    return jnp.mean(objectives.log_evidence(tracker, keys, frames, checkpoint=checkpoint))
+
+
+def _value_and_gradient(
+    tracker: Any, keys: jax.Array, frames: jax.Array
+) -> dict[str, Callable[[], Any]]:
+    value = jax.jit(_mean_evidence)
+    both = jax.jit(jax.value_and_grad(_mean_evidence, allow_int=True))
+
+    def of_the_motion() -> Any:
+        # Derivatives of integers are not arrays that can be waited for.
+        found, gradient = both(tracker, keys, frames)
+        return found, jax.tree.leaves(gradient.dynamics)[0]
+
+    return {"value": lambda: value(tracker, keys, frames), "both": of_the_motion}

@@ -1,0 +1,64 @@
+"""The random numbers are JAX's own, whichever way the generator is compiled."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxpf.threefry import written_out
+
+DRAWS = {
+    "normal": lambda key: jax.random.normal(key, (3, 70)),
+    "uniform of one": lambda key: jax.random.uniform(key),
+    "uniform of none": lambda key: jax.random.uniform(key, (0,)),
+    "whole numbers": lambda key: jax.random.randint(key, (9,), 0, 1000),
+    "bytes": lambda key: jax.random.bits(key, (33,), "uint8"),
+    "permutation": lambda key: jax.random.permutation(key, 100),
+    "gamma": lambda key: jax.random.gamma(key, 2.0, (50,)),
+    "fold_in": lambda key: jax.random.normal(jax.random.fold_in(key, 3), (5,)),
+    "few keys": lambda key: jax.vmap(jax.random.normal)(jax.random.split(key, 3)),
+    "many keys": lambda key: jax.vmap(jax.random.normal)(jax.random.split(key, (4, 50)).ravel()),
+}
+
+
+@pytest.mark.parametrize("x64", [False, True])
+@pytest.mark.parametrize("draw", DRAWS.values(), ids=DRAWS)
+def test_draws_are_those_of_jax_bit_for_bit(draw, x64):
+    with jax.enable_x64(x64):
+        key = jax.random.key(7)
+        expected, drawn = draw(key), draw(written_out(key))
+    assert drawn.dtype == expected.dtype
+    np.testing.assert_array_equal(drawn, expected)
+
+
+def test_draws_are_the_same_for_a_batch_of_keys():
+    keys = jax.random.split(jax.random.key(0), 5)
+
+    def draw(key):
+        return jax.random.normal(written_out(key), (7,))
+
+    together = jax.jit(jax.vmap(draw))(keys)
+    np.testing.assert_array_equal(together, jnp.stack([draw(key) for key in keys]))
+    np.testing.assert_array_equal(
+        together, jax.vmap(lambda key: jax.random.normal(key, (7,)))(keys)
+    )
+
+
+def test_other_kinds_of_keys_are_left_alone():
+    for kind in ("rbg", "unsafe_rbg"):
+        key = jax.random.key(0, impl=kind)
+        assert written_out(key) is key
+    changed = written_out(jax.random.key(0))
+    assert written_out(changed) is changed
+
+
+def test_a_setting_that_numbers_draws_in_another_way_is_respected():
+    with jax.threefry_partitionable(False):
+        key = jax.random.key(0)
+        assert written_out(key) is key
+
+
+def test_too_many_numbers_at_once_are_refused():
+    key = written_out(jax.random.key(0))
+    with pytest.raises(NotImplementedError, match="fewer than 2\\^32"):
+        jax.jit(lambda: jax.random.bits(key, (2**16, 2**16))).lower()

@@ -18,7 +18,7 @@ import numpy as np
 from jax import lax
 
 from jaxpf.gradients import weighted, with_gradient_of
-from jaxpf.prefix import running_max, running_sum, segment_starts
+from jaxpf.prefix import running_sum, segment_starts
 from jaxpf.resampling import below, component_cdf, inverse_cdf, one_component, systematic
 
 # Codes of ordering.SWAPS.
@@ -32,20 +32,22 @@ class Offer(NamedTuple):
         members: particles ordered by group; for the permuting rules, the particle whose
             part each particle receives.
         cumulative: within the group, running sum of the likelihoods in ``members`` order.
-        start: position in ``members`` where the particle's group begins.
-        size: number of particles in its group.
+        group: the particle's group.
+        end: by group, the position in ``members`` behind its last particle.
+        size: by group, number of particles.
     """
 
     members: jax.Array
     cumulative: jax.Array
-    start: jax.Array
+    group: jax.Array
+    end: jax.Array
     size: jax.Array
 
 
 def no_offers(shape: tuple[int, ...], dtype: Any) -> Offer:
     """Room for the offers of several parts, every entry of the given shape."""
     floats, ints = jnp.zeros(shape, dtype), jnp.zeros(shape, jnp.int32)
-    return Offer(ints, floats, ints, ints)
+    return Offer(ints, floats, ints, ints, ints)
 
 
 def weigh(
@@ -97,8 +99,7 @@ def _weigh_all(log_probs):
     cdf = component_cdf(log_probs, one_component(num_particles))
     slots = jnp.arange(num_particles, dtype=jnp.int32)
     log_factor = jnp.broadcast_to(cdf.log_mean, log_probs.shape)
-    start, size = jnp.zeros_like(slots), jnp.full_like(slots, num_particles)
-    return log_factor, Offer(slots, cdf.cumulative, start, size)
+    return log_factor, Offer(slots, cdf.cumulative, slots, slots, slots)
 
 
 def _draw_from_all(key, offer):
@@ -130,38 +131,33 @@ def _coprime_strides(num_particles: int) -> jax.Array:
 def _weigh_groups(log_probs, group):
     """Groups of any size, in any order: one integer sort brings them together."""
     differentiated, log_probs = log_probs, lax.stop_gradient(log_probs)
-    num_particles = log_probs.shape[0]
+    none = jnp.zeros(log_probs.shape, jnp.int32)
+    size = none.at[group].add(1)
+    largest = jnp.full_like(log_probs, -jnp.inf).at[group].max(log_probs)
+    possible = ~jnp.isneginf(largest)
+    reference = jnp.where(possible, largest, 0.0)[group]
+    likelihood = jnp.exp(log_probs - reference)
     members = order_by_group(group)
     grouped = group[members]
-    sizes = jnp.zeros((num_particles,), jnp.int32).at[group].add(1)
-    ends = running_sum(sizes)
-    start, end = (ends - sizes)[group], ends[group]
-    ordered = log_probs[members]
-    first = segment_starts(grouped)
-    largest = running_max(ordered, first)[ends[grouped] - 1]
-    possible = ~jnp.isneginf(largest)
-    scaled = jnp.exp(jnp.where(possible, ordered - jnp.where(possible, largest, 0.0), 0.0))
-    cumulative = running_sum(scaled, first)
-    size = end - start
-    log_mean = jnp.where(
-        possible,
-        largest + jnp.log(cumulative[ends[grouped] - 1] / sizes[grouped].astype(scaled.dtype)),
-        -jnp.inf,
-    )
-    log_factor = log_mean[start]
+    cumulative = running_sum(likelihood[members], segment_starts(grouped))
+    end = none.at[grouped].max(jnp.arange(1, 1 + none.shape[0], dtype=jnp.int32))
+    mean = cumulative[end - 1] / jnp.maximum(size, 1).astype(likelihood.dtype)
+    log_mean = jnp.where(possible, largest + jnp.log(jnp.where(possible, mean, 1.0)), -jnp.inf)
+    log_factor = log_mean[group]
     alive = ~jnp.isneginf(log_probs)
     share = jnp.exp(jnp.where(alive, log_probs - jnp.where(alive, log_factor, 0.0), -jnp.inf))
-    terms = weighted(share / size.astype(share.dtype), differentiated)
+    terms = weighted(share / size[group].astype(share.dtype), differentiated)
     of_group = jnp.zeros_like(share).at[group].add(terms)[group]
-    return with_gradient_of(log_factor, of_group), Offer(members, cumulative, start, size)
+    return with_gradient_of(log_factor, of_group), Offer(members, cumulative, group, end, size)
 
 
 def _draw_from_groups(key, offer, ancestors):
     """Independent draws by each slot within its ancestor's group."""
-    start, size = offer.start[ancestors], offer.size[ancestors]
-    total = offer.cumulative[start + size - 1]
+    group = offer.group[ancestors]
+    end, size = offer.end[group], offer.size[group]
+    total = offer.cumulative[end - 1]
     uniform = jax.random.uniform(key, total.shape, total.dtype)
-    position = inverse_cdf(offer.cumulative, below(total, uniform), start, size)
+    position = inverse_cdf(offer.cumulative, below(total, uniform), end - size, size)
     return offer.members[position]
 
 
@@ -175,7 +171,7 @@ def _weigh_permutation(key, swap, log_probs, group):
     receivers = order_by_group(group)
     source = jnp.zeros((num_particles,), jnp.int32).at[receivers].set(givers)
     zeros = jnp.zeros_like(log_probs)
-    return log_probs[source], Offer(source, zeros, identity, identity)
+    return log_probs[source], Offer(source, zeros, identity, identity, identity)
 
 
 def order_by_group(group: jax.Array) -> jax.Array:

@@ -97,9 +97,10 @@ def test_kills_a_redraw_from_the_resampled_set(monkeypatch):
     def redraw(key, swap, one, ancestors, is_root):
         positions = jnp.argsort(one.members)
         before = jnp.concatenate([jnp.zeros(1), one.cumulative[:-1]])
-        starts = positions == one.start
+        start = (one.end - one.size)[one.group]
+        starts = positions == start
         weight = one.cumulative[positions] - jnp.where(starts, 0.0, before[positions])
-        mine, theirs = one.start[ancestors][:, None], one.start[ancestors][None, :]
+        mine, theirs = start[ancestors][:, None], start[ancestors][None, :]
         logits = jnp.where(mine == theirs, jnp.log(weight)[ancestors][None, :], -jnp.inf)
         return ancestors[jax.random.categorical(key, logits, axis=1)].astype(jnp.int32)
 

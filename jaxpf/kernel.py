@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.ad_checkpoint import checkpoint_name
 
 from jaxpf import contract, exchange, resampling, transport
 from jaxpf.frame import Frame
@@ -34,6 +35,9 @@ from jaxpf.state import (
     Summary,
     summarise,
 )
+
+#: Name by which ``jax.checkpoint`` may keep ancestors: few bytes, and dear to compute again.
+ANCESTORS = "ancestors"
 
 
 def begin(tracker, key, state) -> tuple[Components, Frame]:
@@ -270,7 +274,10 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
         ordering,
         jnp.any(ordering.resample_after | ordering.exchange_after),
         lambda: _gathered(frame, flat, row),
-        lambda: (frame.lineage, flat.reshape(frame.stages.shape)[:, :, ordering.rank[0]]),
+        lambda: (
+            frame.lineage,
+            frame.stages if num_partitions == 1 else frame.stages[:, :, ordering.rank[0]],
+        ),
     )
     scores = path = None
     if frame.scores is not None:
@@ -371,6 +378,7 @@ def _resample(tracker, key, log_weights, log_selection, components, largest=None
     )
     if soft:
         new_log_weights = resampling.keep_total(new_log_weights, log_weights, components)
+    ancestors = checkpoint_name(ancestors, ANCESTORS)
     if tracker.ess_threshold is None:
         return ancestors, new_log_weights, jnp.array(not soft)
     few_in = resampling.few_effective(log_selection, components, tracker.ess_threshold)

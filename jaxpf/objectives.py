@@ -12,9 +12,9 @@ prefers lambda = 0, whatever the frames show.  Tune such a sharpness by a superv
 give the likelihood a normalised form first.
 
 Reverse-mode differentiation keeps what every frame computed.  With ``checkpoint=True`` only
-the particles between frames are kept and each frame is computed again on the way back, for
-about one more forward pass; with a number k, only the particles of every k-th frame, for two
-more: with k near sqrt(T) memory grows with the root of the number of frames.
+the particles between frames and their ancestors are kept, and each frame is computed again on
+the way back, for about one more forward pass; with a number k, only the particles of every
+k-th frame, for two more: with k near sqrt(T) memory grows with the root of the number of frames.
 """
 
 from collections.abc import Callable
@@ -29,6 +29,7 @@ from jax.typing import ArrayLike
 from jaxpf import metrics, running
 from jaxpf.errors import InputError
 from jaxpf.geometry import boxes_from_substates, is_proper
+from jaxpf.kernel import ANCESTORS
 from jaxpf.pytree import is_concrete
 
 
@@ -185,7 +186,8 @@ def _record(
     if checkpoint is False:
         return lax.scan(frame_step, states, items)[1]
     # A loop's body is compiled apart already: nothing to guard against merging it.
-    frame_step = jax.checkpoint(frame_step, prevent_cse=False)
+    keep = jax.checkpoint_policies.save_only_these_names(ANCESTORS)
+    frame_step = jax.checkpoint(frame_step, prevent_cse=False, policy=keep)
     window = min(int(checkpoint), num_frames)
     if window == 1:
         return lax.scan(frame_step, states, items)[1]

@@ -3,9 +3,10 @@
 To keep compilation short, JAX lowers its generator (Threefry-2x32; Salmon, Moraes, Dror &
 Shaw 2011, "Parallel random numbers: as easy as 1, 2, 3") on a CPU to a loop over rounds, each
 of which reads and writes whole arrays.  With its twenty rounds written out, a draw is one
-pass that merges with what uses it: the same bits at about a third of the time, which is
-a fifth of a frame.  Only a key's type says which of the two is meant, so that
-``jax.random`` serves both, in a user's own model, too.
+pass that merges with what uses it: the same bits at about a third of the time.  That is a
+tenth of a frame of boxes, and more where the likelihood is cheap or every particle has a key of
+its own.  Only a key's type says which of the two is meant, so that ``jax.random`` serves both,
+in a user's own model, too.
 """
 
 from collections.abc import Sequence

@@ -3,6 +3,7 @@
 Nothing is asserted about time.  For figures, run ``jaxpf bench``.
 """
 
+from itertools import islice
 from math import comb
 
 import numpy as np
@@ -32,18 +33,22 @@ def test_the_histogram_is_timed_against_opencv():
 
 
 def test_the_gradient_is_timed_against_the_value():
-    rows = list(gradient_costs.rows(repeats=1, num_particles=30, num_frames=6, num_runs=2))
-    assert [row.goal for row in rows] == ["", "<= 4"] * 3
-    assert all(np.isfinite([row.nanoseconds, row.ratio]).all() for row in rows)
+    # One model of three: every other one compiles for as long.
+    rows = islice(gradient_costs.rows(1, num_particles=30, num_frames=6, num_runs=2), 2)
+    value, both = rows
+    assert value.ratio == 1
+    assert both.goal == "<= 4"
+    assert np.isfinite([both.nanoseconds, both.ratio]).all()
 
 
 def test_windows_bound_the_memory_of_a_gradient():
-    (few, (_, _, window_few)), (many, (whole, frame_by_frame, window_many)) = (
-        gradient_costs.memory_rows(num_particles=100)
+    checkpoints = True, gradient_costs.WINDOW
+    (few, (_, window_few)), (many, (frame_by_frame, window_many)) = gradient_costs.memory_rows(
+        num_particles=100, checkpoints=checkpoints
     )
     assert many == 10 * few
-    assert window_many < 0.5 * frame_by_frame < 0.5 * whole
-    # Of T frames a window of k keeps T / k sets of particles and k frames: here 2.1 times as many.
+    assert window_many < 0.5 * frame_by_frame
+    # Windows of k keep T / k sets of particles and k frames: less than 2.5 times as much.
     assert window_many < 2.5 * window_few
 
 

@@ -53,7 +53,7 @@ def no_offers(shape: tuple[int, ...], dtype: Any) -> Offer:
 def weigh(
     key: jax.Array, swap: jax.Array, log_probs: jax.Array, group: jax.Array, is_root: jax.Array
 ) -> tuple[jax.Array, Offer]:
-    """What each particle's weight is multiplied by, ``[N]``, and the candidates, for one part.
+    """Log of each particle's factor of its weight, ``[N]``, and the candidates, for one part.
 
     Args:
         key: used by the random rule only.

@@ -200,7 +200,7 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
 
 
 def _weigh_part(ordering, key, stage, frame) -> tuple[jax.Array, exchange.Offer | None]:
-    """What a stage multiplies the weights by, ``[N]``, and the level's offers so far."""
+    """Log of what a stage multiplies the weights by, ``[N]``, and the level's offers so far."""
     log_prob = frame.log_probs[stage]
     if frame.offers is None:
         return log_prob, None

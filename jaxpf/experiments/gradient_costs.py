@@ -11,11 +11,8 @@ import numpy as np
 from jaxpf import objectives
 from jaxpf import ordering as orderings
 from jaxpf.boxes import box_tracker
-from jaxpf.dynamics import LinearGaussian
-from jaxpf.experiments.speed import Row, compared, crowded_frame, interleaved
-from jaxpf.likelihoods.gaussian import Gaussian
+from jaxpf.experiments.speed import Row, compared, crowded_frame, interleaved, line_tracker
 from jaxpf.likelihoods.histogram import histogram
-from jaxpf.partitioned import Partitioned
 
 RUNS, PARTICLES, OBJECTS = 10, 1000, 3
 #: Asked of value and gradient together, in units of the value.
@@ -44,8 +41,8 @@ def rows(
     )
     boxed = dataclasses.replace(boxed, gradient="stop_gradient", motion_gradient="score")
     models = [
-        ("1-D, none", _line_tracker("none", num_particles), line, 1),
-        ("1-D, stop_gradient", _line_tracker("stop_gradient", num_particles), line, 1),
+        ("1-D, none", line_tracker(num_particles), line, 1),
+        ("1-D, stop_gradient", line_tracker(num_particles, gradient="stop_gradient"), line, 1),
         (f"{OBJECTS} boxes, stop_gradient", boxed, video, OBJECTS),
     ]
     keys = jax.random.split(jax.random.key(0), num_runs)
@@ -66,7 +63,7 @@ def memory_rows(
     By default without, with every frame, and with windows of ``WINDOW`` frames; a 1-D model,
     ``RUNS`` runs.
     """
-    tracker = _line_tracker("stop_gradient", num_particles)
+    tracker = line_tracker(num_particles, gradient="stop_gradient")
     keys = jax.random.split(jax.random.key(0), RUNS)
     for num_frames in FRAMES:
         sizes = []
@@ -78,18 +75,6 @@ def memory_rows(
             analysis: Any = compiled.memory_analysis()
             sizes.append(int(analysis.temp_size_in_bytes))
         yield num_frames, sizes
-
-
-def _line_tracker(gradient: str, num_particles: int) -> Partitioned:
-    one = jnp.ones((1, 1, 1))
-    return Partitioned(
-        dynamics=LinearGaussian(transition=0.9 * one, noise=one),
-        likelihood=Gaussian(noise=one),
-        ordering=orderings.ps([0]),
-        initial=jnp.zeros((1, 1)),
-        num_particles=num_particles,
-        gradient=gradient,
-    )
 
 
 def _mean_evidence(tracker: Any, keys: jax.Array, frames: Any, checkpoint: bool | int = True):

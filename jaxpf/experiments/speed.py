@@ -5,6 +5,7 @@ compilation.  Baseline and candidate are timed alternately and the median of the
 is reported: on a shared machine ratios can be trusted, figures hardly.
 """
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -265,6 +266,21 @@ def minimal_filter(key: jax.Array, frames: jax.Array, num_particles: int) -> Any
     return lax.scan(step, start, (jnp.arange(frames.shape[0]), frames))[1]
 
 
+def line_tracker(
+    num_particles: int, num_partitions: int = 1, gradient: str = "none"
+) -> jaxpf.Partitioned:
+    """``minimal_filter``'s model in the generic kernel, once for every partition."""
+    one = jnp.ones((num_partitions, 1, 1))
+    return jaxpf.Partitioned(
+        dynamics=LinearGaussian(transition=0.9 * one, noise=one),
+        likelihood=Gaussian(noise=one),
+        ordering=orderings.ps(range(num_partitions)),
+        initial=jnp.zeros((num_partitions, 1)),
+        num_particles=num_particles,
+        gradient=gradient,
+    )
+
+
 def keep_report(state: Any, summary: Any) -> Any:
     """What ``minimal_filter`` reports."""
     return summary.log_evidence, summary.estimate, summary.ess
@@ -276,24 +292,14 @@ def generic_rows(repeats: int, num_particles: int = 1000, num_frames: int = 50) 
         np.random.default_rng(0).normal(size=(num_frames, 1, 1)), dtype=jnp.float32
     )
     keys = jax.random.split(jax.random.key(0), RUNS)
-    one = jnp.ones((1, 1, 1))
-    start = jnp.zeros((1, 1))
     minimal = jax.jit(jax.vmap(lambda key: minimal_filter(key, frames[:, 0, 0], num_particles)))
+    built_in = line_tracker(num_particles)
+    own = dataclasses.replace(
+        built_in, dynamics=_OneParticleDynamics(), likelihood=_OneParticleLikelihood()
+    )
     trackers = {
-        "generic kernel, built-in parts": jaxpf.Partitioned(
-            dynamics=LinearGaussian(transition=0.9 * one, noise=one),
-            likelihood=Gaussian(noise=one),
-            ordering=orderings.ps([0]),
-            initial=start,
-            num_particles=num_particles,
-        ),
-        "generic kernel, user's own parts": jaxpf.Partitioned(
-            dynamics=_OneParticleDynamics(),
-            likelihood=_OneParticleLikelihood(),
-            ordering=orderings.ps([0]),
-            initial=start,
-            num_particles=num_particles,
-        ),
+        "generic kernel, built-in parts": built_in,
+        "generic kernel, user's own parts": own,
     }
     candidates: dict[str, Callable[[], Any]] = {"minimal": lambda: minimal(keys)}
     for name, tracker in trackers.items():
@@ -315,14 +321,7 @@ def scaling_rows(largest: int = 10**6, repeats: int = 3) -> Iterator[Row]:
     sizes += [(1000, p, 1) for p in (2, 4, 8, 16)]
     sizes += [(1000, 1, r) for r in (10, 100, 1000)]
     for num_particles, num_partitions, num_runs in sizes:
-        one = jnp.ones((num_partitions, 1, 1))
-        tracker = jaxpf.Partitioned(
-            dynamics=LinearGaussian(transition=0.9 * one, noise=one),
-            likelihood=Gaussian(noise=one),
-            ordering=orderings.ps(range(num_partitions)),
-            initial=jnp.zeros((num_partitions, 1)),
-            num_particles=num_particles,
-        )
+        tracker = line_tracker(num_particles, num_partitions)
         frames = frames_of[num_partitions]
         keys = jax.random.split(jax.random.key(0), num_runs)
         if num_runs == 1:
@@ -362,14 +361,7 @@ def cold_reproduction() -> float:
 
 def memory_rows() -> Iterator[tuple[int, int]]:
     """Bytes that a run over T frames needs beyond its input and output, for several T."""
-    one = jnp.ones((1, 1, 1))
-    tracker = jaxpf.Partitioned(
-        dynamics=LinearGaussian(transition=0.9 * one, noise=one),
-        likelihood=Gaussian(noise=one),
-        ordering=orderings.ps([0]),
-        initial=jnp.zeros((1, 1)),
-        num_particles=10_000,
-    )
+    tracker = line_tracker(10_000)
 
     def track(key, frames):
         def step(state, item):

@@ -176,8 +176,9 @@ def _run_batches(tracker, keys, frames, record, num_devices):
         mine = observe(jax.tree.map(lambda x: x[lax.axis_index(_AXIS)], group))
         return jax.tree.map(lambda x: lax.all_gather(x, _AXIS), mine)
 
-    def frame_step(states, item):
-        time, observation = item
+    def frame_step(observations, states, item):
+        time, place = item
+        observation = _take_frame(observations, place)
 
         def step_one(key, state):
             state, summary = step(frame_key(key, time), state, observation)
@@ -187,7 +188,8 @@ def _run_batches(tracker, keys, frames, record, num_devices):
 
     def group_step(states, item):
         times, group = item
-        return lax.scan(frame_step, states, (times, observe_group(group)))
+        places = jnp.arange(num_devices)
+        return lax.scan(partial(frame_step, observe_group(group)), states, (times, places))
 
     length = num_frames(frames)
     num_groups = -(-length // num_devices)
@@ -203,6 +205,23 @@ def _run_batches(tracker, keys, frames, record, num_devices):
         return jnp.moveaxis(x.reshape(num_groups * num_devices, *x.shape[2:])[:length], 0, 2)
 
     return jax.tree.map(by_run, recorded)
+
+
+def _take_frame(observations, place):
+    """One frame's observation of a stack of them.
+
+    A part of it that has ``take_frame`` finds its frame itself: a large table would be copied.
+    """
+
+    def finds_itself(x):
+        return hasattr(x, "take_frame")
+
+    def take(x):
+        if finds_itself(x):
+            return x.take_frame(place)
+        return lax.dynamic_index_in_dim(x, place, keepdims=False)
+
+    return jax.tree.map(take, observations, is_leaf=finds_itself)
 
 
 def split(tracker: Any) -> tuple[Callable, Callable]:

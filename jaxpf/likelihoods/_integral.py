@@ -6,8 +6,12 @@ counts is exact as long as the true count is below the modulus.  Bins come last:
 of a box is one contiguous row.
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
+
+from jaxpf.pytree import pytree_dataclass
 
 # Bins are counted, and similarities summed, in groups of this many, side by side: one or
 # two vector registers on today's CPUs.  The number of bins is a multiple of it.
@@ -16,7 +20,27 @@ LANES = 16
 _ROUNDED = 0.1
 
 
-def integral_table(bins, num_bins: int, dtype) -> jax.Array:
+@pytree_dataclass
+class IntegralTable:
+    """Integral histogram of a frame, perhaps one of a stack of them.
+
+    A table is tens of megabytes: cut out of a stack of frames it would be copied, so it keeps
+    the stack and says where it lies therein.
+
+    Attributes:
+        cells: unsigned, ``[H + 1, W + 1, B]`` or ``[G, H + 1, W + 1, B]``.
+        place: int32 [], the frame's place in the stack; 0 of a single frame.
+    """
+
+    cells: Any
+    place: Any
+
+    def take_frame(self, index):
+        """Frame ``index`` of a stack of G tables, whose ``place`` is ``[G]``."""
+        return IntegralTable(self.cells, index)
+
+
+def integral_table(bins, num_bins: int, dtype) -> IntegralTable:
     """Integral histogram of a map of bins.
 
     Args:
@@ -25,15 +49,16 @@ def integral_table(bins, num_bins: int, dtype) -> jax.Array:
         dtype: ``uint16`` or ``uint32``; counts wrap around.
 
     Returns:
-        ``dtype`` [H + 1, W + 1, B].
+        The table, its cells ``dtype`` [H + 1, W + 1, B].
     """
     # A first row and column of uncounted pixels make row 0 and column 0 of the table.
     bins = jnp.pad(bins.astype(dtype), ((1, 0), (1, 0)), constant_values=num_bins)
-    return jax.lax.platform_dependent(
+    cells = jax.lax.platform_dependent(
         bins,
         cpu=lambda b: _table_by_rows(b, num_bins),
         default=lambda b: _table_at_once(b, num_bins),
     )
+    return IntegralTable(cells, jnp.zeros((), jnp.int32))
 
 
 def _table_by_rows(bins, num_bins):
@@ -63,7 +88,7 @@ def integral_similarity(table, references, partition, left, top, width, height):
     """Sum over parts of the Bhattacharyya coefficient, for many upright boxes.
 
     Args:
-        table: unsigned [H + 1, W + 1, B], see :func:`integral_table`.
+        table: see :class:`IntegralTable`.
         references: [P, parts, B], square roots of the reference histograms.
         partition: int [N].
         left: [N], left edge, pixels.
@@ -74,11 +99,12 @@ def integral_similarity(table, references, partition, left, top, width, height):
     Returns:
         Similarity [N], and bool [N]: whether every part's count fits the table's dtype.
     """
-    num_rows, num_columns, num_bins = table.shape
+    num_rows, num_columns, num_bins = table.cells.shape[-3:]
     num_parts = references.shape[1]
     dtype = left.dtype
     groups = num_bins // LANES
-    table = table.reshape(-1, LANES)
+    cells = table.cells.reshape(-1, LANES)
+    first_row = table.place * num_rows
     references = references.astype(dtype).reshape(-1, LANES)
 
     # floor(x + 1/2), not round-half-to-even: a box at least a pixel wide keeps a column.
@@ -92,8 +118,9 @@ def integral_similarity(table, references, partition, left, top, width, height):
 
     def above(row, group):
         """Pixels of the box's columns above an edge, for one group of bins."""
-        left_, right = ((row * num_columns + column) * groups for column in (column0, column1))
-        return take(table, right + group) - take(table, left_ + group)
+        start = (first_row + row) * num_columns
+        left_, right = ((start + column) * groups for column in (column0, column1))
+        return take(cells, right + group) - take(cells, left_ + group)
 
     # One fused loop: gather LANES bins of every corner, difference, square root, multiply,
     # accumulate.  It gathers by groups because slicing a gathered row of B bins breaks the
@@ -101,7 +128,7 @@ def integral_similarity(table, references, partition, left, top, width, height):
     # the loop; a reduction would be, and would make it scalar (each 3 times slower).
     total = jnp.zeros((*left.shape, LANES), dtype)
     fits = jnp.ones(left.shape, bool)
-    largest_count = min(jnp.iinfo(table.dtype).max, 2**31 - 1)  # pixels are int32
+    largest_count = min(jnp.iinfo(cells.dtype).max, 2**31 - 1)  # pixels are int32
     for k in range(num_parts):
         part = jnp.zeros_like(total)
         for group in range(groups):
@@ -124,11 +151,12 @@ def interpolated_integral_similarity(table, references, partition, left, top, wi
     but where an edge meets a pixel's.  ``sqrt(p)`` has an infinite slope at p = 0, where a bin
     appears: it is rounded off, ``p / sqrt(p + e)``, with e the weight of a tenth of a pixel.
     """
-    num_rows, num_columns, num_bins = table.shape
+    num_rows, num_columns, num_bins = table.cells.shape[-3:]
     num_parts = references.shape[1]
     dtype = left.dtype
     references = jnp.asarray(references, dtype)[partition]
-    cells = table.reshape(-1, num_bins)
+    cells = table.cells.reshape(-1, num_bins)
+    first_row = table.place * num_rows
 
     def place(x, size):
         """The last line at or before x, and how far x is beyond it."""
@@ -140,7 +168,7 @@ def interpolated_integral_similarity(table, references, partition, left, top, wi
     edges = [place(top + height * (k / num_parts), num_rows) for k in range(num_parts + 1)]
 
     def take(row, column):
-        return cells.at[row * num_columns + column].get(
+        return cells.at[(first_row + row) * num_columns + column].get(
             mode="promise_in_bounds", wrap_negative_indices=False
         )
 
@@ -161,7 +189,7 @@ def interpolated_integral_similarity(table, references, partition, left, top, wi
     area = (width * height / num_parts)[:, None]
     total = jnp.zeros_like(left)
     fits = jnp.ones(left.shape, bool)
-    largest_count = min(jnp.iinfo(table.dtype).max, 2**31 - 1)  # pixels are int32
+    largest_count = min(jnp.iinfo(cells.dtype).max, 2**31 - 1)  # pixels are int32
     for k in range(num_parts):
         count = between(above[k], above[k + 1]) + rest[k + 1] - rest[k]
         share = jnp.maximum(count, 0) / jnp.maximum(area, 1)

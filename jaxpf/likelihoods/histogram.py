@@ -102,8 +102,8 @@ class HistogramLikelihood:
             frame: uint8 RGB [H, W, 3].
 
         Returns:
-            integral: unsigned [H + 1, W + 1, B]; sampled: the bins of four pixels in every
-            entry, uint32 [H + distance + 2, W + distance + 2].
+            integral: a table of counts, unsigned [H + 1, W + 1, B]; sampled: the bins of four
+            pixels in every entry, uint32 [H + distance + 2, W + distance + 2].
 
         Raises:
             InputError: the frame has another shape or dtype.

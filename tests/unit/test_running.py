@@ -246,7 +246,9 @@ import jax
 jax.config.update("jax_num_cpu_devices", 3)
 import jax.numpy as jnp, numpy as np, jaxpf
 from jaxpf.dynamics import LinearGaussian
+from jaxpf.boxes import box_tracker
 from jaxpf.likelihoods.gaussian import Gaussian
+from jaxpf.likelihoods.histogram import histogram
 
 one = jnp.ones((1, 1, 1))
 tracker = jaxpf.Partitioned(
@@ -266,6 +268,20 @@ assert len(all_.estimate.devices()) == 3
 for results in (two, all_):
     jax.tree.map(np.testing.assert_array_equal, alone, results)
 print(np.asarray(alone.estimate).shape)
+
+# Tables that stay in their stack; every frame differs.
+video = np.random.default_rng(1).integers(0, 256, (4, 30, 40, 3), np.uint8)
+boxes = np.array([[10.0, 8, 12, 10]])
+tracker = box_tracker(
+    histogram(video[0], boxes, method="integral"), boxes, jaxpf.ordering.ps([0]),
+    scale=(2, 2, 0.01), num_particles=30,
+)
+alone, all_ = (
+    jaxpf.monte_carlo(tracker, keys[:6], video, batch_size=2, devices=devices)
+    for devices in (jax.devices()[:1], None)
+)
+assert np.ptp(np.asarray(alone.log_evidence), axis=1).min() > 0
+jax.tree.map(np.testing.assert_array_equal, alone, all_)
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -47,6 +47,15 @@ class Likelihood(Protocol):
         """Log-likelihood ``[]`` of one partition's substate ``[D]``."""
 
 
+def of_partition(values: jax.Array, partition: jax.Array) -> jax.Array:
+    """Each particle's row of ``values`` ``[P, ...]``: ``[N, ...]``, or ``[1, ...]`` if P is 1.
+
+    The derivative of a look-up is a sum over the runs for each particle, and then over the
+    particles; with one partition all is one sum, at a fraction of the time.
+    """
+    return values if values.shape[0] == 1 else values[partition]
+
+
 def propagate(dynamics, key, partition, current, previous, parent):
     """All particles at once, ``[D, N]``, by the batched method if there is one."""
     if hasattr(dynamics, "propagate_all"):

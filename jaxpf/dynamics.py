@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
+from jaxpf.contract import of_partition
 from jaxpf.pytree import pytree_dataclass
 
 
@@ -127,7 +128,7 @@ class LinearGaussian(BatchedDensity):
         residual = new - self._shifted(mean, partition, current, previous, parent)
         noise = jnp.asarray(self.noise, current.dtype)
         normal = _apply(jnp.linalg.inv(noise), partition, residual)
-        volume = jnp.linalg.slogdet(noise)[1][partition]
+        volume = of_partition(jnp.linalg.slogdet(noise)[1], partition)
         return _log_normal(normal, jnp.ones_like(normal)) - volume
 
     def _shifted(self, moved, partition, current, previous, parent):
@@ -137,7 +138,7 @@ class LinearGaussian(BatchedDensity):
         if self.coupling is not None:
             moved = moved + _apply(self.coupling, partition, parent)
         if self.offset is not None:
-            moved = moved + jnp.asarray(self.offset, current.dtype)[partition].T
+            moved = moved + of_partition(jnp.asarray(self.offset, current.dtype), partition).T
         return moved
 
 
@@ -166,7 +167,7 @@ def _per_particle(scale, partition, like):
     """``[]``, ``[D]`` or ``[P, D]`` parameters, broadcast against substates ``[D, N]``."""
     scale = jnp.asarray(scale, like.dtype)
     if scale.ndim == 2:
-        return scale[partition].T
+        return of_partition(scale, partition).T
     return scale[:, None] if scale.ndim == 1 else scale
 
 
@@ -182,5 +183,7 @@ def _apply(matrices, partition, vectors):
     """Matrix of each particle's partition, ``[P, D, D]``, times its vector ``[D, N]``."""
     matrices = jnp.asarray(matrices, vectors.dtype)
     # D is small: an explicit sum over columns fuses, where a batched dot would not.
-    columns = [matrices[:, :, k][partition].T * vectors[k] for k in range(vectors.shape[0])]
+    columns = [
+        of_partition(matrices[:, :, k], partition).T * vectors[k] for k in range(vectors.shape[0])
+    ]
     return sum(columns[1:], start=columns[0])

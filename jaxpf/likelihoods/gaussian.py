@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.contract import of_partition
 from jaxpf.pytree import pytree_dataclass
 
 
@@ -47,11 +48,12 @@ class Gaussian:
         ) + 0.5 * noise.shape[-1] * np.log(2 * np.pi)
         squares = jnp.zeros(substates.shape[1:], dtype)
         for row in range(design.shape[1]):
-            residual = target[partition, row]
+            residual = of_partition(target[:, row], partition)
             for column in range(design.shape[2]):
-                residual = residual - design[partition, row, column] * substates[column]
+                factor = of_partition(design[:, row, column], partition)
+                residual = residual - factor * substates[column]
             squares = squares + residual**2
-        return -0.5 * squares - log_normaliser[partition]
+        return -0.5 * squares - of_partition(log_normaliser, partition)
 
 
 @pytree_dataclass

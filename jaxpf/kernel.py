@@ -312,8 +312,9 @@ def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summ
     )
     log_weights = lax.optimization_barrier(log_weights)
     if scores is not None:
-        # What the weights were divided by belongs to no partition.
-        scores = with_gradient_of(scores, (log_weights - path)[None] / num_partitions)
+        # What the weights were divided by, or a joint likelihood adds, belongs to no partition.
+        rest = log_weights - jnp.sum(scores, axis=0)
+        scores = with_gradient_of(scores, rest[None] / num_partitions)
     state = ParticleState(
         lagged=lagged,
         log_weights=log_weights,

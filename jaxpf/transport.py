@@ -73,14 +73,14 @@ def blend(
     shares = jnp.where(jnp.isneginf(log_weights), 0.0, jnp.exp(relative))
     shares = jnp.maximum(shares, 1e-10)
     shares = shares * (size / components.spread(components.sum_of(shares)))
-    plan = _plan(tracker, lagged, lax.stop_gradient(shares), shares, components)
+    plan = _plan(tracker, lagged, shares, components)
     flat = lagged.reshape(-1, lagged.shape[-1])
     blended = jnp.where(here, flat @ plan.T, flat).reshape(lagged.shape)
     mean = components.spread(cdf.log_mean)
     return blended, jnp.where(here, mean, log_weights), jnp.all(chosen | (components.size == 0))
 
 
-def _plan(tracker, lagged, stopped, shares, components: Components) -> jax.Array:
+def _plan(tracker, lagged, shares, components: Components) -> jax.Array:
     """``[N, N]``: row i holds what slot i takes of every particle; rows sum to one."""
     try:
         from ott.geometry.geometry import Geometry
@@ -93,9 +93,9 @@ def _plan(tracker, lagged, stopped, shares, components: Components) -> jax.Array
     num_particles = lagged.shape[-1]
     values = lagged[0].reshape(-1, num_particles)
     # Coordinates have different units: each is measured in its own standard deviation.
-    weights = stopped / num_particles
+    weights = shares / num_particles
     centred = values - (values @ weights)[:, None]
-    variance = lax.stop_gradient(centred**2 @ weights)
+    variance = centred**2 @ weights
     scaled = centred / jnp.sqrt(jnp.where(variance > 0, variance, 1.0))[:, None]
     squares = jnp.sum(scaled**2, axis=0)
     cost = squares[:, None] + squares[None, :] - 2 * scaled.T @ scaled
@@ -106,7 +106,7 @@ def _plan(tracker, lagged, stopped, shares, components: Components) -> jax.Array
     cost = jnp.where(same, cost, 200.0 * epsilon + lax.stop_gradient(jnp.max(cost)))
     target = jnp.full_like(shares, 1 / num_particles)
     geometry = Geometry(cost_matrix=cost, epsilon=epsilon)
-    problem = LinearProblem(geometry, a=target, b=shares / num_particles)
+    problem = LinearProblem(geometry, a=target, b=weights)
     solver = Sinkhorn(threshold=THRESHOLD, max_iterations=MAX_ITERATIONS)
     plan = jnp.where(same, solver(problem).matrix, 0.0)
     return plan / jnp.sum(plan, axis=1, keepdims=True)

@@ -4,12 +4,17 @@
 variations are off is printed, and recorded with the test's result.
 """
 
+from typing import Any
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import LIMIT, TREE, WRONG, problem
 from kalman_gradients import gradients
 
 from jaxpf import ordering
+from jaxpf.likelihoods.gaussian import Gaussian
+from jaxpf.pytree import pytree_dataclass
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
@@ -33,6 +38,43 @@ def test_stop_gradient_is_unbiased_where_roots_are_exchanged(record_property):
     """The past of an object must bring its derivative along: groups here have many pasts."""
     exact = problem((-1, -1), transition=0.7, lag=0.3, initial_scale=1.0)
     found = gradients(exact, ordering.sps(num_partitions=2), gradient="stop_gradient")
+    record_property("gradient", str(found))
+    print(found)
+    assert found.worst < LIMIT
+
+
+@pytree_dataclass
+class CorrectedAtTheEnd:
+    """``Gaussian`` whose partitions are weighed by too broad a noise; ``log_joint`` is right."""
+
+    noise: Any
+
+    state_gradient = True
+
+    def observe(self, frame):
+        return frame
+
+    def log_prob_all(self, observation, partition, substates):
+        return Gaussian(noise=1.5 * self.noise).log_prob_all(observation, partition, substates)
+
+    def log_prob(self, observation, partition, substate):
+        return self.log_prob_all(observation, jnp.asarray(partition)[None], substate[:, None])[0]
+
+    def log_joint(self, observation, substates, log_probs):
+        every = jnp.arange(len(substates))
+        right = Gaussian(noise=self.noise)
+        return jnp.sum(right.log_prob_all(observation, every, substates.T))
+
+
+@pytest.mark.parametrize("part", ["adaptive and tempered", "log_joint"])
+def test_stop_gradient_is_unbiased_where_weights_stay_unequal(part, record_property):
+    exact, settings = problem(TREE), {}
+    if part == "log_joint":
+        exact = exact._replace(likelihood=CorrectedAtTheEnd(noise=exact.likelihood.noise))
+    else:
+        settings = {"ess_threshold": 0.5, "tempering": 0.5}
+    method = ordering.dps(orders=[[0, 1, 2], [0, 2, 1]])
+    found = gradients(exact, method, gradient="stop_gradient", **settings)
     record_property("gradient", str(found))
     print(found)
     assert found.worst < LIMIT

@@ -286,6 +286,36 @@ def test_transport_blends_to_equal_weights_and_keeps_the_mean():
         )
 
 
+@pytest.mark.slow
+def test_transport_has_the_derivative_of_its_own_value():
+    """Nothing is drawn but noise: with common keys the evidence is a smooth function."""
+    pytest.importorskip("ott", reason="needs jaxpf[transport]")
+
+    def at(method, scale, noise):
+        made = tracker(
+            METHODS[method],
+            gradient="transport",
+            dynamics=RandomWalk(scale=jnp.asarray(scale)),
+            likelihood=Fenced(noise=jnp.asarray(noise)),
+            initial=np.zeros((P, 1)),
+        )
+        value, slope = value_and_gradient(made, KEYS[:2], frames(np.inf))
+        return float(jnp.mean(value)), slope
+
+    step = 1e-4
+    with jax.enable_x64(True):
+        for method in ("sir", "ps", "dps"):
+            differences = [
+                at(method, 1 + i * step, 0.7 + j * step)[0]
+                - at(method, 1 - i * step, 0.7 - j * step)[0]
+                for i, j in ((1, 0), (0, 1))
+            ]
+            # Sinkhorn stops at a marginal error of 1e-3; its derivative is that of the limit.
+            np.testing.assert_allclose(
+                at(method, 1.0, 0.7)[1], np.array(differences) / (2 * step), rtol=0.02
+            )
+
+
 # Refusals.
 
 

@@ -3,9 +3,9 @@
 Corenflos, Thornton, Deligiannidis & Doucet 2021, "Differentiable particle filtering via
 entropy-regularized optimal transport": with P the plan that carries the weights to equal
 ones, particle i becomes ``n sum_j P_ij x_j``.  The plan is found by OTT's Sinkhorn solver
-(``pip install 'jaxpf[transport]'``) and differentiated implicitly.
+(``pip install 'jaxpf[transport]'``) and differentiated by the implicit function theorem.
 
-What to expect.  Time and memory grow with N^2.  Blending pulls particles together, so that
+What to expect.  Time and memory grow with N^2, the time of a gradient with N^3.  Blending pulls particles together, so that
 the evidence and the spread are biased, more so for a larger ``transport_epsilon``.  It mixes
 whole particles: all partitions, and the substates of the frame before as well.  A particle
 then descends from all others, so that lineages mean nothing: every particle is its own, and
@@ -20,6 +20,7 @@ from jax import lax
 
 from jaxpf import resampling
 from jaxpf.errors import InputError
+from jaxpf.gradients import with_gradient_of
 from jaxpf.resampling import Components
 from jaxpf.state import ParticleState
 
@@ -105,8 +106,35 @@ def _plan(tracker, lagged, shares, components: Components) -> jax.Array:
     # No mass crosses components: exp(-200) of it is nothing.
     cost = jnp.where(same, cost, 200.0 * epsilon + lax.stop_gradient(jnp.max(cost)))
     target = jnp.full_like(shares, 1 / num_particles)
-    geometry = Geometry(cost_matrix=cost, epsilon=epsilon)
-    problem = LinearProblem(geometry, a=target, b=weights)
-    solver = Sinkhorn(threshold=THRESHOLD, max_iterations=MAX_ITERATIONS)
-    plan = jnp.where(same, solver(problem).matrix, 0.0)
-    return plan / jnp.sum(plan, axis=1, keepdims=True)
+    geometry = Geometry(cost_matrix=lax.stop_gradient(cost), epsilon=lax.stop_gradient(epsilon))
+    problem = LinearProblem(geometry, a=target, b=lax.stop_gradient(weights))
+    solution = Sinkhorn(threshold=THRESHOLD, max_iterations=MAX_ITERATIONS)(problem)
+    potentials = lax.stop_gradient(solution.f), lax.stop_gradient(solution.g)
+    log_plan = _with_implicit_gradient(potentials, cost, epsilon, target, weights, components)
+    return jax.nn.softmax(jnp.where(same, log_plan, -jnp.inf), axis=1)
+
+
+def _with_implicit_gradient(potentials, cost, epsilon, target, weights, components) -> jax.Array:
+    """Log of the plan, ``[N, N]``, whose potentials move with what they were computed from.
+
+    By the implicit function theorem: one Newton step from the solution towards the marginals,
+    of which only the derivative is kept.  A potential is free up to a constant within each
+    component, so that the system is singular there, and nearly so between clusters that
+    hardly exchange mass; an iterative solver fails on it in float32.
+    """
+    f, g = potentials
+    epsilon = jnp.asarray(epsilon, cost.dtype)
+    log_plan = (f[:, None] + g[None, :] - cost) / epsilon
+    row = jax.nn.logsumexp(log_plan, axis=1) - jnp.log(target)
+    column = jax.nn.logsumexp(log_plan, axis=0) - jnp.log(weights)
+    of_row = lax.stop_gradient(jax.nn.softmax(log_plan, axis=1))
+    of_column = lax.stop_gradient(jax.nn.softmax(log_plan, axis=0))
+    num_particles = cost.shape[0]
+    same = components.index[:, None] == components.index[None, :]
+    constants = same / components.spread(components.size).astype(cost.dtype)
+    ridge = num_particles * jnp.finfo(cost.dtype).eps
+    identity = jnp.eye(num_particles, dtype=cost.dtype)
+    system = (1 + ridge) * identity - of_row @ of_column.T + constants
+    change_of_f = -epsilon * jnp.linalg.solve(system, row - of_row @ column)
+    change_of_g = -epsilon * column - of_column.T @ change_of_f
+    return with_gradient_of(log_plan, (change_of_f[:, None] + change_of_g[None, :]) / epsilon)

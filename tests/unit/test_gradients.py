@@ -316,6 +316,19 @@ def test_transport_has_the_derivative_of_its_own_value():
             )
 
 
+@pytest.mark.slow
+def test_transport_has_finite_gradients_in_float32_over_many_runs():
+    """Clusters that hardly exchange mass make the potentials' system nearly singular."""
+    pytest.importorskip("ott", reason="needs jaxpf[transport]")
+    made = tracker(ordering.ps([0]), gradient="transport", num_particles=32)
+    seen = np.cumsum(np.random.default_rng(1).normal(size=(8, 1, 2)), axis=0)
+    seen[..., 1] = np.inf
+    value, slope = value_and_gradient(made, jax.random.split(jax.random.key(3), 300), seen)
+    assert value.dtype == np.float32
+    assert np.isfinite(value).all()
+    assert np.isfinite(slope).all()
+
+
 # Refusals.
 
 

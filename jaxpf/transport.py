@@ -5,11 +5,11 @@ entropy-regularized optimal transport": with P the plan that carries the weights
 ones, particle i becomes ``n sum_j P_ij x_j``.  The plan is found by OTT's Sinkhorn solver
 (``pip install 'jaxpf[transport]'``) and differentiated by the implicit function theorem.
 
-What to expect.  Time and memory grow with N^2, the time of a gradient with N^3.  Blending pulls particles together, so that
-the evidence and the spread are biased, more so for a larger ``transport_epsilon``.  It mixes
-whole particles: all partitions, and the substates of the frame before as well.  A particle
-then descends from all others, so that lineages mean nothing: every particle is its own, and
-``Summary.uniqueness`` is always 1; look at ``ess`` instead.
+What to expect.  Time and memory grow with N^2, the time of a gradient with N^3.  Blending pulls
+particles together, so that the evidence and the spread are biased, more so for a larger
+``transport_epsilon``.  It mixes whole particles: all partitions, and the substates of the frame
+before as well.  A particle then descends from all others, so that lineages mean nothing: every
+particle is its own, and ``Summary.uniqueness`` is always 1; look at ``ess`` instead.
 """
 
 import dataclasses

@@ -11,8 +11,15 @@ from jaxpf.cli import common
 
 @click.command("bench")
 @click.option("--repeats", default=15, show_default=True, help="Interleaved repeats.")
-@click.option("--scaling", is_flag=True, help="Also how cost grows with N, P and R, to N = 10^6.")
-@click.option("--output", "-o", type=click.Path(path_type=Path), help="CSV file to write, too.")
+@click.option(
+    "--scaling", is_flag=True, help="Also how cost grows with N, P and R, to N = 10^6 (2 minutes)."
+)
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(path_type=Path),
+    help="CSV file to write, too; with --scaling, the curves in a PNG file beside it.",
+)
 def command(repeats: int, scaling: bool, output: Path | None) -> None:
     """Measure speed on this machine, each figure beside its baseline.
 
@@ -39,10 +46,10 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
         ("Generic kernel: 1-D model, 50 runs, 1000 particles", speed.generic_rows(repeats)),
         (f"Gradient of the evidence: {gradient_costs.RUNS} runs", gradient_costs.rows(repeats)),
     ]
-    if scaling:
-        sections.append(("Growth of cost (flat is linear)", speed.scaling_rows()))
     for title, section in sections:
         rows += _show(title, section)
+    if scaling:
+        rows += _show_growth(output)
     memory = list(speed.memory_rows())
     common.print_table(
         "Memory of a run with 10 000 particles",
@@ -72,6 +79,28 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
                 file.write(",".join(f'"{x}"' if isinstance(x, str) else f"{x:.6g}" for x in row))
                 file.write("\n")
         click.echo(f"{output}: written")
+
+
+def _show_growth(output: Path | None) -> list[Any]:
+    from jaxpf import plotting
+    from jaxpf.experiments import growth, speed
+
+    found = list(growth.growth())
+    common.print_table(
+        "Growth of cost: 1-D model, one device (constant ns: linear)",
+        ["particles", "partitions", "runs", "ns"],
+        [[str(g.particles), str(g.partitions), str(g.runs), f"{g.nanoseconds:.1f}"] for g in found],
+    )
+    if output is not None:
+        picture = output.with_suffix(".png")
+        plotting.save_figure(growth.growth_figure(found), picture)
+        click.echo(f"{picture}: written")
+    no_ratio = (float("nan"),) * 3
+    names = [f"N = {g.particles}, P = {g.partitions}, R = {g.runs}" for g in found]
+    return [
+        speed.Row(name, g.nanoseconds, *no_ratio, "", "")
+        for name, g in zip(names, found, strict=True)
+    ]
 
 
 def _show(title: str, section: Iterable[Any]) -> list[Any]:

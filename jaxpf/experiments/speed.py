@@ -27,7 +27,7 @@ from jaxpf.dynamics import LinearGaussian
 from jaxpf.likelihoods.gaussian import Gaussian
 from jaxpf.likelihoods.histogram import histogram
 from jaxpf.pytree import pytree_dataclass
-from jaxpf.running import init, run
+from jaxpf.running import init
 
 RUNS, PARTICLES, OBJECTS, HEIGHT, WIDTH = 50, 300, 7, 288, 360
 
@@ -311,31 +311,7 @@ def generic_rows(repeats: int, num_particles: int = 1000, num_frames: int = 50) 
         yield compared(name, seconds[name], units, seconds["minimal"], "this / minimal", goal)
 
 
-# --- How cost grows -----------------------------------------------------------------------
-
-
-def scaling_rows(largest: int = 10**6, repeats: int = 3) -> Iterator[Row]:
-    """Nanoseconds per particle and partition as N, P and R grow; flat means linear."""
-    frames_of = {p: jnp.zeros((5, p, 1)) for p in (1, 2, 4, 8, 16)}
-    sizes = [(10**k, 1, 1) for k in range(2, 7) if 10**k <= largest]
-    sizes += [(1000, p, 1) for p in (2, 4, 8, 16)]
-    sizes += [(1000, 1, r) for r in (10, 100, 1000)]
-    for num_particles, num_partitions, num_runs in sizes:
-        tracker = line_tracker(num_particles, num_partitions)
-        frames = frames_of[num_partitions]
-        keys = jax.random.split(jax.random.key(0), num_runs)
-        if num_runs == 1:
-            candidate = partial(run, tracker, keys[0], frames, keep_report)
-        else:
-            candidate = partial(
-                jaxpf.monte_carlo, tracker, keys, frames, keep_report, min(num_runs, 100)
-            )
-        seconds = interleaved({"it": candidate}, repeats)["it"]
-        units = num_particles * num_partitions * num_runs * frames.shape[0]
-        nanoseconds = float(np.median(seconds)) / units * 1e9
-        name = f"N = {num_particles}, P = {num_partitions}, R = {num_runs}"
-        yield Row(name, nanoseconds, np.nan, np.nan, np.nan, "", "")
-
+# --- A cold start, and memory --------------------------------------------------------------
 
 _COLD_START = """
 from jaxpf.cli.common import start_jax

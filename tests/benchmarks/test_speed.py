@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from jaxpf.experiments import gradient_costs, speed
+from jaxpf.experiments.growth import Growth, growth, growth_figure
 
 pytestmark = pytest.mark.slow
 
@@ -30,6 +31,17 @@ def test_the_histogram_is_timed_against_opencv():
     rows = list(speed.histogram_rows(repeats=1))
     assert [row.what for row in rows[1:]] == ["histogram, integral", "histogram, sampled"]
     assert all(np.isfinite([row.nanoseconds, row.ratio]).all() for row in rows)
+
+
+def test_growth_is_timed_and_drawn():
+    few, many = islice(growth(largest=1000, repeats=1), 2)
+    assert (few[:3], many[:3]) == ((100, 1, 1), (1000, 1, 1))
+    assert few.nanoseconds > 0
+    assert many.nanoseconds > 0
+    others = [Growth(1000, 2, 1, 30.0), Growth(1000, 4, 1, 31.0), Growth(1000, 1, 10, 32.0)]
+    lines = [axis.lines[0].get_xydata() for axis in growth_figure([few, many, *others]).axes]
+    assert [line[:, 0].tolist() for line in lines] == [[100, 1000], [1, 2, 4], [1, 10]]
+    assert lines[2][1, 1] == 32
 
 
 def test_the_gradient_is_timed_against_the_value():

@@ -1,5 +1,6 @@
 """``jaxpf demo``: four orderings on smith2004's synthetic scene."""
 
+import dataclasses
 import time
 from pathlib import Path
 from typing import Any
@@ -47,16 +48,12 @@ def command(runs: int, seed: int, particles: int, sharpness: float, output: Path
 
     began = time.perf_counter()
     scene = scenes.make("distracter", seed=seed)
-    trackers = {
-        name: scene_tracker(
-            scene,
-            ordering,
-            sharpness=sharpness,
-            num_particles=particles,
-            num_runs=runs,
-        )
-        for name, ordering in _orderings(scene.num_objects).items()
-    }
+    methods = _orderings(scene.num_objects)
+    # The objects' colours are learned once.
+    tracker = scene_tracker(
+        scene, methods["SIR"], sharpness=sharpness, num_particles=particles, num_runs=runs
+    )
+    trackers = {name: dataclasses.replace(tracker, ordering=o) for name, o in methods.items()}
     click.echo(
         f"{runs} runs per method, {scene.num_objects} objects, {particles} particles, "
         f"{scene.num_frames} frames"

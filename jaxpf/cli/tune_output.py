@@ -25,15 +25,13 @@ def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) ->
     if "dynamics.scale" in named:
         track["scale"] = [_rounded(x) for x in model.scale]
     evaluate = {name: [value] for name, value in track.items()}
-    errors = result.standard_errors()
     tuned = {
-        name: {
-            "value": _numbers(value),
-            "standard_error": _numbers(errors[name]),
-            "start": _numbers(result.start[name]),
-        }
+        name: {"value": _numbers(value), "start": _numbers(result.start[name])}
         for name, value in values.items()
     }
+    for name, error in result.standard_errors().items():
+        if np.all(np.isfinite(error)):  # one repeat without the frames' error knows nothing
+            tuned[name]["standard_error"] = _numbers(error)
     with atomic_write(path, "wb") as file:
         tomli_w.dump({"track": track, "evaluate": evaluate, "tuned": tuned}, file)
 

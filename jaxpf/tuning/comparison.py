@@ -13,11 +13,12 @@ from jaxpf.geometry import boxes_from_substates
 from jaxpf.intervals import Interval, mean_interval, student_quantile
 from jaxpf.running import monte_carlo
 
-#: Measures and whether more is better; "success" and "recovery" as in smith2004.
+#: Measures and whether more is better; "success" and "recovery" as in smith2004, the others
+#: over all frames with truth, whether tracked or not.
 MEASURES = {
     "overlap": True,
-    "precision": True,
-    "recall": True,
+    "precision_all": True,
+    "recall_all": True,
     "success": True,
     "recovery": True,
     "centre error": False,
@@ -136,8 +137,8 @@ def _measured(tracker: Any, keys: Any, held_out: HeldOut) -> np.ndarray:
     error = np.asarray(metrics.centre_error(boxes, truth))
     values = {
         "overlap": mean(metrics.overlap(boxes, truth)),
-        "precision": mean(metrics.precision(boxes, truth)),
-        "recall": mean(metrics.recall(boxes, truth)),
+        "precision_all": mean(metrics.precision(boxes, truth)),
+        "recall_all": mean(metrics.recall(boxes, truth)),
         "success": np.asarray(metrics.success(boxes, truth))[:, objects].mean(axis=1),
         "recovery": np.asarray(metrics.recovery(boxes, truth))[:, objects].mean(axis=1),
         "centre error": np.nanmean(np.where(counts, error, np.nan), axis=(1, 2)),

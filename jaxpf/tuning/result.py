@@ -79,13 +79,14 @@ class Result:
         return {one.path: np.asarray(one.to_value(free[one.path])) for one in self.parameters}
 
     def total_errors(self) -> dict[str, np.ndarray]:
-        """path -> standard error of the free numbers from both sources, as far as known."""
+        """path -> standard error of the free numbers from both sources; NaN if neither is known."""
+
+        def total(*sources: np.ndarray) -> np.ndarray:
+            sum_ = sum(np.nan_to_num(np.asarray(source)) ** 2 for source in sources)
+            return np.where(np.all(np.isnan(sources), axis=0), np.nan, np.sqrt(sum_))
+
         return {
-            name: np.sqrt(
-                np.nan_to_num(self.spread_errors[name]) ** 2
-                + np.nan_to_num(self.curvature_errors[name]) ** 2
-            )
-            for name in self.free
+            name: total(self.spread_errors[name], self.curvature_errors[name]) for name in self.free
         }
 
     def standard_errors(self) -> dict[str, np.ndarray]:

@@ -110,11 +110,11 @@ def _plan(tracker, lagged, shares, components: Components) -> jax.Array:
     problem = LinearProblem(geometry, a=target, b=lax.stop_gradient(weights))
     solution = Sinkhorn(threshold=THRESHOLD, max_iterations=MAX_ITERATIONS)(problem)
     potentials = lax.stop_gradient(solution.f), lax.stop_gradient(solution.g)
-    log_plan = _with_implicit_gradient(potentials, cost, epsilon, target, weights, components)
+    log_plan = _with_implicit_gradient(potentials, cost, epsilon, target, weights, same)
     return jax.nn.softmax(jnp.where(same, log_plan, -jnp.inf), axis=1)
 
 
-def _with_implicit_gradient(potentials, cost, epsilon, target, weights, components) -> jax.Array:
+def _with_implicit_gradient(potentials, cost, epsilon, target, weights, same) -> jax.Array:
     """Log of the plan, ``[N, N]``, whose potentials move with what they were computed from.
 
     By the implicit function theorem: one Newton step from the solution towards the marginals,
@@ -130,8 +130,7 @@ def _with_implicit_gradient(potentials, cost, epsilon, target, weights, componen
     of_row = lax.stop_gradient(jax.nn.softmax(log_plan, axis=1))
     of_column = lax.stop_gradient(jax.nn.softmax(log_plan, axis=0))
     num_particles = cost.shape[0]
-    same = components.index[:, None] == components.index[None, :]
-    constants = same / components.spread(components.size).astype(cost.dtype)
+    constants = same / jnp.sum(same, axis=1, dtype=cost.dtype)
     ridge = num_particles * jnp.finfo(cost.dtype).eps
     identity = jnp.eye(num_particles, dtype=cost.dtype)
     system = (1 + ridge) * identity - of_row @ of_column.T + constants

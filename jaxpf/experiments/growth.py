@@ -37,9 +37,7 @@ def growth(largest: int = 10**6, repeats: int = 3) -> Iterator[Growth]:
     sizes = [(10**k, 1, 1) for k in range(2, 7) if 10**k <= largest]
     sizes += [(_PARTICLES, p, 1) for p in _PARTITIONS]
     sizes += [(_PARTICLES, 1, r) for r in _RUNS if _PARTICLES * r <= largest]
-    known: dict[tuple[int, int, int], float] = {}
-    for size in dict.fromkeys(sizes):
-        num_particles, num_partitions, num_runs = size
+    for num_particles, num_partitions, num_runs in dict.fromkeys(sizes):
         units = num_particles * num_partitions * num_runs
         num_frames = int(np.clip(_ENOUGH // units, 5, 1000))
         candidate = partial(
@@ -52,8 +50,8 @@ def growth(largest: int = 10**6, repeats: int = 3) -> Iterator[Growth]:
             jax.local_devices()[:1],
         )
         seconds = interleaved({"it": candidate}, repeats)["it"]
-        known[size] = float(np.median(seconds)) / (units * num_frames) * 1e9
-        yield Growth(*size, known[size])
+        nanoseconds = float(np.median(seconds)) / (units * num_frames) * 1e9
+        yield Growth(num_particles, num_partitions, num_runs, nanoseconds)
 
 
 def growth_figure(found: Sequence[Growth]) -> Any:

@@ -81,13 +81,11 @@ class Result:
     def total_errors(self) -> dict[str, np.ndarray]:
         """path -> standard error of the free numbers from both sources; NaN if neither is known."""
 
-        def total(*sources: np.ndarray) -> np.ndarray:
-            sum_ = sum(np.nan_to_num(np.asarray(source)) ** 2 for source in sources)
-            return np.where(np.all(np.isnan(sources), axis=0), np.nan, np.sqrt(sum_))
+        def total(name: str) -> np.ndarray:
+            both = np.stack([self.spread_errors[name], self.curvature_errors[name]])
+            return np.where(np.isnan(both).all(axis=0), np.nan, np.sqrt(np.nansum(both**2, axis=0)))
 
-        return {
-            name: total(self.spread_errors[name], self.curvature_errors[name]) for name in self.free
-        }
+        return {name: total(name) for name in self.free}
 
     def standard_errors(self) -> dict[str, np.ndarray]:
         """path -> standard error of the value, by the slope of its bounds' mapping."""

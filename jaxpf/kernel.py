@@ -15,7 +15,6 @@ within components.  Two ideas keep it short and fast:
 from collections.abc import Callable
 from typing import Any
 
-import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -102,6 +101,8 @@ def begin(tracker, key, state) -> tuple[Components, Frame]:
 
 def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Array, Frame], Frame]:
     """The body of the loop over stages."""
+    import chex
+
     num_particles, num_partitions = tracker.num_particles, tracker.num_partitions
     ordering = tracker.ordering
     dtype = state.lagged.dtype

@@ -11,11 +11,10 @@ The tables always have room for C = P components; what a method does not use is 
 from collections.abc import Sequence
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.pytree import pytree_dataclass, static_field
+from jaxpf.pytree import as_array, pytree_dataclass, static_field
 
 #: Exchange rules of simultaneous partitioned sampling, in the order of their codes.
 SWAPS = ("none", "random", "sorted", "combinatorial")
@@ -280,19 +279,18 @@ def _ordering(
     tree = (-1,) * num_partitions if tree is None else tuple(tree)
     level = np.arange(num_partitions) if level is None else level
     never = np.zeros(num_partitions, bool)
-    # Types are set by NumPy: JAX would compile a program for every conversion.
     return Ordering(
-        order=jnp.asarray(order_table),
-        rank=jnp.asarray(np.argsort(order_table, axis=1).astype(np.int32)),
-        fractions=jnp.asarray(fractions.astype(np.float32)),
-        resample_after=jnp.asarray(resample_after),
-        exchange_after=jnp.asarray(never if exchange_after is None else exchange_after),
-        exchanged=jnp.asarray(never if exchanged is None else exchanged),
-        level=jnp.asarray(np.asarray(level, np.int32)),
-        carrier=jnp.asarray(_carriers(order_table[0], level, tree)),
-        swap=jnp.asarray(np.int32(swap)),
-        literal=jnp.asarray(np.bool_(literal)),
-        tree=jnp.asarray(np.array(tree, np.int32)),
+        order=as_array(order_table),
+        rank=as_array(np.argsort(order_table, axis=1), np.int32),
+        fractions=as_array(fractions, np.float32),
+        resample_after=as_array(resample_after),
+        exchange_after=as_array(never if exchange_after is None else exchange_after),
+        exchanged=as_array(never if exchanged is None else exchanged),
+        level=as_array(level, np.int32),
+        carrier=as_array(_carriers(order_table[0], level, tree)),
+        swap=as_array(swap, np.int32),
+        literal=as_array(literal, bool),
+        tree=as_array(tree, np.int32),
         by_label=by_label,
     )
 

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +11,7 @@ from jaxpf import kernel, resampling, transport
 from jaxpf.errors import InputError
 from jaxpf.gradients import check_gradient
 from jaxpf.ordering import SWAPS, Ordering, check_tree
-from jaxpf.pytree import is_concrete, pytree_dataclass, static_field
+from jaxpf.pytree import as_array, is_concrete, pytree_dataclass, static_field
 from jaxpf.state import ParticleState, Summary
 from jaxpf.threefry import written_out
 
@@ -66,7 +65,7 @@ class Partitioned:
         tree = (-1,) * self.ordering.num_partitions if self.parents is None else self.parents
         object.__setattr__(self, "parents", check_tree(tree))
         if not callable(self.initial):
-            initial = jnp.asarray(self.initial)
+            initial = as_array(self.initial)
             if not jnp.issubdtype(initial.dtype, jnp.floating):
                 initial = initial.astype(jnp.result_type(float))
             object.__setattr__(self, "initial", initial)
@@ -79,6 +78,9 @@ class Partitioned:
 
     def init(self, key: jax.Array) -> ParticleState:
         """Draw the state just before the first frame, with equal weights."""
+        # Not at the top: importing it takes longer than a program kept on disk leaves to do.
+        import chex
+
         key = written_out(key)
         if callable(self.initial):
             drawn = jax.vmap(self.initial)(jax.random.split(key, self.num_particles))
@@ -118,6 +120,8 @@ class Partitioned:
         self, key: jax.Array, state: ParticleState, observation: Any
     ) -> tuple[ParticleState, Summary]:
         """``step`` for a frame that was observed already."""
+        import chex
+
         chex.assert_shape(state.log_weights, (self.num_particles,))
         chex.assert_shape(state.lagged, (2, None, self.num_partitions, self.num_particles))
         if self.gradient == "transport":
@@ -203,9 +207,9 @@ def _check_exchange(tracker: Partitioned) -> None:
             f"the ordering's part tree {list(tree)} is unlike the model's {list(tracker.parents)}; "
             f"with swap={swap!r} both must be the same."
         )
-    roots_exchanged = bool(
-        np.asarray(ordering.exchanged & (ordering.tree[ordering.order[0]] < 0)).any()
-    )
+    # In NumPy: JAX would compile a program for every one of these operations.
+    is_root = np.asarray(ordering.tree)[np.asarray(ordering.order)[0]] < 0
+    roots_exchanged = bool((np.asarray(ordering.exchanged) & is_root).any())
     independent = not callable(tracker.initial) or getattr(tracker.initial, "independent", False)
     if roots_exchanged and not independent:
         raise InputError(

@@ -10,6 +10,8 @@ import dataclasses
 from typing import Any, TypeVar, dataclass_transform
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 
 T = TypeVar("T")
 
@@ -51,3 +53,15 @@ def is_concrete(*values: Any) -> bool:
     """True if no leaf is a tracer, so that values (not only shapes) can be checked."""
     leaves = jax.tree_util.tree_leaves(values)
     return not any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
+
+
+def as_array(value: Any, dtype: Any = None) -> jax.Array:
+    """``jnp.asarray(value, dtype)``, where NumPy converts what is not JAX's yet.
+
+    JAX would compile a program for every new shape and type: some 20 ms each, at every start.
+    """
+    if isinstance(value, jax.Array) or not is_concrete(value):
+        return jnp.asarray(value, dtype)
+    value = np.asarray(value)
+    wanted = jax.dtypes.canonicalize_dtype(value.dtype if dtype is None else dtype)
+    return jax.device_put(value.astype(wanted))

@@ -2,7 +2,6 @@
 
 import math
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.errors import InputError
@@ -52,7 +51,7 @@ def patch_histogram(patch, parts, place):
         raise InputError(
             f"{place} is {height} pixels high: {parts} parts need at least {parts} rows."
         )
-    bins = np.asarray(hsv_bins(jnp.asarray(patch)))
+    bins = np.asarray(hsv_bins(patch))
     return box_histogram(bins, np.array([0, 0, width, height], float), parts, place)
 
 

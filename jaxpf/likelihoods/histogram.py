@@ -41,7 +41,7 @@ from jaxpf.likelihoods._references import (
 from jaxpf.likelihoods._sampled import group_distance, sample_table, sampled_similarity
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.distance_law import learn_background, log_density
-from jaxpf.pytree import pytree_dataclass, static_field
+from jaxpf.pytree import as_array, pytree_dataclass, static_field
 
 
 @pytree_dataclass
@@ -259,7 +259,7 @@ def histogram(
         )
     check_parts(parts)
     check_sizes(boxes[:, 2:], parts, "boxes")
-    bins = np.asarray(hsv_bins(jnp.asarray(frame)))
+    bins = np.asarray(hsv_bins(frame))
     patches = dict(references or {})
     learned = []
     for i, box in enumerate(boxes):
@@ -372,14 +372,14 @@ def _build(
         group_distance(samples, num_parts, sizes) if interpolation == "nearest" else NEIGHBOURS
     )
     likelihood = HistogramLikelihood(
-        sharpness=jnp.asarray(sharpness, float),
-        references=jnp.asarray(compact, float),
-        sizes=jnp.asarray(sizes, float),
-        bin_lookup=jnp.asarray(bin_lookup),
+        sharpness=as_array(sharpness, float),
+        references=as_array(compact, float),
+        sizes=as_array(sizes, float),
+        bin_lookup=as_array(bin_lookup),
         method=method,
         samples=samples,
         table_dtype="uint16" if 4 * largest_part < 2**16 else "uint32",
-        levels=jnp.asarray(levels, jnp.int32) if method == "sampled" else None,
+        levels=as_array(levels, jnp.int32) if method == "sampled" else None,
         distance=distance if method == "sampled" else 1,
         interpolation=interpolation,
         form="exponential" if form == "ratio" else form,

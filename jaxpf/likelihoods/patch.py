@@ -22,7 +22,7 @@ from jaxpf.errors import InputError
 from jaxpf.geometry import cos_sin
 from jaxpf.likelihoods._places import cell_centres, places_in_image
 from jaxpf.likelihoods.color import check_frame
-from jaxpf.pytree import pytree_dataclass, static_field
+from jaxpf.pytree import as_array, pytree_dataclass, static_field
 
 NORMS = ("mean", "sum")
 INTERPOLATIONS = ("nearest", "bilinear")
@@ -245,9 +245,9 @@ def _normalised(seen):
 
 def _build(references, sizes, sigma, window, norm, interpolation) -> PatchLikelihood:
     return PatchLikelihood(
-        sigma=jnp.asarray(sigma, float),
-        references=jnp.asarray(references, float),
-        sizes=jnp.asarray(sizes, float),
+        sigma=as_array(sigma, float),
+        references=as_array(references, float),
+        sizes=as_array(sizes, float),
         window=tuple(window),
         norm=norm,
         interpolation=interpolation,

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf import resampling
-from jaxpf.exchange import Offer
+from jaxpf.exchange import Groups, Offer
 from jaxpf.resampling import Components
 
 
@@ -30,6 +30,8 @@ class Frame(NamedTuple):
         scores: ``[P, N]``, by slot of drawing, see ``ParticleState``; or None.
         offers: every entry ``[P, N]``, what each part of the level offers for exchange; None
             where there is one partition.
+        groups: every entry ``[P, N]``, who shares the draw of each stage once its level has
+            ended; None where there is one partition.
     """
 
     stages: jax.Array
@@ -44,6 +46,15 @@ class Frame(NamedTuple):
     labels: jax.Array
     scores: jax.Array | None
     offers: Offer | None
+    groups: Groups | None
+
+    def lineage_of(self, particles: jax.Array) -> jax.Array:
+        """Lineage ``[P, N]`` of the given particles, ``[N]`` or by row ``[P, N]``.
+
+        Integer by integer: to move whole columns, XLA would transpose the lineage twice.
+        """
+        particles = jnp.broadcast_to(particles, self.lineage.shape)
+        return jnp.take_along_axis(self.lineage, particles, axis=1)
 
     def absorb(
         self, log_factor: jax.Array, components: Components, stage: jax.Array | None = None

@@ -21,7 +21,7 @@ import numpy as np
 from jax import lax
 from jax.ad_checkpoint import checkpoint_name
 
-from jaxpf import contract, exchange, resampling, transport
+from jaxpf import contract, exchange, levels, resampling, transport
 from jaxpf.frame import Frame
 from jaxpf.gradients import barrier, with_gradient_of
 from jaxpf.ordering import Ordering
@@ -75,7 +75,7 @@ def begin(tracker, key, state) -> tuple[Components, Frame]:
         ancestors, log_weights = _choose(
             ordering, _is_split(ordering), shuffled, lambda: (ancestors, log_weights)
         )
-    shape = (tracker.num_partitions, num_particles)
+    shape, alone = (tracker.num_partitions, num_particles), tracker.num_partitions == 1
     stages, lineage = jnp.zeros_like(state.lagged), jnp.broadcast_to(ancestors, shape)
     if tracker.gradient == "transport":
         # Blending moves substates: rows hold the past until their stage has come.
@@ -93,9 +93,8 @@ def begin(tracker, key, state) -> tuple[Components, Frame]:
         num_invalid=jnp.zeros((), jnp.int32),
         labels=labels,
         scores=None if state.scores is None else jnp.zeros(shape, log_weights.dtype),
-        offers=None
-        if tracker.num_partitions == 1
-        else exchange.no_offers(shape, log_weights.dtype),
+        offers=None if alone else exchange.no_offers(shape, log_weights.dtype),
+        groups=None if alone else exchange.everyone(*shape),
     )
 
 
@@ -110,6 +109,10 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
     dimension = state.lagged.shape[1]
     has_parents = any(parent != -1 for parent in tracker.parents)
     parents = jnp.asarray(tracker.parents, jnp.int32)
+    # Before the loop, for all stages: on a CPU a key costs as much as a gather per particle.
+    keys = jax.vmap(lambda stage: jax.random.split(jax.random.fold_in(key, stage), 4))(
+        jnp.arange(num_partitions)
+    )
 
     def parent_substates(frame, partition):
         if not has_parents:
@@ -121,9 +124,7 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
         return jnp.where(parent >= 0, drawn[:, row * num_particles + slot], 0.0)
 
     def body(stage, frame: Frame) -> Frame:
-        propagate_key, resample_key, exchange_key = jax.random.split(
-            jax.random.fold_in(key, stage), 3
-        )
+        propagate_key, resample_key, exchange_key, weigh_key = keys[stage]
         partition = ordering.order[components.index, stage]
         source = partition * num_particles + frame.lineage[stage]
         left = past[:, source].reshape(2, dimension, num_particles)
@@ -161,7 +162,7 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
             num_invalid=frame.num_invalid + jnp.sum(invalid, dtype=jnp.int32),
         )
         before = frame.log_weights
-        factor, offers = _weigh_part(ordering, exchange_key, stage, frame)
+        factor, offers = levels.weigh_part(tracker, weigh_key, stage, frame)
         frame = frame.absorb(factor, components, stage)
 
         def resample(frame):
@@ -180,7 +181,7 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
                 tracker, resample_key, frame.log_weights, selection, components, largest
             )
             return frame._replace(
-                lineage=frame.lineage[:, ancestors],
+                lineage=frame.lineage_of(ancestors),
                 log_weights=log_weights,
                 equal=equal,
             )
@@ -192,70 +193,12 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
         frame = _choose(
             ordering,
             ordering.exchange_after[stage],
-            lambda: _exchange_level(ordering, exchange_key, stage, resample_or_not, frame, offers),
+            lambda: levels.end(tracker, exchange_key, stage, resample_or_not, frame, offers),
             lambda: frame if num_partitions == 1 else resample_or_not(frame),
         )
         return frame._replace(offers=offers)
 
     return body
-
-
-def _weigh_part(ordering, key, stage, frame) -> tuple[jax.Array, exchange.Offer | None]:
-    """Log of what a stage multiplies the weights by, ``[N]``, and the level's offers so far."""
-    log_prob = frame.log_probs[stage]
-    if frame.offers is None:
-        return log_prob, None
-    parent = ordering.tree[ordering.order[0, stage]]
-
-    def weigh():
-        return exchange.weigh(
-            jax.random.fold_in(key, 0),
-            ordering.swap,
-            log_prob,
-            # Roots hang on nothing: all particles form one group.
-            jnp.where(parent < 0, 0, frame.lineage[ordering.rank[0, jnp.maximum(parent, 0)]]),
-            parent < 0,
-        )
-
-    def keep():
-        return log_prob, jax.tree.map(lambda rows: rows[stage], frame.offers)
-
-    factor, offer = lax.cond(ordering.exchanged[stage], weigh, keep)
-    # Unequal incoming weights (a skipped adaptive resampling) forbid the exchange.
-    factor = jnp.where(frame.equal, factor, log_prob)
-    return factor, jax.tree.map(
-        lambda rows, row: lax.dynamic_update_index_in_dim(rows, row, stage, axis=0),
-        frame.offers,
-        offer,
-    )
-
-
-def _exchange_level(ordering, key, stage, resample, frame, offers) -> Frame:
-    """End of a level: resample, and let every slot draw its parts anew."""
-    allowed, candidates = frame.equal, frame.lineage
-    num_partitions, num_particles = candidates.shape
-    # A row of identities in place of the lineage comes out as each slot's ancestor.
-    identity = jnp.arange(num_particles, dtype=jnp.int32)
-    tagged = resample(frame._replace(lineage=identity[None]))
-    ancestors = tagged.lineage[0]
-
-    def draw(row, givers):
-        def drawn():
-            offer = jax.tree.map(lambda rows: rows[row], offers)
-            is_root = ordering.tree[ordering.order[0, row]] < 0
-            row_key = jax.random.fold_in(key, 1 + row)
-            giver = exchange.draw(row_key, ordering.swap, offer, ancestors, is_root)
-            return jnp.where(allowed, giver, ancestors)
-
-        # The predicate is shared by all runs: parts of other levels cost nothing.
-        same_level = ordering.level[row] == ordering.level[stage]
-        return givers.at[row].set(lax.cond(same_level, drawn, lambda: ancestors))
-
-    givers = lax.fori_loop(0, num_partitions, draw, candidates)
-    # What hangs from a part of this level moves with it; all else stays with the ancestor.
-    carrier = ordering.carrier[stage][:, None]
-    source = jnp.where(carrier >= 0, givers[ordering.carrier[stage]], ancestors)
-    return tagged._replace(lineage=jnp.take_along_axis(candidates, source, axis=1))
 
 
 def finish(tracker, observation, components, frame) -> tuple[ParticleState, Summary]:

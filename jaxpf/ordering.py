@@ -33,7 +33,8 @@ class Ordering:
         rank: ``[C, P]`` int32, its inverse: the stage at which c processes partition p.
         fractions: ``[C]``, share of the particles that a random split gives component c.
         resample_after: ``[P]`` bool, resample (within components) after stage j.
-        exchange_after: ``[P]`` bool, exchange parts at the end of stage j's level.
+        exchange_after: ``[P]`` bool, stage j ends a level whose parts are exchanged, or which
+            a later level of exchanged parts hangs from.
         exchanged: ``[P]`` bool, stage j belongs to a level whose parts are exchanged.
         level: ``[P]`` int32, the level of stage j in the part tree.
         carrier: ``[P, P]`` int32, ``carrier[j, r]`` is the stage, in the level of stage j,
@@ -194,7 +195,8 @@ def sps(
         resample_after,
         level=level,
         exchanged=exchanged,
-        exchange_after=exchanged & level_end,
+        # A level without exchange, too, notes who shares its draws where a later one needs it.
+        exchange_after=level_end & np.maximum.accumulate(exchanged[::-1])[::-1],
         swap=SWAPS.index(swap),
         tree=tree,
     )

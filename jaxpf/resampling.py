@@ -17,7 +17,7 @@ from jax.typing import ArrayLike
 
 from jaxpf.errors import InputError
 from jaxpf.gradients import weighted, with_gradient_of
-from jaxpf.prefix import running_max, running_sum, segment_starts
+from jaxpf.prefix import running_max, running_sum
 from jaxpf.pytree import pytree_dataclass
 
 SCHEMES = ("systematic", "stratified", "multinomial", "residual")
@@ -203,7 +203,7 @@ def component_cdf(
     reference = components.spread(jnp.where(alive, largest, 0.0))
     relative = jnp.where(components.spread(alive), log_weights - reference, 0.0)
     weights = jnp.exp(relative)
-    cumulative = running_sum(weights, _starts(components))
+    cumulative = running_sum(weights, _ranks(components))
     total = components.last_of(cumulative)
     size = jnp.maximum(components.size, 1).astype(weights.dtype)
     log_mean = jnp.where(alive, largest + jnp.log(total) - jnp.log(size), -jnp.inf)
@@ -231,7 +231,7 @@ def component_max(values: jax.Array, components: Components) -> jax.Array:
         return jnp.max(values)[None]
 
     def of_each():
-        largest = components.last_of(running_max(values, _starts(components)))
+        largest = components.last_of(running_max(values, _ranks(components)))
         return jnp.where(components.size > 0, largest, -jnp.inf)
 
     def of_all():
@@ -241,9 +241,12 @@ def component_max(values: jax.Array, components: Components) -> jax.Array:
     return lax.cond(components.size[0] == values.shape[0], of_all, of_each)
 
 
-def _starts(components: Components) -> jax.Array | None:
-    """Where components begin; None where the shape alone says that there is one."""
-    return None if components.size.shape[0] == 1 else segment_starts(components.index)
+def _ranks(components: Components) -> jax.Array | None:
+    """Place of each slot in its component; None where the shape alone says there is one."""
+    if components.size.shape[0] == 1:
+        return None
+    slots = jnp.arange(components.index.shape[0], dtype=jnp.int32)
+    return slots - components.spread(components.start)
 
 
 def few_effective(
@@ -251,7 +254,7 @@ def few_effective(
 ) -> jax.Array:
     """``[C]`` bool: the component's effective sample size is <= threshold * n_c."""
     cdf = component_cdf(log_weights, components)
-    squares = components.last_of(running_sum(cdf.weights**2, _starts(components)))
+    squares = components.last_of(running_sum(cdf.weights**2, _ranks(components)))
     return cdf.total**2 <= threshold * components.size.astype(squares.dtype) * squares
 
 
@@ -281,17 +284,14 @@ def below(total: jax.Array, uniform: jax.Array) -> jax.Array:
     return jnp.minimum(uniform * total, jnp.nextafter(total, jnp.zeros_like(total)))
 
 
-def _ancestors_of_thresholds(offspring_before_end: jax.Array, start: jax.Array) -> jax.Array:
-    """Ancestors from cumulative offspring counts: slot j takes the first k with count > j.
+def ancestors_of_thresholds(end: jax.Array) -> jax.Array:
+    """Ancestors from where offspring end: slot j takes the first particle k with end > j.
 
-    ``offspring_before_end`` ``[N]`` int32 counts, within the component, the offspring of
-    particles up to and including k.  Counting how many particles end at or before each
-    slot avoids a search: one scatter and one running sum (O(N)).
+    ``end`` ``[N]`` int32, never decreasing, counts the offspring of particles up to and
+    including k.  Counting how many particles end at or before each slot avoids a search: one
+    scatter and one running sum (O(N)).
     """
-    num_particles = offspring_before_end.shape[0]
-    position = start + offspring_before_end
-    ending = jnp.zeros((num_particles + 1,), jnp.int32).at[position].add(1, mode="drop")
-    return running_sum(ending)[:num_particles]
+    return running_sum(jnp.zeros(end.shape, jnp.int32).at[end].add(1, mode="drop"))
 
 
 def systematic(key: jax.Array, cumulative: jax.Array, components: Components) -> jax.Array:
@@ -300,7 +300,7 @@ def systematic(key: jax.Array, cumulative: jax.Array, components: Components) ->
     uniform = jax.random.uniform(key, components.size.shape, cumulative.dtype)
     counts = jnp.ceil(_expected(cumulative, total, components) - components.spread(uniform))
     start = components.spread(components.start)
-    return _ancestors_of_thresholds(_complete(counts, cumulative, total, components), start)
+    return ancestors_of_thresholds(start + _complete(counts, cumulative, total, components))
 
 
 def _complete(counts, cumulative, total, components) -> jax.Array:
@@ -330,7 +330,7 @@ def _stratified(key, cdf, components):
     start, size = components.spread(components.start), components.spread(components.size)
     stratum = start + jnp.minimum(whole.astype(jnp.int32), size - 1)
     counts = whole + (uniform[stratum] < expected - whole)
-    return _ancestors_of_thresholds(_complete(counts, cdf.cumulative, cdf.total, components), start)
+    return ancestors_of_thresholds(start + _complete(counts, cdf.cumulative, cdf.total, components))
 
 
 def _multinomial(key, cdf, components):
@@ -343,13 +343,13 @@ def _multinomial(key, cdf, components):
 def _residual(key, cdf, components):
     # Liu & Chen 1998: floor(n w) copies for certain, the rest multinomial on what is left.
     start, size = components.spread(components.start), components.spread(components.size)
-    first = _starts(components)
+    rank = _ranks(components)
     expected = _expected(cdf.weights, cdf.total, components)
     copies = jnp.floor(expected)
     # Rounding may push the sum of the floors past n where all n w are whole numbers.
-    certain = jnp.minimum(running_sum(copies.astype(jnp.int32), first), size)
-    from_copies = _ancestors_of_thresholds(certain, start)
-    left = running_sum(jnp.maximum(expected - copies, 0.0), first)
+    certain = jnp.minimum(running_sum(copies.astype(jnp.int32), rank), size)
+    from_copies = ancestors_of_thresholds(start + certain)
+    left = running_sum(jnp.maximum(expected - copies, 0.0), rank)
     uniform = jax.random.uniform(key, cdf.cumulative.shape, cdf.cumulative.dtype)
     targets = below(components.spread(components.last_of(left)), uniform)
     from_rest = inverse_cdf(left, targets, start, size)

@@ -91,18 +91,30 @@ def test_kills_weights_kept_after_a_resampling(monkeypatch):
     assert mutant_scores(problem(TREE), ordering.ps([0, 1, 2])).worst > WRONG
 
 
+def _sharing(giver):
+    """Slots of the same giver as groups, by sorting."""
+    order = jnp.argsort(giver).astype(jnp.int32)
+    ordered, slots = giver[order], jnp.arange(giver.shape[0], dtype=jnp.int32)
+    first, behind = (jnp.searchsorted(ordered, ordered, side=side) for side in ("left", "right"))
+    return exchange.Groups(
+        order=order,
+        position=jnp.argsort(order).astype(jnp.int32),
+        rank=(slots - first).astype(jnp.int32),
+        last=(behind - 1).astype(jnp.int32),
+    )
+
+
 def test_kills_a_redraw_from_the_resampled_set(monkeypatch):
     """Candidates must be the particles before the resampling, not their offspring."""
 
-    def redraw(key, swap, one, ancestors, is_root):
-        positions = jnp.argsort(one.members)
-        before = jnp.concatenate([jnp.zeros(1), one.cumulative[:-1]])
-        start = (one.end - one.size)[one.group]
-        starts = positions == start
-        weight = one.cumulative[positions] - jnp.where(starts, 0.0, before[positions])
-        mine, theirs = start[ancestors][:, None], start[ancestors][None, :]
-        logits = jnp.where(mine == theirs, jnp.log(weight)[ancestors][None, :], -jnp.inf)
-        return ancestors[jax.random.categorical(key, logits, axis=1)].astype(jnp.int32)
+    def redraw(key, swap, offer, groups, slots, is_root):
+        place, ancestors = groups.position, slots.ancestors
+        before = jnp.where(groups.rank > 0, jnp.roll(offer.share, 1), 0.0)
+        weight, start = (offer.share - before)[place], (place - groups.rank[place])[ancestors]
+        likely = jnp.log(weight)[ancestors]
+        logits = jnp.where(start[:, None] == start[None, :], likely[None, :], -jnp.inf)
+        giver = ancestors[jax.random.categorical(key, logits, axis=1)].astype(jnp.int32)
+        return giver, _sharing(giver)
 
     monkeypatch.setattr(exchange, "draw", redraw)
     found = mutant_scores(problem(DEEP_TREE), ordering.sps(DEEP_TREE), resampling="multinomial")

@@ -1,0 +1,185 @@
+"""Exchanging parts: factors, draws within groups and the groups that come of them."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxpf import exchange
+from jaxpf.threefry import written_out
+
+#: Particles 0 to 7 in three groups, told by the particle's part of the level above.
+GROUP = np.array([2, 0, 2, 5, 0, 2, 2, 0])
+LIKELIHOOD = np.array([3.0, 1.0, 0.0, 7.0, 4.0, 2.0, 1.0, 0.0])
+ANCESTORS = np.array([6, 0, 1, 0, 3, 0, 5, 4])
+DRAWS = 40_000
+#: Of some hundred frequencies none is off by more, but once in ten thousand times.
+SIGMAS = 5.0
+
+
+def layout(group):
+    """Groups by sorting."""
+    order = np.argsort(group, kind="stable")
+    ordered, places = group[order], np.arange(len(group))
+    return exchange.Groups(
+        *(
+            jnp.asarray(row, jnp.int32)
+            for row in (
+                order,
+                np.argsort(order),
+                places - np.searchsorted(ordered, ordered),
+                np.searchsorted(ordered, ordered, side="right") - 1,
+            )
+        )
+    )
+
+
+def draws(likelihood=LIKELIHOOD, group=GROUP, ancestors=ANCESTORS, count=DRAWS, seed=0):
+    """Givers ``[count, N]`` and groups of as many draws of one part, and the slots' order."""
+    with np.errstate(divide="ignore"):
+        log_probs = jnp.asarray(np.log(likelihood))
+    groups, slots = layout(np.asarray(group)), exchange.families(jnp.asarray(ancestors))
+    _, share = exchange._weigh_groups(log_probs, groups)
+
+    def one(key):
+        return exchange._draw_from_groups(written_out(key), share, groups, slots)
+
+    giver, shared = jax.vmap(one)(jax.random.split(jax.random.key(seed), count))
+    return np.asarray(giver), jax.tree.map(np.asarray, shared), np.asarray(slots.ancestors)
+
+
+def law(likelihood, group):
+    """``[N, N]``: the probability of each giver for a slot, by the slot's ancestor."""
+    same = np.asarray(group)[:, None] == np.asarray(group)[None, :]
+    weight = np.where(same, likelihood, 0.0)
+    return weight / weight.sum(axis=1, keepdims=True)
+
+
+def worst_score(hits, probability):
+    """Largest distance of a frequency from its probability, in standard errors."""
+    error = np.sqrt(np.maximum(probability * (1 - probability), 1e-12) / DRAWS)
+    return np.max(np.abs(hits - probability) / error)
+
+
+def joint(first, second):
+    """``[N, N, N]``: how often a slot takes one part from i and the other from j."""
+    numbers = np.arange(first.shape[1])
+    is_first = (first[..., None] == numbers).astype(np.float32)
+    is_second = (second[..., None] == numbers).astype(np.float32)
+    return np.einsum("dsi,dsj->sij", is_first, is_second) / len(first)
+
+
+def test_the_factor_is_the_mean_of_the_group():
+    groups = layout(GROUP)
+    with np.errstate(divide="ignore"):
+        factor, _ = exchange._weigh_groups(jnp.asarray(np.log(LIKELIHOOD)), groups)
+    mean = [LIKELIHOOD[group == GROUP].mean() for group in GROUP]
+    np.testing.assert_allclose(np.exp(factor), mean, rtol=1e-6)
+
+
+def test_a_group_far_below_the_others_keeps_its_factor_and_a_dead_one_has_none():
+    log_probs = np.array([-1000.0, 0.0, -1001.0, -np.inf, 0.0, -1000.0, -1000.0, 0.0])
+    factor, share = exchange._weigh_groups(jnp.asarray(log_probs), layout(GROUP))
+    mean = -1000 + np.log((3 + np.exp(-1)) / 4)
+    np.testing.assert_allclose(np.asarray(factor)[[0, 2, 5, 6]], mean, rtol=1e-6)
+    assert np.asarray(factor)[3] == -np.inf
+    assert np.all(np.isfinite(share))
+
+
+def test_a_slot_draws_from_its_ancestors_group_in_proportion_to_the_likelihood():
+    giver, _, ancestors = draws()
+    np.testing.assert_array_equal(ancestors, np.sort(ANCESTORS))
+    hits = (giver[..., None] == np.arange(8)).mean(axis=0)
+    assert worst_score(hits, law(LIKELIHOOD, GROUP)[ancestors]) < SIGMAS
+    assert np.all(hits[law(LIKELIHOOD, GROUP)[ancestors] == 0] == 0)
+
+
+@pytest.mark.parametrize("other_group", [GROUP, np.array([0, 1, 0, 1, 1, 0, 1, 0])])
+def test_a_slots_draws_of_two_parts_are_independent(other_group):
+    other = np.array([1.0, 5.0, 2.0, 1.0, 3.0, 0.5, 1.0, 6.0])
+    first, _, ancestors = draws()
+    second, _, _ = draws(other, other_group, seed=1)
+    expected = law(LIKELIHOOD, GROUP)[ancestors], law(other, other_group)[ancestors]
+    product = np.einsum("si,sj->sij", *expected)
+    assert worst_score(joint(first, second), product) < SIGMAS
+
+
+def test_the_offset_is_what_makes_them_so(monkeypatch):
+    """Slots of a group in order of its members: at its ends the small shares come too often."""
+    original = jax.random.bits
+
+    def without_offset(key, shape=(), dtype=None):
+        return original(key, shape, dtype).at[1].set(0)
+
+    monkeypatch.setattr(jax.random, "bits", without_offset)
+    monkeypatch.setattr(exchange, "_GOLDEN", np.uint32(0))
+    giver, _, ancestors = draws()
+    hits = (giver[..., None] == np.arange(8)).mean(axis=0)
+    assert worst_score(hits, law(LIKELIHOOD, GROUP)[ancestors]) > 4 * SIGMAS
+
+
+def test_who_draws_the_same_part_forms_a_group():
+    giver, shared, _ = draws(count=50)
+    for taken, *rows in zip(giver, *shared, strict=True):
+        order, position, rank, last = rows
+        np.testing.assert_array_equal(order[position], np.arange(8))
+        ordered, places = taken[order], np.arange(8)
+        for place in places:
+            members = places[ordered == ordered[place]]
+            assert rank[place] == place - members[0]
+            assert last[place] == members[-1] == members[0] + len(members) - 1
+
+
+@pytest.mark.parametrize("num_particles", [1, 2, 3, 50, 200, 4096, 5000, 70_000])
+def test_strides_visit_every_place_of_a_group_once(num_particles):
+    strides = np.asarray(exchange._strides(num_particles))
+    largest = int(strides.max()) * (num_particles - 1) + num_particles
+    assert strides.min() >= 1
+    assert largest <= 2**24
+    if num_particles <= 2000:
+        assert np.all(strides > num_particles)
+    else:
+        # Where a prime may divide a group's size, the draw uses 1 in its place.
+        assert all(all(p % d for d in range(2, int(p**0.5) + 1)) for p in strides.tolist())
+
+
+def test_a_stride_that_divides_a_groups_size_is_not_taken(monkeypatch):
+    monkeypatch.setattr(exchange, "_strides", lambda num_particles: jnp.array([5]))
+    everyone = np.zeros(10, int)
+    _, shared, _ = draws(np.ones(10), everyone, np.arange(10), count=20)
+    np.testing.assert_array_equal(np.sort(shared.position, axis=1), [range(10)] * 20)
+
+
+def test_modulo_is_that_of_python():
+    rng = np.random.default_rng(0)
+    divisors = rng.integers(1, 5000, 100_000)
+    numbers = rng.integers(0, 2**24, 100_000)
+    numbers[:1000] = divisors[:1000] * rng.integers(0, 3000, 1000)  # exact multiples
+    found = exchange._modulo(jnp.asarray(numbers, jnp.int32), jnp.asarray(divisors, jnp.int32))
+    np.testing.assert_array_equal(found, numbers % divisors)
+
+
+def test_families_bring_ancestors_in_order():
+    families = exchange.families(jnp.asarray(ANCESTORS))
+    np.testing.assert_array_equal(families.ancestors, np.sort(ANCESTORS))
+    np.testing.assert_array_equal(families.size, np.bincount(ANCESTORS, minlength=8))
+    groups = families.groups()
+    np.testing.assert_array_equal(groups.order, np.arange(8))
+    np.testing.assert_array_equal(groups.rank, [0, 1, 2, 0, 0, 0, 0, 0])
+    np.testing.assert_array_equal(groups.last, [2, 2, 2, 3, 4, 5, 6, 7])
+
+
+def test_roots_are_one_group_of_all():
+    """The short way for roots gives what the general one gives for a single group."""
+    log_probs = jnp.asarray(np.log(LIKELIHOOD + 0.1))
+    everyone = layout(np.zeros(8, int))
+    slots = exchange.families(jnp.asarray(ANCESTORS))
+    factor, share = exchange._weigh_all(log_probs)
+    expected_factor, expected_share = exchange._weigh_groups(log_probs, everyone)
+    np.testing.assert_allclose(factor, expected_factor, rtol=1e-6)
+    np.testing.assert_allclose(share, expected_share, rtol=1e-6)
+    for seed in range(20):
+        key = jax.random.key(seed)
+        found = exchange._draw_from_all(key, share)
+        expected = exchange._draw_from_groups(key, share, everyone, slots)
+        jax.tree.map(np.testing.assert_array_equal, found, expected)

@@ -133,6 +133,21 @@ class LineWriter:
         self.close()
 
 
+def check_output_file(path: str | os.PathLike[str]) -> None:
+    """Find out now, rather than after the work, whether a file can be written.
+
+    Raises:
+        InputError: it is a folder, or its folder is missing or cannot be written.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise InputError(f"output file '{path}' is a folder; choose another --output")
+    probe = temporary_sibling(path)
+    with report_os_errors("write", path):
+        probe.touch()
+        probe.unlink()
+
+
 def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     """Create the folder for a run's results, or refuse to mix them with other files.
 

@@ -335,6 +335,37 @@ def cold_reproduction() -> float:
         return time.perf_counter() - began
 
 
+def second_start(repeats: int) -> tuple[float, tuple[float, float, float]]:
+    """From the start of a second ``jaxpf demo`` to its first result.
+
+    Returns:
+        Median seconds; median and 95 % interval of the ratio to a start that imports JAX and
+        does nothing.  The first start, which compiles into an empty folder, is not timed.
+    """
+    with tempfile.TemporaryDirectory() as empty:
+        environment = os.environ | {"JAXPF_CACHE_DIR": os.path.join(empty, "cache")}
+        commands = {
+            "import": ["-c", "import jax; print(' found again ')"],
+            "demo": ["-m", "jaxpf", "demo", "-o", os.path.join(empty, "demo")],
+        }
+
+        def until_first_result(arguments: list[str]) -> None:
+            command = [sys.executable, *arguments]
+            with subprocess.Popen(
+                command, env=environment, stdout=subprocess.PIPE, text=True
+            ) as started:
+                found = any(" found again " in line for line in started.stdout or ())
+                started.kill()
+            if not found:
+                raise RuntimeError(f"{' '.join(command)} ended without a result")
+
+        seconds = interleaved(
+            {name: partial(until_first_result, command) for name, command in commands.items()},
+            repeats,
+        )
+    return float(np.median(seconds["demo"])), median_interval(seconds["demo"] / seconds["import"])
+
+
 def memory_rows() -> Iterator[tuple[int, int]]:
     """Bytes that a run over T frames needs beyond its input and output, for several T."""
     tracker = line_tracker(10_000)

@@ -21,11 +21,12 @@ import numpy as np
 from jax import lax
 
 from jaxpf.gradients import weighted, with_gradient_of
+from jaxpf.ordering import SWAPS
 from jaxpf.prefix import running_max, running_sum
 from jaxpf.resampling import ancestors_of_thresholds, component_cdf, one_component
 
 # Codes of ordering.SWAPS.
-_NONE, _RANDOM, _SORTED, _COMBINATORIAL = range(4)
+_SORTED, _COMBINATORIAL = SWAPS.index("sorted"), SWAPS.index("combinatorial")
 
 #: Whole numbers that float32 holds exactly.
 _EXACT = 2**24
@@ -86,7 +87,10 @@ class Families(NamedTuple):
 
 
 def families(ancestors: jax.Array) -> Families:
-    """Bring ancestors ``[N]`` in order; slots of equal weight may as well be numbered anew."""
+    """Bring ancestors ``[N]`` in order.
+
+    Slots of equal weight may as well be numbered anew; others must be in order already.
+    """
     size = jnp.zeros(ancestors.shape, jnp.int32).at[ancestors].add(1)
     end = running_sum(size)
     return Families(ancestors_of_thresholds(end), size, end - size)
@@ -181,14 +185,14 @@ def _rule(swap: jax.Array, is_root: jax.Array) -> jax.Array:
 def _weigh_all(log_probs: jax.Array) -> tuple[jax.Array, jax.Array]:
     """``_weigh_groups`` for one group of all particles in their order."""
     cdf = component_cdf(log_probs, one_component(log_probs.shape[0]))
-    return jnp.broadcast_to(cdf.log_mean, log_probs.shape), cdf.cumulative / cdf.total
+    return jnp.broadcast_to(cdf.log_mean, log_probs.shape), _share(cdf.cumulative, cdf.total)
 
 
 def _draw_from_all(key: jax.Array, share: jax.Array) -> tuple[jax.Array, Groups]:
     """``_draw_from_groups`` for one group of all particles in their order."""
     numbers = jnp.arange(share.shape[0], dtype=jnp.int32)
     start, room = jnp.zeros((), jnp.int32), jnp.int32(share.shape[0])
-    return _deal(key, share, numbers == 0, start, room, numbers, start, room)
+    return _deal(key, share, start, room, numbers, start, room)
 
 
 def _weigh_groups(log_probs: jax.Array, groups: Groups) -> tuple[jax.Array, jax.Array]:
@@ -209,7 +213,12 @@ def _weigh_groups(log_probs: jax.Array, groups: Groups) -> tuple[jax.Array, jax.
     terms = weighted(part, differentiated)
     group = groups.last[groups.position]
     of_group = jnp.zeros_like(terms).at[group].add(terms)[group]
-    return with_gradient_of(log_factor, of_group), cumulative / total
+    return with_gradient_of(log_factor, of_group), _share(cumulative, total)
+
+
+def _share(cumulative: jax.Array, total: jax.Array) -> jax.Array:
+    """The quotient, and 1 where it ends: an accelerator's division may miss that."""
+    return jnp.where(cumulative < total, cumulative / total, 1.0)
 
 
 def _draw_from_groups(
@@ -224,15 +233,13 @@ def _draw_from_groups(
     room = (before + size)[groups.last] - start
     where = groups.position[slots.ancestors]
     place = numbers - slots.start[slots.ancestors] + (before - start)[where]
-    is_first = groups.rank == 0
-    taker, shared = _deal(key, share, is_first, start, room, place, start[where], room[where])
+    taker, shared = _deal(key, share, start, room, place, start[where], room[where])
     return groups.order[taker], shared
 
 
 def _deal(
     key: jax.Array,
     share: jax.Array,
-    is_first: jax.Array,
     start: jax.Array,
     room: jax.Array,
     place: jax.Array,
@@ -241,14 +248,14 @@ def _deal(
 ) -> tuple[jax.Array, Groups]:
     """Systematic draws within every group, dealt out to its slots by an affine permutation.
 
-    Each slot's draw has the right law and, because the permutation's offset is uniform, is
-    independent of the slot's other parts; that is all that unbiasedness needs.  The random
-    stride keeps neighbouring slots from sharing neighbouring draws of several parts.
+    Each slot's draw has the right law (to the 24 bits of a random number) and, because the
+    permutation's offset is uniform, is independent of the slot's other parts; that is all that
+    unbiasedness needs.  The random stride keeps neighbouring slots from sharing neighbouring
+    draws of several parts.
 
     Args:
         key: of these draws.
         share: see ``Offer``.
-        is_first: by position, ``[N]`` bool, the first member of a group.
         start: by position, the first place of the group's stretch of the new layout.
         room: by position, the number of its places.
         place: by slot, ``[N]`` int32, its number among the group's slots.
@@ -266,7 +273,8 @@ def _deal(
     shift = (shift >> 8).astype(share.dtype) / _EXACT
     wanted = jnp.ceil(share * room.astype(share.dtype) - shift).astype(jnp.int32)
     end = start + jnp.where(share < 1, jnp.clip(wanted, 0, room), room)
-    begin = jnp.where(is_first, start, jnp.roll(end, 1))
+    # Stretches follow one another: a group's first member begins where the last one ends.
+    begin = jnp.concatenate([jnp.zeros((1,), jnp.int32), end[:-1]])
     taker = ancestors_of_thresholds(end)
 
     # One random number serves all groups: the golden ratio's multiples tell them apart.

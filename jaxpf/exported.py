@@ -4,8 +4,8 @@ JAX's compile cache keeps what XLA made of a program, but knows it only by the t
 program, and to trace and lower a filter takes longer than all the rest of a second start.  So a
 command that runs one program again and again keeps that, too (``jax.export``), beside the
 compile cache.  A kept program is used only where everything that it was traced from is the same:
-this package's source text, JAX's version and settings, the devices, and the shapes and static
-parts of the arguments.
+this package's source text, JAX's version and the settings that tracing depends on, the devices,
+and the shapes and static parts of the arguments.
 """
 
 import contextlib
@@ -22,37 +22,44 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from jaxpf.files import atomic_write
 
-_DIGEST_SIZE = 32
+#: JAX's settings on which a traced program depends.
+_SETTINGS = (
+    "jax_enable_x64",
+    "jax_threefry_partitionable",
+    "jax_default_prng_impl",
+    "jax_default_matmul_precision",
+    "jax_numpy_dtype_promotion",
+    "jax_numpy_rank_promotion",
+    "jax_random_seed_offset",
+)
+#: Where all code is known that a program may be traced from.
+_KNOWN = ("builtins", "collections", "jax", "jaxpf", "scenes")
 
 
 def run_exported(function: Callable, *arguments: Any, **constants: Any) -> Any:
     """``jax.jit(function)(*arguments)``, traced once per machine and shape of the arguments.
 
-    Without a folder for JAX's compile cache: once per process.
+    Traced once per process, as ``jax.jit`` does, where there is no folder for JAX's compile
+    cache, where an argument is of a class that somebody else wrote and may change, and where
+    JAX cannot export the program.
 
     Args:
-        function: pure, of this package or of ``scenes``, and calling no code but theirs, JAX's
-            and NumPy's: changes of other code would go unnoticed.  It returns tuples, lists
-            and dictionaries of arrays.
+        function: pure, of this package, and calling no code but its own, JAX's and NumPy's.
+            It returns tuples, lists and dictionaries of arrays.
         arguments: pytrees of arrays.
         constants: what the program is made for; hashable, with a ``repr`` that tells all.
     """
     leaves, treedef = jax.tree.flatten(arguments)
     leaves = [leaf if hasattr(leaf, "dtype") else np.asarray(leaf) for leaf in leaves]
-    shapes = tuple(jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) for leaf in leaves)
-    devices, config = tuple(jax.local_devices()), jax.config.values
+    values = jax.config.values
     program = _program(
         function,
         treedef,
-        shapes,
+        tuple(jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) for leaf in leaves),
         tuple(sorted(constants.items())),
-        (devices, config["jax_enable_x64"]),
-        config["jax_compilation_cache_dir"],
+        (tuple(jax.local_devices()), *(values.get(name) for name in _SETTINGS)),
+        values["jax_compilation_cache_dir"],
     )
-    if len(devices) > 1:
-        # An exported program wants its inputs where it was traced to find them: everywhere.
-        mesh = Mesh(np.asarray(devices), ("devices",))
-        leaves = jax.device_put(leaves, NamedSharding(mesh, PartitionSpec()))
     return program(*leaves)
 
 
@@ -64,25 +71,48 @@ def _program(function, treedef, shapes, constants, settings, folder) -> Callable
         return function(*jax.tree.unflatten(treedef, leaves), **dict(constants))
 
     request = repr((treedef, shapes, constants, settings))
-    if not folder or " at 0x" in request:  # an address says nothing about the next process
+    # An address says nothing about the next process.
+    if not folder or " at 0x" in request or not _is_known(treedef):
         return jax.jit(flat)
-    digest = hashlib.sha256(request.encode()).hexdigest()[:32]
-    path = Path(folder) / f"{function.__module__}.{function.__qualname__}-{digest}.traced"
-    # Missing, cut off, of another version, or no program at all: trace anew.
+    name = f"{function.__module__}.{function.__qualname__}"
+    origin = hashlib.sha256(f"{name} {request}".encode() + _sources()).digest()
+    path = Path(folder) / f"{name}-{hashlib.sha256(request.encode()).hexdigest()[:32]}.traced"
+    # Missing, damaged, of other sources: trace anew.
     with contextlib.suppress(Exception):
         content = path.read_bytes()
-        if content[:_DIGEST_SIZE] == _origin():
-            return jax.jit(export.deserialize(bytearray(content[_DIGEST_SIZE:])).call)
-    program = export.export(jax.jit(flat))(*shapes)
+        seal, serialized = content[: len(origin)], content[len(origin) :]
+        if seal == hashlib.sha256(origin + serialized).digest():
+            return _callable(export.deserialize(bytearray(serialized)))
+    try:
+        program = export.export(jax.jit(flat))(*shapes)
+        serialized = bytes(program.serialize())
+    except Exception:  # a callback into Python, an operation without a stable form, ...
+        return jax.jit(flat)
     # A disk that is full or read-only costs the next start some seconds, nothing else.
     with contextlib.suppress(Exception), atomic_write(path, "wb") as file:
-        file.write(_origin() + program.serialize())
-    return jax.jit(program.call)
+        file.write(hashlib.sha256(origin + serialized).digest() + serialized)
+    return _callable(program)
+
+
+def _callable(program: export.Exported) -> Callable:
+    """An exported program wants its inputs on all the devices that it was traced for."""
+    run = jax.jit(program.call)
+    if program.nr_devices == 1:
+        return run
+    mesh = Mesh(np.asarray(jax.local_devices()[: program.nr_devices]), ("devices",))
+    return lambda *leaves: run(*jax.device_put(leaves, NamedSharding(mesh, PartitionSpec())))
+
+
+def _is_known(treedef: Any) -> bool:
+    """Whether all classes in a structure are this package's, or everybody's."""
+    data = treedef.node_data()
+    own = data is None or data[0].__module__.partition(".")[0] in _KNOWN
+    return own and all(map(_is_known, treedef.children()))
 
 
 @cache
-def _origin() -> bytes:
-    """Digest of what programs are traced from, but for their arguments."""
+def _sources() -> bytes:
+    """Digest of the code that programs are traced from."""
     import jaxlib
 
     import jaxpf

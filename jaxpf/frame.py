@@ -29,9 +29,9 @@ class Frame(NamedTuple):
         labels: ``[N]`` int32, components of the particles.
         scores: ``[P, N]``, by slot of drawing, see ``ParticleState``; or None.
         offers: every entry ``[P, N]``, what each part of the level offers for exchange; None
-            where there is one partition.
+            where nothing is ever exchanged.
         groups: every entry ``[P, N]``, who shares the draw of each stage once its level has
-            ended; None where there is one partition.
+            ended, for the combinatorial rule; None like ``offers``.
     """
 
     stages: jax.Array

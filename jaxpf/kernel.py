@@ -75,7 +75,7 @@ def begin(tracker, key, state) -> tuple[Components, Frame]:
         ancestors, log_weights = _choose(
             ordering, _is_split(ordering), shuffled, lambda: (ancestors, log_weights)
         )
-    shape, alone = (tracker.num_partitions, num_particles), tracker.num_partitions == 1
+    shape, exchanging = (tracker.num_partitions, num_particles), levels.may_exchange(tracker)
     stages, lineage = jnp.zeros_like(state.lagged), jnp.broadcast_to(ancestors, shape)
     if tracker.gradient == "transport":
         # Blending moves substates: rows hold the past until their stage has come.
@@ -93,8 +93,8 @@ def begin(tracker, key, state) -> tuple[Components, Frame]:
         num_invalid=jnp.zeros((), jnp.int32),
         labels=labels,
         scores=None if state.scores is None else jnp.zeros(shape, log_weights.dtype),
-        offers=None if alone else exchange.no_offers(shape, log_weights.dtype),
-        groups=None if alone else exchange.everyone(*shape),
+        offers=exchange.no_offers(shape, log_weights.dtype) if exchanging else None,
+        groups=exchange.everyone(*shape) if exchanging else None,
     )
 
 
@@ -189,12 +189,15 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
         def resample_or_not(frame):
             return lax.cond(ordering.resample_after[stage], resample, lambda frame: frame, frame)
 
-        frame = frame._replace(offers=None)
-        frame = _choose(
-            ordering,
+        if num_partitions == 1:
+            return barrier(frame)
+        if not levels.may_exchange(tracker):
+            return resample_or_not(frame)
+        frame = lax.cond(
             ordering.exchange_after[stage],
-            lambda: levels.end(tracker, exchange_key, stage, resample_or_not, frame, offers),
-            lambda: frame if num_partitions == 1 else resample_or_not(frame),
+            lambda frame: levels.end(tracker, exchange_key, stage, resample_or_not, frame, offers),
+            resample_or_not,
+            frame._replace(offers=None),
         )
         return frame._replace(offers=offers)
 

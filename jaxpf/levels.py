@@ -43,7 +43,7 @@ def end(tracker, key, stage, resample, frame, offers) -> Frame:
     ordering = tracker.ordering
     # A row of identities in place of the lineage comes out as each slot's ancestor.
     identity = jnp.arange(tracker.num_particles, dtype=jnp.int32)
-    tagged = resample(frame._replace(lineage=identity[None]))
+    tagged = resample(frame._replace(lineage=identity[None], groups=None))
     slots = exchange.families(tagged.lineage[0])
     keys = jax.random.split(key, tracker.num_partitions)
 
@@ -82,9 +82,14 @@ def _parent_row(ordering, stage) -> tuple[jax.Array, jax.Array]:
     return ordering.rank[0, jnp.maximum(parent, 0)], parent < 0
 
 
-def _always_equal(tracker) -> bool:
-    """Whether weights are equal at the start of every level, whatever happens.
+def may_exchange(tracker) -> bool:
+    """Whether there is a part to exchange, and weights that may be equal.
 
-    Unequal ones (a skipped adaptive resampling) forbid the exchange.
+    Unequal weights forbid the exchange, and soft resampling leaves them so.
     """
-    return tracker.ess_threshold is None and tracker.gradient != "soft"
+    return tracker.num_partitions > 1 and tracker.gradient not in ("soft", "transport")
+
+
+def _always_equal(tracker) -> bool:
+    """Whether weights are equal at the start of every level: no resampling is skipped."""
+    return tracker.ess_threshold is None

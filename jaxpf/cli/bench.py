@@ -71,6 +71,15 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
             for frames, sizes in gradient_costs.memory_rows()
         ],
     )
+    if output is not None:
+        from jaxpf.files import atomic_write
+
+        with atomic_write(output) as file:
+            file.write(",".join(speed.Row._fields) + "\n")
+            for row in rows:
+                file.write(",".join(f'"{x}"' if isinstance(x, str) else f"{x:.6g}" for x in row))
+                file.write("\n")
+        click.echo(f"{output}: written")
     common.print_table(
         "smith2004, tables 1 and 2: 1800 runs from a cold start",
         ["", "seconds", "goal"],
@@ -91,15 +100,6 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
             ]
         ],
     )
-    if output is not None:
-        from jaxpf.files import atomic_write
-
-        with atomic_write(output) as file:
-            file.write(",".join(speed.Row._fields) + "\n")
-            for row in rows:
-                file.write(",".join(f'"{x}"' if isinstance(x, str) else f"{x:.6g}" for x in row))
-                file.write("\n")
-        click.echo(f"{output}: written")
 
 
 def _show_growth(output: Path | None) -> list[Any]:

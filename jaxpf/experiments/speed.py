@@ -345,7 +345,7 @@ def second_start(repeats: int) -> tuple[float, tuple[float, float, float]]:
     with tempfile.TemporaryDirectory() as empty:
         environment = os.environ | {"JAXPF_CACHE_DIR": os.path.join(empty, "cache")}
         commands = {
-            "import": ["-c", "import jax; print(' found again ')"],
+            "import": ["-c", "import jax; print(' found again ', flush=True)"],
             "demo": ["-m", "jaxpf", "demo", "-o", os.path.join(empty, "demo")],
         }
 

@@ -387,3 +387,17 @@ def test_a_motion_gradient_that_would_be_zero_is_refused():
     gradients.check_motion_gradient(
         tracker(ordering.ps([0]), likelihood=Gaussian(noise=np.ones((1, 1, 1))))
     )
+
+
+@pytest.mark.parametrize("scheme", ["systematic", "multinomial"])
+def test_soft_resampling_leaves_out_every_exchange(scheme):
+    """Its weights stay unequal, slot by slot, and no exchange may renumber the slots."""
+    tree = (-1, 0, 0)
+    soft = partial(tracker, gradient="soft", resampling=scheme, parents=tree)
+    run = quick(jaxpf.run)
+    expected, *others = (
+        run(soft(ordering.sps(tree, swap)), jax.random.key(3), frames(np.inf, 3))
+        for swap in ("none", "combinatorial", "sorted")
+    )
+    for found in others:
+        jax.tree.map(np.testing.assert_array_equal, found, expected)

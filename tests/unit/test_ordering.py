@@ -50,7 +50,9 @@ def test_sps_resamples_after_every_level_but_the_last():
     np.testing.assert_array_equal(made.order[0], [0, 1, 2, 3, 4])
     np.testing.assert_array_equal(made.level, [0, 1, 1, 2, 2])
     np.testing.assert_array_equal(made.resample_after, [True, False, True, False, False])
-    np.testing.assert_array_equal(made.exchange_after, [False, False, True, False, True])
+    # The root's level, too: its end notes who shares the root's draw.
+    np.testing.assert_array_equal(made.exchange_after, [True, False, True, False, True])
+    np.testing.assert_array_equal(made.exchanged, [False, True, True, True, True])
 
 
 def test_sps_goes_level_by_level_whatever_the_numbers_of_the_parts():

@@ -190,7 +190,7 @@ def stage_body(tracker, key, state, observation, components) -> Callable[[jax.Ar
             return lax.cond(ordering.resample_after[stage], resample, lambda frame: frame, frame)
 
         if num_partitions == 1:
-            return barrier(frame)
+            return barrier(frame)  # as in _choose
         if not levels.may_exchange(tracker):
             return resample_or_not(frame)
         frame = lax.cond(

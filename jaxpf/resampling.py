@@ -294,15 +294,6 @@ def ancestors_of_thresholds(end: jax.Array) -> jax.Array:
     return running_sum(jnp.zeros(end.shape, jnp.int32).at[end].add(1, mode="drop"))
 
 
-def systematic(key: jax.Array, cumulative: jax.Array, components: Components) -> jax.Array:
-    """Systematic ancestors ``[N]`` from running sums of weights ``[N]``, one per component."""
-    total = components.last_of(cumulative)
-    uniform = jax.random.uniform(key, components.size.shape, cumulative.dtype)
-    counts = jnp.ceil(_expected(cumulative, total, components) - components.spread(uniform))
-    start = components.spread(components.start)
-    return ancestors_of_thresholds(start + _complete(counts, cumulative, total, components))
-
-
 def _complete(counts, cumulative, total, components) -> jax.Array:
     """Cumulative counts clipped to the component, complete where the weights end.
 
@@ -320,7 +311,11 @@ def _expected(values, total, components) -> jax.Array:
 
 
 def _systematic(key, cdf, components):
-    return systematic(key, cdf.cumulative, components)
+    uniform = jax.random.uniform(key, components.size.shape, cdf.cumulative.dtype)
+    expected = _expected(cdf.cumulative, cdf.total, components)
+    counts = jnp.ceil(expected - components.spread(uniform))
+    start = components.spread(components.start)
+    return ancestors_of_thresholds(start + _complete(counts, cdf.cumulative, cdf.total, components))
 
 
 def _stratified(key, cdf, components):

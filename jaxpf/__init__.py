@@ -1,7 +1,33 @@
 """jaxpf: particle filters for visual tracking of many, articulated and deformable objects.
 
-Names are imported when they are first used (PEP 562), because importing JAX takes most of
-a second that ``jaxpf --help`` and a script that only reads files need not spend.
+The map, downwards: a file imports from its own room and from rooms below it, never from above.
+
+``cli/``
+    The command line, one file per command.
+``experiments/``
+    The papers' tables and figures repeated, one folder per paper; speed measured.
+``evaluation/``, ``tuning/``
+    Many runs compared, with intervals, resumed where interrupted; parameters found by gradient.
+``targets/``
+    What a substate means, one file per target: boxes, parts.
+``files/``, ``media/``, ``measures/``
+    Tables of tracks in and out; video, drawing and plots; how good tracks are.
+``filters/``
+    How guesses are organised: ``partitioned/`` (SIR, PS, DPS, SPS and branched, one kernel).
+``models/``
+    How a substate moves (``dynamics``, ``joints``) and explains a frame (``likelihoods``).
+``contract``, ``state``, ``running``, ``streaming``
+    What a tracker, a dynamics and a likelihood are; what a frame reports; over the frames.
+``lowering/``
+    What is written for the compiler's sake, and nothing else.
+``pytree``, ``errors``
+    What everything shares.
+
+``scenes``, the package beside this one, makes synthetic sequences and reads annotated clips; it
+imports nothing of ``jaxpf``.
+
+Names are imported when they are first used (PEP 562), because importing JAX takes most of a
+second that ``jaxpf --help`` and a script that only reads files need not spend.
 """
 
 import importlib
@@ -9,40 +35,42 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-_MODULES = (
-    "articulated",
-    "boxes",
-    "contract",
-    "dynamics",
-    "errors",
-    "evaluation",
-    "geometry",
-    "gradients",
-    "intervals",
-    "joints",
-    "likelihoods",
-    "metrics",
-    "objectives",
-    "ordering",
-    "overlay",
-    "partitioned",
-    "plotting",
-    "pytree",
-    "resampling",
-    "running",
-    "scores",
-    "state",
-    "track_matching",
-    "tracking",
-    "tracks",
-    "tuning",
-    "video",
-    "video_writer",
-)
+#: Public modules by the name under which ``import jaxpf`` shows them.
+_MODULES = {
+    "articulated": "targets.parts",
+    "boxes": "targets.boxes",
+    "contract": "contract",
+    "dynamics": "models.dynamics",
+    "errors": "errors",
+    "evaluation": "evaluation",
+    "geometry": "models.geometry",
+    "gradients": "filters.partitioned.gradients",
+    "intervals": "measures.intervals",
+    "joints": "models.joints",
+    "likelihoods": "models.likelihoods",
+    "metrics": "measures.metrics",
+    "objectives": "tuning.objectives",
+    "ordering": "filters.partitioned.ordering",
+    "overlay": "media.overlay",
+    "partitioned": "filters.partitioned.tracker",
+    "plotting": "media.plotting",
+    "pytree": "pytree",
+    "resampling": "filters.resampling",
+    "running": "running",
+    "scores": "measures.scores",
+    "state": "state",
+    "streaming": "streaming",
+    "track_matching": "measures.track_matching",
+    "tracking": "streaming",
+    "tracks": "files.tracks",
+    "tuning": "tuning",
+    "video": "media.video",
+    "video_writer": "media.video_writer",
+}
 _NAMES = {
     "InputError": "errors",
     "ParticleState": "state",
-    "Partitioned": "partitioned",
+    "Partitioned": "filters.partitioned.tracker",
     "Summary": "state",
     "monte_carlo": "running",
     "pytree_dataclass": "pytree",
@@ -52,41 +80,28 @@ _NAMES = {
 
 if TYPE_CHECKING:
     from jaxpf import (  # noqa: F401
-        articulated,
-        boxes,
         contract,
-        dynamics,
         errors,
         evaluation,
-        geometry,
-        gradients,
-        intervals,
-        joints,
-        likelihoods,
-        metrics,
-        objectives,
-        ordering,
-        overlay,
-        partitioned,
-        plotting,
         pytree,
-        resampling,
         running,
-        scores,
         state,
-        track_matching,
-        tracking,
-        tracks,
+        streaming,
         tuning,
-        video,
-        video_writer,
     )
     from jaxpf.errors import InputError
-    from jaxpf.partitioned import Partitioned
+    from jaxpf.files import tracks  # noqa: F401
+    from jaxpf.filters import resampling  # noqa: F401
+    from jaxpf.filters.partitioned import gradients, ordering  # noqa: F401
+    from jaxpf.filters.partitioned.tracker import Partitioned
+    from jaxpf.measures import intervals, metrics, scores, track_matching  # noqa: F401
+    from jaxpf.media import overlay, plotting, video, video_writer  # noqa: F401
+    from jaxpf.models import dynamics, geometry, joints, likelihoods  # noqa: F401
     from jaxpf.pytree import pytree_dataclass
     from jaxpf.running import monte_carlo, run
     from jaxpf.state import ParticleState, Summary
-    from jaxpf.tuning import tune
+    from jaxpf.targets import boxes, parts  # noqa: F401
+    from jaxpf.tuning import objectives, tune  # noqa: F401
 
 __all__ = [
     "InputError",
@@ -104,7 +119,7 @@ def __getattr__(name: str) -> Any:
     if name in _NAMES:
         return getattr(importlib.import_module(f"jaxpf.{_NAMES[name]}"), name)
     if name in _MODULES:
-        return importlib.import_module(f"jaxpf.{name}")
+        return importlib.import_module(f"jaxpf.{_MODULES[name]}")
     raise AttributeError(f"module 'jaxpf' has no attribute {name!r}")
 
 

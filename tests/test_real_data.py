@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import metrics
-from jaxpf.boxes import box_tracker, ordering_of
-from jaxpf.geometry import boxes_from_substates
-from jaxpf.likelihoods import histogram
+from jaxpf.measures import metrics
+from jaxpf.models.geometry import boxes_from_substates
+from jaxpf.models.likelihoods import histogram
+from jaxpf.targets.boxes import box_tracker, ordering_of
 from scenes.clips import read_clip
 
 pytestmark = pytest.mark.slow

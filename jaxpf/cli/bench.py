@@ -32,7 +32,7 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
     if repeats < 1:
         raise InputError(f"--repeats {repeats} must be at least 1.")
     if output is not None:
-        from jaxpf.files import check_output_file
+        from jaxpf.files.writing import check_output_file
 
         if scaling and output.suffix == ".png":
             raise InputError(f"--output {output} is where the curves go; name the CSV file.")
@@ -72,7 +72,7 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
         ],
     )
     if output is not None:
-        from jaxpf.files import atomic_write
+        from jaxpf.files.writing import atomic_write
 
         with atomic_write(output) as file:
             file.write(",".join(speed.Row._fields) + "\n")
@@ -85,26 +85,11 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
         ["", "seconds", "goal"],
         [["all, compilation included", f"{speed.cold_reproduction():.1f}", "< 60"]],
     )
-    seconds, (ratio, low, high) = speed.second_start(repeats)
-    common.print_table(
-        "A second jaxpf demo, to its first result",
-        ["", "seconds", "ratio", "95 % interval", "of", "goal"],
-        [
-            [
-                "imports included",
-                f"{seconds:.2f}",
-                f"{ratio:.2f}",
-                f"[{low:.2f}, {high:.2f}]",
-                "this / import jax",
-                "< 3 s",
-            ]
-        ],
-    )
 
 
 def _show_growth(output: Path | None) -> list[Any]:
-    from jaxpf import plotting
     from jaxpf.experiments import growth, speed
+    from jaxpf.media import plotting
 
     found = list(growth.growth())
     common.print_table(

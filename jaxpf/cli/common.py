@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from jaxpf.errors import InputError
-from jaxpf.files import atomic_write
+from jaxpf.files.writing import atomic_write
 
 
 class NumberList(click.ParamType):

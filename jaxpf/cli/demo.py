@@ -34,7 +34,7 @@ def command(runs: int, seed: int, particles: int, sharpness: float, output: Path
     The runs start from the same boxes, with the same seeds; intervals are at 95 %.
     """
     from jaxpf.errors import InputError
-    from jaxpf.files import prepare_output_folder
+    from jaxpf.files.writing import prepare_output_folder
 
     if not 0 <= seed < 2**20:
         raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
@@ -79,7 +79,7 @@ def command(runs: int, seed: int, particles: int, sharpness: float, output: Path
 
 
 def _orderings(num_objects: int) -> dict[str, Any]:
-    from jaxpf import ordering
+    from jaxpf.filters.partitioned import ordering
 
     return {
         "SIR": ordering.sir(num_objects),
@@ -95,7 +95,7 @@ def _percent(interval: Any, index: Any) -> str:
 
 
 def _table(results: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
-    from jaxpf import metrics
+    from jaxpf.measures import metrics
 
     columns = ["", "recovery, object 1", "success, objects 2-7", "precision", "recall", "unique"]
     rows = []
@@ -119,7 +119,7 @@ def _table(results: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
 
 
 def _plot(results: dict[str, Any], path: Path) -> None:
-    from jaxpf import plotting
+    from jaxpf.media import plotting
 
     figure, axes = plotting.new_figure(1, 2, figsize=(11, 4))
     recovery = {}
@@ -145,10 +145,10 @@ def _overlay(scene: Any, tracker: Any, result: Any, seeds: list[int], path: Path
     import cv2
     import jax
 
-    from jaxpf import overlay
-    from jaxpf.geometry import boxes_from_substates
-    from jaxpf.tracking import stream
-    from jaxpf.video_writer import VideoWriter
+    from jaxpf.media import overlay
+    from jaxpf.media.video_writer import VideoWriter
+    from jaxpf.models.geometry import boxes_from_substates
+    from jaxpf.streaming import stream
 
     ids = list(range(1, scene.num_objects + 1))
     colours = overlay.object_colours(len(ids))

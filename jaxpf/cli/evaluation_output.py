@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from jaxpf.cli import common
-from jaxpf.files import atomic_write
+from jaxpf.files.writing import atomic_write
 
 #: What a finished evaluation prints again; written last, once tables and report are.
 FINISHED = "finished.json"

@@ -24,9 +24,9 @@ def command(video: Path, number: int, step: int | None, output: Path | None) -> 
     import cv2
 
     from jaxpf.errors import InputError
-    from jaxpf.files import atomic_write
-    from jaxpf.overlay import draw_pixel_grid
-    from jaxpf.video import open_frames
+    from jaxpf.files.writing import atomic_write
+    from jaxpf.media.overlay import draw_pixel_grid
+    from jaxpf.media.video import open_frames
 
     if number < 0:
         raise InputError(f"--number {number} must be at least 0: frames count from 0.")

@@ -13,16 +13,16 @@ import numpy as np
 
 from jaxpf.cli import common
 from jaxpf.errors import InputError
-from jaxpf.versions import versions
+from jaxpf.files.versions import versions
 
 
 class Recorder:
     """Writes everything that a run leaves behind, frame by frame."""
 
     def __init__(self, output, source, options, ids, boxes, tracker):
-        from jaxpf.files import report_os_errors
-        from jaxpf.overlay import object_colours
-        from jaxpf.video_writer import VideoWriter
+        from jaxpf.files.writing import report_os_errors
+        from jaxpf.media.overlay import object_colours
+        from jaxpf.media.video_writer import VideoWriter
 
         self.output, self.source, self.options = output, source, options
         self.ids, self.boxes, self.tracker = ids, boxes, tracker
@@ -64,12 +64,12 @@ class Recorder:
     # Boxes; jaxpf.cli.track_parts has parts in their place.
 
     def _new_tracks(self, path):
-        from jaxpf.tracks import TrackWriter
+        from jaxpf.files.tracks import TrackWriter
 
         return TrackWriter(path)
 
     def _estimate(self, substates):
-        from jaxpf.geometry import boxes_from_substates
+        from jaxpf.models.geometry import boxes_from_substates
 
         return np.asarray(boxes_from_substates(substates, self.boxes[:, 2:]), float)
 
@@ -80,7 +80,7 @@ class Recorder:
         self.tracks.append(number, self.ids, boxes, np.where(lost, 0.0, 1.0))
 
     def _paint(self, frame, boxes, lost):
-        from jaxpf.overlay import draw_boxes
+        from jaxpf.media.overlay import draw_boxes
 
         return draw_boxes(frame, boxes, self.ids, self.colours, lost)
 
@@ -89,7 +89,7 @@ class Recorder:
 
     def follow(self, key, frames):
         """Track the frames after the start frame."""
-        from jaxpf.tracking import stream
+        from jaxpf.streaming import stream
 
         start, limit = self.options["start"], self.options["frames"]
         frames = itertools.islice(frames, None if limit is None else min(limit, sys.maxsize))
@@ -130,7 +130,7 @@ class Recorder:
 
     def _diagnose(self, fields):
         """Append one line to diagnostics.csv: all of it or nothing."""
-        from jaxpf.files import report_os_errors
+        from jaxpf.files.writing import report_os_errors
 
         data, end = (",".join(fields) + "\n").encode("ascii"), self.diagnostics.tell()
         with report_os_errors("write", self.output / "diagnostics.csv"):
@@ -149,7 +149,7 @@ class Recorder:
         return ~inside  # a NaN box compares false everywhere, so it counts as lost
 
     def _draw(self, frame, found, lost, cloud):
-        from jaxpf.overlay import draw_particles
+        from jaxpf.media.overlay import draw_particles
 
         if self.video is None:
             return
@@ -159,8 +159,8 @@ class Recorder:
 
     def finish(self, stopped, truth):
         """Write what is known only at the end, and tell the user; ``stopped``: by what, or None."""
-        from jaxpf import plotting
-        from jaxpf.files import atomic_write
+        from jaxpf.files.writing import atomic_write
+        from jaxpf.media import plotting
 
         rate = (self.num_tracked - 1) / self.seconds_rest if self.seconds_rest > 0 else None
         content = {
@@ -230,8 +230,9 @@ def _jsonable(value: Any) -> Any:
 
 def _report_truth(output: Path, truth: Any, ids: np.ndarray) -> None:
     """Metrics over the frames after the start that have truth."""
-    from jaxpf import metrics, tracks
-    from jaxpf.files import atomic_write
+    from jaxpf.files import tracks
+    from jaxpf.files.writing import atomic_write
+    from jaxpf.measures import metrics
 
     estimated = tracks.read_boxes(output / "tracks.csv", empty_boxes="absent")
     first, last = int(estimated.frame.min()), int(estimated.frame.max())

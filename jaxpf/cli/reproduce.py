@@ -55,7 +55,7 @@ def command(
     contradicted, or cannot be resolved at this number of runs.
     """
     from jaxpf.errors import InputError
-    from jaxpf.files import prepare_output_folder
+    from jaxpf.files.writing import prepare_output_folder
 
     if runs is not None and runs < 1:
         raise InputError(f"--runs {runs} must be at least 1.")
@@ -94,7 +94,7 @@ def command(
 def _calibrate(experiment: Any, paper: str, folder: Path) -> None:
     from jaxpf.errors import InputError
     from jaxpf.experiments.comparison_table import table_csv
-    from jaxpf.files import atomic_write
+    from jaxpf.files.writing import atomic_write
 
     if not hasattr(experiment, "calibrate"):
         raise InputError(f"--calibrate: {paper} has nothing to calibrate; leave it out.")

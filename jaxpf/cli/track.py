@@ -150,8 +150,8 @@ def command(**options: Any) -> None:
     """
     _prefer_command_line(options)
     _check_options(options)
-    from jaxpf import files
-    from jaxpf.video import open_frames
+    from jaxpf.files import writing as files
+    from jaxpf.media.video import open_frames
 
     source = open_frames(options["video"])
     frames = source.frames(options["start"])
@@ -261,7 +261,7 @@ def _check_options(options: dict[str, Any]) -> None:
 
 
 def _start_boxes(options: dict[str, Any], source: Any) -> tuple[np.ndarray, np.ndarray]:
-    from jaxpf import tracks
+    from jaxpf.files import tracks
 
     if options["box"] and options["boxes"]:
         raise InputError("--box and --boxes were both given; use one of them.")
@@ -287,7 +287,7 @@ def _read_truth(options: dict[str, Any], ids: np.ndarray) -> Any:
     """The table of --truth, which must say something about this run."""
     if options["truth"] is None:
         return None
-    from jaxpf.tracks import read_boxes
+    from jaxpf.files.tracks import read_boxes
 
     truth = read_boxes(options["truth"], empty_boxes="absent")
     names = ", ".join(map(str, ids))
@@ -313,8 +313,8 @@ def _read_truth(options: dict[str, Any], ids: np.ndarray) -> Any:
 def _build_tracker(
     options: dict[str, Any], first: np.ndarray, ids: np.ndarray, boxes: np.ndarray
 ) -> Any:
-    from jaxpf.boxes import box_tracker, ordering_of
-    from jaxpf.likelihoods.histogram import histogram
+    from jaxpf.models.likelihoods.histogram import histogram
+    from jaxpf.targets.boxes import box_tracker, ordering_of
 
     order = options["order"]
     if order is not None and sorted(order) != list(range(len(boxes))):
@@ -368,7 +368,7 @@ def _check_output(output: Path, video: Path) -> None:
 
 def _remove_outputs(output: Path) -> None:
     """Remove the files of a run, and no others."""
-    from jaxpf.files import report_os_errors
+    from jaxpf.files.writing import report_os_errors
 
     for name in _OUTPUTS:
         with report_os_errors("replace", output / name):

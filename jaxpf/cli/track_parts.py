@@ -52,7 +52,7 @@ def complete(options: dict[str, Any]) -> None:
 
 def start_parts(options: dict[str, Any], width: int, height: int) -> Any:
     """The parts of the file, all of them with their centre in the frame."""
-    from jaxpf.part_files import read_parts
+    from jaxpf.files.parts import read_parts
 
     parts = read_parts(options["parts_file"])
     for name, (x, y, _) in zip(parts.names, parts.poses, strict=True):
@@ -66,7 +66,7 @@ def start_parts(options: dict[str, Any], width: int, height: int) -> Any:
 
 def build_tracker(options: dict[str, Any], first: np.ndarray, parts: Any) -> Any:
     """A tracker that starts at the parts and learns their looks from the first frame."""
-    from jaxpf.articulated import ordering_of_parts, parts_tracker
+    from jaxpf.targets.parts import ordering_of_parts, parts_tracker
 
     order = options["order"]
     if order is not None and sorted(order) != list(range(len(parts.names))):
@@ -105,8 +105,8 @@ def build_tracker(options: dict[str, Any], first: np.ndarray, parts: Any) -> Any
 
 
 def _learn(options: dict[str, Any], first: np.ndarray, parts: Any) -> Any:
-    from jaxpf.articulated import cut_pictures
-    from jaxpf.likelihoods import histogram_from_patches, patch
+    from jaxpf.models.likelihoods import histogram_from_patches, patch
+    from jaxpf.targets.parts import cut_pictures
 
     if options["likelihood"] == "patch":
         sigma = 1 / math.sqrt(options["sharpness"])
@@ -129,7 +129,7 @@ class PartRecorder(Recorder):
         super().__init__(output, source, options, np.array(parts.names), parts.poses, tracker)
 
     def _new_tracks(self, path):
-        from jaxpf.part_files import PartTrackWriter
+        from jaxpf.files.parts import PartTrackWriter
 
         return PartTrackWriter(path)
 
@@ -137,7 +137,7 @@ class PartRecorder(Recorder):
         return np.asarray(substates[:, :3], float)
 
     def _corners(self, poses):
-        from jaxpf.geometry import corners_from_poses
+        from jaxpf.models.geometry import corners_from_poses
 
         return np.asarray(corners_from_poses(poses, self.parts.sizes), float)
 
@@ -150,7 +150,7 @@ class PartRecorder(Recorder):
         self.tracks.append(number, self.ids, poses, self.parts.sizes)
 
     def _paint(self, frame, poses, lost):
-        from jaxpf.overlay import draw_rectangles
+        from jaxpf.media.overlay import draw_rectangles
 
         return draw_rectangles(frame, self._corners(poses), self.ids, self.colours, lost)
 

@@ -126,7 +126,7 @@ def command(**options: Any) -> None:
         write_tuned,
     )
     from jaxpf.cli.tune_scenes import divided_scenes
-    from jaxpf.files import prepare_output_folder
+    from jaxpf.files.writing import prepare_output_folder
     from jaxpf.tuning.checkpoint import NAME
 
     train, unseen = divided_scenes(options)

@@ -8,7 +8,7 @@ import click
 import numpy as np
 
 from jaxpf.cli import common
-from jaxpf.files import atomic_write
+from jaxpf.files.writing import atomic_write
 
 TUNED, TRACES, COMPARISON = "tuned.toml", "tuning.png", "comparison.csv"
 
@@ -47,7 +47,7 @@ def _numbers(value: Any) -> Any:
 
 def write_traces(path: Path, result: Any, objective: str) -> None:
     """The figure of the descents."""
-    from jaxpf.plotting import save_figure
+    from jaxpf.media.plotting import save_figure
     from jaxpf.tuning.plot import traces
 
     names = {

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.files import atomic_write
+from jaxpf.files.writing import atomic_write
 
 FOLDER = "batches"
 _NAME = re.compile(r"\d+-\d+\.npz")

@@ -11,8 +11,8 @@ from jaxpf.evaluation.measures import COORDINATES, by_name
 from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.summary import Summary
 from jaxpf.evaluation.tables import Tables
-from jaxpf.plotting import new_figure
-from jaxpf.scores import OVERLAP_THRESHOLDS
+from jaxpf.measures.scores import OVERLAP_THRESHOLDS
+from jaxpf.media.plotting import new_figure
 
 #: Okabe and Ito (2008), the colours that show on white, most different first.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")

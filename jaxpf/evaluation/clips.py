@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from jaxpf.evaluation.collection import ShownRun
-from jaxpf.overlay import draw_boxes, object_colours
-from jaxpf.video_writer import VideoWriter
+from jaxpf.media.overlay import draw_boxes, object_colours
+from jaxpf.media.video_writer import VideoWriter
 
 #: Sizes of a clip, large ones first: its longer side in pixels, to which frames are enlarged or
 #: reduced, and its frames at most, of which a longer run shows every second, or third, and so on.

@@ -18,8 +18,8 @@ from jaxpf.evaluation.batches import Batch
 from jaxpf.evaluation.estimates import LEVEL, with_all
 from jaxpf.evaluation.measures import COLUMNS, SCORES, Measured, measure_batch
 from jaxpf.evaluation.results import Configuration, Results
-from jaxpf.files import report_os_errors
-from jaxpf.scores import OVERLAP_THRESHOLDS, tracking_scores
+from jaxpf.files.writing import report_os_errors
+from jaxpf.measures.scores import OVERLAP_THRESHOLDS, tracking_scores
 
 #: Quantiles of the centre error that are drawn over time.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)

@@ -15,7 +15,7 @@ from jaxpf.evaluation.batches import Batch, survey, write_batch
 from jaxpf.evaluation.execution import RETRIES, Factory, in_turn
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
 from jaxpf.evaluation.results import Configuration, Results
-from jaxpf.files import report_os_errors
+from jaxpf.files.writing import report_os_errors
 
 if TYPE_CHECKING:
     from jaxpf.evaluation.worker import Work
@@ -204,7 +204,7 @@ def _missing_imports(
 
     for index, configuration in enumerate(configurations):
         if configuration.is_imported and not done[index].all():
-            from jaxpf.track_matching import read_tracks
+            from jaxpf.measures.track_matching import read_tracks
 
             path = plan.tracks[configuration.method]
             boxes = read_tracks(path, scene.boxes, object_ids(scene), start_frame(scene))

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import bdtr, stdtr, stdtrit
 
-from jaxpf.intervals import Interval, mean_interval, wilson_interval
+from jaxpf.measures.intervals import Interval, mean_interval, wilson_interval
 
 #: Confidence of every interval.
 LEVEL = 0.95

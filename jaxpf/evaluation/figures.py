@@ -12,7 +12,7 @@ from jaxpf.evaluation import charts
 from jaxpf.evaluation.layout import object_name
 from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.tables import Tables
-from jaxpf.files import atomic_write, report_os_errors
+from jaxpf.files.writing import atomic_write, report_os_errors
 
 _STYLE: dict[Any, Any] = {
     "text.parse_math": False,  # a dollar in a user's name is a dollar

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from jaxpf import metrics
 from jaxpf.evaluation.batches import Batch
-from jaxpf.scores import OVERLAP_THRESHOLDS
+from jaxpf.measures import metrics
+from jaxpf.measures.scores import OVERLAP_THRESHOLDS
 
 #: Coordinates by which the spread of a particle set is named.
 COORDINATES = ("u", "v", "a")

@@ -16,7 +16,7 @@ from typing import Any
 
 from jaxpf.errors import InputError
 from jaxpf.evaluation.results import Configuration
-from jaxpf.files import report_os_errors
+from jaxpf.files.writing import report_os_errors
 
 METHODS = ("sir", "ps", "dps", "sps")
 SWAPS = ("none", "random", "sorted", "combinatorial")

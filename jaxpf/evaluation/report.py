@@ -23,7 +23,7 @@ from jaxpf.evaluation.layout import (
 from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.summary import Summary
 from jaxpf.evaluation.tables import Tables, write_tables
-from jaxpf.files import atomic_write
+from jaxpf.files.writing import atomic_write
 
 NAME = "report.html"
 #: Bytes of all clips together; in the file they take a third more.

@@ -14,9 +14,9 @@ from jaxpf.evaluation.plan import Limits, Plan
 from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.trackers import scene_likelihood
 from jaxpf.evaluation.worker import Work, scene_digest
-from jaxpf.likelihoods.histogram import estimated_costs
+from jaxpf.files.versions import versions
+from jaxpf.models.likelihoods.histogram import estimated_costs
 from jaxpf.running import RUNS_PER_BATCH
-from jaxpf.versions import versions
 
 #: Seconds that a batch takes about, at most: what a kill can cost.
 SECONDS_PER_BATCH = 15.0

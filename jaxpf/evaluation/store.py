@@ -14,7 +14,7 @@ from jaxpf.errors import InputError
 from jaxpf.evaluation.batches import FOLDER
 from jaxpf.evaluation.plan import Plan, differences
 from jaxpf.evaluation.results import SETTINGS, TRUTH, read_settings
-from jaxpf.files import atomic_write, report_os_errors
+from jaxpf.files.writing import atomic_write, report_os_errors
 
 LOCK = ".lock"
 

@@ -46,8 +46,8 @@ from jaxpf.evaluation.summary import (
     hardest_object,
     summarise,
 )
-from jaxpf.files import atomic_write, report_os_errors
-from jaxpf.tracks import write_mot
+from jaxpf.files.tracks import write_mot
+from jaxpf.files.writing import atomic_write, report_os_errors
 
 _KEYS = ("scene", "method", "ordering")
 _ENOUGH = 20  # runs, at which the normal quantile is 6 % below Student's

@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.boxes import DEFAULT_SCALE, box_tracker, ordering_of
 from jaxpf.evaluation.plan import order_of_label
 from jaxpf.evaluation.results import Configuration
-from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
-from jaxpf.ordering import Ordering
-from jaxpf.partitioned import Partitioned
+from jaxpf.filters.partitioned.ordering import Ordering
+from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.models.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
 from jaxpf.running import RUNS_PER_BATCH
+from jaxpf.targets.boxes import DEFAULT_SCALE, box_tracker, ordering_of
 
 
 def scene_tracker(

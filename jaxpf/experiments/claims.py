@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxpf.intervals import student_quantile, wilson_interval
+from jaxpf.measures.intervals import student_quantile, wilson_interval
 
 SUPPORTS, CONTRADICTS, CANNOT_RESOLVE = "supports", "contradicts", "cannot resolve"
 

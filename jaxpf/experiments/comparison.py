@@ -1,19 +1,17 @@
 """Several orderings on one scene, with common seeds and honest intervals."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import fields
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
-from jaxpf import metrics
 from jaxpf.evaluation import trackers as scene_trackers
-from jaxpf.exported import run_exported
-from jaxpf.geometry import boxes_from_substates
-from jaxpf.intervals import Interval
-from jaxpf.ordering import Ordering
-from jaxpf.partitioned import Partitioned
+from jaxpf.filters.partitioned.ordering import Ordering
+from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.measures import metrics
+from jaxpf.measures.intervals import Interval
+from jaxpf.models.geometry import boxes_from_substates
 from jaxpf.running import RUNS_PER_BATCH, monte_carlo
 from jaxpf.state import Summary
 
@@ -76,27 +74,14 @@ def compare(
         seeds: one per run.
         batch_size: runs that are vectorised together.
     """
-    inputs = (
-        np.array(list(seeds), np.int32),
-        scene.frames[1:],
-        scene.boxes[1:],
-        scene_trackers.start_sizes(scene),
-    )
+    keys = jax.vmap(jax.random.key)(np.array(list(seeds)))
+    frames, truth = scene.frames[1:], scene.boxes[1:]
     for name, tracker in trackers.items():
-        found = run_exported(_measured_runs, tracker, *inputs, batch_size=batch_size)
-        found = jax.tree.map(np.asarray, found)
-        measures = {key: Interval(*value) for key, value in found["measures"].items()}
-        yield Result(name, found["boxes"], Summary(**found["summary"]), measures)
-
-
-def _measured_runs(tracker, seeds, frames, truth, sizes, batch_size):
-    """The runs of one tracker and what comes of them, in plain containers."""
-    keys = jax.vmap(jax.random.key)(seeds)
-    summary = monte_carlo(tracker, keys, frames, batch_size=batch_size)
-    boxes = boxes_from_substates(summary.estimate, sizes)
-    measures = metrics.summarise(boxes, truth)
-    return {
-        "boxes": boxes,
-        "summary": {field.name: getattr(summary, field.name) for field in fields(summary)},
-        "measures": {name: tuple(interval) for name, interval in measures.items()},
-    }
+        summary = jax.tree.map(
+            np.asarray, monte_carlo(tracker, keys, frames, batch_size=batch_size)
+        )
+        boxes = np.asarray(
+            boxes_from_substates(summary.estimate, scene_trackers.start_sizes(scene))
+        )
+        measures = metrics.summarise(boxes, truth)
+        yield Result(name, boxes, summary, jax.tree.map(np.asarray, measures))

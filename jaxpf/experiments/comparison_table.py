@@ -22,7 +22,7 @@ from typing import Any
 
 from jaxpf.errors import InputError
 from jaxpf.experiments.claims import Claim, Measured
-from jaxpf.files import atomic_write
+from jaxpf.files.writing import atomic_write
 
 
 def scene_seeds(runs: int, seed: int, runs_per_scene: int) -> range:
@@ -142,7 +142,7 @@ def write(comparison: Comparison, folder: Path) -> list[str]:
     Raises:
         InputError: a file cannot be written.
     """
-    from jaxpf import plotting
+    from jaxpf.media import plotting
 
     written = []
 

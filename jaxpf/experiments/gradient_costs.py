@@ -8,11 +8,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf import objectives
-from jaxpf import ordering as orderings
-from jaxpf.boxes import box_tracker
 from jaxpf.experiments.speed import Row, compared, crowded_frame, interleaved, line_tracker
-from jaxpf.likelihoods.histogram import histogram
+from jaxpf.filters.partitioned import ordering as orderings
+from jaxpf.models.likelihoods.histogram import histogram
+from jaxpf.targets.boxes import box_tracker
+from jaxpf.tuning import objectives
 
 RUNS, PARTICLES, OBJECTS = 10, 1000, 3
 #: Asked of value and gradient together, in units of the value.

@@ -18,13 +18,13 @@ from jax import lax
 from jax.sharding import Mesh, PartitionSpec
 from jax.typing import ArrayLike
 
-from jaxpf.dynamics import AR2
 from jaxpf.experiments.comparison import SMITH2004_PARTICLES, SMITH2004_SCALE
-from jaxpf.geometry import boxes_from_substates
-from jaxpf.likelihoods._integral import LANES
-from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
-from jaxpf.ordering import Ordering
-from jaxpf.partitioned import Partitioned
+from jaxpf.filters.partitioned.ordering import Ordering
+from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.models.dynamics import AR2
+from jaxpf.models.geometry import boxes_from_substates
+from jaxpf.models.likelihoods._integral import LANES
+from jaxpf.models.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
 from jaxpf.running import frame_key, init
 
 

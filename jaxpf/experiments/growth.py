@@ -56,7 +56,7 @@ def growth(largest: int = 10**6, repeats: int = 3) -> Iterator[Growth]:
 
 def growth_figure(found: Sequence[Growth]) -> Any:
     """Nanoseconds against N, P and R; a level line is linear growth."""
-    from jaxpf import plotting
+    from jaxpf.media import plotting
 
     figure, axes = plotting.new_figure(1, 3, figsize=(11, 3.2))
     for axis, name in zip(axes[0], ("particles", "partitions", "runs"), strict=True):

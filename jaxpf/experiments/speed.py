@@ -21,13 +21,13 @@ import numpy as np
 from jax import lax
 
 import jaxpf
-from jaxpf import ordering as orderings
-from jaxpf.boxes import box_tracker
-from jaxpf.dynamics import LinearGaussian
-from jaxpf.likelihoods.gaussian import Gaussian
-from jaxpf.likelihoods.histogram import histogram
+from jaxpf.filters.partitioned import ordering as orderings
+from jaxpf.models.dynamics import LinearGaussian
+from jaxpf.models.likelihoods.gaussian import Gaussian
+from jaxpf.models.likelihoods.histogram import histogram
 from jaxpf.pytree import pytree_dataclass
 from jaxpf.running import init
+from jaxpf.targets.boxes import box_tracker
 
 RUNS, PARTICLES, OBJECTS, HEIGHT, WIDTH = 50, 300, 7, 288, 360
 
@@ -333,37 +333,6 @@ def cold_reproduction() -> float:
         began = time.perf_counter()
         subprocess.run([sys.executable, "-c", _COLD_START], env=environment, check=True)
         return time.perf_counter() - began
-
-
-def second_start(repeats: int) -> tuple[float, tuple[float, float, float]]:
-    """From the start of a second ``jaxpf demo`` to its first result.
-
-    Returns:
-        Median seconds; median and 95 % interval of the ratio to a start that imports JAX and
-        does nothing.  The first start, which compiles into an empty folder, is not timed.
-    """
-    with tempfile.TemporaryDirectory() as empty:
-        environment = os.environ | {"JAXPF_CACHE_DIR": os.path.join(empty, "cache")}
-        commands = {
-            "import": ["-c", "import jax; print(' found again ', flush=True)"],
-            "demo": ["-m", "jaxpf", "demo", "-o", os.path.join(empty, "demo")],
-        }
-
-        def until_first_result(arguments: list[str]) -> None:
-            command = [sys.executable, *arguments]
-            with subprocess.Popen(
-                command, env=environment, stdout=subprocess.PIPE, text=True
-            ) as started:
-                found = any(" found again " in line for line in started.stdout or ())
-                started.kill()
-            if not found:
-                raise RuntimeError(f"{' '.join(command)} ended without a result")
-
-        seconds = interleaved(
-            {name: partial(until_first_result, command) for name, command in commands.items()},
-            repeats,
-        )
-    return float(np.median(seconds["demo"])), median_interval(seconds["demo"] / seconds["import"])
 
 
 def memory_rows() -> Iterator[tuple[int, int]]:

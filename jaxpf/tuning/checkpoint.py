@@ -13,7 +13,7 @@ import numpy as np
 from jaxpf import __version__
 from jaxpf.errors import InputError
 from jaxpf.evaluation.plan import differences
-from jaxpf.files import atomic_write
+from jaxpf.files.writing import atomic_write
 from jaxpf.tuning.parameters import Parameter
 from jaxpf.tuning.problem import TrainingSequence
 from jaxpf.tuning.result import Descent

@@ -7,10 +7,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxpf import metrics
 from jaxpf.errors import InputError
-from jaxpf.geometry import boxes_from_substates
-from jaxpf.intervals import Interval, mean_interval, student_quantile
+from jaxpf.measures import metrics
+from jaxpf.measures.intervals import Interval, mean_interval, student_quantile
+from jaxpf.models.geometry import boxes_from_substates
 from jaxpf.running import monte_carlo
 
 #: Measures and whether more is better; "success" and "recovery" as in smith2004, the others

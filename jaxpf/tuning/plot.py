@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.plotting import colours, new_figure
+from jaxpf.media.plotting import colours, new_figure
 from jaxpf.tuning.result import Result
 
 

@@ -10,10 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf import objectives
 from jaxpf.errors import InputError
-from jaxpf.likelihoods import HistogramLikelihood, PatchLikelihood
+from jaxpf.models.likelihoods import HistogramLikelihood, PatchLikelihood
 from jaxpf.pytree import pytree_dataclass
+from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
 
 OBJECTIVES = ("evidence", "position", "overlap")

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.boxes import box_tracker, ordering_of
 from jaxpf.errors import InputError
 from jaxpf.evaluation.trackers import scene_tracker, start_sizes
-from jaxpf.geometry import substates_from_boxes
-from jaxpf.likelihoods import histogram_from_patches
+from jaxpf.models.geometry import substates_from_boxes
+from jaxpf.models.likelihoods import histogram_from_patches
+from jaxpf.targets.boxes import box_tracker, ordering_of
 from jaxpf.tuning.comparison import HeldOut
 from jaxpf.tuning.problem import TrainingSequence
 

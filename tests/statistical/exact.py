@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxpf
-from jaxpf.dynamics import IndependentGaussian, LinearGaussian
-from jaxpf.likelihoods.gaussian import CorrelatedGaussian, Gaussian, kalman, stacked_model
+from jaxpf.models.dynamics import IndependentGaussian, LinearGaussian
+from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian, Gaussian, kalman, stacked_model
 
 NUM_PARTICLES = 48
 RUNS = 20_000

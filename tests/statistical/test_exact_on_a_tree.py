@@ -7,7 +7,8 @@ folder whole (``pytest -n 2 --dist loadfile``).
 import pytest
 from exact import LIMIT, TREE, WRONG, problem, scores
 
-from jaxpf import ordering, resampling
+from jaxpf.filters import resampling
+from jaxpf.filters.partitioned import ordering
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 

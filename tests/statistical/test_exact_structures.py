@@ -23,7 +23,8 @@ from exact import (
 )
 
 import jaxpf
-from jaxpf import ordering, running
+from jaxpf import running
+from jaxpf.filters.partitioned import ordering
 from jaxpf.pytree import pytree_dataclass
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]

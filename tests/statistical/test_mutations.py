@@ -27,7 +27,9 @@ from exact import (
     scores_of,
 )
 
-from jaxpf import exchange, kernel, ordering, resampling, running
+from jaxpf import running
+from jaxpf.filters import resampling
+from jaxpf.filters.partitioned import exchange, kernel, ordering
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import ordering
-from jaxpf.dynamics import RandomWalk
-from jaxpf.likelihoods import Gaussian
-from jaxpf.likelihoods.gaussian import kalman
+from jaxpf.filters.partitioned import ordering
+from jaxpf.models.dynamics import RandomWalk
+from jaxpf.models.likelihoods import Gaussian
+from jaxpf.models.likelihoods.gaussian import kalman
 from jaxpf.tuning import Settings, TrainingSequence, tune
 
 MOTION, NOISE = 0.8, 0.6

@@ -12,8 +12,8 @@ import pytest
 from exact import LIMIT, TREE, WRONG, problem
 from kalman_gradients import gradients
 
-from jaxpf import ordering
-from jaxpf.likelihoods.gaussian import Gaussian
+from jaxpf.filters.partitioned import ordering
+from jaxpf.models.likelihoods.gaussian import Gaussian
 from jaxpf.pytree import pytree_dataclass
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]

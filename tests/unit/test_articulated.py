@@ -7,11 +7,11 @@ import pytest
 
 import jaxpf
 import scenes
-from jaxpf.articulated import OfFixedSize, ordering_of_parts, parts_tracker
 from jaxpf.errors import InputError
-from jaxpf.geometry import corners_from_poses
-from jaxpf.likelihoods import histogram_from_patches
-from jaxpf.ordering import SWAPS
+from jaxpf.filters.partitioned.ordering import SWAPS
+from jaxpf.models.geometry import corners_from_poses
+from jaxpf.models.likelihoods import histogram_from_patches
+from jaxpf.targets.parts import OfFixedSize, ordering_of_parts, parts_tracker
 
 TREE = (-1, 0, 0, 1, 2)
 

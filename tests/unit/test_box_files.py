@@ -1,7 +1,7 @@
 import pytest
 
-from jaxpf.box_files import read_boxes
 from jaxpf.errors import InputError
+from jaxpf.files.boxes import read_boxes
 
 GT = "frame,id,x,y,w,h,occ\n0,3,10,20,30,40,0\n0,1,11.5,21,31,41,2\n2,1,12,22,32,42,-1\n"
 

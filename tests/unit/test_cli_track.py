@@ -17,10 +17,11 @@ import numpy as np
 import pytest
 from command_line import jaxpf
 
-from jaxpf import boxes as box_trackers
-from jaxpf import likelihoods, tracks
-from jaxpf.tracking import stream
-from jaxpf.video import open_frames
+from jaxpf.files import tracks
+from jaxpf.media.video import open_frames
+from jaxpf.models import likelihoods
+from jaxpf.streaming import stream
+from jaxpf.targets import boxes as box_trackers
 
 WIDTH, HEIGHT, LENGTH = 64, 48, 10
 COLOURS = ((220, 30, 30), (30, 40, 220))
@@ -453,7 +454,7 @@ def test_ctrl_c_before_the_first_frame_leaves_no_folder(track, tmp_path, monkeyp
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("jaxpf.tracking.stream", interrupted)
+    monkeypatch.setattr("jaxpf.streaming.stream", interrupted)
     outcome = track(*BOXES)
     assert outcome.code == 130
     assert not (tmp_path / "out").exists()
@@ -606,8 +607,10 @@ def test_results_are_never_mixed_with_the_frames_they_come_from(place, tmp_path)
 
 
 def test_the_command_names_the_choices_that_the_library_has():
-    from jaxpf import boxes, ordering, resampling
     from jaxpf.cli import track as module
+    from jaxpf.filters import resampling
+    from jaxpf.filters.partitioned import ordering
+    from jaxpf.targets import boxes
 
     assert set(module._METHODS) == set(boxes.METHODS)
     assert set(module._SCHEMES) == set(resampling.SCHEMES)

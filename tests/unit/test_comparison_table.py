@@ -3,11 +3,11 @@ import json
 
 import pytest
 
-from jaxpf import plotting
 from jaxpf.errors import InputError
 from jaxpf.experiments import comparison_table
 from jaxpf.experiments.claims import Claim, Measured
 from jaxpf.experiments.comparison_table import Cell, Comparison, Table
+from jaxpf.media import plotting
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf.dynamics import (
+from jaxpf.models.dynamics import (
     AR2,
     BatchedDynamics,
     IndependentGaussian,

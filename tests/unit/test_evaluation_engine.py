@@ -14,13 +14,14 @@ import pytest
 from small_evaluation import PARTICLES, RUNS, small_plan, small_scene
 
 import jaxpf
-from jaxpf import InputError, files
-from jaxpf.boxes import box_tracker
+from jaxpf import InputError
 from jaxpf.evaluation import Limits, Results, batches, evaluate, finished, prepare, store
 from jaxpf.evaluation.execution import local_pool
 from jaxpf.evaluation.worker import keep_measures
-from jaxpf.geometry import boxes_from_substates
-from jaxpf.likelihoods import histogram_from_patches
+from jaxpf.files import writing as files
+from jaxpf.models.geometry import boxes_from_substates
+from jaxpf.models.likelihoods import histogram_from_patches
+from jaxpf.targets.boxes import box_tracker
 
 HERE = Path(__file__).parent
 #: Two files per configuration.

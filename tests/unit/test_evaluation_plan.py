@@ -6,11 +6,14 @@ import json
 import numpy as np
 import pytest
 
-from jaxpf import InputError, boxes, ordering, resampling
+from jaxpf import InputError
 from jaxpf.evaluation import Plan
 from jaxpf.evaluation import plan as plans
 from jaxpf.evaluation.plan import differences, order_label, order_of_label
-from jaxpf.likelihoods._references import METHODS
+from jaxpf.filters import resampling
+from jaxpf.filters.partitioned import ordering
+from jaxpf.models.likelihoods._references import METHODS
+from jaxpf.targets import boxes
 
 
 def load(**given):

@@ -13,14 +13,14 @@ import pytest
 from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make, walks
 from scipy import stats
 
-from jaxpf import metrics
-from jaxpf.box_files import read_boxes
 from jaxpf.errors import InputError
 from jaxpf.evaluation import collection, estimates, tables
 from jaxpf.evaluation.collection import ErrorQuantiles
 from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.tables import write_tables
-from jaxpf.intervals import mean_interval, wilson_interval
+from jaxpf.files.boxes import read_boxes
+from jaxpf.measures import metrics
+from jaxpf.measures.intervals import mean_interval, wilson_interval
 
 NAN = [math.nan] * 4
 TRUE = [0.0, 0.0, 10.0, 10.0]
@@ -400,7 +400,7 @@ def test_tracks_of_the_best_median_and_worst_run(tmp_path):
 
 def test_scores_of_the_benchmarks_are_means_over_runs(by_hand):
     pytest.importorskip("trackeval")
-    from jaxpf.scores import tracking_scores
+    from jaxpf.measures.scores import tracking_scores
 
     runs = [tracking_scores(boxes, TRUTH) for boxes in BOXES]
     for name in ("HOTA", "MOTA", "IDF1", "IDSW"):
@@ -449,7 +449,7 @@ def test_quantiles_are_within_a_hundredth():
 
 
 def test_success_curves_are_means_over_runs(tmp_path):
-    from jaxpf.scores import success_curve
+    from jaxpf.measures.scores import success_curve
 
     truth, boxes = walks(seed=8, runs=30, frames=6, objects=2)
     results = make(tmp_path / "results", [(SIR, [batch(boxes[:20]), batch(boxes[20:], 20)])], truth)

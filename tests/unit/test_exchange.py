@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf import exchange
-from jaxpf.threefry import written_out
+from jaxpf.filters.partitioned import exchange
+from jaxpf.lowering.threefry import written_out
 
 #: Particles 0 to 7 in three groups, told by the particle's part of the level above.
 GROUP = np.array([2, 0, 2, 5, 0, 2, 2, 0])

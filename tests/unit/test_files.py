@@ -3,7 +3,7 @@ import os
 import pytest
 
 from jaxpf.errors import InputError
-from jaxpf.files import atomic_write, prepare_output_folder
+from jaxpf.files.writing import atomic_write, prepare_output_folder
 
 
 def message_of(call, *arguments):

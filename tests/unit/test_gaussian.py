@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from jaxpf.dynamics import LinearGaussian
-from jaxpf.likelihoods.gaussian import CorrelatedGaussian, Gaussian, kalman, stacked_model
+from jaxpf.models.dynamics import LinearGaussian
+from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian, Gaussian, kalman, stacked_model
 
 RNG = np.random.default_rng(0)
 

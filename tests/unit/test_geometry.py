@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf import geometry
+from jaxpf.models import geometry
 
 SIZES = np.array([[32.0, 42.0], [10.0, 20.0]])
 

@@ -13,10 +13,13 @@ import pytest
 import scipy.stats
 
 import jaxpf
-from jaxpf import InputError, gradients, objectives, ordering, resampling
-from jaxpf.dynamics import AR2, LinearGaussian, RandomWalk
-from jaxpf.likelihoods.gaussian import CorrelatedGaussian, Gaussian
+from jaxpf import InputError
+from jaxpf.filters import resampling
+from jaxpf.filters.partitioned import gradients, ordering
+from jaxpf.models.dynamics import AR2, LinearGaussian, RandomWalk
+from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian, Gaussian
 from jaxpf.pytree import pytree_dataclass
+from jaxpf.tuning import objectives
 
 P, T = 2, 3
 #: Halves the time to compile; the arithmetic is the same.
@@ -270,7 +273,7 @@ def test_soft_selection_leaves_a_dead_component_dead():
 
 def test_transport_blends_to_equal_weights_and_keeps_the_mean():
     pytest.importorskip("ott", reason="needs jaxpf[transport]")
-    from jaxpf import transport
+    from jaxpf.filters.partitioned import transport
 
     made = tracker(ordering.dps(P), gradient="transport", num_particles=6)
     lagged = jax.random.normal(jax.random.key(0), (2, 1, P, 6))

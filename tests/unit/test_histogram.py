@@ -7,8 +7,8 @@ import pytest
 
 import scenes
 from jaxpf.errors import InputError
-from jaxpf.likelihoods.color import NUM_BINS, hsv_bins
-from jaxpf.likelihoods.histogram import (
+from jaxpf.models.likelihoods.color import NUM_BINS, hsv_bins
+from jaxpf.models.likelihoods.histogram import (
     HistogramLikelihood,
     estimated_costs,
     histogram,

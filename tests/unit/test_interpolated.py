@@ -10,14 +10,14 @@ import pytest
 
 import scenes
 from jaxpf.errors import InputError
-from jaxpf.likelihoods import (
+from jaxpf.models.likelihoods import (
     CorrelatedGaussian,
     Gaussian,
     histogram,
     histogram_from_patches,
     patch,
 )
-from jaxpf.likelihoods.distance_law import (
+from jaxpf.models.likelihoods.distance_law import (
     _compressed,
     learn_background,
     log_density,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import scenes
-from jaxpf.geometry import corners_from_poses
-from jaxpf.joints import (
+from jaxpf.models.geometry import corners_from_poses
+from jaxpf.models.joints import (
     RelativeToParent,
     UniformAround,
     UniformJoints,

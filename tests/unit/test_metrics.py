@@ -3,8 +3,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf import metrics
 from jaxpf.errors import InputError
+from jaxpf.measures import metrics
 
 NOWHERE = [np.nan] * 4
 TRUTH = [0.0, 0.0, 10.0, 10.0]

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, metrics, objectives, ordering
-from jaxpf.dynamics import RandomWalk
-from jaxpf.geometry import boxes_from_substates
-from jaxpf.likelihoods.gaussian import Gaussian
+from jaxpf import InputError
+from jaxpf.filters.partitioned import ordering
+from jaxpf.measures import metrics
+from jaxpf.models.dynamics import RandomWalk
+from jaxpf.models.geometry import boxes_from_substates
+from jaxpf.models.likelihoods.gaussian import Gaussian
 from jaxpf.pytree import pytree_dataclass
+from jaxpf.tuning import objectives
 
 T, R = 7, 4
 KEYS = jax.random.split(jax.random.key(0), R)

@@ -4,7 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from jaxpf import InputError, ordering
+from jaxpf import InputError
+from jaxpf.filters.partitioned import ordering
 
 DEEP = [-1, 0, 0, 1, 2]
 

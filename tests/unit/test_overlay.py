@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jaxpf.overlay import (
+from jaxpf.media.overlay import (
     draw_boxes,
     draw_particles,
     draw_pixel_grid,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxpf.errors import InputError
-from jaxpf.part_files import HEADER, TRACK_HEADER, PartTrackWriter, read_parts
+from jaxpf.files.parts import HEADER, TRACK_HEADER, PartTrackWriter, read_parts
 
 GOOD = """\
 hand,arm,140,30,10,8,-90

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, kernel, ordering
-from jaxpf.dynamics import IndependentGaussian, RandomWalk
-from jaxpf.likelihoods.gaussian import CorrelatedGaussian, Gaussian
+from jaxpf import InputError
+from jaxpf.filters.partitioned import kernel, ordering
+from jaxpf.models.dynamics import IndependentGaussian, RandomWalk
+from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian, Gaussian
 from jaxpf.pytree import pytree_dataclass
 from jaxpf.state import (
     STATUS_IMPOSSIBLE,

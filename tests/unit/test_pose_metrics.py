@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf import metrics
-from jaxpf.articulated import ordering_of_parts
-from jaxpf.geometry import corners_from_poses
+from jaxpf.measures import metrics
+from jaxpf.models.geometry import corners_from_poses
+from jaxpf.targets.parts import ordering_of_parts
 
 SIZES = np.array([[6.0, 8.0], [2.0, 2.0]])  # half diagonals 5 and sqrt(2)
 TREE = (-1, 0, 0, 1, 2, 3, 4)

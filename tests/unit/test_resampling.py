@@ -7,7 +7,7 @@ import pytest
 import scipy.stats
 
 from jaxpf import InputError
-from jaxpf.resampling import (
+from jaxpf.filters.resampling import (
     SCHEMES,
     ancestors,
     components_of_sizes,

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, ordering, running
-from jaxpf.dynamics import RandomWalk
-from jaxpf.likelihoods.gaussian import Gaussian
+from jaxpf import InputError, running
+from jaxpf.filters.partitioned import ordering
+from jaxpf.models.dynamics import RandomWalk
+from jaxpf.models.likelihoods.gaussian import Gaussian
 from jaxpf.pytree import pytree_dataclass
 
 FRAMES = np.random.default_rng(0).normal(size=(4, 3, 1))
@@ -245,10 +246,10 @@ import sys
 import jax
 jax.config.update("jax_num_cpu_devices", 3)
 import jax.numpy as jnp, numpy as np, jaxpf
-from jaxpf.dynamics import LinearGaussian
-from jaxpf.boxes import box_tracker
-from jaxpf.likelihoods.gaussian import Gaussian
-from jaxpf.likelihoods.histogram import histogram
+from jaxpf.models.dynamics import LinearGaussian
+from jaxpf.targets.boxes import box_tracker
+from jaxpf.models.likelihoods.gaussian import Gaussian
+from jaxpf.models.likelihoods.histogram import histogram
 
 one = jnp.ones((1, 1, 1))
 tracker = jaxpf.Partitioned(

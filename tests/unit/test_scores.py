@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxpf.errors import InputError
-from jaxpf.scores import (
+from jaxpf.measures.scores import (
     CENTRE_THRESHOLDS,
     OVERLAP_THRESHOLDS,
     distance_precision,
@@ -120,7 +120,7 @@ class TestTrackingScores:
 
     def test_the_scores_are_those_of_trackevals_own_reader(self, trackeval, tmp_path):
         """The whole way round: MOT files on disk, read and scored by TrackEval alone."""
-        from jaxpf.tracks import write_mot
+        from jaxpf.files.tracks import write_mot
 
         random = np.random.default_rng(5)
         truth = np.cumsum(random.normal(0, 3, (40, 4, 4)) * [1, 1, 0, 0], axis=0)
@@ -179,7 +179,7 @@ def test_only_scipy_is_needed_beside_trackeval_and_nothing_is_printed(trackeval)
         "import sys\n"
         "for name in ('cv2', 'pycocotools', 'tabulate', 'PIL'): sys.modules[name] = None\n"
         "import numpy as np\n"
-        "from jaxpf.scores import tracking_scores\n"
+        "from jaxpf.measures.scores import tracking_scores\n"
         "boxes = np.ones((3, 2, 4)) * np.arange(1, 3)[:, None]\n"
         "assert tracking_scores(boxes, boxes)['HOTA'] == 1\n"
     )

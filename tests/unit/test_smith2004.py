@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import scenes
-from jaxpf import metrics, running
+from jaxpf import running
 from jaxpf.errors import InputError
 from jaxpf.experiments.claims import CANNOT_RESOLVE, CONTRADICTS, SUPPORTS
 from jaxpf.experiments.comparison import scene_tracker
@@ -24,8 +24,9 @@ from jaxpf.experiments.smith2004.published import (
     TABLE_2,
 )
 from jaxpf.experiments.smith2004.synthetic import NUM_OBJECTS, Outcome
-from jaxpf.geometry import boxes_from_substates
-from jaxpf.likelihoods.histogram import histogram_from_patches
+from jaxpf.measures import metrics
+from jaxpf.models.geometry import boxes_from_substates
+from jaxpf.models.likelihoods.histogram import histogram_from_patches
 
 # --- Published figures ---------------------------------------------------------------------
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf.threefry import written_out
+from jaxpf.lowering.threefry import written_out
 
 DRAWS = {
     "normal": lambda key: jax.random.normal(key, (3, 70)),

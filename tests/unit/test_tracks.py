@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxpf.errors import InputError
-from jaxpf.tracks import (
+from jaxpf.files.tracks import (
     TrackWriter,
     check_boxes,
     dense,
@@ -195,7 +195,7 @@ def test_an_interrupted_track_writer_closes_its_file(tmp_path):
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
 def test_a_killed_track_writer_leaves_whole_lines(tmp_path):
     program = (
-        "import itertools; from jaxpf.tracks import TrackWriter\n"
+        "import itertools; from jaxpf.files.tracks import TrackWriter\n"
         "with TrackWriter('tracks.txt') as writer:\n"
         "    for frame in itertools.count():\n"
         "        writer.append(frame, [1, 2], [[0, 0, 3, 4], [5, 6, 7, 8]])\n"
@@ -215,7 +215,7 @@ def test_a_killed_track_writer_leaves_whole_lines(tmp_path):
 @pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
 def test_a_full_disk_is_reported_and_the_last_line_is_whole(tmp_path):
     program = (
-        "import resource; from jaxpf.tracks import TrackWriter\n"
+        "import resource; from jaxpf.files.tracks import TrackWriter\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
         "with TrackWriter('tracks.txt') as writer:\n"
         "    for frame in range(99): writer.append(frame, [1], [[0, 0, 3, 4]])\n"

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import ordering, tuning
-from jaxpf.dynamics import RandomWalk
+from jaxpf import tuning
 from jaxpf.errors import InputError
-from jaxpf.likelihoods import Gaussian, histogram
+from jaxpf.filters.partitioned import ordering
+from jaxpf.models.dynamics import RandomWalk
+from jaxpf.models.likelihoods import Gaussian, histogram
 from jaxpf.tuning import Parameter, Settings, TrainingSequence, tune
 from jaxpf.tuning.checkpoint import NAME
 from jaxpf.tuning.comparison import HeldOut, compare
@@ -251,7 +252,7 @@ def test_the_curvature_gives_the_error_of_the_kalman_information():
         for s in sequences
     ]
     result = tune(sharp, SCALE, settings=settings)
-    from jaxpf.likelihoods.gaussian import kalman
+    from jaxpf.models.likelihoods.gaussian import kalman
 
     def exact(z):
         q = np.exp(z) ** 2

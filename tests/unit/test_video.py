@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from jaxpf.errors import InputError
-from jaxpf.images import natural_order
-from jaxpf.quiet import quiet_opencv, quiet_stderr
-from jaxpf.video import open_frames
+from jaxpf.media.images import natural_order
+from jaxpf.media.quiet import quiet_opencv, quiet_stderr
+from jaxpf.media.video import open_frames
 
 CODECS = {"mp4": "mp4v", "webm": "VP80", "avi": "MJPG"}
 
@@ -193,7 +193,7 @@ def test_nothing_is_printed_and_the_log_level_is_put_back(tmp_path):
     write_video(tmp_path / "good.webm", 3)
     cut(write_video(tmp_path / "bad.mp4", frame=noisy_frame), 0.5)
     program = (
-        "import os, sys, cv2, numpy as np; from jaxpf.video import open_frames, VideoWriter\n"
+        "import os, sys, cv2, numpy as np; from jaxpf.media.video import open_frames, VideoWriter\n"
         "log = cv2 if hasattr(cv2, 'getLogLevel') else cv2.utils.logging\n"
         "level = log.getLogLevel()\n"
         "list(open_frames('good.webm'))\n"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxpf.errors import InputError
-from jaxpf.video import VideoWriter, open_frames
+from jaxpf.media.video import VideoWriter, open_frames
 
 
 def numbered_frame(index, width=64, height=48):
@@ -97,7 +97,7 @@ def test_a_writer_without_frames_leaves_nothing_and_closes_twice(tmp_path):
 @pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
 def test_a_full_disk_is_reported(tmp_path):
     program = (
-        "import resource, numpy as np; from jaxpf.video import VideoWriter\n"
+        "import resource, numpy as np; from jaxpf.media.video import VideoWriter\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))\n"
         "rng = np.random.default_rng(0)\n"
         "with VideoWriter('out.webm', 64, 48, 25, 'vp8') as writer:\n"
@@ -119,11 +119,11 @@ def test_unusable_outputs_are_refused_with_a_remedy(tmp_path):
 
 
 def test_the_other_codec_is_taken_when_the_asked_one_is_missing(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxpf.video_writer._FOURCC", {"vp9": "VP8?", "vp8": "VP80"})
+    monkeypatch.setattr("jaxpf.media.video_writer._FOURCC", {"vp9": "VP8?", "vp8": "VP80"})
     with VideoWriter(tmp_path / "out.webm", 64, 48, 25) as writer:
         writer.write(numbered_frame(1))
     assert writer.codec == "vp8"
-    monkeypatch.setattr("jaxpf.video_writer._FOURCC", {"vp9": "????", "vp8": "????"})
+    monkeypatch.setattr("jaxpf.media.video_writer._FOURCC", {"vp9": "????", "vp8": "????"})
     message = message_of(VideoWriter, tmp_path / "none.webm", 64, 48, 25)
     assert "neither the VP9 nor the VP8 encoder" in message
     assert os.listdir(tmp_path) == ["out.webm"]

@@ -19,7 +19,7 @@ from jaxpf.experiments.gonzales2011.published import (
 )
 from jaxpf.experiments.gonzales2011.tracking import NOISE, SAMPLES, learn
 from jaxpf.experiments.speed import Row, compared, median_interval
-from jaxpf.likelihoods.color import hsv_bins
+from jaxpf.models.likelihoods.color import hsv_bins
 
 #: The largest object and particle set of table 1.
 PARTS, PARTICLES = 11, 200

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf import plotting
 from jaxpf.experiments.claims import Measured, student_interval
 from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.gonzales2011.tracking import DYNAMICS, METHODS, Outcome
+from jaxpf.media import plotting
 
 #: (motion, parts, particles) -> outcome.
 Outcomes = Mapping[tuple[str, int, int], Outcome]

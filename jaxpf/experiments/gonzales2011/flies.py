@@ -13,14 +13,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf import geometry
-from jaxpf.articulated import ordering_of_parts, parts_tracker
 from jaxpf.errors import InputError
 from jaxpf.experiments.claims import Measured, student_interval
 from jaxpf.experiments.comparison_table import Cell, Table
-from jaxpf.likelihoods.patch import PatchLikelihood, patch
-from jaxpf.partitioned import Partitioned
+from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.models import geometry
+from jaxpf.models.likelihoods.patch import PatchLikelihood, patch
 from jaxpf.running import monte_carlo
+from jaxpf.targets.parts import ordering_of_parts, parts_tracker
 from scenes import SceneError, read_clip
 from scenes.keypoints import Keypoints, read_keypoints
 

@@ -5,8 +5,6 @@ Every claim is judged under both dynamics, with the paper's swap and with the un
 
 from collections.abc import Iterator, Sequence
 
-from jaxpf import metrics
-from jaxpf.articulated import ordering_of_parts
 from jaxpf.experiments.claims import Claim, Quantity, judged, student_interval
 from jaxpf.experiments.gonzales2011.curves import Outcomes, gain, measured
 from jaxpf.experiments.gonzales2011.published import (
@@ -17,6 +15,8 @@ from jaxpf.experiments.gonzales2011.published import (
     FIGURE_11_PARTS,
 )
 from jaxpf.experiments.gonzales2011.tracking import DYNAMICS
+from jaxpf.measures import metrics
+from jaxpf.targets.parts import ordering_of_parts
 
 _SWAPS = ("SPS sorted", "SPS combinatorial")
 

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 
 import scenes
-from jaxpf.articulated import ordering_of_parts, parts_tracker
 from jaxpf.experiments.claims import Claim, Measured, Quantity, judged, student_interval
 from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.gonzales2011.published import (
@@ -24,6 +23,7 @@ from jaxpf.experiments.gonzales2011.published import (
 from jaxpf.experiments.gonzales2011.tracking import NOISE, learn
 from jaxpf.experiments.speed import interleaved, median_interval
 from jaxpf.running import RUNS_PER_BATCH, monte_carlo
+from jaxpf.targets.parts import ordering_of_parts, parts_tracker
 
 METHODS = ("PS", "SPS sorted", "SPS combinatorial")
 _SWAPS = {"SPS sorted": "sorted", "SPS combinatorial": "combinatorial"}

@@ -11,14 +11,14 @@ import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 import scenes
-from jaxpf import metrics
-from jaxpf.articulated import OfFixedSize, ordering_of_parts, parts_tracker
 from jaxpf.experiments.gonzales2011.published import SHARPNESS
-from jaxpf.geometry import corners_from_poses
-from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
-from jaxpf.partitioned import Partitioned
+from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.measures import metrics
+from jaxpf.models.geometry import corners_from_poses
+from jaxpf.models.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
 from jaxpf.pytree import pytree_dataclass
 from jaxpf.running import run
+from jaxpf.targets.parts import OfFixedSize, ordering_of_parts, parts_tracker
 
 #: Runs on each sequence; sequences are the units of the intervals.
 RUNS_PER_SCENE = 5

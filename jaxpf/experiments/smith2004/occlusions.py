@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxpf import metrics
 from jaxpf.errors import InputError
 from jaxpf.experiments.claims import (
     Claim,
@@ -27,6 +26,7 @@ from jaxpf.experiments.grid import run_grid, run_keys
 from jaxpf.experiments.smith2004.published import REAL
 from jaxpf.experiments.smith2004.synthetic import all_orderings
 from jaxpf.experiments.sources import load_scene
+from jaxpf.measures import metrics
 
 CLIP = "tud_campus"
 IDS = (1, 2, 3, 4, 5)

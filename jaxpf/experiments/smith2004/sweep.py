@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxpf import plotting
 from jaxpf.experiments.claims import Measured
 from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.smith2004.synthetic import (
@@ -16,6 +15,7 @@ from jaxpf.experiments.smith2004.synthetic import (
     measure,
 )
 from jaxpf.experiments.smith2004.tables import rate
+from jaxpf.media import plotting
 
 #: Pixels between object 1 and the distracter in the last frame that shows it.
 DISTANCES = (15.0, 22.0, 30.0, 40.0, 50.0)

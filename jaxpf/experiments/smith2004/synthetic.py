@@ -8,11 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 
 import scenes
-from jaxpf import metrics, ordering
 from jaxpf.experiments.comparison import SMITH2004_PARTICLES, SMITH2004_SCALE
 from jaxpf.experiments.grid import GridResult, run_grid, run_keys
 from jaxpf.experiments.smith2004.published import SHARPNESS
-from jaxpf.ordering import Ordering
+from jaxpf.filters.partitioned import ordering
+from jaxpf.filters.partitioned.ordering import Ordering
+from jaxpf.measures import metrics
 
 NUM_OBJECTS = 7
 

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf import plotting
 from jaxpf.experiments.claims import Measured, cluster_interval, student_interval
 from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.smith2004.published import (
@@ -23,6 +22,7 @@ from jaxpf.experiments.smith2004.synthetic import (
     order_name,
     shifted,
 )
+from jaxpf.media import plotting
 
 _CHUNK = 100  # permutations at a time, for memory
 

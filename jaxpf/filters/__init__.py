@@ -1,0 +1,1 @@
+"""How guesses are organised: resampling, and one folder or file per filter."""

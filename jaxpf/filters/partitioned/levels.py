@@ -1,0 +1,95 @@
+"""The levels of simultaneous partitioned sampling inside a frame (gonzales2011).
+
+Every stage of a level weighs its part for the exchange; the last one resamples and lets every
+slot draw the level's parts anew.
+"""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from jaxpf.filters.partitioned import exchange
+from jaxpf.filters.partitioned.carry import Frame
+
+
+def weigh_part(tracker, key, stage, frame) -> tuple[jax.Array, exchange.Offer | None]:
+    """Log of what a stage multiplies the weights by, ``[N]``, and the level's offers so far."""
+    log_prob, ordering = frame.log_probs[stage], tracker.ordering
+    if frame.offers is None:
+        return log_prob, None
+
+    def weigh():
+        parent, is_root = _parent_row(ordering, stage)
+        groups, lineage = frame.groups.row(parent), jnp.where(is_root, 0, frame.lineage[parent])
+        return exchange.weigh(key, ordering.swap, log_prob, groups, lineage, is_root)
+
+    def keep():
+        return log_prob, jax.tree.map(lambda rows: rows[stage], frame.offers)
+
+    factor, offer = lax.cond(ordering.exchanged[stage], weigh, keep)
+    if not _always_equal(tracker):
+        factor = jnp.where(frame.equal, factor, log_prob)
+    return factor, jax.tree.map(
+        lambda rows, row: lax.dynamic_update_index_in_dim(rows, row, stage, axis=0),
+        frame.offers,
+        offer,
+    )
+
+
+def end(tracker, key, stage, resample, frame, offers) -> Frame:
+    """End of a level: resample, and let every slot draw its parts anew."""
+    ordering = tracker.ordering
+    # A row of identities in place of the lineage comes out as each slot's ancestor.
+    identity = jnp.arange(tracker.num_particles, dtype=jnp.int32)
+    tagged = resample(frame._replace(lineage=identity[None], groups=None))
+    slots = exchange.families(tagged.lineage[0])
+    keys = jax.random.split(key, tracker.num_partitions)
+
+    def kept():
+        return slots.ancestors, slots.groups()
+
+    def draw(row, drawn):
+        givers, groups = drawn
+
+        def anew():
+            offer = jax.tree.map(lambda rows: rows[row], offers)
+            parent, is_root = _parent_row(ordering, row)
+            shared = groups.row(parent)
+            return exchange.draw(keys[row], ordering.swap, offer, shared, slots, is_root)
+
+        def anew_where_allowed():
+            if _always_equal(tracker):
+                return anew()
+            return jax.tree.map(partial(jnp.where, frame.equal), anew(), kept())
+
+        giver, group = lax.cond(ordering.exchanged[row], anew_where_allowed, kept)
+        return givers.at[row].set(giver), groups.put(row, group)
+
+    first = jnp.argmax(ordering.level == ordering.level[stage])
+    drawn = jnp.broadcast_to(slots.ancestors, frame.lineage.shape), frame.groups
+    givers, groups = lax.fori_loop(first, stage + 1, draw, drawn)
+    # What hangs from a part of this level moves with it; all else stays with the ancestor.
+    carrier = ordering.carrier[stage][:, None]
+    source = jnp.where(carrier >= 0, givers[ordering.carrier[stage]], slots.ancestors)
+    return tagged._replace(lineage=frame.lineage_of(source), groups=groups)
+
+
+def _parent_row(ordering, stage) -> tuple[jax.Array, jax.Array]:
+    """The stage of the part from which a stage's part hangs, and whether it hangs from none."""
+    parent = ordering.tree[ordering.order[0, stage]]
+    return ordering.rank[0, jnp.maximum(parent, 0)], parent < 0
+
+
+def may_exchange(tracker) -> bool:
+    """Whether there is a part to exchange, and weights that may be equal.
+
+    Unequal weights forbid the exchange, and soft resampling leaves them so.
+    """
+    return tracker.num_partitions > 1 and tracker.gradient not in ("soft", "transport")
+
+
+def _always_equal(tracker) -> bool:
+    """Whether weights are equal at the start of every level: no resampling is skipped."""
+    return tracker.ess_threshold is None

@@ -1,0 +1,1 @@
+"""What is written for the compiler's sake, and nothing else."""

@@ -1,0 +1,1 @@
+"""How good tracks are: metrics, benchmark scores, intervals, matching."""

@@ -1,0 +1,372 @@
+"""Measures of tracking, and of the health of a particle set: pure functions of arrays.
+
+Boxes are (x, y, w, h) in pixels.  Estimates are typically ``[R, T, P, 4]`` (runs, frames,
+objects) and the truth ``[T, P, 4]``; leading axes broadcast, so that one run without the first
+axis works too.  Three rules hold throughout:
+
+* A frame without truth (the true box is degenerate: not finite, or without width or height) does
+  not count.  There the measures of a frame are NaN, and every mean leaves it out.
+* A degenerate *estimate* in a frame with truth is a miss: track state, precision, recall and
+  overlap are 0, so a tracker that reports NaN gains nothing by it.  Its centre error is unknown:
+  NaN, and the mean leaves it out.
+* A mean over nothing is NaN.
+
+Sources: smith2004, section 3.1, unless a function says otherwise.
+"""
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jax.scipy.special import logsumexp
+from jax.typing import ArrayLike
+
+from jaxpf.errors import InputError
+from jaxpf.measures.intervals import Interval, as_float, masked_mean, mean_interval, wilson_interval
+from jaxpf.models.geometry import area, centres, intersection_area, is_proper
+
+Over = Literal["tracked", "all"]
+
+
+class EffectiveDynamics(NamedTuple):
+    """Spread of a particle set over the process noise; see ``effective_dynamics``.
+
+    Attributes:
+        deviation_ratio: standard deviation over standard deviation.
+        variance_ratio: variance over variance.
+    """
+
+    deviation_ratio: Array
+    variance_ratio: Array
+
+
+# One frame
+
+
+def has_truth(truth: ArrayLike) -> Array:
+    """``[...]`` bool: the frames and objects of ``truth [..., 4]`` that count."""
+    return is_proper(truth)
+
+
+def track_state(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """T: whether the estimated area E meets the true area G, in more than an edge.
+
+    Args:
+        estimate: ``[..., 4]`` boxes.
+        truth: ``[..., 4]`` boxes.
+
+    Returns:
+        ``[...]`` bool; false where there is no truth.
+    """
+    return intersection_area(estimate, truth) > 0
+
+
+def precision(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """``[...]``: the share of the estimated area that is right, area(E and G) / area(E)."""
+    return _share_of_intersection(estimate, truth, area(estimate))
+
+
+def recall(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """``[...]``: the share of the true area that is found, area(E and G) / area(G)."""
+    return _share_of_intersection(estimate, truth, area(truth))
+
+
+def overlap(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """``[...]``: intersection over union, area(E and G) / area(E or G); not in smith2004."""
+    union = area(estimate) + area(truth) - intersection_area(estimate, truth)
+    return _share_of_intersection(estimate, truth, union)
+
+
+def centre_error(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """``[...]``: distance between the boxes' centres in pixels; not in smith2004.
+
+    NaN where there is no truth, and where the estimate is not finite.
+    """
+    offset = centres(estimate) - centres(truth)
+    return jnp.where(has_truth(truth), jnp.hypot(offset[..., 0], offset[..., 1]), jnp.nan)
+
+
+def corner_distances(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """Distances between the corners of an object's rectangles and the true ones, summed.
+
+    Source: gonzales2011, section 4, "the sum of the Euclidean distances between the corners".
+
+    Args:
+        estimate: ``[..., P, 4, 2]`` corners in pixels, see ``geometry.corners_from_poses``.
+        truth: ``[..., P, 4, 2]``; the leading axes broadcast.
+
+    Returns:
+        ``[...]``, the sum over all 4 P corners, in pixels; NaN if any corner is not finite, in
+        the truth or in the estimate.
+    """
+    apart = as_float(estimate) - as_float(truth)
+    distance = jnp.hypot(apart[..., 0], apart[..., 1])
+    total = jnp.sum(distance, axis=(-2, -1))
+    return jnp.where(jnp.isfinite(total), total, jnp.nan)
+
+
+# One run
+
+
+def success(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """Whether an object was tracked throughout: T = 1 in every frame with truth.
+
+    Args:
+        estimate: ``[..., T, P, 4]`` boxes.
+        truth: ``[..., T, P, 4]`` boxes.
+
+    Returns:
+        ``[..., P]`` bool; false for an object that never has truth.
+    """
+    present = _presence(estimate, truth)
+    tracked = track_state(estimate, truth)
+    return jnp.all(tracked | ~present, axis=-2) & jnp.any(present, axis=-2)
+
+
+def recovery(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """Whether an object was tracked in the end: T = 1 in the last frame with truth.
+
+    The paper counts runs that "either successfully tracked throughout or recovered from lost
+    tracking" without saying for how long; this is the reading used here.  Arguments and result
+    are as for ``success``.
+    """
+    present = _presence(estimate, truth)
+    tracked = track_state(estimate, truth)
+    frames = jnp.arange(present.shape[-2])[:, None]
+    last = jnp.max(jnp.where(present, frames, -1), axis=-2, keepdims=True)
+    return jnp.any(tracked & (frames == last), axis=-2)
+
+
+def mean_precision(
+    estimate: ArrayLike,
+    truth: ArrayLike,
+    over: Over = "tracked",
+    axis: int | Sequence[int] = -2,
+) -> Array:
+    """Mean precision over frames; by default over those with T = 1 only, as in smith2004.
+
+    Args:
+        estimate: ``[..., T, P, 4]`` boxes.
+        truth: ``[..., T, P, 4]`` boxes.
+        over: "tracked" averages over the frames with T = 1, "all" over the frames with truth.
+        axis: the axes of ``[..., T, P]`` to average over: -2 gives a mean for each run, (-3, -2)
+            pools the frames of all runs.
+
+    Returns:
+        ``[..., P]``; NaN where no frame counts.
+    """
+    counts = _frames_that_count(estimate, truth, over)
+    return masked_mean(precision(estimate, truth), counts, axis)
+
+
+def mean_recall(
+    estimate: ArrayLike,
+    truth: ArrayLike,
+    over: Over = "tracked",
+    axis: int | Sequence[int] = -2,
+) -> Array:
+    """Mean recall over frames; arguments and result as for ``mean_precision``."""
+    counts = _frames_that_count(estimate, truth, over)
+    return masked_mean(recall(estimate, truth), counts, axis)
+
+
+# Many runs
+
+
+def success_rate(estimate: ArrayLike, truth: ArrayLike, level: ArrayLike = 0.95) -> Interval:
+    """Share of the runs with ``success``, with Wilson's interval.
+
+    Args:
+        estimate: ``[R, T, P, 4]`` boxes.
+        truth: ``[T, P, 4]`` boxes.
+        level: confidence of the interval, in (0, 1).
+
+    Returns:
+        ``[P]`` each; NaN with the interval [0, 1] for an object that never has truth.
+    """
+    return _rate(success(estimate, truth), truth, level)
+
+
+def recovery_rate(estimate: ArrayLike, truth: ArrayLike, level: ArrayLike = 0.95) -> Interval:
+    """Share of the runs with ``recovery``; arguments and result as for ``success_rate``."""
+    return _rate(recovery(estimate, truth), truth, level)
+
+
+def summarise(
+    boxes_estimate: ArrayLike, boxes_truth: ArrayLike, level: ArrayLike = 0.95
+) -> dict[str, Interval]:
+    """All measures of many runs, for each object.
+
+    Means are over frames, pooled over the runs; their errors treat the runs, not the frames, as
+    independent.
+
+    Args:
+        boxes_estimate: ``[R, T, P, 4]``.
+        boxes_truth: ``[T, P, 4]``.
+        level: confidence of the intervals, in (0, 1).
+
+    Returns:
+        An ``Interval`` of ``[P]`` arrays for each of
+
+        * ``success_rate``, ``recovery_rate``: shares of the runs, with Wilson's interval;
+        * ``tracked``: share of the frames with T = 1;
+        * ``precision``, ``recall``: over the frames with T = 1, as in smith2004's table 2;
+        * ``precision_all``, ``recall_all``, ``overlap``: over all frames with truth;
+        * ``centre_error``: in pixels, over the frames with truth and a finite estimate.
+    """
+    estimate, truth = jnp.asarray(boxes_estimate), jnp.asarray(boxes_truth)
+    if estimate.ndim != 4 or estimate.shape[1:] != truth.shape or truth.shape[-1] != 4:
+        raise InputError(
+            f"summarise: boxes_estimate has the shape {list(estimate.shape)} and boxes_truth "
+            f"{list(truth.shape)}; they must be [R, T, P, 4] and [T, P, 4]"
+        )
+    return _summarise(estimate, truth, level)
+
+
+# Compiled as a whole: the first call would otherwise compile some hundred small operations.
+@jax.jit
+def _summarise(estimate: Array, truth: Array, level: ArrayLike) -> dict[str, Interval]:
+    tracked = track_state(estimate, truth)
+    present = _presence(estimate, truth)
+
+    def pooled(values: Array, counts: Array) -> Interval:
+        counts = counts & jnp.isfinite(values)
+        frames = jnp.sum(counts, axis=-2)
+        return mean_interval(masked_mean(values, counts, -2), frames, axis=0, level=level)
+
+    precisions, recalls = precision(estimate, truth), recall(estimate, truth)
+    return {
+        "success_rate": success_rate(estimate, truth, level),
+        "recovery_rate": recovery_rate(estimate, truth, level),
+        "tracked": pooled(tracked.astype(precisions.dtype), present),
+        "precision": pooled(precisions, tracked),
+        "recall": pooled(recalls, tracked),
+        "precision_all": pooled(precisions, present),
+        "recall_all": pooled(recalls, present),
+        "overlap": pooled(overlap(estimate, truth), present),
+        "centre_error": pooled(centre_error(estimate, truth), present),
+    }
+
+
+# The particle set
+
+
+def effective_dynamics(spread: ArrayLike, scale: ArrayLike) -> EffectiveDynamics:
+    """How far the particles are spread, in units of the process noise.
+
+    smith2004 defines it as a variance and plots it as a percentage of sigma; both readings are
+    returned, as ratios.  They can exceed 1: particles follow the observations, and their spread
+    carries over from frame to frame.
+
+    Args:
+        spread: ``[..., P, D]`` standard deviations of the particle set at the end of a time step.
+        scale: ``[D]`` or ``[P, D]``, sigma, the standard deviation of the process noise.
+
+    Returns:
+        ``[..., P, D]`` each; NaN in coordinates that have no process noise.
+    """
+    spread, scale = as_float(spread), as_float(scale)
+    has_noise = scale > 0
+    ratio = jnp.where(has_noise, spread / jnp.where(has_noise, scale, 1), jnp.nan)
+    return EffectiveDynamics(deviation_ratio=ratio, variance_ratio=ratio**2)
+
+
+def pose_variance(spread: ArrayLike, sizes: ArrayLike) -> Array:
+    """Variance of a set of particles over the poses of P rectangles, in square pixels.
+
+    gonzales2011 plots "the variance of the particle set" without a definition.  Here it is the
+    mean squared distance of a rectangle's corners from where they are on average, to first order
+    in the angle, summed over the rectangles: with r half the diagonal, var x + var y +
+    r^2 var theta.  So pixels and radians add up.
+
+    Args:
+        spread: ``[..., P, D]``, D >= 3, standard deviations of x, y, theta; the rest is not used.
+        sizes: ``[P, 2]`` width and height, pixels.
+
+    Returns:
+        ``[...]``; NaN if a spread is not finite.
+    """
+    spread, sizes = as_float(spread), as_float(sizes)
+    radius = 0.5 * jnp.hypot(sizes[..., 0], sizes[..., 1])
+    levers = jnp.stack([jnp.ones_like(radius), jnp.ones_like(radius), radius], axis=-1)
+    total = jnp.sum((spread[..., :3] * levers) ** 2, axis=(-2, -1))
+    return jnp.where(jnp.isfinite(total), total, jnp.nan)
+
+
+def resamplings_per_frame(resample_after: ArrayLike) -> Array:
+    """How often the whole set is resampled in a frame: P for PS, the number of levels for SPS.
+
+    Args:
+        resample_after: ``[..., P]`` bool, ``Ordering.resample_after``.
+
+    Returns:
+        ``[...]`` int: those within the frame and the one at its start.
+    """
+    return 1 + jnp.sum(jnp.asarray(resample_after), axis=-1)
+
+
+def effective_sample_size(log_weights: ArrayLike) -> Array:
+    """(sum w)^2 / sum w^2: the number of equal weights that would be as good.
+
+    For normalised weights this is 1 / sum w^2 (maccormick1999, Kong et al. 1994).
+
+    Args:
+        log_weights: ``[..., N]``, normalised or not; a weight that is not finite counts as 0.
+
+    Returns:
+        ``[...]``, from 1 to N, or 0 if no weight is above 0.
+    """
+    log_weights = as_float(log_weights)
+    log_weights = jnp.where(jnp.isfinite(log_weights), log_weights, -jnp.inf)
+    largest = jnp.max(log_weights, axis=-1, keepdims=True)
+    # Relative to the largest weight, so that neither sum overflows or vanishes.
+    relative = log_weights - jnp.where(jnp.isfinite(largest), largest, 0)
+    size = jnp.exp(2 * logsumexp(relative, axis=-1) - logsumexp(2 * relative, axis=-1))
+    return jnp.where(jnp.isfinite(largest[..., 0]), size, 0)
+
+
+def uniqueness(lineage: ArrayLike) -> Array:
+    """U / N: the share of distinct hypotheses among the particles.
+
+    Args:
+        lineage: ``[..., P, N]`` int, the lineage id of each particle's part: copies share it.
+
+    Returns:
+        ``[..., P]``, from 1 / N to 1.
+    """
+    ordered = jnp.sort(jnp.asarray(lineage), axis=-1)
+    changes = jnp.sum(ordered[..., 1:] != ordered[..., :-1], axis=-1)
+    return (1 + changes) / ordered.shape[-1]
+
+
+# Helpers
+
+
+def _share_of_intersection(estimate: ArrayLike, truth: ArrayLike, whole: Array) -> Array:
+    """area(E and G) / whole: 0 for an empty whole, NaN where there is no truth."""
+    common = intersection_area(estimate, truth)
+    share = jnp.where(whole > 0, common / jnp.where(whole > 0, whole, 1), 0)
+    return jnp.where(has_truth(truth), share, jnp.nan)
+
+
+def _presence(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """``has_truth`` with the leading axes of the estimate as well."""
+    shape = jnp.broadcast_shapes(jnp.shape(estimate), jnp.shape(truth))
+    return jnp.broadcast_to(has_truth(truth), shape[:-1])
+
+
+def _frames_that_count(estimate: ArrayLike, truth: ArrayLike, over: Over) -> Array:
+    if over == "tracked":
+        return track_state(estimate, truth)
+    if over == "all":
+        return _presence(estimate, truth)
+    raise InputError(f'over = {over!r} must be "tracked" or "all"')
+
+
+def _rate(outcome: Array, truth: ArrayLike, level: ArrayLike) -> Interval:
+    """The rate of ``outcome [R, P]`` over the runs, for objects that have truth at all."""
+    ever = jnp.any(has_truth(truth), axis=-2)
+    trials = jnp.sum(jnp.broadcast_to(ever, outcome.shape), axis=0)
+    return wilson_interval(jnp.sum(outcome, axis=0), trials, level)

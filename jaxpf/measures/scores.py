@@ -1,0 +1,171 @@
+"""Scores in which others report trackers: CLEAR-MOT, IDF1 and HOTA, and the curves of OTB.
+
+The former come from TrackEval (``pip install 'jaxpf[scores]'``), so that they are the numbers
+of the benchmarks.  Boxes are x, y, w, h in pixels; a box that is not finite or has no width or
+height stands for an absent object.
+"""
+
+import contextlib
+import importlib
+import io
+from types import ModuleType
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from jaxpf.errors import InputError
+from jaxpf.measures.intervals import masked_mean
+from jaxpf.measures.metrics import centre_error, has_truth, overlap
+from jaxpf.measures.track_matching import pairwise_overlap
+
+__all__ = [
+    "CENTRE_THRESHOLDS",
+    "OVERLAP_THRESHOLDS",
+    "distance_precision",
+    "precision_curve",
+    "success_area",
+    "success_curve",
+    "tracking_scores",
+]
+
+#: Overlaps of the success curve (wu2013): 0, .05, ..., 1.
+OVERLAP_THRESHOLDS = np.arange(21) / 20
+#: Centre errors of the precision curve (wu2013), in pixels: 0, 1, ..., 50.
+CENTRE_THRESHOLDS = np.arange(51)
+_REPORTED_DISTANCE = 20
+
+_SHARES = ("HOTA", "DetA", "AssA", "LocA", "MOTA", "MOTP", "IDF1", "IDR", "IDP")
+_COUNTS = {
+    **{"TP": "CLR_TP", "FP": "CLR_FP", "FN": "CLR_FN"},
+    **{name: name for name in ("IDSW", "Frag", "MT", "PT", "ML")},
+}
+
+
+def tracking_scores(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
+    """The MOTChallenge's scores of one run, computed by TrackEval.
+
+    Every column is one identity: HOTA, IDF1 and the identity switches judge whether a track
+    stays on the object it is on, whichever that is.  No box is left out first, as the benchmark
+    does with tracks of static people: the truth should hold what is to be tracked, no more.
+
+    Args:
+        estimate: boxes ``[T, P, 4]`` of P tracks.
+        truth: boxes ``[T, Q, 4]`` of Q objects.
+
+    Returns:
+        ``HOTA``, ``DetA``, ``AssA``, ``LocA`` (luiten2021; means over the overlaps .05, .1, ...,
+        .95), ``MOTA`` and ``MOTP`` (bernardin2008; MOTP is the mean overlap of the matches),
+        ``IDF1``, ``IDR`` and ``IDP`` (ristani2016), as shares: MOTA can be negative.  Counts:
+        ``TP``, ``FP`` and ``FN``, boxes; ``IDSW`` and ``Frag``, switches of identity and
+        interruptions; ``MT``, ``PT`` and ``ML``, objects tracked in more than 80 %, in between,
+        and in less than 20 % of their frames.  A box matches from an overlap of .5 on.  The
+        shares are NaN where there is no truth at all.
+
+    Raises:
+        InputError: TrackEval is not installed, or the shapes do not fit.
+    """
+    estimate, truth = np.asarray(estimate, np.float64), np.asarray(truth, np.float64)
+    if estimate.ndim != 3 or truth.ndim != 3 or estimate.shape[::2] != truth.shape[::2]:
+        raise InputError(
+            f"boxes of the shapes {list(estimate.shape)} and {list(truth.shape)} cannot be "
+            "compared; give [T, P, 4] and [T, Q, 4] of the same T frames"
+        )
+    metrics = _import_trackeval().metrics
+    data = _trackeval_data(estimate, truth)
+    quiet = {"PRINT_CONFIG": False}
+    found = metrics.HOTA().eval_sequence(data)
+    found |= metrics.CLEAR(quiet).eval_sequence(data) | metrics.Identity(quiet).eval_sequence(data)
+    scores = {name: float(np.mean(found[name])) for name in _SHARES}
+    if data["num_gt_dets"] == 0:
+        scores = dict.fromkeys(_SHARES, float("nan"))
+    return scores | {name: float(found[field]) for name, field in _COUNTS.items()}
+
+
+def success_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """Share of the frames whose overlap exceeds each of ``OVERLAP_THRESHOLDS`` (wu2013).
+
+    As in the benchmark the overlap must *exceed* the threshold, so that a perfect tracker has 0
+    at the threshold 1, and an area of 20/21.  Frames without truth do not count; without an
+    estimate they count as missed.
+
+    Args:
+        estimate: ``[..., T, P, 4]`` boxes; leading axes broadcast.
+        truth: ``[..., T, P, 4]`` boxes.
+
+    Returns:
+        ``[..., P, 21]``; NaN for an object that never has truth.
+    """
+    overlaps = overlap(estimate, truth)
+    exceeds = overlaps[..., None] > jnp.asarray(OVERLAP_THRESHOLDS, overlaps.dtype)
+    return _share_of_frames(exceeds.astype(overlaps.dtype), truth)
+
+
+def success_area(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """``[..., P]``: area under ``success_curve``, the mean of its 21 values (wu2013)."""
+    return jnp.mean(success_curve(estimate, truth), axis=-1)
+
+
+def precision_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """Share of the frames whose centre error is at most each of ``CENTRE_THRESHOLDS`` (wu2013).
+
+    Arguments and frames that count are as for ``success_curve``.
+
+    Returns:
+        ``[..., P, 51]``.
+    """
+    errors = centre_error(estimate, truth)
+    within = errors[..., None] <= jnp.asarray(CENTRE_THRESHOLDS, errors.dtype)
+    return _share_of_frames(within.astype(errors.dtype), truth)
+
+
+def distance_precision(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """``[..., P]``: ``precision_curve`` at 20 pixels, by which OTB ranks trackers."""
+    return precision_curve(estimate, truth)[..., _REPORTED_DISTANCE]
+
+
+# Helpers
+
+
+def _share_of_frames(hits: Array, truth: ArrayLike) -> Array:
+    """The mean of ``hits [..., T, P, K]`` over the frames with truth: ``[..., P, K]``."""
+    counts = jnp.broadcast_to(has_truth(truth)[..., None], hits.shape)
+    return masked_mean(hits, counts, -3)
+
+
+def _import_trackeval() -> ModuleType:
+    try:
+        # It prints about benchmarks whose packages it lacks; none is needed here.
+        with contextlib.redirect_stdout(io.StringIO()):
+            return importlib.import_module("trackeval")
+    except ImportError as error:
+        raise InputError(
+            f"CLEAR-MOT, IDF1 and HOTA need TrackEval ({error}); install it with pip install "
+            "'jaxpf[scores]' and then pip install --no-deps trackeval."
+        ) from error
+
+
+def _trackeval_data(estimate: np.ndarray, truth: np.ndarray) -> dict:
+    """What TrackEval's metrics read: per frame the ids that are there, and their overlaps."""
+    tracks, objects = _present(estimate), _present(truth)
+    # Ids count from 0 without gaps: identities that are never there have none.
+    track_ids, object_ids = (np.cumsum(there.any(axis=0)) - 1 for there in (tracks, objects))
+    return {
+        "num_timesteps": len(truth),
+        "num_gt_ids": int(objects.any(axis=0).sum()),
+        "num_tracker_ids": int(tracks.any(axis=0).sum()),
+        "num_gt_dets": int(objects.sum()),
+        "num_tracker_dets": int(tracks.sum()),
+        "gt_ids": [object_ids[there] for there in objects],
+        "tracker_ids": [track_ids[there] for there in tracks],
+        "similarity_scores": [
+            pairwise_overlap(truth[t, objects[t]], estimate[t, tracks[t]])
+            for t in range(len(truth))
+        ],
+    }
+
+
+def _present(boxes: np.ndarray) -> np.ndarray:
+    """``[T, P]`` bool."""
+    return np.isfinite(boxes).all(axis=-1) & (boxes[..., 2:] > 0).all(axis=-1)

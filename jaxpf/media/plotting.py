@@ -1,0 +1,84 @@
+"""Figures, drawn with matplotlib without a display."""
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from jaxpf.files.writing import atomic_write
+from jaxpf.media.overlay import object_colours
+
+
+def new_figure(
+    rows: int = 1, columns: int = 1, share_x: bool = False, **options: Any
+) -> tuple[Any, Any]:
+    """A figure and its axes ``[rows, columns]``, for a file rather than a window."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(layout="constrained", **options)
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, squeeze=False, sharex=share_x)
+
+
+def save_figure(figure: Any, path: str | os.PathLike[str], dpi: int = 120) -> None:
+    """Write a figure to a PNG file, completely or not at all."""
+    with atomic_write(path, "wb") as file:
+        figure.savefig(file, dpi=dpi, format="png")
+
+
+def colours(count: int) -> list[tuple[float, ...]]:
+    """The overlay's colours for matplotlib, so that pictures and plots agree."""
+    return [tuple(rgb / 255) for rgb in object_colours(count).astype(float)]
+
+
+def diagnostics(
+    frames: np.ndarray,
+    ess: np.ndarray,
+    uniqueness: np.ndarray,
+    log_evidence: np.ndarray,
+    ids: Sequence[int],
+    num_particles: int,
+) -> Any:
+    """Effective sample size, uniqueness per object and evidence over time.
+
+    Args:
+        frames: frame numbers ``[T]``.
+        ess: ``[T]``.
+        uniqueness: ``[T, P]``.
+        log_evidence: increments ``[T]``; ``-inf`` is marked, not drawn.
+        ids: the objects' names ``[P]``.
+        num_particles: N.
+    """
+    figure, axes = new_figure(3, 1, figsize=(9, 8), share_x=True)
+    upper, middle, lower = axes[:, 0]
+    upper.plot(frames, ess, color="black")
+    upper.set(ylabel=f"effective sample size\n(of {num_particles})", ylim=(0, None))
+    for column, (name, colour) in enumerate(zip(ids, colours(len(ids)), strict=True)):
+        middle.plot(frames, 100 * uniqueness[:, column], color=colour, label=f"object {name}")
+    middle.set(ylabel="uniqueness (%)", ylim=(0, 102))
+    middle.legend(ncols=min(len(ids), 7), fontsize="small", loc="upper right")
+    possible = np.isfinite(log_evidence)
+    lower.plot(frames[possible], log_evidence[possible], color="black")
+    for frame in frames[~possible]:
+        lower.axvline(frame, color="red", alpha=0.5)
+    lower.set(ylabel="log evidence of the frame", xlabel="frame")
+    for axis in axes[:, 0]:
+        axis.grid(alpha=0.3)
+    return figure
+
+
+def bars_with_intervals(
+    axis: Any, values: Mapping[str, tuple[float, float, float]], ylabel: str
+) -> None:
+    """Bars with asymmetric intervals: name -> (value, low, high)."""
+    names = list(values)
+    heights = np.array([values[name][0] for name in names])
+    low = np.array([values[name][1] for name in names])
+    high = np.array([values[name][2] for name in names])
+    # Rounding may put a bound a hair on the wrong side of the value.
+    errors = np.clip(np.stack([heights - low, high - heights]), 0, None)
+    axis.bar(names, heights, yerr=errors, color=colours(len(names)), capsize=4)
+    axis.set_ylabel(ylabel)
+    axis.grid(axis="y", alpha=0.3)

@@ -1,0 +1,293 @@
+"""Reading frames: video files and folders of images, one frame at a time.
+
+Frames are uint8 RGB arrays [H, W, 3].  ``VideoWriter`` lives in :mod:`jaxpf.video_writer` and
+drawing in :mod:`jaxpf.overlay`.
+"""
+
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from jaxpf.errors import InputError
+from jaxpf.media.images import IMAGE_SUFFIXES, frames_inside, natural_order, read_image, to_rgb
+from jaxpf.media.quiet import quiet_opencv
+from jaxpf.media.video_writer import VideoWriter
+
+__all__ = ["DEFAULT_FPS", "FrameSource", "VideoWriter", "open_frames"]
+
+DEFAULT_FPS = 25.0
+
+# How the commonest containers begin; used only to tell "damaged" from "not a video".
+_CONTAINERS = ((4, b"ftyp", "MP4"), (8, b"AVI ", "AVI"), (0, b"\x1a\x45\xdf\xa3", "WebM or MKV"))
+
+
+class FrameSource:
+    """Frames of one video, read as they are asked for; any number of times.
+
+    Iterating decodes from the beginning and keeps no frame: memory does not grow with the
+    length.
+
+    Attributes:
+        path: the file or folder.
+        name: the file name without suffix, or the name of the folder.
+        width: of every frame, pixels.
+        height: of every frame, pixels.
+        fps: frames per second; 25 if the container does not say, and for folders.
+        frames_expected: how many frames the container announces.  An estimate: containers
+            round, guess and lie.  None if it does not say.
+        num_frames: the exact number of frames; None until it is known.  Folders know it at
+            once, videos after a pass to the end.
+        truncated: True once a pass has shown that the video is cut off or damaged: every
+            frame that decodes was yielded, and ``note`` says what is missing.
+        note: one sentence that is worth telling the user, or None.
+    """
+
+    def __init__(self, path: Path, fps: float | None):
+        self.path = path
+        self.name = path.resolve().name if path.is_dir() else path.stem
+        self.width = 0
+        self.height = 0
+        self.fps = DEFAULT_FPS if fps is None else fps
+        self.frames_expected: int | None = None
+        self.num_frames: int | None = None
+        self.truncated = False
+        self.note: str | None = None
+
+    def frames(self, start: int = 0) -> Iterator[np.ndarray]:
+        """Yield the frames from number ``start`` (counting from 0) to the end.
+
+        Frames before ``start`` are decoded and dropped: jumping by time stamps lands on the
+        wrong frame in many videos.
+
+        Yields:
+            uint8 RGB [H, W, 3]; each is a fresh array.
+
+        Raises:
+            InputError: ``start`` is negative or past the end, or a frame cannot be used.
+        """
+        if start < 0:
+            raise InputError(
+                f"start frame {start} of '{self.path}' is negative; frames count from 0"
+            )
+        if self.num_frames is not None and start >= self.num_frames:
+            raise self._past_the_end(start, self.num_frames)
+        return self._frames(start)
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        return self.frames()
+
+    def _frames(self, start: int) -> Iterator[np.ndarray]:
+        raise NotImplementedError
+
+    def _past_the_end(self, start: int, count: int) -> InputError:
+        return InputError(
+            f"start frame {start} is past the end of '{self.path}', which has {count} frame(s); "
+            f"choose one from 0 to {count - 1}"
+        )
+
+
+def open_frames(path: str | os.PathLike[str], fps: float | None = None) -> FrameSource:
+    """Open a video, or a folder of images, for reading.
+
+    A folder's images (png, jpg, jpeg, bmp, tif, tiff, webp) are the frames, in natural order
+    (``img2.png`` before ``img10.png``); hidden files are skipped.  Grey becomes RGB with three
+    equal channels.  Alpha is dropped: the stored colours count, also where they are
+    transparent.  16 bits per channel are scaled to 8, full range to full range.  Rotation marks
+    of cameras (EXIF, video metadata) are applied.
+
+    Args:
+        path: a video in any format that OpenCV decodes, or a folder.
+        fps: frames per second, in place of what the container says.
+
+    Returns:
+        A source that is known to yield at least one frame.
+
+    Raises:
+        InputError: nothing is there, or it holds no frame that decodes.
+    """
+    path = Path(path)
+    if fps is not None and not (math.isfinite(fps) and fps > 0):
+        raise InputError(f"fps {fps} for '{path}' is not a positive number; give one such as 25")
+    if path.is_dir():
+        return _ImageFolder(path, fps)
+    if not path.exists():
+        raise InputError(
+            f"there is no video or folder at '{path}'; check the path (current folder: "
+            f"'{Path.cwd()}')"
+        )
+    try:
+        beginning = _read_beginning(path)
+    except OSError as error:
+        raise InputError(
+            f"cannot read '{path}': {(error.strerror or str(error)).lower()}; check its permissions"
+        ) from error
+    if not beginning:
+        raise InputError(f"video '{path}' is empty (0 bytes); copy or record it again")
+    if path.suffix.lower() in IMAGE_SUFFIXES:
+        raise InputError(
+            f"'{path}' is a single image; give the folder that holds the images, or a video"
+        )
+    if _is_text(beginning):
+        # FFmpeg would "decode" a text file into pictures of its letters.
+        raise InputError(f"'{path}' is a text file; give a video or a folder of images")
+    return _VideoFile(path, fps, beginning)
+
+
+class _VideoFile(FrameSource):
+    """A file that OpenCV decodes."""
+
+    def __init__(self, path: Path, fps: float | None, beginning: bytes):
+        super().__init__(path, fps)
+        capture, frame = self._open(), None
+        try:
+            with quiet_opencv():
+                if capture.isOpened():
+                    announced_count = capture.get(cv2.CAP_PROP_FRAME_COUNT)
+                    announced_fps = capture.get(cv2.CAP_PROP_FPS)
+                    frame = capture.read()[1]
+        finally:
+            capture.release()
+        if frame is None:
+            raise _undecodable(path, beginning)
+        # Taken from a decoded frame: rotation can swap what the header says.
+        self.height, self.width = frame.shape[:2]
+        # Above 1000 it is the clock rate of the container, not a frame rate.
+        fps_known = math.isfinite(announced_fps) and 0 < announced_fps <= 1000
+        if fps is None and fps_known:
+            self.fps = announced_fps
+        self._announced_fps = announced_fps if fps_known else DEFAULT_FPS
+        if math.isfinite(announced_count) and 1 <= announced_count < 1e9:
+            self.frames_expected = int(announced_count)
+
+    def _open(self) -> cv2.VideoCapture:
+        with quiet_opencv():
+            return cv2.VideoCapture(str(self.path))
+
+    def _frames(self, start: int) -> Iterator[np.ndarray]:
+        capture = self._open()
+        try:
+            for skipped in range(start):
+                with quiet_opencv():
+                    decoded = capture.grab()
+                if not decoded:
+                    self._reached_end(skipped, last_time=0.0)
+                    raise self._past_the_end(start, skipped)
+            count, last_time = start, 0.0
+            while True:
+                with quiet_opencv():
+                    decoded, frame = capture.read()
+                if not decoded:
+                    break
+                if frame.shape[:2] != (self.height, self.width):
+                    raise InputError(
+                        f"video '{self.path}' changes its size at frame {count}, from "
+                        f"{self.width}x{self.height} to {frame.shape[1]}x{frame.shape[0]}; "
+                        "convert it to one size"
+                    )
+                last_time = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
+                count += 1
+                yield to_rgb(frame, self.path)
+            if count == start:
+                self._reached_end(count, last_time)
+                raise self._past_the_end(start, count)
+            self._reached_end(count, last_time)
+        finally:
+            capture.release()
+
+    def _reached_end(self, count: int, last_time: float) -> None:
+        """Compare the ``count`` frames that decoded with what the container announced."""
+        self.num_frames = count
+        expected = self.frames_expected
+        if expected is None or count >= expected:
+            return
+        tolerance = max(2, expected // 100)
+        # Where the count is only a duration times a rate, a variable frame rate makes it
+        # wrong, but then the last time stamp still lies at the announced end.
+        end = (last_time * self._announced_fps) + 1
+        what = f"'{self.path}' announces {expected} frames, and {count} can be decoded"
+        if expected - count <= tolerance:
+            self.note = f"{what}; such a small difference is usually rounding by the container"
+        elif end >= expected - tolerance:
+            self.note = (
+                f"{what}, up to its announced end: the frame rate varies, or frames within it "
+                "are damaged"
+            )
+        else:
+            self.truncated = True
+            self.note = (
+                f"{what}: it is cut off or damaged after frame {count - 1}; copy or convert it "
+                "again if the rest matters"
+            )
+
+
+class _ImageFolder(FrameSource):
+    """A folder whose images are the frames."""
+
+    def __init__(self, path: Path, fps: float | None):
+        super().__init__(path, fps)
+        files = [
+            entry
+            for entry in path.iterdir()
+            if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".")
+        ]
+        self._files = sorted(files, key=lambda entry: natural_order(entry.name))
+        # One picture beside a video or a folder of frames is a preview, not the sequence.
+        meant = frames_inside(path) if len(self._files) < 2 else None
+        found = f"one image only, '{files[0].name}'" if files else "no images"
+        if meant is not None:
+            raise InputError(f"folder '{path}' holds {found}; did you mean '{meant}'?")
+        if not files:
+            suffixes = ", ".join(suffix.lstrip(".") for suffix in IMAGE_SUFFIXES)
+            raise InputError(
+                f"folder '{path}' holds no images ({suffixes}); give a folder that does"
+            )
+        self.frames_expected = self.num_frames = len(self._files)
+        self.height, self.width = read_image(self._files[0]).shape[:2]
+        if len(files) == 1:
+            self.note = f"folder '{path}' holds {found}"
+
+    def _frames(self, start: int) -> Iterator[np.ndarray]:
+        for file in self._files[start:]:
+            frame = read_image(file)
+            if frame.shape[:2] != (self.height, self.width):
+                raise InputError(
+                    f"folder '{self.path}' mixes image sizes: '{self._files[0].name}' is "
+                    f"{self.width}x{self.height} but '{file.name}' is "
+                    f"{frame.shape[1]}x{frame.shape[0]}; keep only frames of one size"
+                )
+            yield frame
+
+
+def _read_beginning(path: Path) -> bytes:
+    with open(path, "rb") as file:
+        return file.read(4096)
+
+
+def _is_text(beginning: bytes) -> bool:
+    if beginning.startswith(b"YUV4MPEG2"):
+        return False
+    if any(byte < 32 and byte not in b"\b\t\n\f\r\x1b" for byte in beginning):
+        return False
+    try:
+        beginning.decode("utf-8")
+    except UnicodeDecodeError as error:
+        # What was read may end within a character.
+        return error.start >= len(beginning) - 3
+    return True
+
+
+def _undecodable(path: Path, beginning: bytes) -> InputError:
+    for offset, magic, container in _CONTAINERS:
+        if beginning[offset : offset + len(magic)] == magic:
+            return InputError(
+                f"video '{path}' cannot be decoded: it begins as {container} but is cut off, "
+                "damaged or in a codec that OpenCV lacks; copy it again or convert it"
+            )
+    return InputError(
+        f"'{path}' is not a video that OpenCV can read; give a video (mp4, avi, webm, mkv) or a "
+        "folder of images"
+    )

@@ -1,0 +1,1 @@
+"""How substates move and how they explain a frame."""

@@ -1,0 +1,22 @@
+"""Likelihoods: how well a substate explains a frame."""
+
+from jaxpf.models.likelihoods.distance_law import learn_background
+from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian, Gaussian
+from jaxpf.models.likelihoods.histogram import (
+    HistogramLikelihood,
+    histogram,
+    histogram_from_patches,
+)
+from jaxpf.models.likelihoods.patch import PatchLikelihood, patch, patch_from_pictures
+
+__all__ = [
+    "CorrelatedGaussian",
+    "Gaussian",
+    "HistogramLikelihood",
+    "PatchLikelihood",
+    "histogram",
+    "histogram_from_patches",
+    "learn_background",
+    "patch",
+    "patch_from_pictures",
+]

@@ -1,0 +1,1 @@
+"""What a substate means: one module per target."""

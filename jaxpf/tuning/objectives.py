@@ -1,0 +1,227 @@
+"""What tuning maximises or minimises: differentiable functions of a whole tracker.
+
+Every objective runs a tracker R times over a sequence and gives one number per run, so that
+the spread over runs is seen.  ``jax.grad`` with ``allow_int=True`` differentiates it with
+respect to the tracker, whose tables of integers are not differentiated.  What the gradient
+means is decided by the tracker: see ``jaxpf.gradients``.
+
+The log evidence compares models of the *observations*, so it needs a likelihood that is a
+density of them.  ``exp(-lambda d^2)`` of a distance d (smith2004) is not normalised over
+observations: every factor is at most one and lambda = 0 makes it one, so its evidence always
+prefers lambda = 0, whatever the frames show.  Tune such a sharpness by a supervised loss, or
+give the likelihood a normalised form first.
+
+Reverse-mode differentiation keeps what every frame computed.  With ``checkpoint=True`` only
+the particles between frames and their ancestors are kept, and each frame is computed again on
+the way back, for about one more forward pass; with a number k, only the particles of every
+k-th frame, for two more: with k near sqrt(T) memory grows with the root of the number of frames.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.typing import ArrayLike
+
+from jaxpf import running
+from jaxpf.errors import InputError
+from jaxpf.filters.partitioned.kernel import ANCESTORS
+from jaxpf.measures import metrics
+from jaxpf.models.geometry import boxes_from_substates, is_proper
+from jaxpf.pytree import is_concrete
+
+
+def log_evidence(
+    tracker: Any, keys: jax.Array, frames: Any, *, checkpoint: bool | int = True
+) -> jax.Array:
+    """Log of each run's estimate of ``p(y_1:T)``.
+
+    ``exp`` of it is unbiased for the evidence where the tracker's is; the log of it is not,
+    but too low by about half its variance.  Beware of likelihoods that are not normalised
+    over observations, see the module's docstring.
+
+    Args:
+        tracker: as for ``jaxpf.run``.
+        keys: ``[R]``, one per run; the same keys give the same random numbers.
+        frames: array or pytree with a leading time axis.
+        checkpoint: see the module's docstring; it changes memory and time, not the result.
+
+    Returns:
+        ``[R]``; -inf for a run in which a frame was impossible for every particle.
+
+    Raises:
+        InputError: no frames, no keys, or ``checkpoint`` < 1.
+    """
+    return jnp.sum(_record(tracker, keys, frames, _log_evidence, checkpoint), axis=0)
+
+
+def log_mean_evidence(
+    tracker: Any, keys: jax.Array, frames: Any, *, checkpoint: bool | int = True
+) -> jax.Array:
+    """Log of the mean over runs of their estimates of ``p(y_1:T)``: ``[]``.
+
+    Unlike the mean of the logs it approaches the log evidence as R grows, however few the
+    particles.  With ``gradient="stop_gradient"`` its gradient does likewise.  Arguments and
+    errors as for ``log_evidence``.
+    """
+    every = log_evidence(tracker, keys, frames, checkpoint=checkpoint)
+    # Both branches stay finite: -inf - -inf in a gradient would make a NaN.
+    possible = jnp.any(~jnp.isneginf(every))
+    mean = jax.nn.logsumexp(jnp.where(possible, every, 0.0)) - np.log(every.shape[0])
+    return jnp.where(possible, mean, -jnp.inf)
+
+
+def position_error(
+    tracker: Any,
+    keys: jax.Array,
+    frames: Any,
+    truth: ArrayLike,
+    *,
+    checkpoint: bool | int = True,
+) -> jax.Array:
+    """Mean distance of the estimate from the labelled positions.
+
+    Args:
+        tracker: as for ``jaxpf.run``; its substates begin with the coordinates (u, v).
+        keys: ``[R]``, one per run.
+        frames: array or pytree with a leading time axis T.
+        truth: ``[T, P, >= 2]``, true substates, of which (u, v) are used; NaN where an
+            object is not labelled, which does not count.
+        checkpoint: see the module's docstring.
+
+    Returns:
+        ``[R]``, in the units of the substates (pixels).
+
+    Raises:
+        InputError: as for ``log_evidence``; a truth of another shape or without labels.
+    """
+    truth = _truth("truth", truth, tracker, frames, at_least=2)[..., :2]
+    _check_labelled("truth", truth)
+    labelled = jnp.all(jnp.isfinite(truth), axis=-1)
+    truth = jnp.where(labelled[..., None], truth, 0.0)
+    estimate = _record(tracker, keys, frames, _estimate, checkpoint)
+    offset = jnp.where(labelled[:, None, :, None], estimate[..., :2] - truth[:, None], 0.0)
+    square = jnp.sum(offset**2, axis=-1)
+    distance = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
+    return jnp.sum(distance, axis=(0, 2)) / jnp.sum(labelled)
+
+
+def overlap_loss(
+    tracker: Any,
+    keys: jax.Array,
+    frames: Any,
+    truth_boxes: ArrayLike,
+    sizes: ArrayLike,
+    *,
+    checkpoint: bool | int = True,
+) -> jax.Array:
+    """Mean of 1 - intersection over union of the estimated and the labelled boxes.
+
+    Where the boxes do not meet the loss is 1 and its gradient zero: start from parameters
+    that track, or add ``position_error``.
+
+    Args:
+        tracker: as for ``jaxpf.run``; its substates begin with (u, v, a), see
+            ``jaxpf.geometry``.
+        keys: ``[R]``, one per run.
+        frames: array or pytree with a leading time axis T.
+        truth_boxes: ``[T, P, 4]``, x, y, w, h in pixels; NaN or without width or height where
+            an object is not labelled, which does not count.
+        sizes: ``[P, 2]``, width and height at scale 1, in pixels.
+        checkpoint: see the module's docstring.
+
+    Returns:
+        ``[R]``, between 0 and 1.
+
+    Raises:
+        InputError: as for ``position_error``.
+    """
+    truth = _truth("truth_boxes", truth_boxes, tracker, frames, at_least=4)
+    _check_labelled("truth_boxes", truth)
+    labelled = is_proper(truth)
+    # A box in place of a missing one keeps 0/0, and so NaN, out of the gradient.
+    truth = jnp.where(labelled[..., None], truth, jnp.ones_like(truth))
+    estimate = _record(tracker, keys, frames, _estimate, checkpoint)
+    overlap = metrics.overlap(boxes_from_substates(estimate, sizes), truth[:, None])
+    return jnp.sum(jnp.where(labelled[:, None], 1 - overlap, 0.0), axis=(0, 2)) / jnp.sum(labelled)
+
+
+def _log_evidence(summary):
+    return summary.log_evidence
+
+
+def _estimate(summary):
+    return summary.estimate
+
+
+def _record(
+    tracker: Any, keys: jax.Array, frames: Any, record: Callable[[Any], Any], checkpoint: bool | int
+) -> Any:
+    """``record(summary)`` of every frame of every run, leading axes ``[T, R]``.
+
+    All runs advance together, so that a frame is observed once for all of them.
+    """
+    num_frames = running.num_frames(frames)
+    keys = running.as_keys(keys)
+    if checkpoint is not True and checkpoint is not False and checkpoint < 1:
+        raise InputError(
+            f"checkpoint={checkpoint} must be True, False, or a number of frames of at least 1."
+        )
+    observe, step = running.split(tracker)
+
+    def frame_step(states, item):
+        time, frame = item
+        observation = observe(frame)
+
+        def step_one(key, state):
+            state, summary = step(running.frame_key(key, time), state, observation)
+            return state, record(summary)
+
+        return jax.vmap(step_one)(keys, states)
+
+    states = jax.vmap(lambda key: running.init(tracker, key))(keys)
+    items = (jnp.arange(num_frames), frames)
+    if checkpoint is False:
+        return lax.scan(frame_step, states, items)[1]
+    # A loop's body is compiled apart already: nothing to guard against merging it.
+    keep = jax.checkpoint_policies.save_only_these_names(ANCESTORS)
+    frame_step = jax.checkpoint(frame_step, prevent_cse=False, policy=keep)
+    window = min(int(checkpoint), num_frames)
+    if window == 1:
+        return lax.scan(frame_step, states, items)[1]
+
+    @jax.checkpoint
+    def window_step(states, items):
+        return lax.scan(frame_step, states, items)
+
+    whole = num_frames // window * window
+    head = jax.tree.map(
+        lambda x: jnp.asarray(x)[:whole].reshape(-1, window, *jnp.shape(x)[1:]), items
+    )
+    states, recorded = lax.scan(window_step, states, head)
+    recorded = jax.tree.map(lambda x: x.reshape(whole, *x.shape[2:]), recorded)
+    if whole == num_frames:
+        return recorded
+    rest = jax.tree.map(lambda x: jnp.asarray(x)[whole:], items)
+    _, last = window_step(states, rest)
+    return jax.tree.map(lambda x, y: jnp.concatenate([x, y]), recorded, last)
+
+
+def _truth(name: str, truth: ArrayLike, tracker: Any, frames: Any, at_least: int) -> jax.Array:
+    """Labels as floats, of the right shape."""
+    truth = jnp.asarray(truth)
+    expected = (running.num_frames(frames), tracker.num_partitions)
+    if truth.ndim != 3 or truth.shape[:2] != expected or truth.shape[2] < at_least:
+        raise InputError(
+            f"{name} has shape {truth.shape}; with {expected[0]} frames of {expected[1]} objects "
+            f"it must be [{expected[0]}, {expected[1]}, {at_least}], NaN where not labelled."
+        )
+    return truth
+
+
+def _check_labelled(name: str, truth: jax.Array) -> None:
+    if is_concrete(truth) and not np.isfinite(np.asarray(truth)).all(axis=-1).any():
+        raise InputError(f"{name} labels no object in any frame; label at least one.")

@@ -37,7 +37,7 @@ __version__ = "0.1.0"
 
 #: Public modules by the name under which ``import jaxpf`` shows them.
 _MODULES = {
-    "articulated": "targets.parts",
+    "articulated": "targets.articulated",
     "boxes": "targets.boxes",
     "contract": "contract",
     "dynamics": "models.dynamics",
@@ -100,7 +100,7 @@ if TYPE_CHECKING:
     from jaxpf.pytree import pytree_dataclass
     from jaxpf.running import monte_carlo, run
     from jaxpf.state import ParticleState, Summary
-    from jaxpf.targets import boxes, parts  # noqa: F401
+    from jaxpf.targets import articulated, boxes  # noqa: F401
     from jaxpf.tuning import objectives, tune  # noqa: F401
 
 __all__ = [

@@ -13,10 +13,16 @@ from typing import Any
 
 from scenes.articulated import ArticulatedParameters, articulated_scene
 from scenes.benchmark_clips import read_mot, read_otb
-from scenes.clips import Clip, read_clip
+from scenes.clips import Clip, cut_patch, read_clip
 from scenes.distracter import DistracterParameters, distracter_scene
 from scenes.scene import Scene, SceneError
-from scenes.sequences import call_scene, names_function, open_folder, start_scene
+from scenes.sequences import (
+    call_scene,
+    function_of_text,
+    names_function,
+    open_folder,
+    start_scene,
+)
 
 __all__ = [
     "ArticulatedParameters",
@@ -25,8 +31,10 @@ __all__ = [
     "Scene",
     "SceneError",
     "articulated_scene",
+    "cut_patch",
     "default_parameters",
     "distracter_scene",
+    "function_of_text",
     "make",
     "names",
     "open_folder",

@@ -1,8 +1,8 @@
 """One door to every scene: a registered name, a folder with a real sequence, or a function."""
 
 import contextlib
+import functools
 import importlib
-import importlib.util
 import inspect
 import operator
 import sys
@@ -177,6 +177,20 @@ def call_scene(function: str | Callable[..., Any], seed: int, parameters: Mappin
     return scene
 
 
+def function_of_text(text: str, path: str, name: str) -> Callable[..., Any]:
+    """A function of a Python file, from the file's text, which is run once per process.
+
+    Args:
+        text: of the file, which need not exist here.
+        path: of the file, for messages, and for neighbours that it imports.
+        name: of the function.
+
+    Raises:
+        SceneError: the text cannot be run, or has no such function.
+    """
+    return _function_in(f"{path}:{name}", path, lambda: _module_of_text(text, path), name)
+
+
 def names_function(source: str) -> bool:
     """Whether a text has the form ``file.py:function`` or ``package.module:function``."""
     place, colon, name = source.rpartition(":")
@@ -260,8 +274,15 @@ def _import_function(source: str) -> Callable[..., Any]:
     is_file = place.endswith(".py")
     if is_file and not Path(place).is_file():
         raise SceneError(f"{source!r}: there is no file {place}")
+    load = (lambda: _load_file(Path(place))) if is_file else (lambda: _load_module(place))
+    return _function_in(source, place, load, name)
+
+
+def _function_in(
+    source: str, place: str, load: Callable[[], ModuleType], name: str
+) -> Callable[..., Any]:
     try:
-        module = _load_file(Path(place)) if is_file else _load_module(place)
+        module = load()
     except Exception as error:
         raise SceneError(f"{source!r}: {place} cannot be imported ({_cause(error)})") from error
     function = getattr(module, name, None)
@@ -280,16 +301,19 @@ def _import_function(source: str) -> Callable[..., Any]:
 
 
 def _load_file(path: Path) -> ModuleType:
+    return _module_of_text(path.read_text(encoding="utf-8"), str(path.resolve()))
+
+
+@functools.cache
+def _module_of_text(text: str, path: str) -> ModuleType:
     # By its full path, so that two files called scene.py do not take each other's place.
-    name = f"scene_file:{path.resolve()}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise ImportError(f"{path} is no Python file")
-    module = importlib.util.module_from_spec(spec)
+    name = f"user_file:{path}"
+    module = ModuleType(name)
+    module.__file__ = path
     sys.modules[name] = module  # dataclasses look their module up there
     try:
-        with _importable(path.resolve().parent):
-            spec.loader.exec_module(module)
+        with _importable(Path(path).parent):
+            exec(compile(text, path, "exec"), module.__dict__)
     except BaseException:
         del sys.modules[name]
         raise

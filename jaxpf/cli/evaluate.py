@@ -8,20 +8,22 @@ from typing import Any
 import click
 
 from jaxpf.cli import common
+from jaxpf.cli.options import all_options, declared_options
 from jaxpf.errors import InputError
 
 #: Options that say where results go or how they are computed, not what they are.
 _NOT_REPEATED = ("config", "output", "dry_run")
+#: Options of a filter that have flags of their own here, for all their variants.
+_VARIED = ("method", "order", "swap")
 
 
 @click.command("evaluate")
 @click.argument("scene", metavar="SCENE")
 @click.option(
     "--methods",
-    default="sir,ps,dps,sps",
-    show_default=True,
-    help="sir (all objects at once), ps (one after another), dps (ps in as many orders as "
-    "objects), sps (side by side, then exchanged between particles).",
+    help="Names, separated by commas: sir (all objects at once), ps (one after another), dps (ps "
+    "in as many orders as objects), sps (side by side, then exchanged between particles).  "
+    "[default: all that suit the scene]",
 )
 @click.option(
     "--orders",
@@ -37,48 +39,8 @@ _NOT_REPEATED = ("config", "output", "dry_run")
     show_default=True,
     help="For sps: how objects change places.",
 )
-@click.option(
-    "--sharpness",
-    type=common.NumberList(),
-    default="20",
-    show_default=True,
-    help="Values of S in the likelihood exp(-S d^2): 20,30,40,50.",
-)
-@click.option(
-    "--particles",
-    "-n",
-    type=common.NumberList(int),
-    default="300",
-    show_default=True,
-    help="Numbers of particles.",
-)
-@click.option(
-    "--scale",
-    type=common.NumberList(float, 3),
-    multiple=True,
-    default=["4,2,0.003"],
-    show_default=True,
-    help="Noise per frame: x and y in pixels, relative size; repeat it for several.",
-)
-@click.option(
-    "--resampling",
-    default="systematic",
-    show_default=True,
-    help="Schemes: systematic, stratified, multinomial, residual.",
-)
-@click.option(
-    "--parts",
-    type=common.NumberList(int),
-    default="2",
-    show_default=True,
-    help="Horizontal bands of a box, each with its own colour histogram.",
-)
-@click.option(
-    "--likelihood",
-    default="auto",
-    show_default=True,
-    help="How histograms are computed: integral, sampled, or auto for the faster of the two.",
-)
+@declared_options(grid=True, without=_VARIED)
+@click.option("--target", help="What the objects are, boxes or parts.  [default: by the scene]")
 @click.option("--runs", default=50, show_default=True, help="Runs per configuration.")
 @click.option("--seed", default=0, show_default=True, help="Seed of all runs.")
 @click.option("--scene-seed", default=0, show_default=True, help="Seed of a synthetic scene.")
@@ -106,6 +68,14 @@ _NOT_REPEATED = ("config", "output", "dry_run")
     metavar="NAME=FILE",
     help="Another tracker's results, in MOT format or with the header frame,id,x,y,w,h; repeat it.",
 )
+@click.option(
+    "--tracker",
+    "trackers",
+    multiple=True,
+    metavar="[NAME=]FILE.py:FUNCTION",
+    help="A tracker of your own, a function of the scene that returns a tracker or boxes "
+    "[T, P, 4]; repeat it.",
+)
 @click.option("--workers", default=1, show_default=True, help="Processes that share the work.")
 @click.option(
     "--devices",
@@ -129,8 +99,8 @@ def command(**options: Any) -> None:
     SCENE is the name of a synthetic scene, such as distracter, a folder with a sequence and
     its truth (video or frames with gt.csv and meta.json; a MOTChallenge or an OTB sequence),
     or a function that makes a scene, file.py:function.  Every method is run with every value of
-    --sharpness, --particles, --scale, --resampling, --parts and --likelihood; lists are
-    separated by commas.
+    every option that it has, such as --sharpness, --particles and --scale; lists are separated
+    by commas.
 
     Runs are kept batch by batch.  The same command continues what was interrupted, more --runs
     are added to those there are, and a second call on a finished evaluation does nothing.  The
@@ -176,18 +146,21 @@ def _check(options: dict[str, Any]) -> None:
     options["tracks"] = [
         f"{name}={path}" for name, path in (_pair("--tracks", t, _full) for t in options["tracks"])
     ]
+    options["trackers"] = [f"{name}={place}" for name, place in map(_own, options["trackers"])]
     options["devices"] = options["devices"] or max(1, num_cores() // options["workers"])
 
 
 def _plan(options: dict[str, Any]) -> Any:
     """The library's plan for what was typed."""
     from jaxpf.evaluation import Plan
-    from jaxpf.experiments.sources import load_scene
+    from jaxpf.experiments.sources import OwnTracker, load_scene
 
     parameters = dict(_pair("--set", text, _value) for text in options["parameters"])
     tracks = dict(_pair("--tracks", text, str) for text in options["tracks"])
-    if len(tracks) < len(options["tracks"]):
-        raise InputError("--tracks gives a name twice; give each file a name of its own.")
+    trackers = dict(_pair("--tracker", text, OwnTracker) for text in options["trackers"])
+    for flag, given in (("tracks", tracks), ("tracker", trackers)):
+        if len(given) < len(options[{"tracker": "trackers"}.get(flag, flag)]):
+            raise InputError(f"--{flag} gives a name twice; give each file a name of its own.")
     return Plan(
         scene=functools.partial(
             load_scene,
@@ -198,19 +171,50 @@ def _plan(options: dict[str, Any]) -> Any:
             num_frames=options["frames"],
             parameters=parameters,
         ),
-        methods=common.names_in(options["methods"]),
-        orders=options["orders"],
+        methods=None if options["methods"] is None else common.names_in(options["methods"]),
+        orders=[_order(text) for text in options["orders"]],
         swaps=common.names_in(options["swaps"]),
-        sharpness=options["sharpness"],
-        particles=options["particles"],
-        scale=options["scale"],
-        resampling=common.names_in(options["resampling"]),
-        parts=options["parts"],
-        likelihood=common.names_in(options["likelihood"]),
+        grid=_grid(options),
+        target=options["target"],
         runs=options["runs"],
         seed=options["seed"],
         tracks=tracks,
+        trackers=trackers,
     )
+
+
+def _grid(options: dict[str, Any]) -> dict[str, Any]:
+    """The values of declared options that were given."""
+    given: dict[str, Any] = {}
+    for name, one in all_options(_VARIED).items():
+        value = options[name]
+        if value not in (None, ()):
+            given[name] = common.names_in(value) if isinstance(value, str) else list(value)
+            if one.length:
+                given[name] = [tuple(entry) for entry in value]
+    return given
+
+
+def _order(text: str) -> Any:
+    """Places from 1, as people count them, to places from 0."""
+    if text == "shifts":
+        return text
+    entries = text.split(",")
+    if not all(entry.strip().isdecimal() and int(entry) > 0 for entry in entries):
+        raise InputError(
+            f"--orders {text!r} is no order; write 'shifts', or the objects by their place from 1, "
+            "such as 3,1,2."
+        )
+    return tuple(int(entry) - 1 for entry in entries)
+
+
+def _own(text: str) -> tuple[str, str]:
+    """Name and full place of a tracker; without a name, its function's."""
+    name, equals, place = text.partition("=")
+    if not equals:
+        name, place = text.rpartition(":")[2], text
+    path, colon, function = place.rpartition(":")
+    return name, f"{Path(path).resolve()}:{function}" if colon else place
 
 
 def _pair(option: str, text: str, convert: Any) -> tuple[str, Any]:
@@ -264,7 +268,11 @@ def _finish(results: Any, options: dict[str, Any]) -> None:
 
     # In the order of the help: the same evaluation writes the same file, however it was typed.
     names = [str(param.name) for param in click.get_current_context().command.params]
-    repeated = {name: options[name] for name in names if name not in _NOT_REPEATED}
+    repeated = {
+        name: options[name]
+        for name in names
+        if name not in _NOT_REPEATED and options[name] not in (None, ())
+    }
     common.write_config(results.folder / "run.toml", "evaluate", repeated)
     tables = write_tables(results)
     write_report(results, tables)

@@ -8,6 +8,7 @@ import click
 
 from jaxpf.cli import common
 from jaxpf.files.writing import atomic_write
+from jaxpf.options import plain
 
 #: What a finished evaluation prints again; written last, once tables and report are.
 FINISHED = "finished.json"
@@ -45,22 +46,19 @@ def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, st
     for index, configuration in enumerate(prepared.configurations):
         by_method.setdefault(configuration.method, []).append(index)
         for name, value in configuration.parameters.items():
-            values.setdefault(name, {})[_shown(value)] = None
+            values.setdefault(name, {})[plain(value)] = None
     varied = [name for name, found in values.items() if len(found) > 1]
     rows = []
     for method, indices in by_method.items():
         group = [prepared.configurations[index] for index in indices]
         orderings = " ".join(dict.fromkeys(c.ordering for c in group))
-        cells = ["" if group[0].is_imported else " ".join(values[name]) for name in varied]
+        cells = [" ".join(values[name]) if name in group[0].parameters else "" for name in varied]
         runs = 1 if group[0].is_imported else prepared.plan.runs
         done = sum(prepared.done[index] for index in indices)
         rows.append([method, orderings, *cells, f"{len(group)} x {runs}", str(done)])
     common_to_all = {name: next(iter(values[name])) for name in values if name not in varied}
+    common_to_all = {n: value for n, value in common_to_all.items() if value != plain(None)}
     return ["method", "ordering", *varied, "runs", "done"], rows, common_to_all
-
-
-def _shown(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _duration(seconds: float) -> str:

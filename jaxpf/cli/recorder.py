@@ -19,19 +19,20 @@ from jaxpf.files.versions import versions
 class Recorder:
     """Writes everything that a run leaves behind, frame by frame."""
 
-    def __init__(self, output, source, options, ids, boxes, tracker):
+    def __init__(self, output, source, options, target, start, tracker):
         from jaxpf.files.writing import report_os_errors
         from jaxpf.media.overlay import object_colours
         from jaxpf.media.video_writer import VideoWriter
 
         self.output, self.source, self.options = output, source, options
-        self.ids, self.boxes, self.tracker = ids, boxes, tracker
+        self.target, self.start_at, self.tracker = target, start, tracker
+        self.ids = ids = start.ids
         self.colours = object_colours(len(ids))
         self.lost_frames: dict[str, list[int]] = {str(i): [] for i in ids}
         self.num_tracked = self.num_invalid = self.num_impossible = 0
         self.seconds_first = self.seconds_rest = 0.0
         self._stack = contextlib.ExitStack()
-        self.tracks = self._stack.enter_context(self._new_tracks(output / "tracks.csv"))
+        self.tracks = self._stack.enter_context(target.track_writer(output / "tracks.csv", start))
         with report_os_errors("write", output / "diagnostics.csv"):
             # Unbuffered, as the tracks are: whole lines, and no surprise when it is closed.
             self.diagnostics = self._stack.enter_context(
@@ -57,35 +58,10 @@ class Recorder:
         return self._stack.__exit__(*exception)
 
     def start(self, number, frame):
-        """The start frame's row is the given box."""
-        self._write(number, self.boxes, np.zeros(len(self.ids), bool))
-        self._draw(frame, self.boxes, np.zeros(len(self.ids), bool), None)
-
-    # Boxes; jaxpf.cli.track_parts has parts in their place.
-
-    def _new_tracks(self, path):
-        from jaxpf.files.tracks import TrackWriter
-
-        return TrackWriter(path)
-
-    def _estimate(self, substates):
-        from jaxpf.models.geometry import boxes_from_substates
-
-        return np.asarray(boxes_from_substates(substates, self.boxes[:, 2:]), float)
-
-    def _bounds(self, boxes):
-        return boxes
-
-    def _write(self, number, boxes, lost):
-        self.tracks.append(number, self.ids, boxes, np.where(lost, 0.0, 1.0))
-
-    def _paint(self, frame, boxes, lost):
-        from jaxpf.media.overlay import draw_boxes
-
-        return draw_boxes(frame, boxes, self.ids, self.colours, lost)
-
-    def _likelihood_method(self):
-        return self.tracker.likelihood.method
+        """The start frame's row is where the objects were said to be."""
+        nobody = np.zeros(len(self.ids), bool)
+        self.tracks.append(number, self.start_at.shapes, nobody)
+        self._draw(frame, self.start_at.shapes, nobody, None)
 
     def follow(self, key, frames):
         """Track the frames after the start frame."""
@@ -112,19 +88,28 @@ class Recorder:
             progress.update(task, total=self.num_tracked)
 
     def _record(self, number, tracked):
+        from jaxpf.evaluation.trackers import shapes_of
+
         summary = tracked.summary
-        found = self._estimate(summary.estimate)
-        lost = summary.lost | self._off_frame(self._bounds(found))
+        found = np.asarray(
+            shapes_of(self.tracker, self.target, self.start_at, summary.estimate), float
+        )
+        lost = self._off_frame(found)
+        if getattr(summary, "lost", None) is not None:
+            lost = lost | summary.lost
         for name in self.ids[lost]:
             self.lost_frames[str(name)].append(number)
-        self.num_invalid += int(summary.num_invalid)
-        self.num_impossible += int(np.isneginf(summary.log_evidence))
-        self._write(number, found, lost)
-        values = [summary.ess, summary.log_evidence, *summary.uniqueness]
+        # A user's tracker may report less than ours do.
+        unknown = np.full(len(self.ids), np.nan)
+        ess, log_evidence = (float(getattr(summary, n, np.nan)) for n in ("ess", "log_evidence"))
+        self.num_invalid += int(getattr(summary, "num_invalid", 0))
+        self.num_impossible += int(np.isneginf(log_evidence))
+        self.tracks.append(number, found, lost)
+        values = [ess, log_evidence, *np.asarray(getattr(summary, "uniqueness", unknown))]
         self._diagnose([str(number), *(f"{value:.6g}" for value in values)])
         self.num_tracked += 1
         cloud = None
-        if self.video is not None:
+        if self.video is not None and hasattr(tracked.state, "substates"):
             cloud = np.swapaxes(np.asarray(tracked.state.substates)[..., :2], 0, 1)
         self._draw(tracked.frame, found, lost, cloud)
 
@@ -142,11 +127,12 @@ class Recorder:
                 self.diagnostics.seek(end)
                 raise
 
-    def _off_frame(self, boxes):
-        x, y, w, h = boxes.T
-        width, height = self.source.width, self.source.height
-        inside = (x < width) & (y < height) & (x + w > 0) & (y + h > 0)
-        return ~inside  # a NaN box compares false everywhere, so it counts as lost
+    def _off_frame(self, shapes):
+        corners = np.asarray(self.target.outlines(self.start_at, shapes), float)
+        lowest, highest = corners.min(axis=1), corners.max(axis=1)
+        size = np.array([self.source.width, self.source.height])
+        inside = np.all((lowest < size) & (highest > 0), axis=1)
+        return ~inside  # an outline of NaN compares false everywhere, so it counts as lost
 
     def _draw(self, frame, found, lost, cloud):
         from jaxpf.media.overlay import draw_particles
@@ -155,7 +141,7 @@ class Recorder:
             return
         if cloud is not None:
             frame = draw_particles(frame, cloud, self.colours)
-        self.video.write(self._paint(frame, found, lost))
+        self.video.write(self.target.draw(frame, self.start_at, found, self.colours, lost))
 
     def finish(self, stopped, truth):
         """Write what is known only at the end, and tell the user; ``stopped``: by what, or None."""
@@ -165,7 +151,7 @@ class Recorder:
         rate = (self.num_tracked - 1) / self.seconds_rest if self.seconds_rest > 0 else None
         content = {
             "parameters": {k: _jsonable(v) for k, v in self.options.items()},
-            "likelihood_method": self._likelihood_method(),
+            "likelihood_method": likelihood_method(self.tracker),
             "ids": self.ids.tolist(),
             "frames_tracked": self.num_tracked,
             "interrupted": isinstance(stopped, KeyboardInterrupt),
@@ -222,6 +208,11 @@ class Recorder:
                 f"Warning: {self.num_invalid} likelihood(s) were not a number and counted as zero.",
                 err=True,
             )
+
+
+def likelihood_method(tracker: Any) -> str | None:
+    """How a tracker's likelihood is computed, where it tells."""
+    return getattr(getattr(tracker, "likelihood", None), "method", None)
 
 
 def _jsonable(value: Any) -> Any:

@@ -6,14 +6,13 @@ from typing import Any
 
 import click
 
+from jaxpf import filters
 from jaxpf.cli import common
+from jaxpf.cli.options import declared_options, picked, refuse_others
 from jaxpf.errors import InputError
+from jaxpf.names import GRADIENTS, OBJECTIVES
+from jaxpf.options import options_of
 
-#: Parameters for which `track` and `evaluate` have an option.
-_TUNABLE = ("likelihood.sharpness", "dynamics.scale")
-_METHODS = ("sir", "ps", "dps", "sps")
-_GRADIENTS = ("none", "stop_gradient", "soft", "transport")
-_OBJECTIVES = ("evidence", "position", "overlap")
 _NOT_REPEATED = ("config", "output")
 
 
@@ -21,9 +20,8 @@ _NOT_REPEATED = ("config", "output")
 @click.argument("scene", metavar="SCENE_OR_FOLDER")
 @click.option(
     "--parameters",
-    default="likelihood.sharpness,dynamics.scale[0],dynamics.scale[1]",
-    show_default=True,
-    help="Paths in the tracker, each perhaps with bounds: likelihood.sharpness=1:500.",
+    help="Paths in the tracker, each perhaps with bounds: likelihood.sharpness=1:500.  [default: "
+    "the sharpness and the noise of the position]",
 )
 @click.option(
     "--objective",
@@ -31,18 +29,8 @@ _NOT_REPEATED = ("config", "output")
     show_default=True,
     help="evidence (needs no labels), position or overlap (from the truth).",
 )
-@click.option("--method", default="dps", show_default=True, help=", ".join(_METHODS))
-@click.option("--sharpness", default=20.0, show_default=True, help="Value to start from.")
-@click.option(
-    "--scale",
-    type=common.NumberList(float, 3),
-    default="4,2,0.003",
-    show_default=True,
-    help="Values to start from: noise per frame of x and y in pixels and of the relative size.",
-)
-@click.option("--particles", "-n", default=100, show_default=True, help="While tuning.")
-@click.option("--resampling", default="systematic", show_default=True, help="Scheme.")
-@click.option("--parts", default=2, show_default=True, help="Horizontal bands of a box.")
+@declared_options(without=("order", "swap", "ess_threshold"), defaults={"particles": 100})
+@click.option("--target", help="What the objects are, boxes or parts.  [default: by the scene]")
 @click.option(
     "--gradient",
     default="stop_gradient",
@@ -136,12 +124,13 @@ def command(**options: Any) -> None:
 
     chosen = {field.name for field in dataclasses.fields(tuning.Settings)} & set(options)
     settings = tuning.Settings(**{name: options[name] for name in chosen})
+    before = _recipe(options, train[0])
+    options["parameters"] = options["parameters"] or ",".join(before.of.tuned_by_default)
     wanted = [tuning.parameter(text) for text in common.names_in(options["parameters"])]
-    before = _model(options)
     sequences = [
         training_sequence(scene, before, options["objective"], options["labels"]) for scene in train
     ]
-    _check_parameters(sequences[0].tracker, wanted)
+    _check_parameters(sequences[0].tracker, before.of, wanted)
     output = options["output"] or Path(f"jaxpf-tune-{common.scene_name(options['scene'])}")
     if not (output / NAME).is_file():
         prepare_output_folder(output)
@@ -193,7 +182,7 @@ def _tune(
         )
 
 
-def _check_parameters(tracker: Any, wanted: list[Any]) -> None:
+def _check_parameters(tracker: Any, target: Any, wanted: list[Any]) -> None:
     """Refuse what `jaxpf track` and `jaxpf evaluate` have no option for."""
     from jaxpf import tuning
     from jaxpf.tuning.parameters import check_apart
@@ -203,26 +192,26 @@ def _check_parameters(tracker: Any, wanted: list[Any]) -> None:
             "--parameters names none; name at least one, such as likelihood.sharpness."
         )
     check_apart(wanted)
+    tunable = [option.path for option in options_of(target.options).values() if option.path]
     for one in wanted:
         tuning.read(tracker, one)
-        if one.name not in _TUNABLE:
+        if one.name not in tunable:
             raise InputError(
                 f"the parameter {one.path} has no option in `jaxpf track` and `jaxpf evaluate`; "
-                f"tune it in Python with jaxpf.tune, or choose among {', '.join(_TUNABLE)}."
+                f"tune it in Python with jaxpf.tune, or choose among {', '.join(tunable)}."
             )
 
 
 def _check(options: dict[str, Any]) -> None:
     for name, valid in (
-        ("method", _METHODS),
-        ("gradient", _GRADIENTS),
-        ("objective", _OBJECTIVES),
+        ("gradient", GRADIENTS),
+        ("objective", OBJECTIVES),
     ):
         if options[name] not in valid:
             raise InputError(
                 f"--{name} {options[name]!r} is unknown; choose one of {', '.join(valid)}."
             )
-    for name in ("particles", "parts", "compare_particles", "train_scenes", "held_out"):
+    for name in ("compare_particles", "train_scenes", "held_out"):
         if options[name] < 1:
             raise InputError(f"--{name.replace('_', '-')} {options[name]} must be at least 1.")
     if options["compare_runs"] < 2:
@@ -230,13 +219,19 @@ def _check(options: dict[str, Any]) -> None:
     options["scene"] = common.resolved_scene(options["scene"])
 
 
-def _model(options: dict[str, Any]) -> Any:
-    from jaxpf.tuning.sequences import BoxModel
+def _recipe(options: dict[str, Any], scene: Any) -> Any:
+    """What the tracker is made of, before tuning."""
+    from jaxpf.evaluation.settings import target_for
+    from jaxpf.tuning.sequences import Recipe
 
-    return BoxModel(
-        scale=tuple(options["scale"]),
-        **{
-            name: options[name]
-            for name in ("method", "sharpness", "particles", "resampling", "parts", "gradient")
-        },
+    target = target_for(options["target"], scene)
+    method = options["method"] or target.defaults.get("method")
+    its = filters.filter_of(method) if method else next(iter(filters.filters().values()))
+    refuse_others(options, target.options, its.options)
+    chosen = (
+        picked(options, its.options, {"particles": 100, **target.defaults}),
+        picked(options, target.options),
     )
+    values = {name: getattr(one, name) for one in chosen for name in options_of(one)}
+    options |= {name: value for name, value in values.items() if name in options}
+    return Recipe(target.name, values, gradient=options["gradient"])

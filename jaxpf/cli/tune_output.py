@@ -9,6 +9,7 @@ import numpy as np
 
 from jaxpf.cli import common
 from jaxpf.files.writing import atomic_write
+from jaxpf.options import options_of
 
 TUNED, TRACES, COMPARISON = "tuned.toml", "tuning.png", "comparison.csv"
 
@@ -17,13 +18,12 @@ def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) ->
     """The values, as the options of `track` and `evaluate`, and how sure they are."""
     import tomli_w
 
-    model = before.with_values(values)
+    after = before.with_values(values)
     named = {path.partition("[")[0] for path in values}
     track: dict[str, Any] = {}
-    if "likelihood.sharpness" in named:
-        track["sharpness"] = _rounded(model.sharpness)
-    if "dynamics.scale" in named:
-        track["scale"] = [_rounded(x) for x in model.scale]
+    for name, option in options_of(after.of.options).items():
+        if option.path in named:
+            track[name] = _numbers(after.values[name])
     evaluate = {name: [value] for name, value in track.items()}
     tuned = {
         name: {"value": _numbers(value), "start": _numbers(result.start[name])}
@@ -98,7 +98,9 @@ def compare_before_and_after(
     from jaxpf.tuning.sequences import held_out
 
     runs, particles = options["compare_runs"], options["compare_particles"]
-    before, after = (dataclasses.replace(x, particles=particles) for x in (before, after))
+    before, after = (
+        dataclasses.replace(x, values={**x.values, "particles": particles}) for x in (before, after)
+    )
     comparison = compare(
         [held_out(scene, before, after, runs) for scene in unseen],
         runs=runs,
@@ -110,7 +112,9 @@ def compare_before_and_after(
         was, is_, change = (
             getattr(comparison, part)[name] for part in ("before", "after", "difference")
         )
-        factor, unit = (1, " px") if name == "centre error" else (100, " %")
+        if not np.isfinite(float(was.value)):
+            continue
+        factor, unit = (1, " px") if name.endswith("error") else (100, " %")
         rows.append(
             [
                 name,

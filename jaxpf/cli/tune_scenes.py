@@ -9,7 +9,7 @@ from jaxpf.errors import InputError
 
 def divided_scenes(options: dict[str, Any]) -> tuple[list[Any], list[Any]]:
     """Scenes to tune on, and scenes to compare on."""
-    from jaxpf.evaluation.schedule import check_scene
+    from jaxpf.evaluation.settings import check_scene
     from jaxpf.experiments.sources import load_scene
 
     parameters = dict(_pair("--set", text, _value) for text in options["settings"])

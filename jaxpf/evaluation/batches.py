@@ -28,7 +28,8 @@ class Batch:
         seeds: ``[R]`` int64, the evaluation's seed.
         runs: ``[R]`` int64, the number of each run, from 0, ascending.  Seed and run alone
             decide a run's random numbers, so that equal numbers are common to all methods.
-        boxes: ``[R, T, P, 4]`` float32, estimated boxes x, y, w, h in pixels.
+        shapes: ``[R, T, P, S]`` float32, estimated shapes, see ``jaxpf.targets.target``: of
+            boxes x, y, w, h in pixels.
         uniqueness: ``[R, T, P]`` float32, distinct draws over particles.
         spread: ``[R, T, P, D]`` float32, standard deviation of the particle set.
         ess: ``[R, T]`` float32, effective sample size.
@@ -39,7 +40,7 @@ class Batch:
 
     seeds: np.ndarray
     runs: np.ndarray
-    boxes: np.ndarray
+    shapes: np.ndarray
     uniqueness: np.ndarray
     spread: np.ndarray
     ess: np.ndarray
@@ -99,7 +100,7 @@ def survey(
         folder: the evaluation's.
         configuration: its index.
         num_runs: runs that are wanted.
-        truth_shape: ``[T, P, 4]``, which boxes must have after their first axis.
+        truth_shape: ``[T, P, S]``, which shapes must have after their first axis.
 
     Returns:
         ``[num_runs]`` bool, the runs that need not be repeated, and the damaged files.
@@ -111,7 +112,7 @@ def survey(
         except InputError:
             damaged.append(path)
             continue
-        if batch.boxes.shape == (len(batch.runs), *truth_shape):
+        if batch.shapes.shape == (len(batch.runs), *truth_shape):
             done[batch.runs[batch.runs < num_runs]] = True
         else:
             damaged.append(path)

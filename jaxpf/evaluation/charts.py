@@ -117,6 +117,12 @@ def diversity(ids: Sequence[int], summaries: Sequence[Summary]) -> Any:
         ("uniqueness", "uniqueness (%)"),
         *((f"effective_dynamics_{x}", f"effective dynamics in {x} (%)") for x in COORDINATES[:2]),
     ]
+    # A part that hangs on another has no process noise of its own in x and y.
+    columns = [
+        (name, title)
+        for name, title in columns
+        if np.isfinite([summary.estimates[name].value for summary in summaries]).any()
+    ]
     draw = _diversity_bars if len(summaries) < MANY else _diversity_map
     return draw([f"{identity}" for identity in ids], summaries, columns)
 
@@ -125,7 +131,7 @@ def _diversity_bars(
     ids: Sequence[str], summaries: Sequence[Summary], columns: Sequence[tuple[str, str]]
 ) -> Any:
     width = max(2.4, 0.32 * len(ids))
-    size = (3 * width + 1.2, 1.0 + 1.15 * len(summaries))
+    size = (len(columns) * width + 1.2, 1.0 + 1.15 * len(summaries))
     figure, axes = new_figure(len(summaries), len(columns), share_x=True, figsize=size)
     for column, (name, title) in enumerate(columns):
         estimates = [summary.estimates[name] for summary in summaries]

@@ -1,7 +1,6 @@
 """Short clips of single runs: estimates and truth drawn on the frames."""
 
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,8 +8,9 @@ import cv2
 import numpy as np
 
 from jaxpf.evaluation.collection import ShownRun
-from jaxpf.media.overlay import draw_boxes, object_colours
+from jaxpf.media.overlay import object_colours
 from jaxpf.media.video_writer import VideoWriter
+from jaxpf.targets.target import Start, Target
 
 #: Sizes of a clip, large ones first: its longer side in pixels, to which frames are enlarged or
 #: reduced, and its frames at most, of which a longer run shows every second, or third, and so on.
@@ -41,7 +41,8 @@ def make_clip(
     frames: np.ndarray,
     truth: np.ndarray,
     shown: ShownRun,
-    ids: Sequence[int],
+    target: Target,
+    start: Start,
     first_frame: int,
     fps: float,
     size: tuple[int, int] = SIZES[0],
@@ -50,9 +51,10 @@ def make_clip(
 
     Args:
         frames: uint8 RGB ``[T, H, W, 3]``.
-        truth: ``[T, P, 4]`` boxes, drawn thin and white.
-        shown: the run; its boxes are drawn in the colours of the objects.
-        ids: numbers of the P objects.
+        truth: ``[T, P, S]`` shapes, whose outlines are drawn thin and white.
+        shown: the run; its shapes are drawn in the colours of the objects.
+        target: what the objects are.
+        start: where they were at first.
         first_frame: number of the first frame, from 0; the others follow.
         fps: frames per second of the source.
         size: one of ``SIZES``.
@@ -68,28 +70,29 @@ def make_clip(
     # Even sizes, which the codecs need; the same in both directions to within a pixel.
     scale = side / max(width, height)
     width, height = (2 * max(1, round(scale * side / 2)) for side in (width, height))
-    factors = np.array([width, height, width, height]) / np.tile(frames.shape[2:0:-1], 2)
-    colours = object_colours(len(ids))
+    factors = width / frames.shape[2], height / frames.shape[1]
+    colours = object_colours(start.num_partitions)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "clip.webm"
         with VideoWriter(path, width, height, rate, codec="vp8") as video:
             for index in chosen:
                 kind = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
                 picture = cv2.resize(frames[index], (width, height), interpolation=kind)
-                picture = _draw_truth(picture, truth[index] * factors)
-                boxes = shown.boxes[index] * factors
-                picture = draw_boxes(picture, boxes, list(ids), colours, shown.lost[index])
+                there, shapes = target.scaled(start, truth[index], factors)
+                picture = _draw_truth(picture, np.asarray(target.outlines(there, shapes)))
+                there, shapes = target.scaled(start, shown.shapes[index], factors)
+                picture = target.draw(picture, there, shapes, colours, shown.lost[index])
                 video.write(_number(picture, first_frame + index))
         data = path.read_bytes()
     return Clip(data, width, height, step, rate)
 
 
-def _draw_truth(picture: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+def _draw_truth(picture: np.ndarray, outlines: np.ndarray) -> np.ndarray:
     picture = picture.copy()
-    for x, y, w, h in boxes[np.isfinite(boxes).all(axis=1)]:
-        corners = (round(x), round(y)), (round(x + w) - 1, round(y + h) - 1)
+    for outline in outlines[np.isfinite(outlines).all(axis=(1, 2))]:
+        points = [np.rint(outline - 0.5).astype(np.int32)]
         for colour, thickness in (((20, 20, 20), 3), ((255, 255, 255), 1)):
-            cv2.rectangle(picture, *corners, colour, thickness)
+            cv2.polylines(picture, points, True, colour, thickness)
     return picture
 
 

@@ -44,14 +44,14 @@ class ShownRun(NamedTuple):
         role: one or more of ``ROLES``, as in "best"; "only" for a single run.
         run: its number.
         overlap: over all objects and frames with truth.
-        boxes: ``[T, P, 4]`` estimates.
+        shapes: ``[T, P, S]`` estimates.
         lost: ``[T, P]`` bool.
     """
 
     role: str
     run: int
     overlap: float
-    boxes: np.ndarray
+    shapes: np.ndarray
     lost: np.ndarray
 
 
@@ -107,7 +107,7 @@ def collect(
     with report_os_errors("write", store), ExitStack() as stack:
         files = [stack.enter_context(open(path, "wb")) for path in paths]
         for batch in results.batches(configuration):
-            measured = measure_batch(batch, truth, scale)
+            measured = measure_batch(batch, truth, scale, results.target, results.start)
             for index, file in enumerate(files):
                 file.write(measured.columns[:, :, index].astype(np.float32).tobytes())
             runs.append(batch.runs)
@@ -130,7 +130,7 @@ def collect(
         quantiles=errors.quantiles(QUANTILES),
         curve=curves.interval(),
         shown=_shown_runs(results.batches(configuration), numbers, overlap),
-        scores=_scores(results.batches(configuration), truth),
+        scores=_scores(results.batches(configuration), truth, results.target.has_boxes),
     )
 
 
@@ -210,7 +210,7 @@ def _shown_runs(
                 role = "only" if len(numbers) == 1 else "-".join(names)
                 shown[index] = ShownRun(
                     *(role, int(numbers[index]), float(overlap[index])),
-                    *(batch.boxes[row].copy(), batch.lost[row].copy()),
+                    *(batch.shapes[row].copy(), batch.lost[row].copy()),
                 )
         position += len(batch)
         if len(shown) == len(roles):
@@ -223,10 +223,10 @@ def has_scores() -> bool:
     return importlib.util.find_spec("trackeval") is not None
 
 
-def _scores(batches: Iterator[Batch], truth: np.ndarray) -> np.ndarray:
+def _scores(batches: Iterator[Batch], truth: np.ndarray, are_boxes: bool) -> np.ndarray:
     rows: list[list[float]] = []
-    for batch in batches if has_scores() else ():
-        for boxes in batch.boxes[: SCORED_RUNS - len(rows)]:
+    for batch in batches if are_boxes and has_scores() else ():
+        for boxes in batch.shapes[: SCORED_RUNS - len(rows)]:
             found = tracking_scores(boxes, truth)
             rows.append([found[measure.name] for measure in SCORES])
         if len(rows) == SCORED_RUNS:

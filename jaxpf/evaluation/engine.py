@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from jaxpf.errors import InputError
 from jaxpf.evaluation import store
 from jaxpf.evaluation.batches import Batch, survey, write_batch
 from jaxpf.evaluation.execution import RETRIES, Factory, in_turn
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
 from jaxpf.evaluation.results import Configuration, Results
 from jaxpf.files.writing import report_os_errors
+from jaxpf.targets.target import Start, Target
 
 if TYPE_CHECKING:
     from jaxpf.evaluation.worker import Work
@@ -29,7 +31,8 @@ class Prepared:
         plan: what was asked.
         folder: where results go.
         settings: for ``settings.json``.
-        truth: ``[T, P, 4]`` of the frames after the start frame.
+        truth: ``[T, P, S]`` of the frames after the start frame.
+        start: where the objects are in the start frame.
         configurations: all of them.
         done: runs per configuration that are on disk.
         work: batches that are missing.
@@ -43,6 +46,7 @@ class Prepared:
     folder: Path
     settings: dict[str, Any]
     truth: np.ndarray
+    start: Start
     configurations: list[Configuration]
     done: list[int]
     work: list["Work"]
@@ -113,36 +117,41 @@ def prepare(
 ) -> Prepared:
     """Find out what is to be done, and write nothing; arguments and errors as for ``evaluate``."""
     from jaxpf.evaluation import schedule
+    from jaxpf.evaluation import settings as about
     from jaxpf.evaluation.worker import remember_scene
 
     folder = Path(folder)
     settings = store.stored_settings(plan, folder)
     scene = _open(plan.scene)
-    schedule.check_scene(scene)
-    truth = np.asarray(scene.boxes[1:], np.float64)
+    about.check_scene(scene)
+    target = about.target_for(plan.target, scene)
+    start, truth = target.scene_start(scene), target.scene_shapes(scene)[1:]
     if settings is None:
-        settings = schedule.new_settings(plan, scene)
-        configurations = [Configuration(**entry) for entry in settings["configurations"]]
+        settings = about.new_settings(plan, scene, target, start)
+        configurations = [Configuration.from_json(entry) for entry in settings["configurations"]]
         done = [np.zeros(1 if c.is_imported else plan.runs, bool) for c in configurations]
         damaged: list[Path] = []
     else:
-        schedule.check_continues(settings, scene, folder)
+        about.check_continues(settings, scene, folder)
         settings = {**settings, "runs": plan.runs}
-        results = Results(folder, settings, truth)
+        results = Results(folder, settings, truth, start)
         configurations = results.configurations
         done, damaged = _surveyed(results, plan.runs)
     digest = settings["scene"]["digest"]
     remember_scene(scene, digest)
-    work, seconds, memory = schedule.batches(plan, scene, digest, configurations, done, limits)
+    work, seconds, memory = schedule.batches(
+        plan, scene, target, digest, configurations, done, limits
+    )
     return Prepared(
         plan=plan,
         folder=folder,
         settings=settings,
         truth=truth,
+        start=start,
         configurations=configurations,
         done=[int(runs.sum()) for runs in done],
         work=work,
-        imports=list(_missing_imports(plan, scene, configurations, done)),
+        imports=list(_missing_imports(plan, scene, target, configurations, done)),
         damaged=damaged,
         seconds=seconds,
         memory=memory,
@@ -165,7 +174,7 @@ def carry_out(
         for path in prepared.damaged:
             with report_os_errors("replace", path):
                 path.unlink(missing_ok=True)
-        store.write_settings(folder, prepared.settings, prepared.truth)
+        store.write_settings(folder, prepared.settings, prepared.truth, prepared.start)
         for index, batch in prepared.imports:
             write_batch(folder, index, batch)
             if progress is not None:
@@ -197,15 +206,31 @@ def _surveyed(results: Results, num_runs: int) -> tuple[list[np.ndarray], list[P
 
 
 def _missing_imports(
-    plan: Plan, scene: Any, configurations: list[Configuration], done: list[np.ndarray]
+    plan: Plan,
+    scene: Any,
+    target: Target,
+    configurations: list[Configuration],
+    done: list[np.ndarray],
 ) -> Iterator[tuple[int, Batch]]:
-    from jaxpf.evaluation.schedule import object_ids, start_frame
+    from jaxpf.evaluation.settings import object_ids, start_frame
+    from jaxpf.evaluation.trackers import own_tracker
     from jaxpf.evaluation.worker import imported_batch
 
     for index, configuration in enumerate(configurations):
-        if configuration.is_imported and not done[index].all():
+        if not configuration.is_imported or done[index].all():
+            continue
+        name = configuration.method
+        if not target.has_boxes:
+            raise InputError(
+                f"{name!r} gives boxes, but the objects of {scene.name!r} are {target.name}; "
+                "leave it out."
+            )
+        if name in plan.trackers:
+            boxes = own_tracker(name, plan.trackers[name], scene)
+        else:
             from jaxpf.measures.track_matching import read_tracks
 
-            path = plan.tracks[configuration.method]
-            boxes = read_tracks(path, scene.boxes, object_ids(scene), start_frame(scene))
-            yield index, imported_batch(boxes[1:], plan.seed)
+            boxes = read_tracks(
+                plan.tracks[name], scene.boxes, object_ids(scene), start_frame(scene)
+            )
+        yield index, imported_batch(boxes[1:], plan.seed)

@@ -1,8 +1,9 @@
 """The measures of single runs, from which every table and figure is made."""
 
 import dataclasses
+import functools
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -12,6 +13,7 @@ from jax import Array
 from jaxpf.evaluation.batches import Batch
 from jaxpf.measures import metrics
 from jaxpf.measures.scores import OVERLAP_THRESHOLDS
+from jaxpf.targets.target import Start, Target
 
 #: Coordinates by which the spread of a particle set is named.
 COORDINATES = ("u", "v", "a")
@@ -68,6 +70,7 @@ MEASURES = (
     Measure("success_area", "area under the success curve", weight=FRAMES, percent=True),
     Measure("distance_precision", "centre within 20 pixels", weight=FRAMES, percent=True),
     Measure("centre_error", "centre error", weight="located_frames", unit="pixels"),
+    Measure("corner_error", "corner distance", weight="located_frames", unit="pixels"),
     Measure("uniqueness", "uniqueness", percent=True),
     *(
         Measure(f"effective_dynamics_{name}", f"effective dynamics in {name}", percent=True)
@@ -106,13 +109,17 @@ class Measured(NamedTuple):
     curve: np.ndarray
 
 
-def measure_batch(batch: Batch, truth: np.ndarray, noise_scale: np.ndarray) -> Measured:
+def measure_batch(
+    batch: Batch, truth: np.ndarray, noise_scale: np.ndarray, target: Target, start: Start
+) -> Measured:
     """Measure every run of a batch.
 
     Args:
         batch: R runs.
-        truth: ``[T, P, 4]`` boxes, NaN where an object is absent.
-        noise_scale: ``[D]``, standard deviation of the process noise.
+        truth: ``[T, P, S]`` shapes, NaN where an object is absent.
+        noise_scale: ``[3]``, standard deviation of the process noise, NaN where it is unknown.
+        target: what the objects are.
+        start: where they were at first.
     """
     width = max(1, min(_RUNS_AT_ONCE, _BOXES_AT_ONCE // math.prod(truth.shape[:2])))
     arrays = {field.name: getattr(batch, field.name) for field in dataclasses.fields(batch)}
@@ -120,15 +127,16 @@ def measure_batch(batch: Batch, truth: np.ndarray, noise_scale: np.ndarray) -> M
         Batch(**{name: array[start : start + width] for name, array in arrays.items()})
         for start in range(0, len(batch), width)
     ]
-    measured = [_measure_piece(piece, truth, noise_scale, width) for piece in pieces]
+    measure = functools.partial(_measure_frames, truth=truth, width=width)
+    measure = functools.partial(measure, target=target, start=start)
+    measured = [_measure_piece(piece, noise_scale, measure(piece.shapes)) for piece in pieces]
     return Measured(*(np.concatenate(parts) for parts in zip(*measured, strict=True)))
 
 
 def _measure_piece(
-    batch: Batch, truth: np.ndarray, noise_scale: np.ndarray, width: int
+    batch: Batch, noise_scale: np.ndarray, frames: dict[str, np.ndarray]
 ) -> Measured:
-    present = np.broadcast_to(np.asarray(metrics.has_truth(truth)), batch.boxes.shape[:-1])
-    frames = _measure_frames(batch.boxes, truth, width)
+    present = frames["present"] > 0
     tracked, error = frames["tracked"] > 0, frames["centre_error"]
     # OTB's thresholds come last; frames are averaged away.
     exceeds = frames["overlap"][..., None] > OVERLAP_THRESHOLDS.astype(np.float32)
@@ -150,6 +158,7 @@ def _measure_piece(
         "success_area": np.mean(curve, axis=-1),
         "distance_precision": _mean(near, present),
         "centre_error": _mean(error, present),
+        "corner_error": _mean(frames["corner_error"], present),
         "uniqueness": _mean(batch.uniqueness),
         "ess": _mean(batch.ess)[:, None],
         "log_evidence": np.sum(batch.log_evidence.astype(np.float64), axis=1, keepdims=True),
@@ -161,7 +170,7 @@ def _measure_piece(
             ratio = batch.spread[..., place] / np.float64(noise_scale[place])
         values[f"effective_dynamics_{name}"] = _mean(ratio)
         values[f"effective_dynamics_var_{name}"] = _mean(ratio**2)
-    shape = (len(batch), truth.shape[1])
+    shape = batch.shapes.shape[0], batch.shapes.shape[2]
     columns = np.stack([np.broadcast_to(values[name], shape) for name in COLUMNS], axis=-1)
     return Measured(columns.astype(np.float64), error, curve)
 
@@ -174,26 +183,30 @@ def _mean(values: np.ndarray, counts: np.ndarray | bool = True) -> np.ndarray:
     return np.where(number > 0, total / np.maximum(number, 1), np.nan)
 
 
-def _measure_frames(boxes: np.ndarray, truth: np.ndarray, width: int) -> dict[str, np.ndarray]:
+def _measure_frames(
+    shapes: np.ndarray, truth: np.ndarray, width: int, target: Target, start: Start
+) -> dict[str, np.ndarray]:
     """Measures of every frame, ``[R, T, P]`` each; outcomes of runs are repeated.
 
     The runs are padded to ``width``: batches of all sizes share one compiled function.
     """
-    padding = np.repeat(boxes[:1], width - len(boxes), axis=0)
-    found = _compiled_measures(np.concatenate([boxes, padding]), truth)
-    return {name: np.asarray(values)[: len(boxes)] for name, values in found.items()}
+    padding = np.repeat(shapes[:1], width - len(shapes), axis=0)
+    padded = np.concatenate([shapes, padding])
+    found = _compiled_measures(target, start.parents, padded, truth, start.sizes)
+    return {name: np.asarray(values)[: len(shapes)] for name, values in found.items()}
 
 
-@jax.jit
-def _compiled_measures(boxes: Array, truth: Array) -> dict[str, Array]:
-    found = {
-        "tracked": metrics.track_state(boxes, truth),
-        "precision": metrics.precision(boxes, truth),
-        "recall": metrics.recall(boxes, truth),
-        "overlap": metrics.overlap(boxes, truth),
-        "centre_error": metrics.centre_error(boxes, truth),
-        "success": metrics.success(boxes, truth)[:, None],
-        "recovered": metrics.recovery(boxes, truth)[:, None],
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def _compiled_measures(
+    target: Target, parents: tuple[int, ...], shapes: Array, truth: Array, sizes: Array
+) -> dict[str, Array]:
+    start: Any = Start(np.zeros(0), np.zeros(0), sizes, parents)  # type: ignore[arg-type]
+    found = target.measures(start, shapes, truth)
+    shape = shapes.shape[:-1]
+    present = jnp.broadcast_to(found["present"], shape)
+    tracked = jnp.broadcast_to(found["tracked"], shape)
+    found |= {
+        "success": metrics.throughout(tracked, present)[:, None],
+        "recovered": metrics.in_the_end(tracked, present)[:, None],
     }
-    shape = boxes.shape[:-1]
-    return {name: jnp.broadcast_to(x, shape).astype(boxes.dtype) for name, x in found.items()}
+    return {name: jnp.broadcast_to(x, shape).astype(shapes.dtype) for name, x in found.items()}

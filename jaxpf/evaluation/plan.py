@@ -1,4 +1,4 @@
-"""What an evaluation is to compare: methods, orderings, a grid of parameters, and runs.
+"""What an evaluation is to compare: methods, orderings, a grid of options, and runs.
 
 Nothing here imports JAX: whether a finished evaluation is the one that is asked for can be
 told in a moment.
@@ -8,104 +8,144 @@ import dataclasses
 import functools
 import hashlib
 import itertools
-import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from jaxpf import filters
 from jaxpf.errors import InputError
 from jaxpf.evaluation.results import Configuration
 from jaxpf.files.writing import report_os_errors
+from jaxpf.options import Option, check_distinct, chosen, options_of, plain
+from jaxpf.targets import find_target, targets
+from jaxpf.targets.target import Start, Target
 
-METHODS = ("sir", "ps", "dps", "sps")
-SWAPS = ("none", "random", "sorted", "combinatorial")
-SCHEMES = ("systematic", "stratified", "multinomial", "residual")
-LIKELIHOODS = ("auto", "integral", "sampled")
-
-#: ``Plan.orders``: PS in every circular shift of the objects, each a configuration of its own.
-SHIFTS = "shifts"
-DEFAULT_SCALE = (4.0, 2.0, 0.003)
-
-_MOST = 2**31
-#: Grid parameters in the order of loops, outermost first: those that compile anew come first.
-_GRID = ("likelihood", "parts", "resampling", "particles", "scale", "sharpness")
+_WHOLE = 2**31
 
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """Methods x orderings x grid of parameters x runs, on one scene.
+    """Methods x orderings x grid of options x runs, on one scene.
 
     Attributes:
         scene: what ``scenes.open_scene`` returns, or a function without arguments that
             returns it.  For worker processes the function must be picklable, such as
             ``functools.partial(load, source="distracter", seed=0)`` of a function of a module:
             every worker then opens the scene itself, once.
-        methods: of ``METHODS``.
-        orders: for "ps": "shifts", or permutations such as "3,1,2" that name the objects by
-            their place, from 1.
-        swaps: for "sps", of ``SWAPS``.
-        sharpness: of the likelihood, exp(-sharpness d^2).
-        particles: numbers of particles.
-        scale: noise per frame of u, v (pixels) and of the relative size, three numbers each.
-        resampling: of ``SCHEMES``.
-        parts: horizontal bands of a box, each with its own colour histogram.
-        likelihood: of ``LIKELIHOODS``; "auto" is decided once for the whole plan.
+        methods: of ``jaxpf.filters.methods()``; None for all that suit the scene.
+        orders: for "ps": "shifts", every circular shift (of a part tree, level by level), or
+            permutations such as (2, 0, 1), counted from 0.
+        swaps: for "sps", of ``jaxpf.names.SWAPS``.
+        grid: name of an option -> its values; an option that is left out has its default.  They
+            are those of the target (``jaxpf.targets``) and of the methods' filters, such as
+            "sharpness", "scale", "particles" and "resampling".
+        target: of ``jaxpf.targets.targets()``; None for that of the scene's truth.
         runs: independent runs per configuration.
         seed: of all runs.  Run r of every configuration has the key ``fold_in(key(seed), r)``.
         tracks: other trackers' results, name -> MOT file or CSV with the header
             ``frame,id,x,y,w,h``; they enter the tables as one run each.
+        trackers: a user's own trackers, name -> function of the scene, see
+            ``jaxpf.evaluation.trackers``; picklable, for worker processes.
 
     Raises:
         InputError: a value that is out of range or named twice.
     """
 
     scene: Any
-    methods: Sequence[str] = METHODS
-    orders: Sequence[str] = (SHIFTS,)
+    methods: Sequence[str] | None = None
+    orders: Sequence[Any] = ("shifts",)
     swaps: Sequence[str] = ("combinatorial",)
-    sharpness: Sequence[float] = (20.0,)
-    particles: Sequence[int] = (300,)
-    scale: Sequence[Sequence[float]] = (DEFAULT_SCALE,)
-    resampling: Sequence[str] = ("systematic",)
-    parts: Sequence[int] = (2,)
-    likelihood: Sequence[str] = ("auto",)
+    grid: Mapping[str, Sequence[Any]] = dataclasses.field(default_factory=dict)
+    target: str | None = None
     runs: int = 50
     seed: int = 0
     tracks: Mapping[str, str | os.PathLike[str]] = dataclasses.field(default_factory=dict)
+    trackers: Mapping[str, Callable[[Any], Any]] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name, valid in (
-            ("methods", METHODS),
-            ("swaps", SWAPS),
-            ("resampling", SCHEMES),
-            ("likelihood", LIKELIHOODS),
-        ):
-            self._keep(name, [_named(name, value, valid) for value in getattr(self, name)])
-        if not self.tracks and not self.methods:
-            raise InputError(f"methods names none; choose among {', '.join(METHODS)}.")
+        known = filters.methods()
+        if self.methods is not None:
+            for method in self.methods:
+                filters.filter_of(method)
+            if self.methods or not (self.tracks or self.trackers):
+                self._keep("methods", self.methods)
         self._keep("orders", [_order(value) for value in self.orders])
-        self._keep("sharpness", [_positive("sharpness", value) for value in self.sharpness])
-        self._keep("particles", [_whole("particles", value, 1) for value in self.particles])
-        self._keep("parts", [_whole("parts", value, 1) for value in self.parts])
-        self._keep("scale", [_three(value) for value in self.scale])
-        object.__setattr__(self, "runs", _whole("runs", self.runs, 1))
-        object.__setattr__(self, "seed", _whole("seed", self.seed, 0, 2**32))
-        for name in self.tracks:
-            if not name or name.upper() in map(str.upper, METHODS):
+        swaps = options_of(*(one.options for one in filters.filters().values()))["swap"]
+        self._keep("swaps", [swaps.checked(value, "swaps:") for value in self.swaps])
+        options = self._options()
+        for name in self.grid:
+            if name not in options:
                 raise InputError(
-                    f"tracks cannot be called {name!r}; give them a name that is none of "
-                    f"{', '.join(METHODS)}."
+                    f"{name} is no option{_whose(self.target)}; the options are "
+                    f"{', '.join(options)}."
+                )
+        object.__setattr__(self, "grid", self._checked(self.grid, options))
+        for name, least, bound in (("runs", 1, _WHOLE), ("seed", 0, 2**32)):
+            self._check_whole(name, least, bound)
+        names = [*self.tracks, *self.trackers]
+        for name in names:
+            if not name or name.lower() in known or names.count(name) > 1:
+                raise InputError(
+                    f"a tracker cannot be called {name!r}; give each a name of its own that is "
+                    f"none of {', '.join(known)}."
                 )
 
-    def _keep(self, name: str, values: list[Any]) -> None:
-        """Store the normal form of a list, which has entries, each once."""
-        if not values and name != "methods":
-            raise InputError(f"{name} is empty; give at least one value.")
-        for index, value in enumerate(values):
-            if value in values[:index]:
-                raise InputError(f"{name} names {_shown(value)} twice; name each value once.")
-        object.__setattr__(self, name, tuple(values))
+    def _keep(self, name: str, values: Iterable[Any]) -> None:
+        object.__setattr__(self, name, check_distinct(name, values))
+
+    def _check_whole(self, name: str, least: int, bound: int) -> None:
+        value = getattr(self, name)
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        if not whole or not least <= value < bound:
+            raise InputError(
+                f"{name} = {value} must be a whole number from {least} to {bound - 1}."
+            )
+
+    def _options(self) -> dict[str, Option]:
+        """All options that a grid may have, of the target or of any."""
+        owners = [find_target(self.target)] if self.target else targets().values()
+        return options_of(*(one.options for one in owners)) | self._filter_options()
+
+    def _filter_options(self) -> dict[str, Option]:
+        found: dict[str, Option] = {}
+        for one in filters.filters().values():
+            if self.methods is None or set(one.methods) & set(self.methods):
+                options = options_of(one.options)
+                found |= {n: o for n, o in options.items() if n not in one.varied}
+        return found
+
+    def _checked(
+        self, grid: Mapping[str, Sequence[Any]], options: Mapping[str, Option]
+    ) -> dict[str, tuple[Any, ...]]:
+        """The grid in normal form; options of unknown target are only seen to be no text."""
+        if not self.target:
+            return {name: check_distinct(name, values) for name, values in grid.items()}
+        return {
+            name: check_distinct(name, [options[name].checked(value) for value in values])
+            for name, values in grid.items()
+        }
+
+    def for_target(self, name: str, parents: Sequence[int] | None = None) -> "Plan":
+        """The plan with its target, its methods and all values of its grid.
+
+        Args:
+            name: of the target, where the plan leaves it open.
+            parents: the part tree, where the plan leaves the methods open.
+
+        Raises:
+            InputError: an option that the target does not have, or a value that it refuses.
+        """
+        methods = self.methods
+        if methods is None and parents is not None:
+            all_ = filters.filters().values()
+            methods = tuple(m for one in all_ for m in one.methods if one.admits(m, parents))
+        plan = dataclasses.replace(self, target=self.target or name, methods=methods)
+        defaults = {n: (option.default,) for n, option in plan._options().items()}
+        defaults |= {
+            n: (value,) for n, value in find_target(name).defaults.items() if n in defaults
+        }
+        return dataclasses.replace(plan, grid={**defaults, **plan.grid})
 
     def asked(self) -> dict[str, Any]:
         """Everything that results depend on but the number of runs, fit for JSON.
@@ -115,77 +155,58 @@ class Plan:
         """
         return {
             "scene": describe_scene(self.scene),
-            "methods": list(self.methods),
-            "orders": list(self.orders),
+            "target": self.target,
+            "methods": _plain(self.methods),
+            "orders": _plain(self.orders),
             "swaps": list(self.swaps),
-            "sharpness": list(self.sharpness),
-            "particles": list(self.particles),
-            "scale": [list(value) for value in self.scale],
-            "resampling": list(self.resampling),
-            "parts": list(self.parts),
-            "likelihood": list(self.likelihood),
+            "grid": _plain(self.grid),
             "seed": self.seed,
             "tracks": {name: _fingerprint(path) for name, path in self.tracks.items()},
+            "trackers": {name: _identity(made) for name, made in self.trackers.items()},
         }
 
     def configurations(
-        self, num_objects: int, choose_likelihood: Callable[[], str]
+        self, start: Start, settle: Callable[[Target, Any, int], Any]
     ) -> list[Configuration]:
-        """All configurations for a scene with ``num_objects``, imported tracks last.
+        """All configurations of the built-in methods, for a plan that ``for_target`` made.
 
         Args:
-            num_objects: P.
-            choose_likelihood: tells what "auto" stands for; asked at most once.
+            start: where the objects are.
+            settle: function of (target, its options, particles) that gives the options with what
+                "auto" stands for.
 
         Raises:
-            InputError: an order that is no permutation of the objects; fewer particles than
-                the components of DPS.
+            InputError: an order that is no permutation of the objects; options that do not go
+                with each other.
         """
-        orders = self._orders(num_objects) if "ps" in self.methods else []
-        fewest = min(self.particles)
-        if "dps" in self.methods and fewest < num_objects:
-            raise InputError(
-                f"particles = {fewest} is fewer than the {num_objects} components of dps, one per "
-                f"object; give at least {num_objects}, better some hundreds."
-            )
-        likelihoods = [
-            choose_likelihood() if value == "auto" else value for value in self.likelihood
-        ]
-        values = {name: list(getattr(self, name)) for name in _GRID}
-        values["likelihood"] = list(dict.fromkeys(likelihoods))
-        values["scale"] = [",".join(map(_number, value)) for value in self.scale]
-        orderings = {
-            "sir": [""],
-            "ps": orders,
-            "dps": [SHIFTS],
-            "sps": list(self.swaps),
-        }
-        found = []
-        for point in itertools.product(*values.values()):
-            chosen = dict(zip(values, point, strict=True))
-            parameters = {name: chosen[name] for name in reversed(_GRID)}
-            for method in self.methods:
-                for ordering in orderings[method]:
-                    found.append(Configuration(method.upper(), ordering, parameters))
-        return found + [Configuration(name) for name in self.tracks]
+        assert self.target is not None  # by for_target
+        of = find_target(self.target)
+        asked = {"order": self.orders, "swap": self.swaps}
+        settled: dict[Any, Any] = {}
+        found: dict[str, Configuration] = {}
+        for point in self._points():
+            for method in self.methods or ():
+                its = filters.filter_of(method)
+                own = {n: v for n, v in point.items() if n in options_of(of.options, its.options)}
+                model = chosen(of.options, own)
+                key = (model, max(self.grid["particles"]))
+                if key not in settled:
+                    settled[key] = settle(of, model, key[1])
+                parameters = {n: getattr(settled[key], n, own[n]) for n in own}
+                for variant in its.variants(method, start.parents, asked):
+                    its.check(chosen(its.options, parameters | variant.values), start.parents)
+                    one = Configuration(method.upper(), variant.label, parameters, variant.values)
+                    found.setdefault(repr(one), one)
+        return list(found.values())
 
-    def _orders(self, num_objects: int) -> list[str]:
-        found: list[str] = []
-        for order in self.orders:
-            if order == SHIFTS:
-                places = [*range(1, num_objects + 1)]
-                found += [
-                    order_label(places[shift:] + places[:shift]) for shift in range(num_objects)
-                ]
-                continue
-            entries = [int(entry) for entry in order.split(",")]
-            if sorted(entries) != list(range(1, num_objects + 1)):
-                raise InputError(
-                    f"orders: {order!r} is not a permutation of the {num_objects} object(s); name "
-                    f"each of 1 to {num_objects} once."
-                )
-            found.append(order_label(entries))
-        return list(dict.fromkeys(found))
+    def _points(self) -> Iterable[dict[str, Any]]:
+        """Every point of the grid; what compiles anew varies slowest, so that it compiles once."""
+        options = self._options()
+        names = sorted(options, key=lambda name: options[name].compiles)
+        loops = list(reversed(names))
+        for values in itertools.product(*(self.grid[name] for name in loops)):
+            point = dict(zip(loops, values, strict=True))
+            yield {name: point[name] for name in names}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -221,16 +242,6 @@ class Limits:
 DEFAULT_LIMITS = Limits()
 
 
-def order_label(places: Sequence[int]) -> str:
-    """An order of objects counted from 1: "3,1,2" as "312", with hyphens from ten objects on."""
-    return ("" if len(places) < 10 else "-").join(map(str, places))
-
-
-def order_of_label(label: str) -> list[int]:
-    """The order that ``order_label`` wrote, counted from 0."""
-    return [int(place) - 1 for place in (label.split("-") if "-" in label else label)]
-
-
 def describe_scene(scene: Any) -> dict[str, Any]:
     """A scene, or the function that opens it, in words that JSON can hold."""
     if isinstance(scene, functools.partial):
@@ -254,7 +265,7 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterable[str]
         if isinstance(before, Mapping) and isinstance(after, Mapping):
             yield from (f"{name}: {change}" for change in differences(before, after))
         else:
-            yield f"{name} = {_shown(before)}, now {_shown(after)}"
+            yield f"{name} = {plain(before)}, now {plain(after)}"
 
 
 def _plain(value: Any) -> Any:
@@ -276,59 +287,23 @@ def _fingerprint(path: str | os.PathLike[str]) -> dict[str, str]:
     return {"file": os.fspath(path), "sha256": hashlib.sha256(content).hexdigest()}
 
 
-def _shown(value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return ",".join(map(_shown, value)) or "none"
-    if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{name}: {_shown(entry)}' for name, entry in value.items())}}}"
-    if isinstance(value, float):
-        return _number(value)
-    return "nothing" if value is None else str(value)
+def _identity(function: Any) -> dict[str, Any]:
+    """A user's function and, where it tells, a digest of its source."""
+    digest = getattr(function, "sha256", None)
+    return describe_scene(function) | ({"sha256": digest} if digest else {})
 
 
-def _number(value: float) -> str:
-    """The shortest text that gives the number back, without a needless ".0"."""
-    text = f"{value:g}"
-    return text if float(text) == value else repr(value)
+def _whose(target_name: str | None) -> str:
+    return f" of {target_name}" if target_name else ""
 
 
-def _named(name: str, value: Any, valid: Sequence[str]) -> str:
-    if value not in valid:
-        raise InputError(f"{name}: {value!r} is unknown; choose among {', '.join(valid)}.")
-    return value
-
-
-def _order(value: str | Sequence[int]) -> str:
-    text = value if isinstance(value, str) else ",".join(map(str, value))
-    if text == SHIFTS:
-        return text
-    entries = text.split(",")
-    if not all(entry.strip().isdecimal() for entry in entries):
+def _order(value: Any) -> Any:
+    if value == "shifts":
+        return value
+    entries = () if isinstance(value, str) else tuple(value)
+    if not entries or not all(isinstance(entry, int) for entry in entries):
         raise InputError(
-            f"orders: {text!r} is no order; write {SHIFTS!r}, or the objects by their place from "
-            "1, such as 3,1,2."
+            f"orders: {value!r} is no order; give 'shifts', or the objects by their place, such "
+            "as (2, 0, 1)."
         )
-    return ",".join(str(int(entry)) for entry in entries)
-
-
-def _whole(name: str, value: Any, least: int, bound: int = _MOST) -> int:
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    if not whole or not least <= value < bound:
-        raise InputError(f"{name} = {value} must be a whole number from {least} to {bound - 1}.")
-    return int(value)
-
-
-def _positive(name: str, value: Any) -> float:
-    if not isinstance(value, int | float) or not 0 < value < math.inf:
-        raise InputError(f"{name} = {value} must be positive and finite.")
-    return float(value)
-
-
-def _three(value: Sequence[float]) -> tuple[float, ...]:
-    numbers = tuple(float(number) for number in value)
-    if len(numbers) != 3 or not all(0 <= number < math.inf for number in numbers):
-        raise InputError(
-            f"scale = {','.join(map(_number, numbers))} must be three finite numbers >= 0: the "
-            "noise of x and y in pixels and of the relative size, such as 4,2,0.003."
-        )
-    return numbers
+    return entries

@@ -171,7 +171,7 @@ def _clips(results: Results, tables: Tables) -> tuple[list[dict[str, Any]], str]
     for summary in chosen:
         clips: list[dict[str, Any]] = []
         for shown in summary.shown:
-            given = (frames, results.truth, shown, results.object_ids)
+            given = (frames, results.truth, shown, results.target, results.start)
             while True:
                 clip = make_clip(*given, results.start_frame + 1, results.fps, sizes[0])
                 # The first clip tells what all of them will take.

@@ -3,7 +3,7 @@
 import dataclasses
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,21 @@ import numpy as np
 
 from jaxpf.errors import InputError
 from jaxpf.evaluation.batches import Batch, batch_files, read_batch, read_runs
+from jaxpf.options import chosen
+from jaxpf.targets import find_target
+from jaxpf.targets.target import Start, Target
 
 SETTINGS = "settings.json"
 TRUTH = "truth.npz"
 _KEYS = {"versions", "asked", "runs", "float64", "scene", "configurations"}
+#: Kinds of configurations.
+BUILT_IN, OWN, IMPORTED = "built in", "own", "imported"
+
+
+def _tuples(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _tuples(entry) for name, entry in value.items()}
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,17 +33,26 @@ class Configuration:
     """One method with one ordering and one setting of the parameters.
 
     Attributes:
-        method: "SIR", "PS", "DPS" or "SPS", or the name of imported tracks.
+        method: "SIR", "PS", "DPS" or "SPS", or the name of a user's tracker or imported tracks.
         ordering: objects in the order of PS counted from 1, such as "2345671" ("2-3-...-1"
-            for ten objects and more), "shifts" for DPS, the swap rule for SPS, "" for SIR
-            and for imported tracks.
-        parameters: every parameter of the grid (sharpness, particles, scale, ...), varied or
-            not; empty for imported tracks.
+            for ten objects and more), "shifts" for DPS, the swap rule for SPS, otherwise "".
+        parameters: every option of the grid (sharpness, particles, scale, ...), varied or
+            not; empty where the method is not built in.
+        variant: values of the options that make the ordering, such as {"order": (1, 2, 0)}.
+        kind: "built in"; "own" for a user's tracker; "imported" for boxes that are known and do
+            not vary from run to run.
     """
 
     method: str
     ordering: str = ""
-    parameters: dict[str, float | int | str] = dataclasses.field(default_factory=dict)
+    parameters: dict[str, Any] = dataclasses.field(default_factory=dict)
+    variant: dict[str, Any] = dataclasses.field(default_factory=dict)
+    kind: str = BUILT_IN
+
+    @classmethod
+    def from_json(cls, entry: Mapping[str, Any]) -> "Configuration":
+        """What ``dataclasses.asdict`` became in a JSON file: lists are tuples again."""
+        return cls(**{name: _tuples(value) for name, value in entry.items()})
 
     @property
     def label(self) -> str:
@@ -41,8 +61,8 @@ class Configuration:
 
     @property
     def is_imported(self) -> bool:
-        """Whether these are another tracker's tracks."""
-        return not self.parameters
+        """Whether these are boxes of one run, from elsewhere."""
+        return self.kind == IMPORTED
 
 
 class Results:
@@ -57,11 +77,13 @@ class Results:
         folder: Path,
         settings: dict[str, Any],
         truth: np.ndarray,
+        start: Start,
         load_scene: Callable[[], Any] | None = None,
     ):
         self.folder = folder
         self.settings = settings
         self.truth = truth
+        self.start = start
         self._load_scene = load_scene
 
     @classmethod
@@ -81,12 +103,19 @@ class Results:
         settings = read_settings(folder)
         try:
             with np.load(folder / TRUTH, allow_pickle=False) as content:
-                truth = content["truth"]
+                truth, shapes, sizes = (content[name] for name in ("truth", "start", "sizes"))
         except (OSError, ValueError, KeyError, EOFError):
             raise InputError(
                 f"'{folder / TRUTH}' is missing or damaged; evaluate into another folder."
             ) from None
-        return cls(folder, settings, truth, load_scene)
+        scene = settings["scene"]
+        start = Start(np.array(scene["object_ids"]), shapes, sizes, tuple(scene["parents"]))
+        return cls(folder, settings, truth, start, load_scene)
+
+    @property
+    def target(self) -> Target:
+        """What the scene's objects are."""
+        return find_target(self.settings["scene"]["target"])
 
     @property
     def scene_name(self) -> str:
@@ -121,20 +150,21 @@ class Results:
     @property
     def configurations(self) -> list[Configuration]:
         """All configurations, those of one setting of the parameters together."""
-        return [Configuration(**entry) for entry in self.settings["configurations"]]
+        return [Configuration.from_json(entry) for entry in self.settings["configurations"]]
 
     @property
     def varied(self) -> tuple[str, ...]:
         """Names of the parameters that differ between configurations."""
-        ours = [c.parameters for c in self.configurations if not c.is_imported]
-        names = ours[0] if ours else {}
-        return tuple(name for name in names if len({p[name] for p in ours}) > 1)
+        ours = [c.parameters for c in self.configurations if c.kind == BUILT_IN]
+        names = dict.fromkeys(name for parameters in ours for name in parameters)
+        return tuple(n for n in names if len({repr(p[n]) for p in ours if n in p}) > 1)
 
     def noise_scale(self, configuration: Configuration) -> np.ndarray:
-        """``[D]``: process noise of u, v (pixels) and a; NaN for imported tracks."""
-        if configuration.is_imported:
+        """``[3]``: process noise of the first coordinates; NaN where it is not known."""
+        if configuration.kind != BUILT_IN:
             return np.full(3, np.nan)
-        return np.array([float(x) for x in str(configuration.parameters["scale"]).split(",")])
+        options = chosen(self.target.options, configuration.parameters)
+        return self.target.noise(options, self.start)
 
     def finished(self, configuration: Configuration) -> int:
         """Number of runs of a configuration that are on disk."""

@@ -1,6 +1,7 @@
 """Dividing an evaluation into batches, and what they cost in time and memory."""
 
 import math
+import time
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -8,26 +9,27 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf import filters
 from jaxpf.errors import InputError
 from jaxpf.evaluation.execution import num_cores
 from jaxpf.evaluation.plan import Limits, Plan
-from jaxpf.evaluation.results import Configuration
-from jaxpf.evaluation.trackers import scene_likelihood
-from jaxpf.evaluation.worker import Work, scene_digest
-from jaxpf.files.versions import versions
-from jaxpf.models.likelihoods.histogram import estimated_costs
-from jaxpf.running import RUNS_PER_BATCH
+from jaxpf.evaluation.results import BUILT_IN, Configuration
+from jaxpf.evaluation.trackers import tracker_of
+from jaxpf.evaluation.worker import Work, keep_measures, run_keys
+from jaxpf.options import options_of
+from jaxpf.running import RUNS_PER_BATCH, monte_carlo
+from jaxpf.targets.target import Target
 
 #: Seconds that a batch takes about, at most: what a kill can cost.
 SECONDS_PER_BATCH = 15.0
 #: Bytes of JAX, its libraries and a compiled kernel.
 _BASE_MEMORY = 450 * 2**20
-#: Nanoseconds of one core per particle, partition and frame, the likelihood excluded.
-_KERNEL = 160.0
 #: What a core adds to the speed, where there are several.
 _SHARE_OF_CORE = 0.75
 #: Seconds to compile one kernel.
 _COMPILE = 9.0
+#: Frames on which a user's tracker is timed.
+_TIMED_FRAMES = 2
 
 
 class Costs(NamedTuple):
@@ -44,94 +46,10 @@ class Costs(NamedTuple):
     bytes_per_run: int
 
 
-def check_scene(scene: Any) -> None:
-    """Refuse a scene in which trackers cannot start.
-
-    Raises:
-        InputError: an object without a box in the first frame; no second frame.
-    """
-    first = np.asarray(scene.boxes[0], float)
-    proper = np.isfinite(first).all(axis=1) & (first[:, 2:] > 0).all(axis=1)
-    for index in np.flatnonzero(~proper):
-        raise InputError(
-            f"scene {scene.name!r}: object {object_ids(scene)[index]} has no box in the start "
-            f"frame ({start_frame(scene)}); leave it out with `ids`, or choose another start frame."
-        )
-    if len(scene.frames) < 2:
-        raise InputError(
-            f"scene {scene.name!r} has {len(scene.frames)} frame(s): trackers start in the first, "
-            "so give at least 2."
-        )
-
-
-def object_ids(scene: Any) -> list[int]:
-    """The truth's numbers of the objects; from 1 where a scene has none."""
-    return [int(number) for number in scene.extras.get("ids", range(1, scene.boxes.shape[1] + 1))]
-
-
-def start_frame(scene: Any) -> int:
-    """The frame of the source in which a scene begins."""
-    return int(scene.extras.get("start_frame", 0))
-
-
-def new_settings(plan: Plan, scene: Any) -> dict[str, Any]:
-    """What ``settings.json`` holds.
-
-    Raises:
-        InputError: see ``Plan.configurations``.
-    """
-    configurations = plan.configurations(
-        scene.boxes.shape[1], lambda: _cheaper_likelihood(plan, scene)
-    )
-    return {
-        "versions": versions(),
-        "asked": plan.asked(),
-        "runs": plan.runs,
-        "float64": double_precision(),
-        "scene": {
-            "name": scene.name,
-            "object_ids": object_ids(scene),
-            "start_frame": start_frame(scene),
-            "fps": float(scene.fps),
-            "num_frames": len(scene.frames),
-            "width": scene.frames.shape[2],
-            "height": scene.frames.shape[1],
-            "digest": scene_digest(scene),
-        },
-        "configurations": [
-            {"method": c.method, "ordering": c.ordering, "parameters": c.parameters}
-            for c in configurations
-        ],
-    }
-
-
-def check_continues(settings: dict[str, Any], scene: Any, folder: Any) -> None:
-    """Refuse to mix results of different pictures or precisions.
-
-    Raises:
-        InputError: the scene or the precision is not that of the finished batches.
-    """
-    if scene_digest(scene) != settings["scene"]["digest"]:
-        raise InputError(
-            f"scene {scene.name!r} has other pictures or boxes than when the evaluation in "
-            f"'{folder}' was begun; choose another output folder, or restore the scene."
-        )
-    if double_precision() != settings["float64"]:
-        begun, now = ("double", "single") if settings["float64"] else ("single", "double")
-        raise InputError(
-            f"the evaluation in '{folder}' was begun in {begun} precision, now {now}; choose "
-            "another output folder, or set JAX_ENABLE_X64 as it was."
-        )
-
-
-def double_precision() -> bool:
-    """Whether JAX computes in double precision."""
-    return jnp.zeros(()).dtype == jnp.float64
-
-
 def batches(
     plan: Plan,
     scene: Any,
+    target: Target,
     digest: str,
     configurations: list[Configuration],
     done: list[np.ndarray],
@@ -147,14 +65,17 @@ def batches(
     missing = sum(int(np.sum(~done[index])) for index in ours)
     share = max(1, math.ceil(missing / limits.workers))
     unit = RUNS_PER_BATCH * (limits.devices or jax.local_device_count())
-    known: dict[tuple, Costs] = {}
+    known: dict[Any, Costs] = {}
     shapes = set()
     work, seconds, largest = [], 0.0, 0
     for index in ours:
         configuration = configurations[index]
-        shape = _shape_of(configuration)
+        if done[index].all():
+            continue
+        shape = _shape_of(configuration, target)
+        function = plan.trackers.get(configuration.method)
         if shape not in known:
-            known[shape] = costs(configuration, scene)
+            known[shape] = costs(configuration, scene, target, function)
         cost = known[shape]
         most = limits.runs_per_batch or most_runs(cost, limits.memory, unit)
         for first, count, width in divide(done[index], min(most, share)):
@@ -169,6 +90,8 @@ def batches(
                     float64=double_precision(),
                     scene=plan.scene,
                     digest=digest,
+                    target=target.name,
+                    function=function,
                 )
             )
             seconds += cost.seconds_per_batch + width * cost.seconds_per_run
@@ -179,40 +102,33 @@ def batches(
     return work, seconds + _COMPILE * len(shapes), memory
 
 
-def costs(configuration: Configuration, scene: Any) -> Costs:
-    """What the runs of a configuration cost."""
-    parameters: dict[str, Any] = configuration.parameters
-    num_frames, num_objects = len(scene.frames) - 1, scene.boxes.shape[1]
-    num_particles, method = parameters["particles"], parameters["likelihood"]
-    model = scene_likelihood(
-        scene,
-        sharpness=parameters["sharpness"],
-        num_particles=num_particles,
-        parts=parameters["parts"],
-        likelihood=method,
-    )
+def double_precision() -> bool:
+    """Whether JAX computes in double precision."""
+    return jnp.zeros(()).dtype == jnp.float64
 
-    def per_frame(runs: int) -> float:
-        return estimated_costs(
-            num_pixels=math.prod(scene.frames.shape[1:3]),
-            num_bins=model.references.shape[-1],
-            num_parts=parameters["parts"],
-            num_objects=num_objects,
-            num_particles=num_particles,
-            num_runs=runs,
-        )[method]
 
-    fixed = per_frame(0)
+def costs(configuration: Configuration, scene: Any, target: Target, function: Any = None) -> Costs:
+    """What the runs of a configuration cost: modelled, or timed where a user wrote a part of it."""
+    tracker = tracker_of(scene, target, configuration, function)
+    num_frames = len(scene.frames) - 1
+    state = jax.eval_shape(tracker.init, jax.random.key(0))
+    recorded = 4 * num_frames * (tracker_width(tracker, scene) * 8 + 2)
+    size = sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in _arrays(state))
+    bytes_per_run = 3 * size + 4 * recorded
+    estimate = getattr(getattr(tracker, "likelihood", None), "estimated_nanoseconds", None)
+    if configuration.kind != BUILT_IN or estimate is None:
+        return Costs(0.0, _timed(tracker, scene) * num_frames, bytes_per_run)
+    particles = configuration.parameters["particles"]
+    queries = tracker.num_partitions * particles
+    fixed, per_query = estimate(scene.frames.shape[1:3])
+    kernel = filters.filter_of(configuration.variant["method"]).nanoseconds
     seconds = 1e-9 * num_frames / max(1.0, _SHARE_OF_CORE * num_cores())
-    kernel = _KERNEL * num_objects * num_particles
-    item = jnp.zeros(()).dtype.itemsize
-    state = item * num_particles * (num_objects * 7 + 2)
-    recorded = 4 * num_frames * (num_objects * 8 + 2)
-    return Costs(
-        seconds_per_batch=fixed * seconds,
-        seconds_per_run=(per_frame(1) - fixed + kernel) * seconds,
-        bytes_per_run=3 * state + 4 * recorded,
-    )
+    return Costs(fixed * seconds, (per_query + kernel) * queries * seconds, bytes_per_run)
+
+
+def tracker_width(tracker: Any, scene: Any) -> int:
+    """Objects of a tracker."""
+    return getattr(tracker, "num_partitions", scene.boxes.shape[1])
 
 
 def most_runs(cost: Costs, memory: int, unit: int) -> int:
@@ -240,18 +156,27 @@ def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, int]]:
             yield first, min(width, stop - first), width
 
 
-def _shape_of(configuration: Configuration) -> tuple[Any, ...]:
-    """The parameters that a kernel is compiled for."""
-    names = ("particles", "parts", "resampling", "likelihood")
-    return tuple(configuration.parameters[name] for name in names)
+def _arrays(state: Any) -> list[Any]:
+    return [leaf for leaf in jax.tree.leaves(state) if hasattr(leaf, "shape")]
 
 
-def _cheaper_likelihood(plan: Plan, scene: Any) -> str:
-    """What "auto" stands for, whatever the number of runs: it decides about the results."""
-    return scene_likelihood(
-        scene,
-        sharpness=plan.sharpness[0],
-        num_particles=max(plan.particles),
-        parts=plan.parts[0],
-        likelihood="auto",
-    ).method
+def _timed(tracker: Any, scene: Any) -> float:
+    """Seconds per run and frame, of the second call: the first one compiles."""
+    if len(scene.frames) < 2:
+        raise InputError(f"scene {scene.name!r} has no frame after the first to time a tracker on.")
+    frames, seconds = jnp.asarray(scene.frames[1 : 1 + _TIMED_FRAMES]), 0.0
+    for _ in range(2):
+        keys, began = run_keys(0, 0, RUNS_PER_BATCH), time.perf_counter()
+        jax.block_until_ready(monte_carlo(tracker, keys, frames, record=keep_measures))
+        seconds = time.perf_counter() - began
+    return seconds / RUNS_PER_BATCH / len(frames)
+
+
+def _shape_of(configuration: Configuration, target: Target) -> tuple[Any, ...]:
+    """What a kernel is compiled for."""
+    if configuration.kind != BUILT_IN:
+        return (configuration.method,)
+    its = filters.filter_of(configuration.variant["method"])
+    options = options_of(target.options, its.options)
+    names = [name for name, option in options.items() if option.compiles and name not in its.varied]
+    return (its.name, *(configuration.parameters[name] for name in names))

@@ -15,6 +15,7 @@ from jaxpf.evaluation.batches import FOLDER
 from jaxpf.evaluation.plan import Plan, differences
 from jaxpf.evaluation.results import SETTINGS, TRUTH, read_settings
 from jaxpf.files.writing import atomic_write, report_os_errors
+from jaxpf.targets.target import Start
 
 LOCK = ".lock"
 
@@ -39,6 +40,8 @@ def stored_settings(plan: Plan, folder: Path) -> dict[str, Any] | None:
             f"{__version__}, which may give other results; choose another output folder, or "
             "continue with that version."
         )
+    scene = settings["scene"]
+    plan = plan.for_target(scene["target"], scene["parents"])
     change = next(iter(differences(settings["asked"], plan.asked())), None)
     if change is not None:
         raise InputError(
@@ -53,7 +56,7 @@ def stored_settings(plan: Plan, folder: Path) -> dict[str, Any] | None:
     return settings
 
 
-def write_settings(folder: Path, settings: dict[str, Any], truth: np.ndarray) -> None:
+def write_settings(folder: Path, settings: dict[str, Any], truth: np.ndarray, start: Start) -> None:
     """Begin or continue an evaluation; the settings, by which it is known, come last.
 
     Raises:
@@ -63,7 +66,7 @@ def write_settings(folder: Path, settings: dict[str, Any], truth: np.ndarray) ->
         (folder / FOLDER).mkdir(parents=True, exist_ok=True)
     if not (folder / TRUTH).exists():
         with atomic_write(folder / TRUTH, "wb") as file:
-            np.savez(file, allow_pickle=False, truth=truth)
+            np.savez(file, allow_pickle=False, truth=truth, start=start.shapes, sizes=start.sizes)
     with atomic_write(folder / SETTINGS) as file:
         json.dump(settings, file, indent=1)
 

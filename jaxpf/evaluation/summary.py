@@ -19,6 +19,7 @@ from jaxpf.evaluation.estimates import (
 )
 from jaxpf.evaluation.measures import MEASURES, SCORES, Measure
 from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.options import plain
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,7 +58,8 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
     estimates: list[dict[str, Estimate]] = [{} for _ in collected]
     differences: list[dict[str, Difference]] = [{} for _ in collected]
     adjusted: list[dict[str, np.ndarray]] = [{} for _ in collected]
-    for measure in (*MEASURES, *(SCORES if has_scores() else ())):
+    scored = has_scores() and any(len(entry.scores) for entry in collected)
+    for measure in (*MEASURES, *(SCORES if scored else ())):
         for index, entry in enumerate(collected):
             values = _values(entry, measure)
             estimates[index][measure.name] = _estimate(entry, measure, values)
@@ -90,15 +92,11 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
 def configuration_name(results: Results, configuration: Configuration) -> str:
     """Method, ordering, and the parameters that differ between configurations."""
     varied = [
-        f"{name} {_plain(configuration.parameters[name])}"
+        f"{name} {plain(configuration.parameters[name])}"
         for name in results.varied
         if name in configuration.parameters
     ]
     return ", ".join([configuration.label, *varied])
-
-
-def _plain(value: float | int | str) -> str:
-    return f"{value:g}" if isinstance(value, float) else f"{value}"
 
 
 def _references(collected: Sequence[Collected]) -> list[int | None]:

@@ -46,8 +46,8 @@ from jaxpf.evaluation.summary import (
     hardest_object,
     summarise,
 )
-from jaxpf.files.tracks import write_mot
 from jaxpf.files.writing import atomic_write, report_os_errors
+from jaxpf.options import plain
 
 _KEYS = ("scene", "method", "ordering")
 _ENOUGH = 20  # runs, at which the normal quantile is 6 % below Student's
@@ -200,26 +200,20 @@ def _write_tracks(results: Results, summaries: Sequence[Summary]) -> None:
     folder = results.folder / "tracks"
     with report_os_errors("create the folder", folder):
         folder.mkdir(exist_ok=True)
-        for path in folder.glob("*-run*.txt"):  # other runs may have been best before
+        for path in folder.glob("*-run*.*"):  # other runs may have been best before
             path.unlink()
-    ids = np.asarray(results.object_ids)
+    of = results.target
 
-    def write(name: str, boxes: np.ndarray, lost: np.ndarray) -> None:
-        frames = results.start_frame + 1 + np.arange(len(boxes))
-        write_mot(
-            folder / name,
-            np.repeat(frames, len(ids)),
-            np.tile(ids, len(frames)),
-            boxes.reshape(-1, 4),
-            1 - lost.reshape(-1).astype(int),
-        )
+    def write(name: str, shapes: np.ndarray, lost: np.ndarray) -> None:
+        with of.track_writer(folder / f"{name}{of.track_suffix}", results.start) as writer:
+            for time, row in enumerate(shapes):
+                writer.append(results.start_frame + 1 + time, row, lost[time])
 
-    write("truth.txt", results.truth, np.zeros(results.truth.shape[:2], bool))
+    write("truth", results.truth, np.zeros(results.truth.shape[:2], bool))
     for number, summary in enumerate(summaries, start=1):
         slug = re.sub(r"[^A-Za-z0-9.]+", "-", summary.name).strip("-.")
         for shown in summary.shown:
-            name = f"{number:02d}-{slug}-{shown.role}-run{shown.run}.txt"
-            write(name, shown.boxes, shown.lost)
+            write(f"{number:02d}-{slug}-{shown.role}-run{shown.run}", shown.shapes, shown.lost)
 
 
 @contextlib.contextmanager
@@ -243,8 +237,13 @@ def _parameters(results: Results) -> list[str]:
 
 
 def _keys(results: Results, configuration: Configuration) -> list[Any]:
-    values = [configuration.parameters.get(name, "") for name in _parameters(results)]
+    values = [_cell(configuration.parameters.get(name)) for name in _parameters(results)]
     return [results.scene_name, configuration.method, configuration.ordering, *values]
+
+
+def _cell(value: Any) -> Any:
+    """An option's value in a CSV field."""
+    return "" if value is None else plain(value) if isinstance(value, tuple) else value
 
 
 def _number(value: float) -> str:

@@ -1,111 +1,78 @@
-"""Trackers for scenes: boxes that start at the truth and know their objects' colours."""
+"""Trackers for scenes: those of the built-in methods, and a user's own.
+
+A user's tracker comes from a function of the scene, which is called once per scene and process.
+It returns a tracker (``jaxpf.contract.Tracker``), or boxes ``[T, P, 4]`` of all frames, the start
+frame included: one run that does not vary.  Estimates of a tracker are read as the scene's target
+reads its own (of boxes: u, v, scale) unless the tracker has a method
+``boxes(estimate [..., P, D]) -> [..., P, 4]``.
+"""
 
 from typing import Any
 
 import numpy as np
 
-from jaxpf.evaluation.plan import order_of_label
-from jaxpf.evaluation.results import Configuration
-from jaxpf.filters.partitioned.ordering import Ordering
-from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.models.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
+from jaxpf import filters
+from jaxpf.errors import InputError
+from jaxpf.evaluation.results import BUILT_IN, Configuration
+from jaxpf.options import chosen
 from jaxpf.running import RUNS_PER_BATCH
-from jaxpf.targets.boxes import DEFAULT_SCALE, box_tracker, ordering_of
+from jaxpf.targets.target import Looks, Start, Target
 
 
-def scene_tracker(
-    scene: Any,
-    ordering: Ordering,
-    *,
-    sharpness: float = 20.0,
-    num_particles: int = 300,
-    scale: tuple[float, ...] = DEFAULT_SCALE,
-    resampling: str = "systematic",
-    parts: int = 2,
-    likelihood: str = "auto",
-    num_runs: int = 1,
-) -> Partitioned:
-    """A box tracker that starts at the scene's first true boxes and knows its patches.
+def looks_of(scene: Any, num_particles: int, num_runs: int = RUNS_PER_BATCH) -> Looks:
+    """A scene's reference patches."""
+    return Looks(None, scene.patches, scene.frames.shape[1:3], num_particles, num_runs)
 
-    Args:
-        scene: see ``scenes.Scene``; every object must have a box in its first frame.
-        ordering: see ``jaxpf.ordering``.
-        sharpness: of the likelihood.
-        num_particles: N.
-        scale: see ``jaxpf.boxes.box_tracker``.
-        resampling: see ``jaxpf.boxes.box_tracker``.
-        parts: horizontal bands of a box.
-        likelihood: how histograms are computed; "auto" is the cheaper way for ``num_runs``.
-        num_runs: runs that share a frame's work, for "auto".
+
+def built_in_tracker(scene: Any, target: Target, configuration: Configuration) -> Any:
+    """The tracker of one configuration: its filter on the scene's target."""
+    values = configuration.parameters | configuration.variant
+    its = filters.filter_of(values["method"])
+    start, options = target.scene_start(scene), chosen(its.options, values)
+    looks = looks_of(scene, options.particles)
+    return its.tracker(target.model(chosen(target.options, values), start, looks), options)
+
+
+def own_tracker(name: str, function: Any, scene: Any) -> Any:
+    """What a user's function makes of a scene: a tracker, or boxes ``[T, P, 4]``.
 
     Raises:
-        InputError: an argument is out of range; the sentence says which.
+        InputError: the function fails, or returns something else.
     """
-    model = scene_likelihood(
-        scene,
-        sharpness=sharpness,
-        num_particles=num_particles,
-        parts=parts,
-        likelihood=likelihood,
-        num_runs=num_runs,
-    )
-    return box_tracker(
-        model,
-        scene.boxes[0],
-        ordering,
-        scale=scale,
-        num_particles=num_particles,
-        resampling=resampling,
-    )
-
-
-def scene_likelihood(
-    scene: Any,
-    *,
-    sharpness: float,
-    num_particles: int,
-    parts: int,
-    likelihood: str,
-    num_runs: int = RUNS_PER_BATCH,
-) -> HistogramLikelihood:
-    """The colours of a scene's reference patches; arguments as for ``scene_tracker``."""
-    return histogram_from_patches(
-        scene.patches,
-        start_sizes(scene),
-        sharpness=sharpness,
-        parts=parts,
-        method=likelihood,
-        frame_shape=scene.frames.shape[1:3],
-        num_particles=num_particles,
-        num_runs=num_runs,
+    try:
+        made = function(scene)
+    except InputError:
+        raise
+    except Exception as error:
+        cause = " ".join(f"{type(error).__name__}: {error}".split())
+        raise InputError(f"the tracker {name!r} cannot be made: {cause}.") from error
+    if hasattr(made, "init") and hasattr(made, "step"):
+        return made
+    if hasattr(made, "__array__"):
+        boxes = np.asarray(made, np.float64)
+        if boxes.shape != scene.boxes.shape:
+            raise InputError(
+                f"the tracker {name!r} returned boxes of shape {list(boxes.shape)}; the scene has "
+                f"{list(scene.boxes.shape)}: all frames, the start frame included."
+            )
+        return boxes
+    raise InputError(
+        f"the tracker {name!r} is {type(made).__name__}; return a tracker with init and step, or "
+        "boxes [T, P, 4]."
     )
 
 
-def start_sizes(scene: Any) -> np.ndarray:
-    """``[P, 2]``: width and height at scale 1, those of the first true boxes.
+def shapes_of(tracker: Any, target: Target, start: Start, estimate: Any) -> np.ndarray:
+    """Shapes ``[..., P, S]`` of estimates, as the tracker or else the target reads them."""
+    if target.has_boxes and hasattr(tracker, "boxes"):
+        return np.asarray(tracker.boxes(estimate))
+    return target.shapes(start, np.asarray(estimate))
 
-    A patch is smaller where its box reaches beyond the picture.
-    """
-    return np.asarray(scene.boxes[0][:, 2:])
 
-
-def configured_tracker(scene: Any, configuration: Configuration) -> Partitioned:
-    """The tracker of one configuration of an evaluation."""
-    parameters: dict[str, Any] = dict(configuration.parameters)
-    method = configuration.method.lower()
-    ordering = ordering_of(
-        method,
-        scene.boxes.shape[1],
-        order=order_of_label(configuration.ordering) if method == "ps" else None,
-        swap=configuration.ordering if method == "sps" else "combinatorial",
-    )
-    return scene_tracker(
-        scene,
-        ordering,
-        sharpness=parameters["sharpness"],
-        num_particles=parameters["particles"],
-        scale=tuple(float(value) for value in parameters["scale"].split(",")),
-        resampling=parameters["resampling"],
-        parts=parameters["parts"],
-        likelihood=parameters["likelihood"],
-    )
+def tracker_of(
+    scene: Any, target: Target, configuration: Configuration, function: Any = None
+) -> Any:
+    """The tracker of a configuration, built in or from a user's function."""
+    if configuration.kind == BUILT_IN:
+        return built_in_tracker(scene, target, configuration)
+    return own_tracker(configuration.method, function, scene)

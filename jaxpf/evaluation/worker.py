@@ -10,9 +10,10 @@ import numpy as np
 
 from jaxpf.errors import InputError
 from jaxpf.evaluation.batches import Batch
-from jaxpf.evaluation.results import Configuration
-from jaxpf.evaluation.trackers import configured_tracker, start_sizes
+from jaxpf.evaluation.results import BUILT_IN, Configuration
+from jaxpf.evaluation.trackers import shapes_of, tracker_of
 from jaxpf.running import RUNS_PER_BATCH, monte_carlo
+from jaxpf.targets import find_target
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,6 +30,8 @@ class Work:
         float64: whether JAX computes in double precision.
         scene: the scene, or a picklable function without arguments that opens it.
         digest: of the scene, which must be the same everywhere.
+        target: name of what the scene's objects are.
+        function: for a user's own tracker, the function of the scene that makes it.
     """
 
     index: int
@@ -40,6 +43,8 @@ class Work:
     float64: bool
     scene: Any
     digest: str
+    target: str
+    function: Any = None
 
     def __str__(self) -> str:
         last = self.first_run + self.num_runs - 1
@@ -59,7 +64,8 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
     """
     with jax.enable_x64(work.float64):
         scene, frames = _opened(work)
-        tracker = configured_tracker(scene, work.configuration)
+        of = find_target(work.target)
+        start, tracker = of.scene_start(scene), _tracker(scene, work)
         recorded = monte_carlo(
             tracker,
             run_keys(work.seed, work.first_run, work.width),
@@ -74,20 +80,27 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
     return Batch(
         seeds=np.full(work.num_runs, work.seed, np.int64),
         runs=np.arange(work.first_run, work.first_run + work.num_runs),
-        boxes=_boxes(kept.pop("estimate"), start_sizes(scene)),
+        shapes=shapes_of(tracker, of, start, kept.pop("estimate")).astype(np.float32),
         **kept,
     )
 
 
 def keep_measures(state: Any, summary: Any) -> dict[str, jax.Array]:
-    """What an evaluation keeps of a frame."""
+    """What an evaluation keeps of a frame; what a user's summary lacks is no number."""
+    estimate = summary.estimate
+
+    def known(name: str, *shape: int) -> jax.Array:
+        value = getattr(summary, name, None)
+        return jnp.full(shape, jnp.nan, estimate.dtype) if value is None else value
+
+    lost = getattr(summary, "lost", None)
     return {
-        "estimate": summary.estimate,
-        "uniqueness": summary.uniqueness,
-        "spread": summary.spread,
-        "ess": summary.ess,
-        "log_evidence": summary.log_evidence,
-        "lost": summary.lost,
+        "estimate": estimate,
+        "uniqueness": known("uniqueness", *estimate.shape[:-1]),
+        "spread": known("spread", *estimate.shape),
+        "ess": known("ess"),
+        "log_evidence": known("log_evidence"),
+        "lost": ~jnp.isfinite(estimate).all(axis=-1) if lost is None else lost,
     }
 
 
@@ -97,9 +110,9 @@ def run_keys(seed: int, first_run: int, num_runs: int) -> jax.Array:
     return jax.vmap(jax.random.fold_in, in_axes=(None, 0))(jax.random.key(seed), numbers)
 
 
-def imported_batch(boxes: np.ndarray, seed: int) -> Batch:
-    """Another tracker's boxes ``[T, P, 4]`` as a batch of one run; all else is unknown."""
-    times, objects = boxes.shape[:2]
+def imported_batch(shapes: np.ndarray, seed: int) -> Batch:
+    """Another tracker's shapes ``[T, P, S]`` as a batch of one run; all else is unknown."""
+    times, objects = shapes.shape[:2]
 
     def unknown(*shape: int) -> np.ndarray:
         return np.full((1, *shape), np.nan, np.float32)
@@ -107,12 +120,12 @@ def imported_batch(boxes: np.ndarray, seed: int) -> Batch:
     return Batch(
         seeds=np.array([seed], np.int64),
         runs=np.array([0], np.int64),
-        boxes=boxes[None].astype(np.float32),
+        shapes=shapes[None].astype(np.float32),
         uniqueness=unknown(times, objects),
         spread=unknown(times, objects, 3),
         ess=unknown(times),
         log_evidence=unknown(times),
-        lost=~np.isfinite(boxes[None]).all(axis=-1),
+        lost=~np.isfinite(shapes[None]).all(axis=-1),
     )
 
 
@@ -135,6 +148,20 @@ def remember_scene(scene: Any, digest: str) -> None:
     _last_scene[:] = [(digest, scene, jnp.asarray(scene.frames[1:]))]
 
 
+def _tracker(scene: Any, work: Work) -> Any:
+    """A user's function is called once for a scene; grids of ours make a tracker each."""
+    if work.configuration.kind == BUILT_IN:
+        return tracker_of(scene, find_target(work.target), work.configuration)
+    key = work.digest, work.configuration.method
+    if _own_tracker.get("key") != key:
+        made = tracker_of(scene, find_target(work.target), work.configuration, work.function)
+        _own_tracker.update(key=key, tracker=made)
+    return _own_tracker["tracker"]
+
+
+#: The user's tracker that this process made last, and for what.
+_own_tracker: dict[str, Any] = {}
+
 #: The scene that this process worked on last, as (digest, scene, frames on the device).
 _last_scene: list[tuple[str, Any, jax.Array]] = []
 
@@ -153,9 +180,3 @@ def _opened(work: Work) -> tuple[Any, jax.Array]:
         remember_scene(scene, found)
         known = list(_last_scene)
     return known[0][1], known[0][2]
-
-
-def _boxes(estimate: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """``jaxpf.geometry.boxes_from_substates`` in NumPy: one arithmetic wherever it is done."""
-    extent = estimate[..., 2:3] * sizes.astype(np.float32)
-    return np.concatenate([estimate[..., :2] - extent / 2, extent], axis=-1)

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxpf.evaluation import trackers as scene_trackers
 from jaxpf.filters.partitioned.ordering import Ordering
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.measures import metrics
@@ -14,6 +13,7 @@ from jaxpf.measures.intervals import Interval
 from jaxpf.models.geometry import boxes_from_substates
 from jaxpf.running import RUNS_PER_BATCH, monte_carlo
 from jaxpf.state import Summary
+from jaxpf.targets import boxes as boxes_of_scenes
 
 #: The tracker of smith2004's synthetic test: noise of u and v in pixels, and of the scale.
 SMITH2004_SCALE = (2.0, 2.0, 0.001)
@@ -48,8 +48,8 @@ def scene_tracker(
     resampling: str = "multinomial",
     num_runs: int = 1,
 ) -> Partitioned:
-    """``jaxpf.evaluation.trackers.scene_tracker`` with smith2004's settings as defaults."""
-    return scene_trackers.scene_tracker(
+    """``jaxpf.targets.boxes.scene_tracker`` with smith2004's settings as defaults."""
+    return boxes_of_scenes.scene_tracker(
         scene,
         ordering,
         sharpness=sharpness,
@@ -81,7 +81,7 @@ def compare(
             np.asarray, monte_carlo(tracker, keys, frames, batch_size=batch_size)
         )
         boxes = np.asarray(
-            boxes_from_substates(summary.estimate, scene_trackers.start_sizes(scene))
+            boxes_from_substates(summary.estimate, np.asarray(scene.boxes[0][:, 2:]))
         )
         measures = metrics.summarise(boxes, truth)
         yield Result(name, boxes, summary, jax.tree.map(np.asarray, measures))

@@ -120,8 +120,12 @@ def success(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Returns:
         ``[..., P]`` bool; false for an object that never has truth.
     """
-    present = _presence(estimate, truth)
-    tracked = track_state(estimate, truth)
+    return throughout(track_state(estimate, truth), _presence(estimate, truth))
+
+
+def throughout(tracked: ArrayLike, present: ArrayLike) -> Array:
+    """``success`` ``[..., P]`` from track states and presence, ``[..., T, P]`` bool each."""
+    tracked, present = jnp.asarray(tracked), jnp.asarray(present)
     return jnp.all(tracked | ~present, axis=-2) & jnp.any(present, axis=-2)
 
 
@@ -132,8 +136,12 @@ def recovery(estimate: ArrayLike, truth: ArrayLike) -> Array:
     tracking" without saying for how long; this is the reading used here.  Arguments and result
     are as for ``success``.
     """
-    present = _presence(estimate, truth)
-    tracked = track_state(estimate, truth)
+    return in_the_end(track_state(estimate, truth), _presence(estimate, truth))
+
+
+def in_the_end(tracked: ArrayLike, present: ArrayLike) -> Array:
+    """``recovery`` ``[..., P]`` from track states and presence, ``[..., T, P]`` bool each."""
+    tracked, present = jnp.asarray(tracked), jnp.asarray(present)
     frames = jnp.arange(present.shape[-2])[:, None]
     last = jnp.max(jnp.where(present, frames, -1), axis=-2, keepdims=True)
     return jnp.any(tracked & (frames == last), axis=-2)

@@ -34,10 +34,12 @@ class RelativeToParent(BatchedDynamics):
     and the part's pose follows from its parent's, already moved: the tree couples the parts.
 
     Attributes:
-        scale: ``[P, 3]``, standard deviations of the noise per frame: of (x, y, theta) for a
-            root, of (offset_x, offset_y, angle) for a part; pixels, pixels and radians.
+        scale: ``[P, 3]`` or ``[3]``, standard deviations of the noise per frame: of (x, y, theta)
+            for a root, of (offset_x, offset_y, angle) for a part; pixels, pixels and radians.
         parent_anchor: ``[P, 2]``, the joint in the parent's coordinates, pixels.
         part_anchor: ``[P, 2]``, the joint in the part's own coordinates, pixels.
+        joint_scale: ``[P, 3]`` or ``[3]``, instead of ``scale`` for the parts; None uses ``scale``
+            for all.
         memory: share of an offset that stays to the next frame; below 1 it returns to zero, so
             that parts cannot drift away from their parents.
         walks_alone: ``[P]`` bool, the parts that move as roots do; by default the roots.  With all
@@ -50,13 +52,15 @@ class RelativeToParent(BatchedDynamics):
     part_anchor: ArrayLike
     memory: ArrayLike = 0.5
     walks_alone: Any = None
+    joint_scale: Any = None
     parents: tuple[int, ...] = static_field(default=(-1,))
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[6, N]``."""
         dtype = current.dtype
         # One gather of what is known of a particle's part; each costs more than it fetches.
-        known = [jnp.asarray(x, dtype) for x in (self.scale, self.parent_anchor, self.part_anchor)]
+        known = [jnp.asarray(x, dtype) for x in (self.parent_anchor, self.part_anchor)]
+        known = [self._scale_by_part(dtype), *known]
         alone = np.array(self.parents) < 0 if self.walks_alone is None else self.walks_alone
         known.append(jnp.asarray(alone, dtype)[:, None])
         of_part = jnp.concatenate(known, axis=1)[partition].T
@@ -71,6 +75,15 @@ class RelativeToParent(BatchedDynamics):
         pose = place(joint, parent, parent_anchor, part_anchor)
         pose = jnp.where(alone, current[:3] + noise, pose)
         return jnp.concatenate([pose, jnp.where(alone, 0.0, joint)])
+
+    def _scale_by_part(self, dtype):
+        """``[P, 3]``."""
+        shape = (len(self.parents), 3)
+        scale = jnp.broadcast_to(jnp.asarray(self.scale, dtype), shape)
+        if self.joint_scale is None:
+            return scale
+        joint_scale = jnp.broadcast_to(jnp.asarray(self.joint_scale, dtype), shape)
+        return jnp.where(np.array(self.parents)[:, None] < 0, scale, joint_scale)
 
 
 @pytree_dataclass

@@ -1,249 +1,279 @@
-"""Trackers of articulated objects: rectangles of fixed size that hang on one another.
+"""Parts: rectangles of fixed size at any angle that hang on one another (gonzales2011).
 
 A part is a partition with substate (x, y, theta, ...): its centre in pixels and its angle in
-radians, clockwise in the image (gonzales2011, section 4).
+radians, clockwise in the image.  Options and files count angles in degrees.
 """
 
 import dataclasses
-from collections.abc import Sequence
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
-from jaxpf.filters.partitioned import ordering as orderings
-from jaxpf.filters.partitioned.ordering import Ordering, check_tree, tree_levels
-from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.models.joints import (
-    RelativeToParent,
-    UniformAround,
-    UniformJoints,
-    joints_between,
-    substates_at,
+from jaxpf.models.model import Model
+from jaxpf.options import check_options, option
+from jaxpf.targets.appearance import (
+    bands_option,
+    likelihood_option,
+    sharpness_option,
+    three_values,
 )
-from jaxpf.pytree import pytree_dataclass
+from jaxpf.targets.target import Looks, Start, Target
 
-METHODS = ("sir", "ps", "sps")
-DYNAMICS = ("relative", "absolute")
-
-#: Noise of x, y (pixels) and theta (radians) per frame, of a root and of absolute parts.
-DEFAULT_SCALE = (3.0, 3.0, 0.06)
-#: Noise of a joint's offset (pixels) and angle (radians) per frame.
-DEFAULT_JOINT_SCALE = (0.5, 0.5, 0.08)
+# Samples per side of a part: its likelihood is then off by .017 sharpness, see
+# jaxpf.models.likelihoods._sampled.
+_SAMPLES = 10
+_PATCH_WINDOW = (12, 12)
+_DEGREES = np.array([1, 1, math.pi / 180])
 
 
-@pytree_dataclass
-class OfFixedSize:
-    """A likelihood of (u, v, scale, theta), taken at (x, y, 1, theta) of a part's substate.
+def _outlines(poses: Any, sizes: Any) -> Any:
+    from jaxpf.models.geometry import corners_from_poses
 
-    Attributes:
-        likelihood: such as ``jaxpf.likelihoods.histogram(..., method="sampled")``.
-    """
-
-    likelihood: Any
-
-    def observe(self, frame):
-        """What the likelihood needs of a frame."""
-        return self.likelihood.observe(frame)
-
-    def log_prob(self, observation, partition, substate):
-        """Log-likelihood ``[]`` of one substate ``[D]``."""
-        return self.log_prob_all(observation, jnp.asarray(partition)[None], substate[:, None])[0]
-
-    def log_prob_all(self, observation, partition, substates):
-        """Log-likelihoods ``[N]`` of substates ``[D, N]``."""
-        x, y, theta = substates[:3]
-        return self.likelihood.log_prob_all(
-            observation, partition, jnp.stack([x, y, jnp.ones_like(x), theta])
-        )
+    return corners_from_poses(poses, sizes)
 
 
-def ordering_of_parts(
-    method: str,
-    parents: Sequence[int],
-    *,
-    order: Sequence[int] | None = None,
-    swap: str = "combinatorial",
-) -> Ordering:
-    """The ordering that a method's name stands for, on a part tree.
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """Options of the model of parts; see the help of each."""
 
-    Args:
-        method: one of ``METHODS``.
-        parents: the part tree, -1 for a root.
-        order: for ``ps``, all parts, each after its parent; by default level by level, as ``sps``
-            goes through the tree.
-        swap: for ``sps``.
-
-    Raises:
-        InputError: unknown method or swap, an order that is no permutation or is given to a
-            method that has none, a parent that does not exist, or a cycle.
-    """
-    tree = check_tree(parents)
-    if method not in METHODS:
-        raise InputError(
-            f"method {method!r} is unknown for parts; choose one of {', '.join(METHODS)}."
-        )
-    if order is not None and method != "ps":
-        raise InputError(f"an order was given, but method {method!r} has none; use method 'ps'.")
-    if method == "sps":
-        return orderings.sps(tree, swap)
-    depth = tree_levels(tree)
-    downwards = sorted(range(len(tree)), key=lambda part: (depth[part], part))
-    ordering = orderings.ps(downwards if order is None else order)
-    if method == "sir":
-        # Parents first, but nobody is resampled in between.
-        never = jnp.zeros_like(ordering.resample_after)
-        ordering = dataclasses.replace(ordering, resample_after=never)
-    return ordering
-
-
-def parts_tracker(
-    likelihood: Any,
-    poses: ArrayLike,
-    sizes: ArrayLike,
-    ordering: Ordering,
-    parents: Sequence[int],
-    *,
-    dynamics: str = "relative",
-    scale: ArrayLike = DEFAULT_SCALE,
-    joint_scale: ArrayLike = DEFAULT_JOINT_SCALE,
-    anchors: tuple[ArrayLike, ArrayLike] | None = None,
-    reach: ArrayLike = 0.0,
-    num_particles: int = 300,
-    resampling: str = "systematic",
-    ess_threshold: float | None = None,
-) -> Partitioned:
-    """A tracker of one or several articulated objects that starts at given poses.
-
-    Args:
-        likelihood: of substates (u, v, scale, theta), such as
-            ``jaxpf.likelihoods.histogram_from_patches(..., method="sampled")``.
-        poses: x, y (pixels) and theta (radians), ``[P, 3]``, just before the first frame.
-        sizes: width and height of the parts, pixels, ``[P, 2]``.
-        ordering: from ``ordering_of_parts`` or ``jaxpf.ordering``.
-        parents: the part tree, -1 for a root.
-        dynamics: ``"relative"``, parts follow their parents (``jaxpf.joints``); ``"absolute"``,
-            every part walks at random on its own, as in gonzales2011.
-        scale: noise of x, y and theta per frame, ``[3]`` or ``[P, 3]``: of roots, and with
-            absolute dynamics of all parts.
-        joint_scale: noise of a joint's offset (x, y) and angle, ``[3]`` or ``[P, 3]``.
-        anchors: each part's joint in its parent's coordinates and in its own, ``[P, 2]`` each;
-            by default ``jaxpf.joints.joints_between``.
-        reach: particles start uniform around the poses, this far in x, y (pixels) and theta
-            (or, with relative dynamics, in the joint's offset and angle); ``[]``, ``[3]`` or
-            ``[P, 3]``.  0 starts all of them there.
-        num_particles: N, at least 2.
-        resampling: a scheme of ``jaxpf.resampling.SCHEMES``.
-        ess_threshold: see ``Partitioned``.
-
-    Raises:
-        InputError: an argument is out of range; and see ``check_tracker``.
-    """
-    tree = check_tree(parents)
-    poses, sizes = check_parts(poses, sizes, tree)
-    if dynamics not in DYNAMICS:
-        raise InputError(f"dynamics {dynamics!r} is unknown; choose one of {', '.join(DYNAMICS)}.")
-    if num_particles < 2:
-        raise InputError(
-            f"num_particles={num_particles} leaves nothing to choose from; use 2 particles or more."
-        )
-    scale = _noise("scale", scale, len(tree))
-    reach = _noise("reach", reach, len(tree))
-    moves: Any
-    initial: Any
-    if dynamics == "absolute":
-        moves = RandomWalk(scale=scale)
-        initial = UniformAround(poses, reach) if reach.any() else poses
-    else:
-        is_root = np.array(tree)[:, None] < 0
-        joint_scale = _noise("joint_scale", joint_scale, len(tree))
-        parent_anchor, part_anchor = anchors or joints_between(poses, sizes, tree)
-        moves = RelativeToParent(
-            scale=np.where(is_root, scale, joint_scale),
-            parent_anchor=np.asarray(parent_anchor, np.float32),
-            part_anchor=np.asarray(part_anchor, np.float32),
-            parents=tree,
-        )
-        initial = UniformJoints(moves, poses, reach) if reach.any() else substates_at(moves, poses)
-    return Partitioned(
-        dynamics=moves,
-        likelihood=OfFixedSize(likelihood),
-        ordering=ordering,
-        initial=initial,
-        parents=tree,
-        num_particles=num_particles,
-        resampling=resampling,
-        ess_threshold=ess_threshold,
+    sharpness: float = sharpness_option(50.0, "likelihood.likelihood.sharpness")
+    scale: tuple[float, ...] = option(
+        (3.0, 3.0, 3.5),
+        "Noise per frame: x and y in pixels, degrees.",
+        least=0,
+        path="dynamics.scale",
+    )
+    joint_scale: tuple[float, ...] = option(
+        (0.5, 0.5, 4.5),
+        "Of parts, noise of a joint per frame: x and y in pixels, and degrees.",
+        least=0,
+        path="dynamics.joint_scale",
+    )
+    bands: int = bands_option(1)
+    likelihood: str = likelihood_option("auto", "sampled", "patch")
+    dynamics: str = option(
+        "relative",
+        "Of parts: relative (they follow their parents) or absolute (each moves on its own).",
+        choices=("relative", "absolute"),
+        compiles=True,
     )
 
-
-def cut_pictures(frame: Any, poses: ArrayLike, sizes: ArrayLike) -> list[np.ndarray]:
-    """Upright pictures of rectangles at any angle, from which likelihoods are learned.
-
-    Args:
-        frame: uint8 RGB ``[H, W, 3]``.
-        poses: x, y (pixels) and theta (radians), ``[P, 3]``.
-        sizes: width and height, pixels, ``[P, 2]``; rounded, and at least 1.
-
-    Returns:
-        P pictures, uint8 RGB ``[h, w, 3]``: each pixel the frame's nearest.
-    """
-    frame = np.asarray(frame)
-    pictures = []
-    for (x, y, theta), size in zip(np.asarray(poses), np.asarray(sizes), strict=True):
-        width, height = np.maximum(np.rint(size).astype(int), 1)
-        across = ((np.arange(width) + 0.5) / width - 0.5) * size[0]
-        down = ((np.arange(height) + 0.5) / height - 0.5)[:, None] * size[1]
-        column = np.floor(x + np.cos(theta) * across - np.sin(theta) * down)
-        row = np.floor(y + np.sin(theta) * across + np.cos(theta) * down)
-        column = column.clip(0, frame.shape[1] - 1).astype(int)
-        pictures.append(frame[row.clip(0, frame.shape[0] - 1).astype(int), column])
-    return pictures
+    def __post_init__(self) -> None:
+        check_options(self)
 
 
-def check_parts(
-    poses: ArrayLike, sizes: ArrayLike, tree: Sequence[int], names: Sequence[str] | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Poses ``[P, 3]`` and sizes ``[P, 2]`` in float32, fit to be tracked.
+class Parts(Target):
+    """Parts as a target; shapes are poses x, y (pixels), theta (radians)."""
 
-    Args:
-        poses: x, y, theta.
-        sizes: width and height, pixels.
-        tree: the part tree.
-        names: what messages call the parts; by default their numbers.
+    name = "parts"
+    noun = "part"
+    tuned_by_default = (
+        "likelihood.likelihood.sharpness",
+        "dynamics.scale",
+        "dynamics.joint_scale[2]",
+    )
+    options = Options
+    start_flags: Mapping[str, Mapping[str, Any]] = {
+        "parts_file": {
+            "type": Path,
+            "help": "Instead of boxes, the parts of an articulated object: CSV with the header "
+            "part,parent,x,y,w,h,angle (x, y the centre, angle in degrees clockwise, no parent: "
+            "root).",
+        }
+    }
+    defaults: Mapping[str, Any] = {"method": "sps"}
+    outlines_of_estimates = staticmethod(_outlines)
 
-    Raises:
-        InputError: another shape, a pose that is not finite, a part without area.
-    """
-    poses, sizes = np.asarray(poses, np.float32), np.asarray(sizes, np.float32)
-    for name, array, wanted in (("poses", poses, 3), ("sizes", sizes, 2)):
-        if array.shape != (len(tree), wanted):
+    def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
+        """See ``Target``."""
+        from jaxpf.files.parts import read_parts
+
+        path = given["parts_file"]
+        if path is None:
+            raise InputError("no parts: give --parts-file FILE.csv.")
+        parts = read_parts(path)
+        for name, (x, y, _) in zip(parts.names, parts.poses, strict=True):
+            if not (0 <= x < source.width and 0 <= y < source.height):
+                raise InputError(
+                    f"part '{name}' of '{path}' has its centre ({x:g},{y:g}) outside the "
+                    f"{source.width}x{source.height} frame; give x and y of the centre, in pixels."
+                )
+        return Start(np.array(parts.names), parts.poses, parts.sizes, parts.parents)
+
+    def fits_scene(self, scene: Any) -> bool:
+        """Scenes of parts tell poses and who hangs on whom."""
+        return {"poses", "parents"} <= set(scene.extras)
+
+    def scene_shapes(self, scene: Any) -> np.ndarray:
+        """See ``Target``."""
+        return np.asarray(scene.extras["poses"], np.float64)
+
+    def scene_start(self, scene: Any) -> Start:
+        """See ``Target``."""
+        parents = tuple(int(parent) for parent in scene.extras["parents"])
+        poses = np.asarray(scene.extras["poses"][0], np.float64)
+        ids = np.asarray(scene.extras.get("ids", np.arange(1, len(parents) + 1)))
+        return Start(ids, poses, np.asarray(scene.sizes, np.float64), parents)
+
+    def model(self, options: Options, start: Start, looks: Looks) -> Model:
+        """See ``Target``."""
+        from jaxpf.models.likelihoods import patch
+
+        if options.likelihood != "patch":
+            return self._model(self._histogram(options, start, looks), options, start)
+        if looks.frame is None:
             raise InputError(
-                f"{name} has shape {list(array.shape)}; give [{len(tree)}, {wanted}], one row for "
-                "every part of the tree."
+                "likelihood 'patch' learns from the start frame, which is not known here; choose "
+                "auto or sampled."
             )
-    for part, (pose, (width, height)) in enumerate(zip(poses, sizes, strict=True)):
-        label = str(part) if names is None else repr(names[part])
-        if not np.isfinite(pose).all():
-            raise InputError(f"the pose of part {label} is {pose.tolist()}; give finite numbers.")
-        if not (width > 0 and height > 0 and np.isfinite(width * height)):
-            raise InputError(
-                f"part {label} measures {width:g} x {height:g} pixels, which is no area; give a "
-                "positive width and height."
+        sigma = 1 / math.sqrt(options.sharpness)
+        with _named(start):
+            likelihood = patch(
+                looks.frame, start.shapes, start.sizes, sigma=sigma, window=_PATCH_WINDOW
             )
-    return poses, sizes
+        return self._model(likelihood, options, start)
 
+    def training_model(self, options: Options, start: Start, looks: Looks, frames: Any) -> Model:
+        """See ``Target``: bilinear histograms, weighed against those of boxes anywhere."""
+        likelihood = self._histogram(
+            options, start, looks,
+            interpolation="bilinear", form="ratio", background_frames=frames,
+        )  # fmt: skip
+        return self._model(likelihood, options, start)
 
-def _noise(name: str, values: ArrayLike, num_parts: int) -> np.ndarray:
-    """Standard deviations or ranges, broadcast to ``[P, 3]``."""
-    values = np.asarray(values, np.float32)
-    fits = values.shape in ((), (3,), (num_parts, 3))
-    if not fits or not np.isfinite(values).all() or (values < 0).any():
-        raise InputError(
-            f"{name} {values.tolist()} must be three finite numbers >= 0, of x and y in pixels "
-            "and of the angle in radians, such as 3,3,0.06, or such a row for every part."
+    def _histogram(self, options: Options, start: Start, looks: Looks, **settings: Any) -> Any:
+        from jaxpf.models.likelihoods import histogram_from_patches
+        from jaxpf.targets.articulated import cut_pictures
+
+        pictures = looks.patches
+        if pictures is None:
+            pictures = cut_pictures(looks.frame, start.shapes, start.sizes)
+        with _named(start):
+            return histogram_from_patches(
+                pictures,
+                start.sizes,
+                sharpness=options.sharpness,
+                parts=options.bands,
+                method="sampled",
+                samples=max(_SAMPLES, 2 * options.bands),
+                **settings,
+            )
+
+    def _model(self, likelihood: Any, options: Options, start: Start) -> Model:
+        from jaxpf.targets.articulated import parts_model
+
+        return parts_model(
+            likelihood,
+            start.shapes,
+            start.sizes,
+            start.parents,
+            dynamics=options.dynamics,
+            scale=_DEGREES * options.scale,
+            joint_scale=_DEGREES * options.joint_scale,
         )
-    return np.broadcast_to(values, (num_parts, 3))
+
+    def settled(self, options: Options, start: Start, looks: Looks) -> Options:
+        """See ``Target``."""
+        if options.likelihood != "auto":
+            return options
+        return dataclasses.replace(options, likelihood="sampled")
+
+    def noise(self, options: Options, start: Start) -> np.ndarray:
+        """See ``Target``: of parts that move each on their own; joints have no noise in x, y."""
+        if options.dynamics == "absolute":
+            return _DEGREES * options.scale
+        return np.full(3, np.nan)
+
+    def tuned(self, options: Options, values: Mapping[str, Any]) -> Options:
+        """See ``Target``."""
+        for path, value in values.items():
+            name = path.partition("[")[0]
+            if path == "likelihood.likelihood.sharpness":
+                options = dataclasses.replace(options, sharpness=float(value))
+                continue
+            found = {"dynamics.scale": "scale", "dynamics.joint_scale": "joint_scale"}.get(name)
+            if found is None:
+                raise InputError(f"a model of parts has no {path}; apply the result to a tracker.")
+            radians = _DEGREES * getattr(options, found)
+            three = np.array(three_values(radians, path, value)) / _DEGREES
+            changed: dict[str, Any] = {found: tuple(three.tolist())}
+            options = dataclasses.replace(options, **changed)
+        return options
+
+    def positions(self, start: Start, shapes: Any) -> Any:
+        """See ``Target``."""
+        return shapes
+
+    def shapes(self, start: Start, estimate: Any) -> np.ndarray:
+        """See ``Target``."""
+        return np.asarray(estimate)[..., :3]
+
+    def outlines(self, start: Start, shapes: Any) -> Any:
+        """See ``Target``."""
+        return _outlines(shapes, start.sizes)
+
+    def scaled(
+        self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
+    ) -> tuple[Start, np.ndarray]:
+        """See ``Target``."""
+        sizes = start.sizes * np.sqrt(np.prod(factors))
+        return dataclasses.replace(start, sizes=sizes), shapes * np.array([*factors, 1.0])
+
+    def track_writer(self, path: Any, start: Start) -> Any:
+        """See ``Target``: CSV with the header ``frame,part,x,y,w,h,angle``."""
+        return _PartWriter(path, start)
+
+    def draw(self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any) -> np.ndarray:
+        """See ``Target``."""
+        from jaxpf.media.overlay import draw_rectangles
+
+        corners = np.asarray(self.outlines(start, np.asarray(shapes)), float)
+        return draw_rectangles(frame, corners, list(start.ids), colours, lost)
+
+
+PARTS = Parts()
+
+
+class _PartWriter:
+    """Poses of one run, frame by frame."""
+
+    def __init__(self, path: Any, start: Start):
+        from jaxpf.files.parts import PartTrackWriter
+
+        self._start, self._writer = start, PartTrackWriter(path)
+
+    def __enter__(self) -> "_PartWriter":
+        self._writer.__enter__()
+        return self
+
+    def __exit__(self, *exception: Any) -> Any:
+        return self._writer.__exit__(*exception)
+
+    def append(self, frame: int, shapes: Any, lost: Any) -> None:
+        self._writer.append(frame, self._start.ids, shapes, self._start.sizes)
+
+
+class _named:
+    """The library counts parts from 0; people know them by name."""
+
+    def __init__(self, start: Start):
+        self._ids = start.ids
+
+    def __enter__(self) -> None:
+        """Begin."""
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        """Refuse with the part's name."""
+        if not isinstance(error, InputError):
+            return
+        named = re.sub(
+            r"(?:boxes|sizes|patches|pictures)\[(\d+)\]|the window of object (\d+)",
+            lambda match: f"part '{self._ids[int(match[1] or match[2])]}'",
+            str(error),
+        )
+        raise InputError(named) from None

@@ -9,17 +9,17 @@ from jaxpf.tuning.loop import Diverged, tune
 from jaxpf.tuning.parameters import Parameter, names, parameter, read, replace
 from jaxpf.tuning.problem import OBJECTIVES, TrainingSequence, loss_function
 from jaxpf.tuning.result import Descent, Result
-from jaxpf.tuning.sequences import BoxModel, held_out, training_sequence
+from jaxpf.tuning.sequences import Recipe, held_out, training_sequence
 from jaxpf.tuning.settings import RANDOM_NUMBERS, Settings
 
 __all__ = [
     "OBJECTIVES",
     "RANDOM_NUMBERS",
-    "BoxModel",
     "Comparison",
     "Descent",
     "Diverged",
     "Parameter",
+    "Recipe",
     "Result",
     "Settings",
     "TrainingSequence",

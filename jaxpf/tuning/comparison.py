@@ -10,8 +10,8 @@ import numpy as np
 from jaxpf.errors import InputError
 from jaxpf.measures import metrics
 from jaxpf.measures.intervals import Interval, mean_interval, student_quantile
-from jaxpf.models.geometry import boxes_from_substates
 from jaxpf.running import monte_carlo
+from jaxpf.targets.target import Start, Target
 
 #: Measures and whether more is better; "success" and "recovery" as in smith2004, the others
 #: over all frames with truth, whether tracked or not.
@@ -22,6 +22,7 @@ MEASURES = {
     "success": True,
     "recovery": True,
     "centre error": False,
+    "corner error": False,
 }
 
 
@@ -33,15 +34,17 @@ class HeldOut:
         before: tracker with the values before tuning; starts just before the first frame.
         after: the same with the tuned values.
         frames: ``[T, H, W, 3]``.
-        truth: ``[T, P, 4]`` boxes, NaN where there is none.
-        sizes: ``[P, 2]``, width and height at scale 1, pixels.
+        truth: ``[T, P, S]`` shapes, NaN where there is none.
+        target: what the objects are.
+        start: where they are just before the first frame.
     """
 
     before: Any
     after: Any
     frames: Any
     truth: Any
-    sizes: Any
+    target: Target
+    start: Start
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,7 +55,8 @@ class Comparison:
         unit: what the intervals are over: "sequences", or "runs" of a single sequence, which
             then speak about that sequence alone.
         count: number of units.
-        before: measure -> mean; shares in 0 to 1, pixels for "centre error".
+        before: measure -> mean; shares in 0 to 1, pixels for errors; NaN for a measure that the
+            target does not have.
         after: the same of the tuned values.
         difference: after less before, of the same units with the same seeds.
     """
@@ -123,25 +127,30 @@ def _student(values: np.ndarray) -> Interval:
 
 def _measured(tracker: Any, keys: Any, held_out: HeldOut) -> np.ndarray:
     """``[R, measures]``: means over frames and objects."""
-    summaries = monte_carlo(tracker, keys, held_out.frames, _estimate)
-    boxes = boxes_from_substates(summaries, held_out.sizes)
+    estimates = np.asarray(monte_carlo(tracker, keys, held_out.frames, _estimate))
     truth = np.asarray(held_out.truth)
-    counts = np.asarray(metrics.has_truth(truth))
-    objects = counts.any(axis=0)
+    shapes = held_out.target.shapes(held_out.start, estimates)
+    found = held_out.target.measures(held_out.start, shapes, truth)
+    counts = np.broadcast_to(np.asarray(found["present"]), shapes.shape[:-1])
+    tracked, objects = np.asarray(found["tracked"]), counts[0].any(axis=0)
 
     def mean(values: Any) -> np.ndarray:
-        return (
-            np.where(counts, np.nan_to_num(np.asarray(values)), 0).sum(axis=(1, 2)) / counts.sum()
-        )
+        total = np.where(counts, np.nan_to_num(np.asarray(values)), 0).sum(axis=(1, 2))
+        return total / counts[0].sum()
 
-    error = np.asarray(metrics.centre_error(boxes, truth))
+    def error(values: Any) -> np.ndarray:
+        known = np.where(counts, np.asarray(values), np.nan)
+        number = np.isfinite(known).sum(axis=(1, 2))
+        return np.where(number > 0, np.nansum(known, axis=(1, 2)) / np.maximum(number, 1), np.nan)
+
     values = {
-        "overlap": mean(metrics.overlap(boxes, truth)),
-        "precision_all": mean(metrics.precision(boxes, truth)),
-        "recall_all": mean(metrics.recall(boxes, truth)),
-        "success": np.asarray(metrics.success(boxes, truth))[:, objects].mean(axis=1),
-        "recovery": np.asarray(metrics.recovery(boxes, truth))[:, objects].mean(axis=1),
-        "centre error": np.nanmean(np.where(counts, error, np.nan), axis=(1, 2)),
+        "overlap": mean(found["overlap"]),
+        "precision_all": mean(found["precision"]),
+        "recall_all": mean(found["recall"]),
+        "success": np.asarray(metrics.throughout(tracked, counts))[:, objects].mean(axis=1),
+        "recovery": np.asarray(metrics.in_the_end(tracked, counts))[:, objects].mean(axis=1),
+        "centre error": error(found["centre_error"]),
+        "corner error": error(found["corner_error"]),
     }
     return np.stack([values[name] for name in MEASURES], axis=-1)
 

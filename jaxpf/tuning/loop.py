@@ -94,7 +94,7 @@ def tune(
         store = checkpoint.Store(Path(folder), asked)
     # What depends on the frames alone is done once, but in the checks above.
     ready = [observed(sequence) for sequence in sequences]
-    value_and_gradient = free_loss(objective, tuple(wanted))
+    value_and_gradient = free_loss(objective, tuple(wanted), sequences[0].outlines)
     descents: list[Descent] = [] if store is None else store.read()
     for repeat in range(settings.repeats):
         descent = descents[repeat] if repeat < len(descents) else None

@@ -30,6 +30,7 @@ from jaxpf import running
 from jaxpf.errors import InputError
 from jaxpf.filters.partitioned.kernel import ANCESTORS
 from jaxpf.measures import metrics
+from jaxpf.measures.outlines import overlap as overlap_of_outlines
 from jaxpf.models.geometry import boxes_from_substates, is_proper
 from jaxpf.pytree import is_concrete
 
@@ -146,6 +147,41 @@ def overlap_loss(
     truth = jnp.where(labelled[..., None], truth, jnp.ones_like(truth))
     estimate = _record(tracker, keys, frames, _estimate, checkpoint)
     overlap = metrics.overlap(boxes_from_substates(estimate, sizes), truth[:, None])
+    return jnp.sum(jnp.where(labelled[:, None], 1 - overlap, 0.0), axis=(0, 2)) / jnp.sum(labelled)
+
+
+def outline_loss(
+    tracker: Any,
+    keys: jax.Array,
+    frames: Any,
+    truth: ArrayLike,
+    outlines: Callable[[jax.Array], jax.Array],
+    *,
+    checkpoint: bool | int = True,
+) -> jax.Array:
+    """``overlap_loss`` of convex outlines at any angle.
+
+    Args:
+        tracker: as for ``jaxpf.run``.
+        keys: ``[R]``, one per run.
+        frames: array or pytree with a leading time axis T.
+        truth: ``[T, P, V, 2]`` corners in order, pixels; NaN where an object is not labelled.
+        outlines: function of estimates ``[..., P, D]`` that gives ``[..., P, V, 2]``.
+        checkpoint: see the module's docstring.
+
+    Returns:
+        ``[R]``, between 0 and 1.
+
+    Raises:
+        InputError: as for ``position_error``.
+    """
+    truth = jnp.asarray(truth)
+    _check_labelled("truth", truth.reshape(*truth.shape[:2], -1))
+    labelled = jnp.all(jnp.isfinite(truth), axis=(-2, -1))
+    estimate = outlines(_record(tracker, keys, frames, _estimate, checkpoint))
+    # An outline in place of a missing one keeps NaN out of the gradient.
+    truth = jnp.where(labelled[..., None, None], truth, lax.stop_gradient(estimate[:, 0]))
+    overlap = overlap_of_outlines(estimate, truth[:, None])
     return jnp.sum(jnp.where(labelled[:, None], 1 - overlap, 0.0), axis=(0, 2)) / jnp.sum(labelled)
 
 

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.models.likelihoods import HistogramLikelihood, PatchLikelihood
 from jaxpf.pytree import pytree_dataclass
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
@@ -34,6 +33,9 @@ class TrainingSequence:
             is not labelled.
         sizes: ``[P, 2]``, width and height at scale 1, for "overlap".
         name: for messages.
+        outlines: for "overlap" of other shapes than boxes, function of estimates and sizes, see
+            ``jaxpf.targets.target.Target.outlines_of_estimates``; ``truth`` is then ``[T, P, S]``
+            of that function's first argument.
     """
 
     tracker: Any
@@ -41,6 +43,7 @@ class TrainingSequence:
     truth: Any = None
     sizes: Any = None
     name: str = "the sequence"
+    outlines: Callable | None = None
 
     @property
     def num_frames(self) -> int:
@@ -81,7 +84,7 @@ def check_objective(objective: Any, sequences: Sequence[TrainingSequence]) -> No
             )
 
 
-def loss_function(objective: str | Callable) -> Callable:
+def loss_function(objective: str | Callable, outlines: Callable | None = None) -> Callable:
     """The loss of a sequence: ``(tracker, keys, frames, truth, sizes) -> []``, smaller is better.
 
     * "evidence": minus the log evidence per frame, averaged over runs.  The mean of the logs
@@ -90,6 +93,10 @@ def loss_function(objective: str | Callable) -> Callable:
     * "position": mean distance to the labelled positions, pixels.
     * "overlap": 1 - intersection over union with the labelled boxes.
     * a function of ``(tracker, keys, frames)``: the mean of what it returns.
+
+    Args:
+        objective: one of these.
+        outlines: see ``TrainingSequence``.
     """
 
     def loss(tracker, keys, frames, truth, sizes):
@@ -100,19 +107,28 @@ def loss_function(objective: str | Callable) -> Callable:
             return -jnp.mean(objectives.log_evidence(tracker, keys, frames)) / num_frames
         if objective == "position":
             return jnp.mean(objectives.position_error(tracker, keys, frames, truth))
+        if outlines is not None:
+            true = outlines(truth, sizes)
+            return jnp.mean(
+                objectives.outline_loss(
+                    tracker, keys, frames, true, lambda estimate: outlines(estimate, sizes)
+                )
+            )
         return jnp.mean(objectives.overlap_loss(tracker, keys, frames, truth, sizes))
 
     return loss
 
 
 @functools.lru_cache(maxsize=8)
-def free_loss(objective: str | Callable, wanted: tuple[Parameter, ...]) -> Callable:
+def free_loss(
+    objective: str | Callable, wanted: tuple[Parameter, ...], outlines: Callable | None = None
+) -> Callable:
     """Value and gradient of the loss of free numbers z, compiled once per shape of sequence.
 
     Returns:
         Function of ``(z, tracker, keys, frames, truth, sizes)``; z is path -> array.
     """
-    loss = loss_function(objective)
+    loss = loss_function(objective, outlines)
 
     def of_free(free, tracker, keys, frames, truth, sizes):
         values = {one.path: one.to_value(free[one.path]) for one in wanted}
@@ -162,7 +178,7 @@ def observed(sequence: TrainingSequence) -> TrainingSequence:
     """
     tracker = sequence.tracker
     likelihood = getattr(tracker, "likelihood", None)
-    if not isinstance(likelihood, HistogramLikelihood | PatchLikelihood):
+    if not getattr(likelihood, "fixed_observation", False):
         return sequence
     frames = jnp.asarray(sequence.frames)
     one = jax.eval_shape(tracker.observe, frames[0])

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf import filters
 from jaxpf.errors import InputError
-from jaxpf.evaluation.trackers import scene_tracker, start_sizes
-from jaxpf.models.geometry import substates_from_boxes
-from jaxpf.models.likelihoods import histogram_from_patches
-from jaxpf.targets.boxes import box_tracker, ordering_of
+from jaxpf.models.model import Model
+from jaxpf.options import chosen, options_of
+from jaxpf.targets import find_target
+from jaxpf.targets.target import Looks, Start, Target
 from jaxpf.tuning.comparison import HeldOut
 from jaxpf.tuning.problem import TrainingSequence
 
@@ -19,55 +20,80 @@ _BACKGROUND_FRAMES = 3
 
 
 @dataclasses.dataclass(frozen=True)
-class BoxModel:
-    """What a tracker of boxes is made of, tuned values included.
+class Recipe:
+    """What a tracker is made of, tuned values included.
 
     Attributes:
-        method: of ``jaxpf.boxes.METHODS``.
-        sharpness: of the likelihood.
-        scale: noise of u, v (pixels) and of the relative size.
-        particles: N.
-        resampling: of ``jaxpf.resampling.SCHEMES``.
-        parts: horizontal bands of a box.
+        target: name of a target, see ``jaxpf.targets``.
+        values: of options of the target and of the method's filter, ``method`` among them; what is
+            left out has its default.
         gradient: through resampling, see ``jaxpf.gradients``.
+
+    Raises:
+        InputError: a value out of range, or of no option.
     """
 
-    method: str = "dps"
-    sharpness: float = 20.0
-    scale: tuple[float, ...] = (4.0, 2.0, 0.003)
-    particles: int = 100
-    resampling: str = "systematic"
-    parts: int = 2
+    target: str
+    values: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     gradient: str = "stop_gradient"
 
-    def with_values(self, values: Mapping[str, Any]) -> "BoxModel":
-        """The model with tuned values of the sharpness and the motion noise, by their paths."""
-        scale, sharpness = np.array(self.scale, float), self.sharpness
-        for path, value in values.items():
-            name, _, index = path.partition("[")
-            if name == "likelihood.sharpness":
-                sharpness = float(value)
-            elif name != "dynamics.scale":
-                raise InputError(f"a model of boxes has no {path}; apply the result to a tracker.")
-            elif index:
-                scale[int(index.rstrip("]"))] = float(value)
-            else:
-                scale = np.asarray(value, float)
-        return dataclasses.replace(self, sharpness=sharpness, scale=tuple(scale.tolist()))
+    def __post_init__(self) -> None:
+        of = find_target(self.target)
+        values = {**of.defaults, **self.values}
+        its = _filter_of(values)
+        known = options_of(of.options, its.options)
+        for name in self.values:
+            if name not in known:
+                raise InputError(
+                    f"{name} is no option of {self.target}; the options are {', '.join(known)}."
+                )
+        model, filter_ = chosen(of.options, values), chosen(its.options, values)
+        complete = {**_as_values(filter_), **_as_values(model)}
+        object.__setattr__(self, "values", complete)
+
+    @property
+    def of(self) -> Target:
+        """The target."""
+        return find_target(self.target)
+
+    def with_values(self, values: Mapping[str, Any]) -> "Recipe":
+        """The recipe with tuned values, tracker path -> value.
+
+        Raises:
+            InputError: a path for which there is no option.
+        """
+        tuned = self.of.tuned(chosen(self.of.options, self.values), values)
+        return dataclasses.replace(self, values={**self.values, **_as_values(tuned)})
+
+    def tracker(self, start: Start, looks: Looks, training_frames: Any = None) -> Any:
+        """The tracker of ``jaxpf evaluate``, or a differentiable one, with a background to learn.
+
+        Args:
+            start: where the objects are.
+            looks: how they look.
+            training_frames: for the differentiable one, ``[n, H, W, 3]``.
+        """
+        of, its = self.of, _filter_of(self.values)
+        options = chosen(of.options, self.values)
+        model: Model
+        if training_frames is None:
+            model = of.model(options, start, looks)
+        else:
+            model = of.training_model(options, start, looks, training_frames)
+        return its.tracker(model, chosen(its.options, self.values))
 
 
 def training_sequence(
-    scene: Any, model: BoxModel, objective: Any, labels: int | None = None
+    scene: Any, recipe: Recipe, objective: Any, labels: int | None = None
 ) -> TrainingSequence:
     """A scene with a tracker that is differentiable in parameters and state.
 
-    Its histograms are bilinear, and their distance is weighed against that of boxes anywhere in
-    some frames (``form="ratio"``), which leaves the weights as they are: values found go
-    with any other tracker of boxes.
+    Its likelihood is weighed against that of objects anywhere in some frames, which leaves the
+    weights as they are: values found go with any other tracker of the target.
 
     Args:
         scene: see ``scenes.Scene``; trackers start in its first frame.
-        model: with the values to start from.
+        recipe: with the values to start from.
         objective: see ``tune``.
         labels: how many frames keep their truth, evenly spread, the last one included; default
             all.
@@ -75,69 +101,62 @@ def training_sequence(
     Raises:
         InputError: an argument is out of range.
     """
-    likelihood = histogram_from_patches(
-        scene.patches,
-        start_sizes(scene),
-        sharpness=model.sharpness,
-        parts=model.parts,
-        method="integral",
-        frame_shape=scene.frames.shape[1:3],
-        interpolation="bilinear",
-        form="ratio",
-        background_frames=scene.frames[_spread(len(scene.frames), _BACKGROUND_FRAMES)],
+    of = recipe.of
+    start = of.scene_start(scene)
+    looks = Looks(None, scene.patches, scene.frames.shape[1:3], int(recipe.values["particles"]))
+    background = scene.frames[_spread(len(scene.frames), _BACKGROUND_FRAMES)]
+    tracker = dataclasses.replace(
+        recipe.tracker(start, looks, background), gradient=recipe.gradient
     )
-    tracker = box_tracker(
-        likelihood,
-        scene.boxes[0],
-        ordering_of(model.method, scene.boxes.shape[1]),
-        scale=model.scale,
-        num_particles=model.particles,
-        resampling=model.resampling,
-    )
-    tracker = dataclasses.replace(tracker, gradient=model.gradient)
-    boxes = np.array(scene.boxes[1:], np.float32)
+    shapes = np.array(of.scene_shapes(scene)[1:], np.float32)
     if labels is not None:
-        if not 1 <= labels <= len(boxes):
+        if not 1 <= labels <= len(shapes):
             raise InputError(
-                f"labels = {labels} must be 1 to {len(boxes)}, the frames of {scene.name!r} after "
+                f"labels = {labels} must be 1 to {len(shapes)}, the frames of {scene.name!r} after "
                 "its first."
             )
-        kept = len(boxes) - 1 - _spread(len(boxes), labels)
-        boxes[np.setdiff1d(np.arange(len(boxes)), kept)] = np.nan
-    truth: Any = boxes
-    if objective == "position":
-        truth = np.asarray(substates_from_boxes(boxes, start_sizes(scene)))
+        kept = len(shapes) - 1 - _spread(len(shapes), labels)
+        shapes[np.setdiff1d(np.arange(len(shapes)), kept)] = np.nan
+    truth = np.asarray(of.positions(start, shapes)) if objective == "position" else shapes
     return TrainingSequence(
         tracker=tracker,
         frames=np.asarray(scene.frames[1:]),
         truth=None if objective == "evidence" else truth,
-        sizes=start_sizes(scene).astype(np.float32),
+        sizes=start.sizes.astype(np.float32),
         name=scene.name,
+        outlines=of.outlines_of_estimates,
     )
 
 
-def held_out(scene: Any, before: BoxModel, after: BoxModel, runs: int) -> HeldOut:
+def held_out(scene: Any, before: Recipe, after: Recipe, runs: int) -> HeldOut:
     """A scene with the trackers that ``jaxpf evaluate`` would run on it."""
+    of = before.of
+    start = of.scene_start(scene)
 
-    def tracker(model: BoxModel) -> Any:
-        return scene_tracker(
-            scene,
-            ordering_of(model.method, scene.boxes.shape[1]),
-            sharpness=model.sharpness,
-            num_particles=model.particles,
-            scale=model.scale,
-            resampling=model.resampling,
-            parts=model.parts,
-            num_runs=runs,
-        )
+    def tracker(recipe: Recipe) -> Any:
+        particles = int(recipe.values["particles"])
+        looks = Looks(None, scene.patches, scene.frames.shape[1:3], particles, runs)
+        return recipe.tracker(start, looks)
 
     return HeldOut(
         before=tracker(before),
         after=tracker(after),
         frames=np.asarray(scene.frames[1:]),
-        truth=np.asarray(scene.boxes[1:], np.float64),
-        sizes=start_sizes(scene),
+        truth=of.scene_shapes(scene)[1:],
+        target=of,
+        start=start,
     )
+
+
+def _filter_of(values: Mapping[str, Any]) -> Any:
+    """The filter of the method that is named, or the first one."""
+    if "method" in values:
+        return filters.filter_of(values["method"])
+    return next(iter(filters.filters().values()))
+
+
+def _as_values(options: Any) -> dict[str, Any]:
+    return {name: getattr(options, name) for name in options_of(options)}
 
 
 def _spread(count: int, wanted: int) -> np.ndarray:

@@ -16,11 +16,12 @@ import numpy as np
 from jaxpf.errors import InputError
 from jaxpf.experiments.claims import Measured, student_interval
 from jaxpf.experiments.comparison_table import Cell, Table
+from jaxpf.filters.partitioned.ordering import named
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.models import geometry
 from jaxpf.models.likelihoods.patch import PatchLikelihood, patch
 from jaxpf.running import monte_carlo
-from jaxpf.targets.parts import ordering_of_parts, parts_tracker
+from jaxpf.targets.articulated import parts_tracker
 from scenes import SceneError, read_clip
 from scenes.keypoints import Keypoints, read_keypoints
 
@@ -166,9 +167,7 @@ def trackers(
             likelihood,
             poses,
             sizes,
-            ordering_of_parts("ps", PARENTS)
-            if method == "PS"
-            else ordering_of_parts("sps", PARENTS, swap=_SWAPS[method]),
+            named("ps", PARENTS) if method == "PS" else named("sps", PARENTS, swap=_SWAPS[method]),
             PARENTS,
             scale=SCALE,
             joint_scale=JOINT_SCALE,

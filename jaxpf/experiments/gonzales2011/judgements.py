@@ -15,8 +15,8 @@ from jaxpf.experiments.gonzales2011.published import (
     FIGURE_11_PARTS,
 )
 from jaxpf.experiments.gonzales2011.tracking import DYNAMICS
+from jaxpf.filters.partitioned.ordering import named
 from jaxpf.measures import metrics
-from jaxpf.targets.parts import ordering_of_parts
 
 _SWAPS = ("SPS sorted", "SPS combinatorial")
 
@@ -91,7 +91,7 @@ def _resamplings() -> Claim:
     for num_parts in FIGURE_8_PARTS:
         tree = [-1 if part == 0 else max(part - 2, 0) for part in range(num_parts)]
         ps, sps = (
-            int(metrics.resamplings_per_frame(ordering_of_parts(method, tree).resample_after))
+            int(metrics.resamplings_per_frame(named(method, tree).resample_after))
             for method in ("ps", "sps")
         )
         ratio = ps / sps

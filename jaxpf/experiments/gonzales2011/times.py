@@ -22,8 +22,9 @@ from jaxpf.experiments.gonzales2011.published import (
 )
 from jaxpf.experiments.gonzales2011.tracking import NOISE, learn
 from jaxpf.experiments.speed import interleaved, median_interval
+from jaxpf.filters.partitioned.ordering import named
 from jaxpf.running import RUNS_PER_BATCH, monte_carlo
-from jaxpf.targets.parts import ordering_of_parts, parts_tracker
+from jaxpf.targets.articulated import parts_tracker
 
 METHODS = ("PS", "SPS sorted", "SPS combinatorial")
 _SWAPS = {"SPS sorted": "sorted", "SPS combinatorial": "combinatorial"}
@@ -75,9 +76,9 @@ def _compiled(
     kernel: Any = None
     candidates: dict[str, Callable[[], Any]] = {}
     for method in METHODS:
-        ordering = ordering_of_parts("ps", parents)
+        ordering = named("ps", parents)
         if method != "PS":
-            ordering = ordering_of_parts("sps", parents, swap=_SWAPS[method])
+            ordering = named("sps", parents, swap=_SWAPS[method])
         tracker = parts_tracker(
             likelihood,
             scene.extras["poses"][0],

@@ -12,13 +12,14 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 import scenes
 from jaxpf.experiments.gonzales2011.published import SHARPNESS
+from jaxpf.filters.partitioned.ordering import named
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.measures import metrics
 from jaxpf.models.geometry import corners_from_poses
 from jaxpf.models.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
 from jaxpf.pytree import pytree_dataclass
 from jaxpf.running import run
-from jaxpf.targets.parts import OfFixedSize, ordering_of_parts, parts_tracker
+from jaxpf.targets.articulated import OfFixedSize, parts_tracker
 
 #: Runs on each sequence; sequences are the units of the intervals.
 RUNS_PER_SCENE = 5
@@ -173,7 +174,7 @@ def trackers(
         likelihood,
         scene.extras["poses"][0],
         scene.sizes,
-        ordering_of_parts("ps", parents),
+        named("ps", parents),
         parents,
         scale=_both(noise.root),
         joint_scale=_both(noise.joint),
@@ -183,22 +184,24 @@ def trackers(
         resampling="multinomial",
     )
     alone = np.array(parents) < 0
-    scale = {
-        "absolute": np.array([_both(noise.absolute)] * len(parents), np.float32),
-        "relative": base.dynamics.scale,
+    absolute = np.array([_both(noise.absolute)] * len(parents), np.float32)
+    scales = {
+        "absolute": (absolute, absolute),
+        "relative": (base.dynamics.scale, base.dynamics.joint_scale),
     }
     found = {}
     for kind in dynamics:
         moves = dataclasses.replace(
             base.dynamics,
-            scale=scale[kind],
+            scale=scales[kind][0],
+            joint_scale=scales[kind][1],
             walks_alone=np.ones_like(alone) if kind == "absolute" else alone,
         )
         initial = dataclasses.replace(base.initial, dynamics=moves)
         for method in METHODS:
             ordering = base.ordering
             if method != "PS":
-                ordering = ordering_of_parts("sps", parents, swap=_SWAPS[method])
+                ordering = named("sps", parents, swap=_SWAPS[method])
             found[kind, method] = dataclasses.replace(
                 base, dynamics=moves, initial=initial, ordering=ordering
             )

@@ -14,12 +14,8 @@ import jax
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.names import METHODS, REASSEMBLIES, SWAPS
 from jaxpf.pytree import as_array, pytree_dataclass, static_field
-
-#: Exchange rules of simultaneous partitioned sampling, in the order of their codes.
-SWAPS = ("none", "random", "sorted", "combinatorial")
-#: How components are put together again at the end of a frame.
-REASSEMBLIES = ("evidence", "literal")
 
 
 @pytree_dataclass
@@ -200,6 +196,55 @@ def sps(
         swap=SWAPS.index(swap),
         tree=tree,
     )
+
+
+def named(
+    method: str,
+    parents: Sequence[int],
+    *,
+    order: Sequence[int] | None = None,
+    swap: str = "combinatorial",
+    reassembly: str = "evidence",
+) -> Ordering:
+    """The ordering that a method's name stands for.
+
+    Args:
+        method: "sir", "ps", "dps" or "sps".
+        parents: the part tree, -1 for a root; all of them for independent objects.
+        order: for "ps", all partitions, each after its parent; by default level by level, which
+            for objects is 0, 1, ..., P-1.
+        swap: for "sps".
+        reassembly: for "dps".
+
+    Raises:
+        InputError: unknown method or swap; an order that is no permutation or is given to a method
+            that has none; "dps" on a tree; a parent that does not exist, or a cycle.
+    """
+    tree = check_tree(parents)
+    if method not in METHODS:
+        raise InputError(f"method {method!r} is unknown; choose one of {', '.join(METHODS)}.")
+    if order is not None and method != "ps":
+        raise InputError(f"an order was given, but method {method!r} has none; use method 'ps'.")
+    if order is not None and len(order) != len(tree):
+        raise InputError(
+            f"order {list(order)} has {len(order)} entries for {len(tree)} objects; name every "
+            "object once."
+        )
+    if method == "sps":
+        return sps(tree, swap)
+    if method == "dps":
+        if any(parent >= 0 for parent in tree):
+            raise InputError(
+                "method 'dps' goes through circular shifts, which put parts before their parents; "
+                "choose one of sir, ps, sps, or give orders of your own to ordering.dps."
+            )
+        return dps(len(tree), reassembly=reassembly)
+    depth = tree_levels(tree)
+    downwards = sorted(range(len(tree)), key=lambda part: (depth[part], part))
+    if method == "sir":
+        # Parents first, but nobody is resampled in between.
+        return _ordering([downwards], np.zeros(len(tree), bool))
+    return ps(downwards if order is None else order)
 
 
 def check_tree(parents: Sequence[int]) -> tuple[int, ...]:

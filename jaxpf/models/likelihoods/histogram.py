@@ -90,10 +90,34 @@ class HistogramLikelihood:
     form: str = static_field(default="exponential")
     background: Any = None
 
+    #: What ``observe`` gives depends on no parameter that tuning may change.
+    fixed_observation = True
+
     @property
     def state_gradient(self) -> bool:
         """Whether ``log_prob`` is differentiable in the substate."""
         return self.interpolation == "bilinear"
+
+    def estimated_nanoseconds(self, frame_shape):
+        """About what it costs: of one frame for all particles, and of one particle's part.
+
+        Args:
+            frame_shape: height and width of the frames.
+        """
+
+        def cost(num_runs):
+            return estimated_costs(
+                num_pixels=math.prod(frame_shape),
+                num_bins=self.references.shape[-1],
+                num_parts=self.references.shape[1],
+                num_objects=1,
+                num_particles=1,
+                num_runs=num_runs,
+                samples=self.samples,
+                interpolation=self.interpolation,
+            )[self.method]
+
+        return cost(0), cost(1) - cost(0)
 
     def observe(self, frame):
         """Work that depends on the frame alone, shared by all particles and runs.

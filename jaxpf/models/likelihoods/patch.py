@@ -63,6 +63,9 @@ class PatchLikelihood:
         """Whether ``log_prob`` is differentiable in the substate."""
         return self.interpolation == "bilinear"
 
+    #: What ``observe`` gives depends on no parameter that tuning may change.
+    fixed_observation = True
+
     def observe(self, frame):
         """The frame's colours, one word per pixel: uint32 [H + 2, W + 2] with a black margin.
 

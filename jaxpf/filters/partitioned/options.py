@@ -1,0 +1,139 @@
+"""The partitioned filter's options, and the orderings that its methods' names stand for."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from jaxpf.errors import InputError
+from jaxpf.filters.filter import Filter, Variant
+from jaxpf.models.model import Model
+from jaxpf.names import METHODS, SCHEMES, SWAPS
+from jaxpf.options import check_options, option
+
+if TYPE_CHECKING:
+    pass
+
+#: For ``orders`` of an evaluation: PS in every circular shift, each a variant of its own.
+SHIFTS = "shifts"
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """Options of SIR, PS, DPS and SPS; see the help of each."""
+
+    method: str = option(
+        "dps",
+        "sir (all at once), ps (one after another), dps (ps in as many orders as there are "
+        "objects; not for part trees), sps (side by side, then exchanged between particles).",
+        choices=METHODS,
+    )
+    order: tuple[int, ...] | None = option(
+        None,
+        "For ps, the order in which to treat them, by place from 1, such as 3,1,2.",
+        kind=int,
+        length=-1,
+        least=0,
+        places=True,
+    )
+    swap: str = option("combinatorial", "How sps exchanges.", choices=SWAPS)
+    particles: int = option(
+        300, "Number of particles.", least=1, most=2**31 - 1, flags=("-n",), compiles=True
+    )
+    resampling: str = option("systematic", "Resampling scheme.", choices=SCHEMES, compiles=True)
+    ess_threshold: float | None = option(
+        None,
+        "Resample only where the effective sample size is at most this share of the particles; "
+        "by default always.",
+        kind=float,
+        least=0,
+        most=1,
+    )
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        if self.order is not None and self.method != "ps":
+            raise InputError(
+                f"an order was given, but method {self.method!r} has none; use method 'ps'."
+            )
+
+
+class PartitionedFilter(Filter):
+    """SIR, PS, DPS and SPS."""
+
+    name = "partitioned"
+    methods = METHODS
+    options = Options
+    varied = ("method", "order", "swap")
+
+    def tracker(self, model: Model, options: Options) -> Any:
+        """See ``Filter``."""
+        from jaxpf.filters.partitioned.ordering import named
+        from jaxpf.filters.partitioned.tracker import Partitioned
+
+        self.check(options, model.parents)
+        return Partitioned(
+            dynamics=model.dynamics,
+            likelihood=model.likelihood,
+            ordering=named(options.method, model.parents, order=options.order, swap=options.swap),
+            initial=model.initial,
+            parents=model.parents,
+            num_particles=options.particles,
+            resampling=options.resampling,
+            ess_threshold=options.ess_threshold,
+        )
+
+    def admits(self, method: str, parents: Sequence[int]) -> bool:
+        """See ``Filter``: circular shifts would put parts before their parents."""
+        return method != "dps" or all(parent < 0 for parent in parents)
+
+    def check(self, options: Options, parents: Sequence[int]) -> None:
+        """See ``Filter``: DPS has components to fill, and an order names every object."""
+        count = len(parents)
+        if options.method == "dps" and options.particles < count:
+            raise InputError(
+                f"particles = {options.particles} is fewer than the {count} components of dps, one "
+                f"per object; give at least {count}, better some hundreds."
+            )
+        if options.order is not None and sorted(options.order) != list(range(count)):
+            shown = ",".join(str(place + 1) for place in options.order)
+            raise InputError(
+                f"the order {shown} is not a permutation of the {count} object(s); name each of 1 "
+                f"to {count} once."
+            )
+
+    def variants(
+        self, method: str, parents: Sequence[int], asked: dict[str, Sequence[Any]]
+    ) -> list[Variant]:
+        """See ``Filter``: PS in every order, SPS with every swap."""
+        if method == "ps":
+            orders = _orders(asked["order"], parents)
+            return [Variant(order_label(o), {"method": method, "order": o}) for o in orders]
+        if method == "sps":
+            return [Variant(swap, {"method": method, "swap": swap}) for swap in asked["swap"]]
+        return [Variant(SHIFTS if method == "dps" else "", {"method": method})]
+
+
+PARTITIONED = PartitionedFilter()
+
+
+def order_label(order: Sequence[int]) -> str:
+    """An order counted from 0 as people count: (2, 0, 1) is "312", with hyphens from ten on."""
+    return ("" if len(order) < 10 else "-").join(str(place + 1) for place in order)
+
+
+def _orders(asked: Sequence[Any], parents: Sequence[int]) -> list[tuple[int, ...]]:
+    """The orders that an evaluation asks for, each once."""
+    found: list[tuple[int, ...]] = []
+    for order in asked:
+        found += _shifts(parents) if order == SHIFTS else [tuple(order)]
+    return list(dict.fromkeys(found))
+
+
+def _shifts(parents: Sequence[int]) -> list[tuple[int, ...]]:
+    """The circular shifts; on a tree, where most are not admissible, level by level."""
+    if any(parent >= 0 for parent in parents):
+        from jaxpf.filters.partitioned.ordering import named
+
+        return [tuple(named("ps", parents).order[0].tolist())]
+    base = tuple(range(len(parents)))
+    return [base[shift:] + base[:shift] for shift in range(len(base))]

@@ -1,0 +1,16 @@
+"""Names that people choose by, each in one place and with one meaning.  Imports no JAX."""
+
+#: Orderings of the partitioned filter that have a name on the command line.
+METHODS = ("sir", "ps", "dps", "sps")
+#: Exchange rules of simultaneous partitioned sampling, in the order of their codes.
+SWAPS = ("none", "random", "sorted", "combinatorial")
+#: How the components of DPS are put together again at the end of a frame.
+REASSEMBLIES = ("evidence", "literal")
+#: Resampling schemes.
+SCHEMES = ("systematic", "stratified", "multinomial", "residual")
+#: What resampling passes on to a derivative.
+GRADIENTS = ("none", "stop_gradient", "soft", "transport")
+#: How the motion is differentiated.
+MOTION_GRADIENTS = ("pathwise", "score")
+#: What tuning makes large or small.
+OBJECTIVES = ("evidence", "position", "overlap")

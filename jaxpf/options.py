@@ -1,0 +1,168 @@
+"""Options, declared once: fields of frozen dataclasses that say all there is to say of them.
+
+A filter and a target each declare their options so, in modules that import no JAX.  Flags of the
+command line, their help, TOML keys, grids of an evaluation and refusals all follow from the
+fields; values travel as values.
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from jaxpf.errors import InputError
+
+_KEY = "option"
+
+
+@dataclasses.dataclass(frozen=True)
+class Option:
+    """What is known of an option.
+
+    Attributes:
+        name: of the field; a flag has hyphens for its underscores.
+        default: the value where nobody says another; None leaves it open.
+        kind: type of the value, or of each of its numbers: ``int``, ``float``, ``str`` or ``bool``.
+        help: one sentence.
+        length: 0 for a single value, n for a tuple of n numbers, -1 for one of any length.
+        choices: the names that are allowed; () for any value.
+        least: smallest value that is allowed.
+        above: value that must be exceeded.
+        most: largest value that is allowed.
+        flags: further flags, such as ``-n``.
+        path: where the value stands in a tracker, if tuning may find it: its pytree path.
+        compiles: another value compiles another kernel.
+        places: the numbers are places of objects, which people count from 1 and programs from 0.
+    """
+
+    name: str
+    default: Any
+    kind: type
+    help: str
+    length: int = 0
+    choices: tuple[str, ...] = ()
+    least: float = -math.inf
+    above: float = -math.inf
+    most: float = math.inf
+    flags: tuple[str, ...] = ()
+    path: str = ""
+    compiles: bool = False
+    places: bool = False
+
+    @property
+    def flag(self) -> str:
+        """The flag, such as ``--ess-threshold``."""
+        return f"--{self.name.replace('_', '-')}"
+
+    def checked(self, value: Any, shown: str = "") -> Any:
+        """The value in its own type.
+
+        Args:
+            value: of any origin; a list becomes a tuple.
+            shown: what messages call the option; by default its name and an equals sign.
+
+        Raises:
+            InputError: another type, or out of range; the sentence says what is allowed.
+        """
+        if value is None and self.default is None:
+            return None
+        shown = shown or f"{self.name} ="
+        if self.choices and value not in self.choices:
+            raise InputError(
+                f"{shown} {value!r} is unknown; choose one of {', '.join(self.choices)}."
+            )
+        many = isinstance(value, Sequence) and not isinstance(value, str)
+        values = tuple(value) if many else (value,)
+        fits = many == (self.length != 0) and (self.length <= 0 or len(values) == self.length)
+        if not fits or not all(self._allows(one) for one in values):
+            raise InputError(f"{shown} {plain(value)} must be {self.wanted}.")
+        values = tuple(self.kind(one) for one in values)
+        return values if many else values[0]
+
+    @property
+    def wanted(self) -> str:
+        """What values are allowed, in words."""
+        noun = {int: "a whole number", float: "a finite number", str: "a name"}.get(self.kind, "")
+        if self.length:
+            count = {2: "two ", 3: "three "}.get(self.length, "")
+            noun = count + {int: "whole numbers", float: "finite numbers"}[self.kind]
+        bounds = [
+            f"{word} {plain(bound)}"
+            for word, bound in (("above", self.above), ("of at least", self.least))
+            if not math.isinf(bound)
+        ]
+        if not math.isinf(self.most):
+            bounds.append(f"of at most {plain(self.most)}")
+        example = f", such as {plain(self.default)}" if self.length > 0 and self.default else ""
+        return f"{noun} {' and '.join(bounds)}".strip() + example
+
+    def _allows(self, value: Any) -> bool:
+        if self.kind in (str, bool):
+            return isinstance(value, self.kind)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return False
+        if not math.isfinite(value) or (self.kind is int and value != int(value)):
+            return False
+        return value > self.above and self.least <= value <= self.most
+
+
+def option(default: Any, help: str, **about: Any) -> Any:
+    """A field of a class of options; ``about`` are attributes of ``Option``."""
+    sample = default[0] if isinstance(default, tuple) and default else default
+    kind = about.pop("kind", None) or type(sample)
+    length = about.pop("length", len(default) if isinstance(default, tuple) else 0)
+    declared = {"kind": kind, "help": help, "length": length, **about}
+    return dataclasses.field(default=default, metadata={_KEY: declared})
+
+
+def options_of(*owners: Any) -> dict[str, Option]:
+    """Name -> option, of classes of options in turn; a name that comes again counts once."""
+    found: dict[str, Option] = {}
+    for owner in owners:
+        for field in dataclasses.fields(owner):
+            if _KEY in field.metadata:
+                one = Option(field.name, field.default, **field.metadata[_KEY])
+                found.setdefault(one.name, one)
+    return found
+
+
+def check_options(options: Any) -> None:
+    """For ``__post_init__``: bring every field to its own type, or refuse it.
+
+    Raises:
+        InputError: see ``Option.checked``.
+    """
+    for name, one in options_of(options).items():
+        object.__setattr__(options, name, one.checked(getattr(options, name)))
+
+
+def chosen(owner: type, values: Mapping[str, Any]) -> Any:
+    """An instance of a class of options from those of the values that it declares."""
+    return owner(**{name: values[name] for name in options_of(owner) if name in values})
+
+
+def plain(value: Any) -> str:
+    """A value as people write it: numbers without a needless ".0", lists with commas."""
+    if isinstance(value, list | tuple):
+        return ",".join(map(plain, value)) or "none"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{name}: {plain(entry)}' for name, entry in value.items())}}}"
+    if isinstance(value, float):
+        text = f"{value:g}"
+        return text if float(text) == value or math.isnan(value) else repr(value)
+    return "nothing" if value is None else str(value)
+
+
+def check_distinct(name: str, values: Iterable[Any]) -> tuple[Any, ...]:
+    """The values as a tuple: at least one, and each once.
+
+    Raises:
+        InputError: which is not so.
+    """
+    values = tuple(values)
+    if not values:
+        raise InputError(f"{name} is empty; give at least one value.")
+    for index, value in enumerate(values):
+        if value in values[:index]:
+            raise InputError(f"{name} names {plain(value)} twice; name each value once.")
+    return values

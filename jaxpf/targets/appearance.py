@@ -1,0 +1,56 @@
+"""Options of colour histograms, which several targets have, each with defaults of its own."""
+
+from typing import Any
+
+from jaxpf.options import option
+
+
+def sharpness_option(default: float, path: str) -> Any:
+    """How much colours are trusted."""
+    return option(
+        default,
+        "Likelihood exp(-S d^2) of the colour distance d: larger trusts colours more.",
+        above=0,
+        path=path,
+    )
+
+
+def bands_option(default: int) -> Any:
+    """How a picture is divided."""
+    return option(
+        default,
+        "Horizontal bands, each with a colour histogram of its own.",
+        least=1,
+        most=2**31 - 1,
+        flags=("--parts",),
+        compiles=True,
+    )
+
+
+def likelihood_option(*choices: str) -> Any:
+    """How likelihoods are computed."""
+    return option(
+        "auto",
+        "How likelihoods are computed: integral or sampled histograms, auto for the faster of the "
+        "two; for parts also patch, which compares pixels and suits grey pictures.",
+        choices=choices,
+        compiles=True,
+    )
+
+
+def three_values(values: Any, name: str, value: Any) -> tuple[float, float, float]:
+    """Three numbers with a tuned value in their place.
+
+    Args:
+        values: the three numbers.
+        name: of the parameter, such as ``dynamics.scale[0]`` or, for all, ``dynamics.scale``.
+        value: the tuned value, or values.
+    """
+    _, bracket, index = name.partition("[")
+    numbers = [float(x) for x in values]
+    if bracket:
+        numbers[int(index.rstrip("]"))] = float(value)
+    else:
+        numbers = [float(x) for x in value]
+    first, second, third = numbers
+    return first, second, third

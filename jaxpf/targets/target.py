@@ -1,0 +1,182 @@
+"""What a target says of itself, so that everything above needs no target by name.
+
+A target is what a substate means.  Its module imports no JAX until a tracker is built, so that
+the command line can show its options in a moment.
+"""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxpf.models.model import Model
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Start:
+    """Where P objects are in the frame from which tracking starts.
+
+    A *shape* is what a target reports of an object in a frame, S numbers: a box, a pose.
+
+    Attributes:
+        ids: ``[P]``, numbers or names by which people know the objects.
+        shapes: float64 ``[P, S]``.
+        sizes: float64 ``[P, 2]``, width and height in pixels of the objects as they start.
+        parents: the part tree, -1 for a root.
+    """
+
+    ids: np.ndarray
+    shapes: np.ndarray
+    sizes: np.ndarray
+    parents: tuple[int, ...]
+
+    @property
+    def num_partitions(self) -> int:
+        """P."""
+        return len(self.parents)
+
+
+class Looks(NamedTuple):
+    """From what likelihoods are learned; either the first or the second is given.
+
+    Attributes:
+        frame: uint8 RGB ``[H, W, 3]``, the start frame, with the objects where ``Start`` says.
+        patches: P pictures, uint8 RGB ``[h, w, 3]``, upright.
+        frame_shape: height and width of all frames.
+        num_particles: of one run, where cost decides what is chosen.
+        num_runs: runs that share a frame's work, likewise.
+    """
+
+    frame: Any
+    patches: Any
+    frame_shape: tuple[int, int]
+    num_particles: int
+    num_runs: int = 1
+
+
+class Target:
+    """What a substate means.
+
+    Attributes:
+        name: by which the registry in ``jaxpf.targets`` knows it.
+        noun: what one of them is called.
+        options: class of the options of its model (``jaxpf.options``).
+        start_flags: option of ``jaxpf track`` -> (arguments of ``click.option``), which say where
+            it starts; ``read_start`` is given their values.
+        defaults: of a filter's options, where the target's differ.
+        has_boxes: whether its shapes are boxes x, y, w, h, as in MOT files and standard scores.
+        outlines_of_estimates: function of estimates ``[..., P, D]`` and sizes ``[P, 2]`` that gives
+            outlines ``[..., P, V, 2]``, differentiable; None where shapes are boxes.
+        tuned_by_default: tracker paths.
+        track_suffix: of the files that ``track_writer`` writes.
+    """
+
+    name: str
+    noun: str
+    options: type
+    start_flags: Mapping[str, Mapping[str, Any]] = {}
+    defaults: Mapping[str, Any] = {}
+    has_boxes: bool = False
+    track_suffix: str = ".csv"
+    tuned_by_default: tuple[str, ...] = ()
+    outlines_of_estimates: Callable[[Any, Any], Any] | None = None
+
+    # Where it starts.
+
+    def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
+        """Where a user says that it starts.
+
+        Args:
+            given: values of ``start_flags``.
+            number: the start frame, from 0.
+            source: has ``width``, ``height`` and ``path``.
+
+        Raises:
+            InputError: nothing was said, a file cannot be read, or an object is not in the frame.
+        """
+        raise TypeError(f"{type(self).__name__} must define read_start")
+
+    def fits_scene(self, scene: Any) -> bool:
+        """Whether a scene's truth is of this kind."""
+        raise TypeError(f"{type(self).__name__} must define fits_scene")
+
+    def scene_shapes(self, scene: Any) -> np.ndarray:
+        """A scene's truth ``[T, P, S]``, NaN where an object is absent."""
+        raise TypeError(f"{type(self).__name__} must define scene_shapes")
+
+    def scene_start(self, scene: Any) -> Start:
+        """Where the objects are in a scene's first frame."""
+        raise TypeError(f"{type(self).__name__} must define scene_start")
+
+    # Its model.
+
+    def model(self, options: Any, start: Start, looks: Looks) -> Model:
+        """The model that follows from where it starts and how it looks.
+
+        Raises:
+            InputError: an option out of range, or an object too small to be seen.
+        """
+        raise TypeError(f"{type(self).__name__} must define model")
+
+    def training_model(self, options: Any, start: Start, looks: Looks, frames: Any) -> Model:
+        """A model that is differentiable in its parameters and in the state, and whose evidence
+        may choose among them: a normalised likelihood.
+
+        Args:
+            options: as for ``model``, like the next two.
+            start: see there.
+            looks: see there.
+            frames: ``[n, H, W, 3]``, from which a background is learned.
+        """
+        raise TypeError(f"{type(self).__name__} must define training_model")
+
+    def settled(self, options: Any, start: Start, looks: Looks) -> Any:
+        """The options with what "auto" stands for; it decides about results, so it is kept."""
+        return options
+
+    def noise(self, options: Any, start: Start) -> np.ndarray:
+        """``[3]``: process noise of the first coordinates, NaN where it has no single value."""
+        return np.full(3, np.nan)
+
+    def tuned(self, options: Any, values: Mapping[str, Any]) -> Any:
+        """The options with tuned values, tracker path -> value.
+
+        Raises:
+            InputError: a path that no option stands for.
+        """
+        raise TypeError(f"{type(self).__name__} must define tuned")
+
+    def positions(self, start: Start, shapes: Any) -> Any:
+        """Centres ``[..., P, >= 2]`` of shapes, pixels; NaN where an object is absent."""
+        raise TypeError(f"{type(self).__name__} must define positions")
+
+    # What it reports.
+
+    def shapes(self, start: Start, estimate: Any) -> np.ndarray:
+        """Shapes ``[..., P, S]`` of estimates ``[..., P, D]``."""
+        raise TypeError(f"{type(self).__name__} must define shapes")
+
+    def outlines(self, start: Start, shapes: Any) -> Any:
+        """Corners ``[..., P, V, 2]`` of convex polygons, in order, pixels."""
+        raise TypeError(f"{type(self).__name__} must define outlines")
+
+    def scaled(
+        self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
+    ) -> tuple[Start, np.ndarray]:
+        """Where shapes lie in a picture that is so much wider and higher."""
+        raise TypeError(f"{type(self).__name__} must define scaled")
+
+    def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
+        """Measures of every frame, see ``jaxpf.measures.outlines``."""
+        from jaxpf.measures.outlines import measure_outlines
+
+        return measure_outlines(self.outlines(start, shapes), self.outlines(start, truth))
+
+    def track_writer(self, path: Any, start: Start) -> Any:
+        """A writer with ``append(frame, shapes, lost)``, and ``close`` as a context manager."""
+        raise TypeError(f"{type(self).__name__} must define track_writer")
+
+    def draw(self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any) -> np.ndarray:
+        """The frame with the shapes drawn on it."""
+        raise TypeError(f"{type(self).__name__} must define draw")

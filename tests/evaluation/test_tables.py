@@ -1,67 +1,22 @@
-"""Tables of an evaluation: by hand, against the library's measures, and against SciPy."""
+"""Tables of an evaluation, by hand and against the library's measures."""
 
 import csv
 import errno
 import io
 import math
 import os
-import tracemalloc
 
-import jax
 import numpy as np
 import pytest
 from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make, walks
-from scipy import stats
+from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers, rows_of
 
 from jaxpf.errors import InputError
-from jaxpf.evaluation import collection, estimates, tables
-from jaxpf.evaluation.collection import ErrorQuantiles
+from jaxpf.evaluation import collection, tables
 from jaxpf.evaluation.results import Configuration
 from jaxpf.evaluation.tables import write_tables
-from jaxpf.files.boxes import read_boxes
 from jaxpf.measures import metrics
-from jaxpf.measures.intervals import mean_interval, wilson_interval
-
-NAN = [math.nan] * 4
-TRUE = [0.0, 0.0, 10.0, 10.0]
-HALF = [5.0, 0.0, 10.0, 10.0]  # E = G = 100, common 50, union 150, centre 5 away
-FAR = [50.0, 0.0, 10.0, 10.0]
-# Two frames; the second object is absent in the first of them.
-TRUTH = np.array([[TRUE, NAN], [TRUE, TRUE]])
-BOXES = np.array(
-    [
-        [[TRUE, TRUE], [HALF, TRUE]],
-        [[FAR, TRUE], [TRUE, FAR]],
-        [[TRUE, TRUE], [FAR, NAN]],
-    ]
-)
-
-
-def rows_of(path):
-    with open(path, newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
-def numbers(rows, name):
-    return [float(row[name]) if row[name] else math.nan for row in rows]
-
-
-def found(folder, measure, identity, method="SIR", file="summary.csv"):
-    """The one row of the summary about a measure of an object, as floats where it can."""
-    rows = [
-        row
-        for row in rows_of(folder / file)
-        if (row["measure"], row["object"], row["method"]) == (measure, f"{identity}", method)
-    ]
-    assert len(rows) == 1, (measure, identity, method)
-    return {name: _float(value) for name, value in rows[0].items()}
-
-
-def _float(text):
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan if text == "" else text
+from jaxpf.measures.intervals import wilson_interval
 
 
 @pytest.fixture(scope="module")
@@ -186,106 +141,6 @@ def test_summary_agrees_with_the_librarys_measures(tmp_path, size):
                 assert row[field] == pytest.approx(wanted, rel=2e-5, abs=1e-7), (name, field)
 
 
-def test_all_objects_together_have_the_certainty_of_runs():
-    """Objects that always agree add nothing; those that are independent count each."""
-    outcomes = np.arange(40) % 4 == 0
-    alike = np.repeat(outcomes[:, None], 5, axis=1).astype(float)
-    wilson = wilson_interval(10, 40)
-    for got, wanted in zip(estimates.rate(alike)[2:4], wilson[2:], strict=True):
-        assert got[-1] == pytest.approx(float(wanted), rel=1e-5)
-    # Never a failure: no spread to learn from, so as if all objects were alike.
-    perfect = estimates.rate(np.ones((40, 5)))
-    assert perfect.lower[-1] == pytest.approx(float(wilson_interval(40, 40).lower))
-    # Independent ones: close to the 200 trials that they are.
-    random = np.random.default_rng(0).random((40, 5)) < 0.4
-    several = estimates.rate(random.astype(float))
-    pooled = wilson_interval(int(random.sum()), 200)
-    width = several.upper[-1] - several.lower[-1]
-    assert width == pytest.approx(float(pooled.upper - pooled.lower), rel=0.25)
-
-
-@pytest.mark.statistical
-def test_interval_of_the_rate_over_all_objects_covers():
-    """Objects that share their luck: the interval covers, that of independent trials does not."""
-    random = np.random.default_rng(1)
-    runs, objects, repetitions = 50, 6, 300
-    covered, naive = 0, 0
-    for _ in range(repetitions):
-        luck = random.beta(1.6, 0.4, (runs, 1))  # mean .8, correlation 1 / (1 + 2) within a run
-        outcomes = (random.random((runs, objects)) < luck).astype(float)
-        interval = estimates.rate(outcomes)
-        covered += interval.lower[-1] <= 0.8 <= interval.upper[-1]
-        plain = wilson_interval(outcomes.sum(), outcomes.size)
-        naive += bool(plain.lower <= 0.8 <= plain.upper)
-    error = math.sqrt(0.95 * 0.05 / repetitions)
-    assert covered / repetitions > 0.95 - 4 * error
-    assert naive / repetitions < 0.95 - 4 * error
-
-
-def test_newcombes_interval_as_published():
-    """Newcombe (1998), table II: 36, 12, 2 and 0 pairs of 50."""
-    assert estimates.newcombe_interval(36, 12, 2, 0) == pytest.approx((0.0569, 0.3404), abs=5e-5)
-    lower, upper = estimates.newcombe_interval(36, 2, 12, 0)
-    assert (lower, upper) == pytest.approx((-0.3404, -0.0569), abs=5e-5)
-
-
-@pytest.mark.parametrize("table", [(5, 0, 0, 5), (0, 10, 0, 0), (10, 0, 0, 0), (0, 5, 5, 0)])
-def test_newcombes_interval_at_the_edges(table):
-    lower, upper = estimates.newcombe_interval(*table)
-    difference = (table[1] - table[2]) / 10
-    assert -1 <= lower <= difference <= upper <= 1
-    assert upper > lower
-
-
-@pytest.mark.parametrize(("gained", "lost"), [(12, 2), (0, 5), (3, 3), (0, 0), (1, 0), (90, 60)])
-def test_mcnemar_is_the_binomial_test_of_the_pairs_that_differ(gained, lost):
-    total = gained + lost
-    expected = stats.binomtest(gained, total).pvalue if total else 1.0
-    assert estimates.mcnemar_p(gained, lost) == pytest.approx(expected, rel=1e-9)
-
-
-def test_holm_by_hand():
-    adjusted = estimates.holm([0.01, 0.04, math.nan, 0.03, 0.005])
-    np.testing.assert_allclose(adjusted, [0.03, 0.06, math.nan, 0.06, 0.02])
-    assert estimates.holm([0.9, 0.8]).tolist() == [1.0, 1.0]
-
-
-def test_paired_means_are_students():
-    random = np.random.default_rng(2)
-    ours = random.normal(0.3, 1, (15, 1)) + random.normal(0, 3, (15, 1))
-    theirs = ours + random.normal(0.4, 1, (15, 1))
-    ones = np.ones_like(ours)
-    difference = estimates.mean_difference(ours, ones, theirs, ones)
-    test = stats.ttest_rel(ours[:, 0], theirs[:, 0])
-    interval = test.confidence_interval()
-    for place in (0, 1):  # the object, and all of one
-        assert difference.value[place] == pytest.approx(np.mean(ours - theirs))
-        assert difference.p[place] == pytest.approx(test.pvalue)
-        ends = difference.lower[place], difference.upper[place]
-        assert ends == pytest.approx((interval.low, interval.high))
-
-
-def test_error_of_weighted_differences_is_that_of_the_weighted_mean():
-    """Against a reference that is the same in every run, only our own error is left."""
-    random = np.random.default_rng(3)
-    values, weights = random.random((30, 2)), random.integers(0, 9, (30, 2)).astype(float)
-    values[weights == 0] = math.nan
-    constant = np.full((30, 2), 0.25)
-    difference = estimates.mean_difference(values, weights, constant, np.ones((30, 2)))
-    wanted = mean_interval(values, weights)
-    np.testing.assert_allclose(difference.value[:2], np.asarray(wanted.value) - 0.25, rtol=1e-5)
-    np.testing.assert_allclose(difference.standard_error[:2], wanted.standard_error, rtol=1e-5)
-
-
-def test_equal_runs_do_not_differ():
-    values = np.full((5, 1), 0.1)
-    difference = estimates.mean_difference(values, values, values, values)
-    assert difference.value.tolist() == [0, 0]
-    assert difference.p.tolist() == [1, 1]
-    different = estimates.mean_difference(values, values, values + 0.5, values)
-    assert np.isnan(different.p).all()  # without any spread there is nothing to test by
-
-
 def test_methods_are_compared_on_common_runs_at_equal_parameters(tmp_path):
     truth, boxes = walks(seed=5, runs=12, frames=6, objects=2)
     sharp = {**PARAMETERS, "sharpness": 40.0}
@@ -373,31 +228,6 @@ def test_shown_decimals_follow_the_width_of_the_intervals():
     assert cells_of(by_name("success"), np.array([[1, math.nan, math.nan]])) == ["100.0"]
 
 
-def test_tracks_of_the_best_median_and_worst_run(tmp_path):
-    truth = np.broadcast_to(np.array(TRUE), (4, 1, 4))
-    offsets = [3.0, 0.0, 9.0, 1.0, 30.0]  # of the runs: the second is best, the fourth median
-    boxes = np.stack([truth + np.array([offset, 0, 0, 0]) for offset in offsets])
-    lost = np.zeros((5, 4, 1), bool)
-    lost[4, 2] = True
-    parts = [batch(boxes[:3], lost=lost[:3]), batch(boxes[3:], 3, lost=lost[3:])]
-    results = make(tmp_path / "results", [(PS, parts)], truth, ids=[6], start_frame=10)
-    (tmp_path / "results" / "tracks").mkdir()
-    old = tmp_path / "results" / "tracks" / "01-PS-21-best-run7.txt"
-    old.touch()
-    write_tables(results)
-    names = sorted(path.name for path in (results.folder / "tracks").iterdir())
-    assert names == [
-        *("01-PS-21-best-run1.txt", "01-PS-21-median-run0.txt", "01-PS-21-worst-run4.txt"),
-        "truth.txt",
-    ]
-    worst = read_boxes(results.folder / "tracks" / names[2])
-    np.testing.assert_allclose(worst.box, boxes[4, :, 0], atol=1e-3)
-    assert worst.frame.tolist() == [11, 12, 13, 14]
-    assert set(worst.id.tolist()) == {6}
-    lines = (results.folder / "tracks" / names[2]).read_text().splitlines()
-    assert [line.split(",")[6] for line in lines] == ["1", "1", "0", "1"]
-
-
 def test_scores_of_the_benchmarks_are_means_over_runs(by_hand):
     pytest.importorskip("trackeval")
     from jaxpf.measures.scores import tracking_scores
@@ -425,42 +255,6 @@ def test_without_trackeval_the_scores_are_left_out(tmp_path, monkeypatch):
     assert any("jaxpf[scores]" in remark for remark in made.remarks)
     assert "HOTA" not in (results.folder / "summary.csv").read_text()
     assert "HOTA (" not in (results.folder / "summary.md").read_text()
-
-
-def test_quantiles_are_within_a_hundredth():
-    random = np.random.default_rng(4)
-    errors = random.lognormal(1, 1.5, (400, 3, 2))
-    errors[:, 0, 0] = math.nan
-    errors[5, 1, 1] = math.nan
-    counted = ErrorQuantiles(3, 2)
-    counted.add(errors[:150])
-    counted.add(errors[150:])
-    levels = (0.05, 0.25, 0.5, 0.75, 0.95)
-    got = counted.quantiles(levels)
-    assert np.isnan(got[:, 0, 0]).all()
-    for place, values in ((0, errors[:, :, 0]), (1, errors[:, :, 1])):
-        for frame in (1, 2):
-            known = values[:, frame][np.isfinite(values[:, frame])]
-            exact = np.quantile(known, levels, method="inverted_cdf")
-            np.testing.assert_allclose(got[:, frame, place], exact, rtol=0.0101)
-    pooled = errors[:, 2].reshape(-1)
-    exact = np.quantile(pooled, levels, method="inverted_cdf")
-    np.testing.assert_allclose(got[:, 2, 2], exact, rtol=0.0101)
-
-
-def test_success_curves_are_means_over_runs(tmp_path):
-    from jaxpf.measures.scores import success_curve
-
-    truth, boxes = walks(seed=8, runs=30, frames=6, objects=2)
-    results = make(tmp_path / "results", [(SIR, [batch(boxes[:20]), batch(boxes[20:], 20)])], truth)
-    (summary,) = write_tables(results).summaries
-    curves = jax.jit(success_curve)(np.float32(boxes), truth)
-    wanted = jax.jit(mean_interval)(curves)
-    np.testing.assert_allclose(summary.curve.value[:2], wanted.value, atol=1e-6)
-    np.testing.assert_allclose(summary.curve.lower[:2], wanted.lower, atol=1e-5)
-    np.testing.assert_allclose(summary.curve.upper[:2], wanted.upper, atol=1e-5)
-    area = summary.estimates["success_area"].value[2]
-    assert area == pytest.approx(float(np.mean(curves)), rel=1e-5)
 
 
 def test_the_same_results_give_the_same_bytes(tmp_path):
@@ -494,27 +288,6 @@ def test_a_full_disk_loses_nothing(tmp_path, monkeypatch):
             write_tables(results)
     assert (results.folder / "results.csv").read_bytes() == before
     assert not list(results.folder.glob(".*"))
-
-
-@pytest.mark.slow
-def test_memory_does_not_grow_with_the_runs(tmp_path, monkeypatch):
-    """10 000 runs, a hundred at a time: their arrays take 4.4 MB, their rows 5 MB."""
-    monkeypatch.setattr(collection, "SCORED_RUNS", 1)
-    truth, boxes = walks(seed=10, runs=100, frames=6, objects=2)
-    peaks = []
-    write_tables(make(tmp_path / "first", [(SIR, [batch(boxes)])], truth))  # compiles
-    for count in (10, 100):
-        parts = [batch(boxes, first) for first in range(0, 100 * count, 100)]
-        results = make(tmp_path / f"{count}", [(SIR, parts)], truth)
-        del parts
-        tracemalloc.start()
-        made = write_tables(results)
-        peaks.append(tracemalloc.get_traced_memory()[1] / 1e6)
-        tracemalloc.stop()
-        assert made.summaries[0].runs == 100 * count
-    with open(tmp_path / "100" / "results.csv", encoding="utf-8") as file:
-        assert sum(1 for _ in file) == 20_001
-    assert peaks[1] - peaks[0] < 1.5, peaks
 
 
 def test_a_printed_table_fits_the_terminals_printer(by_hand, capsys):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from command_line import jaxpf
 from small_evaluation import small_scene
-from test_cli_evaluate import SMALL, write_sequence
+from small_sequence_folder import SMALL, write_sequence
 
 WRITTEN = {"tuned.toml", "tuning.png", "comparison.csv", "run.toml", "checkpoint.npz"}
 #: Every successful call has these shapes, so that the filter is compiled once.

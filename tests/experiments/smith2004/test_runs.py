@@ -1,14 +1,14 @@
-"""The reproduction of smith2004: its published data, its statistics, and its runs."""
+"""The runs of smith2004: measured as single runs are, and told by the command."""
 
 import csv
 import dataclasses
 import json
-import re
 
 import cv2
 import jax
 import numpy as np
 import pytest
+from smith2004_outcomes import outcome_of
 
 import scenes
 from jaxpf import running
@@ -16,180 +16,11 @@ from jaxpf.errors import InputError
 from jaxpf.experiments.claims import CANNOT_RESOLVE, CONTRADICTS, SUPPORTS
 from jaxpf.experiments.comparison import scene_tracker
 from jaxpf.experiments.grid import run_grid, run_keys
-from jaxpf.experiments.smith2004 import calibration, judgements, occlusions, run, synthetic, tables
-from jaxpf.experiments.smith2004.published import (
-    REAL,
-    SHARPNESS,
-    TABLE_1,
-    TABLE_2,
-)
-from jaxpf.experiments.smith2004.synthetic import NUM_OBJECTS, Outcome
+from jaxpf.experiments.smith2004 import calibration, occlusions, run, synthetic
+from jaxpf.experiments.smith2004.synthetic import Outcome
 from jaxpf.measures import metrics
 from jaxpf.models.geometry import boxes_from_substates
 from jaxpf.models.likelihoods.histogram import histogram_from_patches
-
-# --- Published figures ---------------------------------------------------------------------
-
-# A second transcription, in the order in which one reads the paper's rows.
-ROWS_1 = """97,69/69 100,90/87 100,91/86
-            97,69/68 100,91/87 100,90/86
-            93,68/68 100,91/88 100,90/87
-            96,67/66 100,91/88 100,90/87"""
-ROWS_2 = """2|19|10|42 27/28|27/26|17/16|41/36
-            2|18|8|34  21/21|24/24|16/16|36/36
-            0|21|16|38 23/22|30/29|18/17|21/22
-            2|21|12|36 24/23|28/28|25/24|23/23"""
-ROWS_3_4 = """RealSeq1 32/78/59/98 18/18/60/98 40/96/58/98 34/52/62/99 100/100/62/100
-              RealSeq2 10/32/72/86 0/8/55/91 12/40/72/86 0/8/59/91 78/88/58/98
-              RealSeq3 4/8/41/70 26/28/46/77 82/86/52/87 84/88/51/87 70/72/51/86 36/38/51/79"""
-
-
-def numbers(text):
-    return [float(number) for number in re.findall(r"\d+", text)]
-
-
-def test_table_1_is_the_papers():
-    for row, line in enumerate(ROWS_1.splitlines()):
-        assert numbers(line) == [
-            TABLE_1[measure][method][row]
-            for method in ("Non-PS", "PS", "DPS")
-            for measure in ("success", "precision", "recall")
-        ]
-
-
-def test_table_2_is_the_papers():
-    methods = ("Non-PS", "PS mean", "PS worst", "DPS")
-    for row, line in enumerate(ROWS_2.splitlines()):
-        assert numbers(line) == [TABLE_2["recovery"][method][row] for method in methods] + [
-            TABLE_2[measure][method][row]
-            for method in methods
-            for measure in ("precision", "recall")
-        ]
-
-
-def test_tables_3_and_4_are_the_papers():
-    for line in ROWS_3_4.splitlines():
-        sequence, *cells = line.split()
-        assert [list(map(float, cell.split("/"))) for cell in cells] == [
-            list(row) for row in REAL[sequence].values()
-        ]
-
-
-def test_the_papers_gains_follow_from_its_tables():
-    """Section 3.2: 22 points of precision (20 to 40) and 19.75 of recall (20 to 50)."""
-    gain = {
-        measure: np.subtract(TABLE_1[measure]["PS"], TABLE_1[measure]["Non-PS"])
-        for measure in ("precision", "recall")
-    }
-    assert gain["precision"][:3].mean() == 22
-    assert gain["recall"].mean() == 19.75
-
-
-# --- Statistics ----------------------------------------------------------------------------
-
-
-def outcome_of(recovery, runs=synthetic.RUNS_PER_SCENE, scenes_=10, seed=0):
-    """An outcome in which the methods recover with given rates, all else alike."""
-    names = tuple(synthetic.all_orderings())
-    rng = np.random.default_rng(seed)
-    shape = (scenes_, len(names), len(SHARPNESS))
-    rates = np.array([recovery[name if name in recovery else name.split()[0]] for name in names])
-    recovered = rng.uniform(size=(*shape, runs)) < rates[:, None, None]
-    share = np.clip(0.9 + 0.01 * rng.normal(size=shape), 0, 1)
-    return Outcome(
-        names,
-        recovered=recovered,
-        success=np.ones(shape),
-        precision=share,
-        recall=share,
-        leader_precision=share,
-        leader_recall=share,
-        uniqueness=np.full((*shape, NUM_OBJECTS), 0.5) + 0.01 * rng.normal(size=(*shape, 7)),
-        dynamics=np.ones((*shape, NUM_OBJECTS, 2)),
-        ess=np.ones(shape),
-    )
-
-
-def claim_on(claims, words):
-    (claim,) = [claim for claim in claims if words in claim.statement]
-    return claim
-
-
-def test_verdicts_follow_the_recovery_rates():
-    clear = {"Non-PS": 0.02, "PS": 0.2, "DPS": 0.7, "SPS": 0.9}
-    claims = judgements.claims(outcome_of(clear, runs=50))
-    assert claim_on(claims, "PS, on average").verdict == SUPPORTS
-    assert claim_on(claims, "at every sharpness").verdict == SUPPORTS
-    reverse = {"Non-PS": 0.7, "PS": 0.4, "DPS": 0.1, "SPS": 0.9}
-    claims = judgements.claims(outcome_of(reverse, runs=50))
-    assert claim_on(claims, "PS, on average").verdict == CONTRADICTS
-    assert claim_on(claims, "at every sharpness").verdict == CONTRADICTS
-    same = {"Non-PS": 0.3, "PS": 0.3, "DPS": 0.3, "SPS": 0.3}
-    claims = judgements.claims(outcome_of(same))
-    assert claim_on(claims, "PS, on average").verdict == CANNOT_RESOLVE
-    assert claim_on(claims, "at every sharpness").verdict == CANNOT_RESOLVE
-
-
-def test_one_scene_resolves_nothing():
-    rates = {"Non-PS": 0.0, "PS": 0.5, "DPS": 1.0, "SPS": 1.0}
-    claims = judgements.claims(outcome_of(rates, scenes_=1))
-    assert {claim.verdict for claim in claims} == {CANNOT_RESOLVE}
-
-
-def test_orders_that_differ_are_told_from_luck():
-    names = [name for name in synthetic.all_orderings() if name.startswith("PS ")]
-    base = {"Non-PS": 0.02, "DPS": 0.4, "SPS": 0.7}
-    alike = outcome_of({**base, **dict.fromkeys(names, 0.3)})
-    differ = outcome_of({**base, **dict(zip(names, np.linspace(0.05, 0.6, 7), strict=True))})
-    orders = alike.orders()
-    # The worst of seven equal orders looks far below the best ...
-    rates = alike.recovered[:, orders, 0].mean(axis=(0, 2))
-    assert rates.max() - rates.min() > 0.1
-    # ... but no more so than by chance, and not on scenes that had no say in the choice.
-    assert tables.order_p_value(alike.recovered[:, orders, 0]) > 0.05
-    assert tables.order_p_value(differ.recovered[:, orders, 0]) < 0.01
-    assert claim_on(judgements.claims(alike), "worst order").verdict != SUPPORTS
-    far = outcome_of({**base, **dict(zip(names, np.linspace(0.02, 0.95, 7), strict=True))})
-    assert claim_on(judgements.claims(far), "worst order").verdict == SUPPORTS
-
-
-@pytest.mark.statistical
-def test_p_values_of_equal_orders_are_uniform():
-    rng = np.random.default_rng(1)
-    values = [tables.order_p_value(rng.uniform(size=(6, 7, 5)) < 0.3) for _ in range(60)]
-    assert 0.5 - 4 * np.sqrt(1 / 12 / 60) < np.mean(values) < 0.5 + 4 * np.sqrt(1 / 12 / 60)
-
-
-def test_worst_and_best_are_those_of_the_recovery_rate():
-    names = [name for name in synthetic.all_orderings() if name.startswith("PS ")]
-    rates = dict(zip(names, [0.5, 0.5, 0.0, 0.5, 1.0, 0.5, 0.5], strict=True))
-    outcome = outcome_of({"Non-PS": 0.0, "DPS": 0.4, "SPS": 0.7, **rates})
-    recovery, *_ = tables.table_2(outcome)
-    cells = dict(zip(recovery.columns[1:], recovery.rows[0][1], strict=True))
-    assert cells["PS worst"].measured.value == 0
-    assert cells["PS best"].measured.value == 100
-    assert cells["PS worst"].published == 10
-    assert cells["PS best"].published is None
-    assert recovery.rows[1][1][3].published == 38
-    assert cells["SPS"].published is None
-
-
-def test_uniqueness_is_read_by_stage():
-    """Object (shift + stage) stands at that stage of the order that begins with ``shift``."""
-    outcome = outcome_of({"Non-PS": 0, "PS": 0.1, "DPS": 0.2, "SPS": 0.3})
-    for shift, place in enumerate(outcome.orders()):
-        for stage, partition in enumerate(synthetic.shifted(shift)):
-            outcome.uniqueness[:, place, 0, partition] = 0.01 * (stage + 1)
-    table = tables.uniqueness_table(outcome)
-    values = [cell.measured.value for cell in table.rows[0][1]]
-    np.testing.assert_allclose(values, np.arange(1, 8))
-
-
-def test_figures_are_drawn():
-    outcome = outcome_of({"Non-PS": 0.02, "PS": 0.2, "DPS": 0.4, "SPS": 0.7})
-    assert len(tables.figure_4(outcome).axes) == 15
-    assert len(tables.figure_recovery(outcome).axes) == 3
-
 
 # --- Runs ----------------------------------------------------------------------------------
 

@@ -3,8 +3,6 @@
 import concurrent.futures
 import functools
 import multiprocessing
-import os
-import signal
 import subprocess
 import sys
 import time
@@ -13,35 +11,20 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 import pytest
+from worker_functions import (
+    HERE,
+    always_die,
+    die_once,
+    host_devices,
+    refused,
+    set_prepared,
+    squared,
+)
 
 from jaxpf import InputError
 from jaxpf.evaluation.execution import in_turn, local_pool, num_cores
 
 PIECES = list(range(12))
-
-
-def squared(piece, attempt):
-    return piece**2
-
-
-def refused(piece, attempt):
-    raise InputError(f"piece {piece} is refused")
-
-
-def die_once(piece, attempt, folder):
-    """Note the call; the worker kills itself at piece 5, the first time."""
-    marker = Path(folder) / f"{piece}-{attempt}-{os.getpid()}-{time.monotonic_ns()}"
-    marker.touch()
-    if piece == 5 and attempt == 0:
-        os.kill(os.getpid(), signal.SIGKILL)
-    time.sleep(0.02)
-    return piece**2
-
-
-def always_die(piece, attempt):
-    if piece == 5:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return piece**2
 
 
 def start_two():
@@ -139,32 +122,11 @@ def test_pools_of_nothing_are_refused(workers, devices):
         local_pool(workers, devices)
 
 
-def host_devices(piece, attempt):
-    import jax
-
-    return jax.device_count(), multiprocessing.get_start_method(), os.environ.get("PREPARED")
-
-
-def set_prepared():
-    os.environ["PREPARED"] = "yes"
-
-
 @pytest.mark.slow
 def test_a_local_pool_starts_anew_with_its_own_devices():
     assert num_cores() >= 1
     ((_, found),) = in_turn(host_devices, [0], local_pool(1, 3, set_prepared))
     assert found == (3, "spawn", "yes")
-
-
-def parent_of_a_pool():
-    """Start a pool, tell the processes, and wait to be killed."""
-    for _, process in in_turn(process_id, [0], local_pool(1, 1)):
-        print(process, flush=True)
-        time.sleep(60)
-
-
-def process_id(piece, attempt):
-    return os.getpid()
 
 
 def is_running(process):
@@ -178,9 +140,9 @@ def is_running(process):
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux's /proc")
 def test_workers_end_when_their_parent_is_killed():
-    code = "import test_evaluation_execution as t; t.parent_of_a_pool()"
+    code = "import worker_functions; worker_functions.parent_of_a_pool()"
     parent = subprocess.Popen(
-        [sys.executable, "-c", code], cwd=Path(__file__).parent, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", code], cwd=HERE, stdout=subprocess.PIPE, text=True
     )
     worker = int(parent.stdout.readline())
     assert is_running(worker)

@@ -4,144 +4,24 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from histograms import (
+    HEIGHT,
+    WIDTH,
+    brute_log_prob,
+    full_references,
+    log_prob,
+    log_prob_all,
+    noise,
+    observe,
+)
 
-import scenes
 from jaxpf.errors import InputError
-from jaxpf.models.likelihoods.color import NUM_BINS, hsv_bins
 from jaxpf.models.likelihoods.histogram import (
     HistogramLikelihood,
     estimated_costs,
     histogram,
     histogram_from_patches,
 )
-
-HEIGHT, WIDTH = 60, 80
-
-
-# Compiled as a whole: in tests of many shapes, one compilation per operation is slow.
-observe = jax.jit(HistogramLikelihood.observe)
-log_prob = jax.jit(HistogramLikelihood.log_prob)
-log_prob_all = jax.jit(HistogramLikelihood.log_prob_all)
-
-
-def numpy_bins(frame):
-    """Perez et al.'s bins in exact integer arithmetic, pixel by pixel."""
-    result = np.zeros(frame.shape[:-1], int)
-    for place in np.ndindex(result.shape):
-        red, green, blue = (int(c) for c in frame[place])
-        top, chroma = max(red, green, blue), max(red, green, blue) - min(red, green, blue)
-        if 10 * chroma > top and 5 * top > 255:
-            if top == red:
-                sixths = (green - blue) % (6 * chroma)
-            elif top == green:
-                sixths = blue - red + 2 * chroma
-            else:
-                sixths = red - green + 4 * chroma
-            hue, saturation = 10 * sixths // (6 * chroma), 10 * chroma // top
-            result[place] = 10 * min(hue, 9) + min(saturation, 9)
-        else:
-            result[place] = 100 + min(10 * top // 255, 9)
-    return result
-
-
-def float_bins(frame):
-    """Perez et al.'s bins by the formulas of HSV, float64."""
-    color = frame.astype(np.float64) / 255
-    red, green, blue = np.moveaxis(color, -1, 0)
-    value = color.max(-1)
-    chroma = value - color.min(-1)
-    saturation = chroma / np.where(value > 0, value, 1)
-    safe = np.where(chroma > 0, chroma, 1)
-    hue = np.where(
-        value == red,
-        ((green - blue) / safe) % 6,
-        np.where(value == green, (blue - red) / safe + 2, (red - green) / safe + 4),
-    )
-
-    def level(x):  # a hair up: 0.7 / 0.1 is not quite 7 in float64
-        return np.minimum(np.floor(10 * x + 1e-9), 9).astype(int)
-
-    coloured = (saturation > 0.1 + 1e-12) & (value > 0.2 + 1e-12)
-    return np.where(coloured, 10 * level(hue / 6) + level(saturation), 100 + level(value))
-
-
-def brute_log_prob(frame, references, sizes, partition, substate, sharpness, parts):
-    """One box, its pixels counted one part at a time; references [P, parts, 110]."""
-    u, v, scale = (float(x) for x in substate)
-    width, height = sizes[partition] * scale
-    if width < 1 or height < parts:
-        return -np.inf
-    bins = float_bins(frame)
-    left, right = (int(np.floor(x + 0.5)) for x in (u - width / 2, u + width / 2))
-    edges = [int(np.floor(v - height / 2 + height * k / parts + 0.5)) for k in range(parts + 1)]
-    distance = 0.0
-    for k in range(parts):
-        inside = bins[max(edges[k], 0) : max(edges[k + 1], 0), max(left, 0) : max(right, 0)]
-        count = np.bincount(inside.ravel(), minlength=NUM_BINS)
-        p = count / ((right - left) * (edges[k + 1] - edges[k]))
-        distance += 1 - np.sqrt(p * references[partition, k]).sum()
-    return -sharpness * distance
-
-
-def noise(seed=0, height=HEIGHT, width=WIDTH):
-    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
-
-
-def full_references(likelihood):
-    """References as histograms [P, parts, 110], undoing the compact numbering of bins."""
-    roots = np.asarray(likelihood.references, np.float64)
-    padded = np.concatenate([roots, np.zeros((*roots.shape[:2], 1))], -1)
-    return padded[..., np.asarray(likelihood.bin_lookup)] ** 2
-
-
-def dyadic(values, step=1 / 8):
-    """Multiples of a power of two: box edges are then exact in float32 and never disagree."""
-    return np.round(np.asarray(values) / step) * step
-
-
-@pytest.fixture(scope="module")
-def boxes():
-    return np.array([[10, 12, 16, 24], [40, 20, 8, 12], [60, 30, 12, 12]], float)
-
-
-@pytest.fixture(scope="module")
-def likelihood(boxes):
-    return histogram(noise(), boxes, method="integral")
-
-
-@pytest.fixture(scope="module")
-def substates():
-    """Boxes all over the frame and beyond its borders."""
-    rng = np.random.default_rng(1)
-    count = 300
-    u, v = rng.uniform(-15, WIDTH + 15, count), rng.uniform(-15, HEIGHT + 15, count)
-    return np.stack([dyadic(u), dyadic(v), rng.choice([0.5, 0.75, 1, 1.25, 2], count)])
-
-
-def test_bins_of_colours_known_by_hand():
-    colours = {
-        (255, 0, 0): 9, (255, 255, 0): 19, (0, 255, 0): 39, (0, 255, 255): 59,
-        (0, 0, 255): 69, (255, 0, 255): 89, (255, 0, 1): 99, (255, 229, 229): 1,
-        (255, 230, 230): 109, (51, 0, 0): 102, (52, 0, 0): 9, (0, 0, 0): 100,
-        (26, 26, 26): 101, (255, 255, 255): 109, (10, 9, 10): 100, (200, 180, 180): 107,
-    }  # fmt: skip
-    got = hsv_bins(jnp.array(list(colours), jnp.uint8))
-    assert got.tolist() == list(colours.values())
-
-
-def test_bins_agree_with_exact_and_with_float64_arithmetic():
-    frame = np.concatenate([noise(3), noise(4) // 4, noise(5) // 8 + 200, noise(6) // 64 * 51])
-    got = np.asarray(hsv_bins(jnp.array(frame)))
-    np.testing.assert_array_equal(got, numpy_bins(frame))
-    np.testing.assert_array_equal(got, float_bins(frame))
-
-
-def test_bins_agree_for_every_24_bit_colour():
-    level = np.arange(256, dtype=np.uint8)
-    binned = jax.jit(hsv_bins)
-    for red in range(0, 256, 15):
-        frame = np.stack(np.meshgrid([red], level, level, indexing="ij"), -1).astype(np.uint8)
-        np.testing.assert_array_equal(np.asarray(binned(frame)), float_bins(frame))
 
 
 @pytest.mark.parametrize("method", ["integral", "sampled"])
@@ -240,139 +120,6 @@ def test_similarity_falls_smoothly_as_a_box_leaves_the_frame():
     at = jnp.stack([u, jnp.full_like(u, 28), jnp.ones_like(u)])
     got = log_prob_all(likelihood, observe(likelihood, frame), jnp.zeros(17, jnp.int32), at)
     np.testing.assert_allclose(got, -2 * (1 - np.sqrt(np.arange(16, -1, -1) / 16)), atol=1e-6)
-
-
-def smooth_frame():
-    """Noise blurred over about ten pixels: neighbouring pixels share bins, as in a picture."""
-    frame = noise(11, 120, 160).astype(float)
-    for axis in (0, 1):
-        for _ in range(3):
-            frame = sum(np.roll(frame, k, axis) for k in range(-2, 3)) / 5
-    frame = (frame - frame.min()) / np.ptp(frame) * 255
-    return frame.astype(np.uint8)
-
-
-def test_sampled_is_close_to_integral_but_for_a_known_bias():
-    frame, boxes = smooth_frame(), [[30, 30, 32, 42]]
-    rng = np.random.default_rng(2)
-    count = 400
-    at = [[46], [51], [1]] + np.array([[4], [4], [0.05]]) * rng.normal(size=(3, count))
-    at = jnp.array(at, jnp.float32)
-    partition = jnp.zeros(count, jnp.int32)
-
-    def distance(method, samples):
-        likelihood = histogram(frame, boxes, sharpness=1.0, method=method, samples=samples)
-        return -np.asarray(log_prob_all(likelihood, observe(likelihood, frame), partition, at))
-
-    exact = distance("integral", 16)
-    num_bins = len(np.unique(hsv_bins(frame)))
-    for samples, bound in ((16, 0.03), (32, 0.01)):
-        error = distance("sampled", samples) - exact
-        assert 0 < error.mean() < 2 * (num_bins - 1) / (8 * samples**2 / 2)
-        assert error.std() < bound
-
-
-def test_sampling_every_pixel_equals_the_integral_histogram():
-    frame = noise()
-    pair = [
-        histogram(frame, [[20, 20, 16, 16]], method=m, samples=16) for m in ("integral", "sampled")
-    ]
-    at = jnp.array([[20.0, 33, -2, 79], [30.0, 41, 3, 55], [1.0] * 4])
-    one, other = (log_prob_all(x, observe(x, frame), jnp.zeros(4, jnp.int32), at) for x in pair)
-    np.testing.assert_allclose(one, other, atol=1e-4)
-
-
-def counted_one_by_one(likelihood, frame, partition, substate):
-    """The sampled likelihood's definition, in float64 and loops."""
-    bins, references = float_bins(frame), full_references(likelihood)[partition]
-    u, v, scale, theta = (float(x) for x in substate)
-    width, height = np.asarray(likelihood.sizes, float)[partition] * scale
-    num_parts, d = len(references), likelihood.distance
-    columns, rows = -(-likelihood.samples // 2), -(-likelihood.samples // (2 * num_parts))
-    similarity = 0.0
-    for part in range(num_parts):
-        counts = np.zeros(NUM_BINS)
-        for i in range(part * rows, (part + 1) * rows):
-            for j in range(columns):
-                a = ((j + 0.5) / columns - 0.5) * width
-                b = ((i + 0.5) / (rows * num_parts) - 0.5) * height
-                x = int(np.floor(u + np.cos(theta) * a - np.sin(theta) * b - d / 2))
-                y = int(np.floor(v + np.sin(theta) * a + np.cos(theta) * b - d / 2))
-                for row, column in ((y, x), (y, x + d), (y + d, x), (y + d, x + d)):
-                    if 0 <= row < frame.shape[0] and 0 <= column < frame.shape[1]:
-                        counts[bins[row, column]] += 1
-        similarity += np.sqrt(counts / (4 * rows * columns) * references[part]).sum()
-    return -float(likelihood.sharpness) * (num_parts - similarity)
-
-
-@pytest.mark.parametrize(("parts", "samples"), [(1, 10), (2, 16), (3, 7), (1, 36)])
-def test_sampled_equals_a_count_of_its_samples_one_by_one(parts, samples, boxes):
-    frame, rng = noise(12), np.random.default_rng(3)
-    likelihood = histogram(frame, boxes, parts=parts, method="sampled", samples=samples)
-    count = 40
-    at = np.stack([
-        rng.uniform(-10, WIDTH + 10, count), rng.uniform(-10, HEIGHT + 10, count),
-        rng.uniform(0.5, 2, count), rng.uniform(-7, 7, count),
-    ])  # fmt: skip
-    partition = np.arange(count) % len(boxes)
-    with jax.enable_x64(True):
-        double = histogram(frame, boxes, parts=parts, method="sampled", samples=samples)
-        got = log_prob_all(double, observe(double, frame), jnp.array(partition), jnp.array(at))
-    single = log_prob_all(
-        likelihood, observe(likelihood, frame), jnp.array(partition), jnp.array(at, jnp.float32)
-    )
-    expected = [
-        counted_one_by_one(likelihood, frame, p, x) for p, x in zip(partition, at.T, strict=True)
-    ]
-    np.testing.assert_allclose(got, expected, atol=1e-5)
-    # In float32 a sample on the edge of a pixel may fall to its other side.
-    assert np.mean(np.abs(single - np.array(expected)) < 1e-4) > 0.9
-    np.testing.assert_allclose(single, expected, atol=2)
-
-
-def test_sampled_is_close_to_counting_every_pixel_of_a_rotated_box():
-    # The figures that articulated trackers rest on; see jaxpf/likelihoods/_sampled.py.
-    scene = scenes.make("articulated", 2, num_parts=11, num_frames=1)
-    bins, rng = float_bins(scene.frames[0]), np.random.default_rng(0)
-    part = rng.integers(0, 11, 300)
-    spread = np.array([4, 4, 0.15]) * rng.choice([0.3, 1], (300, 1))
-    poses = scene.extras["poses"][0][part] + spread * rng.normal(size=(300, 3))
-    rows, columns = np.mgrid[: bins.shape[0], : bins.shape[1]] + 0.5
-    distance = {}
-    for samples in (8, 10, 12, 16):
-        likelihood = histogram_from_patches(
-            scene.patches, sharpness=1.0, parts=1, method="sampled", samples=samples
-        )
-        at = jnp.array(np.insert(poses, 2, 1, axis=1).T, jnp.float32)
-        observation = observe(likelihood, scene.frames[0])
-        distance[samples] = -log_prob_all(likelihood, observation, jnp.array(part), at)
-    references, exact = full_references(likelihood)[:, 0], []
-    for p, (x, y, theta) in zip(part, poses, strict=True):
-        turned = (columns - x + 1j * (rows - y)) * np.exp(-1j * theta)
-        width, height = scene.sizes[p]
-        inside = (np.abs(turned.real) < width / 2) & (np.abs(turned.imag) < height / 2)
-        share = np.bincount(bins[inside], minlength=NUM_BINS) / inside.sum()
-        exact.append(1 - np.sqrt(share * references[p]).sum())
-    for samples, bias, deviation in (
-        (8, 0.03, 0.027), (10, 0.018, 0.018), (12, 0.015, 0.016), (16, 0.006, 0.011)
-    ):  # fmt: skip
-        error = distance[samples] - np.array(exact)
-        print(f"{samples} samples per side: bias {error.mean():.4f}, deviation {error.std():.4f}")
-        assert abs(error.mean()) < bias
-        assert error.std() < deviation
-
-
-def test_rotation_is_clockwise_in_the_image():
-    # A box of red over blue, turned clockwise by a right angle: red is then on the right.
-    patch = np.zeros((16, 16, 3), np.uint8)
-    patch[:8, :, 0], patch[8:, :, 2] = 255, 255
-    likelihood = histogram_from_patches([patch], method="sampled")
-    frame = np.zeros((40, 40, 3), np.uint8)
-    frame[:, 20:, 0], frame[:, :20, 2] = 255, 255
-    observation = observe(likelihood, frame)
-    right = log_prob(likelihood, observation, 0, jnp.array([20.0, 20.0, 1.0, np.pi / 2]))
-    wrong = log_prob(likelihood, observation, 0, jnp.array([20.0, 20.0, 1.0, -np.pi / 2]))
-    np.testing.assert_allclose([right, wrong], [0, -20 * 2], atol=1e-4)
 
 
 @pytest.mark.parametrize("method", ["integral", "sampled"])

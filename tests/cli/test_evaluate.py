@@ -6,37 +6,18 @@ import subprocess
 import sys
 import tomllib
 
-import cv2
 import jax
 import numpy as np
 import pytest
 from command_line import jaxpf
-from small_evaluation import PARAMETERS, PARTICLES, small_scene
+from small_evaluation import PARAMETERS, PARTICLES
+from small_sequence_folder import SMALL, write_sequence
 
 from jaxpf.evaluation import Results, report
 
 WRITTEN = ["report.html", "results.csv", "summary.csv", "summary.md", "summary.tex", "run.toml"]
-SMALL = [text for name, value in PARAMETERS.items() for text in ("--set", f"{name}={value}")]
 #: Every successful evaluation has these shapes, so that the filter is compiled once.
 COMMON = ("--methods", "sir,ps", "-n", PARTICLES, "--scale", "1,1,.001", "--runs", "4")
-
-
-def write_sequence(folder):
-    """The small scene as a folder with pictures and truth."""
-    scene = small_scene()
-    folder.mkdir()
-    rows = ["frame,id,x,y,w,h,occ"]
-    for number, (frame, boxes) in enumerate(zip(scene.frames, scene.boxes, strict=True)):
-        cv2.imwrite(str(folder / f"{number:04d}.png"), frame[..., ::-1])
-        for identity, box in zip((7, 3), boxes, strict=True):
-            rows.append(f"{number},{identity},{','.join(map(str, box))},0")
-    (folder / "gt.csv").write_text("\n".join(rows) + "\n")
-    height, width = scene.frames.shape[1:3]
-    (folder / "meta.json").write_text(
-        f'{{"name": "two", "frames": "%04d.png", "n_frames": {len(scene.frames)}, '
-        f'"width": {width}, "height": {height}, "fps": 25}}'
-    )
-    return folder
 
 
 @pytest.fixture(scope="module", autouse=True)

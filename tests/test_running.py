@@ -237,6 +237,7 @@ def test_an_empty_batch_is_refused():
         jaxpf.monte_carlo(tracker(), keys, FRAMES, batch_size=0)
 
 
+@pytest.mark.slow
 def test_devices_share_the_runs_bit_for_bit():
     # In a process of its own: the number of host devices is fixed when JAX is first used.
     program = """

@@ -45,7 +45,7 @@ def mean_corner_distance(scene, summary):
     return float(np.mean(np.linalg.norm(corners - scene.extras["corners"][1:], axis=-1)))
 
 
-@pytest.mark.parametrize("dynamics", ["relative", "absolute"])
+@pytest.mark.parametrize("dynamics", [pytest.param("relative", marks=pytest.mark.slow), "absolute"])
 def test_every_ordering_follows_the_object(scene, likelihood, dynamics):
     orderings = {"ps": ordering_of_parts("ps", TREE)}
     orderings |= {swap: ordering_of_parts("sps", TREE, swap=swap) for swap in SWAPS}

@@ -243,6 +243,7 @@ def test_sequences_take_turns():
     assert np.std(turns) > 5 * np.std(together)
 
 
+@pytest.mark.slow
 def test_the_curvature_gives_the_error_of_the_kalman_information():
     """Observed information of log scale, against second differences of the exact evidence."""
     sequences = [made_sequence(seed, num_frames=8) for seed in range(12)]
@@ -386,6 +387,7 @@ def test_the_comparison_pairs_runs_and_names_its_unit():
         compare([held_out], runs=1)
 
 
+@pytest.mark.slow
 def test_traces_are_drawn():
     from jaxpf.tuning.plot import traces
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf.filters.partitioned import exchange
+from jaxpf.filters.partitioned import exchange, ordering
 from jaxpf.lowering.threefry import written_out
 
 #: Particles 0 to 7 in three groups, told by the particle's part of the level above.
@@ -15,6 +15,7 @@ ANCESTORS = np.array([6, 0, 1, 0, 3, 0, 5, 4])
 DRAWS = 40_000
 #: Of some hundred frequencies none is off by more, but once in ten thousand times.
 SIGMAS = 5.0
+COMBINATORIAL = jnp.int32(ordering.SWAPS.index("combinatorial"))
 
 
 def layout(group):
@@ -34,18 +35,27 @@ def layout(group):
     )
 
 
+def weigh(log_probs, groups, is_root=False):
+    """Factors ``[N]`` of the combinatorial rule, and the offer that a draw needs."""
+    key, lineage = jax.random.key(0), groups.order  # which the other rules use
+    log_probs = jnp.asarray(log_probs)
+    return exchange.weigh(key, COMBINATORIAL, log_probs, groups, lineage, jnp.bool_(is_root))
+
+
+def draw(key, offer, groups, slots, is_root=False):
+    key = written_out(key)
+    return exchange.draw(key, COMBINATORIAL, offer, groups, slots, jnp.bool_(is_root))
+
+
 def draws(likelihood=LIKELIHOOD, group=GROUP, ancestors=ANCESTORS, count=DRAWS, seed=0):
     """Givers ``[count, N]`` and groups of as many draws of one part, and the slots' order."""
     with np.errstate(divide="ignore"):
-        log_probs = jnp.asarray(np.log(likelihood))
+        log_probs = np.log(likelihood)
     groups, slots = layout(np.asarray(group)), exchange.families(jnp.asarray(ancestors))
-    _, share = exchange._weigh_groups(log_probs, groups)
-
-    def one(key):
-        return exchange._draw_from_groups(written_out(key), share, groups, slots)
-
-    # Compiled as one, and anew each time: some tests change what is called.
-    giver, shared = jax.jit(jax.vmap(one))(jax.random.split(jax.random.key(seed), count))
+    _, offer = weigh(log_probs, groups)
+    # Compiled as one, and anew each time: one test changes what is called.
+    many = jax.jit(jax.vmap(lambda key: draw(key, offer, groups, slots)))
+    giver, shared = many(jax.random.split(jax.random.key(seed), count))
     return np.asarray(giver), jax.tree.map(np.asarray, shared), np.asarray(slots.ancestors)
 
 
@@ -73,18 +83,18 @@ def joint(first, second):
 def test_the_factor_is_the_mean_of_the_group():
     groups = layout(GROUP)
     with np.errstate(divide="ignore"):
-        factor, _ = exchange._weigh_groups(jnp.asarray(np.log(LIKELIHOOD)), groups)
+        factor, _ = weigh(np.log(LIKELIHOOD), groups)
     mean = [LIKELIHOOD[group == GROUP].mean() for group in GROUP]
     np.testing.assert_allclose(np.exp(factor), mean, rtol=1e-6)
 
 
 def test_a_group_far_below_the_others_keeps_its_factor_and_a_dead_one_has_none():
     log_probs = np.array([-1000.0, 0.0, -1001.0, -np.inf, 0.0, -1000.0, -1000.0, 0.0])
-    factor, share = exchange._weigh_groups(jnp.asarray(log_probs), layout(GROUP))
+    factor, offer = weigh(log_probs, layout(GROUP))
     mean = -1000 + np.log((3 + np.exp(-1)) / 4)
     np.testing.assert_allclose(np.asarray(factor)[[0, 2, 5, 6]], mean, rtol=1e-6)
     assert np.asarray(factor)[3] == -np.inf
-    assert np.all(np.isfinite(share))
+    assert np.all(np.isfinite(offer.share))
 
 
 def test_a_slot_draws_from_its_ancestors_group_in_proportion_to_the_likelihood():
@@ -113,7 +123,6 @@ def test_the_offset_is_what_makes_them_so(monkeypatch):
         return original(key, shape, dtype).at[1].set(0)
 
     monkeypatch.setattr(jax.random, "bits", without_offset)
-    monkeypatch.setattr(exchange, "_GOLDEN", np.uint32(0))
     giver, _, ancestors = draws()
     hits = (giver[..., None] == np.arange(8)).mean(axis=0)
     assert worst_score(hits, law(LIKELIHOOD, GROUP)[ancestors]) > 4 * SIGMAS
@@ -131,33 +140,17 @@ def test_who_draws_the_same_part_forms_a_group():
             assert last[place] == members[-1] == members[0] + len(members) - 1
 
 
-@pytest.mark.parametrize("num_particles", [1, 2, 3, 50, 200, 4096, 5000, 70_000])
-def test_strides_visit_every_place_of_a_group_once(num_particles):
-    strides = np.asarray(exchange._strides(num_particles))
-    largest = int(strides.max()) * (num_particles - 1) + num_particles
-    assert strides.min() >= 1
-    assert largest <= 2**24
-    if num_particles <= 2000:
-        assert np.all(strides > num_particles)
-    else:
-        # Where a prime may divide a group's size, the draw uses 1 in its place.
-        assert all(all(p % d for d in range(2, int(p**0.5) + 1)) for p in strides.tolist())
-
-
-def test_a_stride_that_divides_a_groups_size_is_not_taken(monkeypatch):
-    monkeypatch.setattr(exchange, "_strides", lambda num_particles: jnp.array([5]))
-    everyone = np.zeros(10, int)
-    _, shared, _ = draws(np.ones(10), everyone, np.arange(10), count=20)
-    np.testing.assert_array_equal(np.sort(shared.position, axis=1), [range(10)] * 20)
-
-
-def test_modulo_is_that_of_python():
-    rng = np.random.default_rng(0)
-    divisors = rng.integers(1, 5000, 100_000)
-    numbers = rng.integers(0, 2**24, 100_000)
-    numbers[:1000] = divisors[:1000] * rng.integers(0, 3000, 1000)  # exact multiples
-    found = exchange._modulo(jnp.asarray(numbers, jnp.int32), jnp.asarray(divisors, jnp.int32))
-    np.testing.assert_array_equal(found, numbers % divisors)
+@pytest.mark.parametrize("num_particles", [1, 200, 5000, 69_300])
+def test_every_slot_takes_another_place_of_its_group(num_particles):
+    """Equal parts are given away once each, also where small primes divide the group's size."""
+    numbers = np.arange(num_particles)
+    groups, slots = layout(np.zeros(num_particles, int)), exchange.families(jnp.asarray(numbers))
+    _, offer = weigh(np.zeros(num_particles, np.float32), groups)
+    one = jax.jit(lambda key: draw(key, offer, groups, slots))
+    for key in jax.random.split(jax.random.key(0), 40):
+        giver, shared = one(key)
+        np.testing.assert_array_equal(np.sort(giver), numbers)
+        np.testing.assert_array_equal(np.sort(shared.position), numbers)
 
 
 def test_families_bring_ancestors_in_order():
@@ -172,14 +165,15 @@ def test_families_bring_ancestors_in_order():
 
 def test_roots_are_one_group_of_all():
     """The short way for roots gives what the general one gives for a single group."""
-    log_probs = jnp.asarray(np.log(LIKELIHOOD + 0.1))
+    log_probs = np.log(LIKELIHOOD + 0.1)
     everyone = layout(np.zeros(8, int))
     slots = exchange.families(jnp.asarray(ANCESTORS))
-    factor, share = exchange._weigh_all(log_probs)
-    expected_factor, expected_share = exchange._weigh_groups(log_probs, everyone)
-    np.testing.assert_allclose(factor, expected_factor, rtol=1e-6)
-    np.testing.assert_allclose(share, expected_share, rtol=1e-6)
+    found, expected = (weigh(log_probs, everyone, is_root=root) for root in (True, False))
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-6), found, expected)
     keys = jax.random.split(jax.random.key(0), 20)
-    short = jax.jit(jax.vmap(lambda key: exchange._draw_from_all(key, share)))
-    general = jax.jit(jax.vmap(lambda key: exchange._draw_from_groups(key, share, everyone, slots)))
-    jax.tree.map(np.testing.assert_array_equal, short(keys), general(keys))
+    offer = found[1]
+    short, general = (
+        jax.jit(jax.vmap(lambda key, root=root: draw(key, offer, everyone, slots, root)))(keys)
+        for root in (True, False)
+    )
+    jax.tree.map(np.testing.assert_array_equal, short, general)

@@ -56,6 +56,7 @@ def test_soft_selection_leaves_a_dead_component_dead():
     assert np.isneginf(mixed[2:]).all()
 
 
+@pytest.mark.slow
 def test_transport_blends_to_equal_weights_and_keeps_the_mean():
     pytest.importorskip("ott", reason="needs jaxpf[transport]")
     from jaxpf.filters.partitioned import transport

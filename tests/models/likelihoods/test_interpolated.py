@@ -78,7 +78,7 @@ CASES = [("integral", 3), ("sampled", 3), ("sampled", 4), ("patch", 3), ("patch"
 
 
 @pytest.mark.parametrize(("kind", "dimension"), CASES)
-@pytest.mark.parametrize("form", ["exponential", "ratio"])
+@pytest.mark.parametrize("form", ["exponential", pytest.param("ratio", marks=pytest.mark.slow)])
 def test_the_gradient_in_position_scale_and_angle_matches_finite_differences(kind, dimension, form):
     if kind == "patch" and form == "ratio":
         pytest.skip("the patch likelihood has one form")
@@ -261,6 +261,7 @@ def evidence_of(scene, form, sharpness):
     return np.array([evidence(float(s)) for s in sharpness])
 
 
+@pytest.mark.slow
 def test_the_evidence_has_a_maximum_in_the_sharpness_where_it_is_normalised():
     scene = scenes.make("distracter", seed=0)
     sharpness = np.geomspace(0.1, 1000, 13)

@@ -14,7 +14,8 @@ from typing import Any
 from scenes.articulated import ArticulatedParameters, articulated_scene
 from scenes.benchmark_clips import read_mot, read_otb
 from scenes.clips import Clip, cut_patch, read_clip
-from scenes.distracter import DistracterParameters, distracter_scene
+from scenes.distracter import distracter_scene
+from scenes.distracter_parameters import DistracterParameters
 from scenes.scene import Scene, SceneError
 from scenes.sequences import (
     call_scene,

@@ -17,7 +17,7 @@ HEADLINE = tuple(
     by_name(name)
     for name in (
         *("success", "recovered", "precision", "recall", "overlap"),
-        *("centre_error", "uniqueness"),
+        *("centre_error", "corner_error", "uniqueness"),
     )
 )
 #: Measures that a terminal of 120 columns has room for.

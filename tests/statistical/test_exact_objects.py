@@ -10,7 +10,7 @@ from exact import LIMIT, OBJECTS, WRONG, objects, record_runs, scores, scores_of
 
 from jaxpf.filters.partitioned import ordering
 
-pytestmark = [pytest.mark.statistical, pytest.mark.slow]
+pytestmark = pytest.mark.statistical
 
 
 @pytest.mark.parametrize(

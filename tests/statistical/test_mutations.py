@@ -1,6 +1,7 @@
 """Known faults, planted one at a time: each must throw the z-scores far out.
 
-So the exactness tests are shown to see these faults.  A mutated kernel is traced through a
+So the exactness tests are shown to see these faults; a few of them stand in the quick part.
+A mutated kernel is traced through a
 new function, because a compiled one would hide the mutation.
 """
 
@@ -31,7 +32,7 @@ from jaxpf import running
 from jaxpf.filters import resampling
 from jaxpf.filters.partitioned import exchange, kernel, ordering
 
-pytestmark = [pytest.mark.statistical, pytest.mark.slow]
+pytestmark = pytest.mark.statistical
 
 
 def mutant_scores(exact, order, **settings):
@@ -65,6 +66,7 @@ def test_kills_the_inverse_of_rho_dropped(monkeypatch):
     assert mutant_scores(problem(TREE), ordering.ps([0, 1, 2])).worst > WRONG
 
 
+@pytest.mark.slow
 def test_kills_the_inverse_of_n_dropped(monkeypatch):
     def weigh(chosen, right, log_weights, components):
         return right + jnp.log(components.size[components.index])
@@ -73,6 +75,7 @@ def test_kills_the_inverse_of_n_dropped(monkeypatch):
     assert mutant_scores(problem(TREE), ordering.ps([0, 1, 2])).worst > WRONG
 
 
+@pytest.mark.slow
 def test_kills_rho_normalised_across_components(monkeypatch):
     def weigh(chosen, right, log_weights, components):
         total = jax.nn.logsumexp(log_weights) - jnp.log(log_weights.shape[0])
@@ -106,6 +109,7 @@ def _sharing(giver):
     )
 
 
+@pytest.mark.slow
 def test_kills_a_redraw_from_the_resampled_set(monkeypatch):
     """Candidates must be the particles before the resampling, not their offspring."""
 
@@ -123,6 +127,7 @@ def test_kills_a_redraw_from_the_resampled_set(monkeypatch):
     assert found.worst > WRONG
 
 
+@pytest.mark.slow
 def test_kills_a_swap_that_leaves_the_past_of_descendants_behind(monkeypatch):
     """On a single-root tree this fault is none: a group shares its past there."""
 
@@ -137,6 +142,7 @@ def test_kills_a_swap_that_leaves_the_past_of_descendants_behind(monkeypatch):
     assert scores(exact, ordering.sps(FOREST)).worst > WRONG
 
 
+@pytest.mark.slow
 def test_kills_a_swap_that_leaves_the_lags_of_the_part_behind(monkeypatch):
     original = kernel.finish
 

@@ -16,7 +16,7 @@ from jaxpf.filters.partitioned import ordering
 from jaxpf.models.likelihoods.gaussian import Gaussian
 from jaxpf.pytree import pytree_dataclass
 
-pytestmark = [pytest.mark.statistical, pytest.mark.slow]
+pytestmark = pytest.mark.statistical
 
 METHODS = {
     "sir": ordering.sir(3),
@@ -26,6 +26,7 @@ METHODS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_stop_gradient_is_unbiased_on_a_part_tree(method, record_property):
     found = gradients(problem(TREE), METHODS[method], gradient="stop_gradient")
@@ -34,6 +35,7 @@ def test_stop_gradient_is_unbiased_on_a_part_tree(method, record_property):
     assert found.worst < LIMIT
 
 
+@pytest.mark.slow
 def test_stop_gradient_is_unbiased_where_roots_are_exchanged(record_property):
     """The past of an object must bring its derivative along: groups here have many pasts."""
     exact = problem((-1, -1), transition=0.7, lag=0.3, initial_scale=1.0)
@@ -66,6 +68,7 @@ class CorrectedAtTheEnd:
         return jnp.sum(right.log_prob_all(observation, every, substates.T))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["adaptive and tempered", "log_joint"])
 def test_stop_gradient_is_unbiased_where_weights_stay_unequal(part, record_property):
     exact, settings = problem(TREE), {}
@@ -89,7 +92,13 @@ VARIATIONS = {
 }
 
 
-@pytest.mark.parametrize("variation", VARIATIONS)
+@pytest.mark.parametrize(
+    "variation",
+    [
+        name if name in ("stop_gradient", "none") else pytest.param(name, marks=pytest.mark.slow)
+        for name in VARIATIONS
+    ],
+)
 def test_bias_of_every_variation_on_one_partition(variation, record_property):
     settings, unbiased = VARIATIONS[variation]
     if variation == "transport":

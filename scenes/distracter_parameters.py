@@ -1,0 +1,135 @@
+"""What the distracter scene is made of, and what of it the paper fixes."""
+
+import dataclasses
+import math
+from typing import Literal
+
+from scenes.scene import SceneError
+
+
+@dataclasses.dataclass(frozen=True)
+class DistracterParameters:
+    """What the distracter scene is made of; "paper" marks what smith2004 fixes.
+
+    Lengths are in pixels, colours in grey levels of 0 to 255, angles in degrees, and frames are
+    counted from 1, as in the paper.
+
+    Attributes:
+        num_frames: length of the sequence (paper: 25).
+        frame_width: width of a frame (paper: 360).
+        frame_height: height of a frame (paper: 288).
+        fps: frames per second; it only matters to a player.
+        num_objects: number of objects, the distracter not counted (paper: 7).
+        object_width: width of every object (the paper's real templates are 32 wide).
+        object_height: height of every object (the paper's real templates are 33 to 42 high).
+        motion_scale: standard deviation of the motion noise in u and in v per frame (paper: 3).
+        momentum: b in x_t = x_{t-1} + b (x_{t-1} - x_{t-2}) + motion_scale * n (paper: .5).
+        start_jitter: objects start at rest in cells of a grid, in shuffled order, each up to this
+            share of its cell's free room away from the centre of its cell.
+        separation: smallest gap between the boxes of two objects, in every frame; a trajectory
+            that comes nearer is drawn again, and so is one that leaves the frame.  So the motion
+            is AR2 *given* that objects stay apart and in view.
+        frame_margin: smallest gap between a box and the border of the frame.
+        appear_frame: first frame with the distracter, exactly over object 1 (paper: 3).
+        vanish_frame: first frame without it (paper: it "disappears in frame 9").
+        lead_distance: distance between the centres of the distracter and of object 1 in the last
+            frame that shows the distracter.  It goes there in a straight line, at constant speed.
+            The faster it is, the fewer trackers follow it, and the further, the fewer return.
+        lead_direction: where the distracter ends, seen from object 1: 0 right, 90 down; ``None``
+            takes the side that object 1 has come from, so that the two part.
+        leader_travel: object 1's trajectory is drawn again until its displacement while the
+            distracter is shown is at least this long: it "re-emerges" elsewhere, with the
+            "quicker motion" that the paper mentions.
+        departure: object 1's trajectory is drawn again until its centre ends at least this far from
+            the place where the distracter vanished, so that only a tracker that follows it meets it
+            in the last frame.
+        likeness: share of the distracter's cells that have object 1's colours, in each half; the
+            other cells have a colour that object 1 has not.  At 1 the two are alike, at 0 they
+            share no colour.
+        template_from_distracter: share of the cells of object 1's reference patch that are taken
+            from the distracter, the others from object 1 itself (paper: 1, all of them).
+        cell_size: objects are mosaics of square cells with this side.
+        accent_share: share of the cells of each half that have the half's second colour.
+        saturation: saturation of the objects' colours, 0 to 1.
+        brightness: value (in HSV) of the objects' colours, 0 to 1.
+        object_noise: standard deviation of the normal noise on the objects' pixels, drawn anew in
+            every frame, and once for the reference patches.
+        background_mean: mean of the background.
+        background_noise: standard deviation of the background's normal noise, independent in
+            each channel.
+        background_grain: side of the squares that share one value of the background noise.
+        background_change: "never" keeps one background, "every frame" draws it anew.
+    """
+
+    num_frames: int = 25
+    frame_width: int = 360
+    frame_height: int = 288
+    fps: float = 25.0
+    num_objects: int = 7
+    object_width: int = 32
+    object_height: int = 42
+    motion_scale: float = 3.0
+    momentum: float = 0.5
+    start_jitter: float = 0.5
+    separation: float = 6.0
+    frame_margin: float = 2.0
+    appear_frame: int = 3
+    vanish_frame: int = 9
+    lead_distance: float = 45.0
+    lead_direction: float | None = None
+    leader_travel: float = 15.0
+    departure: float = 0.0
+    likeness: float = 0.6
+    template_from_distracter: float = 1.0
+    cell_size: int = 4
+    accent_share: float = 0.3
+    saturation: float = 0.8
+    brightness: float = 0.8
+    object_noise: float = 12.0
+    background_mean: float = 128.0
+    background_noise: float = 45.0
+    background_grain: int = 1
+    background_change: Literal["never", "every frame"] = "never"
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            self._check_kind(field.name, field.type)
+        for name in (
+            *("num_frames", "frame_width", "frame_height", "fps", "num_objects"),
+            *("object_width", "object_height", "cell_size", "background_grain"),
+        ):
+            self._require(name, getattr(self, name) > 0, "must be above 0")
+        for name in (
+            *("motion_scale", "separation", "frame_margin", "lead_distance", "leader_travel"),
+            *("departure", "object_noise", "background_noise"),
+        ):
+            self._require(name, getattr(self, name) >= 0, "must not be negative")
+        for name in (
+            *("start_jitter", "likeness", "template_from_distracter"),
+            *("accent_share", "saturation", "brightness"),
+        ):
+            self._require(name, 0 <= getattr(self, name) <= 1, "must lie between 0 and 1")
+        self._require("object_height", self.object_height >= 2, "must leave room for two halves")
+        self._require("appear_frame", self.appear_frame >= 1, "counts frames from 1")
+        self._require(
+            "vanish_frame",
+            self.vanish_frame > self.appear_frame,
+            f"must come after appear_frame = {self.appear_frame}",
+        )
+        self._require(
+            "background_change",
+            self.background_change in ("never", "every frame"),
+            'must be "never" or "every frame"',
+        )
+
+    def _check_kind(self, name: str, kind: object) -> None:
+        value = getattr(self, name)
+        is_real = isinstance(value, int | float) and not isinstance(value, bool)
+        if kind is int:
+            self._require(name, is_real and isinstance(value, int), "must be a whole number")
+        elif kind is float or (kind == float | None and value is not None):
+            self._require(name, is_real and math.isfinite(value), "must be a finite number")
+
+    def _require(self, name: str, holds: bool, remedy: str) -> None:
+        if not holds:
+            raise SceneError(f"distracter scene: {name} = {getattr(self, name)!r} {remedy}")

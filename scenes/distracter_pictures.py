@@ -1,0 +1,117 @@
+"""Pictures of the distracter scene: mosaics of four hues, pasted over a background of noise."""
+
+import cv2
+import numpy as np
+
+from scenes.distracter_parameters import DistracterParameters
+
+
+def paint_textures(
+    parameters: DistracterParameters, rng: np.random.Generator
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """Every object's look ``[h, w, 3]`` float, and the distracter's.
+
+    A half shows two hues.  The halves of an object and the objects differ in their hues, so that
+    a histogram of the top and one of the bottom tell all of them apart.
+    """
+    textures = []
+    for number in range(parameters.num_objects):
+        hue = number / parameters.num_objects
+        is_accent = choose_cells(parameters, parameters.accent_share, rng)
+        textures.append(_paint(parameters, is_accent, (hue, hue + 0.45), (hue + 0.12, hue + 0.6)))
+    is_foreign = choose_cells(parameters, 1 - parameters.likeness, rng)
+    foreign = _paint(parameters, is_foreign, (0.25, 0.8), (0.25, 0.8))
+    return textures, np.where(is_foreign[..., None], foreign, textures[0])
+
+
+def draw_frames(
+    parameters: DistracterParameters,
+    boxes: np.ndarray,
+    textures: list[np.ndarray],
+    distracter_boxes: np.ndarray,
+    distracter_texture: np.ndarray,
+    background_rng: np.random.Generator,
+    pixel_rng: np.random.Generator,
+) -> np.ndarray:
+    """``[T, H, W, 3]`` uint8: background, objects, and the distracter on top."""
+    background = _draw_background(parameters, background_rng)
+    frames = []
+    for frame in range(parameters.num_frames):
+        if parameters.background_change == "every frame" and frame > 0:
+            background = _draw_background(parameters, background_rng)
+        picture = background.copy()
+        for number, texture in enumerate(textures):
+            _paste(picture, boxes[frame, number], texture, parameters, pixel_rng)
+        if not np.isnan(distracter_boxes[frame, 0]):
+            _paste(picture, distracter_boxes[frame], distracter_texture, parameters, pixel_rng)
+        frames.append(picture)
+    return np.stack(frames)
+
+
+def choose_cells(
+    parameters: DistracterParameters, share: float, rng: np.random.Generator
+) -> np.ndarray:
+    """``[h, w]`` bool: the same share of the cells of each half, scattered."""
+    size = parameters.cell_size
+    columns = -(-parameters.object_width // size)
+    chosen = []
+    for height in np.bincount(_is_bottom(parameters).astype(int)):
+        rows = -(-int(height) // size)
+        cells = np.arange(rows * columns) < round(share * rows * columns)
+        grid = rng.permutation(cells).reshape(rows, columns)
+        half = np.kron(grid, np.ones((size, size), dtype=bool))
+        chosen.append(half[:height, : parameters.object_width])
+    return np.concatenate(chosen).astype(bool)
+
+
+def with_noise(picture: np.ndarray, scale: float, rng: np.random.Generator) -> np.ndarray:
+    """``picture`` with normal noise on every channel, rounded to uint8."""
+    noisy = picture + scale * rng.standard_normal(picture.shape)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+
+
+def _paint(
+    parameters: DistracterParameters,
+    is_accent: np.ndarray,
+    main_hues: tuple[float, float],
+    accent_hues: tuple[float, float],
+) -> np.ndarray:
+    """A patch ``[h, w, 3]`` in four hues (0 to 1): the top's and the bottom's, main and accent."""
+    is_bottom = _is_bottom(parameters)[:, None]
+    hues = np.where(
+        is_accent,
+        np.where(is_bottom, accent_hues[1], accent_hues[0]),
+        np.where(is_bottom, main_hues[1], main_hues[0]),
+    )
+    hsv = np.empty((*hues.shape, 3), np.float32)
+    hsv[..., 0] = 360 * (hues % 1)
+    hsv[..., 1] = parameters.saturation
+    hsv[..., 2] = parameters.brightness
+    return 255.0 * cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB)
+
+
+def _is_bottom(parameters: DistracterParameters) -> np.ndarray:
+    return np.arange(parameters.object_height) >= parameters.object_height // 2
+
+
+def _draw_background(parameters: DistracterParameters, rng: np.random.Generator) -> np.ndarray:
+    grain = parameters.background_grain
+    rows, columns = -(-parameters.frame_height // grain), -(-parameters.frame_width // grain)
+    mean = np.full((rows, columns, 3), parameters.background_mean)
+    coarse = with_noise(mean, parameters.background_noise, rng)
+    fine = coarse.repeat(grain, axis=0).repeat(grain, axis=1)
+    return fine[: parameters.frame_height, : parameters.frame_width]
+
+
+def _paste(
+    picture: np.ndarray,
+    box: np.ndarray,
+    texture: np.ndarray,
+    parameters: DistracterParameters,
+    rng: np.random.Generator,
+) -> None:
+    """Draw one object in place.  It lies within the frame: the layout has seen to that."""
+    left, top = np.floor(box[:2] + 0.5).astype(int)
+    height, width = texture.shape[:2]
+    noisy = with_noise(texture, parameters.object_noise, rng)
+    picture[top : top + height, left : left + width] = noisy

@@ -1,0 +1,323 @@
+"""``jaxpf evaluate``: what it writes, that it continues, and what it says to a mistake."""
+
+import csv
+import os
+import subprocess
+import sys
+import tomllib
+
+import jax
+import numpy as np
+import pytest
+from command_line import jaxpf
+from small_evaluation import PARAMETERS, PARTICLES
+from small_sequence_folder import SMALL, write_sequence
+
+from jaxpf.evaluation import Results, report
+
+WRITTEN = ["report.html", "results.csv", "summary.csv", "summary.md", "summary.tex", "run.toml"]
+#: Every successful evaluation has these shapes, so that the filter is compiled once.
+COMMON = ("--methods", "sir,ps", "-n", PARTICLES, "--scale", "1,1,.001", "--runs", "4")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def started_jax():
+    """Too late for --devices to change them for the tests that follow."""
+    jax.devices()
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with a recorded sequence and other trackers' results."""
+    folder = tmp_path_factory.mktemp("evaluate")
+    write_sequence(folder / "two")
+    rows = (folder / "two" / "gt.csv").read_text().replace(",occ", "").splitlines()
+    (folder / "theirs.csv").write_text("\n".join(row.removesuffix(",0") for row in rows))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(place):
+    """One evaluation of a synthetic scene: its outcome and its folder."""
+    output = place / "whole"
+    outcome = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "-o", output)
+    assert outcome.code == 0, outcome.err
+    return outcome, output
+
+
+@pytest.fixture
+def short_report(monkeypatch):
+    """A report has tests of its own, and takes seconds."""
+
+    def write(results, tables):
+        (results.folder / "report.html").write_text(f"{len(tables.summaries)} configurations")
+
+    monkeypatch.setattr(report, "write_report", write)
+
+
+def test_it_shows_the_plan_first_then_the_tables_and_writes_everything(whole):
+    outcome, output = whole
+    plan, tables = outcome.out.index("Plan"), outcome.out.index("all objects")
+    assert plan < tables
+    assert "distracter: 2 objects, 9 frames after the start frame 0, 40 x 30" in outcome.out
+    assert "12 runs to do: about " in outcome.out
+    assert f"particles {PARTICLES}" in outcome.out
+    for name in WRITTEN:
+        assert (output / name).stat().st_size > 0, name
+        assert name in outcome.out
+    with open(output / "results.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 3 * 4 * 2  # configurations, runs, objects
+    assert {row["ordering"] for row in rows if row["method"] == "PS"} == {"12", "21"}
+    assert "left 0:00:00" in outcome.err  # the progress bar
+    assert "12/12" in outcome.err
+
+
+def test_a_second_call_prints_the_same_and_does_nothing(whole):
+    first, output = whole
+    before = {path: path.stat().st_mtime_ns for path in output.rglob("*")}
+    again = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "-o", output)
+    assert again.code == 0
+    assert again.out == first.out[first.out.index("all objects") :]
+    assert {path: path.stat().st_mtime_ns for path in output.rglob("*")} == before
+    dry = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "-o", output, "--dry-run")
+    assert dry.out == f"{output}/: finished, nothing left to do\n"
+
+
+def test_a_second_call_does_not_need_jax(whole):
+    _, output = whole
+    arguments = list(map(str, ["evaluate", "distracter", *SMALL, *COMMON, "-o", output]))
+    code = (
+        f"import sys; from jaxpf import cli; cli.main({arguments!r}); print('jax' in sys.modules)"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, check=True
+    )
+    assert ran.stdout.splitlines()[-1] == "False"
+
+
+def test_a_report_that_is_missing_is_written_again_without_running(whole, short_report):
+    _, output = whole
+    batches = {path: path.stat().st_mtime_ns for path in (output / "batches").iterdir()}
+    (output / "summary.md").unlink()
+    again = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "-o", output)
+    assert again.code == 0
+    assert "Plan" not in again.out
+    assert (output / "summary.md").exists()
+    assert {path: path.stat().st_mtime_ns for path in (output / "batches").iterdir()} == batches
+
+
+def test_run_toml_repeats_the_evaluation(whole, tmp_path, short_report):
+    _, output = whole
+    options = tomllib.loads((output / "run.toml").read_text())["evaluate"]
+    assert options["scene"] == "distracter"
+    assert options["methods"] == "sir,ps"
+    assert options["scale"] == [[1.0, 1.0, 0.001]]
+    assert "output" not in options
+    again = jaxpf("evaluate", "--config", output / "run.toml", "-o", tmp_path / "again")
+    assert again.code == 0, again.err
+    first, second = Results.open(output), Results.open(tmp_path / "again")
+    for one, other in zip(first.configurations, second.configurations, strict=True):
+        (left,), (right,) = first.batches(one), second.batches(other)
+        np.testing.assert_array_equal(left.boxes, right.boxes)
+    assert (output / "run.toml").read_text() == (tmp_path / "again" / "run.toml").read_text()
+
+
+def test_more_runs_continue_and_the_report_follows(whole, short_report):
+    _, output = whole
+    more = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "--runs", "6", "-o", output)
+    assert more.code == 0, more.err
+    assert "6 runs to do" in more.out
+    assert [Results.open(output).finished(c) for c in Results.open(output).configurations] == [
+        6
+    ] * 3
+    with open(output / "results.csv", newline="") as file:
+        assert len(list(csv.DictReader(file))) == 3 * 6 * 2
+    fewer = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "-o", output)
+    assert fewer.code == 2
+    assert "was begun with runs = 6, now 4" in fewer.err
+
+
+def test_a_recorded_sequence_with_another_trackers_results(
+    place, tmp_path, monkeypatch, short_report
+):
+    monkeypatch.chdir(place)
+    outcome = jaxpf(
+        *("evaluate", "two", *COMMON, "--methods", "ps", "--orders", "2,1", "--ids", "3,7"),
+        *("--tracks", "theirs=theirs.csv", "-o", tmp_path / "out"),
+    )
+    assert outcome.code == 0, outcome.err
+    results = Results.open(tmp_path / "out")
+    assert results.object_ids == (3, 7)
+    assert [c.label for c in results.configurations] == ["PS 21", "theirs"]
+    (batch,) = results.batches(results.configurations[1])
+    np.testing.assert_allclose(batch.boxes[0], results.truth, rtol=1e-6)
+    options = tomllib.loads((tmp_path / "out" / "run.toml").read_text())["evaluate"]
+    assert options["scene"] == str((place / "two").resolve())
+    assert options["tracks"] == [f"theirs={(place / 'theirs.csv').resolve()}"]
+
+
+def test_a_users_function_makes_a_scene(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(
+        "import scenes\n"
+        "def small(seed, num_frames):\n"
+        f"    parameters = {PARAMETERS} | {{'num_frames': num_frames}}\n"
+        "    return scenes.make('distracter', seed=seed, **parameters)\n"
+    )
+    outcome = jaxpf(*("evaluate", "mine.py:small", "--set", "num_frames=10", *COMMON, "--dry-run"))
+    assert outcome.code == 0, outcome.err
+    assert "distracter: 2 objects, 9 frames" in outcome.out
+    assert sorted(os.listdir(tmp_path)) in (["mine.py"], ["__pycache__", "mine.py"])
+
+
+def test_a_dry_run_shows_the_plan_of_a_grid_and_writes_nothing(place, tmp_path):
+    outcome = jaxpf(
+        *("evaluate", "distracter", *SMALL, "-n", "100,200", "--sharpness", "20,30", "--runs", "9"),
+        *("--tracks", f"theirs={place / 'theirs.csv'}", "-o", tmp_path / "out", "--dry-run"),
+    )
+    assert outcome.code == 0, outcome.err
+    table = {line.split()[1]: line for line in outcome.out.splitlines() if line.startswith("│")}
+    assert "8 x 9" in table["PS"]
+    assert "12 21" in table["PS"]
+    assert "4 x 9" in table["DPS"]
+    assert "1 x 1" in table["theirs"]
+    assert "20 30" in table["SIR"]
+    assert f"{9 * (4 + 8 + 4 + 4) + 1} runs to do" in outcome.out
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture
+def refuse(tmp_path, monkeypatch):
+    """Evaluate, and get the one sentence of the refusal; nothing may be left behind."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        outcome = jaxpf("evaluate", *arguments)
+        assert outcome.code == 2
+        assert outcome.out == ""
+        *_, sentence = outcome.err.strip().splitlines()
+        assert sentence.startswith("Error: ")
+        assert "Traceback" not in outcome.err
+        assert not list(tmp_path.iterdir())
+        return sentence
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--methods", "sir,pso"), "methods: 'pso' is unknown; choose among sir, ps, dps, sps"),
+        (("--methods", ""), "methods names none"),
+        (("--orders", "1,2,3"), "orders: '1,2,3' is not a permutation of the 2 object(s)"),
+        (("--orders", "first"), "orders: 'first' is no order"),
+        (("--swaps", "shuffle"), "swaps: 'shuffle' is unknown"),
+        (("--sharpness", "20,-1"), "sharpness = -1.0 must be positive and finite"),
+        (("--sharpness", "20,many"), "'20,many' is not numbers separated by commas"),
+        (("--sharpness", "20,20"), "sharpness names 20 twice"),
+        (("-n", "0"), "particles = 0 must be a whole number from 1"),
+        (("-n", "1"), "particles = 1 is fewer than the 2 components of dps"),
+        (("-n", "3.5"), "'3.5' is not whole numbers separated by commas"),
+        (("--scale", "1,2"), "'1,2' holds 2 number(s); give 3 of them"),
+        (("--scale", "1,2,-3"), "scale = 1,2,-3 must be three finite numbers"),
+        (("--resampling", "bootstrap"), "resampling: 'bootstrap' is unknown"),
+        (("--parts", "0"), "parts = 0 must be a whole number from 1"),
+        (("--parts", "100"), "100 parts need at least 100 rows"),
+        (("--likelihood", "exact"), "likelihood: 'exact' is unknown"),
+        (("--runs", "0"), "runs = 0 must be a whole number from 1"),
+        (("--seed", "-1"), "seed = -1 must be a whole number from 0"),
+        (("--scene-seed", "-1"), "seed = -1 must be a whole number, 0 or more"),
+        (("--set", "num_objects"), "--set 'num_objects' must have the form NAME=VALUE"),
+        (("--set", "nobjects=3"), "no parameter 'nobjects'"),
+        (("--set", "num_objects=many"), "num_objects = 'many' must be a whole number"),
+        (("--ids", "1"), "ids = [1] chooses from a recorded sequence"),
+        (("--workers", "0"), "--workers 0 must be at least 1"),
+        (("--devices", "0"), "--devices 0 must be at least 1"),
+        (("--memory", "0"), "--memory 0 must be at least 1"),
+        (("--tracks", "theirs"), "--tracks 'theirs' must have the form NAME=VALUE"),
+        (("--tracks", "theirs=no.csv"), "no such file"),
+        (("--tracks", "a=x.csv", "--tracks", "a=y.csv"), "--tracks gives a name twice"),
+        (("--tracks", "ps=x.csv"), "tracks cannot be called 'ps'"),
+    ],
+)
+def test_mistakes_are_one_sentence(refuse, arguments, sentence):
+    assert sentence in refuse("distracter", *SMALL, *arguments)
+
+
+def test_unknown_scenes_are_refused_with_those_there_are(refuse):
+    sentence = refuse("distractor")
+    assert "no scene 'distractor'" in sentence
+    assert "distracter" in sentence
+    assert "nowhere does not exist" in refuse("./nowhere")
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"gt.csv": None}, "gt.csv is missing"),
+        ({"meta.json": "{"}, "meta.json is not valid JSON"),
+        ({"0003.png": None}, "0003.png"),
+    ],
+)
+def test_a_sequence_with_something_missing_is_refused(place, tmp_path, change, sentence):
+    folder = write_sequence(tmp_path / "two")
+    for name, content in change.items():
+        (folder / name).unlink()
+        if content is not None:
+            (folder / name).write_text(content)
+    outcome = jaxpf("evaluate", folder, *COMMON, "-o", tmp_path / "out")
+    assert outcome.code == 2
+    assert sentence in outcome.err.strip().splitlines()[-1]
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--ids", "3,4"), "has no object 4; its ids are 3, 7"),
+        (("--ids", "3,3"), "object 3 is asked for twice"),
+        (("--start-frame", "10"), "has the frames 0 to 9, not 10"),
+        (("--frames", "11"), "must lie in 1..10, not 11"),
+        (("--frames", "1"), "has 1 frame(s)"),
+        (("--set", "num_objects=3"), "is a recorded sequence and has no parameters"),
+    ],
+)
+def test_choices_that_a_sequence_does_not_offer_are_refused(refuse, place, arguments, sentence):
+    assert sentence in refuse(place / "two", *arguments)
+
+
+def test_an_object_absent_in_the_start_frame_is_named(place, tmp_path):
+    folder = write_sequence(tmp_path / "two")
+    rows = (folder / "gt.csv").read_text().splitlines()
+    (folder / "gt.csv").write_text("\n".join(r for r in rows if not r.startswith("0,3")))
+    outcome = jaxpf(
+        "evaluate", folder, "--ids", "3,7", "--start-frame", "0", "-o", tmp_path / "out"
+    )
+    assert outcome.code == 2
+    assert "object 3 is absent (it first appears in frame 1)" in outcome.err
+
+
+def test_changed_settings_are_refused_with_the_difference(whole):
+    _, output = whole
+    outcome = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "--seed", "9", "-o", output)
+    assert outcome.code == 2
+    assert outcome.out == ""
+    assert f"the evaluation in '{output}' was begun with seed = 0, now 9" in outcome.err
+
+
+@pytest.mark.slow
+def test_the_console_script_works_with_worker_processes(place, tmp_path):
+    """As a user would: a program of its own, two processes of one device each."""
+    arguments = ["distracter", *SMALL, *COMMON, "--runs", "6", "--workers", "2"]
+    command = [sys.executable, "-m", "jaxpf", "evaluate", *map(str, arguments)]
+    ran = subprocess.run([*command, "-o", tmp_path / "out"], capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    assert "in each of 2 processes on 1 device" in ran.stdout
+    alone, shared = Results.open(place / "whole"), Results.open(tmp_path / "out")
+    for configuration in shared.configurations:
+        left, right = (
+            np.concatenate([batch.boxes for batch in results.batches(configuration)])
+            for results in (alone, shared)
+        )
+        np.testing.assert_array_equal(left[:4], right[:4])

@@ -1,0 +1,186 @@
+"""``jaxpf tune``: values that track and evaluate take, resumed, refused in one sentence."""
+
+import csv
+import tomllib
+
+import cv2
+import numpy as np
+import pytest
+from command_line import jaxpf
+from small_evaluation import small_scene
+from small_sequence_folder import SMALL, write_sequence
+
+WRITTEN = {"tuned.toml", "tuning.png", "comparison.csv", "run.toml", "checkpoint.npz"}
+#: Every successful call has these shapes, so that the filter is compiled once.
+QUICK = (
+    "--particles", "20", "--compare-particles", "20", "--runs", "2", "--compare-runs", "2",
+    "--method", "sir", "--gradient", "none", "--repeats", "1", "--window", "2",
+    "--scale", "1,1,0.001",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory):
+    """A folder with the output of a tuning on the small scene, its outcome and its arguments."""
+    output = tmp_path_factory.mktemp("tune") / "out"
+    arguments = (
+        "tune", "distracter", *SMALL, *QUICK, "--steps", "4", "--train-scenes", "1",
+        "--held-out", "2", "-o", output,
+    )  # fmt: skip
+    return output, jaxpf(*arguments), arguments
+
+
+def test_it_prints_values_and_a_comparison_and_writes_them(tuned):
+    output, outcome, _ = tuned
+    assert outcome.code == 0, outcome.err
+    for words in (
+        "Tuned values",
+        "likelihood.sharpness",
+        "dynamics.scale[1]",
+        "not seen in tuning",
+    ):
+        assert words in outcome.out
+    assert {path.name for path in output.iterdir()} == WRITTEN
+    content = tomllib.loads((output / "tuned.toml").read_text())
+    value = content["tuned"]["likelihood.sharpness"]["value"]
+    assert content["track"]["sharpness"] == value != 20.0
+    assert content["evaluate"]["sharpness"] == [value]
+    assert content["evaluate"]["scale"] == [content["track"]["scale"]]
+    assert content["track"]["scale"][2] == 0.001
+    picture = cv2.imread(str(output / "tuning.png"))
+    assert picture.shape[0] > 300
+    rows = list(csv.DictReader((output / "comparison.csv").open()))
+    assert [row["measure"] for row in rows][:2] == ["overlap", "precision_all"]
+    for row in rows:
+        difference = float(row["after"]) - float(row["before"])
+        assert abs(difference - float(row["difference"])) < 1e-4
+
+
+def test_the_same_command_continues_and_another_is_refused(tuned):
+    output, _, arguments = tuned
+    before = (output / "tuned.toml").read_bytes()
+    again = jaxpf(*arguments)
+    assert again.code == 0, again.err
+    assert (output / "tuned.toml").read_bytes() == before
+    other = jaxpf(*arguments, "--learning-rate", "0.3")
+    assert other.code == 2
+    assert "was begun with learning_rate = 0.1, now 0.3" in other.err
+    assert other.err.count("Error") == 1
+
+
+@pytest.mark.slow
+def test_evaluate_and_track_take_the_values(tuned, tmp_path):
+    output, _, _ = tuned
+    config = output / "tuned.toml"
+    evaluated = jaxpf(
+        "evaluate", "distracter", *SMALL, "--config", config, "--methods", "sir", "-n", "20",
+        "--runs", "2", "-o", tmp_path / "evaluated",
+    )  # fmt: skip
+    assert evaluated.code == 0, evaluated.err
+    values = tomllib.loads(config.read_text())["evaluate"]
+    written = tomllib.loads((tmp_path / "evaluated" / "run.toml").read_text())["evaluate"]
+    assert written["sharpness"] == values["sharpness"]
+    assert written["scale"] == values["scale"]
+
+    folder = write_sequence(tmp_path / "two")
+    box = ",".join(str(float(x)) for x in small_scene().boxes[0, 0])
+    tracked = jaxpf(
+        "track", folder, "--box", box, "--config", config, "-n", "20", "--no-overlay",
+        "-o", tmp_path / "tracked",
+    )  # fmt: skip
+    assert tracked.code == 0, tracked.err
+    written = tomllib.loads((tmp_path / "tracked" / "run.toml").read_text())["track"]
+    assert written["sharpness"] == values["sharpness"][0]
+    assert written["scale"] == values["scale"][0]
+
+
+@pytest.mark.slow
+def test_a_folder_is_divided_into_frames_to_learn_from_and_the_rest(tmp_path):
+    folder = write_sequence(tmp_path / "two")
+    outcome = jaxpf(
+        "tune", folder, *QUICK, "--objective", "overlap", "--steps", "2", "--labels", "1",
+        "--frames", "3", "--parameters", "likelihood.sharpness=1:100", "-o", tmp_path / "out",
+    )  # fmt: skip
+    assert outcome.code == 0, outcome.err
+    last = len(small_scene().frames) - 1
+    assert f"On two, frames 3 to {last}, not seen in tuning" in outcome.out.replace("\n", " ")
+    content = tomllib.loads((tmp_path / "out" / "tuned.toml").read_text())
+    assert set(content["track"]) == {"sharpness"}
+    # A single repeat tells nothing about the error, which is not a zero.
+    assert "standard_error" not in content["tuned"]["likelihood.sharpness"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--parameters", "likelihood.sharp"], "no parameter likelihood.sharp; choose among"),
+        (["--parameters", "num_particles"], "num_particles is a fixed setting (20)"),
+        (["--parameters", "likelihood.bin_lookup"], "holds int32, which has no gradient"),
+        (["--parameters", "likelihood.sharpness=30:40"], "starts at 20, but must lie between 30"),
+        (["--parameters", "dynamics.momentum"], "has no option in `jaxpf track`"),
+        (["--parameters", ","], "--parameters names none"),
+        (["--scale", "1,0,0.001"], "dynamics.scale[1] starts at 0, but must lie between 0 and inf"),
+        (["--objective", "speed"], "--objective 'speed' is unknown"),
+        (["--gradient", "all"], "--gradient 'all' is unknown"),
+        (["--method", "pss"], "--method 'pss' is unknown"),
+        (["--steps", "0"], "steps = 0 must be at least 1"),
+        (["--compare-runs", "1"], "--compare-runs 1 must be at least 2"),
+        (["--frames", "3"], "--frames 3 divides a folder's frames"),
+        (["--labels", "99", "--objective", "position"], "labels = 99 must be 1 to"),
+        (["--set", "likenes=1"], "no parameter 'likenes'"),
+    ],
+)
+def test_a_mistake_is_one_sentence(tmp_path, arguments, words):
+    outcome = jaxpf(
+        "tune", "distracter", *SMALL, *QUICK, "--train-scenes", "1", "--held-out", "1",
+        "-o", tmp_path / "out", *arguments,
+    )  # fmt: skip
+    assert outcome.code == 2
+    *_, sentence = outcome.err.strip().splitlines()
+    assert words in sentence
+    assert sentence.startswith("Error: ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_needs_frames_for_both(tmp_path):
+    folder = write_sequence(tmp_path / "two")
+    outcome = jaxpf("tune", folder, *QUICK, "--frames", "500", "-o", tmp_path / "out")
+    assert outcome.code == 2
+    assert "--frames 500 must be 2 to" in outcome.err
+
+
+def test_a_loss_that_is_not_finite_keeps_the_last_values(tmp_path, monkeypatch):
+    """As where a real clip drives a value off: the third step finds no number."""
+    from jaxpf.tuning import loop
+
+    made = loop.free_loss
+    calls = 0
+
+    def broken(*arguments):
+        function = made(*arguments)
+
+        def value_and_gradient(*inner):
+            nonlocal calls
+            calls += 1
+            loss, gradient = function(*inner)
+            return (loss * np.nan if calls == 3 else loss), gradient
+
+        return value_and_gradient
+
+    monkeypatch.setattr(loop, "free_loss", broken)
+    outcome = jaxpf(
+        "tune", "distracter", *SMALL, *QUICK, "--steps", "4", "--train-scenes", "1",
+        "--held-out", "2", "-o", tmp_path / "out",
+    )  # fmt: skip
+    assert outcome.code == 2
+    *_, sentence = outcome.err.strip().splitlines()
+    assert "the loss became no number on distracter, seed 0 of step 3, repeat 1" in sentence
+    assert "They are kept in" in sentence
+    content = tomllib.loads((tmp_path / "out" / "tuned.toml").read_text())
+    assert content["track"]["sharpness"] != 20.0
+
+
+def test_help_names_the_command_and_its_example():
+    text = jaxpf("tune", "--help").out
+    assert "jaxpf tune distracter" in text
+    assert "--parameters" in text

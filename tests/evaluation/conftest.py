@@ -1,0 +1,19 @@
+"""Evaluations that many tests start from."""
+
+import pytest
+from small_evaluation import ONE, RUNS, TWICE, small_plan
+
+from jaxpf.evaluation import evaluate
+
+
+@pytest.fixture(scope="session")
+def whole(tmp_path_factory):
+    """An uninterrupted evaluation of two files per configuration."""
+    folder = tmp_path_factory.mktemp("whole")
+    return evaluate(small_plan(runs=TWICE), folder, limits=ONE)
+
+
+@pytest.fixture
+def part(tmp_path, whole):
+    """A folder with the first half of the same evaluation."""
+    return evaluate(small_plan(runs=RUNS), tmp_path / "part", limits=ONE).folder

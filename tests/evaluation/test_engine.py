@@ -1,0 +1,226 @@
+"""Evaluations: what they hold, what enters them, and what is refused."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from small_evaluation import (
+    HERE,
+    PARTICLES,
+    RUNS,
+    TWICE,
+    assert_equal_bits,
+    content,
+    small_plan,
+    small_scene,
+    stamps,
+)
+
+import jaxpf
+from jaxpf import InputError
+from jaxpf.evaluation import Limits, Results, evaluate, finished, prepare
+from jaxpf.evaluation.worker import keep_measures
+from jaxpf.models.geometry import boxes_from_substates
+from jaxpf.models.likelihoods import histogram_from_patches
+from jaxpf.targets.boxes import box_tracker
+
+
+def test_results_tell_everything_about_the_evaluation(whole):
+    scene = small_scene()
+    results = Results.open(whole.folder)
+    assert [c.label for c in results.configurations] == ["SIR", "DPS shifts"]
+    assert (results.scene_name, results.runs, results.seed) == ("distracter", TWICE, 0)
+    assert results.object_ids == (1, 2)
+    assert (results.start_frame, results.fps) == (0, 25.0)
+    assert results.varied == ()
+    np.testing.assert_array_equal(results.truth, scene.boxes[1:])
+    assert results.settings["versions"]["jaxpf"] == jaxpf.__version__
+    for configuration in results.configurations:
+        np.testing.assert_allclose(results.noise_scale(configuration), [1, 1, 0.001])
+        assert results.finished(configuration) == TWICE
+        first, second = results.batches(configuration)
+        np.testing.assert_array_equal(first.runs, np.arange(RUNS))
+        np.testing.assert_array_equal(second.runs, np.arange(RUNS, TWICE))
+        shapes = {name: value.shape for name, value in vars(first).items()}
+        assert shapes == {
+            "seeds": (RUNS,),
+            "runs": (RUNS,),
+            "boxes": (RUNS, 9, 2, 4),
+            "uniqueness": (RUNS, 9, 2),
+            "spread": (RUNS, 9, 2, 3),
+            "ess": (RUNS, 9),
+            "log_evidence": (RUNS, 9),
+            "lost": (RUNS, 9, 2),
+        }
+        assert first.boxes.dtype == np.float32
+        assert first.lost.dtype == bool
+    np.testing.assert_array_equal(whole.scene().frames, scene.frames)
+
+
+def test_a_batch_holds_what_the_tracker_reported(whole):
+    """Against a tracker built by hand, with keys from the seed and the run's number alone."""
+    import jax
+
+    scene = small_scene()
+    start = scene.boxes[0]
+    tracker = box_tracker(
+        histogram_from_patches(scene.patches, method="integral"),
+        start,
+        jaxpf.ordering.dps(2),
+        scale=(1.0, 1.0, 0.001),
+        num_particles=PARTICLES,
+    )
+    keys = jax.numpy.stack(
+        [jax.random.fold_in(jax.random.key(0), run) for run in range(RUNS, TWICE)]
+    )
+    frames = jax.numpy.asarray(scene.frames[1:])
+    reported = jaxpf.monte_carlo(tracker, keys, frames, record=keep_measures)
+    _, batch = whole.batches(whole.configurations[1])
+    boxes = boxes_from_substates(reported.pop("estimate"), start[:, 2:])
+    np.testing.assert_allclose(batch.boxes, boxes, rtol=1e-5, atol=1e-4)
+    for name, value in reported.items():
+        np.testing.assert_array_equal(getattr(batch, name), value)
+
+
+def test_runs_and_configurations_differ_but_numbers_are_common(whole):
+    found = content(whole)
+    for index in (0, 1):
+        assert len(np.unique(found[index, "boxes"].reshape(TWICE, -1), axis=0)) == TWICE
+        np.testing.assert_array_equal(found[index, "seeds"], 0)
+    assert not np.array_equal(found[0, "boxes"], found[1, "boxes"])
+
+
+def test_a_finished_evaluation_is_told_without_its_scene_or_jax(whole):
+    code = f"""
+import sys
+from small_evaluation import small_plan
+from jaxpf.evaluation import finished
+assert finished(small_plan(runs={TWICE}), {str(whole.folder)!r}) is not None
+assert finished(small_plan(runs={TWICE + 1}), {str(whole.folder)!r}) is None
+assert "jax" not in sys.modules
+"""
+    subprocess.run([sys.executable, "-c", code], cwd=HERE, check=True)
+
+    def unopened():
+        raise AssertionError("the scene was opened")
+
+    before = stamps(whole.folder)
+    assert finished(small_plan(runs=TWICE), whole.folder) is not None
+    with pytest.raises(InputError, match="function"):
+        finished(small_plan(unopened, runs=TWICE), whole.folder)
+    evaluate(small_plan(runs=TWICE), whole.folder)
+    assert stamps(whole.folder) == before
+
+
+def test_a_scene_object_is_evaluated_too(tmp_path, whole):
+    results = evaluate(small_plan(small_scene(), runs=RUNS), tmp_path)
+    first = {name: value[:RUNS] for name, value in content(whole).items()}
+    assert_equal_bits(content(results), first)
+    assert results.scene().name == "distracter"
+
+
+def test_imported_tracks_enter_as_one_run(whole, tmp_path):
+    scene = small_scene()
+    lines = ["frame,id,x,y,w,h"]
+    for frame, boxes in enumerate(scene.boxes):
+        for number, box in enumerate(boxes, start=1):
+            if (frame, number) != (4, 2):  # the tracker lost it there
+                lines.append(",".join(map(str, [frame, number, *box])))
+    path = tmp_path / "theirs.csv"
+    path.write_text("\n".join(lines))
+    plan = small_plan(tracks={"theirs": path})
+    results = evaluate(plan, tmp_path / "out")
+    theirs = results.configurations[-1]
+    assert (theirs.label, theirs.is_imported, results.finished(theirs)) == ("theirs", True, 1)
+    (batch,) = results.batches(theirs)
+    expected = scene.boxes[None, 1:].astype(np.float32)
+    expected[0, 3, 1] = np.nan
+    np.testing.assert_allclose(batch.boxes, expected, rtol=1e-6)
+    np.testing.assert_array_equal(np.argwhere(batch.lost), [[0, 3, 1]])
+    for name in ("uniqueness", "spread", "ess", "log_evidence"):
+        assert np.all(np.isnan(getattr(batch, name)))
+    assert np.all(np.isnan(results.noise_scale(theirs)))
+    assert finished(plan, tmp_path / "out") is not None
+    more = evaluate(small_plan(tracks={"theirs": path}, runs=TWICE), tmp_path / "out")
+    assert more.finished(theirs) == 1
+
+
+def test_an_object_absent_at_the_start_is_named(tmp_path):
+    def scene():
+        made = small_scene()
+        made.boxes[0, 1] = np.nan
+        return made
+
+    with pytest.raises(InputError, match=r"object 2 has no box in the start frame \(0\)"):
+        evaluate(small_plan(scene), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_single_frame_is_refused(tmp_path):
+    import dataclasses
+
+    def scene():
+        made = small_scene()
+        return dataclasses.replace(made, frames=made.frames[:1], boxes=made.boxes[:1])
+
+    with pytest.raises(InputError, match=r"has 1 frame\(s\)"):
+        evaluate(small_plan(scene), tmp_path / "out")
+
+
+@pytest.mark.parametrize("name", ["memory", "workers", "runs_per_batch", "devices"])
+def test_limits_below_one_are_refused(name):
+    with pytest.raises(InputError, match=f"{name} = 0 must be at least 1"):
+        Limits(**{name: 0})
+
+
+def test_work_is_divided_to_the_memory_budget_and_among_workers(tmp_path):
+    plan = small_plan(runs=10_000)
+    one = prepare(plan, tmp_path)
+    assert one.missing_runs == 20_000
+    assert not list(tmp_path.iterdir())
+    tight = prepare(plan, tmp_path, Limits(memory=10 * 2**20))
+    assert tight.memory < one.memory
+    assert max(work.width for work in tight.work) < max(work.width for work in one.work)
+    assert len({work.width for work in tight.work}) == 1  # one shape, one kernel
+    shared = prepare(plan, tmp_path, Limits(workers=8))
+    assert len(shared.work) >= 8
+    assert len(one.work) < 8
+    for prepared in (one, tight, shared):
+        for index in (0, 1):
+            runs = [
+                run
+                for work in prepared.work
+                if work.index == index
+                for run in range(work.first_run, work.first_run + work.num_runs)
+            ]
+            assert runs == list(range(10_000))
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_runs(tmp_path):
+    """Peak memory of 4000 runs and of 40 000 in batches of one size."""
+
+    def peak(runs):
+        code = f"""
+import resource
+from jaxpf.cli.common import use_compile_cache
+use_compile_cache()
+from jaxpf.evaluation import Limits, evaluate
+from small_evaluation import small_plan
+evaluate(small_plan(runs={runs}, methods=["sir"], particles=[4]), {str(tmp_path / str(runs))!r},
+         limits=Limits(runs_per_batch=2000))
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+        ran = subprocess.run(
+            [sys.executable, "-c", code], cwd=HERE, check=True, stdout=subprocess.PIPE, text=True
+        )
+        return int(ran.stdout) * 1024
+
+    peak(2000)  # compiles, which takes more memory than anything after it
+    few, many = peak(4000), peak(40_000)
+    results = Results.open(tmp_path / "40000")
+    kept = sum(path.stat().st_size for path in (results.folder / "batches").iterdir())
+    assert kept > 25e6
+    print(few, many, kept)
+    assert many - few < 0.3 * kept

@@ -1,0 +1,276 @@
+"""Evaluations go on where they stopped, and are never mixed."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from small_evaluation import (
+    HERE,
+    ONE,
+    PARTICLES,
+    RUNS,
+    TWICE,
+    assert_equal_bits,
+    content,
+    names,
+    small_plan,
+    small_scene,
+    stamps,
+)
+
+from jaxpf import InputError
+from jaxpf.evaluation import Results, batches, evaluate, finished, prepare, store
+from jaxpf.files import writing as files
+
+
+def test_more_runs_are_added_to_those_there_are(whole, part):
+    before = stamps(part)
+    results = evaluate(small_plan(runs=TWICE), part, limits=ONE)
+    assert results.runs == TWICE
+    assert before.items() <= stamps(part).items()
+    assert_equal_bits(content(results), content(whole))
+
+
+def test_only_missing_runs_are_done_again(whole, part):
+    evaluate(small_plan(runs=TWICE), part, limits=ONE)
+    missing = part / "batches" / names(part)[1]
+    missing.unlink()
+    before = stamps(part)
+    done = []
+    assert finished(small_plan(runs=TWICE), part) is None
+    results = evaluate(small_plan(runs=TWICE), part, limits=ONE, progress=done.append)
+    assert done == [RUNS]
+    assert before.items() <= stamps(part).items()
+    assert_equal_bits(content(results), content(whole))
+
+
+@pytest.mark.parametrize("harm", ["truncated", "altered", "emptied", "other", "shorter"])
+def test_a_damaged_batch_is_found_and_done_again(whole, part, harm):
+    path = part / "batches" / names(part)[0]
+    data = path.read_bytes()
+    intact = content(Results.open(part))
+    if harm == "truncated":
+        path.write_bytes(data[: len(data) // 2])
+    elif harm == "altered":
+        middle = len(data) // 2
+        path.write_bytes(data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :])
+    elif harm == "emptied":
+        path.write_bytes(b"")
+    elif harm == "other":
+        np.savez(path, something=np.zeros(3))
+    else:
+        with np.load(path) as arrays:
+            kept = {name: arrays[name] for name in arrays}
+        np.savez(path, **(kept | {"boxes": kept["boxes"][:, :-1]}))
+    prepared = prepare(small_plan(), part)
+    assert (prepared.damaged, prepared.missing_runs) == ([path], RUNS)
+    assert finished(small_plan(), part) is None
+    results = evaluate(small_plan(), part)
+    assert finished(small_plan(), part) is not None
+    assert_equal_bits(content(results), intact)
+
+
+def test_no_alteration_of_a_file_goes_unnoticed(part):
+    """Every byte that matters is under a checksum; the rest changes nothing."""
+    path = part / "batches" / names(part)[0]
+    data, intact = path.read_bytes(), batches.read_batch(path)
+    rng = np.random.default_rng(0)
+    noticed = 0
+    for place in rng.integers(0, len(data), 200):
+        altered = bytes([data[place] ^ (1 << rng.integers(8))])
+        path.write_bytes(data[:place] + altered + data[place + 1 :])
+        try:
+            found = batches.read_batch(path)
+        except InputError:
+            noticed += 1
+            continue
+        for name, value in vars(intact).items():
+            np.testing.assert_array_equal(getattr(found, name), value)
+    assert noticed > 150
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"seed": 1}, "was begun with seed = 0, now 1"),
+        ({"sharpness": [20, 30]}, "was begun with sharpness = 20, now 20,30"),
+        ({"methods": ["sir"]}, "was begun with methods = sir,dps, now sir"),
+        ({"particles": [PARTICLES + 1]}, f"with particles = {PARTICLES}, now {PARTICLES + 1}"),
+        ({"runs": RUNS - 1}, f"was begun with runs = {RUNS}, now {RUNS - 1}"),
+    ],
+)
+def test_changed_settings_are_refused_by_name_with_both_values(part, change, sentence):
+    before = stamps(part)
+    with pytest.raises(InputError) as error:
+        evaluate(small_plan(**change), part)
+    assert sentence in str(error.value)
+    assert f"'{part}'" in str(error.value)
+    assert stamps(part) == before
+
+
+def test_another_scene_is_refused(part):
+    import functools
+
+    other = functools.partial(small_scene.func, **(small_scene.keywords | {"seed": 1}))
+    with pytest.raises(InputError, match="was begun with scene: seed = 0, now 1"):
+        evaluate(small_plan(other), part)
+
+
+def test_a_scene_that_changed_on_disk_is_refused(tmp_path, monkeypatch, whole):
+    """Its description is the same, its pictures are not."""
+    evaluate(small_plan(the_scene), tmp_path / "results")
+    monkeypatch.setattr(sys.modules[__name__], "brightness", 1)
+    with pytest.raises(InputError, match="has other pictures or boxes than when"):
+        evaluate(small_plan(the_scene, runs=TWICE), tmp_path / "results")
+    assert len(names(tmp_path / "results")) == 2
+
+
+brightness = 0
+
+
+def the_scene():
+    scene = small_scene()
+    scene.frames[3] += np.uint8(brightness)
+    return scene
+
+
+def test_another_precision_is_refused(part):
+    import jax
+
+    with (
+        jax.enable_x64(True),
+        pytest.raises(InputError, match="begun in single precision, now double"),
+    ):
+        evaluate(small_plan(runs=TWICE), part)
+
+
+def test_another_version_is_refused(part):
+    path = part / store.SETTINGS
+    settings = json.loads(path.read_text())
+    settings["versions"]["jaxpf"] = "0.0.9"
+    path.write_text(json.dumps(settings))
+    with pytest.raises(InputError, match=r"made by jaxpf 0\.0\.9 and this is jaxpf"):
+        evaluate(small_plan(), part)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", ""])
+def test_damaged_settings_are_refused(part, text):
+    (part / store.SETTINGS).write_text(text)
+    with pytest.raises(InputError, match=r"settings\.json"):
+        evaluate(small_plan(), part)
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path):
+    (tmp_path / "thesis.tex").write_text("precious")
+    with pytest.raises(InputError, match=r"holds 'thesis\.tex' but no evaluation"):
+        evaluate(small_plan(), tmp_path)
+    with pytest.raises(InputError, match="is a file"):
+        evaluate(small_plan(), tmp_path / "thesis.tex")
+    with pytest.raises(InputError, match="holds no evaluation"):
+        Results.open(tmp_path)
+    assert (tmp_path / "thesis.tex").read_text() == "precious"
+
+
+def test_batches_without_settings_are_refused(part):
+    (part / store.SETTINGS).unlink()
+    with pytest.raises(InputError, match=r"holds 'batches' but no evaluation"):
+        evaluate(small_plan(), part)
+
+
+def test_two_processes_cannot_evaluate_into_one_folder(part):
+    with (
+        store.locked(part),
+        pytest.raises(InputError, match="another process is evaluating into"),
+    ):
+        evaluate(small_plan(runs=TWICE), part)
+    assert evaluate(small_plan(runs=TWICE), part, limits=ONE).runs == TWICE
+
+
+def test_errors_while_the_folder_is_locked_are_not_mistaken_for_its_own(tmp_path):
+    with pytest.raises(FileNotFoundError, match="elsewhere"), store.locked(tmp_path):
+        raise FileNotFoundError("elsewhere")
+    with store.locked(tmp_path):  # it was given back
+        pass
+
+
+def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="cannot write into the folder"):
+        evaluate(small_plan(), tmp_path / "file" / "below")
+
+
+def test_a_full_disk_is_one_sentence_and_finished_batches_stay(whole, tmp_path, monkeypatch):
+    """The disk fills up while the third of four batches is written."""
+    replace, replaced = os.replace, []
+
+    def full(source, target):
+        if str(target).endswith(".npz") and "batches" in str(target):
+            replaced.append(target)
+            if len(replaced) == 3:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return replace(source, target)
+
+    monkeypatch.setattr(files.os, "replace", full)
+    with pytest.raises(InputError, match="no space left on device") as error:
+        evaluate(small_plan(runs=TWICE), tmp_path, limits=ONE)
+    assert "\n" not in str(error.value)
+    monkeypatch.undo()
+    assert len(names(tmp_path)) == 2
+    before = stamps(tmp_path)
+    results = evaluate(small_plan(runs=TWICE), tmp_path, limits=ONE)
+    assert before.items() <= stamps(tmp_path).items()
+    assert_equal_bits(content(results), content(whole))
+
+
+def test_leavings_of_a_killed_start_do_not_stand_in_the_way(whole, tmp_path):
+    (tmp_path / "batches").mkdir()
+    (tmp_path / store.LOCK).touch()
+    (tmp_path / ".settings.77.partial.json").write_text("{")
+    leaving = tmp_path / "batches" / ".0000-00000000.77.partial.npz"
+    results = evaluate(small_plan(), tmp_path)
+    leaving.write_bytes(b"half")
+    assert finished(small_plan(), tmp_path) is not None
+    results = evaluate(small_plan(runs=TWICE), tmp_path, limits=ONE)
+    assert not leaving.exists()
+    assert_equal_bits(content(results), content(whole))
+
+
+@pytest.mark.slow
+def test_killing_it_loses_only_the_batch_in_flight(whole, tmp_path):
+    """SIGKILL, again and again, whenever two more batches are on disk."""
+    runs = 40 * RUNS
+    code = f"""
+from jaxpf.cli.common import use_compile_cache
+use_compile_cache()
+from jaxpf.evaluation import Limits, evaluate
+from small_evaluation import small_plan
+evaluate(small_plan(runs={runs}), {str(tmp_path)!r}, limits=Limits(runs_per_batch={RUNS}))
+"""
+    known: dict[str, int] = {}
+    for _ in range(2):
+        process = subprocess.Popen([sys.executable, "-c", code], cwd=HERE)
+        deadline = time.monotonic() + 120
+        while len(list(tmp_path.glob("batches/0*.npz"))) < len(known) + 2:
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.005)
+        process.send_signal(signal.SIGKILL)
+        assert process.wait() == -signal.SIGKILL
+        found = {n: t for n, t in stamps(tmp_path).items() if not n.startswith(".")}
+        assert known.items() <= found.items()  # nothing was done twice
+        assert len(found) < 80
+        known = found
+        for name in known:
+            assert len(batches.read_batch(tmp_path / "batches" / name)) == RUNS
+    results = evaluate(small_plan(runs=runs), tmp_path, limits=ONE)
+    assert known.items() <= stamps(tmp_path).items()
+    found = content(results)
+    np.testing.assert_array_equal(found[1, "runs"], np.arange(runs))
+    first = {name: value[:TWICE] for name, value in found.items()}
+    assert_equal_bits(first, content(whole))

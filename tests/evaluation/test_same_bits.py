@@ -1,0 +1,69 @@
+"""Evaluations give the same bits however their work is divided."""
+
+import subprocess
+import sys
+
+import pytest
+from small_evaluation import HERE, ONE, RUNS, TWICE, assert_equal_bits, content, names, small_plan
+
+from jaxpf.evaluation import Limits, Results, evaluate
+from jaxpf.evaluation.execution import local_pool
+
+
+@pytest.mark.slow
+def test_the_size_of_batches_does_not_matter(whole, tmp_path):
+    together = evaluate(small_plan(runs=TWICE), tmp_path, limits=Limits(runs_per_batch=1000))
+    assert len(names(tmp_path)) == 2
+    assert_equal_bits(content(together), content(whole))
+
+
+@pytest.mark.slow
+def test_two_processes_give_the_same_bits(whole, tmp_path):
+    from jaxpf.cli.common import use_compile_cache
+
+    done = []
+    results = evaluate(
+        small_plan(runs=TWICE),
+        tmp_path,
+        limits=ONE,
+        executor=local_pool(2, 1, use_compile_cache),
+        progress=done.append,
+    )
+    assert done == [RUNS] * 4
+    assert_equal_bits(content(results), content(whole))
+
+
+@pytest.mark.slow
+def test_dask_gives_the_same_bits(whole, tmp_path):
+    distributed = pytest.importorskip(
+        "distributed", reason="needs Dask: pip install jaxpf[cluster]"
+    )
+    from jaxpf.cli.common import use_compile_cache
+
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=2, processes=True, dashboard_address=None
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        client.run(use_compile_cache)
+        plan = small_plan(runs=TWICE)
+        results = evaluate(plan, tmp_path, limits=ONE, executor=client.get_executor)
+    assert_equal_bits(content(results), content(whole))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("devices", [1, 2])
+def test_the_number_of_devices_does_not_matter(whole, tmp_path, devices):
+    code = f"""
+import jax
+jax.config.update("jax_num_cpu_devices", {devices})
+from jaxpf.cli.common import use_compile_cache
+use_compile_cache()
+from jaxpf.evaluation import Limits, evaluate
+from small_evaluation import small_plan
+assert jax.device_count() == {devices}
+evaluate(small_plan(runs={TWICE}), {str(tmp_path)!r})
+"""
+    subprocess.run([sys.executable, "-c", code], cwd=HERE, check=True)
+    assert_equal_bits(content(Results.open(tmp_path)), content(whole))

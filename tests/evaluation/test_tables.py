@@ -1,0 +1,305 @@
+"""Tables of an evaluation, by hand and against the library's measures."""
+
+import csv
+import errno
+import io
+import math
+import os
+
+import numpy as np
+import pytest
+from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make, walks
+from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers, rows_of
+
+from jaxpf.errors import InputError
+from jaxpf.evaluation import collection, tables
+from jaxpf.evaluation.results import Configuration
+from jaxpf.evaluation.tables import write_tables
+from jaxpf.measures import metrics
+from jaxpf.measures.intervals import wilson_interval
+
+
+@pytest.fixture(scope="module")
+def by_hand(tmp_path_factory):
+    """Three runs in two batches, and another tracker that is right but for one frame."""
+    spread = np.broadcast_to([1.0, 8.0, 0.5], (2, 2, 2, 3))
+    evidence = np.array([[-1000.25, -2.5], [-3, -math.inf]])
+    parts = [
+        batch(BOXES[:2], spread=spread, log_evidence=evidence),
+        batch(BOXES[2:], first_run=2, lost=[[[True, False], [True, True]]]),
+    ]
+    other = [imported(np.array([[TRUE, NAN], [FAR, TRUE]]))]
+    batches = [(SIR, parts), (OTHER, other)]
+    folder = tmp_path_factory.mktemp("hand") / "results"
+    results = make(folder, batches, TRUTH, ids=[4, 9], start_frame=5)
+    return results, write_tables(results)
+
+
+def test_every_run_and_object_has_a_row(by_hand):
+    rows = rows_of(by_hand[0].folder / "results.csv")
+    assert [(r["method"], r["run"], r["object"]) for r in rows] == [
+        *(("SIR", f"{run}", identity) for run in range(3) for identity in "49"),
+        *((OTHER.method, "0", identity) for identity in "49"),
+    ]
+    assert {(r["scene"], r["seed"]) for r in rows} == {("made <scene>", "7")}
+    assert [r["scale"] for r in rows] == 6 * ["2,4,0.5"] + 2 * [""]
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        # SIR: run 0 of objects 4 and 9, run 1, run 2; then the other tracker.
+        ("frames", [2, 1, 2, 1, 2, 1, 2, 1]),
+        ("tracked_frames", [2, 1, 1, 0, 1, 0, 1, 1]),
+        ("success", [1, 1, 0, 0, 0, 0, 0, 1]),
+        ("recovered", [1, 1, 1, 0, 0, 0, 0, 1]),
+        ("tracked_share", [1, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
+        ("precision", [0.75, 1, 1, math.nan, 1, math.nan, 1, 1]),
+        ("precision_all", [0.75, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
+        ("overlap", [(1 + 1 / 3) / 2, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
+        ("distance_precision", [1, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
+        # A box that is not there has no centre.
+        ("located_frames", [2, 1, 2, 1, 2, 0, 2, 1]),
+        ("centre_error", [2.5, 0, 25, 50, 25, math.nan, 25, 0]),
+        ("uniqueness", [*6 * [0.5], math.nan, math.nan]),
+        # spread over noise (2, 4, .5), in the first batch (1, 8, .5), in the second 2 throughout
+        ("effective_dynamics_u", [0.5, 0.5, 0.5, 0.5, 1, 1, math.nan, math.nan]),
+        ("effective_dynamics_v", [2, 2, 2, 2, 0.5, 0.5, math.nan, math.nan]),
+        ("effective_dynamics_var_v", [4, 4, 4, 4, 0.25, 0.25, math.nan, math.nan]),
+        ("effective_dynamics_a", [1, 1, 1, 1, 4, 4, math.nan, math.nan]),
+        ("ess", [*6 * [30], math.nan, math.nan]),
+        ("log_evidence", [*2 * [-1002.75], *2 * [-math.inf], *2 * [-3], math.nan, math.nan]),
+        ("frames_lost", [0, 0, 0, 0, 2, 1, 0, 1]),
+    ],
+)
+def test_measures_of_runs_by_hand(by_hand, name, expected):
+    rows = rows_of(by_hand[0].folder / "results.csv")
+    np.testing.assert_allclose(numbers(rows, name), expected, rtol=1e-6)
+
+
+def test_summary_by_hand(by_hand):
+    folder = by_hand[0].folder
+    success = found(folder, "success", 4)
+    wilson = wilson_interval(1, 3)
+    for field, end in (("value", 0), ("lower", 2), ("upper", 3)):
+        assert success[field] == pytest.approx(float(wilson[end]), rel=1e-6)
+    # Tracked frames of the runs: two with a precision of .75, then one of 1 and one of 1.
+    assert found(folder, "precision", 4)["value"] == pytest.approx((2 * 0.75 + 1 + 1) / 4)
+    # All objects: 1, .5, 0 of their frames weigh in (2, 1).
+    everything = found(folder, "overlap", "all")
+    runs = [(2 * (2 / 3) + 1) / 3, (2 * 0.5 + 0) / 3, (2 * 0.5 + 0) / 3]
+    assert everything["value"] == pytest.approx(np.mean(runs))
+    assert everything["standard_error"] == pytest.approx(np.std(runs, ddof=1) / math.sqrt(3))
+    # A run whose evidence is zero has no logarithm to average.
+    assert found(folder, "log_evidence", 4)["runs"] == 2
+
+
+def test_imported_tracks_have_values_without_intervals(by_hand):
+    results, made = by_hand
+    row = found(results.folder, "success", 9, OTHER.method)
+    assert row["value"] == 1
+    assert math.isnan(row["lower"])
+    assert math.isnan(row["upper"])
+    measures = {
+        r["measure"] for r in rows_of(results.folder / "summary.csv") if r["method"] == OTHER.method
+    }
+    assert "uniqueness" not in measures
+    assert "overlap" in measures
+    assert made.summaries[1].reference is None
+    assert any("imported" in remark for remark in made.remarks)
+
+
+def test_pandas_reads_the_table_in_one_line(by_hand):
+    pandas = pytest.importorskip("pandas")
+    table = pandas.read_csv(by_hand[0].folder / "results.csv")
+    assert len(table) == 8
+    means = table.groupby(["method", "object"]).success.mean()
+    assert means["SIR", 4] == pytest.approx(1 / 3)
+    assert np.isnan(table.uniqueness[6:]).all()
+
+
+@pytest.mark.parametrize("size", [7, 100, 300])
+def test_summary_agrees_with_the_librarys_measures(tmp_path, size):
+    truth, boxes = walks(seed=3, runs=300, frames=6, objects=2)
+    truth[4:, 1] = math.nan
+    boxes[7, 2, 0] = math.nan
+    parts = [batch(boxes[first : first + size], first) for first in range(0, 300, size)]
+    results = make(tmp_path / "results", [(SIR, parts)], truth)
+    write_tables(results)
+    expected = metrics.summarise(boxes, truth)
+    for name, measure in (
+        ("success_rate", "success"),
+        ("recovery_rate", "recovered"),
+        ("tracked", "tracked_share"),
+        *((same, same) for same in ("precision", "recall", "precision_all", "recall_all")),
+        *((same, same) for same in ("overlap", "centre_error")),
+    ):
+        for place, identity in enumerate((1, 2)):
+            row = found(results.folder, measure, identity)
+            for field in ("value", "standard_error", "lower", "upper"):
+                wanted = float(getattr(expected[name], field)[place])
+                assert row[field] == pytest.approx(wanted, rel=2e-5, abs=1e-7), (name, field)
+
+
+def test_methods_are_compared_on_common_runs_at_equal_parameters(tmp_path):
+    truth, boxes = walks(seed=5, runs=12, frames=6, objects=2)
+    sharp = {**PARAMETERS, "sharpness": 40.0}
+    without_first = boxes[:8] + np.array([[900.0], [0]]) * [1, 0, 0, 0]
+    batches = [
+        (SIR, [batch(boxes)]),
+        # Runs 8 to 11 are missing, and 12 to 15 have no partner.
+        (PS, [batch(without_first), batch(boxes[8:], 12)]),
+        (Configuration("SIR", "", sharp), [batch(boxes)]),
+        (Configuration("PS", "21", sharp), [batch(boxes)]),
+        (DPS, []),
+    ]
+    results = make(tmp_path / "results", batches, truth, runs=16)
+    made = write_tables(results)
+    assert [s.name for s in made.summaries] == [
+        *("SIR, sharpness 20", "PS 21, sharpness 20"),
+        *("SIR, sharpness 40", "PS 21, sharpness 40"),
+    ]
+    assert [s.reference for s in made.summaries] == [None, 0, 0, 2]
+    success = made.summaries[0].estimates["success"].value
+    difference = made.summaries[1].differences["tracked_share"]
+    assert difference.runs.tolist() == [8, 8, 8]
+    tracked = np.asarray(metrics.track_state(boxes[:8], truth))
+    assert difference.value[0] == pytest.approx(-tracked[:, :, 0].mean(), rel=1e-6)
+    assert difference.value[1] == 0
+    assert success[0] > 0
+    rate = made.summaries[1].differences["success"]
+    wins = int(np.asarray(metrics.success(boxes[:8], truth))[:, 0].sum())
+    assert (rate.gained[0], rate.lost[0]) == (0, wins)
+    assert made.hardest == 0
+    assert any("DPS shifts, sharpness 20: 0 of 16" in remark for remark in made.remarks)
+    assert any("PS 21, sharpness 20: 12 of 16" in remark for remark in made.remarks)
+    row = rows_of(results.folder / "differences.csv")[0]
+    assert (row["method"], row["reference"]) == ("PS", "SIR, sharpness 20")
+
+
+def test_an_object_that_is_never_there_has_no_measures(tmp_path):
+    truth, boxes = walks(seed=6, runs=4, frames=6, objects=2)
+    truth[:, 1] = math.nan
+    made = write_tables(make(tmp_path / "results", [(SIR, [batch(boxes)])], truth))
+    rows = rows_of(tmp_path / "results" / "results.csv")
+    assert {row["success"] for row in rows if row["object"] == "2"} == {""}
+    assert {row["frames"] for row in rows if row["object"] == "2"} == {"0"}
+    success = made.summaries[0].estimates["success"].value
+    assert math.isnan(success[1])
+    assert success[2] == success[0]
+    assert made.hardest == 0
+
+
+def test_results_without_a_finished_run(tmp_path):
+    truth, _ = walks(seed=6, runs=1, frames=3, objects=2)
+    results = make(tmp_path / "results", [(SIR, [])], truth, runs=9)
+    made = write_tables(results)
+    assert made.printed == []
+    assert "0 of 9" in made.remarks[0]
+    assert rows_of(results.folder / "results.csv") == []
+
+
+def test_markdown_and_latex_hold_the_summary(by_hand):
+    folder = by_hand[0].folder
+    markdown = (folder / "summary.md").read_text()
+    table = markdown.split("## object 4")[1].split("##")[0]
+    lines = [line for line in table.splitlines() if line.startswith("|")]
+    assert len(lines) == 4  # header, rule, two methods
+    cells = [cell.strip() for cell in lines[2].strip("|").split("|")]
+    assert cells[:3] == ["SIR", "3", "33 [6, 79]"]
+    assert r"a\|b \<i\>\_100%$x$" in lines[3]
+    latex = (folder / "summary.tex").read_text()
+    assert latex.count("\\begin{table}") == latex.count("\\end{table}") >= 3
+    assert r"\_100\%\$x\$" in latex
+    body = "\n".join(line for line in latex.splitlines() if not line.startswith("%"))
+    rows = [line for line in body.splitlines() if line.endswith(r"\\")]
+    assert {line.replace(r"\&", "").count("&") for line in rows if "SIR" in line} == {7, 8}
+
+
+def test_shown_decimals_follow_the_width_of_the_intervals():
+    from jaxpf.evaluation.layout import cells_of
+    from jaxpf.evaluation.measures import by_name
+
+    measure = by_name("centre_error")
+    assert cells_of(measure, np.array([[12.345, 2.1, 22.9]])) == ["12 [2, 23]"]
+    assert cells_of(measure, np.array([[12.345, 12.1, 12.9]])) == ["12.3 [12.1, 12.9]"]
+    texts = cells_of(measure, np.array([[-0.001, -1, 1], [math.nan] * 3]), sign="+")
+    assert texts == ["+0.0 [-1.0, 1.0]", "-"]
+    assert cells_of(by_name("success"), np.array([[1, math.nan, math.nan]])) == ["100.0"]
+
+
+def test_scores_of_the_benchmarks_are_means_over_runs(by_hand):
+    pytest.importorskip("trackeval")
+    from jaxpf.measures.scores import tracking_scores
+
+    runs = [tracking_scores(boxes, TRUTH) for boxes in BOXES]
+    for name in ("HOTA", "MOTA", "IDF1", "IDSW"):
+        values = [run[name] for run in runs]
+        row = found(by_hand[0].folder, name, "all")
+        assert row["value"] == pytest.approx(np.mean(values), abs=1e-6)
+        assert row["standard_error"] == pytest.approx(
+            np.std(values, ddof=1) / math.sqrt(3), abs=1e-6
+        )
+    objects = {
+        r["object"] for r in rows_of(by_hand[0].folder / "summary.csv") if r["measure"] == "HOTA"
+    }
+    assert objects == {"all"}
+
+
+def test_without_trackeval_the_scores_are_left_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(collection, "has_scores", lambda: False)
+    monkeypatch.setattr(tables, "has_scores", lambda: False)
+    monkeypatch.setattr("jaxpf.evaluation.summary.has_scores", lambda: False)
+    results = make(tmp_path / "results", [(SIR, [batch(BOXES)])], TRUTH)
+    made = write_tables(results)
+    assert any("jaxpf[scores]" in remark for remark in made.remarks)
+    assert "HOTA" not in (results.folder / "summary.csv").read_text()
+    assert "HOTA (" not in (results.folder / "summary.md").read_text()
+
+
+def test_the_same_results_give_the_same_bytes(tmp_path):
+    truth, boxes = walks(seed=9, runs=5, frames=6, objects=2)
+    results = make(tmp_path / "results", [(SIR, [batch(boxes)]), (PS, [batch(boxes[::-1])])], truth)
+    written = []
+    for _ in range(2):
+        write_tables(results)
+        files = sorted(path for path in results.folder.rglob("*") if path.suffix in _TEXT)
+        written.append({path.name: path.read_bytes() for path in files})
+    assert written[0] == written[1]
+    assert len(written[0]) >= 5 + 6 + 1
+
+
+_TEXT = {".csv", ".md", ".tex", ".txt"}
+
+
+def test_a_full_disk_loses_nothing(tmp_path, monkeypatch):
+    truth, boxes = walks(seed=9, runs=5, frames=6, objects=2)
+    results = make(tmp_path / "results", [(SIR, [batch(boxes)])], truth)
+    write_tables(results)
+    before = (results.folder / "results.csv").read_bytes()
+    (results.folder / ".tables-of-a-killed-process").mkdir()
+
+    def full(file):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(InputError, match=r"results\.csv.*no space left"):
+            write_tables(results)
+    assert (results.folder / "results.csv").read_bytes() == before
+    assert not list(results.folder.glob(".*"))
+
+
+def test_a_printed_table_fits_the_terminals_printer(by_hand, capsys):
+    from jaxpf.cli.common import print_table
+
+    for table in by_hand[1].printed:
+        print_table(*table)
+    text = capsys.readouterr().out
+    assert "object 9" in text or "object 4" in text
+    assert "33 [6, 79]" in text
+
+
+def test_fields_of_the_header_are_quoted():
+    line = tables._csv_line(["a,b", 'say "x"'])
+    assert next(csv.reader(io.StringIO(line))) == ["a,b", 'say "x"']

@@ -1,0 +1,234 @@
+"""Gradients through resampling: forward pass, finiteness, the score of the motion, refusals.
+
+Their expectation is checked in ``tests/statistical/test_unbiased_gradients.py``.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.stats
+from fenced_trackers import (
+    FENCES,
+    KEYS,
+    METHODS,
+    P,
+    frames,
+    quick,
+    tracker,
+    value_and_gradient,
+)
+
+import jaxpf
+from jaxpf import InputError
+from jaxpf.filters.partitioned import gradients, ordering
+from jaxpf.models.dynamics import AR2, LinearGaussian, RandomWalk
+from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian, Gaussian
+from jaxpf.pytree import pytree_dataclass
+from jaxpf.tuning import objectives
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("gradient", "methods"),
+    [("stop_gradient", list(METHODS)), ("soft", ["dps", "literal"])],
+)
+def test_gradients_are_finite_whatever_becomes_impossible(gradient, methods):
+    for name, fences in FENCES.items():
+        for method in methods:
+            made = tracker(METHODS[method], gradient=gradient)
+            value, slope = value_and_gradient(made, KEYS, frames(fences))
+            assert np.isfinite(slope).all(), name
+            assert np.isneginf(value).all() == (name in ("all particles", "one partition")), name
+            if name == "possible":
+                assert (np.abs(slope) > 1e-3).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("gradient", "num_particles"),
+    [("none", 1), ("stop_gradient", 1), ("soft", 1), ("transport", 1), ("transport", 12)],
+)
+def test_gradients_are_finite_with_one_partition_and_few_particles(gradient, num_particles):
+    if gradient == "transport":
+        pytest.importorskip("ott", reason="needs jaxpf[transport]")
+    for fences in FENCES.values():
+        made = tracker(ordering.ps([0]), gradient=gradient, num_particles=num_particles)
+        _, slope = value_and_gradient(made, KEYS[:2], frames(fences[:, :1], 1))
+        assert np.isfinite(slope).all()
+
+
+@pytest.mark.slow
+def test_stop_gradient_leaves_the_forward_pass_as_it_is_bit_for_bit():
+    seen = frames(FENCES["some particles"])
+    for name in ("ps", "sps", "random"):  # of one shape: they share what is compiled
+        for fenced in (seen, frames(FENCES["possible"])):
+            kept = [
+                jax.device_get(jaxpf.run(tracker(METHODS[name], gradient=mode), KEYS[0], fenced))
+                for mode in ("none", "stop_gradient")
+            ]
+            (state, summaries), (other, others) = kept
+            assert not np.any(other.scores)
+            assert_equal(
+                (state, summaries), (dataclasses.replace(other, scores=None), others), name
+            )
+
+
+def assert_equal(one, other, name):
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_array_equal(a, b, err_msg=name)
+
+
+# The score of the motion.
+
+
+@pytree_dataclass
+class WholePixels:
+    """Likelihood of the whole number next to the substate: what a box of pixels sees."""
+
+    noise: jax.Array
+
+    state_gradient = False
+
+    def observe(self, frame):
+        return frame
+
+    def log_prob(self, observation, partition, substate):
+        return -0.5 * ((observation[0, 0] - jnp.round(substate[0])) / self.noise) ** 2
+
+
+@quick
+def mean_evidence(made, scale, keys, seen):
+    """Mean evidence over runs, and per run its gradient in the scale."""
+
+    def log_evidence(scale, key):
+        changed = dataclasses.replace(made, dynamics=RandomWalk(scale=scale))
+        return objectives.log_evidence(changed, key[None], seen, checkpoint=False)[0]
+
+    value, slope = jax.vmap(jax.value_and_grad(log_evidence), in_axes=(None, 0))(scale, keys)
+    return jnp.exp(value), jnp.exp(value) * slope
+
+
+@pytest.mark.slow
+def test_score_of_the_motion_finds_the_slope_that_whole_pixels_hide():
+    seen = np.float32([[[2.0]], [[3.0]], [[5.0]]])
+    keys = jax.random.split(jax.random.key(1), 4000)
+    made = tracker(
+        ordering.ps([0]),
+        likelihood=WholePixels(noise=np.float32(1.5)),
+        gradient="stop_gradient",
+        num_particles=50,
+    )
+    step = 0.1
+    ends = [mean_evidence(made, 1.5 + sign * step, keys, seen)[0] for sign in (1, -1)]
+    differences = np.asarray(ends[0] - ends[1]) / (2 * step)
+    expected, its_error = differences.mean(), differences.std() / len(keys) ** 0.5
+    assert expected > 20 * its_error
+    _, pathwise = mean_evidence(made, 1.5, keys, seen)
+    np.testing.assert_array_equal(pathwise, 0.0)  # silently wrong
+    _, score = mean_evidence(dataclasses.replace(made, motion_gradient="score"), 1.5, keys, seen)
+    score = np.asarray(score)
+    error = np.hypot(its_error, score.std() / len(keys) ** 0.5)
+    assert abs(score.mean() - expected) < 4.5 * error
+    assert score.mean() > 10 * error  # the test could tell it from zero
+
+
+def test_log_densities_are_those_of_the_draws():
+    new, current, previous, parent = np.random.default_rng(0).normal(size=(4, 2))
+    partition = jnp.array(1)
+    scale = np.array([[1.0, 2.0], [0.5, 3.0]])
+    arguments = partition, *map(jnp.asarray, (new, current, previous, parent))
+    walk = RandomWalk(scale=scale).log_density(*arguments)
+    expected = scipy.stats.norm.logpdf(new, current, scale[1]).sum()
+    np.testing.assert_allclose(walk, expected, rtol=1e-5)
+    second = AR2(scale=scale[1], momentum=0.3).log_density(*arguments)
+    drift = current + 0.3 * (current - previous)
+    np.testing.assert_allclose(
+        second, scipy.stats.norm.logpdf(new, drift, scale[1]).sum(), rtol=1e-5
+    )
+    blocks = np.random.default_rng(1).normal(size=(4, 2, 2, 2))
+    general = LinearGaussian(
+        transition=blocks[0], noise=blocks[1], lag=blocks[2], coupling=blocks[3],
+        offset=np.ones((2, 2)),
+    )  # fmt: skip
+    a, root, b, c = blocks[:, 1]
+    mean = a @ current + b @ previous + c @ parent + 1.0
+    expected = scipy.stats.multivariate_normal.logpdf(new, mean, root @ root.T)
+    np.testing.assert_allclose(general.log_density(*arguments), expected, rtol=1e-4)
+
+
+def test_a_dimension_without_noise_is_left_out_of_the_density():
+    walk = RandomWalk(scale=jnp.array([0.5, 0.0]))
+    zero = jnp.zeros(2)
+
+    def density(scale):
+        return RandomWalk(scale=scale).log_density(0, jnp.array([1.0, 7.0]), zero, zero, zero)
+
+    value, slope = jax.value_and_grad(density)(walk.scale)
+    np.testing.assert_allclose(value, scipy.stats.norm.logpdf(1.0, 0.0, 0.5), rtol=1e-6)
+    assert np.isfinite(slope).all()
+
+
+# The parts.
+
+
+# Refusals.
+
+
+@pytree_dataclass
+class Unknown:
+    """A motion without a density."""
+
+    scale: jax.Array
+
+    def propagate(self, key, partition, current, previous, parent):
+        return current
+
+
+@pytest.mark.parametrize(
+    ("settings", "what"),
+    [
+        ({"gradient": "exact"}, "gradient='exact' is unknown; choose one of none, stop_gradient"),
+        ({"motion_gradient": "both"}, "motion_gradient='both' is unknown"),
+        (
+            {"dynamics": Unknown(jnp.ones(())), "motion_gradient": "score"},
+            "needs the method log_density of the dynamics, and Unknown has none",
+        ),
+        ({"gradient": "transport"}, "does not go with a swap, which needs lineages"),
+        (
+            {"gradient": "transport", "ordering": ordering.dps(P), "tempering": 0.5},
+            "does not go with tempering",
+        ),
+        (
+            {
+                "gradient": "transport",
+                "ordering": ordering.dps(P),
+                "likelihood": CorrelatedGaussian(jnp.eye(P)),
+            },
+            "does not go with log_joint",
+        ),
+        ({"gradient": "transport", "ordering": ordering.branched([[0, 1]])}, "labels"),
+        (
+            {"gradient": "transport", "ordering": ordering.sir(P), "transport_epsilon": 0.0},
+            "transport_epsilon=0.0 must be above 0",
+        ),
+        ({"gradient": "soft", "soft_share": 1.5}, "soft_share=1.5 must be above 0 and at most 1"),
+    ],
+)
+def test_what_cannot_work_is_refused_in_one_sentence(settings, what):
+    order = settings.pop("ordering", ordering.sps(num_partitions=P))
+    with pytest.raises(InputError, match=what):
+        tracker(order, **settings)
+
+
+def test_a_motion_gradient_that_would_be_zero_is_refused():
+    made = tracker(ordering.ps([0]), likelihood=WholePixels(noise=np.float32(1.0)))
+    with pytest.raises(InputError, match=r"WholePixels .*motion_gradient='score'"):
+        gradients.check_motion_gradient(made)
+    gradients.check_motion_gradient(dataclasses.replace(made, motion_gradient="score"))
+    gradients.check_motion_gradient(tracker(ordering.ps([0])))
+    gradients.check_motion_gradient(
+        tracker(ordering.ps([0]), likelihood=Gaussian(noise=np.ones((1, 1, 1))))
+    )

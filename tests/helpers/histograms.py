@@ -1,0 +1,102 @@
+"""Colour histograms counted in the plainest way, and frames to count in."""
+
+import jax
+import numpy as np
+
+from jaxpf.models.likelihoods.color import NUM_BINS
+from jaxpf.models.likelihoods.histogram import (
+    HistogramLikelihood,
+)
+
+HEIGHT, WIDTH = 60, 80
+
+
+# Compiled as a whole: in tests of many shapes, one compilation per operation is slow.
+observe = jax.jit(HistogramLikelihood.observe)
+log_prob = jax.jit(HistogramLikelihood.log_prob)
+log_prob_all = jax.jit(HistogramLikelihood.log_prob_all)
+
+
+def numpy_bins(frame):
+    """Perez et al.'s bins in exact integer arithmetic, pixel by pixel."""
+    result = np.zeros(frame.shape[:-1], int)
+    for place in np.ndindex(result.shape):
+        red, green, blue = (int(c) for c in frame[place])
+        top, chroma = max(red, green, blue), max(red, green, blue) - min(red, green, blue)
+        if 10 * chroma > top and 5 * top > 255:
+            if top == red:
+                sixths = (green - blue) % (6 * chroma)
+            elif top == green:
+                sixths = blue - red + 2 * chroma
+            else:
+                sixths = red - green + 4 * chroma
+            hue, saturation = 10 * sixths // (6 * chroma), 10 * chroma // top
+            result[place] = 10 * min(hue, 9) + min(saturation, 9)
+        else:
+            result[place] = 100 + min(10 * top // 255, 9)
+    return result
+
+
+def float_bins(frame):
+    """Perez et al.'s bins by the formulas of HSV, float64."""
+    color = frame.astype(np.float64) / 255
+    red, green, blue = np.moveaxis(color, -1, 0)
+    value = color.max(-1)
+    chroma = value - color.min(-1)
+    saturation = chroma / np.where(value > 0, value, 1)
+    safe = np.where(chroma > 0, chroma, 1)
+    hue = np.where(
+        value == red,
+        ((green - blue) / safe) % 6,
+        np.where(value == green, (blue - red) / safe + 2, (red - green) / safe + 4),
+    )
+
+    def level(x):  # a hair up: 0.7 / 0.1 is not quite 7 in float64
+        return np.minimum(np.floor(10 * x + 1e-9), 9).astype(int)
+
+    coloured = (saturation > 0.1 + 1e-12) & (value > 0.2 + 1e-12)
+    return np.where(coloured, 10 * level(hue / 6) + level(saturation), 100 + level(value))
+
+
+def brute_log_prob(frame, references, sizes, partition, substate, sharpness, parts):
+    """One box, its pixels counted one part at a time; references [P, parts, 110]."""
+    u, v, scale = (float(x) for x in substate)
+    width, height = sizes[partition] * scale
+    if width < 1 or height < parts:
+        return -np.inf
+    bins = float_bins(frame)
+    left, right = (int(np.floor(x + 0.5)) for x in (u - width / 2, u + width / 2))
+    edges = [int(np.floor(v - height / 2 + height * k / parts + 0.5)) for k in range(parts + 1)]
+    distance = 0.0
+    for k in range(parts):
+        inside = bins[max(edges[k], 0) : max(edges[k + 1], 0), max(left, 0) : max(right, 0)]
+        count = np.bincount(inside.ravel(), minlength=NUM_BINS)
+        p = count / ((right - left) * (edges[k + 1] - edges[k]))
+        distance += 1 - np.sqrt(p * references[partition, k]).sum()
+    return -sharpness * distance
+
+
+def noise(seed=0, height=HEIGHT, width=WIDTH):
+    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
+
+
+def full_references(likelihood):
+    """References as histograms [P, parts, 110], undoing the compact numbering of bins."""
+    roots = np.asarray(likelihood.references, np.float64)
+    padded = np.concatenate([roots, np.zeros((*roots.shape[:2], 1))], -1)
+    return padded[..., np.asarray(likelihood.bin_lookup)] ** 2
+
+
+def dyadic(values, step=1 / 8):
+    """Multiples of a power of two: box edges are then exact in float32 and never disagree."""
+    return np.round(np.asarray(values) / step) * step
+
+
+def smooth_frame():
+    """Noise blurred over about ten pixels: neighbouring pixels share bins, as in a picture."""
+    frame = noise(11, 120, 160).astype(float)
+    for axis in (0, 1):
+        for _ in range(3):
+            frame = sum(np.roll(frame, k, axis) for k in range(-2, 3)) / 5
+    frame = (frame - frame.min()) / np.ptp(frame) * 255
+    return frame.astype(np.uint8)

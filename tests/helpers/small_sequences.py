@@ -1,0 +1,43 @@
+"""Small sequences as benchmarks write them, and what is said about a wrong one."""
+
+import cv2
+import numpy as np
+import pytest
+
+from scenes import SceneError, open_scene
+
+SMALL = {"num_frames": 8, "frame_width": 120, "frame_height": 100, "num_objects": 2}
+SEQINFO = (
+    "[Sequence]\nname=made\nimDir=img1\nframeRate=12.5\nseqLength=8\nimWidth=120\n"
+    "imHeight=100\nimExt=.png\n\n"
+)
+
+
+def write_pictures(folder, frames, first=1, digits=6, suffix=".png"):
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, frame in enumerate(frames, start=first):
+        assert cv2.imwrite(str(folder / f"{number:0{digits}d}{suffix}"), frame[..., ::-1])
+
+
+def mot_rows(boxes, ids, tail="1,1,1"):
+    """Lines of a gt.txt, by object as in the benchmark; frames, x and y from 1."""
+    return [
+        f"{t + 1},{number},{x + 1!r},{y + 1!r},{w!r},{h!r},{tail}"
+        for column, number in enumerate(ids)
+        for t, (x, y, w, h) in enumerate(boxes[:, column].tolist())
+        if np.isfinite(x)
+    ]
+
+
+def otb_text(boxes, separator, end="\n"):
+    """x and y from 1."""
+    rows = boxes + np.array([1, 1, 0, 0])
+    return "".join(separator.join(map(repr, row)) + end for row in rows.tolist())
+
+
+def complaint_of(source, **options):
+    with pytest.raises(SceneError) as caught:
+        open_scene(source, **options)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message

@@ -1,0 +1,61 @@
+"""A clip of two rectangles on the move, and what the command line makes of it."""
+
+import json
+
+import cv2
+import numpy as np
+
+WIDTH, HEIGHT, LENGTH = 64, 48, 10
+COLOURS = ((220, 30, 30), (30, 40, 220))
+# Every successful run has these shapes, so that the filter is compiled once.
+PARTICLES = ("-n", "60")
+FROM_1 = np.array([1, 1, 0, 0])  # MOT files count pixels from 1
+BOXES = ("--box", "6,8,12,16", "--box", "40,22,12,16")
+
+
+def true_boxes(time):
+    return np.array([[6 + 2 * time, 8 + time, 12, 16], [40 - time, 22 - time, 12, 16]])
+
+
+def picture(time, noise=True):
+    """Two coloured rectangles over grey."""
+    frame = np.full((HEIGHT, WIDTH, 3), 110, np.uint8)
+    if noise:
+        frame = np.random.default_rng(time).integers(90, 130, frame.shape, dtype=np.uint8)
+    for (x, y, w, h), colour in zip(true_boxes(time), COLOURS, strict=True):
+        frame[y : y + h, x : x + w] = colour
+    return frame
+
+
+def write_images(folder, frames):
+    folder.mkdir(parents=True)
+    for number, frame in enumerate(frames):
+        code = cv2.COLOR_RGBA2BGRA if frame.shape[-1] == 4 else cv2.COLOR_RGB2BGR
+        cv2.imwrite(str(folder / f"{number}.png"), cv2.cvtColor(frame, code))
+    return folder
+
+
+def write_lossless_video(path, frames):
+    fourcc = cv2.VideoWriter.fourcc(*"FFV1")
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, 25, (WIDTH, HEIGHT))
+    for frame in frames:
+        writer.write(cv2.cvtColor(frame, cv2.COLOR_RGB2BGR))
+    writer.release()
+    return path
+
+
+def write_truth(path, ids=(1, 2), last=LENGTH):
+    rows = ["frame,id,x,y,w,h,occ"]
+    for number in range(last):
+        for identity, box in zip(ids, true_boxes(number), strict=True):
+            rows.append(f"{number},{identity},{','.join(map(str, box))},0")
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def rows_of(output):
+    return np.loadtxt(output / "tracks.csv", delimiter=",", ndmin=2)
+
+
+def summary_of(output):
+    return json.loads((output / "summary.json").read_text())

@@ -1,0 +1,28 @@
+"""Boxes and substates for the histogram likelihood."""
+
+import numpy as np
+import pytest
+from histograms import HEIGHT, WIDTH, dyadic, noise
+
+from jaxpf.models.likelihoods.histogram import (
+    histogram,
+)
+
+
+@pytest.fixture(scope="session")
+def boxes():
+    return np.array([[10, 12, 16, 24], [40, 20, 8, 12], [60, 30, 12, 12]], float)
+
+
+@pytest.fixture(scope="session")
+def likelihood(boxes):
+    return histogram(noise(), boxes, method="integral")
+
+
+@pytest.fixture(scope="session")
+def substates():
+    """Boxes all over the frame and beyond its borders."""
+    rng = np.random.default_rng(1)
+    count = 300
+    u, v = rng.uniform(-15, WIDTH + 15, count), rng.uniform(-15, HEIGHT + 15, count)
+    return np.stack([dyadic(u), dyadic(v), rng.choice([0.5, 0.75, 1, 1.25, 2], count)])

@@ -1,0 +1,147 @@
+"""Histograms of sampled pixels: counted one by one, and close to exact ones."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from histograms import (
+    HEIGHT,
+    WIDTH,
+    float_bins,
+    full_references,
+    log_prob,
+    log_prob_all,
+    noise,
+    observe,
+    smooth_frame,
+)
+
+import scenes
+from jaxpf.models.likelihoods.color import NUM_BINS, hsv_bins
+from jaxpf.models.likelihoods.histogram import (
+    histogram,
+    histogram_from_patches,
+)
+
+
+def test_sampled_is_close_to_integral_but_for_a_known_bias():
+    frame, boxes = smooth_frame(), [[30, 30, 32, 42]]
+    rng = np.random.default_rng(2)
+    count = 400
+    at = [[46], [51], [1]] + np.array([[4], [4], [0.05]]) * rng.normal(size=(3, count))
+    at = jnp.array(at, jnp.float32)
+    partition = jnp.zeros(count, jnp.int32)
+
+    def distance(method, samples):
+        likelihood = histogram(frame, boxes, sharpness=1.0, method=method, samples=samples)
+        return -np.asarray(log_prob_all(likelihood, observe(likelihood, frame), partition, at))
+
+    exact = distance("integral", 16)
+    num_bins = len(np.unique(hsv_bins(frame)))
+    for samples, bound in ((16, 0.03), (32, 0.01)):
+        error = distance("sampled", samples) - exact
+        assert 0 < error.mean() < 2 * (num_bins - 1) / (8 * samples**2 / 2)
+        assert error.std() < bound
+
+
+def test_sampling_every_pixel_equals_the_integral_histogram():
+    frame = noise()
+    pair = [
+        histogram(frame, [[20, 20, 16, 16]], method=m, samples=16) for m in ("integral", "sampled")
+    ]
+    at = jnp.array([[20.0, 33, -2, 79], [30.0, 41, 3, 55], [1.0] * 4])
+    one, other = (log_prob_all(x, observe(x, frame), jnp.zeros(4, jnp.int32), at) for x in pair)
+    np.testing.assert_allclose(one, other, atol=1e-4)
+
+
+def counted_one_by_one(likelihood, frame, partition, substate):
+    """The sampled likelihood's definition, in float64 and loops."""
+    bins, references = float_bins(frame), full_references(likelihood)[partition]
+    u, v, scale, theta = (float(x) for x in substate)
+    width, height = np.asarray(likelihood.sizes, float)[partition] * scale
+    num_parts, d = len(references), likelihood.distance
+    columns, rows = -(-likelihood.samples // 2), -(-likelihood.samples // (2 * num_parts))
+    similarity = 0.0
+    for part in range(num_parts):
+        counts = np.zeros(NUM_BINS)
+        for i in range(part * rows, (part + 1) * rows):
+            for j in range(columns):
+                a = ((j + 0.5) / columns - 0.5) * width
+                b = ((i + 0.5) / (rows * num_parts) - 0.5) * height
+                x = int(np.floor(u + np.cos(theta) * a - np.sin(theta) * b - d / 2))
+                y = int(np.floor(v + np.sin(theta) * a + np.cos(theta) * b - d / 2))
+                for row, column in ((y, x), (y, x + d), (y + d, x), (y + d, x + d)):
+                    if 0 <= row < frame.shape[0] and 0 <= column < frame.shape[1]:
+                        counts[bins[row, column]] += 1
+        similarity += np.sqrt(counts / (4 * rows * columns) * references[part]).sum()
+    return -float(likelihood.sharpness) * (num_parts - similarity)
+
+
+@pytest.mark.parametrize(("parts", "samples"), [(1, 10), (2, 16), (3, 7), (1, 36)])
+def test_sampled_equals_a_count_of_its_samples_one_by_one(parts, samples, boxes):
+    frame, rng = noise(12), np.random.default_rng(3)
+    likelihood = histogram(frame, boxes, parts=parts, method="sampled", samples=samples)
+    count = 40
+    at = np.stack([
+        rng.uniform(-10, WIDTH + 10, count), rng.uniform(-10, HEIGHT + 10, count),
+        rng.uniform(0.5, 2, count), rng.uniform(-7, 7, count),
+    ])  # fmt: skip
+    partition = np.arange(count) % len(boxes)
+    with jax.enable_x64(True):
+        double = histogram(frame, boxes, parts=parts, method="sampled", samples=samples)
+        got = log_prob_all(double, observe(double, frame), jnp.array(partition), jnp.array(at))
+    single = log_prob_all(
+        likelihood, observe(likelihood, frame), jnp.array(partition), jnp.array(at, jnp.float32)
+    )
+    expected = [
+        counted_one_by_one(likelihood, frame, p, x) for p, x in zip(partition, at.T, strict=True)
+    ]
+    np.testing.assert_allclose(got, expected, atol=1e-5)
+    # In float32 a sample on the edge of a pixel may fall to its other side.
+    assert np.mean(np.abs(single - np.array(expected)) < 1e-4) > 0.9
+    np.testing.assert_allclose(single, expected, atol=2)
+
+
+def test_sampled_is_close_to_counting_every_pixel_of_a_rotated_box():
+    # The figures that articulated trackers rest on; see jaxpf/likelihoods/_sampled.py.
+    scene = scenes.make("articulated", 2, num_parts=11, num_frames=1)
+    bins, rng = float_bins(scene.frames[0]), np.random.default_rng(0)
+    part = rng.integers(0, 11, 300)
+    spread = np.array([4, 4, 0.15]) * rng.choice([0.3, 1], (300, 1))
+    poses = scene.extras["poses"][0][part] + spread * rng.normal(size=(300, 3))
+    rows, columns = np.mgrid[: bins.shape[0], : bins.shape[1]] + 0.5
+    distance = {}
+    for samples in (8, 10, 12, 16):
+        likelihood = histogram_from_patches(
+            scene.patches, sharpness=1.0, parts=1, method="sampled", samples=samples
+        )
+        at = jnp.array(np.insert(poses, 2, 1, axis=1).T, jnp.float32)
+        observation = observe(likelihood, scene.frames[0])
+        distance[samples] = -log_prob_all(likelihood, observation, jnp.array(part), at)
+    references, exact = full_references(likelihood)[:, 0], []
+    for p, (x, y, theta) in zip(part, poses, strict=True):
+        turned = (columns - x + 1j * (rows - y)) * np.exp(-1j * theta)
+        width, height = scene.sizes[p]
+        inside = (np.abs(turned.real) < width / 2) & (np.abs(turned.imag) < height / 2)
+        share = np.bincount(bins[inside], minlength=NUM_BINS) / inside.sum()
+        exact.append(1 - np.sqrt(share * references[p]).sum())
+    for samples, bias, deviation in (
+        (8, 0.03, 0.027), (10, 0.018, 0.018), (12, 0.015, 0.016), (16, 0.006, 0.011)
+    ):  # fmt: skip
+        error = distance[samples] - np.array(exact)
+        print(f"{samples} samples per side: bias {error.mean():.4f}, deviation {error.std():.4f}")
+        assert abs(error.mean()) < bias
+        assert error.std() < deviation
+
+
+def test_rotation_is_clockwise_in_the_image():
+    # A box of red over blue, turned clockwise by a right angle: red is then on the right.
+    patch = np.zeros((16, 16, 3), np.uint8)
+    patch[:8, :, 0], patch[8:, :, 2] = 255, 255
+    likelihood = histogram_from_patches([patch], method="sampled")
+    frame = np.zeros((40, 40, 3), np.uint8)
+    frame[:, 20:, 0], frame[:, :20, 2] = 255, 255
+    observation = observe(likelihood, frame)
+    right = log_prob(likelihood, observation, 0, jnp.array([20.0, 20.0, 1.0, np.pi / 2]))
+    wrong = log_prob(likelihood, observation, 0, jnp.array([20.0, 20.0, 1.0, -np.pi / 2]))
+    np.testing.assert_allclose([right, wrong], [0, -20 * 2], atol=1e-4)

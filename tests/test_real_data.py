@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import jaxpf
+from jaxpf.filters.partitioned.ordering import named
 from jaxpf.measures import metrics
 from jaxpf.models.geometry import boxes_from_substates
 from jaxpf.models.likelihoods import histogram
-from jaxpf.targets.boxes import box_tracker, ordering_of
+from jaxpf.targets.boxes import box_tracker
 from scenes.clips import read_clip
 
 pytestmark = pytest.mark.slow
@@ -31,7 +32,7 @@ def kept_through_the_occlusions(campus, method):
     """In how many of 20 seeds object 3's box meets the truth in every frame until then."""
     scene, likelihood = campus
     tracker = box_tracker(
-        likelihood, scene.boxes[0], ordering_of(method, 5), scale=(4, 2, 0.003), num_particles=300
+        likelihood, scene.boxes[0], named(method, [-1] * 5), scale=(4, 2, 0.003), num_particles=300
     )
     keys = jnp.stack([jax.random.key(seed) for seed in range(20)])
     summary = jaxpf.monte_carlo(tracker, keys, jnp.asarray(scene.frames[1:]), batch_size=20)

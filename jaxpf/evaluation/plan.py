@@ -4,6 +4,7 @@ Nothing here imports JAX: whether a finished evaluation is the one that is asked
 told in a moment.
 """
 
+import contextlib
 import dataclasses
 import functools
 import hashlib
@@ -73,14 +74,7 @@ class Plan:
         self._keep("orders", [_order(value) for value in self.orders])
         swaps = options_of(*(one.options for one in filters.filters().values()))["swap"]
         self._keep("swaps", [swaps.checked(value, "swaps:") for value in self.swaps])
-        options = self._options()
-        for name in self.grid:
-            if name not in options:
-                raise InputError(
-                    f"{name} is no option{_whose(self.target)}; the options are "
-                    f"{', '.join(options)}."
-                )
-        object.__setattr__(self, "grid", self._checked(self.grid, options))
+        object.__setattr__(self, "grid", self._checked_grid())
         for name, least, bound in (("runs", 1, _WHOLE), ("seed", 0, 2**32)):
             self._check_whole(name, least, bound)
         names = [*self.tracks, *self.trackers]
@@ -102,29 +96,30 @@ class Plan:
                 f"{name} = {value} must be a whole number from {least} to {bound - 1}."
             )
 
-    def _options(self) -> dict[str, Option]:
-        """All options that a grid may have, of the target or of any."""
-        owners = [find_target(self.target)] if self.target else targets().values()
-        return options_of(*(one.options for one in owners)) | self._filter_options()
+    def _targets(self) -> list[Target]:
+        return [find_target(self.target)] if self.target else list(targets().values())
 
-    def _filter_options(self) -> dict[str, Option]:
-        found: dict[str, Option] = {}
+    def _options(self, of: Target) -> dict[str, Option]:
+        """Options that a grid may have: those of a target, and those of the methods' filters."""
+        found = options_of(of.options)
         for one in filters.filters().values():
             if self.methods is None or set(one.methods) & set(self.methods):
-                options = options_of(one.options)
-                found |= {n: o for n, o in options.items() if n not in one.varied}
+                its = options_of(one.options)
+                found |= {name: its[name] for name in its if name not in one.varied}
         return found
 
-    def _checked(
-        self, grid: Mapping[str, Sequence[Any]], options: Mapping[str, Option]
-    ) -> dict[str, tuple[Any, ...]]:
-        """The grid in normal form; options of unknown target are only seen to be no text."""
-        if not self.target:
-            return {name: check_distinct(name, values) for name, values in grid.items()}
-        return {
-            name: check_distinct(name, [options[name].checked(value) for value in values])
-            for name, values in grid.items()
-        }
+    def _checked_grid(self) -> dict[str, tuple[Any, ...]]:
+        """The grid in normal form: values that the target allows, or else some target."""
+        every = [self._options(one) for one in self._targets()]
+        found = {}
+        for name, values in self.grid.items():
+            having = [options[name] for options in every if name in options]
+            if not having:
+                known = ", ".join(dict.fromkeys(n for options in every for n in options))
+                whose = f" of {self.target}" if self.target else ""
+                raise InputError(f"{name} is no option{whose}; the options are {known}.")
+            found[name] = check_distinct(name, [_allowed(having, value) for value in values])
+        return found
 
     def for_target(self, name: str, parents: Sequence[int] | None = None) -> "Plan":
         """The plan with its target, its methods and all values of its grid.
@@ -141,10 +136,9 @@ class Plan:
             all_ = filters.filters().values()
             methods = tuple(m for one in all_ for m in one.methods if one.admits(m, parents))
         plan = dataclasses.replace(self, target=self.target or name, methods=methods)
-        defaults = {n: (option.default,) for n, option in plan._options().items()}
-        defaults |= {
-            n: (value,) for n, value in find_target(name).defaults.items() if n in defaults
-        }
+        of = find_target(plan.target or name)
+        defaults = {n: (option.default,) for n, option in plan._options(of).items()}
+        defaults |= {n: (value,) for n, value in of.defaults.items() if n in defaults}
         return dataclasses.replace(plan, grid={**defaults, **plan.grid})
 
     def asked(self) -> dict[str, Any]:
@@ -201,7 +195,7 @@ class Plan:
 
     def _points(self) -> Iterable[dict[str, Any]]:
         """Every point of the grid; what compiles anew varies slowest, so that it compiles once."""
-        options = self._options()
+        options = self._options(self._targets()[0])
         names = sorted(options, key=lambda name: options[name].compiles)
         loops = list(reversed(names))
         for values in itertools.product(*(self.grid[name] for name in loops)):
@@ -293,8 +287,12 @@ def _identity(function: Any) -> dict[str, Any]:
     return describe_scene(function) | ({"sha256": digest} if digest else {})
 
 
-def _whose(target_name: str | None) -> str:
-    return f" of {target_name}" if target_name else ""
+def _allowed(options: Sequence[Option], value: Any) -> Any:
+    """The value in normal form, if one of the options allows it."""
+    for one in options[1:]:
+        with contextlib.suppress(InputError):
+            return one.checked(value)
+    return options[0].checked(value)
 
 
 def _order(value: Any) -> Any:

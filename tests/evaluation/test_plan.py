@@ -1,5 +1,6 @@
 """Plans: what may be asked, which configurations it means, and how two plans differ."""
 
+import dataclasses
 import functools
 import json
 
@@ -8,12 +9,9 @@ import pytest
 
 from jaxpf import InputError
 from jaxpf.evaluation import Plan
-from jaxpf.evaluation import plan as plans
-from jaxpf.evaluation.plan import differences, order_label, order_of_label
-from jaxpf.filters import resampling
-from jaxpf.filters.partitioned import ordering
-from jaxpf.models.likelihoods._references import METHODS
-from jaxpf.targets import boxes
+from jaxpf.evaluation.plan import differences
+from jaxpf.filters.partitioned.options import order_label
+from jaxpf.targets.target import Start
 
 
 def load(**given):
@@ -23,28 +21,31 @@ def load(**given):
 SCENE = functools.partial(load, source="somewhere", seed=3)
 
 
-def never():
-    raise AssertionError("nothing was left to be chosen")
+def start(count):
+    boxes = np.tile([10.0, 10.0, 5.0, 5.0], (count, 1))
+    return Start(np.arange(count) + 1, boxes, boxes[:, 2:], (-1,) * count)
 
 
-def test_the_names_are_those_of_the_library():
-    assert plans.METHODS == boxes.METHODS
-    assert plans.SWAPS == ordering.SWAPS
-    assert set(plans.SCHEMES) == set(resampling.SCHEMES)
-    assert ("auto", *METHODS) == plans.LIKELIHOODS
-    assert plans.DEFAULT_SCALE == boxes.DEFAULT_SCALE
+def found(plan, count=3, method="integral", asked=None):
+    """The configurations of a plan on boxes, where "auto" stands for one method."""
+
+    def settle(of, options, particles):
+        if options.likelihood == "auto" and asked is not None:
+            asked.append(particles)
+        likelihood = method if options.likelihood == "auto" else options.likelihood
+        return dataclasses.replace(options, likelihood=likelihood)
+
+    return plan.for_target("boxes", start(count).parents).configurations(start(count), settle)
 
 
 def test_configurations_are_methods_times_orderings_times_grid():
     plan = Plan(
         SCENE,
         swaps=("combinatorial", "sorted"),
-        sharpness=(20, 30),
-        particles=(100, 200),
-        tracks={"theirs": "file.csv"},
+        grid={"sharpness": (20, 30), "particles": (100, 200)},
     )
-    found = plan.configurations(3, lambda: "integral")
-    orderings = [(c.method, c.ordering) for c in found[:7]]
+    configurations = found(plan)
+    orderings = [(c.method, c.ordering) for c in configurations[:7]]
     assert orderings == [
         ("SIR", ""),
         ("PS", "123"),
@@ -54,71 +55,67 @@ def test_configurations_are_methods_times_orderings_times_grid():
         ("SPS", "combinatorial"),
         ("SPS", "sorted"),
     ]
-    assert len(found) == 7 * 2 * 2 + 1
-    assert found[-1].label == "theirs"
-    assert found[-1].is_imported
-    assert len({(c.label, *c.parameters.values()) for c in found}) == len(found)
-    assert found[0].parameters == {
+    assert len(configurations) == 7 * 2 * 2
+    assert configurations[2].variant == {"method": "ps", "order": (1, 2, 0)}
+    assert len({(c.label, *c.parameters.values()) for c in configurations}) == 28
+    assert configurations[0].parameters == {
         "sharpness": 20.0,
-        "scale": "4,2,0.003",
+        "scale": (4.0, 2.0, 0.003),
+        "ess_threshold": None,
+        "bands": 2,
+        "likelihood": "integral",
         "particles": 100,
         "resampling": "systematic",
-        "parts": 2,
-        "likelihood": "integral",
     }
     # What compiles anew varies slowest.
-    assert [c.parameters["particles"] for c in found[:-1]] == [100] * 14 + [200] * 14
+    assert [c.parameters["particles"] for c in configurations] == [100] * 14 + [200] * 14
 
 
-def test_orders_are_permutations_counted_from_1_and_none_twice():
-    plan = Plan(SCENE, methods=["ps"], orders=["3, 1,2", "shifts"], likelihood=["sampled"])
-    assert [c.ordering for c in plan.configurations(3, never)] == ["312", "123", "231"]
+def test_part_trees_leave_out_dps_and_take_orders_level_by_level():
+    plan = Plan(SCENE).for_target("parts", (-1, 2, 0))
+    assert plan.methods == ("sir", "ps", "sps")
+    boxes = np.zeros((3, 3))
+    tree = Start(np.arange(3), boxes, np.ones((3, 2)), (-1, 2, 0))
+    assert plan.grid["sharpness"] == (50.0,)
+    labels = [c.label for c in plan.configurations(tree, lambda of, options, n: options)]
+    assert labels == ["SIR", "PS 132", "SPS combinatorial"]
 
 
-def test_labels_of_orders_are_read_back():
-    for places in ([1], [3, 1, 2], list(range(12, 0, -1))):
-        label = order_label(places)
-        assert order_of_label(label) == [place - 1 for place in places]
-    assert order_label(range(1, 11)) == "1-2-3-4-5-6-7-8-9-10"
+def test_orders_count_from_0_and_none_is_twice():
+    plan = Plan(SCENE, methods=["ps"], orders=[(2, 0, 1), "shifts"])
+    assert [c.ordering for c in found(plan)] == ["312", "123", "231"]
+
+
+def test_labels_of_orders_have_hyphens_from_ten_objects_on():
+    assert order_label([2, 0, 1]) == "312"
+    assert order_label(range(10)) == "1-2-3-4-5-6-7-8-9-10"
 
 
 def test_auto_is_decided_once_and_merges_with_what_it_stands_for():
-    plan = Plan(SCENE, methods=["sir"], likelihood=["auto", "sampled"], sharpness=[1, 2])
+    plan = Plan(SCENE, methods=["sir"], grid={"likelihood": ["auto", "sampled"]})
     asked = []
-    found = plan.configurations(2, lambda: asked.append(1) or "sampled")
-    assert [c.parameters["likelihood"] for c in found] == ["sampled"] * 2
-    assert asked == [1]
+    configurations = found(plan, 2, "sampled", asked)
+    assert [c.parameters["likelihood"] for c in configurations] == ["sampled"]
+    assert asked == [300]
 
 
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({"methods": ["sir", "pf"]}, "methods: 'pf' is unknown; choose among sir, ps, dps, sps"),
-        ({"methods": []}, "methods names none; choose among sir, ps, dps, sps"),
+        ({"methods": ["sir", "pf"]}, "method 'pf' is unknown; choose one of sir, ps, dps, sps"),
+        ({"methods": []}, "methods is empty; give at least one value"),
         ({"methods": ["ps", "ps"]}, "methods names ps twice"),
-        ({"swaps": ["shuffled"]}, "swaps: 'shuffled' is unknown; choose among none, random,"),
-        ({"resampling": ["none"]}, "resampling: 'none' is unknown; choose among systematic,"),
-        ({"likelihood": ["gaussian"]}, "likelihood: 'gaussian' is unknown; choose among auto,"),
-        ({"orders": ["3;1"]}, "orders: '3;1' is no order; write 'shifts', or the objects"),
+        ({"swaps": ["shuffled"]}, "swaps: 'shuffled' is unknown; choose one of none, random,"),
+        ({"orders": ["3;1"]}, "orders: '3;1' is no order; give 'shifts', or the objects"),
         ({"orders": []}, "orders is empty; give at least one value"),
-        ({"sharpness": [20, 0]}, "sharpness = 0 must be positive and finite"),
-        ({"sharpness": [np.nan]}, "sharpness = nan must be positive and finite"),
-        ({"sharpness": [np.inf]}, "sharpness = inf must be positive and finite"),
-        ({"sharpness": [20, 20.0]}, "sharpness names 20 twice"),
-        ({"sharpness": []}, "sharpness is empty"),
-        ({"particles": [0]}, "particles = 0 must be a whole number from 1"),
-        ({"particles": [2**31]}, "particles = 2147483648 must be a whole number from 1"),
-        ({"particles": [1.5]}, "particles = 1.5 must be a whole number"),
-        ({"parts": [0]}, "parts = 0 must be a whole number from 1"),
-        ({"scale": [(1, 2)]}, "scale = 1,2 must be three finite numbers"),
-        ({"scale": [(1, -2, 0)]}, "scale = 1,-2,0 must be three finite numbers"),
-        ({"scale": [(1, np.inf, 0)]}, "scale = 1,inf,0 must be three finite numbers"),
+        ({"target": "ghosts"}, "target 'ghosts' is unknown; choose one of"),
         ({"runs": 0}, "runs = 0 must be a whole number from 1"),
         ({"runs": True}, "runs = True must be a whole number from 1"),
         ({"seed": -1}, "seed = -1 must be a whole number from 0 to 4294967295"),
         ({"seed": 2**32}, "seed = 4294967296 must be a whole number from 0 to 4294967295"),
-        ({"tracks": {"dps": "file.csv"}}, "tracks cannot be called 'dps'"),
-        ({"tracks": {"": "file.csv"}}, "tracks cannot be called ''"),
+        ({"tracks": {"dps": "file.csv"}}, "a tracker cannot be called 'dps'"),
+        ({"tracks": {"": "file.csv"}}, "a tracker cannot be called ''"),
+        ({"tracks": {"a": "file.csv"}, "trackers": {"a": len}}, "a tracker cannot be called 'a'"),
     ],
 )
 def test_what_cannot_be_asked_is_refused(given, sentence):
@@ -128,17 +125,51 @@ def test_what_cannot_be_asked_is_refused(given, sentence):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("order", ["1,2", "1,2,2", "0,1,2", "1,2,4", "1,2,3,4"])
+@pytest.mark.parametrize(
+    ("grid", "sentence"),
+    [
+        ({"resampling": ["none"]}, "resampling = 'none' is unknown; choose one of systematic,"),
+        ({"likelihood": ["gaussian"]}, "likelihood = 'gaussian' is unknown; choose one of auto,"),
+        ({"sharpness": [20, 0]}, "sharpness = 0 must be a finite number above 0"),
+        ({"sharpness": [np.nan]}, "sharpness = nan must be a finite number above 0"),
+        ({"sharpness": [np.inf]}, "sharpness = inf must be a finite number above 0"),
+        ({"sharpness": [20, 20.0]}, "sharpness names 20 twice"),
+        ({"sharpness": []}, "sharpness is empty"),
+        ({"particles": [0]}, "particles = 0 must be a whole number of at least 1"),
+        ({"particles": [2**31]}, "particles = 2147483648 must be a whole number"),
+        ({"particles": [1.5]}, "particles = 1.5 must be a whole number"),
+        ({"bands": [0]}, "bands = 0 must be a whole number of at least 1"),
+        ({"scale": [(1, 2)]}, "scale = 1,2 must be three finite numbers of at least 0, such as"),
+        ({"scale": [(1, -2, 0)]}, "scale = 1,-2,0 must be three finite numbers"),
+        ({"scale": [(1, np.inf, 0)]}, "scale = 1,inf,0 must be three finite numbers"),
+        ({"colour": ["red"]}, "colour is no option; the options are sharpness, scale,"),
+    ],
+)
+def test_a_value_that_no_target_allows_is_refused(grid, sentence):
+    with pytest.raises(InputError) as error:
+        Plan(SCENE, grid=grid)
+    assert sentence in str(error.value)
+    with pytest.raises(InputError):
+        Plan(SCENE, grid=grid, target="boxes")
+
+
+def test_an_option_of_another_target_is_refused_once_the_target_is_known():
+    plan = Plan(SCENE, grid={"joint_scale": [(1, 1, 1)]})
+    with pytest.raises(InputError, match="joint_scale is no option of boxes"):
+        plan.for_target("boxes")
+
+
+@pytest.mark.parametrize("order", [(0, 1), (0, 1, 1), (-1, 0, 1), (0, 1, 3), (0, 1, 2, 3)])
 def test_an_order_that_is_no_permutation_of_the_objects_is_refused(order):
     plan = Plan(SCENE, methods=["ps"], orders=[order])
-    with pytest.raises(InputError, match="is not a permutation of the 3 object"):
-        plan.configurations(3, lambda: "integral")
+    with pytest.raises(InputError, match=r"order|least 0"):
+        found(plan)
 
 
 def test_fewer_particles_than_components_are_refused():
-    plan = Plan(SCENE, particles=[300, 2])
+    plan = Plan(SCENE, grid={"particles": [300, 2]})
     with pytest.raises(InputError, match="particles = 2 is fewer than the 3 components of dps"):
-        plan.configurations(3, lambda: "integral")
+        found(plan)
 
 
 def test_what_was_asked_survives_json_and_names_the_scene(tmp_path):
@@ -159,12 +190,15 @@ def test_differences_name_the_value_before_and_after(tmp_path):
     (change,) = differences(before, Plan(SCENE, tracks={"theirs": file}).asked())
     assert change.startswith("tracks: theirs: sha256 = ")
     other = functools.partial(load, source="somewhere", seed=4, ids=[1, 2])
-    after = Plan(other, sharpness=[20, 25.5], tracks={"theirs": file}).asked()
+    before = Plan(SCENE, grid={"sharpness": [20]}, tracks={"theirs": file}).asked() | {
+        "tracks": before["tracks"]
+    }
+    after = Plan(other, grid={"sharpness": [20, 25.5]}, tracks={"theirs": file}).asked()
     changes = list(differences(before, after))
     assert changes[:3] == [
         "scene: seed = 3, now 4",
         "scene: ids = nothing, now 1,2",
-        "sharpness = 20, now 20,25.5",
+        "grid: sharpness = 20, now 20,25.5",
     ]
 
 

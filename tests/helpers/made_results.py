@@ -7,12 +7,14 @@ import numpy as np
 
 from jaxpf.evaluation.batches import FOLDER, Batch, write_batch
 from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.targets.target import Start
 
-PARAMETERS = {"sharpness": 20.0, "scale": "2,4,0.5", "particles": 100}
+PARAMETERS = {"sharpness": 20.0, "scale": (2.0, 4.0, 0.5), "particles": 100}
 SIR = Configuration("SIR", "", PARAMETERS)
 PS = Configuration("PS", "21", PARAMETERS)
 DPS = Configuration("DPS", "shifts", PARAMETERS)
-OTHER = Configuration("a|b <i>_100%$x$", "", {})  # imported, with a name that must be escaped
+#: With a name that must be escaped.
+OTHER = Configuration("a|b <i>_100%$x$", kind="imported")
 
 
 def batch(boxes, first_run=0, **given):
@@ -26,7 +28,7 @@ def batch(boxes, first_run=0, **given):
     return Batch(
         seeds=np.full(runs, 7),
         runs=first_run + np.arange(runs),
-        boxes=boxes,
+        shapes=boxes,
         uniqueness=filled("uniqueness", 0.5, runs, frames, objects),
         spread=filled("spread", 2.0, runs, frames, objects, 3),
         ess=filled("ess", 30.0, runs, frames),
@@ -64,6 +66,7 @@ def make(folder, batches, truth, runs=None, ids=None, frames=None, start_frame=0
         "versions": {"jaxpf": "0"},
         "scene": {
             "name": "made <scene>",
+            "target": "boxes",
             "object_ids": list(ids or range(1, truth.shape[1] + 1)),
             "start_frame": start_frame,
             "fps": 10.0,
@@ -71,7 +74,11 @@ def make(folder, batches, truth, runs=None, ids=None, frames=None, start_frame=0
         "configurations": [dataclasses.asdict(configuration) for configuration, _ in batches],
     }
     scene = None if frames is None else lambda: SimpleNamespace(frames=frames)
-    return Results(folder, settings, np.asarray(truth, np.float64), scene)
+    truth = np.asarray(truth, np.float64)
+    first = np.broadcast_to([10.0, 10.0, 20.0, 30.0], truth.shape[1:])
+    ids = np.array(settings["scene"]["object_ids"])
+    start = Start(ids, first, first[:, 2:], (-1,) * len(ids))
+    return Results(folder, settings, truth, start, scene)
 
 
 def walks(seed, runs, frames, objects, noise=6.0):

@@ -38,14 +38,9 @@ small_scene = functools.partial(load_scene, source="distracter", seed=0, paramet
 
 def small_plan(scene=small_scene, **given):
     """SIR and DPS, one batch each, unless something else is asked."""
-    settings = {
-        "methods": ("sir", "dps"),
-        "particles": (PARTICLES,),
-        "scale": ((1.0, 1.0, 0.001),),
-        "likelihood": ("integral",),
-        "runs": RUNS,
-    }
-    return Plan(scene, **(settings | given))
+    grid = {"particles": (PARTICLES,), "scale": ((1.0, 1.0, 0.001),), "likelihood": ("integral",)}
+    grid |= given.pop("grid", {})
+    return Plan(scene, **({"methods": ("sir", "dps"), "grid": grid, "runs": RUNS} | given))
 
 
 def content(results):

@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxpf.filters.partitioned.ordering import named
 from jaxpf.measures import metrics
 from jaxpf.models.geometry import corners_from_poses
-from jaxpf.targets.parts import ordering_of_parts
 
 SIZES = np.array([[6.0, 8.0], [2.0, 2.0]])  # half diagonals 5 and sqrt(2)
 TREE = (-1, 0, 0, 1, 2, 3, 4)
@@ -69,7 +69,7 @@ def test_pose_variance_is_the_mean_squared_distance_of_the_corners():
 
 @pytest.mark.parametrize(("method", "expected"), [("sir", 1), ("ps", 7), ("sps", 4)])
 def test_resamplings_per_frame(method, expected):
-    ordering = ordering_of_parts(method, TREE)
+    ordering = named(method, TREE)
     assert metrics.resamplings_per_frame(ordering.resample_after) == expected
     stacked = np.stack([ordering.resample_after] * 3)
     assert metrics.resamplings_per_frame(stacked).tolist() == [expected] * 3

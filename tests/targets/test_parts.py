@@ -8,10 +8,10 @@ import pytest
 import jaxpf
 import scenes
 from jaxpf.errors import InputError
-from jaxpf.filters.partitioned.ordering import SWAPS
+from jaxpf.filters.partitioned.ordering import SWAPS, named
 from jaxpf.models.geometry import corners_from_poses
 from jaxpf.models.likelihoods import histogram_from_patches
-from jaxpf.targets.parts import OfFixedSize, ordering_of_parts, parts_tracker
+from jaxpf.targets.articulated import OfFixedSize, parts_tracker
 
 TREE = (-1, 0, 0, 1, 2)
 
@@ -47,8 +47,8 @@ def mean_corner_distance(scene, summary):
 
 @pytest.mark.parametrize("dynamics", [pytest.param("relative", marks=pytest.mark.slow), "absolute"])
 def test_every_ordering_follows_the_object(scene, likelihood, dynamics):
-    orderings = {"ps": ordering_of_parts("ps", TREE)}
-    orderings |= {swap: ordering_of_parts("sps", TREE, swap=swap) for swap in SWAPS}
+    orderings = {"ps": named("ps", TREE)}
+    orderings |= {swap: named("sps", TREE, swap=swap) for swap in SWAPS}
     keys = jax.random.split(jax.random.key(0), 6)
     for name, ordering in orderings.items():
         tracker = tracker_of(scene, likelihood, ordering, dynamics=dynamics)
@@ -60,7 +60,7 @@ def test_every_ordering_follows_the_object(scene, likelihood, dynamics):
 
 def test_a_start_without_reach_has_every_particle_at_the_poses(scene, likelihood):
     for dynamics in ("relative", "absolute"):
-        ordering = ordering_of_parts("sps", TREE)
+        ordering = named("sps", TREE)
         tracker = tracker_of(scene, likelihood, ordering, dynamics=dynamics, reach=0)
         start = tracker.init(jax.random.key(0)).substates[..., :3]
         expected = np.broadcast_to(scene.extras["poses"][0], start.shape)
@@ -82,10 +82,10 @@ def test_a_part_of_fixed_size_is_a_box_of_scale_one(scene, likelihood):
 def test_orders_put_parents_first_whatever_the_numbering():
     tree = (2, -1, 1, 0)
     for method in ("sir", "ps", "sps"):
-        assert ordering_of_parts(method, tree).order[0].tolist() == [1, 2, 0, 3]
-    assert not ordering_of_parts("sir", tree).resample_after.any()
-    assert ordering_of_parts("ps", tree).resample_after.tolist() == [True, True, True, False]
-    arms = ordering_of_parts("sps", TREE)
+        assert named(method, tree).order[0].tolist() == [1, 2, 0, 3]
+    assert not named("sir", tree).resample_after.any()
+    assert named("ps", tree).resample_after.tolist() == [True, True, True, False]
+    arms = named("sps", TREE)
     assert arms.resample_after.tolist() == [True, False, True, False, False]
 
 
@@ -93,17 +93,20 @@ POSES, SIZES = np.zeros((5, 3)), np.ones((5, 2))
 
 
 def build(likelihood=None, poses=POSES, sizes=SIZES, tree=TREE, ordering=None, **settings):
-    ordering = ordering or ordering_of_parts("ps", TREE)
+    ordering = ordering or named("ps", TREE)
     return parts_tracker(likelihood, poses, sizes, ordering, tree, **settings)
 
 
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: ordering_of_parts("dps", TREE), "method 'dps' is unknown for parts; choose"),
-        (lambda: ordering_of_parts("sps", TREE, swap="best"), "swap='best' is unknown"),
-        (lambda: ordering_of_parts("ps", (-1, 2, 1)), "cycle through part 1"),
-        (lambda: ordering_of_parts("ps", (-1, 7)), r"parents\[1\]=7 is not a part"),
+        (
+            lambda: named("dps", TREE),
+            "method 'dps' goes through circular shifts.*choose one of sir",
+        ),
+        (lambda: named("sps", TREE, swap="best"), "swap='best' is unknown"),
+        (lambda: named("ps", (-1, 2, 1)), "cycle through part 1"),
+        (lambda: named("ps", (-1, 7)), r"parents\[1\]=7 is not a part"),
         (lambda: build(num_particles=1), "num_particles=1 .*use 2 particles or more"),
         (lambda: build(dynamics="free"), "dynamics 'free' is unknown; choose one of relative"),
         (lambda: build(sizes=SIZES * [1, 0]), "part 0 measures 1 x 0 pixels, which is no area"),

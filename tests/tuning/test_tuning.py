@@ -13,6 +13,8 @@ from jaxpf.errors import InputError
 from jaxpf.filters.partitioned import ordering
 from jaxpf.models.dynamics import RandomWalk
 from jaxpf.models.likelihoods import Gaussian, histogram
+from jaxpf.targets import find_target
+from jaxpf.targets.target import Start
 from jaxpf.tuning import Parameter, Settings, TrainingSequence, tune
 from jaxpf.tuning.checkpoint import NAME
 from jaxpf.tuning.comparison import HeldOut, compare
@@ -373,7 +375,8 @@ def test_the_comparison_pairs_runs_and_names_its_unit():
             num_particles=50,
         )
 
-    held_out = HeldOut(one(0.05), one(2.0), frames, truth, np.full((1, 2), 10.0))
+    start = Start(np.array([1]), truth[0], np.full((1, 2), 10.0), (-1,))
+    held_out = HeldOut(one(0.05), one(2.0), frames, truth, find_target("boxes"), start)
     single = compare([held_out], runs=6)
     assert (single.unit, single.count) == ("runs", 6)
     assert single.verdict("overlap") == "better"

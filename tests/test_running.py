@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, running
+from jaxpf import InputError
 from jaxpf.filters.partitioned import ordering
 from jaxpf.models.dynamics import RandomWalk
 from jaxpf.models.likelihoods.gaussian import Gaussian
@@ -104,29 +104,44 @@ def test_raw_keys_are_taken_as_typed_ones_are():
     trees_equal(raw, jaxpf.monte_carlo(made, typed, FRAMES))
 
 
+@pytree_dataclass
+class TracedWalk(RandomWalk):
+    """Counts how often it is traced, that is, for how many programs."""
+
+    def propagate_all(self, *arguments):
+        traced.append(0)
+        return super().propagate_all(*arguments)
+
+
+traced: list[int] = []
+
+
 def test_changing_the_ordering_compiles_nothing_new():
     key = jax.random.key(0)
     keys = jax.random.split(key, 2)
-    jaxpf.run(tracker(ordering.sir(3)), key, FRAMES)
-    jaxpf.monte_carlo(tracker(ordering.sir(3)), keys, FRAMES)
-    before = running._run._cache_size(), running._monte_carlo._cache_size()
+    walk = TracedWalk(np.float64(1.0))
+    jaxpf.run(tracker(ordering.sir(3), dynamics=walk), key, FRAMES)
+    jaxpf.monte_carlo(tracker(ordering.sir(3), dynamics=walk), keys, FRAMES)
+    before = len(traced)
+    assert before > 0
     for other in (
         ordering.ps([2, 0, 1]),
         ordering.dps(3),
         ordering.dps(3, reassembly="literal"),
         *(ordering.sps(num_partitions=3, swap=swap) for swap in ordering.SWAPS),
     ):
-        jaxpf.run(tracker(other), key, FRAMES)
-        jaxpf.monte_carlo(tracker(other), keys, FRAMES)
-    assert (running._run._cache_size(), running._monte_carlo._cache_size()) == before
+        jaxpf.run(tracker(other, dynamics=walk), key, FRAMES)
+        jaxpf.monte_carlo(tracker(other, dynamics=walk), keys, FRAMES)
+    assert len(traced) == before
 
 
 def test_changing_parameters_compiles_nothing_new():
     key = jax.random.key(0)
-    jaxpf.run(tracker(), key, FRAMES)
-    before = running._run._cache_size()
-    jaxpf.run(tracker(dynamics=RandomWalk(np.float64(2.0))), key, FRAMES)
-    assert running._run._cache_size() == before
+    jaxpf.run(tracker(dynamics=TracedWalk(np.float64(1.0))), key, FRAMES)
+    before = len(traced)
+    assert before > 0
+    jaxpf.run(tracker(dynamics=TracedWalk(np.float64(2.0))), key, FRAMES)
+    assert len(traced) == before
 
 
 @pytree_dataclass
@@ -163,11 +178,12 @@ def test_a_frame_is_observed_once_for_all_runs():
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_number_of_frames():
-    made, keys = tracker(), jax.random.split(jax.random.key(0), 10).reshape(1, 10)
+    made, keys = tracker(), jax.random.split(jax.random.key(0), 10)
+    program = jax.jit(lambda made, keys, frames: jaxpf.monte_carlo(made, keys, frames))
 
     def temporary_bytes(num_frames):
         frames = jnp.zeros((num_frames, 3, 1))
-        compiled = running._monte_carlo.lower(made, keys, frames, running.summary_only).compile()
+        compiled = program.lower(made, keys, frames).compile()
         return compiled.memory_analysis().temp_size_in_bytes
 
     few, many = temporary_bytes(10), temporary_bytes(1000)

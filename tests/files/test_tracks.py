@@ -188,7 +188,8 @@ def test_an_interrupted_track_writer_closes_its_file(tmp_path):
     kept: list[TrackWriter] = []
     with pytest.raises(KeyboardInterrupt):
         write_until_interrupted()
-    assert kept[0]._file.closed
+    with pytest.raises(ValueError, match="closed file"):
+        kept[0].append(1, [7], [[0, 0, 3, 4]])
     assert len(read_boxes(tmp_path / "tracks.txt")) == 1
 
 

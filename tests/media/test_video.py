@@ -121,17 +121,39 @@ def test_a_difference_of_one_or_two_frames_is_a_note_and_no_truncation(tmp_path)
     assert "announces 41 frames, and 40 can be decoded" in source.note
 
 
-def test_a_varying_rate_is_not_taken_for_truncation(tmp_path):
-    path = write_video(tmp_path / "walk.webm", frame=noisy_frame)
-    data = bytearray(path.read_bytes())
-    middle = len(data) // 2
-    data[middle : middle + 300] = bytes(300)
-    path.write_bytes(data)
+def test_a_varying_rate_is_not_taken_for_truncation(tmp_path, monkeypatch):
+    path = write_video(tmp_path / "walk.webm")
+    opencv, rate = cv2.VideoCapture, 2
+
+    class TwentyFrames:
+        """Decodes the first 20 of 40 frames, with time stamps of ``rate`` frames each."""
+
+        def __init__(self, path):
+            self.decoder, self.count = opencv(path), 0
+
+        def isOpened(self):
+            return self.decoder.isOpened()
+
+        def read(self):
+            self.count += 1
+            return self.decoder.read() if self.count <= 20 else (False, None)
+
+        def get(self, name):
+            if name == cv2.CAP_PROP_POS_MSEC:
+                return 1000 * (rate * self.count - 1) / 25
+            return 40 if name == cv2.CAP_PROP_FRAME_COUNT else self.decoder.get(name)
+
+        def release(self):
+            self.decoder.release()
+
+    monkeypatch.setattr(cv2, "VideoCapture", TwentyFrames)
     source = open_frames(path)
-    source._reached_end(20, last_time=39 / 25)
+    assert len(list(source)) == 20
     assert not source.truncated
     assert "frame rate varies" in source.note
-    source._reached_end(20, last_time=19 / 25)
+    rate = 1
+    source = open_frames(path)
+    assert len(list(source)) == 20
     assert source.truncated
 
 

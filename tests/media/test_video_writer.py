@@ -2,6 +2,7 @@ import os
 import subprocess
 import sys
 
+import cv2
 import numpy as np
 import pytest
 
@@ -67,21 +68,35 @@ def test_an_interrupted_writer_leaves_a_playable_video(tmp_path):
     assert [number_of(frame) for frame in open_frames(path)] == list(range(15))
 
 
-def test_a_second_interrupt_while_closing_still_leaves_the_video(tmp_path):
+class Encoder:
+    """OpenCV's, to be changed."""
+
+    opencv, fourcc = cv2.VideoWriter, cv2.VideoWriter.fourcc
+
+    def __init__(self, *arguments):
+        self.encoder = self.opencv(*arguments)
+
+    def isOpened(self):
+        return self.encoder.isOpened()
+
+    def write(self, frame):
+        self.encoder.write(frame)
+
+    def release(self):
+        self.encoder.release()
+
+
+def test_a_second_interrupt_while_closing_still_leaves_the_video(tmp_path, monkeypatch):
     path = tmp_path / "out.webm"
-    writer = VideoWriter(path, 64, 48, 25, "vp8")
-    writer.write(numbered_frame(3))
-    released = writer._writer
 
-    class Interrupted:
-        def isOpened(self):
-            return True
-
+    class Interrupted(Encoder):
         def release(self):
-            released.release()
+            super().release()
             raise KeyboardInterrupt
 
-    writer._writer = Interrupted()
+    monkeypatch.setattr(cv2, "VideoWriter", Interrupted)
+    writer = VideoWriter(path, 64, 48, 25, "vp8")
+    writer.write(numbered_frame(3))
     with pytest.raises(KeyboardInterrupt):
         writer.close()
     assert [number_of(frame) for frame in open_frames(path)] == [3]
@@ -119,11 +134,21 @@ def test_unusable_outputs_are_refused_with_a_remedy(tmp_path):
 
 
 def test_the_other_codec_is_taken_when_the_asked_one_is_missing(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxpf.media.video_writer._FOURCC", {"vp9": "VP8?", "vp8": "VP80"})
+    missing = {"VP90"}
+
+    class Poor(Encoder):
+        def __init__(self, path, api, fourcc, *arguments):
+            self.is_there = fourcc not in {self.fourcc(*name) for name in missing}
+            super().__init__(path, api, fourcc, *arguments)
+
+        def isOpened(self):
+            return self.is_there and super().isOpened()
+
+    monkeypatch.setattr(cv2, "VideoWriter", Poor)
     with VideoWriter(tmp_path / "out.webm", 64, 48, 25) as writer:
         writer.write(numbered_frame(1))
     assert writer.codec == "vp8"
-    monkeypatch.setattr("jaxpf.media.video_writer._FOURCC", {"vp9": "????", "vp8": "????"})
+    missing.add("VP80")
     message = message_of(VideoWriter, tmp_path / "none.webm", 64, 48, 25)
     assert "neither the VP9 nor the VP8 encoder" in message
     assert os.listdir(tmp_path) == ["out.webm"]

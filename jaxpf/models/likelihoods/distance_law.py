@@ -147,7 +147,7 @@ def learn_background(likelihood: Any, frames: Any, *, num_boxes: int = 100_000) 
                 for piece in _pieces(substates)
             ]
             squared.append(np.concatenate(pieces)[: len(centres)])
-        learned.append(_compressed(np.concatenate(squared)))
+        learned.append(compressed(np.concatenate(squared)))
     return jnp.asarray(np.stack(learned), float)
 
 
@@ -157,7 +157,7 @@ def _pieces(substates: np.ndarray) -> list[np.ndarray]:
     return np.split(filled, filled.shape[1] // _AT_ONCE, axis=1)
 
 
-def _compressed(squared: np.ndarray) -> np.ndarray:
+def compressed(squared: np.ndarray) -> np.ndarray:
     """[2, n] of many values: the smallest alone, the rest in groups of like ones."""
     ordered = np.sort(squared.astype(np.float64))
     alone, rest = ordered[:_ALONE], ordered[_ALONE:]

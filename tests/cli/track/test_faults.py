@@ -85,25 +85,27 @@ def test_a_fault_of_the_video_on_the_way_keeps_what_was_tracked(track, tmp_path)
 
 
 def test_a_disk_that_fills_up_is_one_sentence_and_keeps_whole_lines(track, tmp_path, monkeypatch):
-    from jaxpf.cli.recorder import Recorder
+    class Filling:
+        """Room for three lines and three bytes."""
 
-    diagnose = Recorder._diagnose
+        def __init__(self, *arguments, **settings):
+            self.file, self.lines = open(*arguments, **settings), 0  # noqa: SIM115
+            self.tell, self.truncate, self.seek = self.file.tell, self.file.truncate, self.file.seek
 
-    class Full:
-        def __init__(self, file):
-            self.file = file
-            self.tell, self.truncate, self.seek = file.tell, file.truncate, file.seek
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            self.file.close()
 
         def write(self, data):
+            self.lines += 1
+            if self.lines <= 3:
+                return self.file.write(data)
             self.file.write(data[:3])
             raise OSError(28, "No space left on device")
 
-    def fails_at_the_third(self, fields):
-        if fields[0] == "3":
-            self.diagnostics = Full(self.diagnostics)
-        diagnose(self, fields)
-
-    monkeypatch.setattr(Recorder, "_diagnose", fails_at_the_third)
+    monkeypatch.setattr("jaxpf.cli.recorder.open", Filling, raising=False)
     outcome = track(*BOXES)
     assert outcome.code == 2
     assert re.search(r"cannot write '.*diagnostics.csv': no space left", outcome.err)

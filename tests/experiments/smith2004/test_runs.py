@@ -63,10 +63,12 @@ def test_the_grid_gives_what_single_runs_give(small_grid):
 
 
 @pytest.mark.slow
-def test_measures_of_a_scene_are_those_of_metrics(small_grid):
+def test_measures_of_a_scene_are_those_of_metrics(small_grid, monkeypatch):
     drawn, orderings, _, results = small_grid
     truth = drawn[0].boxes[1:]
-    measured = Outcome(tuple(orderings), *synthetic._measured(drawn[0], results[0]))
+    monkeypatch.setattr(synthetic, "run_grid", lambda *_, **__: results[:1])
+    outcome = synthetic.measure([0], SMALL, orderings, [20.0, 50.0])
+    measured = Outcome(outcome.names, *(column[0] for column in outcome[1:]))
     boxes = results[0].boxes[2, 1]
     summary = metrics.summarise(boxes, truth)
     assert measured.recovered[2, 1].mean() == summary["recovery_rate"].value[0]

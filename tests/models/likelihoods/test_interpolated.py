@@ -18,7 +18,7 @@ from jaxpf.models.likelihoods import (
     patch,
 )
 from jaxpf.models.likelihoods.distance_law import (
-    _compressed,
+    compressed,
     learn_background,
     log_density,
     log_normaliser,
@@ -287,7 +287,7 @@ def test_boxes_of_a_frame_are_far_from_the_references_but_where_the_object_is():
 
 def test_groups_of_boxes_stand_for_their_members():
     squared = np.random.default_rng(0).beta(5, 2, 50_000) * 2
-    values, log_share = _compressed(squared)
+    values, log_share = compressed(squared)
     assert len(values) < 2000
     with jax.enable_x64(True):
         for sharpness in (0.1, 5.0, 50.0, 500.0):

@@ -1,0 +1,96 @@
+"""Parameters by path, their bounds, and those that cannot be tuned."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from small_tuning import QUICK, made_sequence, tracker
+
+import jaxpf
+from jaxpf import tuning
+from jaxpf.errors import InputError
+from jaxpf.models.likelihoods import histogram
+from jaxpf.tuning import Parameter, TrainingSequence, tune
+
+# Paths and bounds
+
+
+def test_parameters_are_named_by_their_path():
+    assert tuning.names(tracker()) == ["dynamics.scale", "likelihood.noise", "initial"]
+    one = tuning.read(tracker(scale=3.0), Parameter("dynamics.scale[0]", low=0.0))
+    assert one.shape == ()
+    assert one == 3.0
+    changed = tuning.replace(tracker(), {"dynamics.scale[0]": 5.0, "likelihood.noise": [[[2.0]]]})
+    assert changed.dynamics.scale[0] == 5.0
+    assert changed.likelihood.noise[0, 0, 0] == 2.0
+    assert changed.num_particles == 50
+
+
+def test_a_python_number_is_a_parameter_too():
+    walk = dataclasses.replace(tracker(), dynamics=jaxpf.dynamics.AR2(scale=jnp.ones(1)))
+    assert "dynamics.momentum" in tuning.names(walk)
+    assert tuning.replace(walk, {"dynamics.momentum": 0.25}).dynamics.momentum == 0.25
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(-np.inf, np.inf), (0.0, np.inf), (-np.inf, 3.0), (0.5, 3.0), (-1, np.inf)]
+)
+def test_values_stay_within_their_bounds_whatever_the_free_numbers(low, high):
+    with jax.enable_x64(True):
+        one = Parameter("x", low, high)
+        values = np.array([0.6, 1.0, 2.9])
+        np.testing.assert_allclose(one.to_value(one.to_free(values)), values, rtol=1e-12)
+        free = np.array([-30.0, -1.0, 0.0, 2.0, 30.0])
+        inside = np.asarray(one.to_value(free))
+        assert ((inside >= low) & (inside <= high)).all()
+        step = 1e-6
+        slope = (one.to_value(free[1:4] + step) - one.to_value(free[1:4] - step)) / 2 / step
+        np.testing.assert_allclose(one.slope(free[1:4]), slope, rtol=1e-6)
+
+
+def test_bounds_are_written_beside_the_path():
+    assert tuning.parameter("likelihood.sharpness") == Parameter("likelihood.sharpness", 0.0)
+    assert tuning.parameter("dynamics.scale[1]=0.5:9") == Parameter("dynamics.scale[1]", 0.5, 9.0)
+    assert tuning.parameter("initial") == Parameter("initial")
+    assert tuning.parameter("initial=:4").high == 4.0
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("dynamics.speed", "no parameter dynamics.speed; choose among dynamics.scale, likel"),
+        ("num_particles", r"num_particles is a fixed setting \(50\)"),
+        ("resampling", "resampling is a fixed setting"),
+        ("ordering.order", "ordering.order belongs to the ordering"),
+        ("dynamics.scale[1]", r"outside dynamics.scale, whose shape is \[1\]"),
+        ("dynamics", "dynamics is a group of parameters"),
+        ("tempering", "tempering is not set"),
+        ("dynamics.scale=2:5", "starts at 1, but must lie between 2 and 5"),
+        ("dynamics.scale=5:2", "the first must be the smaller"),
+        ("dynamics.scale=5", "must have the form PATH or PATH=LOW:HIGH"),
+        ("dynamics.scale[a]", "is no path"),
+    ],
+)
+def test_a_parameter_that_cannot_be_tuned_is_refused_in_one_sentence(path, words):
+    with pytest.raises(InputError, match=words) as raised:
+        tune(made_sequence(), [path], settings=QUICK)
+    assert "\n" not in str(raised.value)
+
+
+def test_an_integer_leaf_is_refused():
+    frame = np.random.default_rng(0).integers(0, 256, (40, 40, 3), dtype=np.uint8)
+    with_histogram = dataclasses.replace(
+        tracker(), likelihood=histogram(frame, [[5, 5, 12, 12]], form="density")
+    )
+    sequence = TrainingSequence(with_histogram, frame[None])
+    with pytest.raises(InputError, match="bin_lookup holds int32, which has no gradient"):
+        tune(sequence, ["likelihood.bin_lookup"])
+
+
+def test_overlapping_parameters_are_refused():
+    with pytest.raises(InputError, match="overlap; name each value once"):
+        tune(made_sequence(), ["dynamics.scale", "dynamics.scale[0]"])
+    with pytest.raises(InputError, match="no parameter was named"):
+        tune(made_sequence(), [])

@@ -46,14 +46,14 @@ def test_results_tell_everything_about_the_evaluation(whole):
         assert shapes == {
             "seeds": (RUNS,),
             "runs": (RUNS,),
-            "boxes": (RUNS, 9, 2, 4),
+            "shapes": (RUNS, 9, 2, 4),
             "uniqueness": (RUNS, 9, 2),
             "spread": (RUNS, 9, 2, 3),
             "ess": (RUNS, 9),
             "log_evidence": (RUNS, 9),
             "lost": (RUNS, 9, 2),
         }
-        assert first.boxes.dtype == np.float32
+        assert first.shapes.dtype == np.float32
         assert first.lost.dtype == bool
     np.testing.assert_array_equal(whole.scene().frames, scene.frames)
 
@@ -78,7 +78,7 @@ def test_a_batch_holds_what_the_tracker_reported(whole):
     reported = jaxpf.monte_carlo(tracker, keys, frames, record=keep_measures)
     _, batch = whole.batches(whole.configurations[1])
     boxes = boxes_from_substates(reported.pop("estimate"), start[:, 2:])
-    np.testing.assert_allclose(batch.boxes, boxes, rtol=1e-5, atol=1e-4)
+    np.testing.assert_allclose(batch.shapes, boxes, rtol=1e-5, atol=1e-4)
     for name, value in reported.items():
         np.testing.assert_array_equal(getattr(batch, name), value)
 
@@ -86,9 +86,9 @@ def test_a_batch_holds_what_the_tracker_reported(whole):
 def test_runs_and_configurations_differ_but_numbers_are_common(whole):
     found = content(whole)
     for index in (0, 1):
-        assert len(np.unique(found[index, "boxes"].reshape(TWICE, -1), axis=0)) == TWICE
+        assert len(np.unique(found[index, "shapes"].reshape(TWICE, -1), axis=0)) == TWICE
         np.testing.assert_array_equal(found[index, "seeds"], 0)
-    assert not np.array_equal(found[0, "boxes"], found[1, "boxes"])
+    assert not np.array_equal(found[0, "shapes"], found[1, "shapes"])
 
 
 def test_a_finished_evaluation_is_told_without_its_scene_or_jax(whole):
@@ -136,7 +136,7 @@ def test_imported_tracks_enter_as_one_run(whole, tmp_path):
     (batch,) = results.batches(theirs)
     expected = scene.boxes[None, 1:].astype(np.float32)
     expected[0, 3, 1] = np.nan
-    np.testing.assert_allclose(batch.boxes, expected, rtol=1e-6)
+    np.testing.assert_allclose(batch.shapes, expected, rtol=1e-6)
     np.testing.assert_array_equal(np.argwhere(batch.lost), [[0, 3, 1]])
     for name in ("uniqueness", "spread", "ess", "log_evidence"):
         assert np.all(np.isnan(getattr(batch, name)))

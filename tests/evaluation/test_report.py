@@ -19,6 +19,8 @@ from jaxpf.evaluation.figures import write_figures
 from jaxpf.evaluation.report import write_report
 from jaxpf.evaluation.results import Configuration, Results
 from jaxpf.evaluation.tables import write_tables
+from jaxpf.targets import find_target
+from jaxpf.targets.target import Start
 
 VOID = {"meta", "img", "br"}
 
@@ -159,13 +161,18 @@ def test_clips_play_the_runs_they_name(written, tmp_path):
         assert frames[0].shape == (300, 400, 3)
 
 
+def one_box(truth):
+    """The target and the start of one object."""
+    return find_target("boxes"), Start(np.array([1]), truth[0], truth[0, :, 2:], (-1,))
+
+
 def test_a_clip_shows_truth_and_estimate_where_they_are(tmp_path):
     """Black frames of 100 x 50, shown four times as large."""
     frames = np.zeros((3, 50, 100, 3), np.uint8)
     truth = np.array([[[10.0, 10, 20, 20]]] * 3)
     boxes = np.array([[[60.0, 20, 20, 20]]] * 3)
     shown = ShownRun("best", 0, 0.0, boxes, np.zeros((3, 1), bool))
-    clip = make_clip(frames, truth, shown, [1], first_frame=4, fps=25.0)
+    clip = make_clip(frames, truth, shown, *one_box(truth), first_frame=4, fps=25.0)
     assert (clip.width, clip.height, clip.step) == (400, 200, 1)
     assert clip.rate == 4
     picture = decoded(clip.data, tmp_path)[1].astype(int)
@@ -180,7 +187,7 @@ def test_long_and_large_scenes_make_short_and_small_clips(tmp_path):
     frames = np.zeros((130, 60, 900, 3), np.uint8)
     boxes = np.broadcast_to([10.0, 10, 100, 20], (130, 1, 4))
     shown = ShownRun("best", 0, 1.0, boxes, np.zeros((130, 1), bool))
-    clip = make_clip(frames, boxes, shown, [1], 1, fps=30.0, size=(300, 25))
+    clip = make_clip(frames, boxes, shown, *one_box(boxes), 1, fps=30.0, size=(300, 25))
     assert (clip.width, clip.height, clip.step) == (300, 20, 6)
     assert len(decoded(clip.data, tmp_path)) == 22
 
@@ -207,7 +214,9 @@ def test_without_its_scene_a_report_has_no_clips(tmp_path, monkeypatch):
 
     changed = evaluation(tmp_path / "changed")
     shorter = SimpleNamespace(frames=np.zeros((3, 4, 4, 3), np.uint8))
-    changed = Results(changed.folder, changed.settings, changed.truth, lambda: shorter)
+    changed = Results(
+        changed.folder, changed.settings, changed.truth, changed.start, lambda: shorter
+    )
     assert "Without clips: the scene has changed" in write_report(changed).read_text("utf-8")
 
 
@@ -243,7 +252,7 @@ def test_figures_are_the_same_bytes_every_time(written, tmp_path, monkeypatch):
 
     monkeypatch.setattr(figures, "save", save_two)
     shutil.copytree(results.folder / "batches", tmp_path / "batches")
-    again = Results(tmp_path, results.settings, results.truth)
+    again = Results(tmp_path, results.settings, results.truth, results.start)
     write_figures(again, write_tables(again))
     names = sorted(path.name for path in (tmp_path / "figures").iterdir())
     assert len(names) == 4

@@ -67,7 +67,7 @@ def test_a_damaged_batch_is_found_and_done_again(whole, part, harm):
     else:
         with np.load(path) as arrays:
             kept = {name: arrays[name] for name in arrays}
-        np.savez(path, **(kept | {"boxes": kept["boxes"][:, :-1]}))
+        np.savez(path, **(kept | {"shapes": kept["shapes"][:, :-1]}))
     prepared = prepare(small_plan(), part)
     assert (prepared.damaged, prepared.missing_runs) == ([path], RUNS)
     assert finished(small_plan(), part) is None
@@ -99,9 +99,12 @@ def test_no_alteration_of_a_file_goes_unnoticed(part):
     ("change", "sentence"),
     [
         ({"seed": 1}, "was begun with seed = 0, now 1"),
-        ({"sharpness": [20, 30]}, "was begun with sharpness = 20, now 20,30"),
+        ({"sharpness": [20, 30]}, "was begun with grid: sharpness = 20, now 20,30"),
         ({"methods": ["sir"]}, "was begun with methods = sir,dps, now sir"),
-        ({"particles": [PARTICLES + 1]}, f"with particles = {PARTICLES}, now {PARTICLES + 1}"),
+        (
+            {"particles": [PARTICLES + 1]},
+            f"particles = {PARTICLES}, now {PARTICLES + 1}",
+        ),
         ({"runs": RUNS - 1}, f"was begun with runs = {RUNS}, now {RUNS - 1}"),
     ],
 )

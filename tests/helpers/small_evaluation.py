@@ -1,5 +1,6 @@
 """A small scene and plans on it, which worker processes can import too."""
 
+import dataclasses
 import functools
 from pathlib import Path
 
@@ -37,10 +38,12 @@ small_scene = functools.partial(load_scene, source="distracter", seed=0, paramet
 
 
 def small_plan(scene=small_scene, **given):
-    """SIR and DPS, one batch each, unless something else is asked."""
+    """SIR and DPS, one batch each, unless something else is asked; other names are the grid's."""
+    own = {field.name for field in dataclasses.fields(Plan)}
     grid = {"particles": (PARTICLES,), "scale": ((1.0, 1.0, 0.001),), "likelihood": ("integral",)}
-    grid |= given.pop("grid", {})
-    return Plan(scene, **({"methods": ("sir", "dps"), "grid": grid, "runs": RUNS} | given))
+    grid |= {name: values for name, values in given.items() if name not in own}
+    settings = {"methods": ("sir", "dps"), "runs": RUNS, "grid": grid}
+    return Plan(scene, **(settings | {n: value for n, value in given.items() if n in own}))
 
 
 def content(results):

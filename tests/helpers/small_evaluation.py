@@ -41,6 +41,7 @@ def small_plan(scene=small_scene, **given):
     """SIR and DPS, one batch each, unless something else is asked; other names are the grid's."""
     own = {field.name for field in dataclasses.fields(Plan)}
     grid = {"particles": (PARTICLES,), "scale": ((1.0, 1.0, 0.001),), "likelihood": ("integral",)}
+    grid |= given.pop("grid", {})
     grid |= {name: values for name, values in given.items() if name not in own}
     settings = {"methods": ("sir", "dps"), "runs": RUNS, "grid": grid}
     return Plan(scene, **(settings | {n: value for n, value in given.items() if n in own}))

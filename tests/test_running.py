@@ -109,7 +109,7 @@ def test_changing_the_ordering_compiles_nothing_new():
     keys = jax.random.split(key, 2)
     jaxpf.run(tracker(ordering.sir(3)), key, FRAMES)
     jaxpf.monte_carlo(tracker(ordering.sir(3)), keys, FRAMES)
-    before = running._run._cache_size(), running._monte_carlo._cache_size()
+    before = running.run_compiled._cache_size(), running.batches_compiled._cache_size()
     for other in (
         ordering.ps([2, 0, 1]),
         ordering.dps(3),
@@ -118,15 +118,15 @@ def test_changing_the_ordering_compiles_nothing_new():
     ):
         jaxpf.run(tracker(other), key, FRAMES)
         jaxpf.monte_carlo(tracker(other), keys, FRAMES)
-    assert (running._run._cache_size(), running._monte_carlo._cache_size()) == before
+    assert (running.run_compiled._cache_size(), running.batches_compiled._cache_size()) == before
 
 
 def test_changing_parameters_compiles_nothing_new():
     key = jax.random.key(0)
     jaxpf.run(tracker(), key, FRAMES)
-    before = running._run._cache_size()
+    before = running.run_compiled._cache_size()
     jaxpf.run(tracker(dynamics=RandomWalk(np.float64(2.0))), key, FRAMES)
-    assert running._run._cache_size() == before
+    assert running.run_compiled._cache_size() == before
 
 
 @pytree_dataclass
@@ -167,7 +167,9 @@ def test_memory_does_not_grow_with_the_number_of_frames():
 
     def temporary_bytes(num_frames):
         frames = jnp.zeros((num_frames, 3, 1))
-        compiled = running._monte_carlo.lower(made, keys, frames, running.summary_only).compile()
+        compiled = running.batches_compiled.lower(
+            made, keys, frames, running.summary_only
+        ).compile()
         return compiled.memory_analysis().temp_size_in_bytes
 
     few, many = temporary_bytes(10), temporary_bytes(1000)

@@ -210,7 +210,10 @@ class Unknown:
             },
             "does not go with log_joint",
         ),
-        ({"gradient": "transport", "ordering": ordering.branched([[0, 1]])}, "labels"),
+        (
+            {"gradient": "transport", "ordering": ordering.branched([[0, 1]])},
+            "components that particles keep",
+        ),
         (
             {"gradient": "transport", "ordering": ordering.sir(P), "transport_epsilon": 0.0},
             "transport_epsilon=0.0 must be above 0",

@@ -1,22 +1,76 @@
-"""What a user writes: how a substate moves, and how well it explains a frame.
+"""What a tracker, a dynamics and a likelihood are: what each must offer, and what it may.
 
-Both are written for one particle, in about ten lines, as registered pytrees
-(``jaxpf.pytree.pytree_dataclass`` makes one of a class).  The kernel vectorises them.
+All are registered pytrees (``jaxpf.pytree.pytree_dataclass`` makes one of a class).  A class need
+not inherit anything: one with the documented methods will do, about ten lines, written for one
+particle.  Who inherits is given what follows from the rest.
+
+============  ===========================================================  =====================
+              must offer                                                   may offer
+============  ===========================================================  =====================
+tracker       ``init``, ``step`` (or ``observe`` with ``step_observed``)   ``num_partitions``
+dynamics      ``propagate`` or ``propagate_all``                           ``log_density``,
+                                                                           ``log_density_all``
+likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log_joint``,
+                                                                           ``state_gradient``,
+                                                                           ``fixed_observation``,
+                                                                           ``form``
+observation   any pytree                                                   ``take_frame``
+sampler       ``__call__(key) -> [P, D]``                                  ``independent``
+============  ===========================================================  =====================
+
+Whatever is optional is asked for by the functions at the end, and nowhere else.
 """
 
-from typing import Any, Protocol
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import jax
+import jax.numpy as jnp
+from jax import lax
 
 
-class Dynamics(Protocol):
-    """How a substate moves; written for one particle, registered as a pytree.
+class Tracker:
+    """Follows P targets from frame to frame; a filter on a model of them.
 
-    A dynamics may also offer ``propagate_all(key, partition [N], current [D, N],
-    previous [D, N], parent [D, N]) -> [D, N]``, which draws for all particles at once; and
-    ``log_density(partition [], new [D], current [D], previous [D], parent [D]) -> []``, the
-    log of the density it draws ``new`` from, for ``motion_gradient="score"`` (see
-    ``jaxpf.gradients``), or the same for all particles at once, ``log_density_all``.
+    The state is any pytree.  The summary is best a ``jaxpf.state.Summary``, whose optional fields
+    are None where a filter has no such thing.  Evaluation and tuning ask for ``num_partitions``,
+    P, and read ``summary.estimate``, ``[P, D]``.
+
+    Define ``init`` and ``step_observed``, and ``observe`` if runs can share work; or, where they
+    have nothing to share, ``step`` alone.
+    """
+
+    def init(self, key: jax.Array) -> Any:
+        """The state just before the first frame."""
+        raise TypeError(f"{type(self).__name__} must define init")
+
+    def observe(self, frame: Any) -> Any:
+        """Work that depends on the frame alone: done once, however many runs there are."""
+        return frame
+
+    def step_observed(self, key: jax.Array, state: Any, observation: Any) -> tuple[Any, Any]:
+        """The next state and the frame's summary, of a frame that was observed already."""
+        if type(self).observe is not Tracker.observe:
+            raise TypeError(f"{type(self).__name__} must define step_observed, as it has observe")
+        _check_defined(self, Tracker, "step", "step_observed")
+        return self.step(key, state, observation)  # which is the frame itself
+
+    def step(self, key: jax.Array, state: Any, frame: Any) -> tuple[Any, Any]:
+        """The next state and the frame's summary.
+
+        Args:
+            key: this frame's random key; ``jaxpf.run`` uses ``fold_in(key, t)``, t from 1.
+            state: of the frame before.
+            frame: whatever ``observe`` takes.
+        """
+        return self.step_observed(key, state, self.observe(frame))
+
+
+class Dynamics:
+    """How a substate moves.  Define ``propagate``, or ``propagate_all``, which is faster.
+
+    The latter draws noise for all particles at once, where each else has a key of its own.
     """
 
     def propagate(
@@ -28,23 +82,222 @@ class Dynamics(Protocol):
         parent: jax.Array,
     ) -> jax.Array:
         """The new substate ``[D]``; ``parent`` ``[D]`` is already moved, zeros for a root."""
+        _check_defined(self, Dynamics, "propagate", "propagate_all")
+        columns = (x[:, None] for x in (current, previous, parent))
+        return self.propagate_all(key, jnp.asarray(partition)[None], *columns)[:, 0]
+
+    def propagate_all(
+        self,
+        key: jax.Array,
+        partition: jax.Array,
+        current: jax.Array,
+        previous: jax.Array,
+        parent: jax.Array,
+    ) -> jax.Array:
+        """The same for N particles: ``partition`` ``[N]``, substates ``[D, N]``."""
+        _check_defined(self, Dynamics, "propagate", "propagate_all")
+        keys = jax.random.split(key, partition.shape[0])
+        return jax.vmap(self.propagate, in_axes=(0, 0, 1, 1, 1), out_axes=1)(
+            keys, partition, current, previous, parent
+        )
 
 
-class Likelihood(Protocol):
-    """How well a substate explains a frame; written for one particle.
+class DynamicsWithDensity(Dynamics):
+    """Dynamics whose density is known, for ``motion_gradient="score"`` (``jaxpf.gradients``).
 
-    A likelihood may also offer ``log_prob_all(observation, partition [N], substates
-    [D, N]) -> [N]`` and, where it does not factor over partitions, ``log_joint(observation,
-    substates [P, D], log_probs [P]) -> []``.  The attribute ``state_gradient``, true if absent,
-    says whether ``log_prob`` has a derivative in the substate: a likelihood of whole pixels
-    has none but zero.
+    Define ``log_density`` or ``log_density_all``, whose default the other is.
     """
 
+    def log_density(
+        self,
+        partition: jax.Array,
+        new: jax.Array,
+        current: jax.Array,
+        previous: jax.Array,
+        parent: jax.Array,
+    ) -> jax.Array:
+        """Log of the density ``[]`` from which ``propagate`` draws ``new`` ``[D]``.
+
+        A dimension without noise is left out: it is no density, and ``new`` is taken for right.
+        """
+        _check_defined(self, DynamicsWithDensity, "log_density", "log_density_all")
+        columns = (x[:, None] for x in (new, current, previous, parent))
+        return self.log_density_all(jnp.asarray(partition)[None], *columns)[0]
+
+    def log_density_all(
+        self,
+        partition: jax.Array,
+        new: jax.Array,
+        current: jax.Array,
+        previous: jax.Array,
+        parent: jax.Array,
+    ) -> jax.Array:
+        """The same for N particles, ``[N]``: substates ``[D, N]``."""
+        _check_defined(self, DynamicsWithDensity, "log_density", "log_density_all")
+        return jax.vmap(self.log_density, in_axes=(0, 1, 1, 1, 1))(
+            partition, new, current, previous, parent
+        )
+
+
+class Likelihood:
+    """How well a substate explains a frame.  Define ``log_prob`` or ``log_prob_all``.
+
+    A likelihood that does not factor over partitions also defines ``log_joint(observation,
+    substates [P, D], log_probs [P]) -> []``, the true log-likelihood of all of them; ``log_prob``
+    is then the weighting function of each stage.  There is no default: to have it is to not
+    factor.  Nor is there one of ``estimated_nanoseconds(frame_shape) -> (float, float)``, the time
+    of ``observe`` and of one particle's part, by which evaluations plan their work.
+    """
+
+    #: Whether ``log_prob`` has a derivative in the substate; one of whole pixels has none but 0.
+    state_gradient: Any = True
+    #: Whether the observation depends on the frame alone, and on no parameter.
+    fixed_observation: Any = False
+    #: The form of a likelihood of distances, ``jaxpf.likelihoods.distance_law``; None of others.
+    form: Any = None
+
     def observe(self, frame: Any) -> Any:
-        """What the likelihood needs of a frame, computed once for all runs and particles."""
+        """What the likelihood needs of a frame, computed once for all runs and particles.
+
+        Any pytree.  A large node of it may have a method ``take_frame(index)``, see
+        ``frame_of``.
+        """
+        return frame
 
     def log_prob(self, observation: Any, partition: jax.Array, substate: jax.Array) -> jax.Array:
         """Log-likelihood ``[]`` of one partition's substate ``[D]``."""
+        _check_defined(self, Likelihood, "log_prob", "log_prob_all")
+        return self.log_prob_all(observation, jnp.asarray(partition)[None], substate[:, None])[0]
+
+    def log_prob_all(
+        self, observation: Any, partition: jax.Array, substates: jax.Array
+    ) -> jax.Array:
+        """The same for N particles, ``[N]``: ``partition`` ``[N]``, ``substates`` ``[D, N]``."""
+        _check_defined(self, Likelihood, "log_prob", "log_prob_all")
+        return jax.vmap(self.log_prob, in_axes=(None, 0, 1))(observation, partition, substates)
+
+
+def _forwarded(name: str) -> Any:
+    """That of the inner likelihood, or the default; absent where there is neither."""
+
+    def get(self):
+        offers = hasattr(self.likelihood, name)
+        return getattr(self.likelihood if offers else Likelihood, name)
+
+    return property(get)
+
+
+class WrappedLikelihood(Likelihood):
+    """Another likelihood, of translated substates; it can do what that one can, and no more.
+
+    A wrapper is a pytree dataclass with a field ``likelihood`` that defines ``translated``.
+    """
+
+    likelihood: Any
+
+    def translated(self, substates: jax.Array) -> jax.Array:
+        """Substates ``[D, ...]`` as the inner likelihood knows them, ``[D', ...]``."""
+        return substates
+
+    state_gradient = _forwarded("state_gradient")
+    fixed_observation = _forwarded("fixed_observation")
+    form = _forwarded("form")
+    estimated_nanoseconds = _forwarded("estimated_nanoseconds")
+
+    def observe(self, frame):
+        """What the inner likelihood needs of a frame."""
+        return self.likelihood.observe(frame)
+
+    def log_prob(self, observation, partition, substate):
+        """The inner log-likelihood ``[]`` of one substate ``[D]``."""
+        inner = _method(self.likelihood, Likelihood, "log_prob")
+        return inner(observation, partition, self.translated(substate))
+
+    def log_prob_all(self, observation, partition, substates):
+        """The inner log-likelihoods ``[N]`` of substates ``[D, N]``."""
+        return log_prob_all(self.likelihood, observation, partition, self.translated(substates))
+
+    @property
+    def log_joint(self) -> Callable:
+        """The inner ``log_joint``; absent (``hasattr`` says so) where there is none."""
+        inner = self.likelihood.log_joint
+
+        def log_joint(observation, substates, log_probs):
+            return inner(observation, self.translated(substates.T).T, log_probs)
+
+        return log_joint
+
+
+# --- What is optional, asked for -----------------------------------------------------------
+
+
+def observed_apart(tracker: Any) -> tuple[Callable, Callable]:
+    """The part of a step that depends on the frame alone, and the rest."""
+    if hasattr(tracker, "observe") and hasattr(tracker, "step_observed"):
+        return tracker.observe, tracker.step_observed
+    return (lambda frame: frame), tracker.step
+
+
+def frame_of(observations: Any, place: jax.Array) -> Any:
+    """One frame's observation of a stack of them.
+
+    A node of it that has ``take_frame`` finds its frame itself: a large table would be copied.
+    """
+
+    def finds_itself(x):
+        return hasattr(x, "take_frame")
+
+    def take(x):
+        if finds_itself(x):
+            return x.take_frame(place)
+        return lax.dynamic_index_in_dim(x, place, keepdims=False)
+
+    return jax.tree.map(take, observations, is_leaf=finds_itself)
+
+
+def propagate_all(dynamics, key, partition, current, previous, parent) -> jax.Array:
+    """All particles moved, ``[D, N]``, by the batched method if there is one."""
+    method = _method(dynamics, Dynamics, "propagate_all")
+    return method(key, partition, current, previous, parent)
+
+
+def has_log_density(dynamics: Any) -> bool:
+    """Whether the density of a move is known."""
+    return hasattr(dynamics, "log_density") or hasattr(dynamics, "log_density_all")
+
+
+def log_density_all(dynamics, partition, new, current, previous, parent) -> jax.Array:
+    """Log-densities ``[N]`` of moves to ``new`` ``[D, N]``, by the batched method if any."""
+    method = _method(dynamics, DynamicsWithDensity, "log_density_all")
+    return method(partition, new, current, previous, parent)
+
+
+def log_prob_all(likelihood, observation, partition, substates) -> jax.Array:
+    """Log-likelihoods ``[N]`` of substates ``[D, N]``, by the batched method if there is one."""
+    method = _method(likelihood, Likelihood, "log_prob_all")
+    return method(observation, partition, substates)
+
+
+def has_log_joint(likelihood: Any) -> bool:
+    """Whether the likelihood does not factor over partitions."""
+    return hasattr(likelihood, "log_joint")
+
+
+def log_joint_all(likelihood, observation, substates, log_probs) -> jax.Array:
+    """Joint log-likelihoods ``[N]`` of substates ``[D, P, N]``, given ``log_probs`` ``[P, N]``."""
+    return jax.vmap(likelihood.log_joint, in_axes=(None, 2, 1))(
+        observation, jnp.swapaxes(substates, 0, 1), log_probs
+    )
+
+
+def has_state_gradient(likelihood: Any) -> bool:
+    """Whether ``log_prob`` changes with the substate otherwise than in steps."""
+    return getattr(likelihood, "state_gradient", True)
+
+
+def draws_independently(sampler: Any) -> bool:
+    """Whether an initial sampler says that it draws partitions independently of one another."""
+    return getattr(sampler, "independent", False)
 
 
 def of_partition(values: jax.Array, partition: jax.Array) -> jax.Array:
@@ -56,27 +309,12 @@ def of_partition(values: jax.Array, partition: jax.Array) -> jax.Array:
     return values if values.shape[0] == 1 else values[partition]
 
 
-def propagate(dynamics, key, partition, current, previous, parent):
-    """All particles at once, ``[D, N]``, by the batched method if there is one."""
-    if hasattr(dynamics, "propagate_all"):
-        return dynamics.propagate_all(key, partition, current, previous, parent)
-    keys = jax.random.split(key, partition.shape[0])
-    return jax.vmap(dynamics.propagate, in_axes=(0, 0, 1, 1, 1), out_axes=1)(
-        keys, partition, current, previous, parent
-    )
+def _method(part: Any, base: type, name: str) -> Callable:
+    """A part's own method, or the default of the base class, lent to it."""
+    return getattr(part, name, None) or partial(getattr(base, name), part)
 
 
-def log_prob(likelihood, observation, partition, substates):
-    """Log-likelihoods ``[N]`` of substates ``[D, N]``, by the batched method if there is one."""
-    if hasattr(likelihood, "log_prob_all"):
-        return likelihood.log_prob_all(observation, partition, substates)
-    return jax.vmap(likelihood.log_prob, in_axes=(None, 0, 1))(observation, partition, substates)
-
-
-def log_density(dynamics, partition, new, current, previous, parent):
-    """Log-densities ``[N]`` of moves to ``new`` ``[D, N]``, by the batched method if any."""
-    if hasattr(dynamics, "log_density_all"):
-        return dynamics.log_density_all(partition, new, current, previous, parent)
-    return jax.vmap(dynamics.log_density, in_axes=(0, 1, 1, 1, 1))(
-        partition, new, current, previous, parent
-    )
+def _check_defined(part: Any, base: type, one: str, every: str) -> None:
+    """Refuse a class that leaves both of two methods to each other."""
+    if all(getattr(type(part), name, None) is getattr(base, name) for name in (one, every)):
+        raise TypeError(f"{type(part).__name__} must define {one} or {every}")

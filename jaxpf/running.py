@@ -1,4 +1,8 @@
-"""Running any tracker: over the frames of a sequence, and over many independent runs."""
+"""Running any tracker: over the frames of a sequence, and over many independent runs.
+
+There is one loop over frames, ``frame_step``.  One run, batches of runs on several devices, a
+video's frames as they come and objectives that are differentiated arrange the runs as they need.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -10,6 +14,7 @@ import numpy as np
 from jax import lax
 from jax.sharding import Mesh, PartitionSpec
 
+from jaxpf import contract
 from jaxpf.errors import InputError
 
 #: Runs per compiled batch of ``monte_carlo``.
@@ -41,7 +46,7 @@ def run(
         InputError: no frames, or arrays with different numbers of frames.
     """
     num_frames(frames)
-    return _run(tracker, key, frames, record)
+    return run_compiled(tracker, key, frames, record)
 
 
 def monte_carlo(
@@ -90,7 +95,7 @@ def monte_carlo(
     padding = -num_runs % (batch_size * len(used))
     padded = keys[jnp.minimum(jnp.arange(num_runs + padding), num_runs - 1)]
     batches = padded.reshape(-1, batch_size)
-    recorded = _monte_carlo(tracker, batches, frames, record, used)
+    recorded = batches_compiled(tracker, batches, frames, record, used)
     return jax.tree.map(lambda x: x.reshape(num_runs + padding, *x.shape[2:])[:num_runs], recorded)
 
 
@@ -136,29 +141,74 @@ def num_frames(frames: Any) -> int:
     return lengths.pop()
 
 
-@partial(jax.jit, static_argnames="record")
-def _run(tracker, key, frames, record):
-    def body(state, item):
+def frame_step(
+    observe: Callable[[Any], Any],
+    of_every_run: Callable[[Callable, Any], Any],
+    record: Callable[[Any, Any], Any],
+) -> Callable[[Any, Any], Any]:
+    """What every loop over frames repeats: observe a frame once, and advance all runs by it.
+
+    Args:
+        observe: a frame as the likelihood needs it.
+        of_every_run: function of ``(advance, states)`` that applies ``advance(tracker, key,
+            state)`` to every run, in whatever arrangement the states have, and returns what it
+            returns: the new states, and what is kept.
+        record: as for ``run``.
+
+    Returns:
+        Function of ``states`` and ``(time, frame)``, as ``lax.scan`` takes it, that returns the
+        new states and what is kept of the frame.
+    """
+
+    def step_all(states: Any, item: Any) -> Any:
         time, frame = item
-        state, summary = tracker.step(frame_key(key, time), state, frame)
-        return state, record(state, summary)
+        observation = observe(frame)
 
+        def advance(tracker: Any, key: jax.Array, state: Any) -> Any:
+            step = contract.observed_apart(tracker)[1]
+            state, summary = step(frame_key(key, time), state, observation)
+            return state, record(state, summary)
+
+        return of_every_run(advance, states)
+
+    return step_all
+
+
+def one_run(tracker: Any, key: jax.Array, record: Callable[[Any, Any], Any]) -> Callable:
+    """The ``frame_step`` of a single run, whose states are one state."""
+    observe = contract.observed_apart(tracker)[0]
+    return frame_step(observe, lambda advance, state: advance(tracker, key, state), record)
+
+
+def together(tracker: Any, keys: jax.Array) -> Callable[[Callable, Any], Any]:
+    """``of_every_run`` for runs of one tracker that are vectorised, keys and states ``[R]``."""
+
+    def of_every_run(advance: Callable, states: Any) -> Any:
+        return jax.vmap(partial(advance, tracker))(keys, states)
+
+    return of_every_run
+
+
+@partial(jax.jit, static_argnames="record")
+def run_compiled(tracker: Any, key: jax.Array, frames: Any, record: Callable) -> Any:
+    """``run`` without its checks."""
     times = jnp.arange(num_frames(frames))
-    return lax.scan(body, init(tracker, key), (times, frames))
+    return lax.scan(one_run(tracker, key, record), init(tracker, key), (times, frames))
 
 
-@partial(jax.jit, static_argnames=("record", "devices"))
-def _monte_carlo(tracker, keys, frames, record, devices=()):
-    """``keys`` ``[B, W]``: batches one after another, the runs of a batch together.
+def run_batches(
+    tracker: Any, keys: jax.Array, frames: Any, record: Callable, devices: tuple = ()
+) -> Any:
+    """What ``monte_carlo`` compiles: ``keys`` ``[B, W]``, the runs of a batch together.
 
-    Several devices share the batches.  Of each group of as many frames, every device
-    observes one and receives the others' observations.
+    Batches come one after another.  Several devices share them.  Of each group of as many frames,
+    every device observes one and receives the others' observations.
     """
     if len(devices) <= 1:
-        return _run_batches(tracker, keys, frames, record, 1)
+        return _batches_of_one_device(tracker, keys, frames, record, 1)
     replicated, sharded = PartitionSpec(), PartitionSpec(_AXIS)
     return jax.shard_map(
-        partial(_run_batches, record=record, num_devices=len(devices)),
+        partial(_batches_of_one_device, record=record, num_devices=len(devices)),
         mesh=Mesh(np.asarray(devices), (_AXIS,)),
         in_specs=(replicated, sharded, replicated),
         out_specs=sharded,
@@ -166,9 +216,11 @@ def _monte_carlo(tracker, keys, frames, record, devices=()):
     )(tracker, keys, frames)
 
 
-def _run_batches(tracker, keys, frames, record, num_devices):
-    """One device's batches."""
-    observe, step = split(tracker)
+batches_compiled = partial(jax.jit, static_argnames=("record", "devices"))(run_batches)
+
+
+def _batches_of_one_device(tracker, keys, frames, record, num_devices):
+    observe = contract.observed_apart(tracker)[0]
 
     def observe_group(group):
         if num_devices == 1:
@@ -176,20 +228,20 @@ def _run_batches(tracker, keys, frames, record, num_devices):
         mine = observe(jax.tree.map(lambda x: x[lax.axis_index(_AXIS)], group))
         return jax.tree.map(lambda x: lax.all_gather(x, _AXIS), mine)
 
-    def frame_step(observations, states, item):
-        time, place = item
-        observation = _take_frame(observations, place)
+    def of_every_run(advance, states):
+        def of_batch(batch):
+            batch_keys, batch_states = batch
+            return together(tracker, batch_keys)(advance, batch_states)
 
-        def step_one(key, state):
-            state, summary = step(frame_key(key, time), state, observation)
-            return state, record(state, summary)
-
-        return lax.map(lambda batch: jax.vmap(step_one)(*batch), (keys, states))
+        return lax.map(of_batch, (keys, states))
 
     def group_step(states, item):
         times, group = item
-        places = jnp.arange(num_devices)
-        return lax.scan(partial(frame_step, observe_group(group)), states, (times, places))
+        # Frames of a group are observed all at once: what is left is to find each one's.
+        find = partial(contract.frame_of, observe_group(group))
+        return lax.scan(
+            frame_step(find, of_every_run, record), states, (times, jnp.arange(num_devices))
+        )
 
     length = num_frames(frames)
     num_groups = -(-length // num_devices)
@@ -205,27 +257,3 @@ def _run_batches(tracker, keys, frames, record, num_devices):
         return jnp.moveaxis(x.reshape(num_groups * num_devices, *x.shape[2:])[:length], 0, 2)
 
     return jax.tree.map(by_run, recorded)
-
-
-def _take_frame(observations, place):
-    """One frame's observation of a stack of them.
-
-    A part of it that has ``take_frame`` finds its frame itself: a large table would be copied.
-    """
-
-    def finds_itself(x):
-        return hasattr(x, "take_frame")
-
-    def take(x):
-        if finds_itself(x):
-            return x.take_frame(place)
-        return lax.dynamic_index_in_dim(x, place, keepdims=False)
-
-    return jax.tree.map(take, observations, is_leaf=finds_itself)
-
-
-def split(tracker: Any) -> tuple[Callable, Callable]:
-    """The part of a step that depends on the frame alone, and the rest."""
-    if hasattr(tracker, "observe") and hasattr(tracker, "step_observed"):
-        return tracker.observe, tracker.step_observed
-    return (lambda frame: frame), tracker.step

@@ -29,10 +29,10 @@ class ParticleState:
         lineage: ``[P, N]`` int32.  Two particles share a partition's id exactly when they
             carry the same draw of it; ids are renewed when the partition is propagated and
             copied by resampling and exchange.
-        component: ``[N]`` int32, the mixture component or discrete label of each particle.
+        component: ``[N]`` int32, the component of the ordering that each particle belongs to.
         weighted: ``[]`` bool, false only for a set that was drawn and never weighed, which
             must not be resampled.
-        scores: ``[P, N]`` zeros with a derivative: that of the log-weights, told apart by
+        path_scores: ``[P, N]`` zeros with a derivative: that of the log-weights, told apart by
             partition, each along its own lineage (``gradient="stop_gradient"``); else None.
     """
 
@@ -41,7 +41,7 @@ class ParticleState:
     lineage: jax.Array
     component: jax.Array
     weighted: jax.Array
-    scores: jax.Array | None = None
+    path_scores: jax.Array | None = None
 
     @property
     def substates(self) -> jax.Array:
@@ -57,6 +57,9 @@ class ParticleState:
 @pytree_dataclass
 class Summary:
     """What one frame reports: the weighted set before the frame's last resampling.
+
+    A filter with more to report adds a field at the end whose default is None.  None is no leaf
+    of a pytree: all that maps over summaries, batches and devices passes it by.
 
     Attributes:
         estimate: ``[P, D]``, weighted mean of the substates.

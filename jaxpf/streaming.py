@@ -43,4 +43,4 @@ def stream(tracker: Any, key: jax.Array, frames: Iterable[np.ndarray]) -> Iterat
 
 @jax.jit
 def _step(tracker, key, time, state, frame):
-    return tracker.step(running.frame_key(key, time), state, frame)
+    return running.one_run(tracker, key, running.summary_only)(state, (time, frame))

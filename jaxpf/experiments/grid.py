@@ -25,7 +25,7 @@ from jaxpf.models.dynamics import AR2
 from jaxpf.models.geometry import boxes_from_substates
 from jaxpf.models.likelihoods._integral import LANES
 from jaxpf.models.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
-from jaxpf.running import frame_key, init
+from jaxpf.running import frame_step, init
 
 
 class GridResult(NamedTuple):
@@ -190,23 +190,20 @@ def _run_scene(
     def begin(ordering: Ordering) -> Any:
         return jax.vmap(lambda key: init(tracker(ordering, sharpness[0]), key))(keys)
 
-    def frame_step(states: Any, item: Any) -> Any:
-        time, frame = item
-        observation = work.likelihood.observe(frame)
+    def of_every_run(advance: Callable, states: Any) -> Any:
+        def of_ordering(item: Any) -> Any:
+            ordering, states = item
 
-        def step(ordering: Ordering, states: Any) -> Any:
-            def one(key: Any, value: Any, state: Any) -> Any:
-                state, summary = tracker(ordering, value).step_observed(
-                    frame_key(key, time), state, observation
-                )
-                return state, (summary.estimate, summary.uniqueness, summary.spread, summary.ess)
+            def of_value(key: Any, value: Any, state: Any) -> Any:
+                return advance(tracker(ordering, value), key, state)
 
-            return jax.vmap(one)(keys, values, states)
+            return jax.vmap(of_value)(keys, values, states)
 
-        return lax.map(lambda item: step(*item), (orderings, states))
+        return lax.map(of_ordering, (orderings, states))
 
+    step_all = frame_step(work.likelihood.observe, of_every_run, _keep)
     times = jnp.arange(work.frames.shape[0])
-    _, recorded = lax.scan(frame_step, lax.map(begin, orderings), (times, work.frames))
+    _, recorded = lax.scan(step_all, lax.map(begin, orderings), (times, work.frames))
 
     def arranged(array: jax.Array) -> jax.Array:
         """``[T, O, L * R, ...]`` to ``[O, L, R, T, ...]``."""
@@ -214,3 +211,8 @@ def _run_scene(
         return array.reshape(array.shape[0], num_values, num_runs, *array.shape[2:])
 
     return jax.tree.map(arranged, recorded)
+
+
+def _keep(state: Any, summary: Any) -> Any:
+    """All but the boxes as ``GridResult`` has it, and the estimate first."""
+    return summary.estimate, summary.uniqueness, summary.spread, summary.ess

@@ -16,7 +16,7 @@ from jax import lax
 from jax.typing import ArrayLike
 
 from jaxpf.errors import InputError
-from jaxpf.filters.partitioned.gradients import weighted, with_gradient_of
+from jaxpf.lowering.derivatives import weighted, with_gradient_of
 from jaxpf.lowering.prefix import running_max, running_sum
 from jaxpf.pytree import pytree_dataclass
 
@@ -237,7 +237,7 @@ def component_max(values: jax.Array, components: Components) -> jax.Array:
     def of_all():
         return jnp.full(components.size.shape, -jnp.inf, values.dtype).at[0].set(jnp.max(values))
 
-    # Shared by all runs, but for components by label: only the branch taken is computed.
+    # Shared by all runs, but for components that particles keep: only the branch taken is computed.
     return lax.cond(components.size[0] == values.shape[0], of_all, of_each)
 
 

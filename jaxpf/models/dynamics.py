@@ -1,7 +1,7 @@
 """How substates move from frame to frame.
 
 Every dynamics here draws noise for all particles at once (``propagate_all``), which is
-several times cheaper than a key per particle; ``propagate`` is the one-particle form.
+several times cheaper than a key per particle; ``propagate`` follows from it.
 """
 
 import jax
@@ -9,45 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.contract import of_partition
+from jaxpf.contract import DynamicsWithDensity, of_partition
 from jaxpf.pytree import pytree_dataclass
 
 
-class BatchedDynamics:
-    """Gives the one-particle forms to classes that define those for all particles."""
-
-    def propagate_all(self, key, partition, current, previous, parent):
-        """Move all particles: ``partition`` ``[N]``, the substates ``[D, N]``."""
-        raise TypeError(f"{type(self).__name__} must define propagate_all")
-
-    def propagate(self, key, partition, current, previous, parent):
-        """Move one particle: ``partition`` ``[]``, the substates ``[D]``."""
-        moved = self.propagate_all(
-            key, jnp.asarray(partition)[None], *(x[:, None] for x in (current, previous, parent))
-        )
-        return moved[:, 0]
-
-
-class BatchedDensity(BatchedDynamics):
-    """Gives the one-particle ``log_density`` to classes that define ``log_density_all``."""
-
-    def log_density_all(self, partition, new, current, previous, parent):
-        """Log-densities ``[N]`` of moves to ``new`` ``[D, N]``."""
-        raise TypeError(f"{type(self).__name__} must define log_density_all")
-
-    def log_density(self, partition, new, current, previous, parent):
-        """Log of the density ``[]`` from which ``propagate`` draws ``new`` ``[D]``.
-
-        A dimension without noise is left out: it is no density, and ``new`` is taken for right.
-        """
-        every = self.log_density_all(
-            jnp.asarray(partition)[None], *(x[:, None] for x in (new, current, previous, parent))
-        )
-        return every[0]
-
-
 @pytree_dataclass
-class RandomWalk(BatchedDensity):
+class RandomWalk(DynamicsWithDensity):
     """``x_t = x_{t-1} + scale * n``.
 
     Attributes:
@@ -68,7 +35,7 @@ class RandomWalk(BatchedDensity):
 
 
 @pytree_dataclass
-class AR2(BatchedDensity):
+class AR2(DynamicsWithDensity):
     """Second-order autoregression, ``x_t = x_{t-1} + momentum (x_{t-1} - x_{t-2}) + scale n``.
 
     Source: smith2004, section 2, with momentum .5 and scale (2, 2, .001) for the centre
@@ -98,7 +65,7 @@ class AR2(BatchedDensity):
 
 
 @pytree_dataclass
-class LinearGaussian(BatchedDensity):
+class LinearGaussian(DynamicsWithDensity):
     """``x_t = A x_{t-1} + B x_{t-2} + C parent_t + b + L n`` for each partition.
 
     Attributes:

@@ -16,13 +16,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.models.dynamics import BatchedDynamics
+from jaxpf.contract import Dynamics
+from jaxpf.lowering.columns import ready_to_mix
 from jaxpf.models.geometry import turned
 from jaxpf.pytree import pytree_dataclass, static_field
 
 
 @pytree_dataclass
-class RelativeToParent(BatchedDynamics):
+class RelativeToParent(Dynamics):
     """Joints walk at random, and parts follow their parents.
 
     A substate is (x, y, theta, offset_x, offset_y, angle): the pose, absolute in the image, and
@@ -67,9 +68,7 @@ class RelativeToParent(BatchedDynamics):
         scale, parent_anchor, part_anchor = of_part[:3], of_part[3:5], of_part[5:7]
         alone = of_part[7] > 0
         noise = jax.random.normal(key, scale.shape, dtype)
-        # Rows are mixed below, and XLA would draw all noise anew for each of the six rows that
-        # come out of it (four times slower): it fuses everything but a product of matrices.
-        noise = scale * jnp.dot(jnp.eye(3, dtype=dtype), noise, precision="highest")
+        noise = scale * ready_to_mix(noise)
         memory = jnp.asarray(self.memory, dtype)
         joint = jnp.stack([memory * current[3], memory * current[4], current[5]]) + noise
         pose = place(joint, parent, parent_anchor, part_anchor)

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jaxpf.contract import WrappedLikelihood
 from jaxpf.errors import InputError
 from jaxpf.filters.partitioned.ordering import Ordering, check_tree
 from jaxpf.filters.partitioned.tracker import Partitioned
@@ -34,7 +35,7 @@ DEFAULT_JOINT_SCALE = (0.5, 0.5, 0.08)
 
 
 @pytree_dataclass
-class OfFixedSize:
+class OfFixedSize(WrappedLikelihood):
     """A likelihood of (u, v, scale, theta), taken at (x, y, 1, theta) of a part's substate.
 
     Attributes:
@@ -43,39 +44,10 @@ class OfFixedSize:
 
     likelihood: Any
 
-    def estimated_nanoseconds(self, frame_shape):
-        """See the likelihood."""
-        return self.likelihood.estimated_nanoseconds(frame_shape)
-
-    @property
-    def fixed_observation(self):
-        """See the likelihood."""
-        return getattr(self.likelihood, "fixed_observation", False)
-
-    @property
-    def form(self):
-        """See the likelihood."""
-        return getattr(self.likelihood, "form", None)
-
-    @property
-    def state_gradient(self):
-        """See the likelihood."""
-        return getattr(self.likelihood, "state_gradient", True)
-
-    def observe(self, frame):
-        """What the likelihood needs of a frame."""
-        return self.likelihood.observe(frame)
-
-    def log_prob(self, observation, partition, substate):
-        """Log-likelihood ``[]`` of one substate ``[D]``."""
-        return self.log_prob_all(observation, jnp.asarray(partition)[None], substate[:, None])[0]
-
-    def log_prob_all(self, observation, partition, substates):
-        """Log-likelihoods ``[N]`` of substates ``[D, N]``."""
+    def translated(self, substates):
+        """(u, v, scale, theta), ``[4, ...]``, of substates ``[D, ...]``."""
         x, y, theta = substates[:3]
-        return self.likelihood.log_prob_all(
-            observation, partition, jnp.stack([x, y, jnp.ones_like(x), theta])
-        )
+        return jnp.stack([x, y, jnp.ones_like(x), theta])
 
 
 def parts_model(

@@ -144,7 +144,7 @@ def _check_gradients(tracker: Any, wanted: Sequence[Parameter]) -> None:
     """Refuse a motion parameter whose gradient would be silently zero."""
     if not any(one.name.startswith("dynamics.") for one in wanted):
         return
-    from jaxpf.filters.partitioned.gradients import check_motion_gradient
+    from jaxpf.filters.partitioned.refusals import check_motion_gradient
 
     check_motion_gradient(tracker)
 

@@ -26,9 +26,9 @@ import numpy as np
 from jax import lax
 from jax.typing import ArrayLike
 
-from jaxpf import running
+from jaxpf import contract, running
 from jaxpf.errors import InputError
-from jaxpf.filters.partitioned.kernel import ANCESTORS
+from jaxpf.filters.partitioned.selection import ANCESTORS
 from jaxpf.measures import metrics
 from jaxpf.measures.outlines import overlap as overlap_of_outlines
 from jaxpf.models.geometry import boxes_from_substates, is_proper
@@ -185,18 +185,22 @@ def outline_loss(
     return jnp.sum(jnp.where(labelled[:, None], 1 - overlap, 0.0), axis=(0, 2)) / jnp.sum(labelled)
 
 
-def _log_evidence(summary):
+def _log_evidence(state, summary):
     return summary.log_evidence
 
 
-def _estimate(summary):
+def _estimate(state, summary):
     return summary.estimate
 
 
 def _record(
-    tracker: Any, keys: jax.Array, frames: Any, record: Callable[[Any], Any], checkpoint: bool | int
+    tracker: Any,
+    keys: jax.Array,
+    frames: Any,
+    record: Callable[[Any, Any], Any],
+    checkpoint: bool | int,
 ) -> Any:
-    """``record(summary)`` of every frame of every run, leading axes ``[T, R]``.
+    """``record(state, summary)`` of every frame of every run, leading axes ``[T, R]``.
 
     All runs advance together, so that a frame is observed once for all of them.
     """
@@ -206,18 +210,9 @@ def _record(
         raise InputError(
             f"checkpoint={checkpoint} must be True, False, or a number of frames of at least 1."
         )
-    observe, step = running.split(tracker)
-
-    def frame_step(states, item):
-        time, frame = item
-        observation = observe(frame)
-
-        def step_one(key, state):
-            state, summary = step(running.frame_key(key, time), state, observation)
-            return state, record(summary)
-
-        return jax.vmap(step_one)(keys, states)
-
+    frame_step = running.frame_step(
+        contract.observed_apart(tracker)[0], running.together(tracker, keys), record
+    )
     states = jax.vmap(lambda key: running.init(tracker, key))(keys)
     items = (jnp.arange(num_frames), frames)
     if checkpoint is False:

@@ -7,7 +7,6 @@ import pytest
 
 from jaxpf.models.dynamics import (
     AR2,
-    BatchedDynamics,
     IndependentGaussian,
     LinearGaussian,
     RandomWalk,
@@ -119,14 +118,6 @@ def test_dtype_is_that_of_the_substates(make):
             x = jnp.zeros((2, 5), dtype)
             moved = make().propagate_all(KEY, jnp.zeros(5, jnp.int32), x, x, x)
             assert moved.dtype == dtype
-
-
-def test_batched_dynamics_without_a_batched_form_says_what_is_missing():
-    class Empty(BatchedDynamics):
-        pass
-
-    with pytest.raises(TypeError, match="Empty must define propagate_all"):
-        Empty().propagate(KEY, 0, jnp.zeros(2), jnp.zeros(2), jnp.zeros(2))
 
 
 def test_independent_gaussian_draws_every_partition_on_its_own():

@@ -66,13 +66,8 @@ def _labelled_run(tracker, key, frames, probabilities):
         label_key, jnp.log(probabilities), shape=(tracker.num_particles,)
     )
     state = dataclasses.replace(state, component=labels.astype(jnp.int32))
-
-    def body(state, item):
-        time, frame = item
-        state, summary = tracker.step(running.frame_key(key, time), state, frame)
-        return state, moments(state, summary)
-
-    return jax.lax.scan(body, state, (jnp.arange(len(frames)), frames))[1]
+    step = running.one_run(tracker, key, moments)
+    return jax.lax.scan(step, state, (jnp.arange(len(frames)), frames))[1]
 
 
 @partial(jax.jit, compiler_options=COMPILER_OPTIONS)

@@ -30,7 +30,7 @@ from exact import (
 
 from jaxpf import running
 from jaxpf.filters import resampling
-from jaxpf.filters.partitioned import exchange, kernel, ordering
+from jaxpf.filters.partitioned import ending, exchange, ordering, selection
 
 pytestmark = pytest.mark.statistical
 
@@ -39,7 +39,7 @@ def mutant_scores(exact, order, **settings):
     """``exact.scores`` through a kernel that is traced now."""
 
     def monte_carlo(tracker, keys, frames):
-        return running._monte_carlo.__wrapped__(tracker, keys, frames, moments)
+        return running.run_batches(tracker, keys, frames, moments)
 
     keys = jax.random.split(jax.random.key(1), RUNS).reshape(-1, BATCH)
     tracker = exact.tracker(order, **settings)
@@ -86,13 +86,14 @@ def test_kills_rho_normalised_across_components(monkeypatch):
 
 
 def test_kills_weights_kept_after_a_resampling(monkeypatch):
-    original = kernel._resample
+    original = selection.resample
 
     def mutant(tracker, key, log_weights, log_selection, components, largest=None):
-        ancestors, _, _ = original(tracker, key, log_weights, log_selection, components)
-        return ancestors, log_weights[ancestors], jnp.zeros((), bool)
+        right = original(tracker, key, log_weights, log_selection, components)
+        kept = log_weights[right.ancestors]
+        return right._replace(log_weights=kept, equal=jnp.zeros((), bool))
 
-    monkeypatch.setattr(kernel, "_resample", mutant)
+    monkeypatch.setattr(selection, "resample", mutant)
     assert mutant_scores(problem(TREE), ordering.ps([0, 1, 2])).worst > WRONG
 
 
@@ -131,28 +132,28 @@ def test_kills_a_redraw_from_the_resampled_set(monkeypatch):
 def test_kills_a_swap_that_leaves_the_past_of_descendants_behind(monkeypatch):
     """On a single-root tree this fault is none: a group shares its past there."""
 
-    original = ordering._carriers
+    original = ordering.carriers
 
     def only_itself(order, level, tree):
         carrier = original(order, level, tree)
         return np.where(carrier == np.arange(len(order)), carrier, -1).astype(np.int32)
 
-    monkeypatch.setattr(ordering, "_carriers", only_itself)
+    monkeypatch.setattr(ordering, "carriers", only_itself)
     exact = problem(FOREST, transition=0.7, lag=0.3, coupling=1.2, initial_scale=1.0)
     assert scores(exact, ordering.sps(FOREST)).worst > WRONG
 
 
 @pytest.mark.slow
 def test_kills_a_swap_that_leaves_the_lags_of_the_part_behind(monkeypatch):
-    original = kernel.finish
+    original = ending.finish
 
-    def mutant(tracker, observation, components, frame):
-        state, summary = original(tracker, observation, components, frame)
+    def mutant(tracker, observation, components, carry):
+        state, summary = original(tracker, observation, components, carry)
         # Nobody is resampled after the only level: slot i's own past is what slot i drew from.
-        own = frame.stages[1][:, tracker.ordering.rank[0]]
+        own = carry.stages[1][:, tracker.ordering.rank[0]]
         return dataclasses.replace(state, lagged=state.lagged.at[1].set(own)), summary
 
-    monkeypatch.setattr(kernel, "finish", mutant)
+    monkeypatch.setattr(ending, "finish", mutant)
     assert mutant_scores(objects(), ordering.sps(OBJECTS)).worst > WRONG
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 import scenes
+from jaxpf.contract import WrappedLikelihood
 from jaxpf.experiments.gonzales2011.published import SHARPNESS
 from jaxpf.filters.partitioned.ordering import named
 from jaxpf.filters.partitioned.tracker import Partitioned
@@ -61,7 +62,7 @@ NOISE = {
 
 
 @pytree_dataclass
-class Observed:
+class Observed(WrappedLikelihood):
     """A likelihood whose frames were observed beforehand, once for all trackers.
 
     Attributes:
@@ -73,10 +74,6 @@ class Observed:
     def observe(self, frame):
         """The frame is the observation."""
         return frame
-
-    def log_prob_all(self, observation, partition, substates):
-        """Log-likelihoods ``[N]``."""
-        return self.likelihood.log_prob_all(observation, partition, substates)
 
 
 class Outcome(NamedTuple):

@@ -9,9 +9,10 @@ from jax import lax
 from jaxpf.filters import resampling
 from jaxpf.filters.partitioned.exchange import Groups, Offer
 from jaxpf.filters.resampling import Components
+from jaxpf.lowering.columns import pick_in_rows
 
 
-class Frame(NamedTuple):
+class Carry(NamedTuple):
     """What the stages of a frame carry.  Rows are stages, not partitions.
 
     Attributes:
@@ -26,8 +27,8 @@ class Frame(NamedTuple):
             of it had any likelihood; the stage was left out of ``log_weights``.
         equal: ``[]`` bool, weights were equal after the last resampling.
         num_invalid: ``[]`` int32.
-        labels: ``[N]`` int32, components of the particles.
-        scores: ``[P, N]``, by slot of drawing, see ``ParticleState``; or None.
+        component: ``[N]`` int32, see ``ParticleState``.
+        path_scores: ``[P, N]``, by slot of drawing, see ``ParticleState``; or None.
         offers: every entry ``[P, N]``, what each part of the level offers for exchange; None
             where nothing is ever exchanged.
         groups: every entry ``[P, N]``, who shares the draw of each stage once its level has
@@ -43,29 +44,36 @@ class Frame(NamedTuple):
     impossible: jax.Array
     equal: jax.Array
     num_invalid: jax.Array
-    labels: jax.Array
-    scores: jax.Array | None
+    component: jax.Array
+    path_scores: jax.Array | None
     offers: Offer | None
     groups: Groups | None
 
     def lineage_of(self, particles: jax.Array) -> jax.Array:
-        """Lineage ``[P, N]`` of the given particles, ``[N]`` or by row ``[P, N]``.
+        """Lineage ``[P, N]`` of the given particles, ``[N]`` or by row ``[P, N]``."""
+        return pick_in_rows(self.lineage, particles)
 
-        Integer by integer: to move whole columns, XLA would transpose the lineage twice.
-        """
-        particles = jnp.broadcast_to(particles, self.lineage.shape)
-        return jnp.take_along_axis(self.lineage, particles, axis=1)
+    def write(self, stage: jax.Array, **rows: jax.Array) -> "Carry":
+        """Replace a stage's row of the named entries, wherever that stands in them."""
+        return self._replace(
+            **{
+                name: lax.dynamic_update_index_in_dim(
+                    getattr(self, name), row, stage, axis=2 if name == "stages" else 0
+                )
+                for name, row in rows.items()
+            }
+        )
 
     def absorb(
         self, log_factor: jax.Array, components: Components, stage: jax.Array | None = None
-    ) -> "Frame":
+    ) -> "Carry":
         """Multiply the weights by a factor, unless it is zero for a whole component.
 
         A component without any likelihood is marked impossible.  Its weights are left as they
         were, for the case that all components end so: then the frame's impossible observation
         is left out, instead of every weight being lost.
         """
-        if self.scores is not None:
+        if self.path_scores is not None:
             log_factor = lax.stop_gradient(log_factor)  # the scores hold its derivative
         log_weights = self.log_weights + log_factor
         largest = resampling.component_max(log_weights, components)

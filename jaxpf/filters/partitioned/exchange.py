@@ -20,16 +20,15 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxpf.filters.partitioned.gradients import weighted, with_gradient_of
 from jaxpf.filters.partitioned.ordering import SWAPS
 from jaxpf.filters.resampling import ancestors_of_thresholds, component_cdf, one_component
+from jaxpf.lowering.derivatives import weighted, with_gradient_of
+from jaxpf.lowering.integers import EXACT, modulo, order_by_group
 from jaxpf.lowering.prefix import running_max, running_sum
 
 # Codes of ordering.SWAPS.
 _SORTED, _COMBINATORIAL = SWAPS.index("sorted"), SWAPS.index("combinatorial")
 
-#: Whole numbers that float32 holds exactly.
-_EXACT = 2**24
 #: The golden ratio's multiplier: its multiples spread evenly over the 32-bit numbers.
 _GOLDEN = np.uint32(0x9E3779B9)
 
@@ -270,7 +269,7 @@ def _deal(
     numbers = jnp.arange(share.shape[0], dtype=jnp.int32)
     # A member takes as many places as it has offspring.  Complete where the likelihoods end,
     # whatever the rounding.
-    shift = (shift >> 8).astype(share.dtype) / _EXACT
+    shift = (shift >> 8).astype(share.dtype) / EXACT
     wanted = jnp.ceil(share * room.astype(share.dtype) - shift).astype(jnp.int32)
     end = start + jnp.where(share < 1, jnp.clip(wanted, 0, room), room)
     # Stretches follow one another: a group's first member begins where the last one ends.
@@ -279,11 +278,11 @@ def _deal(
 
     # One random number serves all groups: the golden ratio's multiples tell them apart.
     offset = offset + start_of_slot.astype(jnp.uint32) * _GOLDEN
-    offset = (offset >> 8).astype(jnp.float32) / _EXACT * room_of_slot
+    offset = (offset >> 8).astype(jnp.float32) / EXACT * room_of_slot
     strides = _strides(share.shape[0])
     stride = strides[choice % strides.shape[0]]
-    stride = jnp.where(_modulo(room_of_slot, stride) == 0, 1, stride)
-    place = _modulo(place * stride + offset.astype(jnp.int32), room_of_slot)
+    stride = jnp.where(modulo(room_of_slot, stride) == 0, 1, stride)
+    place = modulo(place * stride + offset.astype(jnp.int32), room_of_slot)
 
     position = start_of_slot + place
     return taker[position], Groups(
@@ -295,8 +294,8 @@ def _deal(
 
 
 def _strides(num_particles: int) -> jax.Array:
-    """Primes, small enough for ``_modulo``; larger than any group where that is possible."""
-    largest = min(max(_EXACT // num_particles - 1, 2), 2**16)
+    """Primes, small enough for ``modulo``; larger than any group where that is possible."""
+    largest = min(max(EXACT // num_particles - 1, 2), 2**16)
     sieve = np.ones(largest, bool)
     sieve[: min(2, largest)] = False
     for number in range(2, int(largest**0.5) + 1):
@@ -310,14 +309,6 @@ def _strides(num_particles: int) -> jax.Array:
     return jnp.asarray(chosen, jnp.int32)
 
 
-def _modulo(number: jax.Array, divisor: jax.Array) -> jax.Array:
-    """``number % divisor`` of positive integers up to 2^24, vectorised as no division is."""
-    quotient = jnp.floor(number.astype(jnp.float32) / divisor.astype(jnp.float32))
-    rest = number - quotient.astype(jnp.int32) * divisor
-    rest = jnp.where(rest < 0, rest + divisor, rest)
-    return jnp.where(rest >= divisor, rest - divisor, rest)
-
-
 def _permutation(
     key: jax.Array, swap: jax.Array, log_probs: jax.Array, group: jax.Array
 ) -> jax.Array:
@@ -329,15 +320,3 @@ def _permutation(
     _, _, givers = lax.sort((group, merit, identity), num_keys=2, is_stable=True)
     receivers = order_by_group(group)
     return jnp.zeros((num_particles,), jnp.int32).at[receivers].set(givers)
-
-
-def order_by_group(group: jax.Array) -> jax.Array:
-    """``[N]`` int32: particles in order of their group ``[N]`` (0..N-1), stably."""
-    num_particles = group.shape[0]
-    identity = jnp.arange(num_particles, dtype=jnp.int32)
-    if num_particles <= 2**16:
-        # One integer key holds group and index: a plain sort, several times faster than
-        # one that carries a second operand.
-        key = group.astype(jnp.uint32) * jnp.uint32(num_particles) + identity.astype(jnp.uint32)
-        return (lax.sort(key) % jnp.uint32(num_particles)).astype(jnp.int32)
-    return lax.sort((group, identity), num_keys=1, is_stable=True)[1]

@@ -11,39 +11,39 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf.filters.partitioned import exchange
-from jaxpf.filters.partitioned.carry import Frame
+from jaxpf.filters.partitioned.carry import Carry
 
 
-def weigh_part(tracker, key, stage, frame) -> tuple[jax.Array, exchange.Offer | None]:
+def weigh_part(tracker, key, stage, carry) -> tuple[jax.Array, exchange.Offer | None]:
     """Log of what a stage multiplies the weights by, ``[N]``, and the level's offers so far."""
-    log_prob, ordering = frame.log_probs[stage], tracker.ordering
-    if frame.offers is None:
+    log_prob, ordering = carry.log_probs[stage], tracker.ordering
+    if carry.offers is None:
         return log_prob, None
 
     def weigh():
         parent, is_root = _parent_row(ordering, stage)
-        groups, lineage = frame.groups.row(parent), jnp.where(is_root, 0, frame.lineage[parent])
+        groups, lineage = carry.groups.row(parent), jnp.where(is_root, 0, carry.lineage[parent])
         return exchange.weigh(key, ordering.swap, log_prob, groups, lineage, is_root)
 
     def keep():
-        return log_prob, jax.tree.map(lambda rows: rows[stage], frame.offers)
+        return log_prob, jax.tree.map(lambda rows: rows[stage], carry.offers)
 
     factor, offer = lax.cond(ordering.exchanged[stage], weigh, keep)
     if not _always_equal(tracker):
-        factor = jnp.where(frame.equal, factor, log_prob)
+        factor = jnp.where(carry.equal, factor, log_prob)
     return factor, jax.tree.map(
         lambda rows, row: lax.dynamic_update_index_in_dim(rows, row, stage, axis=0),
-        frame.offers,
+        carry.offers,
         offer,
     )
 
 
-def end(tracker, key, stage, resample, frame, offers) -> Frame:
+def end(tracker, key, stage, resample, carry, offers) -> Carry:
     """End of a level: resample, and let every slot draw its parts anew."""
     ordering = tracker.ordering
     # A row of identities in place of the lineage comes out as each slot's ancestor.
     identity = jnp.arange(tracker.num_particles, dtype=jnp.int32)
-    tagged = resample(frame._replace(lineage=identity[None], groups=None))
+    tagged = resample(carry._replace(lineage=identity[None], groups=None))
     slots = exchange.families(tagged.lineage[0])
     keys = jax.random.split(key, tracker.num_partitions)
 
@@ -62,18 +62,18 @@ def end(tracker, key, stage, resample, frame, offers) -> Frame:
         def anew_where_allowed():
             if _always_equal(tracker):
                 return anew()
-            return jax.tree.map(partial(jnp.where, frame.equal), anew(), kept())
+            return jax.tree.map(partial(jnp.where, carry.equal), anew(), kept())
 
         giver, group = lax.cond(ordering.exchanged[row], anew_where_allowed, kept)
         return givers.at[row].set(giver), groups.put(row, group)
 
     first = jnp.argmax(ordering.level == ordering.level[stage])
-    drawn = jnp.broadcast_to(slots.ancestors, frame.lineage.shape), frame.groups
+    drawn = jnp.broadcast_to(slots.ancestors, carry.lineage.shape), carry.groups
     givers, groups = lax.fori_loop(first, stage + 1, draw, drawn)
     # What hangs from a part of this level moves with it; all else stays with the ancestor.
     carrier = ordering.carrier[stage][:, None]
     source = jnp.where(carrier >= 0, givers[ordering.carrier[stage]], slots.ancestors)
-    return tagged._replace(lineage=frame.lineage_of(source), groups=groups)
+    return tagged._replace(lineage=carry.lineage_of(source), groups=groups)
 
 
 def _parent_row(ordering, stage) -> tuple[jax.Array, jax.Array]:

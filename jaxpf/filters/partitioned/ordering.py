@@ -11,6 +11,7 @@ The tables always have room for C = P components; what a method does not use is 
 from collections.abc import Sequence
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.errors import InputError
@@ -38,7 +39,8 @@ class Ordering:
         swap: ``[]`` int32, index into ``SWAPS``.
         literal: ``[]`` bool, smith2004's literal reassembly.
         tree: ``[P]`` int32, parents of the part tree of ``sps``; -1 for a root.
-        by_label: static, components are the labels that particles carry (branched).
+        keeps_components: static, particles keep their component from frame to frame (branched);
+            else they are split anew.
     """
 
     order: jax.Array
@@ -52,12 +54,17 @@ class Ordering:
     swap: jax.Array
     literal: jax.Array
     tree: jax.Array
-    by_label: bool = static_field(default=False)
+    keeps_components: bool = static_field(default=False)
 
     @property
     def num_partitions(self) -> int:
         """Number of partitions, P."""
         return self.order.shape[-1]
+
+    @property
+    def is_split(self) -> jax.Array:
+        """``[]`` bool: particles divide into components, or may do so; the same for all runs."""
+        return jnp.asarray(self.keeps_components) | (self.fractions[0] < 1.0)
 
 
 def sir(num_partitions: int) -> Ordering:
@@ -135,7 +142,7 @@ def branched(orders: Sequence[Sequence[int]]) -> Ordering:
     """
     if not orders:
         raise InputError("orders is empty; give at least one permutation of the partitions.")
-    return _ordering(orders, _all_but_last(len(orders[0])), by_label=True)
+    return _ordering(orders, _all_but_last(len(orders[0])), keeps_components=True)
 
 
 def sps(
@@ -312,7 +319,7 @@ def _ordering(
     swap: int = 0,
     literal: bool = False,
     tree: Sequence[int] | None = None,
-    by_label: bool = False,
+    keeps_components: bool = False,
 ) -> Ordering:
     """Fill the tables, padded to at least P components."""
     num_partitions = len(list(orders[0]))
@@ -334,15 +341,15 @@ def _ordering(
         exchange_after=as_array(never if exchange_after is None else exchange_after),
         exchanged=as_array(never if exchanged is None else exchanged),
         level=as_array(level, np.int32),
-        carrier=as_array(_carriers(order_table[0], level, tree)),
+        carrier=as_array(carriers(order_table[0], level, tree)),
         swap=as_array(swap, np.int32),
         literal=as_array(literal, bool),
         tree=as_array(tree, np.int32),
-        by_label=by_label,
+        keeps_components=keeps_components,
     )
 
 
-def _carriers(order: np.ndarray, level: np.ndarray, tree: Sequence[int]) -> np.ndarray:
+def carriers(order: np.ndarray, level: np.ndarray, tree: Sequence[int]) -> np.ndarray:
     """``[P, P]``: at stage j's level, the stage of the part that carries stage r's part."""
     num_partitions = len(order)
     stage_of = {int(part): stage for stage, part in enumerate(order)}

@@ -20,8 +20,8 @@ from jax import lax
 
 from jaxpf.errors import InputError
 from jaxpf.filters import resampling
-from jaxpf.filters.partitioned.gradients import with_gradient_of
 from jaxpf.filters.resampling import Components
+from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.state import ParticleState
 
 #: Sinkhorn's iterations stop at this total error of the marginals.

@@ -11,6 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from jaxpf.lowering.columns import entries_at, sum_of_rows
 from jaxpf.pytree import pytree_dataclass
 
 # Bins are counted, and similarities summed, in groups of this many, side by side: one or
@@ -113,19 +114,15 @@ def integral_similarity(table, references, partition, left, top, width, height):
     column0, column1 = (jnp.clip(x, 0, num_columns - 1).astype(jnp.int32) for x in (x0, x1))
     rows = [jnp.clip(y, 0, num_rows - 1).astype(jnp.int32) for y in edges]
 
-    def take(array, row):
-        return array.at[row].get(mode="promise_in_bounds", wrap_negative_indices=False)
-
     def above(row, group):
         """Pixels of the box's columns above an edge, for one group of bins."""
         start = (first_row + row) * num_columns
         left_, right = ((start + column) * groups for column in (column0, column1))
-        return take(cells, right + group) - take(cells, left_ + group)
+        return entries_at(cells, right + group) - entries_at(cells, left_ + group)
 
     # One fused loop: gather LANES bins of every corner, difference, square root, multiply,
     # accumulate.  It gathers by groups because slicing a gathered row of B bins breaks the
-    # fusion.  The sum over lanes is a product with ones because a product is not fused into
-    # the loop; a reduction would be, and would make it scalar (each 3 times slower).
+    # fusion; so would summing the lanes within the loop (each 3 times slower).
     total = jnp.zeros((*left.shape, LANES), dtype)
     fits = jnp.ones(left.shape, bool)
     largest_count = min(jnp.iinfo(cells.dtype).max, 2**31 - 1)  # pixels are int32
@@ -135,12 +132,13 @@ def integral_similarity(table, references, partition, left, top, width, height):
             count = above(rows[k + 1], group) - above(rows[k], group)
             # Counts are integers, so no gradient ever passes through this square root.
             root = jnp.sqrt(count.astype(dtype))
-            part += root * take(references, (partition * num_parts + k) * groups + group)
+            reference = entries_at(references, (partition * num_parts + k) * groups + group)
+            part += root * reference
         area = (x1 - x0) * (edges[k + 1] - edges[k])
         total += part * jax.lax.rsqrt(jnp.maximum(area, 1))[:, None]
         pixels = (column1 - column0) * (rows[k + 1] - rows[k])
         fits &= pixels <= largest_count
-    return jnp.dot(total, jnp.ones(LANES, dtype)), fits
+    return sum_of_rows(total), fits
 
 
 def interpolated_integral_similarity(table, references, partition, left, top, width, height):
@@ -168,9 +166,7 @@ def interpolated_integral_similarity(table, references, partition, left, top, wi
     edges = [place(top + height * (k / num_parts), num_rows) for k in range(num_parts + 1)]
 
     def take(row, column):
-        return cells.at[(first_row + row) * num_columns + column].get(
-            mode="promise_in_bounds", wrap_negative_indices=False
-        )
+        return entries_at(cells, (first_row + row) * num_columns + column)
 
     def lines(row):
         """Counts above a line of the table: between the columns, and in those that are cut."""

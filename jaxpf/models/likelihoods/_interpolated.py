@@ -12,6 +12,7 @@ import math
 import jax
 import jax.numpy as jnp
 
+from jaxpf.lowering.columns import words_at
 from jaxpf.models.likelihoods._places import cell_centres, places_in_image
 from jaxpf.models.likelihoods._sampled import OUTSIDE
 
@@ -58,8 +59,7 @@ def interpolated_similarity(
     last_row, last_column = (size - 1 for size in table.shape)
     column = jnp.clip(left + _MARGIN, 0, last_column).astype(jnp.int32)
     row = jnp.clip(top + _MARGIN, 0, last_row).astype(jnp.int32)
-    words = table.reshape(-1).at[row * table.shape[1] + column]
-    words = words.get(mode="promise_in_bounds", wrap_negative_indices=False)
+    words = words_at(table, row, column)
     # In the order of the bytes of a word, [N, parts, places, 4].
     left_share, upper_share = 1 - right_share, 1 - lower_share
     shares = jnp.stack(

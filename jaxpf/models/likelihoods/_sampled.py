@@ -17,6 +17,7 @@ import math
 import jax
 import jax.numpy as jnp
 
+from jaxpf.lowering.columns import sum_of_rows, words_at
 from jaxpf.models.likelihoods._places import cell_centres, places_in_image
 
 #: Levels are counted in groups of this many, side by side in vector registers.
@@ -86,7 +87,7 @@ def sampled_similarity(
     Returns:
         Similarity [N].
     """
-    num_parts, num_levels = levels.shape[1:]
+    num_parts = levels.shape[1]
     dtype = u.dtype
     columns, rows = _grid(num_samples, num_parts)
     across, down = cell_centres(columns, rows * num_parts)
@@ -96,8 +97,7 @@ def sampled_similarity(
     # A group's first pixel is d / 2 up and left of its middle; truncation is floor from 0 on.
     column = jnp.clip(x + (margin - distance / 2), 0, last_column).astype(jnp.int32)
     row = jnp.clip(y + (margin - distance / 2), 0, last_row).astype(jnp.int32)
-    words = table.reshape(-1).at[row * table.shape[1] + column]
-    words = words.get(mode="promise_in_bounds", wrap_negative_indices=False)
+    words = words_at(table, row, column)
 
     words = words.reshape(-1, num_parts, rows, columns)
     levels = levels.astype(jnp.uint32)[partition]
@@ -105,10 +105,7 @@ def sampled_similarity(
     for k in range(num_parts):
         counts = _counts(words[:, k], levels[:, k])
         root = jnp.sqrt(counts.astype(dtype) / (4 * rows * columns))
-        # A product with ones is not fused into the loop over levels, where a sum would be
-        # and would make it scalar.
-        product = root * roots.astype(dtype)[partition, k]
-        similarity += jnp.dot(product, jnp.ones(num_levels, dtype))
+        similarity += sum_of_rows(root * roots.astype(dtype)[partition, k])
     return similarity
 
 

@@ -6,9 +6,9 @@ one of 10 x 10 hue-saturation bins; every other pixel falls in one of 10 value b
 
 import jax
 import jax.numpy as jnp
-from jax import lax
 
 from jaxpf.errors import InputError
+from jaxpf.lowering.branches import computed_before
 
 LEVELS = 10
 NUM_BINS = LEVELS * LEVELS + LEVELS
@@ -44,7 +44,7 @@ def hsv_bins(frame) -> jax.Array:
     """
     # Planes of floats, and choices between ready values: CPUs vectorise that, and neither
     # interleaved bytes nor choices between expressions (twice as slow).
-    planes = lax.optimization_barrier(jnp.moveaxis(frame, -1, 0).astype(jnp.float32))
+    planes = computed_before(jnp.moveaxis(frame, -1, 0).astype(jnp.float32))
     red, green, blue = planes
     largest = jnp.maximum(jnp.maximum(red, green), blue)
     chroma = largest - jnp.minimum(jnp.minimum(red, green), blue)

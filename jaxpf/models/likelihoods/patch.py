@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.lowering.columns import words_at
 from jaxpf.models.geometry import cos_sin
 from jaxpf.models.likelihoods._places import cell_centres, places_in_image
 from jaxpf.models.likelihoods.color import check_frame
@@ -220,13 +221,11 @@ def _window(observation, u, v, width, height, theta, window, interpolation):
     across, down = cell_centres(*window)
     x, y = places_in_image(across, down, u, v, width, height, *cos_sin(theta))
     num_rows, num_columns = observation.shape
-    words = observation.reshape(-1)
 
     def colours(row, column):
         row = jnp.clip(row, 0, num_rows - 1).astype(jnp.int32)
         column = jnp.clip(column, 0, num_columns - 1).astype(jnp.int32)
-        word = words.at[row * num_columns + column]
-        word = word.get(mode="promise_in_bounds", wrap_negative_indices=False)
+        word = words_at(observation, row, column)
         shifts = jnp.array([0, 8, 16], jnp.uint32)
         return ((word[..., None] >> shifts) & 255).astype(x.dtype)
 

@@ -23,7 +23,8 @@ from fenced_trackers import (
 
 import jaxpf
 from jaxpf import InputError
-from jaxpf.filters.partitioned import gradients, ordering
+from jaxpf.filters.partitioned import ordering
+from jaxpf.filters.partitioned.refusals import check_motion_gradient
 from jaxpf.models.dynamics import AR2, LinearGaussian, RandomWalk
 from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian, Gaussian
 from jaxpf.pytree import pytree_dataclass
@@ -70,9 +71,9 @@ def test_stop_gradient_leaves_the_forward_pass_as_it_is_bit_for_bit():
                 for mode in ("none", "stop_gradient")
             ]
             (state, summaries), (other, others) = kept
-            assert not np.any(other.scores)
+            assert not np.any(other.path_scores)
             assert_equal(
-                (state, summaries), (dataclasses.replace(other, scores=None), others), name
+                (state, summaries), (dataclasses.replace(other, path_scores=None), others), name
             )
 
 
@@ -209,7 +210,10 @@ class Unknown:
             },
             "does not go with log_joint",
         ),
-        ({"gradient": "transport", "ordering": ordering.branched([[0, 1]])}, "labels"),
+        (
+            {"gradient": "transport", "ordering": ordering.branched([[0, 1]])},
+            "components that particles keep",
+        ),
         (
             {"gradient": "transport", "ordering": ordering.sir(P), "transport_epsilon": 0.0},
             "transport_epsilon=0.0 must be above 0",
@@ -226,9 +230,7 @@ def test_what_cannot_work_is_refused_in_one_sentence(settings, what):
 def test_a_motion_gradient_that_would_be_zero_is_refused():
     made = tracker(ordering.ps([0]), likelihood=WholePixels(noise=np.float32(1.0)))
     with pytest.raises(InputError, match=r"WholePixels .*motion_gradient='score'"):
-        gradients.check_motion_gradient(made)
-    gradients.check_motion_gradient(dataclasses.replace(made, motion_gradient="score"))
-    gradients.check_motion_gradient(tracker(ordering.ps([0])))
-    gradients.check_motion_gradient(
-        tracker(ordering.ps([0]), likelihood=Gaussian(noise=np.ones((1, 1, 1))))
-    )
+        check_motion_gradient(made)
+    check_motion_gradient(dataclasses.replace(made, motion_gradient="score"))
+    check_motion_gradient(tracker(ordering.ps([0])))
+    check_motion_gradient(tracker(ordering.ps([0]), likelihood=Gaussian(noise=np.ones((1, 1, 1)))))

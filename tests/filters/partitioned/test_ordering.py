@@ -83,9 +83,9 @@ def test_swap_none_exchanges_nothing():
     assert not np.asarray(ordering.sps(DEEP, "none").exchanged).any()
 
 
-def test_branched_components_are_labels():
+def test_particles_of_a_branched_ordering_keep_their_components():
     made = ordering.branched([[0, 1], [1, 0]])
-    assert made.by_label
+    assert made.keeps_components
     np.testing.assert_array_equal(made.order[:2], [[0, 1], [1, 0]])
 
 

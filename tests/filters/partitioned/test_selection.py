@@ -19,14 +19,15 @@ from fenced_trackers import (
 
 import jaxpf
 from jaxpf.filters import resampling
-from jaxpf.filters.partitioned import gradients, ordering
+from jaxpf.filters.partitioned import ordering
+from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.models.dynamics import RandomWalk
 
 
 def test_the_gradient_of_a_source_is_lent_and_its_value_is_not():
-    lent = jax.value_and_grad(lambda x: gradients.with_gradient_of(3.0 * x, jnp.log(x - 2.0)))
+    lent = jax.value_and_grad(lambda x: with_gradient_of(3.0 * x, jnp.log(x - 2.0)))
     assert lent(4.0) == (12.0, 3.5)
-    assert gradients.with_gradient_of(1.0, -jnp.inf) == 1.0
+    assert with_gradient_of(1.0, -jnp.inf) == 1.0
 
 
 @pytest.mark.parametrize("scheme", resampling.SCHEMES)

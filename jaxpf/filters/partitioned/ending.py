@@ -1,0 +1,129 @@
+"""The end of a frame: particles put together, corrected, normalised and reported."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from jaxpf import contract
+from jaxpf.filters import resampling
+from jaxpf.filters.partitioned.carry import Carry
+from jaxpf.filters.resampling import Components
+from jaxpf.lowering.branches import choose, computed_before
+from jaxpf.lowering.derivatives import with_gradient_of
+from jaxpf.state import (
+    STATUS_IMPOSSIBLE,
+    STATUS_INVALID_LIKELIHOOD,
+    STATUS_LOST,
+    ParticleState,
+    Summary,
+    summarise,
+)
+
+
+def finish(
+    tracker: Any, observation: Any, components: Components, carry: Carry
+) -> tuple[ParticleState, Summary]:
+    """Gather the particles, correct by the joint likelihood, normalise, and report."""
+    ordering, one_partition = tracker.ordering, tracker.num_partitions == 1
+    # By partition, not by stage; a particle's draws lie in rows of its own component.
+    row = choose(
+        ordering.is_split,
+        lambda: ordering.rank[components.index].T,
+        lambda: jnp.broadcast_to(ordering.rank[0][:, None], carry.lineage.shape),
+        is_never_true=one_partition,
+    )
+    lineage, lagged = _gathered(tracker, carry, row)
+    drawn = row * tracker.num_particles + lineage  # where each particle's draws lie
+    path_scores = path_score = None
+    if carry.path_scores is not None:
+        path_scores = carry.path_scores.reshape(-1)[drawn]
+        path_score = jnp.sum(path_scores, axis=0)
+    if contract.has_log_joint(tracker.likelihood):
+        log_probs = carry.log_probs.reshape(-1)[drawn]
+        carry, correction = _corrected(
+            tracker, observation, components, carry, lagged[0], log_probs
+        )
+        if path_score is not None:
+            path_score = with_gradient_of(path_score, correction)
+
+    every_component = ordering.rank.T, jnp.arange(ordering.rank.shape[0])
+    lost = ~jnp.any(carry.seen[every_component], axis=1)
+
+    all_impossible = jnp.all(carry.impossible)
+    log_weights = jnp.where(carry.impossible & ~all_impossible, -jnp.inf, carry.log_weights)
+    if path_score is not None:
+        log_weights = with_gradient_of(log_weights, path_score)
+    log_total = jax.nn.logsumexp(log_weights)
+    log_weights = choose(
+        ordering.literal,
+        lambda: resampling.renormalised(log_weights, components),
+        lambda: log_weights - log_total,
+        is_never_true=one_partition,
+    )
+    log_weights = computed_before(log_weights)
+    if path_scores is not None:
+        # What the weights were divided by, or a joint likelihood adds, belongs to no partition.
+        rest = log_weights - jnp.sum(path_scores, axis=0)
+        path_scores = with_gradient_of(path_scores, rest[None] / tracker.num_partitions)
+    state = ParticleState(
+        lagged=lagged,
+        log_weights=log_weights,
+        lineage=lineage,
+        component=carry.component,
+        weighted=jnp.ones((), bool),
+        path_scores=path_scores,
+    )
+    log_evidence = jnp.where(all_impossible, -jnp.inf, log_total)
+    status = (
+        STATUS_INVALID_LIKELIHOOD * (carry.num_invalid > 0)
+        + STATUS_IMPOSSIBLE * all_impossible
+        + STATUS_LOST * jnp.any(lost)
+    ).astype(jnp.int32)
+    return state, summarise(state, log_evidence, status, lost, carry.num_invalid)
+
+
+def _gathered(tracker: Any, carry: Carry, row: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Lineage ``[P, N]`` and substates ``[2, D, P, N]`` by partition."""
+    ordering, num_particles = tracker.ordering, tracker.num_particles
+
+    def gathered():
+        lineage = jnp.take_along_axis(carry.lineage, row, axis=0)
+        flat = carry.stages.reshape(-1, tracker.num_partitions * num_particles)
+        lagged = flat[:, row * num_particles + lineage]
+        return lineage, lagged.reshape(carry.stages.shape)
+
+    def their_own():
+        if tracker.num_partitions == 1:
+            return carry.lineage, carry.stages
+        return carry.lineage, carry.stages[:, :, ordering.rank[0]]
+
+    # Without resampling or exchange inside the frame every particle kept its own draws.
+    return choose(
+        jnp.any(ordering.resample_after | ordering.exchange_after),
+        gathered,
+        their_own,
+        is_never_true=tracker.num_partitions == 1,
+    )
+
+
+def _corrected(
+    tracker: Any,
+    observation: Any,
+    components: Components,
+    carry: Carry,
+    substates: jax.Array,
+    log_probs: jax.Array,
+) -> tuple[Carry, jax.Array]:
+    """Weights by the joint likelihood in place of the partitions' weighting functions.
+
+    Also the log of the quotient, ``[N]``.
+    """
+    log_joint = contract.log_joint_all(tracker.likelihood, observation, substates, log_probs)
+    log_joint = log_joint.astype(log_probs.dtype)
+    invalid = jnp.isnan(log_joint) | jnp.isposinf(log_joint)
+    log_joint = jnp.where(invalid, -jnp.inf, log_joint)
+    carry = carry._replace(num_invalid=carry.num_invalid + jnp.sum(invalid, dtype=jnp.int32))
+    weighting = jnp.sum(jnp.where(jnp.isneginf(log_probs), 0.0, log_probs), axis=0)
+    correction = log_joint - weighting
+    return carry.absorb(correction, components), correction

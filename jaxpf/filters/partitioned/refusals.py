@@ -1,0 +1,165 @@
+"""What a partitioned tracker refuses, before it runs: what cannot work or would be wrong."""
+
+from typing import Any
+
+import numpy as np
+
+from jaxpf import contract
+from jaxpf.errors import InputError
+from jaxpf.filters import resampling
+from jaxpf.names import GRADIENTS, MOTION_GRADIENTS, SWAPS
+from jaxpf.pytree import is_concrete
+
+
+def check_tracker(tracker: Any) -> None:
+    """Refuse what cannot work, or would be silently wrong.
+
+    Raises:
+        InputError: unknown resampling scheme; fewer particles than components; an initial
+            state of another shape; an order that puts a child before its parent; see also
+            ``check_gradient`` and ``check_exchange``.
+    """
+    resampling.check_scheme(tracker.resampling)
+    exchanged = is_concrete(tracker.ordering) and np.asarray(tracker.ordering.exchanged).any()
+    check_gradient(tracker, exchanges=bool(exchanged))
+    for name, least in (
+        ("tempering", "above 0"),
+        ("soft_share", "above 0"),
+        ("ess_threshold", "at least 0"),
+    ):
+        value = getattr(tracker, name)
+        if value is None or not is_concrete(value):
+            continue
+        if np.any(np.asarray(value) > 1) or not np.all(
+            np.asarray(value) >= 0 if name == "ess_threshold" else np.asarray(value) > 0
+        ):
+            raise InputError(f"{name}={value} must be {least} and at most 1; None is the default.")
+    ordering, parents = tracker.ordering, tracker.parents
+    if len(parents) != ordering.num_partitions:
+        raise InputError(
+            f"parents has {len(parents)} parts but the ordering has {ordering.num_partitions}; "
+            "give both the same number of partitions."
+        )
+    if not callable(tracker.initial):
+        shape = np.shape(tracker.initial)
+        if len(shape) != 2 or shape[0] != ordering.num_partitions:
+            raise InputError(
+                f"initial has shape {shape}; it must be [P, D] with P = {ordering.num_partitions} "
+                "partitions, or a sampler key -> [P, D]."
+            )
+    if not is_concrete(ordering) or np.ndim(ordering.order) != 2:
+        return
+    used = int(np.count_nonzero(np.asarray(ordering.fractions)))
+    if tracker.num_particles < max(used, 1):
+        raise InputError(
+            f"num_particles={tracker.num_particles} is fewer than the {used} components of the "
+            "ordering; use at least one particle per component."
+        )
+    for component, ranks in enumerate(np.asarray(ordering.rank)[:used]):
+        for part, parent in enumerate(parents):
+            if parent >= 0 and ranks[part] < ranks[parent]:
+                raise InputError(
+                    f"the order {np.asarray(ordering.order)[component].tolist()} puts part {part} "
+                    f"before its parent {parent}; put every parent first."
+                )
+    if np.asarray(ordering.exchanged).any():
+        check_exchange(tracker)
+
+
+def check_exchange(tracker: Any) -> None:
+    """Refuse an exchange that would be biased, given that the ordering has one.
+
+    Raises:
+        InputError: a swap together with ``log_joint``, tempering, an unlike tree or jointly
+            drawn roots.
+    """
+    ordering = tracker.ordering
+    swap = SWAPS[int(ordering.swap)]
+    tree = tuple(np.asarray(ordering.tree).tolist())
+    if contract.has_log_joint(tracker.likelihood):
+        raise InputError(
+            f"swap={swap!r} needs a likelihood that factors over partitions, and this one has "
+            "log_joint; use swap='none' or another ordering."
+        )
+    if tracker.tempering is not None:
+        raise InputError(
+            f"swap={swap!r} needs equal weights, and tempering={tracker.tempering} leaves them "
+            "unequal; use tempering=None or swap='none'."
+        )
+    if tree != tracker.parents:
+        raise InputError(
+            f"the ordering's part tree {list(tree)} is unlike the model's {list(tracker.parents)}; "
+            f"with swap={swap!r} both must be the same."
+        )
+    # In NumPy: JAX would compile a program for every one of these operations.
+    is_root = np.asarray(ordering.tree)[np.asarray(ordering.order)[0]] < 0
+    roots_exchanged = bool((np.asarray(ordering.exchanged) & is_root).any())
+    independent = not callable(tracker.initial) or contract.draws_independently(tracker.initial)
+    if roots_exchanged and not independent:
+        raise InputError(
+            f"swap={swap!r} exchanges roots, but the initial sampler may draw them jointly; use a "
+            "sampler with the attribute independent=True, or sps(..., exchange_roots=False)."
+        )
+
+
+def check_gradient(tracker: Any, *, exchanges: bool) -> None:
+    """Refuse variations that are unknown, or that cannot work with the tracker's other parts.
+
+    Raises:
+        InputError: an unknown name; ``score`` without ``log_density``; ``transport`` with
+            an epsilon <= 0, or with what needs lineages.
+    """
+    for name, known in (("gradient", GRADIENTS), ("motion_gradient", MOTION_GRADIENTS)):
+        if getattr(tracker, name) not in known:
+            raise InputError(
+                f"{name}={getattr(tracker, name)!r} is unknown; choose one of {', '.join(known)}."
+            )
+    if tracker.motion_gradient == "score" and not contract.has_log_density(tracker.dynamics):
+        raise InputError(
+            f"motion_gradient='score' needs the method log_density of the dynamics, and "
+            f"{type(tracker.dynamics).__name__} has none; write it (see "
+            "jaxpf.contract.DynamicsWithDensity) or use motion_gradient='pathwise'."
+        )
+    if tracker.gradient != "transport":
+        return
+    epsilon = tracker.transport_epsilon
+    if epsilon is not None and is_concrete(epsilon) and not np.all(np.asarray(epsilon) > 0):
+        raise InputError(f"transport_epsilon={epsilon} must be above 0; None is the default, 0.5.")
+    for used, what, remedy in (
+        (exchanges, "a swap, which needs lineages", "swap='none'"),
+        (
+            tracker.ordering.keeps_components,
+            "components that particles keep, which cannot be blended",
+            "another ordering",
+        ),
+        (tracker.tempering is not None, "tempering, whose weights cannot be blended", "None"),
+        (
+            contract.has_log_joint(tracker.likelihood),
+            "log_joint, whose weighting functions belong to the particles before blending",
+            "a likelihood that factors",
+        ),
+    ):
+        if used:
+            raise InputError(
+                f"gradient='transport' blends particles and does not go with {what}; use {remedy} "
+                "or gradient='stop_gradient'."
+            )
+
+
+def check_motion_gradient(tracker: Any) -> None:
+    """Refuse a gradient of the motion's parameters that would be zero whatever they are.
+
+    For whoever differentiates with respect to the dynamics or the initial state.
+
+    Raises:
+        InputError: the likelihood is piecewise constant in the state (its ``state_gradient``
+            is false) and the motion is differentiated along the particles' paths.
+    """
+    if tracker.motion_gradient == "pathwise" and not contract.has_state_gradient(
+        tracker.likelihood
+    ):
+        raise InputError(
+            f"{type(tracker.likelihood).__name__} does not change with the substate but in steps, "
+            "so the gradient of motion parameters would always be zero; use its interpolated "
+            "mode, or Partitioned(motion_gradient='score')."
+        )

@@ -1,0 +1,120 @@
+"""Who goes on: all that draws, blends or keeps a derivative stands behind ``select``.
+
+A selection follows the frame's settings: a scheme of ``jaxpf.resampling``, adaptive or not
+(``ess_threshold``), by weights or by tempered ones (``tempering``), and what it passes on to a
+derivative (``jaxpf.gradients``).
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.ad_checkpoint import checkpoint_name
+
+from jaxpf.filters import resampling
+from jaxpf.filters.partitioned import transport
+from jaxpf.filters.partitioned.carry import Carry
+from jaxpf.filters.resampling import Components
+from jaxpf.state import ParticleState
+
+#: Name by which ``jax.checkpoint`` may keep ancestors: few bytes, and dear to compute again.
+ANCESTORS = "ancestors"
+
+
+class Selected(NamedTuple):
+    """Outcome of a selection.
+
+    Attributes:
+        ancestors: ``[N]`` int32, whom each slot goes on from.
+        log_weights: ``[N]``, of the slots.
+        equal: ``[]`` bool, the weights are equal now.
+    """
+
+    ancestors: jax.Array
+    log_weights: jax.Array
+    equal: jax.Array
+
+
+def blends(tracker: Any) -> bool:
+    """Whether a selection moves substates instead of drawing ancestors."""
+    return tracker.gradient == "transport"
+
+
+def select_between_frames(
+    tracker: Any, key: jax.Array, state: ParticleState
+) -> tuple[ParticleState, Selected]:
+    """Select among all particles of the frame before; also returns these, blended if need be.
+
+    A set that was only drawn has equal weights already: to resample it would lose particles.
+    """
+    if blends(tracker):
+        state = transport.blend_state(tracker, state)
+    incoming = state.log_weights
+    if state.path_scores is not None:
+        incoming = lax.stop_gradient(incoming)  # the scores hold their derivative
+    whole = resampling.one_component(tracker.num_particles)
+    ancestors, log_weights, equal = resample(tracker, key, incoming, incoming, whole)
+    uniform = jnp.full_like(log_weights, -np.log(tracker.num_particles))
+    return state, Selected(
+        ancestors=jnp.where(state.weighted, ancestors, _themselves(tracker)),
+        log_weights=jnp.where(state.weighted & ~equal, log_weights, uniform),
+        equal=jnp.array(False) if tracker.gradient == "soft" else equal | ~state.weighted,
+    )
+
+
+def select(
+    tracker: Any, key: jax.Array, carry: Carry, before: jax.Array, components: Components
+) -> Carry:
+    """Select within components after a stage, which multiplied the weights ``before`` it."""
+    if blends(tracker):
+        stages, log_weights, equal = transport.blend(
+            tracker, carry.stages, carry.log_weights, components
+        )
+        return carry._replace(stages=stages, log_weights=log_weights, equal=equal)
+    selection: jax.Array = carry.log_weights
+    largest: jax.Array | None = carry.largest
+    if tracker.tempering is not None:
+        possible = ~jnp.isneginf(selection)
+        change = jnp.where(possible, selection - before, 0.0)
+        selection = jnp.where(possible, before + tracker.tempering * change, -jnp.inf)
+        largest = None
+    ancestors, log_weights, equal = resample(
+        tracker, key, carry.log_weights, selection, components, largest
+    )
+    return carry._replace(lineage=carry.lineage_of(ancestors), log_weights=log_weights, equal=equal)
+
+
+def resample(
+    tracker: Any,
+    key: jax.Array,
+    log_weights: jax.Array,
+    log_selection: jax.Array,
+    components: Components,
+    largest: jax.Array | None = None,
+) -> Selected:
+    """Weighted resampling, adaptive and soft if asked; see ``resampling.weighted_resample``."""
+    drawn_by, soft = log_selection, tracker.gradient == "soft"
+    if soft:
+        share = 0.5 if tracker.soft_share is None else tracker.soft_share
+        drawn_by, largest = resampling.soft_selection(log_selection, share, components), None
+    ancestors, new_log_weights = resampling.weighted_resample(
+        key, log_weights, drawn_by, tracker.resampling, components, largest
+    )
+    if soft:
+        new_log_weights = resampling.keep_total(new_log_weights, log_weights, components)
+    ancestors = checkpoint_name(ancestors, ANCESTORS)
+    if tracker.ess_threshold is None:
+        return Selected(ancestors, new_log_weights, jnp.array(not soft))
+    few_in = resampling.few_effective(log_selection, components, tracker.ess_threshold)
+    few = components.spread(few_in)
+    return Selected(
+        ancestors=jnp.where(few, ancestors, _themselves(tracker)),
+        log_weights=jnp.where(few, new_log_weights, log_weights),
+        equal=jnp.all(few) & (not soft),
+    )
+
+
+def _themselves(tracker: Any) -> jax.Array:
+    return jnp.arange(tracker.num_particles, dtype=jnp.int32)

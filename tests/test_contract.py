@@ -1,0 +1,182 @@
+"""A class offers what it defines, and a wrapper what the wrapped one offers."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf import InputError, contract, pytree_dataclass
+from jaxpf.filters.partitioned import ordering
+from jaxpf.filters.partitioned.refusals import check_motion_gradient
+from jaxpf.models.dynamics import RandomWalk
+from jaxpf.targets.articulated import OfFixedSize
+
+OBSERVATION = jnp.array([[1.0, 2.0], [3.0, 4.0]])
+#: (x, y, theta, joint ...) of two particles.
+SUBSTATES = jnp.array([[1.0, 5.0], [2.0, 6.0], [0.1, 0.2], [7.0, 7.0]])
+PARTITION = jnp.array([0, 1])
+
+
+@pytree_dataclass
+class OfOneParticle:
+    """The least that is a likelihood, of (u, v, scale, theta)."""
+
+    def observe(self, frame):
+        return 2 * frame
+
+    def log_prob(self, observation, partition, substate):
+        return jnp.sum(observation[partition] * substate[:2]) + 10 * substate[2] + substate[3]
+
+
+@pytree_dataclass
+class OfAll:
+    """The same for all particles at once, of whole pixels, and not factored."""
+
+    state_gradient = False
+    fixed_observation = True
+    form = "density"
+
+    def estimated_nanoseconds(self, frame_shape):
+        return frame_shape
+
+    def observe(self, frame):
+        return 2 * frame
+
+    def log_prob_all(self, observation, partition, substates):
+        return (
+            jnp.sum(observation[partition].T * substates[:2], 0) + 10 * substates[2] + substates[3]
+        )
+
+    def log_joint(self, observation, substates, log_probs):
+        return jnp.sum(log_probs) + jnp.sum(substates[:, 2]) - jnp.sum(substates[:, 0])
+
+
+EXPECTED = [1 * 1 + 2 * 2 + 10 + 0.1, 3 * 5 + 4 * 6 + 10 + 0.2]
+
+
+@pytest.mark.parametrize("inner", [OfOneParticle(), OfAll()])
+def test_a_wrapper_weighs_as_the_wrapped_likelihood_in_whichever_form_that_is_written(inner):
+    wrapped = OfFixedSize(inner)
+    every = wrapped.log_prob_all(OBSERVATION, PARTITION, SUBSTATES)
+    np.testing.assert_allclose(every, EXPECTED, rtol=1e-6)
+    one = wrapped.log_prob(OBSERVATION, PARTITION[1], SUBSTATES[:, 1])
+    np.testing.assert_allclose(one, EXPECTED[1], rtol=1e-6)
+    np.testing.assert_array_equal(wrapped.observe(OBSERVATION), 2 * OBSERVATION)
+
+
+def test_a_wrapper_has_what_the_wrapped_likelihood_has_and_no_more():
+    assert not hasattr(OfFixedSize(OfOneParticle()), "log_joint")
+    assert OfFixedSize(OfOneParticle()).state_gradient
+    assert not OfFixedSize(OfAll()).state_gradient
+    plain, full = OfFixedSize(OfOneParticle()), OfFixedSize(OfAll())
+    assert (plain.fixed_observation, plain.form) == (False, None)
+    assert (full.fixed_observation, full.form) == (True, "density")
+    assert not hasattr(plain, "estimated_nanoseconds")
+    assert full.estimated_nanoseconds((3, 4)) == (3, 4)
+    joint = full.log_joint(OBSERVATION, SUBSTATES.T, jnp.array([1.0, 2.0]))
+    np.testing.assert_allclose(joint, 3 + 2 - (1 + 5), rtol=1e-6)
+    assert not hasattr(OfFixedSize(OfFixedSize(OfOneParticle())), "log_joint")
+
+
+def parts(likelihood, **settings):
+    return jaxpf.Partitioned(
+        dynamics=RandomWalk(jnp.float32(0.1)),
+        likelihood=OfFixedSize(likelihood),
+        ordering=ordering.sir(2),
+        initial=jnp.zeros((2, 3)),
+        num_particles=5,
+        **settings,
+    )
+
+
+def test_tuning_the_motion_of_parts_on_whole_pixels_is_refused():
+    check_motion_gradient(parts(OfOneParticle()))
+    with pytest.raises(InputError, match="gradient of motion parameters would always be zero"):
+        check_motion_gradient(parts(OfAll()))
+
+
+def test_a_wrapped_joint_likelihood_corrects_the_weights():
+    """``log_joint`` is known in closed form: the weights at the end must be its."""
+    key = jax.random.key(0)
+    state, _ = jaxpf.run(parts(OfAll()), key, 0 * OBSERVATION[None])
+    substates = state.substates  # log_probs are 10 + theta; the rest is a constant
+    expected = jnp.sum(substates[:, :, 2], 1) - jnp.sum(substates[:, :, 0], 1)
+    np.testing.assert_allclose(
+        state.log_weights, expected - jax.nn.logsumexp(expected), rtol=1e-5, atol=1e-5
+    )
+
+
+# Who inherits is given what follows from the rest.
+
+
+@pytree_dataclass
+class OneForm(contract.DynamicsWithDensity):
+    """Written for one particle."""
+
+    def propagate(self, key, partition, current, previous, parent):
+        return current + partition + jax.random.normal(key, current.shape)
+
+    def log_density(self, partition, new, current, previous, parent):
+        return -0.5 * jnp.sum((new - current - partition) ** 2)
+
+
+def test_the_form_for_all_particles_follows_from_that_for_one():
+    current = jnp.arange(6.0).reshape(2, 3)
+    partition = jnp.array([0, 1, 1])
+    key = jax.random.key(1)
+    moved = OneForm().propagate_all(key, partition, current, current, current)
+    keys = jax.random.split(key, 3)
+    for i in range(3):
+        alone = OneForm().propagate(keys[i], partition[i], *[current[:, i]] * 3)
+        np.testing.assert_allclose(moved[:, i], alone, rtol=1e-6)
+    density = OneForm().log_density_all(partition, moved, current, current, current)
+    expected = -0.5 * np.sum((np.asarray(moved) - current - partition) ** 2, axis=0)
+    np.testing.assert_allclose(density, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("base", "call", "missing"),
+    [
+        (contract.Dynamics, lambda x: x.propagate(None, 0, *[jnp.zeros(1)] * 3), "propagate"),
+        (contract.Likelihood, lambda x: x.log_prob(None, 0, jnp.zeros(1)), "log_prob"),
+        (
+            contract.DynamicsWithDensity,
+            lambda x: x.log_density_all(jnp.zeros(1), *[jnp.zeros((1, 1))] * 4),
+            "log_density",
+        ),
+        (contract.Tracker, lambda x: x.step(None, None, None), "step or step_observed"),
+    ],
+)
+def test_a_class_that_defines_nothing_says_what_is_missing(base, call, missing):
+    empty = type("Empty", (base,), {})()
+    with pytest.raises(TypeError, match=f"Empty must define {missing}"):
+        call(empty)
+
+
+def test_likelihoods_that_factor_have_no_log_joint():
+    assert not contract.has_log_joint(contract.Likelihood())
+    assert not contract.has_log_density(contract.Dynamics())
+
+
+@pytree_dataclass
+class Counter(contract.Tracker):
+    """A tracker that defines ``step`` alone."""
+
+    start: jax.Array
+
+    def init(self, key):
+        return jnp.asarray(self.start)
+
+    def step(self, key, state, frame):
+        return state + frame, {"before": state, "nothing": None}
+
+
+def test_a_tracker_that_inherits_may_define_step_alone():
+    tracker, frames = Counter(np.float32(1.0)), jnp.array([1.0, 2.0])
+    final, report = jaxpf.run(tracker, jax.random.key(0), frames)
+    assert final == 4.0
+    np.testing.assert_array_equal(report["before"], [1.0, 2.0])
+    many = jaxpf.monte_carlo(tracker, jax.random.split(jax.random.key(0), 3), frames)
+    np.testing.assert_array_equal(many["before"], [[1.0, 2.0]] * 3)
+    assert report["nothing"] is many["nothing"] is None

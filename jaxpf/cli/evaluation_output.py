@@ -36,6 +36,7 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
     click.echo(
         f"{prepared.missing_runs} runs to do: about {_duration(prepared.seconds)}, about "
         f"{prepared.memory / 2**30:.1f} GB of memory {place}"
+        + (", trackers of your own not counted" if prepared.plan.trackers else "")
     )
 
 

@@ -1,7 +1,6 @@
 """Dividing an evaluation into batches, and what they cost in time and memory."""
 
 import math
-import time
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -10,14 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import filters
-from jaxpf.errors import InputError
 from jaxpf.evaluation.execution import num_cores
 from jaxpf.evaluation.plan import Limits, Plan
 from jaxpf.evaluation.results import BUILT_IN, Configuration
 from jaxpf.evaluation.trackers import tracker_of
-from jaxpf.evaluation.worker import Work, keep_measures, run_keys
+from jaxpf.evaluation.worker import Work
 from jaxpf.options import options_of
-from jaxpf.running import RUNS_PER_BATCH, monte_carlo
+from jaxpf.running import RUNS_PER_BATCH
 from jaxpf.targets.target import Target
 
 #: Seconds that a batch takes about, at most: what a kill can cost.
@@ -28,8 +26,6 @@ _BASE_MEMORY = 450 * 2**20
 _SHARE_OF_CORE = 0.75
 #: Seconds to compile one kernel.
 _COMPILE = 9.0
-#: Frames on which a user's tracker is timed.
-_TIMED_FRAMES = 2
 
 
 class Costs(NamedTuple):
@@ -59,13 +55,14 @@ def batches(
 
     Returns:
         The batches, about how many seconds they take on this machine, compiling included, and
-        about how many bytes a process takes.
+        about how many bytes a process takes.  What a user wrote is not modelled: it goes batch by
+        smallest batch, and the progress tells its time.
     """
     ours = [index for index, c in enumerate(configurations) if not c.is_imported]
     missing = sum(int(np.sum(~done[index])) for index in ours)
     share = max(1, math.ceil(missing / limits.workers))
     unit = RUNS_PER_BATCH * (limits.devices or jax.local_device_count())
-    known: dict[Any, Costs] = {}
+    known: dict[Any, Costs | None] = {}
     shapes = set()
     work, seconds, largest = [], 0.0, 0
     for index in ours:
@@ -75,9 +72,9 @@ def batches(
         shape = _shape_of(configuration, target)
         function = plan.trackers.get(configuration.method)
         if shape not in known:
-            known[shape] = costs(configuration, scene, target, function)
+            known[shape] = costs(configuration, scene, target)
         cost = known[shape]
-        most = limits.runs_per_batch or most_runs(cost, limits.memory, unit)
+        most = limits.runs_per_batch or (most_runs(cost, limits.memory, unit) if cost else unit)
         for first, count, width in divide(done[index], min(most, share)):
             work.append(
                 Work(
@@ -94,9 +91,10 @@ def batches(
                     function=function,
                 )
             )
-            seconds += cost.seconds_per_batch + width * cost.seconds_per_run
-            largest = max(largest, width * cost.bytes_per_run)
             shapes.add((shape, width))
+            if cost:
+                seconds += cost.seconds_per_batch + width * cost.seconds_per_run
+                largest = max(largest, width * cost.bytes_per_run)
     # Two copies of the frames: the scene's, and the device's.
     memory = _BASE_MEMORY + 2 * scene.frames.nbytes + largest
     return work, seconds + _COMPILE * len(shapes), memory
@@ -107,28 +105,24 @@ def double_precision() -> bool:
     return jnp.zeros(()).dtype == jnp.float64
 
 
-def costs(configuration: Configuration, scene: Any, target: Target, function: Any = None) -> Costs:
-    """What the runs of a configuration cost: modelled, or timed where a user wrote a part of it."""
-    tracker = tracker_of(scene, target, configuration, function)
+def costs(configuration: Configuration, scene: Any, target: Target) -> Costs | None:
+    """What the runs of a configuration cost; None where nobody knows: of a user's tracker."""
+    if configuration.kind != BUILT_IN:
+        return None
+    tracker = tracker_of(scene, target, configuration)
+    estimate = getattr(tracker.likelihood, "estimated_nanoseconds", None)
+    if estimate is None:
+        return None
     num_frames = len(scene.frames) - 1
     state = jax.eval_shape(tracker.init, jax.random.key(0))
-    recorded = 4 * num_frames * (tracker_width(tracker, scene) * 8 + 2)
+    recorded = 4 * num_frames * (tracker.num_partitions * 8 + 2)
     size = sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in _arrays(state))
     bytes_per_run = 3 * size + 4 * recorded
-    estimate = getattr(getattr(tracker, "likelihood", None), "estimated_nanoseconds", None)
-    if configuration.kind != BUILT_IN or estimate is None:
-        return Costs(0.0, _timed(tracker, scene) * num_frames, bytes_per_run)
-    particles = configuration.parameters["particles"]
-    queries = tracker.num_partitions * particles
+    queries = tracker.num_partitions * configuration.parameters["particles"]
     fixed, per_query = estimate(scene.frames.shape[1:3])
     kernel = filters.filter_of(configuration.variant["method"]).nanoseconds
     seconds = 1e-9 * num_frames / max(1.0, _SHARE_OF_CORE * num_cores())
     return Costs(fixed * seconds, (per_query + kernel) * queries * seconds, bytes_per_run)
-
-
-def tracker_width(tracker: Any, scene: Any) -> int:
-    """Objects of a tracker."""
-    return getattr(tracker, "num_partitions", scene.boxes.shape[1])
 
 
 def most_runs(cost: Costs, memory: int, unit: int) -> int:
@@ -158,18 +152,6 @@ def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, int]]:
 
 def _arrays(state: Any) -> list[Any]:
     return [leaf for leaf in jax.tree.leaves(state) if hasattr(leaf, "shape")]
-
-
-def _timed(tracker: Any, scene: Any) -> float:
-    """Seconds per run and frame, of the second call: the first one compiles."""
-    if len(scene.frames) < 2:
-        raise InputError(f"scene {scene.name!r} has no frame after the first to time a tracker on.")
-    frames, seconds = jnp.asarray(scene.frames[1 : 1 + _TIMED_FRAMES]), 0.0
-    for _ in range(2):
-        keys, began = run_keys(0, 0, RUNS_PER_BATCH), time.perf_counter()
-        jax.block_until_ready(monte_carlo(tracker, keys, frames, record=keep_measures))
-        seconds = time.perf_counter() - began
-    return seconds / RUNS_PER_BATCH / len(frames)
 
 
 def _shape_of(configuration: Configuration, target: Target) -> tuple[Any, ...]:

@@ -122,20 +122,19 @@ class Parts(Target):
 
     def model(self, options: Options, start: Start, looks: Looks) -> Model:
         """See ``Target``."""
-        from jaxpf.models.likelihoods import patch
+        from jaxpf.models.likelihoods import patch, patch_from_pictures
 
         if options.likelihood != "patch":
             return self._model(self._histogram(options, start, looks), options, start)
-        if looks.frame is None:
-            raise InputError(
-                "likelihood 'patch' learns from the start frame, which is not known here; choose "
-                "auto or sampled."
-            )
-        sigma = 1 / math.sqrt(options.sharpness)
+        settings: dict[str, Any] = {
+            "sigma": 1 / math.sqrt(options.sharpness),
+            "window": _PATCH_WINDOW,
+        }
         with _named(start):
-            likelihood = patch(
-                looks.frame, start.shapes, start.sizes, sigma=sigma, window=_PATCH_WINDOW
-            )
+            if looks.patches is None:
+                likelihood = patch(looks.frame, start.shapes, start.sizes, **settings)
+            else:
+                likelihood = patch_from_pictures(looks.patches, start.sizes, **settings)
         return self._model(likelihood, options, start)
 
     def training_model(self, options: Options, start: Start, looks: Looks, frames: Any) -> Model:

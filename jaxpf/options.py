@@ -86,15 +86,15 @@ class Option:
         if self.length:
             count = {2: "two ", 3: "three "}.get(self.length, "")
             noun = count + {int: "whole numbers", float: "finite numbers"}[self.kind]
-        bounds = [
-            f"{word} {plain(bound)}"
-            for word, bound in (("above", self.above), ("of at least", self.least))
-            if not math.isinf(bound)
-        ]
-        if not math.isinf(self.most):
-            bounds.append(f"of at most {plain(self.most)}")
+        bounds = ""
+        if not math.isinf(self.above):
+            bounds = f" above {plain(self.above)}"
+        elif not math.isinf(self.most):
+            bounds = f" from {plain(self.least)} to {plain(self.most)}"
+        elif not math.isinf(self.least):
+            bounds = f" of at least {plain(self.least)}"
         example = f", such as {plain(self.default)}" if self.length > 0 and self.default else ""
-        return f"{noun} {' and '.join(bounds)}".strip() + example
+        return f"{noun}{bounds}{example}"
 
     def _allows(self, value: Any) -> bool:
         if self.kind in (str, bool):

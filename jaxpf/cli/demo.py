@@ -9,13 +9,13 @@ import click
 import numpy as np
 
 from jaxpf.cli import common
+from jaxpf.cli.options import all_options, declared_options
 
 
 @click.command("demo")
 @click.option("--runs", default=50, show_default=True, help="Independent runs per method.")
 @click.option("--seed", default=100, show_default=True, help="Seed of the scene; runs follow it.")
-@click.option("--particles", "-n", default=300, show_default=True, help="Number of particles.")
-@click.option("--sharpness", default=20.0, show_default=True, help="Likelihood: exp(-S d^2).")
+@declared_options(only=("particles", "sharpness"))
 @click.option(
     "--output",
     "-o",
@@ -25,7 +25,7 @@ from jaxpf.cli import common
     help="Folder for the results; files of an earlier demo are replaced.",
 )
 @common.config_option()
-def command(runs: int, seed: int, particles: int, sharpness: float, output: Path) -> None:
+def command(runs: int, seed: int, output: Path, **given: Any) -> None:
     """Compare SIR, PS, DPS and SPS on a synthetic scene, and write a video and plots.
 
     Seven objects wander over noise.  A distracter that looks like object 1 appears on top of
@@ -38,9 +38,13 @@ def command(runs: int, seed: int, particles: int, sharpness: float, output: Path
 
     if not 0 <= seed < 2**20:
         raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
-    for name, value in (("runs", runs), ("particles", particles)):
-        if value < 1:
-            raise InputError(f"--{name} {value} must be at least 1.")
+    if runs < 1:
+        raise InputError(f"--runs {runs} must be at least 1.")
+    options = all_options()
+    for name, value in given.items():
+        one = options[name]
+        given[name] = one.default if value is None else one.checked(value, one.flag)
+    particles, sharpness = given["particles"], given["sharpness"]
     prepare_output_folder(output, overwrite=True)
     common.start_jax()
     import scenes

@@ -32,19 +32,26 @@ def all_options(without: tuple[str, ...] = ()) -> dict[str, Option]:
 
 
 def declared_options(
-    *, grid: bool = False, without: tuple[str, ...] = (), defaults: Mapping[str, Any] | None = None
+    *,
+    grid: bool = False,
+    only: tuple[str, ...] | None = None,
+    without: tuple[str, ...] = (),
+    defaults: Mapping[str, Any] | None = None,
 ) -> Callable:
     """A decorator that adds the flags of all declared options.
 
     Args:
         grid: for several values of each, separated by commas; an option of several numbers is
             repeated instead.
+        only: names to take.
         without: names to leave out.
         defaults: where a command's differ.
     """
 
     def add(command: Callable) -> Callable:
         for one in reversed(all_options(without).values()):
+            if only is not None and one.name not in only:
+                continue
             text = f"{one.help}  {_defaults(one, defaults or {})}"
             if one.choices and not all(choice in text for choice in one.choices):
                 text = f"{', '.join(one.choices)}.  {text}"

@@ -18,9 +18,8 @@ from jax.typing import ArrayLike
 from jaxpf.errors import InputError
 from jaxpf.lowering.derivatives import weighted, with_gradient_of
 from jaxpf.lowering.prefix import running_max, running_sum
+from jaxpf.names import SCHEMES
 from jaxpf.pytree import pytree_dataclass
-
-SCHEMES = ("systematic", "stratified", "multinomial", "residual")
 
 
 @pytree_dataclass

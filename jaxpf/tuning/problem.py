@@ -11,11 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.names import OBJECTIVES
 from jaxpf.pytree import pytree_dataclass
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
-
-OBJECTIVES = ("evidence", "position", "overlap")
 
 #: Bytes that the observations of all frames may take to be kept rather than made at every step.
 _KEPT_OBSERVATIONS = 512 * 2**20

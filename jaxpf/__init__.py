@@ -9,19 +9,21 @@ The map, downwards: a file imports from its own room and from rooms below it, ne
 ``evaluation/``, ``tuning/``
     Many runs compared, with intervals, resumed where interrupted; parameters found by gradient.
 ``targets/``
-    What a substate means, one file per target: boxes, parts.
+    What a substate means, one file per target: boxes, parts.  A target says where it starts, which
+    model follows, and what it reports.
 ``files/``, ``media/``, ``measures/``
     Tables of tracks in and out; video, drawing and plots; how good tracks are.
 ``filters/``
-    How guesses are organised: ``partitioned/`` (SIR, PS, DPS, SPS and branched, one kernel).
+    How guesses are organised: ``partitioned/`` (SIR, PS, DPS, SPS and branched, one kernel).  A
+    tracker is a filter on a target's model; neither knows the other.
 ``models/``
     How a substate moves (``dynamics``, ``joints``) and explains a frame (``likelihoods``).
 ``contract``, ``state``, ``running``, ``streaming``
     What a tracker, a dynamics and a likelihood are; what a frame reports; over the frames.
 ``lowering/``
     What is written for the compiler's sake, and nothing else.
-``pytree``, ``errors``
-    What everything shares.
+``options``, ``names``, ``pytree``, ``errors``
+    What everything shares; an option is declared once, beside the filter or target that has it.
 
 ``scenes``, the package beside this one, makes synthetic sequences and reads annotated clips; it
 imports nothing of ``jaxpf``.

@@ -1,7 +1,11 @@
 """Options of colour histograms, which several targets have, each with defaults of its own."""
 
+import contextlib
+import re
+from collections.abc import Iterator, Sequence
 from typing import Any
 
+from jaxpf.errors import InputError
 from jaxpf.options import option
 
 
@@ -36,6 +40,20 @@ def likelihood_option(*choices: str) -> Any:
         choices=choices,
         compiles=True,
     )
+
+
+@contextlib.contextmanager
+def naming(names: Sequence[str]) -> Iterator[None]:
+    """The library counts objects from 0; people know them by names, which refusals get here."""
+    try:
+        yield
+    except InputError as error:
+        named = re.sub(
+            r"(?:boxes|sizes|patches|pictures)\[(\d+)\]|the window of object (\d+)",
+            lambda match: names[int(match[1] or match[2])],
+            str(error),
+        )
+        raise InputError(named) from None
 
 
 def three_values(values: Any, name: str, value: Any) -> tuple[float, float, float]:

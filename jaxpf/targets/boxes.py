@@ -18,6 +18,7 @@ from jaxpf.options import check_options, option
 from jaxpf.targets.appearance import (
     bands_option,
     likelihood_option,
+    naming,
     sharpness_option,
     three_values,
 )
@@ -114,12 +115,13 @@ class Boxes(Target):
             "num_particles": looks.num_particles,
             "num_runs": looks.num_runs,
         }
-        if looks.patches is None:
-            likelihood = histogram(looks.frame, start.shapes, **settings)
-        else:
-            likelihood = histogram_from_patches(
-                looks.patches, start.sizes, frame_shape=looks.frame_shape, **settings
-            )
+        with naming([f"the box of object {number}" for number in start.ids]):
+            if looks.patches is None:
+                likelihood = histogram(looks.frame, start.shapes, **settings)
+            else:
+                likelihood = histogram_from_patches(
+                    looks.patches, start.sizes, frame_shape=looks.frame_shape, **settings
+                )
         return self._model(likelihood, options, start)
 
     def training_model(self, options: Options, start: Start, looks: Looks, frames: Any) -> Model:

@@ -6,7 +6,6 @@ radians, clockwise in the image.  Options and files count angles in degrees.
 
 import dataclasses
 import math
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from jaxpf.options import check_options, option
 from jaxpf.targets.appearance import (
     bands_option,
     likelihood_option,
+    naming,
     sharpness_option,
     three_values,
 )
@@ -130,7 +130,7 @@ class Parts(Target):
             "sigma": 1 / math.sqrt(options.sharpness),
             "window": _PATCH_WINDOW,
         }
-        with _named(start):
+        with naming([f"part '{name}'" for name in start.ids]):
             if looks.patches is None:
                 likelihood = patch(looks.frame, start.shapes, start.sizes, **settings)
             else:
@@ -152,7 +152,7 @@ class Parts(Target):
         pictures = looks.patches
         if pictures is None:
             pictures = cut_pictures(looks.frame, start.shapes, start.sizes)
-        with _named(start):
+        with naming([f"part '{name}'" for name in start.ids]):
             return histogram_from_patches(
                 pictures,
                 start.sizes,
@@ -255,24 +255,3 @@ class _PartWriter:
 
     def append(self, frame: int, shapes: Any, lost: Any) -> None:
         self._writer.append(frame, self._start.ids, shapes, self._start.sizes)
-
-
-class _named:
-    """The library counts parts from 0; people know them by name."""
-
-    def __init__(self, start: Start):
-        self._ids = start.ids
-
-    def __enter__(self) -> None:
-        """Begin."""
-
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        """Refuse with the part's name."""
-        if not isinstance(error, InputError):
-            return
-        named = re.sub(
-            r"(?:boxes|sizes|patches|pictures)\[(\d+)\]|the window of object (\d+)",
-            lambda match: f"part '{self._ids[int(match[1] or match[2])]}'",
-            str(error),
-        )
-        raise InputError(named) from None

@@ -48,7 +48,7 @@ def refusal(tmp_path, images, monkeypatch, capsys):
         ("", "has no table [track]; add one"),
         ("[demo]\nruns = 2", "has no table [track]; add one"),
         ("track = 3", "has no table [track]; add one"),
-        ("[track]\nboxx = 3", "sets 'boxx' in [track], which is no option; the options are box,"),
+        ("[track]\nboxx = 3", "sets 'boxx' in [track], which is no option; the options are bands,"),
         ("[track]\nconfig = 'a'", "sets 'config' in [track], which is no option"),
         ("[track]\nparticles = 'many'", "sets 'particles' in [track] to 'many'; give a whole"),
         ("[track]\nparticles = 60.7", "to 60.7; give a whole number"),
@@ -78,9 +78,9 @@ def test_a_configuration_that_is_not_there_is_refused(tmp_path, capsys):
 
 @pytest.mark.parametrize("spelling", ["ess-threshold", "ess_threshold"])
 def test_keys_are_spelt_with_hyphens_or_underscores(refusal, spelling):
-    assert "--ess-threshold 2 must be a share" in refusal(f"[track]\n{spelling} = 2").replace(
-        "2.0", "2"
-    )
+    assert "--ess-threshold 2 must be a finite number from 0 to 1" in refusal(
+        f"[track]\n{spelling} = 2"
+    ).replace("2.0", "2")
 
 
 def test_the_video_may_stand_in_the_configuration(tmp_path, capsys):
@@ -108,9 +108,9 @@ def test_boxes_that_are_typed_replace_those_of_the_configuration(refusal):
 
 
 def test_a_typed_method_drops_the_order_of_the_configuration(refusal):
-    written = "[track]\nmethod = 'ps'\norder = [1, 0]\nbox = [[70, 0, 5, 5]]"
+    written = "[track]\nmethod = 'ps'\norder = [2, 1]\nbox = [[70, 0, 5, 5]]"
     assert "lies outside" in refusal(written, "--method", "dps")
-    assert "add --method ps" in refusal(written, "--method", "dps", "--order", "1,0")
+    assert "use method 'ps'" in refusal(written, "--method", "dps", "--order", "2,1")
 
 
 def test_the_output_of_the_configuration_is_used(refusal, tmp_path):

@@ -169,7 +169,7 @@ def test_start_and_frames_bound_what_is_tracked(track, place, tmp_path):
 
 @pytest.mark.parametrize("method", ["sir", "ps", "sps"])
 def test_every_method_tracks(track, tmp_path, method):
-    order = ("--order", "1,0") if method == "ps" else ()
+    order = ("--order", "2,1") if method == "ps" else ()
     outcome = track(*BOXES, "--method", method, *order, "--frames", 2, "--no-overlay")
     assert outcome.code == 0, outcome.err
     np.testing.assert_array_equal(rows_of(tmp_path / "out")[:, 6], 1)

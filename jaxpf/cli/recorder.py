@@ -151,7 +151,7 @@ class Recorder:
         rate = (self.num_tracked - 1) / self.seconds_rest if self.seconds_rest > 0 else None
         content = {
             "parameters": {k: _jsonable(v) for k, v in self.options.items()},
-            "likelihood_method": likelihood_method(self.tracker),
+            "likelihood_method": self._likelihood_method(),
             "ids": self.ids.tolist(),
             "frames_tracked": self.num_tracked,
             "interrupted": isinstance(stopped, KeyboardInterrupt),
@@ -184,6 +184,13 @@ class Recorder:
         if truth is not None and self.num_tracked:
             _report_truth(self.output, truth, self.ids)
 
+    def _likelihood_method(self):
+        """How the likelihood is computed, where it tells; else what was asked for."""
+        if self.options["tracker"]:
+            return None
+        likelihood = getattr(self.tracker.likelihood, "likelihood", self.tracker.likelihood)
+        return getattr(likelihood, "method", self.options["likelihood"])
+
     def _tell(self, rate):
         speed = "" if rate is None else f", {rate:.1f} frames/s"
         click.echo(f"{self.output}: {self.num_tracked} frames tracked{speed}")
@@ -208,11 +215,6 @@ class Recorder:
                 f"Warning: {self.num_invalid} likelihood(s) were not a number and counted as zero.",
                 err=True,
             )
-
-
-def likelihood_method(tracker: Any) -> str | None:
-    """How a tracker's likelihood is computed, where it tells."""
-    return getattr(getattr(tracker, "likelihood", None), "method", None)
 
 
 def _jsonable(value: Any) -> Any:

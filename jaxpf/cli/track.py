@@ -159,6 +159,8 @@ def _prefer_command_line(options: dict[str, Any]) -> None:
 
     every = {name: one.start_flags for name, one in targets().items()}
     ours = [name for name, flags in every.items() if any(map(typed, flags))]
+    if ours and not typed("target"):
+        options["target"] = None
     for name, flags in every.items():
         if ours and name not in ours:
             options |= {flag: None for flag in flags if not typed(flag)}

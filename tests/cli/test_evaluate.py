@@ -119,7 +119,7 @@ def test_run_toml_repeats_the_evaluation(whole, tmp_path, short_report):
     first, second = Results.open(output), Results.open(tmp_path / "again")
     for one, other in zip(first.configurations, second.configurations, strict=True):
         (left,), (right,) = first.batches(one), second.batches(other)
-        np.testing.assert_array_equal(left.boxes, right.boxes)
+        np.testing.assert_array_equal(left.shapes, right.shapes)
     assert (output / "run.toml").read_text() == (tmp_path / "again" / "run.toml").read_text()
 
 
@@ -151,7 +151,7 @@ def test_a_recorded_sequence_with_another_trackers_results(
     assert results.object_ids == (3, 7)
     assert [c.label for c in results.configurations] == ["PS 21", "theirs"]
     (batch,) = results.batches(results.configurations[1])
-    np.testing.assert_allclose(batch.boxes[0], results.truth, rtol=1e-6)
+    np.testing.assert_allclose(batch.shapes[0], results.truth, rtol=1e-6)
     options = tomllib.loads((tmp_path / "out" / "run.toml").read_text())["evaluate"]
     assert options["scene"] == str((place / "two").resolve())
     assert options["tracks"] == [f"theirs={(place / 'theirs.csv').resolve()}"]
@@ -208,12 +208,12 @@ def refuse(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("--methods", "sir,pso"), "methods: 'pso' is unknown; choose among sir, ps, dps, sps"),
-        (("--methods", ""), "methods names none"),
-        (("--orders", "1,2,3"), "orders: '1,2,3' is not a permutation of the 2 object(s)"),
-        (("--orders", "first"), "orders: 'first' is no order"),
+        (("--methods", "sir,pso"), "method 'pso' is unknown; choose one of sir, ps, dps, sps"),
+        (("--methods", ""), "methods is empty"),
+        (("--orders", "1,2,3"), "the order 1,2,3 is not a permutation of the 2 object(s)"),
+        (("--orders", "first"), "--orders 'first' is no order"),
         (("--swaps", "shuffle"), "swaps: 'shuffle' is unknown"),
-        (("--sharpness", "20,-1"), "sharpness = -1.0 must be positive and finite"),
+        (("--sharpness", "20,-1"), "sharpness = -1 must be a finite number above 0"),
         (("--sharpness", "20,many"), "'20,many' is not numbers separated by commas"),
         (("--sharpness", "20,20"), "sharpness names 20 twice"),
         (("-n", "0"), "particles = 0 must be a whole number from 1"),
@@ -221,10 +221,10 @@ def refuse(tmp_path, monkeypatch):
         (("-n", "3.5"), "'3.5' is not whole numbers separated by commas"),
         (("--scale", "1,2"), "'1,2' holds 2 number(s); give 3 of them"),
         (("--scale", "1,2,-3"), "scale = 1,2,-3 must be three finite numbers"),
-        (("--resampling", "bootstrap"), "resampling: 'bootstrap' is unknown"),
-        (("--parts", "0"), "parts = 0 must be a whole number from 1"),
+        (("--resampling", "bootstrap"), "resampling = 'bootstrap' is unknown"),
+        (("--parts", "0"), "bands = 0 must be a whole number from 1"),
         (("--parts", "100"), "100 parts need at least 100 rows"),
-        (("--likelihood", "exact"), "likelihood: 'exact' is unknown"),
+        (("--likelihood", "exact"), "likelihood = 'exact' is unknown"),
         (("--runs", "0"), "runs = 0 must be a whole number from 1"),
         (("--seed", "-1"), "seed = -1 must be a whole number from 0"),
         (("--scene-seed", "-1"), "seed = -1 must be a whole number, 0 or more"),
@@ -238,7 +238,7 @@ def refuse(tmp_path, monkeypatch):
         (("--tracks", "theirs"), "--tracks 'theirs' must have the form NAME=VALUE"),
         (("--tracks", "theirs=no.csv"), "no such file"),
         (("--tracks", "a=x.csv", "--tracks", "a=y.csv"), "--tracks gives a name twice"),
-        (("--tracks", "ps=x.csv"), "tracks cannot be called 'ps'"),
+        (("--tracks", "ps=x.csv"), "a tracker cannot be called 'ps'"),
     ],
 )
 def test_mistakes_are_one_sentence(refuse, arguments, sentence):

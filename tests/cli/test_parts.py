@@ -118,7 +118,7 @@ def test_the_configuration_repeats_the_run(whole_run, clip, tmp_path):
 @pytest.mark.parametrize(
     "options",
     [
-        ("--method", "ps", "--order", "0,2,1,4,3"),
+        ("--method", "ps", "--order", "1,3,2,5,4"),
         ("--swap", "sorted"),
         ("--dynamics", "absolute"),
         ("--likelihood", "patch", "--sharpness", "20"),
@@ -156,15 +156,23 @@ def test_boxes_on_the_command_line_win_over_parts_in_the_configuration(whole_run
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--box", "1,2,3,4"), "--box is about boxes and --parts-file about parts; use one"),
-        (("--truth", "gt.csv"), "--truth is about boxes and --parts-file about parts"),
-        (("--method", "dps"), "method 'dps' is unknown for parts; choose one of sir, ps, sps"),
-        (("--likelihood", "integral"), "--likelihood 'integral' is not for parts; choose one of"),
+        (("--box", "1,2,3,4"), "--parts-file is about parts and --box is about boxes; use one"),
+        (("--truth", "gt.csv"), "--truth is about boxes, and parts are tracked"),
+        (
+            ("--method", "dps"),
+            "method 'dps' goes through circular shifts.*choose one of sir, ps, sps",
+        ),
+        (
+            ("--likelihood", "integral"),
+            "--likelihood 'integral' is unknown; choose one of auto, sampled, patch",
+        ),
         (("--dynamics", "free"), "--dynamics 'free' is unknown; choose one of relative, absolute"),
-        (("-n", "1"), "--particles 1 leaves nothing to choose from; use 2 or more"),
-        (("--method", "ps", "--order", "1,0,2,3,4"), "puts part 1 before its parent 0"),
-        (("--method", "ps", "--order", "0,1"), "--order 0,1 is not a permutation of the 5 parts"),
-        (("--joint-scale", "1,1,-4"), "joint_scale .* must be three finite numbers"),
+        (("--method", "ps", "--order", "2,1,3,4,5"), "puts part 1 before its parent 0"),
+        (
+            ("--method", "ps", "--order", "1,2"),
+            "the order 1,2 is not a permutation of the 5 object",
+        ),
+        (("--joint-scale", "1,1,-4"), "joint-scale 1,1,-4 must be three finite numbers"),
         (("--swap", "best"), "--swap 'best' is unknown"),
     ],
 )

@@ -122,7 +122,7 @@ def test_a_folder_is_divided_into_frames_to_learn_from_and_the_rest(tmp_path):
         (["--scale", "1,0,0.001"], "dynamics.scale[1] starts at 0, but must lie between 0 and inf"),
         (["--objective", "speed"], "--objective 'speed' is unknown"),
         (["--gradient", "all"], "--gradient 'all' is unknown"),
-        (["--method", "pss"], "--method 'pss' is unknown"),
+        (["--method", "pss"], "method 'pss' is unknown"),
         (["--steps", "0"], "steps = 0 must be at least 1"),
         (["--compare-runs", "1"], "--compare-runs 1 must be at least 2"),
         (["--frames", "3"], "--frames 3 divides a folder's frames"),

@@ -119,7 +119,8 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     options = tomllib.loads((whole_run[1] / "run.toml").read_text())["track"]
     from jaxpf.cli.track import command
 
-    unset = {"boxes", "ids", "parts_file", "frames", "order", "ess_threshold"}
+    unset = {"boxes", "ids", "parts_file", "frames", "order", "ess_threshold", "tracker"}
+    unset |= {"joint_scale", "dynamics"}  # of parts
     elsewhere = {"output", "overwrite", "config"}
     assert set(options) == {param.name for param in command.params} - unset - elsewhere
 

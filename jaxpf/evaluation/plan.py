@@ -19,7 +19,7 @@ from jaxpf.errors import InputError
 from jaxpf.evaluation.results import Configuration
 from jaxpf.files.writing import report_os_errors
 from jaxpf.options import Option, check_distinct, chosen, options_of, plain
-from jaxpf.targets import find_target, targets
+from jaxpf.targets import DEFAULT, find_target, targets
 from jaxpf.targets.target import Start, Target
 
 _WHOLE = 2**31
@@ -97,7 +97,10 @@ class Plan:
             )
 
     def _targets(self) -> list[Target]:
-        return [find_target(self.target)] if self.target else list(targets().values())
+        """Those whose options count, the usual one first, since refusals speak of it."""
+        if self.target:
+            return [find_target(self.target)]
+        return sorted(targets().values(), key=lambda one: one.name != DEFAULT)
 
     def _options(self, of: Target) -> dict[str, Option]:
         """Options that a grid may have: those of a target, and those of the methods' filters."""

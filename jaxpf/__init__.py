@@ -14,8 +14,9 @@ The map, downwards: a file imports from its own room and from rooms below it, ne
 ``files/``, ``media/``, ``measures/``
     Tables of tracks in and out; video, drawing and plots; how good tracks are.
 ``filters/``
-    How guesses are organised: ``partitioned/`` (SIR, PS, DPS, SPS and branched, one kernel).  A
-    tracker is a filter on a target's model; neither knows the other.
+    How guesses are organised: ``partitioned/`` (SIR, PS, DPS, SPS and branched, one kernel),
+    ``labelled/`` (each particle holds one of many targets).  A tracker is a filter on a target's
+    model; neither knows the other.
 ``models/``
     How a substate moves (``dynamics``, ``joints``) and explains a frame (``likelihoods``).
 ``contract``, ``state``, ``running``, ``streaming``
@@ -49,6 +50,7 @@ _MODULES = {
     "gradients": "filters.partitioned.gradients",
     "intervals": "measures.intervals",
     "joints": "models.joints",
+    "labelled": "filters.labelled.tracker",
     "likelihoods": "models.likelihoods",
     "metrics": "measures.metrics",
     "objectives": "tuning.objectives",
@@ -71,6 +73,7 @@ _MODULES = {
 }
 _NAMES = {
     "InputError": "errors",
+    "Labelled": "filters.labelled.tracker",
     "ParticleState": "state",
     "Partitioned": "filters.partitioned.tracker",
     "Summary": "state",
@@ -94,6 +97,7 @@ if TYPE_CHECKING:
     from jaxpf.errors import InputError
     from jaxpf.files import tracks  # noqa: F401
     from jaxpf.filters import resampling  # noqa: F401
+    from jaxpf.filters.labelled.tracker import Labelled
     from jaxpf.filters.partitioned import gradients, ordering  # noqa: F401
     from jaxpf.filters.partitioned.tracker import Partitioned
     from jaxpf.measures import intervals, metrics, scores, track_matching  # noqa: F401
@@ -107,6 +111,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "InputError",
+    "Labelled",
     "ParticleState",
     "Partitioned",
     "Summary",

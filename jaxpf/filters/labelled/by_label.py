@@ -1,0 +1,62 @@
+"""Sums, maxima and log-sums over the particles of each label.
+
+Labels ``[N]`` need not be in any order.  For few labels a product with the table of who has
+which label is vector code; for many it would cost L per particle, and a scatter does not.
+"""
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+#: Up to so many labels a particle is compared with each of them.
+FEW = 16
+
+
+def spread(values: jax.Array, labels: jax.Array) -> jax.Array:
+    """Every particle's entry of ``values`` ``[..., L]``: ``[..., N]``."""
+    if values.shape[-1] == 1:
+        return jnp.broadcast_to(values, (*values.shape[:-1], labels.shape[0]))
+    return values[..., labels]
+
+
+def sums(values: jax.Array, labels: jax.Array, num_labels: int) -> jax.Array:
+    """``[K, L]``: sums of finite ``values`` ``[K, N]`` over the particles of each label."""
+    if num_labels <= FEW:
+        return values @ _table(labels, num_labels).astype(values.dtype)
+    zeros = jnp.zeros((num_labels, values.shape[0]), values.dtype)
+    return zeros.at[labels].add(values.T).T
+
+
+def maxima(values: jax.Array, labels: jax.Array, num_labels: int) -> jax.Array:
+    """``[L]``: the largest of ``values`` ``[N]``; -inf where there is none.  No derivative."""
+    values = lax.stop_gradient(values)
+    if num_labels == 1:
+        return jnp.max(values)[None]
+    if num_labels <= FEW:
+        return jnp.max(jnp.where(_table(labels, num_labels).T, values, -jnp.inf), axis=1)
+    return jnp.full((num_labels,), -jnp.inf, values.dtype).at[labels].max(values)
+
+
+def counts(labels: jax.Array, num_labels: int) -> jax.Array:
+    """``[L]`` int32: how many particles each label has."""
+    if num_labels <= FEW:
+        return jnp.sum(_table(labels, num_labels), axis=0, dtype=jnp.int32)
+    return jnp.zeros((num_labels,), jnp.int32).at[labels].add(1)
+
+
+def log_sums(values: jax.Array, labels: jax.Array, num_labels: int) -> jax.Array:
+    """``[L]``: log of the sum of ``exp(values)`` ``[N]``; -inf where there is nothing to sum."""
+    largest = maxima(values, labels, num_labels)
+    alive = ~jnp.isneginf(largest)
+    reference = spread(jnp.where(alive, largest, 0.0), labels)
+    possible = ~jnp.isneginf(values)
+    # Both branches stay finite, for derivatives' sake.
+    relative = jnp.where(possible, values - reference, 0.0)
+    scaled = jnp.where(possible, jnp.exp(relative), 0.0)
+    total = sums(scaled[None], labels, num_labels)[0]
+    return jnp.where(alive, largest + jnp.log(jnp.where(alive, total, 1.0)), -jnp.inf)
+
+
+def _table(labels: jax.Array, num_labels: int) -> jax.Array:
+    """``[N, L]`` bool: who has which label."""
+    return labels[:, None] == jnp.arange(num_labels, dtype=labels.dtype)

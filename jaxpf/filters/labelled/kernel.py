@@ -1,0 +1,247 @@
+"""One frame of the labelled filter: resample, move, weigh, and share out (rowe2005).
+
+The set is a particle filter for a *mixture*: each particle draws a label once, with equal
+probability, and then follows that target.  Its evidence is ``(1/L) sum_l Z_l``, and nothing
+keeps a label's particles but its share of that sum.  What is estimated without bias, at any
+number of particles (E is over runs; W_l is label l's weight, N_l the number of its particles,
+Z^ the product of the frames' ``exp(log_evidence)``):
+
+``plain``
+    ``E[L Z^ W_l] = Z_l``, and so with any function of the substates.  A label can lose all
+    its particles for good, and soon does: in 44 % of runs within 3 frames of 16 particles.
+``corrected``
+    Selected by eq. 4, weights divided by it: the same expectations, and fair shares.
+``equal_share``
+    Eq. 4 as printed: every label's weights sum to 1/L.  Then N_l does not depend on the
+    particles' weights, and given the N_l each label is an ordinary filter of its own: with
+    ``M_l`` the product over frames of the mean of its likelihoods, ``E[M_l] = Z_l`` as long
+    as no label is empty.  With multinomial resampling labels are independent given the N_l, so
+    that products over labels are unbiased, too.  A target's mass in the mixture is kept apart
+    from the weights, as ``M_l / sum(M)``.
+
+A label whose particles all have no likelihood is reported.  With equal shares the frame is left
+out for it and its particles go on; else its weight is rightly zero, and it is gone.
+"""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxpf import contract
+from jaxpf.filters import resampling
+from jaxpf.filters.labelled import by_label, estimation
+from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
+from jaxpf.filters.partitioned.gradients import barrier, with_gradient_of
+from jaxpf.state import STATUS_IMPOSSIBLE, STATUS_INVALID_LIKELIHOOD, STATUS_LOST
+
+
+def first_labels(num_particles: int, num_targets: int) -> np.ndarray:
+    """``[N]``: labels in contiguous runs whose lengths differ by at most one."""
+    return (np.arange(num_particles) * num_targets // num_particles).astype(np.int32)
+
+
+def select(tracker: Any, key: jax.Array, state: LabelledState) -> LabelledState:
+    """Resample, across labels or within each: the particles that enter the frame."""
+    num_particles = tracker.num_particles
+    incoming = state.log_weights
+    selection = incoming
+    if tracker.weights == "corrected":
+        mass = jnp.where(jnp.isneginf(state.log_mass), 0.0, state.log_mass)
+        selection = incoming - by_label.spread(mass, state.labels)
+    if tracker.scope == "within":
+        sizes = np.bincount(
+            first_labels(num_particles, tracker.num_targets), minlength=tracker.num_targets
+        )
+        components = resampling.components_of_sizes(sizes, num_particles)
+    else:
+        components = resampling.one_component(num_particles)
+    chosen, log_weights = resampling.weighted_resample(
+        key, incoming, selection, tracker.resampling, components
+    )
+    # A set that was only drawn has equal weights already: resampling it would lose particles.
+    chosen = jnp.where(state.weighted, chosen, jnp.arange(num_particles, dtype=jnp.int32))
+    log_weights = jnp.where(state.weighted, log_weights, incoming)
+    if tracker.gradient == "stop_gradient":
+        log_weights = with_gradient_of(lax.stop_gradient(log_weights), incoming[chosen])
+    labels = state.labels if tracker.num_targets == 1 else state.labels[chosen]
+    return dataclasses.replace(
+        state, lagged=state.lagged[:, :, chosen], labels=labels, log_weights=log_weights
+    )
+
+
+def reseeded(
+    state: LabelledState, key: jax.Array, which: jax.Array, homes: jax.Array, scale: jax.Array
+) -> LabelledState:
+    """Give labels particles around their last estimate, in place of others.
+
+    Args:
+        state: after ``select``; weights must be equal within a label.
+        key: a random key.
+        which: ``[L]`` bool.
+        homes: ``[N]``, the label that may take each slot.
+        scale: ``[D]`` or ``[L, D]``, standard deviations around the estimate.
+    """
+    centre = by_label.spread(state.estimate, homes)
+    scale = jnp.broadcast_to(jnp.asarray(scale, centre.dtype), state.estimate.T.shape).T
+    drawn = centre + by_label.spread(scale, homes) * jax.random.normal(
+        key, centre.shape, centre.dtype
+    )
+    taken = by_label.spread(which, homes)
+    uniform = jnp.full_like(state.log_weights, -np.log(state.log_weights.shape[0]))
+    return dataclasses.replace(
+        state,
+        lagged=jnp.where(taken, drawn, state.lagged),
+        labels=jnp.where(taken, homes, state.labels),
+        log_weights=jnp.where(taken, uniform, state.log_weights),
+    )
+
+
+def move(tracker: Any, key: jax.Array, state: LabelledState) -> tuple[LabelledState, jax.Array]:
+    """Propagate all particles; gives the moved state and the lags they left, ``[2, D, N]``."""
+    left, fed_back = state.lagged, tracker.feedback == "estimate"
+    if fed_back and tracker.speed is None:
+        left = estimation.before_moving(left, state.velocity, state.labels, tracker.position)
+    # Inside labels a target has no parent.
+    moved = contract.propagate(
+        tracker.dynamics, key, state.labels, left[0], left[1], jnp.zeros_like(left[0])
+    ).astype(left.dtype)
+    if fed_back and tracker.speed is not None:
+        moved = estimation.after_moving(moved, left[0], state.velocity, state.labels, tracker.speed)
+    if tracker.motion_gradient == "score":
+        moved = lax.stop_gradient(moved)
+    return dataclasses.replace(state, lagged=jnp.stack([moved, left[0]])), left
+
+
+def weigh(
+    tracker: Any, state: LabelledState, left: jax.Array, observation: Any
+) -> tuple[jax.Array, jax.Array]:
+    """Log-likelihoods ``[N]`` of ``state.lagged[0]``, and how many were invalid ``[]``."""
+    moved = state.lagged[0]
+    log_prob = contract.log_prob(tracker.likelihood, observation, state.labels, moved)
+    log_prob = log_prob.astype(moved.dtype)
+    invalid = jnp.isnan(log_prob) | jnp.isposinf(log_prob)
+    log_prob = lax.optimization_barrier(jnp.where(invalid, -jnp.inf, log_prob))
+    if tracker.motion_gradient == "score":
+        log_density = contract.log_density(
+            tracker.dynamics, state.labels, moved, left[0], left[1], jnp.zeros_like(moved)
+        )
+        log_prob = with_gradient_of(log_prob, log_density.astype(moved.dtype))
+    return log_prob, jnp.sum(invalid, dtype=jnp.int32)
+
+
+def share_out(
+    tracker: Any, state: LabelledState, log_prob: jax.Array
+) -> tuple[LabelledState, jax.Array, jax.Array]:
+    """Multiply by the likelihood and normalise, with or without eq. 4.
+
+    Returns:
+        The state with its new weights and masses, and the frame's factors in the evidence: of
+        the mixture ``[]`` and of every label ``[L]``.
+    """
+    labels, num_targets = state.labels, tracker.num_targets
+    entering = state.log_weights
+    weighed = entering + log_prob
+    total = by_label.log_sums(weighed, labels, num_targets)
+    seen = ~jnp.isneginf(total)
+    if tracker.weights == "equal_share":
+        held = by_label.log_sums(lax.stop_gradient(entering), labels, num_targets)
+        factor = jnp.where(seen, total - jnp.where(seen, held, 0.0), -jnp.inf)
+        present = ~jnp.isneginf(held)
+        # A label without likelihood keeps its weights: the frame is left out for it.
+        kept = by_label.spread(seen, labels)
+        norm = jnp.where(seen, total, jnp.where(present, held, 0.0))
+        num_present = jnp.maximum(jnp.sum(present), 1).astype(norm.dtype)
+        log_weights = jnp.where(kept, weighed, entering) - by_label.spread(norm, labels)
+        log_weights = log_weights - jnp.log(num_present)
+        mass = state.log_mass + factor
+        log_total = _log_sum(mass)
+        possible = ~jnp.isneginf(log_total)
+        log_mass = jnp.where(possible, mass - jnp.where(possible, log_total, 0.0), state.log_mass)
+    else:
+        log_total = _log_sum(total)
+        possible = ~jnp.isneginf(log_total)
+        before = state.log_mass
+        alive = seen & ~jnp.isneginf(before)
+        factor = jnp.where(alive, total - jnp.where(alive, before, 0.0), -jnp.inf)
+        norm = jnp.where(possible, log_total, 0.0)
+        # An observation that is impossible for everybody is left out.
+        held = by_label.log_sums(entering, labels, num_targets)
+        log_weights = jnp.where(possible, weighed - norm, entering - _log_sum(held))
+        log_mass = jnp.where(possible, total - norm, held - _log_sum(held))
+    state = dataclasses.replace(
+        state,
+        log_weights=lax.optimization_barrier(log_weights),
+        log_mass=log_mass,
+        lost=~seen,
+        weighted=jnp.ones((), bool),
+    )
+    return state, log_total, factor
+
+
+def report(
+    tracker: Any,
+    state: LabelledState,
+    log_evidence: jax.Array,
+    label_log_evidence: jax.Array,
+    num_invalid: jax.Array,
+) -> tuple[LabelledState, LabelledSummary]:
+    """Estimates, spreads and effective sample sizes of the labels."""
+    labels, num_targets = state.labels, tracker.num_targets
+    log_weights = state.log_weights
+    held = by_label.log_sums(log_weights, labels, num_targets)
+    present = ~jnp.isneginf(held)
+    alive = ~jnp.isneginf(log_weights)
+    reference = by_label.spread(jnp.where(present, held, 0.0), labels)
+    share = jnp.where(alive, jnp.exp(jnp.where(alive, log_weights - reference, 0.0)), 0.0)
+    values = jnp.where(alive, state.lagged[0], 0.0)  # a dead particle may hold NaN
+    of_labels = by_label.sums(
+        jnp.concatenate([values * share, share[None] ** 2]), labels, num_targets
+    )
+    mean, squares = of_labels[:-1], of_labels[-1]
+    deviation = jnp.where(alive, values - by_label.spread(mean, labels), 0.0)
+    variance = by_label.sums(deviation**2 * share, labels, num_targets)
+    spread = jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0)
+    if tracker.feedback == "none" and tracker.regularise is None:
+        estimate, velocity = jnp.where(present, mean, state.estimate), state.velocity
+    else:
+        estimate, velocity = estimation.regularised(
+            mean,
+            state.estimate,
+            state.velocity,
+            present,
+            tracker.position,
+            tracker.speed,
+            tracker.regularise,
+        )
+    ess_parts = jnp.where(present, 1.0 / jnp.where(present, squares, 1.0), 0.0)
+    lost = state.lost
+    status = (
+        STATUS_INVALID_LIKELIHOOD * (num_invalid > 0)
+        + STATUS_IMPOSSIBLE * jnp.isneginf(log_evidence)
+        + STATUS_LOST * jnp.any(lost)
+    ).astype(jnp.int32)
+    holders = by_label.counts(labels, num_targets).astype(log_weights.dtype)
+    summary = LabelledSummary(
+        estimate=estimate.T,
+        log_evidence=log_evidence,
+        ess=jnp.min(ess_parts),
+        uniqueness=holders / tracker.num_particles,
+        spread=spread.T,
+        status=status,
+        lost=lost,
+        num_invalid=num_invalid,
+        ess_parts=ess_parts,
+        label_log_evidence=label_log_evidence,
+    )
+    return dataclasses.replace(state, estimate=estimate, velocity=velocity), barrier(summary)
+
+
+def _log_sum(values: jax.Array) -> jax.Array:
+    """``logsumexp`` ``[]`` of ``[L]`` with a finite derivative where all are -inf."""
+    possible = jnp.any(~jnp.isneginf(values))
+    total = jax.nn.logsumexp(jnp.where(possible, values, 0.0))
+    return jnp.where(possible, total, -jnp.inf)

@@ -1,0 +1,132 @@
+"""What the labelled filter refuses, in one sentence each."""
+
+from typing import Any
+
+import numpy as np
+
+from jaxpf.errors import InputError
+from jaxpf.filters import resampling
+from jaxpf.filters.partitioned.gradients import MOTION_GRADIENTS
+from jaxpf.pytree import is_concrete
+
+WEIGHTS = ("equal_share", "plain", "corrected")
+SCOPES = ("across", "within")
+FEEDBACKS = ("none", "estimate")
+GRADIENTS = ("none", "stop_gradient")
+
+
+def check_tracker(tracker: Any) -> None:
+    """Refuse what cannot work, or would be silently wrong.
+
+    Raises:
+        InputError: an unknown name; fewer particles than targets; an initial state of another
+            shape; coordinates that it does not have; rates outside (0, 1]; and combinations
+            without a meaning: ``reseed`` without equal shares, ``score`` with feedback,
+            a likelihood with ``log_joint``.
+    """
+    resampling.check_scheme(tracker.resampling)
+    for name, known in (
+        ("scope", SCOPES),
+        ("weights", WEIGHTS),
+        ("feedback", FEEDBACKS),
+        ("gradient", GRADIENTS),
+        ("motion_gradient", MOTION_GRADIENTS),
+    ):
+        if getattr(tracker, name) not in known:
+            raise InputError(
+                f"{name}={getattr(tracker, name)!r} is unknown; choose one of {', '.join(known)}."
+            )
+    _check_targets(tracker)
+    _check_coordinates(tracker)
+    _check_rates(tracker)
+    if hasattr(tracker.likelihood, "log_joint"):
+        raise InputError(
+            f"{type(tracker.likelihood).__name__} has log_joint, but a labelled particle holds one "
+            "target and knows nothing of the others; use Partitioned."
+        )
+    if tracker.motion_gradient == "score":
+        _check_score(tracker)
+
+
+def _check_targets(tracker: Any) -> None:
+    num_targets = tracker.num_targets
+    if not callable(tracker.initial):
+        shape = np.shape(tracker.initial)
+        if len(shape) != 2 or shape[0] != num_targets or 0 in shape:
+            raise InputError(
+                f"initial has shape {shape}; it must be [L, D], one row for each of the "
+                f"{'' if num_targets is None else f'{num_targets} '}targets, or a sampler "
+                "key -> [L, D]."
+            )
+    if num_targets is None or num_targets < 1:
+        raise InputError(
+            f"num_targets={num_targets} must be the number of targets that the initial sampler "
+            "draws, at least 1."
+        )
+    if tracker.num_particles < num_targets:
+        raise InputError(
+            f"num_particles={tracker.num_particles} is fewer than the {num_targets} targets that "
+            "share them; use at least one particle per target, better some fifty."
+        )
+
+
+def _check_coordinates(tracker: Any) -> None:
+    position, speed = tracker.position, tracker.speed
+    if tracker.feedback == "none" and tracker.regularise is None and speed is None:
+        return  # nobody looks at them
+    if speed is not None and len(speed) != len(position):
+        raise InputError(
+            f"speed={list(speed)} has {len(speed)} coordinates and position={list(position)} has "
+            f"{len(position)}; name one speed for each position."
+        )
+    used = [*position, *(speed or ())]
+    if len(set(used)) != len(used) or min(used, default=0) < 0:
+        raise InputError(
+            f"position={list(position)} and speed={speed and list(speed)} must name different "
+            "coordinates of a substate, counted from 0."
+        )
+    if not callable(tracker.initial) and max(used) >= np.shape(tracker.initial)[1]:
+        raise InputError(
+            f"position={list(position)} and speed={speed and list(speed)} name coordinate "
+            f"{max(used)}, but a substate has {np.shape(tracker.initial)[1]}, counted from 0."
+        )
+
+
+def _check_rates(tracker: Any) -> None:
+    rates, scale = tracker.regularise, tracker.reseed
+    if rates is not None and is_concrete(rates):
+        values = np.asarray(rates, float)
+        if values.shape != (2,) or not np.all((values > 0) & (values <= 1)):
+            raise InputError(
+                f"regularise={rates} must be two rates above 0 and at most 1, of position and "
+                "speed; None does not regularise."
+            )
+    if scale is None:
+        return
+    if tracker.weights != "equal_share":
+        raise InputError(
+            f"reseed gives lost targets an equal share again, and weights={tracker.weights!r} has "
+            "none to give; use weights='equal_share' or reseed=None."
+        )
+    if is_concrete(scale) and not (
+        np.all(np.isfinite(np.asarray(scale))) and np.all(np.asarray(scale) >= 0)
+    ):
+        raise InputError(
+            f"reseed={scale} must be finite standard deviations >= 0, one for each coordinate."
+        )
+
+
+def _check_score(tracker: Any) -> None:
+    if tracker.feedback != "none":
+        raise InputError(
+            "motion_gradient='score' needs the density of a move, and feedback='estimate' changes "
+            "the move; use feedback='none' or motion_gradient='pathwise'."
+        )
+    if not (
+        hasattr(tracker.dynamics, "log_density") or hasattr(tracker.dynamics, "log_density_all")
+    ):
+        raise InputError(
+            f"motion_gradient='score' needs the method log_density of the dynamics, and "
+            f"{type(tracker.dynamics).__name__} has none; write it (see jaxpf.contract.Dynamics) "
+            "or use motion_gradient='pathwise'."
+        )

@@ -1,0 +1,58 @@
+"""What the labelled filter carries from frame to frame, and what it reports beyond others."""
+
+import jax
+import jax.numpy as jnp
+
+from jaxpf.pytree import pytree_dataclass
+from jaxpf.state import Summary
+
+
+@pytree_dataclass
+class LabelledState:
+    """A weighted set of N particles, each of which holds one of L targets.
+
+    Attributes:
+        lagged: ``[2, D, N]``, substates of the current frame and of the one before.
+        labels: ``[N]`` int32, the target each particle holds.
+        log_weights: ``[N]``, normalised: their exponentials sum to one.
+        log_mass: ``[L]``, log-probability of each label in the mixture of all targets, from
+            its evidence so far; the exponentials sum to one.
+        estimate: ``[D, L]``, what was last reported (rowe2005, eq. 6).
+        velocity: ``[E, L]``, the targets' estimated speed per frame, of E position coordinates.
+        lost: ``[L]`` bool, as last reported; these labels are given particles again by ``reseed``.
+        weighted: ``[]`` bool, false only for a set that was drawn and never weighed.
+    """
+
+    lagged: jax.Array
+    labels: jax.Array
+    log_weights: jax.Array
+    log_mass: jax.Array
+    estimate: jax.Array
+    velocity: jax.Array
+    lost: jax.Array
+    weighted: jax.Array
+
+    @property
+    def substates(self) -> jax.Array:
+        """``[..., N, L, D]``: each particle's substate in its label's place, NaN elsewhere."""
+        values = jnp.moveaxis(self.lagged[..., 0, :, :], -1, -2)[..., :, None, :]
+        places = jnp.arange(self.log_mass.shape[-1], dtype=self.labels.dtype)
+        holds = self.labels[..., :, None] == places
+        return jnp.where(holds[..., None], values, jnp.nan)
+
+
+@pytree_dataclass
+class LabelledSummary(Summary):
+    """A ``Summary`` whose partitions are the targets, P = L.
+
+    ``uniqueness`` is the share of particles that hold the target: each of them is a draw of
+    its own, and nobody else has one.  ``ess`` is the smallest of ``ess_parts``.
+
+    Attributes:
+        ess_parts: ``[L]``, effective sample size of each label's particles; 0 without weight.
+        label_log_evidence: ``[L]``, log of the frame's factor in an estimate of each target's
+            own ``p(y_1:T)``; ``log_evidence`` is that of the mixture ``(1/L) sum_l``.
+    """
+
+    ess_parts: jax.Array | None = None
+    label_log_evidence: jax.Array | None = None

@@ -1,0 +1,156 @@
+"""The labelled particle filter as a tracker: ``init`` and ``step``, and what it refuses."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.filters.labelled import kernel
+from jaxpf.filters.labelled.refusals import check_tracker
+from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
+from jaxpf.lowering.threefry import written_out
+from jaxpf.pytree import as_array, pytree_dataclass, static_field
+
+
+@pytree_dataclass
+class Labelled:
+    """Labelled particle filter: N particles for L targets, each particle holds one (rowe2005).
+
+    Cost grows with the number of particles alone, however many targets share them; targets do
+    not interact.  What is estimated without bias: see ``jaxpf.filters.labelled.kernel``.
+
+    Attributes:
+        dynamics: see ``jaxpf.contract.Dynamics``; a partition is a target, without parents.
+        likelihood: see ``jaxpf.contract.Likelihood``; ``log_joint`` is refused.
+        initial: ``[L, D]`` array, or a sampler ``key -> [L, D]`` registered as a pytree, of
+            which a particle takes its own target's row: the state just before the first frame.
+        regularise: rates (a_x, a_u) in (0, 1] of position and speed in eq. 6; None does not
+            regularise.  It changes what is reported and, with feedback, how particles move.
+        reseed: standard deviations ``[D]`` or ``[L, D]``; a target that was lost is given its
+            share of the particles again in the next frame, around its last estimate.  None
+            (default) leaves lost targets to themselves.
+        num_targets: static, L; only needed where ``initial`` is a sampler.
+        num_particles: static, N, of all targets together.
+        resampling: static, one of ``jaxpf.resampling.SCHEMES``.
+        scope: static, one of ``SCOPES``: one resampling ``"across"`` all labels, or ``"within"``
+            each, which fixes their numbers and makes L independent filters.
+        weights: static, one of ``WEIGHTS``: ``"equal_share"`` (eq. 4), ``"plain"``, or
+            ``"corrected"``, which selects by eq. 4 and keeps the weights.
+        feedback: static, one of ``FEEDBACKS``: ``"estimate"`` moves the particles at the
+            speed of the regularised estimate (eq. 5), ``"none"`` at their own.
+        position: static, the coordinates of a position.
+        speed: static, the coordinates of the speed per frame, one for each of ``position``;
+            None for dynamics that take it from ``current - previous``.
+        gradient: static, ``"none"`` or ``"stop_gradient"``, see ``jaxpf.gradients``.
+        motion_gradient: static, one of ``jaxpf.gradients.MOTION_GRADIENTS``.
+
+    Raises:
+        InputError: see ``check_tracker``.
+    """
+
+    dynamics: Any
+    likelihood: Any
+    initial: Any
+    regularise: Any = None
+    reseed: Any = None
+    num_targets: Any = static_field(default=None)
+    num_particles: int = static_field(default=300)
+    resampling: str = static_field(default="systematic")
+    scope: str = static_field(default="across")
+    weights: str = static_field(default="equal_share")
+    feedback: str = static_field(default="none")
+    position: Sequence[int] = static_field(default=(0, 1))
+    speed: Sequence[int] | None = static_field(default=None)
+    gradient: str = static_field(default="none")
+    motion_gradient: str = static_field(default="pathwise")
+
+    def __post_init__(self):
+        if not callable(self.initial):
+            initial = as_array(self.initial)
+            if not jnp.issubdtype(initial.dtype, jnp.floating):
+                initial = initial.astype(jnp.result_type(float))
+            object.__setattr__(self, "initial", initial)
+            if self.num_targets is None and initial.ndim == 2:
+                object.__setattr__(self, "num_targets", initial.shape[0])
+        for name in ("position", "speed"):
+            value = getattr(self, name)
+            object.__setattr__(self, name, None if value is None else tuple(map(int, value)))
+        check_tracker(self)
+
+    @property
+    def num_partitions(self) -> int:
+        """Number of targets, L: what a summary has one row for."""
+        return self.num_targets
+
+    def init(self, key: jax.Array) -> LabelledState:
+        """Draw the state just before the first frame; every target has 1/L of the weight."""
+        key, labels = written_out(key), kernel.first_labels(self.num_particles, self.num_targets)
+        if callable(self.initial):
+            drawn = jax.vmap(self.initial)(jax.random.split(key, self.num_particles))
+            chex.assert_shape(drawn, (self.num_particles, self.num_targets, None))
+            values = drawn[np.arange(self.num_particles), labels].T
+        else:
+            values = self.initial.T[:, labels]
+        sizes = np.bincount(labels, minlength=self.num_targets)
+        log_weights = jnp.asarray(-np.log(self.num_targets * sizes[labels]), values.dtype)
+        estimate = jnp.stack(
+            [jnp.mean(values[:, labels == label], axis=1) for label in range(self.num_targets)],
+            axis=1,
+        )
+        velocity = jnp.zeros((len(self.position), self.num_targets), values.dtype)
+        if self.speed is not None:
+            velocity = estimate[np.array(self.speed)]
+        return LabelledState(
+            lagged=jnp.stack([values, values]),
+            labels=jnp.asarray(labels),
+            log_weights=log_weights,
+            log_mass=jnp.full((self.num_targets,), -np.log(self.num_targets), values.dtype),
+            estimate=estimate,
+            velocity=velocity,
+            lost=jnp.zeros((self.num_targets,), bool),
+            weighted=jnp.zeros((), bool),
+        )
+
+    def observe(self, frame: Any) -> Any:
+        """Work that depends on the frame alone; stays unbatched when runs are vmapped."""
+        return self.likelihood.observe(frame)
+
+    def step(
+        self, key: jax.Array, state: LabelledState, frame: Any
+    ) -> tuple[LabelledState, LabelledSummary]:
+        """One frame: resample, then propagate and weigh every particle.
+
+        Args:
+            key: this frame's random key; ``jaxpf.run`` uses ``fold_in(key, t)``.
+            state: the weighted set of the frame before.
+            frame: whatever the likelihood's ``observe`` takes.
+        """
+        return self.step_observed(key, state, self.observe(frame))
+
+    def step_observed(
+        self, key: jax.Array, state: LabelledState, observation: Any
+    ) -> tuple[LabelledState, LabelledSummary]:
+        """``step`` for a frame that was observed already."""
+        chex.assert_shape(state.log_weights, (self.num_particles,))
+        chex.assert_shape(state.lagged, (2, None, self.num_particles))
+        # The keys of Partitioned with one partition: one target gives the same particles.
+        begin_key, stages_key = jax.random.split(written_out(key))
+        resample_key, reseed_key = jax.random.split(begin_key)
+        propagate_key = jax.random.split(jax.random.fold_in(stages_key, 0), 4)[0]
+        state = kernel.select(self, resample_key, state)
+        if self.reseed is not None:
+            homes = self._homes()
+            state = kernel.reseeded(state, reseed_key, state.lost, homes, self.reseed)
+        state, left = kernel.move(self, propagate_key, state)
+        log_prob, num_invalid = kernel.weigh(self, state, left, observation)
+        state, log_evidence, label_log_evidence = kernel.share_out(self, state, log_prob)
+        return kernel.report(self, state, log_evidence, label_log_evidence, num_invalid)
+
+    def _homes(self) -> jax.Array:
+        """``[N]``: which label may take a slot; across labels, every L-th, so that all give."""
+        if self.scope == "within":
+            return jnp.asarray(kernel.first_labels(self.num_particles, self.num_targets))
+        return jnp.arange(self.num_particles, dtype=jnp.int32) % self.num_targets

@@ -16,6 +16,7 @@ from scenes.benchmark_clips import read_mot, read_otb
 from scenes.clips import Clip, cut_patch, read_clip
 from scenes.distracter import distracter_scene
 from scenes.distracter_parameters import DistracterParameters
+from scenes.projectiles import ProjectilesParameters, projectiles_scene
 from scenes.scene import Scene, SceneError
 from scenes.sequences import (
     call_scene,
@@ -29,6 +30,7 @@ __all__ = [
     "ArticulatedParameters",
     "Clip",
     "DistracterParameters",
+    "ProjectilesParameters",
     "Scene",
     "SceneError",
     "articulated_scene",
@@ -40,6 +42,7 @@ __all__ = [
     "names",
     "open_folder",
     "open_scene",
+    "projectiles_scene",
     "read_clip",
     "read_mot",
     "read_otb",
@@ -50,6 +53,7 @@ __all__ = [
 _REGISTRY: dict[str, tuple[type, Callable[[Any, int], Scene]]] = {
     "articulated": (ArticulatedParameters, articulated_scene),
     "distracter": (DistracterParameters, distracter_scene),
+    "projectiles": (ProjectilesParameters, projectiles_scene),
 }
 
 

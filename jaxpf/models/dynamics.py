@@ -10,7 +10,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity, of_partition
-from jaxpf.pytree import pytree_dataclass
+from jaxpf.pytree import pytree_dataclass, static_field
 
 
 @pytree_dataclass
@@ -62,6 +62,37 @@ class AR2(DynamicsWithDensity):
 
     def _drift(self, current, previous):
         return current + jnp.asarray(self.momentum, current.dtype) * (current - previous)
+
+
+@pytree_dataclass
+class FirstOrder(DynamicsWithDensity):
+    """Position moves on at its speed; all coordinates get noise: ``x_t = x_{t-1} + u_{t-1} + n``.
+
+    Source: rowe2005, eq. 5 without feedback and eq. 7: speed and size are random walks.
+
+    Attributes:
+        scale: standard deviation of the noise per frame, ``[D]`` or ``[P, D]`` or ``[]``.
+        position: static, the coordinates of a position.
+        speed: static, the coordinates of its speed, per frame.
+    """
+
+    scale: ArrayLike
+    position: tuple[int, ...] = static_field(default=(0, 1))
+    speed: tuple[int, ...] = static_field(default=(2, 3))
+
+    def propagate_all(self, key, partition, current, previous, parent):
+        """Move all particles, ``[D, N]``."""
+        noise = jax.random.normal(key, current.shape, current.dtype)
+        return self._drift(current) + _per_particle(self.scale, partition, current) * noise
+
+    def log_density_all(self, partition, new, current, previous, parent):
+        """Log-densities of all particles, ``[N]``."""
+        return _log_normal(
+            new - self._drift(current), _per_particle(self.scale, partition, current)
+        )
+
+    def _drift(self, current):
+        return current.at[np.array(self.position)].add(current[np.array(self.speed)])
 
 
 @pytree_dataclass

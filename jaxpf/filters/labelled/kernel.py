@@ -120,8 +120,10 @@ def weigh(
     tracker: Any, state: LabelledState, left: jax.Array, observation: Any
 ) -> tuple[jax.Array, jax.Array]:
     """Log-likelihoods ``[N]`` of ``state.lagged[0]``, and how many were invalid ``[]``."""
-    moved = state.lagged[0]
-    log_prob = contract.log_prob(tracker.likelihood, observation, state.labels, moved)
+    moved, likelihood = state.lagged[0], tracker.likelihood
+    if hasattr(likelihood, "expecting"):
+        likelihood = likelihood.expecting(state.estimate.T)
+    log_prob = contract.log_prob(likelihood, observation, state.labels, moved)
     log_prob = log_prob.astype(moved.dtype)
     invalid = jnp.isnan(log_prob) | jnp.isposinf(log_prob)
     log_prob = lax.optimization_barrier(jnp.where(invalid, -jnp.inf, log_prob))

@@ -24,7 +24,9 @@ class Labelled:
 
     Attributes:
         dynamics: see ``jaxpf.contract.Dynamics``; a partition is a target, without parents.
-        likelihood: see ``jaxpf.contract.Likelihood``; ``log_joint`` is refused.
+        likelihood: see ``jaxpf.contract.Likelihood``; ``log_joint`` is refused.  If it has
+            ``expecting(estimates [L, D]) -> likelihood``, it is told the last estimates in
+            every frame.
         initial: ``[L, D]`` array, or a sampler ``key -> [L, D]`` registered as a pytree, of
             which a particle takes its own target's row: the state just before the first frame.
         regularise: rates (a_x, a_u) in (0, 1] of position and speed in eq. 6; None does not

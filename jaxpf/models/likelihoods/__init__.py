@@ -8,15 +8,18 @@ from jaxpf.models.likelihoods.histogram import (
     histogram_from_patches,
 )
 from jaxpf.models.likelihoods.patch import PatchLikelihood, patch, patch_from_pictures
+from jaxpf.models.likelihoods.pixels import PixelLikelihood, pixels
 
 __all__ = [
     "CorrelatedGaussian",
     "Gaussian",
     "HistogramLikelihood",
     "PatchLikelihood",
+    "PixelLikelihood",
     "histogram",
     "histogram_from_patches",
     "learn_background",
     "patch",
     "patch_from_pictures",
+    "pixels",
 ]

@@ -19,9 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.lowering.columns import words_at
-from jaxpf.models.geometry import cos_sin
-from jaxpf.models.likelihoods._places import cell_centres, places_in_image
+from jaxpf.models.likelihoods._windows import window_colours, words_of
 from jaxpf.models.likelihoods.color import check_frame
 from jaxpf.pytree import as_array, pytree_dataclass, static_field
 
@@ -74,7 +72,7 @@ class PatchLikelihood:
             InputError: the frame is not uint8 RGB [H, W, 3].
         """
         check_frame(frame)
-        return _words(frame)
+        return words_of(frame)
 
     def log_prob(self, observation, partition, substate):
         """Log-likelihood [] of one particle: a traced int partition, a substate [D]."""
@@ -105,7 +103,9 @@ class PatchLikelihood:
         u, v, scale = substates[0], substates[1], substates[2]
         theta = substates[3] if substates.shape[0] > 3 else jnp.zeros_like(u)
         width, height = (jnp.asarray(self.sizes, dtype)[partition] * scale[:, None]).T
-        seen = _window(observation, u, v, width, height, theta, self.window, self.interpolation)
+        seen = window_colours(
+            observation, u, v, width, height, theta, self.window, self.interpolation
+        )
         difference = jnp.asarray(self.references, dtype)[partition] - _normalised(seen)
         squares = jnp.sum(difference**2, axis=(1, 2))
         if self.norm == "mean":
@@ -154,8 +154,8 @@ def patch(
     _check_sizes(sizes, len(poses))
     u, v, theta = jnp.asarray(poses).T
     width, height = jnp.asarray(sizes).T
-    words = _words(jnp.asarray(frame))
-    seen = _window(words, u, v, width, height, theta, tuple(window), interpolation)
+    words = words_of(jnp.asarray(frame))
+    seen = window_colours(words, u, v, width, height, theta, tuple(window), interpolation)
     for i, mean in enumerate(np.mean(np.asarray(seen), axis=(1, 2))):
         if mean < _DARKEST_MEAN:
             name = f"the window of object {i}" if names is None else names[i]
@@ -209,34 +209,6 @@ def patch_from_pictures(
         whole = patch(picture, middle, [extent], **settings, names=[f"pictures[{i}]"])
         references.append(whole.references[0])
     return _build(jnp.stack(references), sizes, **settings)
-
-
-def _words(frame):
-    red, green, blue = (frame[..., k].astype(jnp.uint32) for k in range(3))
-    return jnp.pad(red | green << 8 | blue << 16, 1)
-
-
-def _window(observation, u, v, width, height, theta, window, interpolation):
-    """The colours at the places of a grid in every window: [N, rows * columns, 3]."""
-    across, down = cell_centres(*window)
-    x, y = places_in_image(across, down, u, v, width, height, *cos_sin(theta))
-    num_rows, num_columns = observation.shape
-
-    def colours(row, column):
-        row = jnp.clip(row, 0, num_rows - 1).astype(jnp.int32)
-        column = jnp.clip(column, 0, num_columns - 1).astype(jnp.int32)
-        word = words_at(observation, row, column)
-        shifts = jnp.array([0, 8, 16], jnp.uint32)
-        return ((word[..., None] >> shifts) & 255).astype(x.dtype)
-
-    # The black margin is the first pixel of the table.
-    if interpolation == "nearest":
-        return colours(jnp.floor(y) + 1, jnp.floor(x) + 1)
-    left, top = jnp.floor(x - 0.5), jnp.floor(y - 0.5)
-    right, below = (x - 0.5 - left)[..., None], (y - 0.5 - top)[..., None]
-    upper = (1 - right) * colours(top + 1, left + 1) + right * colours(top + 1, left + 2)
-    lower = (1 - right) * colours(top + 2, left + 1) + right * colours(top + 2, left + 2)
-    return (1 - below) * upper + below * lower
 
 
 def _normalised(seen):

@@ -1,0 +1,313 @@
+"""The synthetic test of Rowe, Rius, Gonzalez and Villanueva (rowe2005, section 4): projectiles.
+
+Targets are shot into a place with gravity and air friction.  Their pixels are normal in
+intensity, and so are the background's; two vertical strips of the background have the targets'
+own statistics, so that a target in front of them looks like what is around it.  Strong noise of the
+camera lies over everything.  Boxes shrink during the first third and grow during the rest.
+
+The paper fixes the number of frames and targets, the areas and the aspect ratios.  Everything
+else is a choice, made here once and documented in ``ProjectilesParameters``.
+"""
+
+import dataclasses
+import math
+from typing import Literal
+
+import numpy as np
+
+from scenes.scene import Scene, SceneError
+
+# Every ingredient has its own random stream, so that, say, another noise level leaves the
+# trajectories of a seed as they are.
+_LAYOUT, _TEXTURES, _BACKGROUND, _NOISE, _PATCHES = range(5)
+
+_TRIES = 20_000
+
+
+@dataclasses.dataclass(frozen=True)
+class ProjectilesParameters:
+    """What the projectiles scene is made of; "paper" marks what rowe2005 fixes.
+
+    Lengths are in pixels, times in frames, intensities in grey levels of 0 to 255.
+
+    Attributes:
+        num_frames: T (paper: 300).
+        frame_width: width of a frame.
+        frame_height: height of a frame.
+        fps: frames per second; it only matters to a player.
+        num_targets: L (paper: 2), shot from the left and from the right in turn.
+        paths: "apart" draws the shots again until no two boxes meet, "crossing" until each
+            target meets another one, "any" takes them as they come.  Later targets are in front.
+        separation: smallest gap between two boxes in every frame, with ``paths="apart"``.
+        gravity: acceleration downwards, per frame squared.
+        friction: share of the speed that the air takes in every frame.
+        reach: shares of the frame's width, least and most, between a shot's start and its end.
+        frame_margin: smallest gap between a box and the border of the frame.
+        area_small: area of a box when it is smallest, after the first third (paper: 209).
+        area_large: area of a box in the first and in the last frame (paper: 1435).
+        aspect_small: height over width of the smallest box (paper: 1.7).
+        aspect_large: height over width of the largest box (paper: 1.3).  Width and height change
+            at a constant rate, so that the aspects between follow.
+        cell_columns: a target's look is a matrix of normal intensities, scaled to the box: this
+            many columns.
+        cell_rows: and this many rows.
+        target_means: mean intensity of the first target and of the last; others lie between.
+        target_deviation: standard deviation of a target's intensities.
+        background_mean: mean of the background.
+        background_deviation: standard deviation of the background, which stands still.
+        background_grain: side of the squares that share one intensity, the strips' too.
+        strips: centres of the strips, as shares of the frame's width; strip k mimics target k,
+            counted round (paper: two strips).
+        strip_width: width of every strip.
+        noise: standard deviation of the camera's noise, drawn anew for every pixel and frame.
+    """
+
+    num_frames: int = 300
+    frame_width: int = 360
+    frame_height: int = 288
+    fps: float = 25.0
+    num_targets: int = 2
+    paths: Literal["apart", "crossing", "any"] = "apart"
+    separation: float = 6.0
+    gravity: float = 0.015
+    friction: float = 0.004
+    reach: tuple[float, float] = (0.5, 0.8)
+    frame_margin: float = 2.0
+    area_small: float = 209.0
+    area_large: float = 1435.0
+    aspect_small: float = 1.7
+    aspect_large: float = 1.3
+    cell_columns: int = 8
+    cell_rows: int = 12
+    target_means: tuple[float, float] = (95.0, 165.0)
+    target_deviation: float = 25.0
+    background_mean: float = 130.0
+    background_deviation: float = 25.0
+    background_grain: int = 3
+    strips: tuple[float, ...] = (0.35, 0.65)
+    strip_width: int = 40
+    noise: float = 20.0
+
+    def __post_init__(self) -> None:
+        for name in (
+            *("num_frames", "frame_width", "frame_height", "fps", "num_targets", "area_small"),
+            *("area_large", "aspect_small", "aspect_large", "cell_columns", "cell_rows"),
+            "background_grain",
+        ):
+            self._require(name, _is_number(getattr(self, name), above=0), "must be above 0")
+        for name in (
+            *("separation", "gravity", "frame_margin", "target_deviation", "background_deviation"),
+            *("strip_width", "noise"),
+        ):
+            self._require(name, _is_number(getattr(self, name), least=0), "must not be negative")
+        self._require(
+            "friction",
+            _is_number(self.friction, above=0) and self.friction < 1,
+            "must lie above 0 and below 1",
+        )
+        for name, count in (("reach", 2), ("target_means", 2), ("strips", len(self.strips))):
+            values = getattr(self, name)
+            whole = len(values) == count and all(_is_number(value, least=0) for value in values)
+            self._require(name, whole, f"must be {count} numbers of 0 or more")
+        for name in ("reach", "strips"):
+            self._require(name, max(getattr(self, name), default=0) <= 1, "are shares, at most 1")
+        self._require("reach", self.reach[0] <= self.reach[1], "must be in ascending order")
+        self._require(
+            "paths",
+            self.paths in ("apart", "crossing", "any"),
+            'must be "apart", "crossing" or "any"',
+        )
+        self._require(
+            "paths",
+            self.paths != "crossing" or self.num_targets > 1,
+            f"needs more targets than num_targets = {self.num_targets}",
+        )
+
+    def _require(self, name: str, holds: bool, remedy: str) -> None:
+        if not holds:
+            raise SceneError(f"projectiles scene: {name} = {getattr(self, name)!r} {remedy}")
+
+
+def projectiles_scene(parameters: ProjectilesParameters, seed: int = 0) -> Scene:
+    """Draw the scene; the same parameters and seed give the same scene, bit for bit.
+
+    Patches are the targets' looks without the camera's noise, at their largest size.  ``extras``
+    holds ``strips [S, 2]``, left and right end of every strip in pixels, and ``speeds [T, L, 2]``,
+    the true displacement of every centre since the frame before.  Boxes are continuous; a pixel
+    belongs to a target if its centre lies in the box.
+    """
+    sizes = _sizes(parameters)
+    centres = _draw_centres(parameters, sizes, _generator(seed, _LAYOUT))
+    boxes = np.concatenate(
+        [centres - sizes[:, None] / 2, np.broadcast_to(sizes[:, None], centres.shape)], axis=-1
+    )
+    looks = _draw_looks(parameters, _generator(seed, _TEXTURES))
+    background, strips = _draw_background(parameters, _generator(seed, _BACKGROUND))
+    rng = _generator(seed, _NOISE)
+    frames = np.empty((parameters.num_frames, *background.shape, 3), np.uint8)
+    for time in range(parameters.num_frames):
+        picture = background.copy()
+        for look, box in zip(looks, boxes[time], strict=True):
+            _paste(picture, look, box)
+        noisy = picture + parameters.noise * rng.standard_normal(picture.shape, np.float32)
+        frames[time] = _as_pixels(noisy)[..., None]
+    return Scene(
+        name="projectiles",
+        frames=frames,
+        boxes=boxes,
+        patches=[_patch(look, sizes[0]) for look in looks],
+        fps=parameters.fps,
+        parameters={**dataclasses.asdict(parameters), "seed": seed},
+        extras={"strips": strips, "speeds": np.diff(centres, axis=0, prepend=centres[:1])},
+    )
+
+
+def _generator(seed: int, stream: int) -> np.random.Generator:
+    return np.random.default_rng([seed, stream])
+
+
+def _is_number(value: object, *, above: float = -math.inf, least: float = -math.inf) -> bool:
+    real = isinstance(value, int | float) and not isinstance(value, bool)
+    return real and math.isfinite(value) and value > above and value >= least
+
+
+def _sizes(parameters: ProjectilesParameters) -> np.ndarray:
+    """``[T, 2]``: width and height, smallest after the first third, changing at constant rates."""
+
+    def sides(area: float, aspect: float) -> np.ndarray:
+        return np.array([math.sqrt(area / aspect), math.sqrt(area * aspect)])
+
+    small = sides(parameters.area_small, parameters.aspect_small)
+    large = sides(parameters.area_large, parameters.aspect_large)
+    times = np.arange(parameters.num_frames)
+    turn, last = parameters.num_frames / 3, max(parameters.num_frames - 1, 1)
+    share = np.where(times < turn, 1 - times / turn, (times - turn) / max(last - turn, 1))
+    return small + np.clip(share, 0, 1)[:, None] * (large - small)
+
+
+# Trajectories
+
+
+def _draw_centres(
+    parameters: ProjectilesParameters, sizes: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Centres ``[T, L, 2]``: shots drawn again until they are as asked for."""
+    placed: list[np.ndarray] = []
+    for _ in range(_TRIES):
+        shot = _draw_shot(parameters, len(placed), rng)
+        if not _in_view(parameters, shot, sizes):
+            continue
+        meets = [_meet(parameters, shot, other, sizes) for other in placed]
+        if parameters.paths == "apart" and any(meets):
+            continue
+        if parameters.paths == "crossing" and placed and not meets[-1]:
+            continue
+        placed.append(shot)
+        if len(placed) == parameters.num_targets:
+            return np.stack(placed, axis=1)
+    raise SceneError(
+        f"projectiles scene: no {parameters.num_targets} shots with paths = {parameters.paths!r} "
+        f"stay in view for {parameters.num_frames} frames of {parameters.frame_width} x "
+        f"{parameters.frame_height}; take fewer targets, another gravity, or a larger frame"
+    )
+
+
+def _draw_shot(
+    parameters: ProjectilesParameters, number: int, rng: np.random.Generator
+) -> np.ndarray:
+    """``[T, 2]``: flight with friction in proportion to speed, in closed form."""
+    width, height = parameters.frame_width, parameters.frame_height
+    times = np.arange(parameters.num_frames)
+    decay = 1 - parameters.friction
+    travelled = (1 - decay**times) / parameters.friction  # of a speed of 1, without gravity
+    reach = rng.uniform(*parameters.reach) * width
+    start = rng.uniform(0, width - reach)
+    x = (
+        start + reach * travelled / travelled[-1]
+        if parameters.num_frames > 1
+        else start + 0 * times
+    )
+    if number % 2:
+        x = width - x
+    terminal = parameters.gravity / parameters.friction
+    first = rng.uniform(0, 1) * height
+    upwards = rng.uniform(-0.5, 1.5) * parameters.gravity * parameters.num_frames / 2
+    y = first - upwards * travelled + terminal * (times - travelled)
+    return np.stack([x, y], axis=-1)
+
+
+def _in_view(parameters: ProjectilesParameters, centres: np.ndarray, sizes: np.ndarray) -> bool:
+    frame = np.array([parameters.frame_width, parameters.frame_height])
+    reach = sizes / 2 + parameters.frame_margin
+    return bool(np.all((centres >= reach) & (centres <= frame - reach)))
+
+
+def _meet(
+    parameters: ProjectilesParameters, one: np.ndarray, other: np.ndarray, sizes: np.ndarray
+) -> bool:
+    """Whether two boxes ever meet; with paths apart, whether they come too near."""
+    gap = parameters.separation if parameters.paths == "apart" else 0.0
+    return bool(np.any(np.all(np.abs(one - other) < sizes + gap, axis=-1)))
+
+
+# Pictures
+
+
+def _draw_looks(parameters: ProjectilesParameters, rng: np.random.Generator) -> list[np.ndarray]:
+    """Every target's matrix of intensities."""
+    shape = parameters.cell_rows, parameters.cell_columns
+    return [
+        mean + parameters.target_deviation * rng.standard_normal(shape)
+        for mean in _means(parameters)
+    ]
+
+
+def _means(parameters: ProjectilesParameters) -> np.ndarray:
+    return np.linspace(*parameters.target_means, parameters.num_targets)
+
+
+def _draw_background(
+    parameters: ProjectilesParameters, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """``[H, W]`` intensities, and the strips' ends ``[S, 2]``."""
+    height, width, grain = (
+        parameters.frame_height,
+        parameters.frame_width,
+        parameters.background_grain,
+    )
+    shape = -(-height // grain), -(-width // grain)
+    normal = rng.standard_normal(shape).repeat(grain, axis=0).repeat(grain, axis=1)
+    normal = normal[:height, :width].astype(np.float32)
+    picture = parameters.background_mean + parameters.background_deviation * normal
+    ends = np.zeros((len(parameters.strips), 2))
+    means = _means(parameters)
+    for number, share in enumerate(parameters.strips):
+        left = round(share * width - parameters.strip_width / 2)
+        left, right = max(left, 0), min(left + parameters.strip_width, width)
+        mean = means[number % len(means)]
+        picture[:, left:right] = mean + parameters.target_deviation * normal[:, left:right]
+        ends[number] = left, right
+    return picture.astype(np.float32), ends
+
+
+def _paste(picture: np.ndarray, look: np.ndarray, box: np.ndarray) -> None:
+    """Draw a look into a box, which lies within the frame: every pixel takes its cell's value."""
+    columns, rows = (
+        np.arange(math.ceil(start - 0.5), math.ceil(start + extent - 0.5))
+        for start, extent in zip(box[:2], box[2:], strict=True)
+    )
+    across = ((columns + 0.5 - box[0]) / box[2] * look.shape[1]).astype(int)
+    down = ((rows + 0.5 - box[1]) / box[3] * look.shape[0]).astype(int)
+    across, down = np.clip(across, 0, look.shape[1] - 1), np.clip(down, 0, look.shape[0] - 1)
+    picture[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] = look[np.ix_(down, across)]
+
+
+def _patch(look: np.ndarray, size: np.ndarray) -> np.ndarray:
+    width, height = np.rint(size).astype(int)
+    picture = np.zeros((height, width))
+    _paste(picture, look, np.array([0, 0, width, height]))
+    return np.repeat(_as_pixels(picture)[..., None], 3, axis=-1)
+
+
+def _as_pixels(picture: np.ndarray) -> np.ndarray:
+    return np.clip(np.rint(picture), 0, 255).astype(np.uint8)

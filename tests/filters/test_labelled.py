@@ -1,0 +1,280 @@
+"""The labelled filter: one target is an ordinary filter, labels within are many of them."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf import state as states
+from jaxpf.models.dynamics import AR2, FirstOrder, IndependentGaussian
+from jaxpf.models.likelihoods import Gaussian
+from jaxpf.streaming import stream
+
+FRAMES = np.random.default_rng(0).normal(size=(6, 3, 2)).astype(np.float32).cumsum(axis=0)
+
+
+def tracker(num_targets=3, num_particles=60, **settings):
+    eye = np.tile(np.eye(2, dtype=np.float32), (num_targets or 3, 1, 1))
+    defaults = {
+        "dynamics": AR2(scale=(1.0, 1.0)),
+        "likelihood": Gaussian(noise=0.5 * eye),
+        "initial": np.zeros((num_targets, 2), np.float32),
+        "num_targets": num_targets,
+    }
+    return jaxpf.Labelled(**(defaults | {"num_particles": num_particles} | settings))
+
+
+def everything(state, summary):
+    return state, summary
+
+
+@jax.jit
+def step(chosen, key, state, frame):
+    return chosen.step(key, state, frame)
+
+
+@jax.jit
+def start(chosen):
+    return chosen.init(jax.random.key(0))
+
+
+@pytest.mark.parametrize(
+    ("weights", "scheme"),
+    [("equal_share", "systematic"), ("plain", "multinomial"), ("corrected", "residual")],
+)
+def test_one_target_gives_the_particles_of_partitioned_key_for_key(weights, scheme):
+    one = tracker(1, initial=IndependentGaussian(np.zeros((1, 2)), 1.0))
+    one = dataclasses.replace(one, weights=weights, resampling=scheme)
+    same = jaxpf.Partitioned(
+        dynamics=one.dynamics,
+        likelihood=one.likelihood,
+        ordering=jaxpf.ordering.sir(1),
+        initial=one.initial,
+        num_particles=60,
+        resampling=scheme,
+    )
+    key, frames = jax.random.key(3), FRAMES[:, :1]
+    state, found = jaxpf.run(one, key, frames)
+    expected_state, expected = jaxpf.run(same, key, frames)
+    np.testing.assert_array_equal(state.substates, expected_state.substates)
+    for name in ("estimate", "log_evidence", "ess", "uniqueness", "spread"):
+        np.testing.assert_allclose(
+            getattr(found, name), getattr(expected, name), rtol=2e-4, atol=1e-5, err_msg=name
+        )
+    np.testing.assert_allclose(found.label_log_evidence[:, 0], expected.log_evidence, rtol=1e-4)
+
+
+def test_within_labels_equal_shares_change_nothing():
+    key = jax.random.key(0)
+    plain = jaxpf.run(tracker(scope="within", weights="plain"), key, FRAMES, everything)[1]
+    fair = jaxpf.run(tracker(scope="within"), key, FRAMES, everything)[1]
+    np.testing.assert_array_equal(fair[0].lagged, plain[0].lagged)
+    np.testing.assert_array_equal(fair[0].labels, plain[0].labels)
+    for name in ("estimate", "label_log_evidence", "log_evidence", "ess_parts"):
+        one, other = getattr(fair[1], name), getattr(plain[1], name)
+        np.testing.assert_allclose(one, other, rtol=2e-4, atol=1e-5, err_msg=name)
+    np.testing.assert_allclose(plain[1].uniqueness, 1 / 3, rtol=1e-6)
+
+
+def test_within_labels_targets_know_nothing_of_each_other():
+    key, changed = jax.random.key(0), FRAMES.copy()
+    changed[2:, 1] += 3
+    first, second = (jaxpf.run(tracker(scope="within"), key, x)[1] for x in (FRAMES, changed))
+    for name in ("estimate", "label_log_evidence"):
+        one, other = np.asarray(getattr(first, name)), np.asarray(getattr(second, name))
+        np.testing.assert_array_equal(one[:, [0, 2]], other[:, [0, 2]])
+        assert not np.allclose(one[2:, 1], other[2:, 1])
+
+
+def test_shares_are_fair_under_equal_share_and_drift_without():
+    keys = jax.random.split(jax.random.key(0), 20)
+    frames = FRAMES.copy()
+    frames[:, 2] += 2.5  # less likely than the others
+    share = {
+        weights: np.asarray(jaxpf.monte_carlo(tracker(weights=weights), keys, frames).uniqueness)
+        for weights in ("equal_share", "corrected", "plain")
+    }
+    assert np.all(np.abs(share["equal_share"] - 1 / 3) <= 1.01 / 60)
+    assert np.all(np.abs(share["corrected"] - 1 / 3) <= 1.01 / 60)
+    assert share["plain"][:, -1, 2].mean() < 0.05
+
+
+@pytest.mark.parametrize("weights", ["equal_share", "plain", "corrected"])
+def test_a_target_without_likelihood_is_reported_and_nothing_becomes_nan(weights):
+    frames = FRAMES.copy()
+    frames[2, 1] = 1e20  # no particle of target 1 has any likelihood
+    state, summary = jaxpf.run(tracker(weights=weights), jax.random.key(0), frames)
+    lost = np.asarray(summary.lost)
+    assert lost[2].tolist() == [False, True, False]
+    assert np.asarray(summary.status)[2] & states.STATUS_LOST
+    assert np.all(np.isfinite(summary.estimate))
+    assert np.all(np.isfinite(summary.spread))
+    assert not np.any(np.isnan(summary.label_log_evidence))
+    assert np.all(np.isfinite(summary.log_evidence))
+    # With equal shares its particles go on; else its weight is rightly zero.
+    assert lost[3:, 1].all() == (weights != "equal_share")
+    assert not lost[:, [0, 2]].any()
+    assert not np.any(np.isnan(state.log_weights))
+    assert np.isneginf(np.sum(summary.label_log_evidence, axis=0)[1])
+
+
+def without_target_1(**settings):
+    """A tracker and a state in which target 1 has no particles left."""
+    chosen = tracker(**settings)
+    state = start(chosen)
+    state, _ = step(chosen, jax.random.key(1), state, FRAMES[0])
+    labels = jnp.where(state.labels == 1, 0, state.labels)
+    return chosen, dataclasses.replace(state, labels=labels, lost=jnp.array([False, True, False]))
+
+
+def test_a_target_without_particles_is_reported_and_holds_its_estimate():
+    chosen, state = without_target_1()
+    after, summary = step(chosen, jax.random.key(2), state, FRAMES[1])
+    assert summary.lost.tolist() == [False, True, False]
+    assert summary.uniqueness[1] == 0
+    assert summary.ess_parts[1] == 0
+    assert summary.ess == 0
+    np.testing.assert_array_equal(summary.estimate[1], state.estimate[:, 1])
+    assert np.isfinite(summary.log_evidence)
+    assert not np.any(np.isnan(after.log_weights))
+    # The others share what there is: no particle has weight without a label that has.
+    np.testing.assert_allclose(np.exp(after.log_weights).sum(), 1, rtol=1e-5)
+
+
+def test_reseed_gives_a_lost_target_its_share_again():
+    chosen, state = without_target_1(reseed=(0.5, 0.5))
+    after, summary = step(chosen, jax.random.key(2), state, FRAMES[1])
+    assert not summary.lost.any()
+    assert summary.uniqueness[1] == pytest.approx(1 / 3)
+    distance = np.abs(np.asarray(after.substates)[:, 1] - np.asarray(state.estimate)[:, 1])
+    assert np.nanmax(distance) < 6
+    assert np.isnan(distance).all(axis=1).sum() == 40
+
+
+def test_speed_is_fed_back_as_equations_5_and_6_say():
+    """One frame by hand; without noise all particles of a target are one."""
+    first = np.array([[0.0, 0, 3, 1], [5, 5, -1, 2]], np.float32)
+    rates = (0.6, 0.3)
+    eye = np.tile(np.eye(4, dtype=np.float32), (2, 1, 1))
+    chosen = jaxpf.Labelled(
+        dynamics=FirstOrder(scale=0.0),
+        likelihood=Gaussian(noise=eye),
+        initial=first,
+        num_particles=8,
+        feedback="estimate",
+        regularise=rates,
+        speed=(2, 3),
+    )
+    state = start(chosen)
+    # Particles that are off by a pixel, and whose speeds are nonsense.
+    lagged = state.lagged.at[0, :2].add(1.0).at[0, 2:].set(-7.0)
+    state, summary = step(
+        chosen,
+        jax.random.key(1),
+        dataclasses.replace(state, lagged=lagged),
+        np.zeros((2, 4), np.float32),
+    )
+    moved = first[:, :2] + 1.0 - 7.0
+    position = 0.4 * (first[:, :2] + first[:, 2:]) + 0.6 * moved
+    speed = 0.7 * first[:, 2:] + 0.3 * (position - first[:, :2])
+    np.testing.assert_allclose(summary.estimate, np.hstack([position, speed]), rtol=1e-5)
+    # The particles' next speed is the estimate of the frame before, not their own.
+    np.testing.assert_allclose(state.lagged[0, 2:, 0], first[0, 2:], rtol=1e-5)
+    np.testing.assert_allclose(state.lagged[0, :2, 0], moved[0], rtol=1e-5)
+
+
+def test_speed_is_fed_back_to_a_second_order_motion_as_its_last_displacement():
+    chosen = tracker(feedback="estimate", dynamics=AR2(scale=0.0, momentum=1.0))
+    state = start(chosen)
+    velocity = jnp.array([[1.0, 2, 3], [4, 5, 6]])
+    state = dataclasses.replace(state, velocity=velocity)
+    after, _ = step(chosen, jax.random.key(1), state, FRAMES[0])
+    np.testing.assert_allclose(after.lagged[0], velocity[:, np.asarray(after.labels)], rtol=1e-6)
+
+
+def test_without_options_the_estimate_is_the_weighted_mean():
+    state, summary = jaxpf.run(tracker(), jax.random.key(0), FRAMES)
+    weights = np.exp(np.asarray(state.log_weights))[:, None, None]
+    values = np.asarray(state.substates)
+    holds = np.isfinite(values)
+    mean = np.nansum(weights * values, axis=0) / np.sum(weights * holds, axis=0)
+    np.testing.assert_allclose(summary.estimate[-1], mean, rtol=1e-4, atol=1e-5)
+    assert summary.ess[-1] == np.min(summary.ess_parts[-1])
+
+
+def test_many_targets_are_weighed_as_few_are(monkeypatch):
+    from jaxpf.filters.labelled import by_label
+
+    rng = np.random.default_rng(1)
+    labels, values = rng.integers(0, 5, 200).astype(np.int32), rng.normal(size=(3, 200))
+    values[0, labels == 4] = -np.inf
+    expected = [
+        by_label.counts(labels, 6),
+        by_label.sums(jnp.asarray(values[1:]), labels, 6),
+        by_label.log_sums(jnp.asarray(values[0]), labels, 6),
+    ]
+    monkeypatch.setattr(by_label, "FEW", 1)
+    found = [
+        by_label.counts(jnp.asarray(labels), 6),
+        by_label.sums(jnp.asarray(values[1:]), jnp.asarray(labels), 6),
+        by_label.log_sums(jnp.asarray(values[0]), jnp.asarray(labels), 6),
+    ]
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-5)
+    assert np.isneginf(found[2][4:]).all()
+
+
+def test_runs_streams_and_monte_carlo_agree():
+    chosen, key = tracker(feedback="estimate", regularise=(0.8, 0.5)), jax.random.key(5)
+    alone = jaxpf.run(chosen, key, FRAMES)[1]
+    many = jaxpf.monte_carlo(chosen, jnp.stack([key, jax.random.key(6)]), FRAMES)
+    np.testing.assert_allclose(many.estimate[0], alone.estimate, rtol=1e-3, atol=1e-4)
+    streamed = [tracked.summary.estimate for tracked in stream(chosen, key, FRAMES)]
+    np.testing.assert_allclose(streamed, alone.estimate, rtol=1e-3, atol=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", ["pathwise", "score"])
+def test_the_evidence_has_a_gradient(motion):
+    chosen = tracker(gradient="stop_gradient", motion_gradient=motion)
+
+    def loss(scale):
+        dynamics = dataclasses.replace(chosen.dynamics, scale=scale)
+        changed = dataclasses.replace(chosen, dynamics=dynamics)
+        keys = jax.random.split(jax.random.key(0), 4)
+        return jnp.mean(jaxpf.objectives.log_evidence(changed, keys, FRAMES))
+
+    slope = jax.grad(loss)(jnp.array([1.0, 1.0]))
+    assert np.all(np.isfinite(slope))
+    assert np.all(np.abs(slope) > 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"num_particles": 2}, "fewer than the 3 targets"),
+        ({"weights": "fair"}, "choose one of equal_share, plain, corrected"),
+        ({"scope": "all"}, "choose one of across, within"),
+        ({"feedback": "speed"}, "choose one of none, estimate"),
+        ({"resampling": "random"}, "not a resampling scheme"),
+        ({"gradient": "soft"}, "choose one of none, stop_gradient"),
+        ({"initial": np.zeros(3)}, "must be \\[L, D\\]"),
+        (
+            {"initial": IndependentGaussian(np.zeros((3, 2)), 1.0), "num_targets": None},
+            "num_targets=None",
+        ),
+        ({"regularise": (0.0, 1.0)}, "two rates above 0"),
+        ({"feedback": "estimate", "speed": (2, 3)}, "name coordinate 3"),
+        ({"feedback": "estimate", "speed": (1,)}, "one speed for each position"),
+        ({"feedback": "estimate", "speed": (0, 1)}, "different coordinates"),
+        ({"reseed": (1.0, 1.0), "weights": "plain"}, "equal share"),
+        ({"reseed": (-1.0, 1.0)}, "standard deviations >= 0"),
+        ({"feedback": "estimate", "motion_gradient": "score"}, "changes the move"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(settings, sentence):
+    with pytest.raises(jaxpf.InputError, match=sentence):
+        tracker(**settings)

@@ -1,0 +1,193 @@
+"""The pixel likelihood (rowe2005, eq. 3): mean against product, power and size term."""
+
+import dataclasses
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf.models.likelihoods import pixels
+
+SIGMA = 10.0
+
+
+def picture(seed, height=24, width=16):
+    """A look of 8 by 8 cells of 3 by 2 pixels."""
+    cells = np.random.default_rng(seed).integers(0, 256, (8, 8, 3), dtype=np.uint8)
+    return cells.repeat(height // 8, axis=0).repeat(width // 8, axis=1)
+
+
+def frame_with(patch, left=20, top=30, level=128):
+    frame = np.full((90, 100, 3), level, np.uint8)
+    frame[top : top + patch.shape[0], left : left + patch.shape[1]] = patch
+    return frame
+
+
+def likelihood(**settings):
+    return pixels([picture(0), picture(1)], **({"sigma": SIGMA, "window": (8, 8)} | settings))
+
+
+def log_prob(model, frame, *substates, target=0):
+    columns = np.array(substates, np.float32).T
+    labels = jnp.full(columns.shape[1], target)
+    return np.asarray(model.log_prob_all(model.observe(frame), labels, columns))
+
+
+TRUE = (28.0, 42.0, 16.0, 24.0)  # centre and sides of the patch in frame_with
+
+
+def by_hand(model, window, target=0, pool="mean"):
+    """Equation 3 in NumPy, pixel by pixel, for a window ``[M, 3]`` of the frame."""
+    reference = np.asarray(model.references, float)[target]
+    log_density = -0.5 * ((window - reference) / SIGMA) ** 2 - math.log(
+        SIGMA * math.sqrt(2 * math.pi)
+    )
+    log_density = log_density.sum(axis=-1)
+    if pool == "product":
+        return log_density.sum()
+    return np.log(np.mean(np.exp(log_density)))
+
+
+def centres(frame, box=TRUE, grid=8):
+    u, v, w, h = box
+    x = u + ((np.arange(grid) + 0.5) / grid - 0.5) * w
+    y = v + ((np.arange(grid) + 0.5) / grid - 0.5) * h
+    return frame[np.ix_(y.astype(int), x.astype(int))].reshape(-1, 3).astype(float)
+
+
+@pytest.mark.parametrize("pool", ["mean", "product"])
+def test_equation_3_is_computed_as_by_hand(pool):
+    model = likelihood(pool=pool)
+    noisy = frame_with(picture(0)).astype(float)
+    noisy += np.random.default_rng(2).normal(0, SIGMA, noisy.shape)
+    noisy = np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+    expected = by_hand(model, centres(noisy), pool=pool)
+    np.testing.assert_allclose(log_prob(model, noisy, TRUE), [expected], rtol=1e-4)
+
+
+def test_the_mean_is_not_the_product():
+    """The mutation: with half the box hidden, the mean loses a factor 2, the product all."""
+    frame = frame_with(picture(0))
+    hidden = frame.copy()
+    hidden[42:54] = 255 - hidden[42:54]  # the lower half
+    whole, half = (log_prob(likelihood(), x, TRUE)[0] for x in (frame, hidden))
+    assert half - whole == pytest.approx(math.log(0.5), abs=0.05)
+    model = likelihood(pool="product")
+    assert log_prob(model, hidden, TRUE)[0] - log_prob(model, frame, TRUE)[0] < -1000
+
+
+def test_the_right_place_and_target_are_the_most_likely():
+    model, frame = likelihood(), frame_with(picture(0))
+    places = [TRUE, (31.0, 42.0, 16.0, 24.0), (60.0, 60.0, 16.0, 24.0), (28.0, 42.0, 24.0, 36.0)]
+    assert np.argmax(log_prob(model, frame, *places)) == 0
+    assert log_prob(model, frame, TRUE)[0] > log_prob(model, frame, TRUE, target=1)[0] + 1
+
+
+def test_the_power_makes_a_shift_cost_what_was_asked_for():
+    """A shift of a whole cell of 8 leaves 7/8 of the box: A^k with k = s max(w, h)."""
+    slope = 0.5
+    cells = np.random.default_rng(0).choice([0, 255], (8, 8, 1)).astype(np.uint8)
+    patch = np.repeat(cells.repeat(3, 0).repeat(2, 1), 3, axis=-1)
+    model = pixels([patch], sigma=SIGMA, window=(8, 8), min_slope=slope)
+    plain = dataclasses.replace(model, min_slope=None)
+    frame = frame_with(patch)
+    shifted = (30.0, 42.0, 16.0, 24.0)
+    change = np.diff(log_prob(model, frame, TRUE, shifted))
+    plain_change = np.diff(log_prob(plain, frame, TRUE, shifted))
+    np.testing.assert_allclose(change, slope * 24 * plain_change, rtol=1e-3)
+    small = model.expecting(jnp.array([[28.0, 42.0, 1.0, 1.5]]))
+    np.testing.assert_allclose(log_prob(small, frame, TRUE), log_prob(plain, frame, TRUE))
+
+
+def test_the_power_does_not_depend_on_the_units_of_intensity():
+    frame, dark = frame_with(picture(0) // 2 * 2), frame_with(picture(0) // 2, level=64)
+    model = pixels([picture(0) // 2 * 2], sigma=20.0, window=(8, 8), min_slope=1.0)
+    other = pixels([picture(0) // 2], sigma=10.0, window=(8, 8), min_slope=1.0)
+    shifted = (29.0, 44.0, 16.0, 24.0)
+    first, second = log_prob(model, frame, TRUE, shifted), log_prob(other, dark, TRUE, shifted)
+    np.testing.assert_allclose(np.diff(first), np.diff(second), rtol=1e-4)
+
+
+def test_the_size_term_favours_larger_boxes_by_area_over_expected_area():
+    plain, model = likelihood(), likelihood(size_term=2.0)
+    frame = frame_with(picture(0))
+    boxes = [TRUE, (28.0, 42.0, 32.0, 24.0), (28.0, 42.0, 8.0, 12.0)]
+    added = log_prob(model, frame, *boxes) - log_prob(plain, frame, *boxes)
+    np.testing.assert_allclose(added, 2 * np.log([1, 2, 0.25]), atol=1e-4)
+    told = model.expecting(jnp.array([[28.0, 42.0, 32.0, 24.0], [0, 0, 1, 1]]))
+    added = log_prob(told, frame, *boxes) - log_prob(plain, frame, *boxes)
+    np.testing.assert_allclose(added, 2 * np.log([0.5, 1, 0.125]), atol=1e-4)
+
+
+def test_scale_and_sides_describe_the_same_box():
+    frame = frame_with(picture(0))
+    sides, scale = likelihood(size_term=1.0), likelihood(size_term=1.0, size="scale")
+    np.testing.assert_allclose(
+        log_prob(sides, frame, (28.0, 42.0, 24.0, 36.0)),
+        log_prob(scale, frame, (28.0, 42.0, 1.5)),
+        rtol=1e-5,
+    )
+    expected = scale.expecting(jnp.array([[0, 0, 2.0], [0, 0, 0.5]])).expected
+    np.testing.assert_allclose(expected, [[32, 48], [8, 12]])
+
+
+def test_grey_compares_brightness_alone():
+    model, frame = likelihood(colour="grey"), frame_with(picture(0))
+    swapped = frame.copy()
+    grey = np.rint(frame @ [0.299, 0.587, 0.114]).astype(np.uint8)
+    swapped[:] = grey[..., None]
+    np.testing.assert_allclose(
+        log_prob(model, swapped, TRUE), log_prob(model, frame, TRUE), atol=0.05
+    )
+    assert log_prob(model, frame, TRUE)[0] > log_prob(model, frame, (60.0, 60, 16, 24))[0] + 1
+
+
+def test_bilinear_pixels_have_a_gradient_in_the_box():
+    model, frame = likelihood(interpolation="bilinear"), frame_with(picture(0))
+    observation = model.observe(frame)
+    slope = jax.grad(lambda x: model.log_prob(observation, 0, x))(jnp.array([28.6, 42.7, 17, 25]))
+    assert np.all(np.isfinite(slope))
+    assert np.all(np.abs(slope[:2]) > 1e-3)
+    assert model.state_gradient
+    assert not likelihood().state_gradient
+
+
+def test_what_is_no_box_has_no_likelihood():
+    found = log_prob(
+        likelihood(size_term=1.0),
+        frame_with(picture(0)),
+        (28.0, 42.0, 0.5, 24.0),
+        (28.0, 42.0, -3.0, 24.0),
+        (np.nan, 42.0, 16.0, 24.0),
+        (1e6, -1e6, 16.0, 24.0),
+    )
+    assert np.isneginf(found[:2]).all()
+    assert np.isnan(found[2])
+    assert np.isfinite(found[3])
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"sigma": 0.0}, "sigma is 0.0"),
+        ({"pool": "sum"}, "choose one of 'mean', 'product'"),
+        ({"size": "area"}, "choose one of 'sides', 'scale'"),
+        ({"colour": "hsv"}, "choose one of 'colour', 'grey'"),
+        ({"window": (0, 3)}, "columns and rows"),
+        ({"min_slope": -1.0}, "min_slope is -1.0"),
+        ({"size_term": math.inf}, "size_term is inf"),
+        ({"sizes": [[3, 3]]}, "for each of the 2"),
+        ({"sizes": [[3, 3], [0, 3]]}, "sizes\\[1\\] is 0 x 3"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(settings, sentence):
+    with pytest.raises(jaxpf.InputError, match=sentence):
+        likelihood(**settings)
+
+
+def test_a_substate_that_is_no_box_is_refused():
+    with pytest.raises(jaxpf.InputError, match="takes \\(u, v, w, h"):
+        log_prob(likelihood(), frame_with(picture(0)), (1.0, 2.0, 3.0))

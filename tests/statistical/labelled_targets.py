@@ -59,15 +59,15 @@ def moments(state, summary):
     return summary.log_evidence, summary.label_log_evidence, sums, holds.sum(-1), summary.lost
 
 
-@partial(jax.jit, compiler_options=COMPILER_OPTIONS)
-def _monte_carlo(tracker, keys, frames):
-    return jaxpf.monte_carlo(tracker, keys, frames, moments, batch_size=BATCH)
+@partial(jax.jit, static_argnames="batch", compiler_options=COMPILER_OPTIONS)
+def _monte_carlo(tracker, keys, frames, batch):
+    return jaxpf.monte_carlo(tracker, keys, frames, moments, batch_size=batch)
 
 
-def recorded(exact: Targets, *, seed=1, runs=RUNS, **settings):
+def recorded(exact: Targets, *, seed=1, runs=RUNS, batch=BATCH, **settings):
     """``moments`` of many runs, leading axes ``[R, T]``."""
     keys = jax.random.split(jax.random.key(seed), runs)
-    found = _monte_carlo(exact.tracker(**settings), keys, exact.problem.frames)
+    found = _monte_carlo(exact.tracker(**settings), keys, exact.problem.frames, batch)
     found = jax.tree.map(np.asarray, found)
     assert found[0].dtype == np.float64
     return found

@@ -77,16 +77,16 @@ class ProjectilesParameters:
     area_large: float = 1435.0
     aspect_small: float = 1.7
     aspect_large: float = 1.3
-    cell_columns: int = 8
-    cell_rows: int = 12
+    cell_columns: int = 4
+    cell_rows: int = 6
     target_means: tuple[float, float] = (95.0, 165.0)
-    target_deviation: float = 25.0
+    target_deviation: float = 30.0
     background_mean: float = 130.0
-    background_deviation: float = 25.0
+    background_deviation: float = 30.0
     background_grain: int = 3
     strips: tuple[float, ...] = (0.35, 0.65)
-    strip_width: int = 40
-    noise: float = 20.0
+    strip_width: int = 30
+    noise: float = 40.0
 
     def __post_init__(self) -> None:
         for name in (

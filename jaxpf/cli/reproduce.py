@@ -14,6 +14,7 @@ from jaxpf.cli import common
 PAPERS = {
     "smith2004": "jaxpf.experiments.smith2004",
     "gonzales2011": "jaxpf.experiments.gonzales2011",
+    "rowe2005": "jaxpf.experiments.rowe2005",
 }
 
 

@@ -1,6 +1,6 @@
 """The figures that rowe2005 publishes, as data.
 
-Rowe, Rius, Gonzalez and Villanueva, "Improving tracking by handling occlusions", ICAPR 2005.
+Rowe, Rius, Gonzalez and Villanueva, "Towards robust multiple-target tracking", about 2005.
 """
 
 #: T, N and L of the synthetic test.

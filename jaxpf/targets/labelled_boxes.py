@@ -1,0 +1,126 @@
+"""Coloured boxes tracked with labelled particles, and what is refused at their start.
+
+A box is a target with substate (u, v, a), as in ``jaxpf.boxes``: centre in pixels and scale
+relative to the size it started with.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.errors import InputError
+from jaxpf.filters.labelled.tracker import Labelled
+from jaxpf.models.dynamics import AR2
+
+#: Noise of centre (pixels) and scale per frame.
+DEFAULT_SCALE = (4.0, 2.0, 0.003)
+#: Rates of position and speed in the regularised estimates.
+DEFAULT_RATES = (0.9, 0.5)
+
+
+def labelled_box_tracker(
+    likelihood: Any,
+    boxes: ArrayLike,
+    *,
+    scale: ArrayLike = DEFAULT_SCALE,
+    num_particles: int = 300,
+    resampling: str = "systematic",
+    scope: str = "across",
+    weights: str = "equal_share",
+    feedback: str = "none",
+    regularise: ArrayLike | None = None,
+    reseed: ArrayLike | None = None,
+    frame_shape: Sequence[int] | None = None,
+) -> Labelled:
+    """A labelled tracker that starts at given boxes and moves them by smith2004's AR2 dynamics.
+
+    Feedback replaces a particle's last displacement by its target's estimated one.
+
+    Args:
+        likelihood: of substates (u, v, a), such as ``jaxpf.likelihoods.histogram(...)``.
+        boxes: x, y, w, h in pixels, ``[L, 4]``: where the targets are before the first frame.
+        scale: noise of u, v (pixels) and a per frame, ``[3]`` or ``[L, 3]``.
+        num_particles: N, of all targets together.
+        resampling: a scheme of ``jaxpf.resampling.SCHEMES``.
+        scope: see ``Labelled``, as are ``weights``, ``feedback`` and ``regularise``.
+        weights: see ``scope``.
+        feedback: see ``scope``.
+        regularise: see ``scope``.
+        reseed: standard deviations of u, v and a around a lost target's last estimate.
+        frame_shape: of a frame, (height, width, ...), to refuse boxes outside it.
+
+    Raises:
+        InputError: a box outside the frame; noise that is negative or not finite; and see
+            ``Labelled``.
+    """
+    boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
+    scale = np.asarray(scale, np.float32)
+    if scale.shape[-1:] != (3,) or not np.all(np.isfinite(scale)) or np.any(scale < 0):
+        raise InputError(
+            f"scale {scale.tolist()} must be three finite numbers >= 0: the noise of x and y in "
+            "pixels and of the relative size, such as 4,2,0.003."
+        )
+    if frame_shape is not None:
+        check_in_frame(boxes, frame_shape)
+    centres = boxes[:, :2] + boxes[:, 2:] / 2
+    return Labelled(
+        dynamics=AR2(scale=scale),
+        likelihood=likelihood,
+        initial=np.concatenate([centres, np.ones((len(boxes), 1), np.float32)], axis=1),
+        num_particles=num_particles,
+        resampling=resampling,
+        scope=scope,
+        weights=weights,
+        feedback=feedback,
+        regularise=None if regularise is None else np.asarray(regularise, np.float32),
+        reseed=None if reseed is None else np.asarray(reseed, np.float32),
+    )
+
+
+def check_in_frame(
+    boxes: ArrayLike, frame_shape: Sequence[int], ids: Sequence[Any] | None = None
+) -> None:
+    """Refuse a target that nobody can see.
+
+    Args:
+        boxes: x, y, w, h in pixels, ``[L, 4]``.
+        frame_shape: (height, width, ...).
+        ids: what the targets are called; by default their numbers.
+
+    Raises:
+        InputError: a box that has no area, or none inside the frame.
+    """
+    height, width = frame_shape[:2]
+    for number, (x, y, w, h) in enumerate(np.asarray(boxes, float).reshape(-1, 4)):
+        name = number if ids is None else ids[number]
+        if not (np.isfinite([x, y, w, h]).all() and w > 0 and h > 0):
+            raise InputError(
+                f"target {name} has the box {x:g},{y:g},{w:g},{h:g}, which has no area; give x, y, "
+                "width and height in pixels."
+            )
+        if x >= width or y >= height or x + w <= 0 or y + h <= 0:
+            raise InputError(
+                f"target {name} has the box {x:g},{y:g},{w:g},{h:g}, which lies outside the frame "
+                f"of {width} x {height} pixels; leave it out or start where it is in view."
+            )
+
+
+def check_started(summary: Any, ids: Sequence[Any] | None = None) -> None:
+    """Refuse a start at which some target fits nothing.
+
+    Args:
+        summary: of the first frame, from ``step``.
+        ids: what the targets are called; by default their numbers.
+
+    Raises:
+        InputError: all weights of a target were zero.
+    """
+    lost = np.flatnonzero(np.asarray(summary.lost))
+    if len(lost):
+        names = ", ".join(str(number if ids is None else ids[number]) for number in lost)
+        raise InputError(
+            f"in the first frame no particle of target {names} has any likelihood; check its box, "
+            "or widen the noise of position and size."
+        )

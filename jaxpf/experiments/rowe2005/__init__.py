@@ -10,7 +10,7 @@ from pathlib import Path
 
 from jaxpf.experiments.comparison_table import Comparison, Table, scene_seeds
 from jaxpf.experiments.rowe2005 import figures, judgements, published, tables
-from jaxpf.experiments.rowe2005.synthetic import RUNS_PER_SCENE, SETTINGS, measure
+from jaxpf.experiments.rowe2005.synthetic import RUNS_PER_SCENE, SETTINGS, VARIANTS, measure
 
 RUNS = 100
 _QUICK_SCENES = 2
@@ -50,16 +50,19 @@ def run(
     seeds = scene_seeds(runs, seed, RUNS_PER_SCENE)
     report(f"{len(seeds)} scenes with {RUNS_PER_SCENE} runs of every variant each")
     outcome = measure(seeds, progress=lambda done: report(f"  scene {done} of {len(seeds)} done"))
+    report("Targets that cross: mean against product")
+    likelihoods = {name: VARIANTS[name] for name in ("both", "product")}
+    crossing = measure(seeds, likelihoods, paths="crossing")
     return Comparison(
         paper="rowe2005",
         title="rowe2005 repeated: labelled particles with equal shares and speed feedback",
         tables=[
             tables.share_table(outcome),
             tables.error_table(outcome),
-            tables.likelihood_table(outcome),
+            tables.likelihood_table(outcome, crossing),
             tables.size_table(outcome),
         ],
-        claims=judgements.claims(outcome),
+        claims=judgements.claims(outcome, crossing),
         figures={
             "figure_2": figures.figure_2(outcome),
             "figure_3": figures.figure_3(outcome),

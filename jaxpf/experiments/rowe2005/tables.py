@@ -139,25 +139,27 @@ def error_table(outcome: Outcome) -> Table:
     )
 
 
-def likelihood_table(outcome: Outcome) -> Table:
-    """The mean of eq. 3 against the product, at the strips and away from them."""
+def likelihood_table(outcome: Outcome, crossing: Outcome) -> Table:
+    """The mean of eq. 3 against the product: at the strips, elsewhere, and where targets cross."""
     rows: list[tuple[str, list[Cell | str]]] = [
         (
             label,
             [
-                Cell(None, mean(error_by_place(outcome, variant, strip=True)), 2),
-                Cell(None, mean(error_by_place(outcome, variant, strip=False)), 2),
+                Cell(None, mean(error_by_place(outcome, variant, strip=True)), 3),
+                Cell(None, mean(error_by_place(outcome, variant, strip=False)), 3),
                 Cell(None, rate(lost(outcome, variant))),
+                Cell(None, rate(lost(crossing, variant))),
             ],
         )
         for label, variant in (("mean (eq. 3)", "both"), ("product", "product"))
     ]
     return Table(
         "likelihoods",
-        "Mean against product of the pixels' densities: error over size, all targets",
-        ["", "at a strip", "elsewhere", "targets lost (%)"],
+        "Mean against product of the pixels' densities: error over size; targets lost (%)",
+        ["", "at a strip", "elsewhere", "lost", "lost, targets that cross"],
         rows,
-        "In this scene nothing hides a target: strips lie behind it.  The product takes no power.",
+        "Strips lie behind the targets; on scenes with paths='crossing' one target hides the "
+        "other.  The product takes no power: it is sharp enough.",
     )
 
 

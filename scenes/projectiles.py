@@ -167,8 +167,9 @@ def _generator(seed: int, stream: int) -> np.random.Generator:
 
 
 def _is_number(value: object, *, above: float = -math.inf, least: float = -math.inf) -> bool:
-    real = isinstance(value, int | float) and not isinstance(value, bool)
-    return real and math.isfinite(value) and value > above and value >= least
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return math.isfinite(value) and value > above and value >= least
 
 
 def _sizes(parameters: ProjectilesParameters) -> np.ndarray:

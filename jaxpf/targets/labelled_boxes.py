@@ -12,12 +12,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
 from jaxpf.filters.labelled.tracker import Labelled
-from jaxpf.models.dynamics import AR2
-
-#: Noise of centre (pixels) and scale per frame.
-DEFAULT_SCALE = (4.0, 2.0, 0.003)
-#: Rates of position and speed in the regularised estimates.
-DEFAULT_RATES = (0.9, 0.5)
+from jaxpf.targets.boxes import DEFAULT_SCALE, box_model
 
 
 def labelled_box_tracker(
@@ -56,19 +51,13 @@ def labelled_box_tracker(
             ``Labelled``.
     """
     boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
-    scale = np.asarray(scale, np.float32)
-    if scale.shape[-1:] != (3,) or not np.all(np.isfinite(scale)) or np.any(scale < 0):
-        raise InputError(
-            f"scale {scale.tolist()} must be three finite numbers >= 0: the noise of x and y in "
-            "pixels and of the relative size, such as 4,2,0.003."
-        )
     if frame_shape is not None:
         check_in_frame(boxes, frame_shape)
-    centres = boxes[:, :2] + boxes[:, 2:] / 2
+    model = box_model(likelihood, boxes, scale)
     return Labelled(
-        dynamics=AR2(scale=scale),
-        likelihood=likelihood,
-        initial=np.concatenate([centres, np.ones((len(boxes), 1), np.float32)], axis=1),
+        dynamics=model.dynamics,
+        likelihood=model.likelihood,
+        initial=model.initial,
         num_particles=num_particles,
         resampling=resampling,
         scope=scope,
@@ -117,8 +106,8 @@ def check_started(summary: Any, ids: Sequence[Any] | None = None) -> None:
     Raises:
         InputError: all weights of a target were zero.
     """
-    lost = np.flatnonzero(np.asarray(summary.lost))
-    if len(lost):
+    lost = np.flatnonzero(np.asarray(summary.lost)).tolist()
+    if lost:
         names = ", ".join(str(number if ids is None else ids[number]) for number in lost)
         raise InputError(
             f"in the first frame no particle of target {names} has any likelihood; check its box, "

@@ -87,18 +87,18 @@ def tracker(scene: Any, settings: Settings = SETTINGS, **changes: Any) -> jaxpf.
         [boxes[:, :2] + boxes[:, 2:] / 2, boxes[:, 2:], np.zeros_like(boxes[:, :2])]
     )
     scales = (settings.position_scale, settings.size_scale, settings.speed_scale)
+    options: dict[str, Any] = {
+        "num_particles": PARTICLES,
+        "resampling": "multinomial",
+        "feedback": "estimate",
+        "speed": (4, 5),
+    }
     return jaxpf.Labelled(
         dynamics=FirstOrder(scale=np.repeat(np.array(scales, np.float32), 2), speed=(4, 5)),
         likelihood=likelihood,
         initial=initial,
         regularise=np.array(settings.rates, np.float32),
-        **{
-            "num_particles": PARTICLES,
-            "resampling": "multinomial",
-            "feedback": "estimate",
-            "speed": (4, 5),
-        }
-        | changes,
+        **(options | changes),
     )
 
 
@@ -150,8 +150,8 @@ def measure(
         rows.append([np.stack(column) for column in zip(*found, strict=True)])
         strips.append(_in_strip(truth, scene.extras["strips"]))
         progress(done)
-    stacked = (np.stack(column, axis=1) for column in zip(*rows, strict=True))
-    return Outcome(tuple(variants), *stacked, np.stack(strips))
+    error, ratio, share, astray = (np.stack(column, axis=1) for column in zip(*rows, strict=True))
+    return Outcome(tuple(variants), error, ratio, share, astray, np.stack(strips))
 
 
 def _in_strip(boxes: np.ndarray, strips: np.ndarray) -> np.ndarray:

@@ -56,7 +56,7 @@ def select(tracker: Any, key: jax.Array, state: LabelledState) -> LabelledState:
         sizes = np.bincount(
             first_labels(num_particles, tracker.num_targets), minlength=tracker.num_targets
         )
-        components = resampling.components_of_sizes(sizes, num_particles)
+        components = resampling.components_of_sizes(jnp.asarray(sizes), num_particles)
     else:
         components = resampling.one_component(num_particles)
     chosen, log_weights = resampling.weighted_resample(

@@ -6,13 +6,9 @@ import numpy as np
 
 from jaxpf.errors import InputError
 from jaxpf.filters import resampling
+from jaxpf.filters.labelled.choices import FEEDBACKS, GRADIENTS, SCOPES, WEIGHTS
 from jaxpf.filters.partitioned.gradients import MOTION_GRADIENTS
 from jaxpf.pytree import is_concrete
-
-WEIGHTS = ("equal_share", "plain", "corrected")
-SCOPES = ("across", "within")
-FEEDBACKS = ("none", "estimate")
-GRADIENTS = ("none", "stop_gradient")
 
 
 def check_tracker(tracker: Any) -> None:

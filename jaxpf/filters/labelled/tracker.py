@@ -37,11 +37,11 @@ class Labelled:
         num_targets: static, L; only needed where ``initial`` is a sampler.
         num_particles: static, N, of all targets together.
         resampling: static, one of ``jaxpf.resampling.SCHEMES``.
-        scope: static, one of ``SCOPES``: one resampling ``"across"`` all labels, or ``"within"``
-            each, which fixes their numbers and makes L independent filters.
-        weights: static, one of ``WEIGHTS``: ``"equal_share"`` (eq. 4), ``"plain"``, or
+        scope: static, one of ``choices.SCOPES``: one resampling ``"across"`` all labels, or
+            ``"within"`` each, which fixes their numbers and makes L independent filters.
+        weights: static, one of ``choices.WEIGHTS``: ``"equal_share"`` (eq. 4), ``"plain"``, or
             ``"corrected"``, which selects by eq. 4 and keeps the weights.
-        feedback: static, one of ``FEEDBACKS``: ``"estimate"`` moves the particles at the
+        feedback: static, one of ``choices.FEEDBACKS``: ``"estimate"`` moves the particles at the
             speed of the regularised estimate (eq. 5), ``"none"`` at their own.
         position: static, the coordinates of a position.
         speed: static, the coordinates of the speed per frame, one for each of ``position``;

@@ -232,7 +232,7 @@ def pixels(
         expected=as_array(sizes, float),
         min_slope=None if min_slope is None else as_array(min_slope, float),
         size_term=None if size_term is None else as_array(size_term, float),
-        window=tuple(window),
+        window=(window[0], window[1]),
         pool=pool,
         size=size,
         colour=colour,

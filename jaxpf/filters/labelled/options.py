@@ -1,0 +1,110 @@
+"""The labelled filter's options, for commands and evaluations."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+from jaxpf.errors import InputError
+from jaxpf.filters.filter import Filter
+from jaxpf.filters.labelled.choices import FEEDBACKS, SCOPES, WEIGHTS
+from jaxpf.models.model import Model
+from jaxpf.names import SCHEMES
+from jaxpf.options import check_options, option
+
+METHODS = ("labelled",)
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """Options of the labelled filter; see the help of each.
+
+    The defaults are what tracks best, not those of ``Labelled``, which leave everything out but
+    the equal shares.
+    """
+
+    method: str = option("labelled", "labelled (each particle holds one object).", choices=METHODS)
+    particles: int = option(
+        300, "Number of particles.", least=1, most=2**31 - 1, flags=("-n",), compiles=True
+    )
+    resampling: str = option("systematic", "Resampling scheme.", choices=SCHEMES, compiles=True)
+    weights: str = option(
+        "equal_share",
+        "How labelled particles are shared: equal_share (each object gets as many), plain (the "
+        "likelier, the more), corrected (equal shares, weights kept).",
+        choices=WEIGHTS,
+        compiles=True,
+    )
+    scope: str = option(
+        "across",
+        "Whether labelled particles are resampled across objects or within each.",
+        choices=SCOPES,
+        compiles=True,
+    )
+    feedback: str = option(
+        "none",
+        "Whether labelled particles move at their own speed (none) or at that of the estimate.",
+        choices=FEEDBACKS,
+        compiles=True,
+    )
+    regularise: tuple[float, ...] | None = option(
+        None,
+        "Rates of position and speed in the regularised estimates of labelled particles, such as "
+        "0.9,0.5; by default they are not regularised.",
+        kind=float,
+        length=2,
+        above=0,
+        most=1,
+        path="regularise",
+    )
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+
+class LabelledFilter(Filter):
+    """rowe2005."""
+
+    name = "labelled"
+    methods = METHODS
+    options = Options
+
+    def tracker(self, model: Model, options: Options) -> Any:
+        """See ``Filter``."""
+        import numpy as np
+
+        from jaxpf.filters.labelled.tracker import Labelled
+
+        self.check(options, model.parents)
+        rates = options.regularise
+        return Labelled(
+            dynamics=model.dynamics,
+            likelihood=model.likelihood,
+            initial=model.initial,
+            num_targets=model.num_partitions,
+            num_particles=options.particles,
+            resampling=options.resampling,
+            weights=options.weights,
+            scope=options.scope,
+            feedback=options.feedback,
+            regularise=None if rates is None else np.asarray(rates, np.float32),
+        )
+
+    def admits(self, method: str, parents: Sequence[int]) -> bool:
+        """See ``Filter``: a particle holds one object and knows no parent."""
+        return all(parent < 0 for parent in parents)
+
+    def check(self, options: Options, parents: Sequence[int]) -> None:
+        """See ``Filter``."""
+        if not self.admits(options.method, parents):
+            raise InputError(
+                "method 'labelled' tracks objects that are independent, and these are parts of a "
+                "tree; use method 'ps' or 'sps'."
+            )
+        if options.particles < len(parents):
+            raise InputError(
+                f"particles = {options.particles} is fewer than the {len(parents)} objects that "
+                "share them; give at least one each, better some fifty."
+            )
+
+
+LABELLED = LabelledFilter()

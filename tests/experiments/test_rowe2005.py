@@ -1,0 +1,127 @@
+"""rowe2005's tables and verdicts on made outcomes; one small measurement of the real thing."""
+
+import numpy as np
+import pytest
+
+import jaxpf
+import scenes
+from jaxpf.experiments import comparison_table, rowe2005
+from jaxpf.experiments.claims import CANNOT_RESOLVE, CONTRADICTS, SUPPORTS
+from jaxpf.experiments.rowe2005 import judgements, published, synthetic, tables
+
+SCENES, RUNS, FRAMES, TARGETS = 12, synthetic.RUNS_PER_SCENE, 20, 2
+
+
+def outcome(seed=0, **errors):
+    """Runs in which every variant has a mean error of .1, or the one given."""
+    rng = np.random.default_rng(seed)
+    names = tuple(synthetic.VARIANTS)
+    shape = len(names), SCENES, RUNS, FRAMES, TARGETS
+    error = 0.1 + 0.01 * rng.standard_normal(shape)
+    for name, value in errors.items():
+        error[names.index(name)] += value - 0.1
+    share = np.full(shape, 0.5)
+    share[..., 0] += 0.001 * rng.standard_normal(shape[:-1])
+    share[..., 1] = 1 - share[..., 0]
+    share[names.index("without eq. 4")] = (1.0, 0.0)
+    ratio = 1 + 0.01 * rng.standard_normal(shape)
+    ratio[names.index("without size term")] *= 0.2
+    astray = 0.01 * rng.random(shape[:-1])
+    astray[names.index("neither")] = 0.5
+    strip = np.zeros((SCENES, FRAMES, TARGETS), bool)
+    strip[:, :5] = True
+    return synthetic.Outcome(names, error, ratio, share, astray, strip)
+
+
+def verdicts(found, crossing=None):
+    return {c.statement: c.verdict for c in judgements.claims(found, crossing or found)}
+
+
+def verdict_of(found, beginning):
+    return next(v for statement, v in verdicts(found).items() if statement.startswith(beginning))
+
+
+def test_the_published_figures_are_those_of_table_1():
+    assert published.tracked_mean("neither") == pytest.approx(0.120, abs=5e-4)
+    assert published.tracked_mean("both") == pytest.approx(0.087, abs=5e-4)
+    assert published.losses("neither") == (2, 8)
+    assert published.losses("both") == (0, 8)
+
+
+def test_what_agrees_with_the_paper_is_supported():
+    found = outcome(neither=0.15)
+    assert verdict_of(found, "Without eq. 4") == SUPPORTS
+    assert verdict_of(found, "With eq. 4") == SUPPORTS
+    assert verdict_of(found, "Regularising") == SUPPORTS
+    assert verdict_of(found, "They reduce the number") == SUPPORTS
+    assert verdict_of(found, "to a negligible") == SUPPORTS
+    assert verdict_of(found, "and eventually collapse") == SUPPORTS
+    assert verdict_of(found, "Without the size term") == SUPPORTS
+
+
+def test_what_disagrees_is_contradicted():
+    found = outcome(neither=0.05, both=0.2)
+    assert verdict_of(found, "Regularising") == CONTRADICTS
+    kept = found._replace(area_ratio=np.ones_like(found.area_ratio) + 0 * found.error)
+    assert verdict_of(kept, "and eventually collapse") == CONTRADICTS
+    lost = outcome(both=3.0)
+    assert verdict_of(lost, "With both no target") == CONTRADICTS
+
+
+def test_what_is_open_says_how_many_runs_would_resolve_it():
+    claims = judgements.claims(outcome(), outcome())
+    open_ = [claim for claim in claims if claim.verdict == CANNOT_RESOLVE]
+    assert open_
+    for claim in open_:
+        assert "would resolve it" in claim.measured
+
+
+def test_runs_to_resolve_grow_with_the_square_of_the_interval():
+    rng = np.random.default_rng(0)
+    values = rng.normal(0.05, 1, 40)
+    part = judgements._mean("", values, at_least=0)
+    _, low, high = part.measured()
+    expected = 40 * RUNS * ((high - low) / 2 / abs(values.mean())) ** 2
+    assert judgements.runs_to_resolve(part) == pytest.approx(expected)
+
+
+def test_lost_targets_do_not_count_in_the_tracked_error():
+    found = outcome()
+    error = found.error.copy()
+    error[found.of("both"), :, 0, :, 1] = 5.0
+    found = found._replace(error=error)
+    assert tables.lost(found, "both").mean() == pytest.approx(1 / (RUNS * TARGETS))
+    assert tables.tracked_error(found, "both").mean() == pytest.approx(0.1, abs=0.01)
+
+
+def test_errors_are_told_apart_by_place():
+    found = outcome()
+    error = np.where(found.in_strip[:, None], 0.4, 0.1) + 0 * found.error
+    found = found._replace(error=error)
+    np.testing.assert_allclose(tables.error_by_place(found, "both", strip=True), 0.4)
+    np.testing.assert_allclose(tables.error_by_place(found, "both", strip=False), 0.1)
+
+
+@pytest.mark.slow
+def test_the_whole_comparison_is_measured_printed_and_written(tmp_path, monkeypatch):
+    """Two short scenes; the figures mean nothing at this length."""
+    make = scenes.make
+    monkeypatch.setattr(
+        scenes, "make", lambda name, **settings: make(name, num_frames=12, **settings)
+    )
+    found = rowe2005.run(runs=2 * RUNS)
+    assert [table.name for table in found.tables] == ["shares", "errors", "likelihoods", "sizes"]
+    assert all(table.texts() for table in found.tables)
+    written = comparison_table.write(found, tmp_path)
+    assert {"figure_2.png", "figure_3.png", "figure_4.png", "rowe2005.md"} <= set(written)
+    assert "49.5 to 50.5" in (tmp_path / "rowe2005.md").read_text()
+    with pytest.raises(jaxpf.InputError, match="multiple of 4"):
+        rowe2005.run(runs=6)
+
+
+def test_the_calibration_uses_scenes_that_no_report_uses():
+    from jaxpf.experiments.rowe2005 import calibration
+
+    assert min(calibration.SEEDS) >= 2**20
+    for field, values in calibration.GRID.items():
+        assert getattr(synthetic.SETTINGS, field) in values

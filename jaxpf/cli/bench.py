@@ -38,7 +38,7 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
             raise InputError(f"--output {output} is where the curves go; name the CSV file.")
         check_output_file(output)
     common.start_jax()
-    from jaxpf.experiments import gradient_costs, speed
+    from jaxpf.experiments import gradient_costs, labelled_costs, speed
     from jaxpf.experiments.gonzales2011 import costs
 
     rows: list[Any] = []
@@ -48,6 +48,11 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
         (
             f"Turned parts: {costs.RUNS} runs, {costs.PARTICLES} particles; CPU time, one device",
             costs.rows(repeats),
+        ),
+        (
+            f"Labelled particles: {labelled_costs.RUNS} runs, {labelled_costs.PARTICLES} "
+            "particles; CPU time, one device",
+            labelled_costs.rows(repeats),
         ),
         ("Generic kernel: 1-D model, 50 runs, 1000 particles", speed.generic_rows(repeats)),
         (f"Gradient of the evidence: {gradient_costs.RUNS} runs", gradient_costs.rows(repeats)),
@@ -70,6 +75,12 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
             [str(frames), *(f"{size / 1e6:.1f}" for size in sizes)]
             for frames, sizes in gradient_costs.memory_rows()
         ],
+    )
+    common.print_table(
+        f"Labelled particles, 1-D model, {labelled_costs.PER_TARGET} particles per target "
+        "(constant ns: linear)",
+        ["targets", "ns per particle and frame"],
+        [[str(targets), f"{ns:.1f}"] for targets, ns in labelled_costs.growth()],
     )
     if output is not None:
         from jaxpf.files.writing import atomic_write

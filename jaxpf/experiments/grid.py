@@ -104,7 +104,7 @@ def run_grid(
         chosen = list(range(first, min(first + batch, len(scenes))))
         # The last batch is padded: another width would compile anew.
         works = [
-            _work(scenes[i], _with_bins(learned[i], num_bins), keys[i])
+            _work(scenes[i], with_bins(learned[i], num_bins), keys[i])
             for i in (chosen + [chosen[-1]] * batch)[:batch]
         ]
         recorded = kernel(jax.tree.map(lambda *rows: np.stack(rows), *works), *settings)
@@ -130,7 +130,7 @@ def _work(scene: Any, likelihood: HistogramLikelihood, keys: jax.Array) -> Work:
     return Work(scene.frames[1:], initial, likelihood, np.asarray(jax.random.key_data(keys)))
 
 
-def _with_bins(likelihood: HistogramLikelihood, num_bins: int) -> HistogramLikelihood:
+def with_bins(likelihood: HistogramLikelihood, num_bins: int) -> HistogramLikelihood:
     """The same likelihood with a longer table of bins; what it adds is never counted."""
     references, lookup = likelihood.references, likelihood.bin_lookup
     missing = num_bins - references.shape[-1]

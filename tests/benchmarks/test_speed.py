@@ -9,7 +9,7 @@ from math import comb
 import numpy as np
 import pytest
 
-from jaxpf.experiments import gradient_costs, speed
+from jaxpf.experiments import gradient_costs, labelled_costs, speed
 from jaxpf.experiments.growth import Growth, growth, growth_figure
 
 pytestmark = pytest.mark.slow
@@ -69,3 +69,18 @@ def test_the_interval_of_the_median_covers_95_percent(repeats):
     # The median lies outside if at most `low` values fall on one side of it.
     outside = 2 * sum(comb(repeats, k) for k in range(int(low) + 1)) / 2**repeats
     assert outside <= 0.05
+
+
+def test_labelled_particles_are_timed_against_one_partition():
+    rows = list(labelled_costs.rows(repeats=1, num_particles=70, num_runs=2, num_frames=2))
+    assert [row.goal for row in rows] == ["", "<= 1.5", "<= 1.5"]
+    assert rows[0].ratio == 1
+    (one, few), (other, many) = labelled_costs.growth((1, 6), per_target=20, repeats=1)
+    assert (one, other) == (1, 6)
+    assert few > 0
+    assert many > 0
+
+
+def test_memory_of_labelled_particles_does_not_grow_with_the_number_of_frames():
+    sizes = dict(labelled_costs.memory_rows((10, 1000)))
+    assert (sizes[1000] - sizes[10]) / 990 < 100

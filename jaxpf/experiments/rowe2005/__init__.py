@@ -9,11 +9,21 @@ from collections.abc import Callable
 from pathlib import Path
 
 from jaxpf.experiments.comparison_table import Comparison, Table, scene_seeds
-from jaxpf.experiments.rowe2005 import figures, judgements, published, tables
+from jaxpf.experiments.rowe2005 import (
+    bias,
+    distracter,
+    figures,
+    judgements,
+    published,
+    tables,
+)
 from jaxpf.experiments.rowe2005.synthetic import RUNS_PER_SCENE, SETTINGS, VARIANTS, measure
 
 RUNS = 100
 _QUICK_SCENES = 2
+#: Scenes of the comparison with PS, DPS and SPS, and runs behind the table of biases.
+_COMPARED, _QUICK_COMPARED = 20, 4
+_QUICK_BIAS_RUNS = 2000
 
 NOTES = (
     "The paper's scene is not to be had: it gives the numbers of frames, targets and samples, the "
@@ -53,6 +63,9 @@ def run(
     report("Targets that cross: mean against product")
     likelihoods = {name: VARIANTS[name] for name in ("both", "product")}
     crossing = measure(seeds, likelihoods, paths="crossing")
+    number = _QUICK_COMPARED if quick else _COMPARED
+    report(f"Distracter: {number} scenes with {distracter.RUNS_PER_SCENE} runs of every method")
+    compared = distracter.measure(range(seed, seed + number))
     return Comparison(
         paper="rowe2005",
         title="rowe2005 repeated: labelled particles with equal shares and speed feedback",
@@ -61,6 +74,8 @@ def run(
             tables.error_table(outcome),
             tables.likelihood_table(outcome, crossing),
             tables.size_table(outcome),
+            bias.bias_table(_QUICK_BIAS_RUNS if quick else bias.RUNS, seed),
+            distracter.table(compared),
         ],
         claims=judgements.claims(outcome, crossing),
         figures={

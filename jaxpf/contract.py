@@ -13,7 +13,8 @@ dynamics      ``propagate`` or ``propagate_all``                           ``log
 likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log_joint``,
                                                                            ``state_gradient``,
                                                                            ``fixed_observation``,
-                                                                           ``form``
+                                                                           ``form``,
+                                                                           ``expecting``
 observation   any pytree                                                   ``take_frame``
 sampler       ``__call__(key) -> [P, D]``                                  ``independent``
 ============  ===========================================================  =====================
@@ -288,6 +289,15 @@ def log_joint_all(likelihood, observation, substates, log_probs) -> jax.Array:
     return jax.vmap(likelihood.log_joint, in_axes=(None, 2, 1))(
         observation, jnp.swapaxes(substates, 0, 1), log_probs
     )
+
+
+def expecting(likelihood: Any, estimates: jax.Array) -> Any:
+    """The likelihood, told what a filter last reported, ``[P, D]``, if it wants to know.
+
+    Its method ``expecting(estimates [P, D]) -> likelihood`` is asked once a frame, by filters that
+    keep an estimate; there is no default.
+    """
+    return likelihood.expecting(estimates) if hasattr(likelihood, "expecting") else likelihood
 
 
 def has_state_gradient(likelihood: Any) -> bool:

@@ -180,8 +180,3 @@ def _measures(found: Any, truth: jax.Array) -> tuple[jax.Array, ...]:
     own = jnp.take_along_axis(truth[None], labels[..., None], axis=2)
     astray = jnp.mean(intersection_area(boxes, own) <= 0, axis=-1)
     return error, ratio, share, astray
-
-
-def lost(outcome: Outcome, limit: float) -> np.ndarray:
-    """``[V, S, R, L]`` bool: the mean error over the frames is above the limit."""
-    return outcome.error.mean(axis=3) > limit

@@ -5,7 +5,7 @@ import numpy as np
 from jaxpf.experiments.claims import Measured, cluster_interval, student_interval
 from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.rowe2005 import published
-from jaxpf.experiments.rowe2005.synthetic import RUNS_PER_SCENE, Outcome
+from jaxpf.experiments.rowe2005.synthetic import Outcome
 
 COMBINATIONS = ("neither", "regularising only", "feedback only", "both")
 
@@ -185,8 +185,3 @@ def size_table(outcome: Outcome) -> Table:
         ["", "ratio", "targets lost (%)"],
         rows,
     )
-
-
-def runs_of(outcome: Outcome) -> int:
-    """Runs of every variant."""
-    return len(outcome.in_strip) * RUNS_PER_SCENE

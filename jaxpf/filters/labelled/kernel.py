@@ -8,7 +8,8 @@ Z^ the product of the frames' ``exp(log_evidence)``):
 
 ``plain``
     ``E[L Z^ W_l] = Z_l``, and so with any function of the substates.  A label can lose all
-    its particles for good, and soon does: in 44 % of runs within 3 frames of 16 particles.
+    its particles for good, and in the end does: in 1.2 % of the runs of the table of biases (3
+    frames, 16 particles, 2 targets), in every run on rowe2005's scene (300 frames, 100 particles).
 ``corrected``
     Selected by eq. 4, weights divided by it: the same expectations, and fair shares.
 ``equal_share``
@@ -35,7 +36,8 @@ from jaxpf import contract
 from jaxpf.filters import resampling
 from jaxpf.filters.labelled import by_label, estimation
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
-from jaxpf.filters.partitioned.gradients import barrier, with_gradient_of
+from jaxpf.lowering.branches import computed_before
+from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.state import STATUS_IMPOSSIBLE, STATUS_INVALID_LIKELIHOOD, STATUS_LOST
 
 
@@ -106,7 +108,7 @@ def move(tracker: Any, key: jax.Array, state: LabelledState) -> tuple[LabelledSt
     if fed_back and tracker.speed is None:
         left = estimation.before_moving(left, state.velocity, state.labels, tracker.position)
     # Inside labels a target has no parent.
-    moved = contract.propagate(
+    moved = contract.propagate_all(
         tracker.dynamics, key, state.labels, left[0], left[1], jnp.zeros_like(left[0])
     ).astype(left.dtype)
     if fed_back and tracker.speed is not None:
@@ -120,15 +122,14 @@ def weigh(
     tracker: Any, state: LabelledState, left: jax.Array, observation: Any
 ) -> tuple[jax.Array, jax.Array]:
     """Log-likelihoods ``[N]`` of ``state.lagged[0]``, and how many were invalid ``[]``."""
-    moved, likelihood = state.lagged[0], tracker.likelihood
-    if hasattr(likelihood, "expecting"):
-        likelihood = likelihood.expecting(state.estimate.T)
-    log_prob = contract.log_prob(likelihood, observation, state.labels, moved)
+    moved = state.lagged[0]
+    likelihood = contract.expecting(tracker.likelihood, state.estimate.T)
+    log_prob = contract.log_prob_all(likelihood, observation, state.labels, moved)
     log_prob = log_prob.astype(moved.dtype)
     invalid = jnp.isnan(log_prob) | jnp.isposinf(log_prob)
     log_prob = lax.optimization_barrier(jnp.where(invalid, -jnp.inf, log_prob))
     if tracker.motion_gradient == "score":
-        log_density = contract.log_density(
+        log_density = contract.log_density_all(
             tracker.dynamics, state.labels, moved, left[0], left[1], jnp.zeros_like(moved)
         )
         log_prob = with_gradient_of(log_prob, log_density.astype(moved.dtype))
@@ -223,7 +224,7 @@ def report(
     lost = state.lost
     status = (
         STATUS_INVALID_LIKELIHOOD * (num_invalid > 0)
-        + STATUS_IMPOSSIBLE * jnp.isneginf(log_evidence)
+        + STATUS_IMPOSSIBLE * jnp.all(lost)
         + STATUS_LOST * jnp.any(lost)
     ).astype(jnp.int32)
     holders = by_label.counts(labels, num_targets).astype(log_weights.dtype)
@@ -239,7 +240,9 @@ def report(
         ess_parts=ess_parts,
         label_log_evidence=label_log_evidence,
     )
-    return dataclasses.replace(state, estimate=estimate, velocity=velocity), barrier(summary)
+    return dataclasses.replace(state, estimate=estimate, velocity=velocity), computed_before(
+        summary
+    )
 
 
 def _log_sum(values: jax.Array) -> jax.Array:

@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf import contract
 from jaxpf.errors import InputError
 from jaxpf.filters import resampling
 from jaxpf.filters.labelled.choices import FEEDBACKS, GRADIENTS, SCOPES, WEIGHTS
-from jaxpf.filters.partitioned.gradients import MOTION_GRADIENTS
+from jaxpf.names import MOTION_GRADIENTS
 from jaxpf.pytree import is_concrete
 
 
@@ -35,7 +36,7 @@ def check_tracker(tracker: Any) -> None:
     _check_targets(tracker)
     _check_coordinates(tracker)
     _check_rates(tracker)
-    if hasattr(tracker.likelihood, "log_joint"):
+    if contract.has_log_joint(tracker.likelihood):
         raise InputError(
             f"{type(tracker.likelihood).__name__} has log_joint, but a labelled particle holds one "
             "target and knows nothing of the others; use Partitioned."
@@ -118,9 +119,7 @@ def _check_score(tracker: Any) -> None:
             "motion_gradient='score' needs the density of a move, and feedback='estimate' changes "
             "the move; use feedback='none' or motion_gradient='pathwise'."
         )
-    if not (
-        hasattr(tracker.dynamics, "log_density") or hasattr(tracker.dynamics, "log_density_all")
-    ):
+    if not contract.has_log_density(tracker.dynamics):
         raise InputError(
             f"motion_gradient='score' needs the method log_density of the dynamics, and "
             f"{type(tracker.dynamics).__name__} has none; write it (see jaxpf.contract.Dynamics) "

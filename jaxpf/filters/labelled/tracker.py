@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.filters.labelled import kernel
+from jaxpf.contract import Tracker
+from jaxpf.filters.labelled import by_label, kernel
 from jaxpf.filters.labelled.refusals import check_tracker
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
 from jaxpf.lowering.threefry import written_out
@@ -16,7 +17,7 @@ from jaxpf.pytree import as_array, pytree_dataclass, static_field
 
 
 @pytree_dataclass
-class Labelled:
+class Labelled(Tracker):
     """Labelled particle filter: N particles for L targets, each particle holds one (rowe2005).
 
     Cost grows with the number of particles alone, however many targets share them; targets do
@@ -98,10 +99,8 @@ class Labelled:
             values = self.initial.T[:, labels]
         sizes = np.bincount(labels, minlength=self.num_targets)
         log_weights = jnp.asarray(-np.log(self.num_targets * sizes[labels]), values.dtype)
-        estimate = jnp.stack(
-            [jnp.mean(values[:, labels == label], axis=1) for label in range(self.num_targets)],
-            axis=1,
-        )
+        estimate = by_label.sums(values, jnp.asarray(labels), self.num_targets)
+        estimate = estimate / jnp.asarray(sizes, values.dtype)
         velocity = jnp.zeros((len(self.position), self.num_targets), values.dtype)
         if self.speed is not None:
             velocity = estimate[np.array(self.speed)]
@@ -120,22 +119,10 @@ class Labelled:
         """Work that depends on the frame alone; stays unbatched when runs are vmapped."""
         return self.likelihood.observe(frame)
 
-    def step(
-        self, key: jax.Array, state: LabelledState, frame: Any
-    ) -> tuple[LabelledState, LabelledSummary]:
-        """One frame: resample, then propagate and weigh every particle.
-
-        Args:
-            key: this frame's random key; ``jaxpf.run`` uses ``fold_in(key, t)``.
-            state: the weighted set of the frame before.
-            frame: whatever the likelihood's ``observe`` takes.
-        """
-        return self.step_observed(key, state, self.observe(frame))
-
     def step_observed(
         self, key: jax.Array, state: LabelledState, observation: Any
     ) -> tuple[LabelledState, LabelledSummary]:
-        """``step`` for a frame that was observed already."""
+        """One frame: resample, then propagate and weigh every particle."""
         chex.assert_shape(state.log_weights, (self.num_particles,))
         chex.assert_shape(state.lagged, (2, None, self.num_particles))
         # The keys of Partitioned with one partition: one target gives the same particles.

@@ -33,7 +33,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract import of_partition
+from jaxpf.contract import Likelihood, of_partition
 from jaxpf.errors import InputError
 from jaxpf.models.likelihoods._windows import window_colours, words_of
 from jaxpf.models.likelihoods.color import check_frame
@@ -46,7 +46,7 @@ INTERPOLATIONS = ("nearest", "bilinear")
 
 
 @pytree_dataclass
-class PixelLikelihood:
+class PixelLikelihood(Likelihood):
     """Pixel likelihood of L targets; make one with :func:`pixels`.
 
     A substate is (u, v, w, h, ...), centre and sides in pixels (``size="sides"``), or
@@ -78,6 +78,9 @@ class PixelLikelihood:
     colour: str = static_field(default="colour")
     interpolation: str = static_field(default="nearest")
 
+    #: What ``observe`` gives depends on no parameter.
+    fixed_observation = True
+
     @property
     def state_gradient(self) -> bool:
         """Whether ``log_prob`` is differentiable in the substate."""
@@ -97,11 +100,6 @@ class PixelLikelihood:
         sides = self._sides(estimates.T, jnp.arange(estimates.shape[0]))
         expected = jnp.maximum(jnp.stack(sides, axis=-1), 1.0)
         return dataclasses.replace(self, expected=jax.lax.stop_gradient(expected))
-
-    def log_prob(self, observation, partition, substate):
-        """Log-likelihood [] of one particle: a traced int partition, a substate [D]."""
-        partition = jnp.asarray(partition)[None]
-        return self.log_prob_all(observation, partition, substate[:, None])[0]
 
     def log_prob_all(self, observation, partition, substates):
         """Log-likelihoods of N particles.

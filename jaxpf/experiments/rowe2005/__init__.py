@@ -33,6 +33,8 @@ NOTES = (
     "filter on other seeds than are used here (jaxpf.experiments.rowe2005.calibration): "
     + ", ".join(f"{name} {value}" for name, value in SETTINGS._asdict().items())
     + ".",
+    "All variants use these settings, which suit the whole filter: without feedback particles need "
+    "more noise than it has, so that the gap between the variants flatters feedback.",
     "Resampling is multinomial: the published band of 49.5 to 50.5 % is what that gives.",
     "Eq. 6 as printed divides weights that sum to 1/L by the number of samples; ours is the "
     "weighted mean within the target.",

@@ -135,7 +135,7 @@ def error_table(outcome: Outcome) -> Table:
         "Published are both off and both on only, four runs of two targets each; 2 of 8 against 0 "
         "of 8 losses has p = .47 by Fisher's test.  A target is lost if its mean error is above "
         f"{published.LOST:g}, a sample if its box misses its target's.  The size is the root of "
-        "the true area.",
+        "the true area.  Without feedback regularising changes what is reported and nothing else.",
     )
 
 

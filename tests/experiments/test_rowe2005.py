@@ -7,7 +7,7 @@ import jaxpf
 import scenes
 from jaxpf.experiments import comparison_table, rowe2005
 from jaxpf.experiments.claims import CANNOT_RESOLVE, CONTRADICTS, SUPPORTS
-from jaxpf.experiments.rowe2005 import judgements, published, synthetic, tables
+from jaxpf.experiments.rowe2005 import distracter, judgements, published, synthetic, tables
 
 SCENES, RUNS, FRAMES, TARGETS = 12, synthetic.RUNS_PER_SCENE, 20, 2
 
@@ -109,8 +109,11 @@ def test_the_whole_comparison_is_measured_printed_and_written(tmp_path, monkeypa
     monkeypatch.setattr(
         scenes, "make", lambda name, **settings: make(name, num_frames=12, **settings)
     )
-    found = rowe2005.run(runs=2 * RUNS)
-    assert [table.name for table in found.tables] == ["shares", "errors", "likelihoods", "sizes"]
+    some = distracter.Measured(300, 1.0, np.eye(4) > 0, np.eye(4) < 1, np.linspace(0.5, 0.6, 4))
+    monkeypatch.setattr(distracter, "measure", lambda seeds: {"PS": some})
+    found = rowe2005.run(runs=2 * RUNS, quick=True)
+    names = [table.name for table in found.tables]
+    assert names == ["shares", "errors", "likelihoods", "sizes", "bias", "distracter"]
     assert all(table.texts() for table in found.tables)
     written = comparison_table.write(found, tmp_path)
     assert {"figure_2.png", "figure_3.png", "figure_4.png", "rowe2005.md"} <= set(written)

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from jaxpf import filters
 from jaxpf.cli import common
 from jaxpf.cli.options import all_options, declared_options
 from jaxpf.errors import InputError
@@ -21,9 +22,8 @@ _VARIED = ("method", "order", "swap")
 @click.argument("scene", metavar="SCENE")
 @click.option(
     "--methods",
-    help="Names, separated by commas: sir (all objects at once), ps (one after another), dps (ps "
-    "in as many orders as objects), sps (side by side, then exchanged between particles).  "
-    "[default: all that suit the scene]",
+    help=f"Names, separated by commas: {', '.join(filters.methods())}; `jaxpf track --help` says what "
+    "they are.  [default: sir, ps, dps and sps, as far as they suit the scene]",
 )
 @click.option(
     "--orders",

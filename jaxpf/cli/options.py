@@ -1,5 +1,6 @@
 """Click options of declared options: one loop for flags, help, TOML keys and grids."""
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -26,8 +27,13 @@ def owners() -> dict[str, tuple[type, Mapping[str, Any]]]:
 
 
 def all_options(without: tuple[str, ...] = ()) -> dict[str, Option]:
-    """Every declared option of filters and targets, by name."""
-    found = options_of(*(options for options, _ in owners().values()))
+    """Every declared option of filters and targets, by name; helps that differ are joined."""
+    found: dict[str, Option] = {}
+    for options, _ in owners().values():
+        for name, one in options_of(options).items():
+            known = found.setdefault(name, one)
+            if one.help not in known.help:
+                found[name] = dataclasses.replace(known, help=f"{known.help}  {one.help}")
     return {name: one for name, one in found.items() if name not in without}
 
 
@@ -53,7 +59,11 @@ def declared_options(
             if only is not None and one.name not in only:
                 continue
             text = f"{one.help}  {_defaults(one, defaults or {})}"
-            if one.choices and not all(choice in text for choice in one.choices):
+            if (
+                one.choices
+                and one.name != "method"
+                and not all(choice in text for choice in one.choices)
+            ):
                 text = f"{', '.join(one.choices)}.  {text}"
             kind, multiple = _click_type(one, grid)
             flags = (one.flag, *one.flags, one.name)

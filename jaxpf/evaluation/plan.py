@@ -34,7 +34,8 @@ class Plan:
             returns it.  For worker processes the function must be picklable, such as
             ``functools.partial(load, source="distracter", seed=0)`` of a function of a module:
             every worker then opens the scene itself, once.
-        methods: of ``jaxpf.filters.methods()``; None for all that suit the scene.
+        methods: of ``jaxpf.filters.methods()``; None for SIR, PS, DPS and SPS as far as they suit
+            the scene.
         orders: for "ps": "shifts", every circular shift (of a part tree, level by level), or
             permutations such as (2, 0, 1), counted from 0.
         swaps: for "sps", of ``jaxpf.names.SWAPS``.
@@ -136,8 +137,8 @@ class Plan:
         """
         methods = self.methods
         if methods is None and parents is not None:
-            all_ = filters.filters().values()
-            methods = tuple(m for one in all_ for m in one.methods if one.admits(m, parents))
+            usual = [one for one in filters.filters().values() if one.by_default]
+            methods = tuple(m for one in usual for m in one.methods if one.admits(m, parents))
         plan = dataclasses.replace(self, target=self.target or name, methods=methods)
         of = find_target(plan.target or name)
         defaults = {n: (option.default,) for n, option in plan._options(of).items()}

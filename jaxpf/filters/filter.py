@@ -26,13 +26,15 @@ class Filter:
         methods: names of its methods; the option ``method`` chooses one.
         options: class of its options (``jaxpf.options``), ``method`` and ``particles`` among them.
         varied: names of its options that ``variants`` varies, and that no grid has.
+        by_default: whether an evaluation that names no methods compares them.
         nanoseconds: of one core per particle, partition and frame, the likelihood excluded.
     """
 
     name: str
     methods: tuple[str, ...]
     options: type
-    varied: tuple[str, ...] = ()
+    varied: tuple[str, ...] = ("method",)
+    by_default: bool = False
     nanoseconds: float = 160.0
 
     def tracker(self, model: Model, options: Any) -> Any:

@@ -19,6 +19,17 @@ def sharpness_option(default: float, path: str) -> Any:
     )
 
 
+def scale_option(default: tuple[float, float, float]) -> Any:
+    """How far objects move from frame to frame."""
+    return option(
+        default,
+        "Noise per frame: x and y in pixels, and the relative size; of parts, x, y and degrees of "
+        "the root.",
+        least=0,
+        path="dynamics.scale",
+    )
+
+
 def bands_option(default: int) -> Any:
     """How a picture is divided."""
     return option(

@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
 from jaxpf.models.model import Model
-from jaxpf.options import check_options, option
+from jaxpf.options import check_options
 from jaxpf.targets.appearance import (
     bands_option,
     likelihood_option,
     naming,
+    scale_option,
     sharpness_option,
     three_values,
 )
@@ -37,13 +38,7 @@ class Options:
     """Options of the model of boxes; see the help of each."""
 
     sharpness: float = sharpness_option(20.0, "likelihood.sharpness")
-    scale: tuple[float, ...] = option(
-        DEFAULT_SCALE,
-        "Noise per frame: x and y in pixels, and the relative size; of parts, x, y and degrees of "
-        "the root.",
-        least=0,
-        path="dynamics.scale",
-    )
+    scale: tuple[float, ...] = scale_option(DEFAULT_SCALE)
     bands: int = bands_option(2)
     likelihood: str = likelihood_option("auto", "integral", "sampled")
 

@@ -19,6 +19,7 @@ from jaxpf.targets.appearance import (
     bands_option,
     likelihood_option,
     naming,
+    scale_option,
     sharpness_option,
     three_values,
 )
@@ -42,12 +43,7 @@ class Options:
     """Options of the model of parts; see the help of each."""
 
     sharpness: float = sharpness_option(50.0, "likelihood.likelihood.sharpness")
-    scale: tuple[float, ...] = option(
-        (3.0, 3.0, 3.5),
-        "Noise per frame: x and y in pixels, degrees.",
-        least=0,
-        path="dynamics.scale",
-    )
+    scale: tuple[float, ...] = scale_option((3.0, 3.0, 3.5))
     joint_scale: tuple[float, ...] = option(
         (0.5, 0.5, 4.5),
         "Of parts, noise of a joint per frame: x and y in pixels, and degrees.",

@@ -64,6 +64,7 @@ class PartitionedFilter(Filter):
     methods = METHODS
     options = Options
     varied = ("method", "order", "swap")
+    by_default = True
 
     def tracker(self, model: Model, options: Options) -> Any:
         """See ``Filter``."""

@@ -22,8 +22,8 @@ _VARIED = ("method", "order", "swap")
 @click.argument("scene", metavar="SCENE")
 @click.option(
     "--methods",
-    help=f"Names, separated by commas: {', '.join(filters.methods())}; `jaxpf track --help` says what "
-    "they are.  [default: sir, ps, dps and sps, as far as they suit the scene]",
+    help=f"Names, separated by commas: {', '.join(filters.methods())}; `jaxpf track --help` says "
+    "what they are.  [default: sir, ps, dps and sps, as far as they suit the scene]",
 )
 @click.option(
     "--orders",

@@ -59,11 +59,8 @@ def declared_options(
             if only is not None and one.name not in only:
                 continue
             text = f"{one.help}  {_defaults(one, defaults or {})}"
-            if (
-                one.choices
-                and one.name != "method"
-                and not all(choice in text for choice in one.choices)
-            ):
+            told = one.name == "method" or all(choice in text for choice in one.choices)
+            if not told:
                 text = f"{', '.join(one.choices)}.  {text}"
             kind, multiple = _click_type(one, grid)
             flags = (one.flag, *one.flags, one.name)
@@ -160,19 +157,15 @@ def _click_type(one: Option, grid: bool) -> tuple[Any, bool]:
 
 
 def _defaults(one: Option, other: Mapping[str, Any]) -> str:
-    """``[default: 20; parts: 50]``."""
+    """``[default: 20; parts: 50]``; nothing where it is left open."""
     found: dict[str, str] = {}
     for name, (options, defaults) in owners().items():
         declared = options_of(options)
-        if one.name in other:
-            found["default"] = plain(other[one.name])
-        elif one.name in declared or one.name in defaults:
+        if "default" in found and name in filters.filters():
+            continue  # of another filter's methods, which have names of their own
+        if one.name in declared or one.name in defaults:
             value = defaults.get(one.name, declared.get(one.name, one).default)
-            shown = "none" if value is None else plain(value)
-            if "default" not in found:
-                found["default"] = shown
-            elif shown != found["default"]:
-                found[name] = shown
-    if found.get("default") == "none" and len(found) == 1:
-        return ""
-    return f"[{'; '.join(f'{name}: {value}' for name, value in found.items())}]"
+            value = other.get(one.name, value)
+            if value is not None and plain(value) != found.get("default"):
+                found[name if "default" in found else "default"] = plain(value)
+    return f"[{'; '.join(f'{name}: {value}' for name, value in found.items())}]" if found else ""

@@ -40,6 +40,11 @@ _OUTPUTS = (
 @click.argument("video", type=click.Path(path_type=Path))
 @start_options()
 @click.option("--target", help="What is tracked: boxes or parts.  [default: what it starts from]")
+@click.option(
+    "--filter",
+    "filter_",
+    help=f"How guesses are organised: {', '.join(filters.filters())}.  [default: by --method]",
+)
 @click.option("--start", default=0, show_default=True, help="Start frame, counting from 0.")
 @click.option("--frames", type=int, help="Track at most this many frames after the start.")
 @declared_options()
@@ -136,10 +141,25 @@ class _Setup(NamedTuple):
 
 def _setup(options: dict[str, Any], target: Target) -> _Setup:
     """Check the options, and fill in those that were not given."""
-    method = options["method"] or target.defaults.get("method")
-    its = filters.filter_of(method) if method else next(iter(filters.filters().values()))
+    known = filters.filters()
+    if options["filter_"] and options["filter_"] not in known:
+        raise InputError(
+            f"--filter {options['filter_']!r} is unknown; choose one of {', '.join(known)}."
+        )
+    its = known[options["filter_"]] if options["filter_"] else None
+    method = options["method"] or (target.defaults.get("method") if its is None else None)
+    if its is not None and method and method not in its.methods:
+        raise InputError(
+            f"--method {method} is not of the filter {its.name}, which has "
+            f"{', '.join(its.methods)}; leave one of them out."
+        )
+    if its is None:
+        its = filters.filter_of(method) if method else next(iter(known.values()))
     refuse_others(options, target.options, its.options)
-    filter_options = picked(options, its.options, target.defaults)
+    defaults = target.defaults
+    if defaults.get("method") not in its.methods:
+        defaults = {name: value for name, value in defaults.items() if name != "method"}
+    filter_options = picked(options, its.options, defaults)
     model = picked(options, target.options)
     for one in (filter_options, model):
         for name, option in options_of(one).items():
@@ -262,7 +282,9 @@ def _write_repeatable_options(output: Path, options: dict[str, Any], target: Tar
     # In the order of the help: the same run writes the same file, however it was typed.
     names = [str(param.name) for param in click.get_current_context().command.params]
     repeatable = {
-        name: options[name] for name in names if name not in ("config", "output", "overwrite")
+        name: options[name]
+        for name in names
+        if name not in ("config", "output", "overwrite", "filter_")  # --method tells the filter
     }
     repeatable["target"] = target.name
     repeatable = {

@@ -120,8 +120,8 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     from jaxpf.cli.track import command
 
     unset = {"boxes", "ids", "parts_file", "frames", "order", "ess_threshold", "tracker"}
-    unset |= {"joint_scale", "dynamics"}  # of parts
-    elsewhere = {"output", "overwrite", "config"}
+    unset |= {"joint_scale", "dynamics", "weights", "scope", "feedback", "regularise"}  # of others
+    elsewhere = {"output", "overwrite", "config", "filter_"}
     assert set(options) == {param.name for param in command.params} - unset - elsewhere
 
 

@@ -55,7 +55,7 @@ class PointOptions:
     upsampling: int | None = None
     drift: str = "clip"
     shape: str = "relative"
-    shape_scale: float = 0.3
+    shape_scale: float = 0.1
     memory: int = 10
     proper: bool = False
     form: str = "auxiliary"

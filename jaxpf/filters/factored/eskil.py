@@ -67,7 +67,7 @@ class Eskil:
     likelihood: Any
     initial: Any
     reference: Any = None
-    shape_scale: Any = 0.3
+    shape_scale: Any = 0.1
     num_particles: int = static_field(default=10)
     upsampling: int = static_field(default=3)
     memory: int = static_field(default=10)

@@ -117,10 +117,10 @@ def _diver(rng: np.random.Generator, suit_noise: float) -> Body:
     picture = np.ascontiguousarray(np.clip(suit, 0, 255).astype(np.float32))
 
     def limb(first, second, thickness, colour=None):
-        ends = [tuple(int(value) + middle for value in end) for end in (first, second)]
-        cv2.line(alpha, *ends, 255, thickness, cv2.LINE_AA)
+        start, end = (tuple(int(value) + middle for value in place) for place in (first, second))
+        cv2.line(alpha, start, end, (255,), thickness, cv2.LINE_AA)
         if colour is not None:
-            cv2.line(picture, *ends, colour, thickness, cv2.LINE_AA)
+            cv2.line(picture, start, end, colour, thickness, cv2.LINE_AA)
 
     for side in (-1, 1):
         limb((6 * side, -14), (26 * side, -20), 9)

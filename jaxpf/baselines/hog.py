@@ -22,8 +22,8 @@ def hog(frame: np.ndarray, cell: int) -> np.ndarray:
     """
     rows, columns = frame.shape[0] // cell, frame.shape[1] // cell
     picture = np.ascontiguousarray(frame[: rows * cell, : columns * cell]).astype(np.float32) / 255
-    across = cv2.filter2D(picture, -1, np.array([[-1.0, 0.0, 1.0]]))
-    down = cv2.filter2D(picture, -1, np.array([[-1.0], [0.0], [1.0]]))
+    across: np.ndarray = cv2.filter2D(picture, -1, np.array([[-1.0, 0.0, 1.0]]))
+    down: np.ndarray = cv2.filter2D(picture, -1, np.array([[-1.0], [0.0], [1.0]]))
     strength = across**2 + down**2
     channel = np.argmax(strength, axis=-1)[..., None]  # the channel with the steepest gradient
     across, down, strength = (

@@ -36,14 +36,13 @@ def follow_points(
         there, bool [T, P].
     """
     before, here = None, np.asarray(points, np.float32) - np.float32(0.5)
-    settings = {"winSize": (window, window), "maxLevel": levels}
     places, followed = [], []
     for frame in frames:
         grey = cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_RGB2GRAY)
         if before is not None:
             column = here[:, None]
-            there, found, _ = cv2.calcOpticalFlowPyrLK(before, grey, column, None, **settings)
-            back, found_back, _ = cv2.calcOpticalFlowPyrLK(grey, before, there, None, **settings)
+            there, found = _flow(before, grey, column, window, levels)
+            back, found_back = _flow(grey, before, there, window, levels)
             error = np.linalg.norm(back - column, axis=-1)[:, 0]
             good = (found[:, 0] == 1) & (found_back[:, 0] == 1) & (error <= largest_error)
             here = np.where(good[:, None], there[:, 0], here)
@@ -52,3 +51,10 @@ def follow_points(
         before = grey
     count = len(here)
     return np.reshape(places, (-1, count, 2)), np.reshape(np.array(followed, bool), (-1, count))
+
+
+def _flow(before, after, places, window, levels):
+    there, found, _ = cv2.calcOpticalFlowPyrLK(
+        before, after, places, np.empty_like(places), winSize=(window, window), maxLevel=levels
+    )
+    return there, found

@@ -21,7 +21,9 @@ from jaxpf.baselines.hog import hog
 from jaxpf.errors import InputError
 
 #: A spring gives by at most this many cells, either way.
-_REACH = 20
+_REACH = 12
+#: Steps of learning in the first frame.
+_FIRST_STEPS = 5
 
 
 class Options(NamedTuple):
@@ -95,8 +97,9 @@ class _Model:
         norms = (self.templates**2).sum(axis=(1, 2, 3), keepdims=True)
         self.templates /= np.maximum(norms, 1e-6)
         # The first frame teaches with certainty, until no rival comes near.
-        for _ in range(10):
-            self._learn(features, cells, np.ones(len(cells), bool), aggressiveness=1.0)
+        for _ in range(_FIRST_STEPS):
+            scores = _responses(features, self.templates)
+            self._learn(features, scores, cells, np.ones(len(cells), bool), aggressiveness=1.0)
         scores = _responses(features, self.templates)
         self.first = scores[np.arange(len(cells)), cells[:, 1], cells[:, 0]]
 
@@ -107,7 +110,7 @@ class _Model:
         found = responses[np.arange(len(cells)), cells[:, 1], cells[:, 0]]
         sure = found >= self.options.least_score * self.first
         if self.options.aggressiveness > 0:
-            self._learn(features, cells, sure, self.options.aggressiveness)
+            self._learn(features, responses, cells, sure, self.options.aggressiveness)
         return self.options.cell * (cells + 0.5) + self.rest
 
     def _best(self, responses: np.ndarray) -> np.ndarray:
@@ -130,9 +133,8 @@ class _Model:
             cells[part] = column + across[row_chosen, column], row_chosen
         return cells
 
-    def _learn(self, features, cells, sure, aggressiveness) -> None:
+    def _learn(self, features, responses, cells, sure, aggressiveness) -> None:
         """A passive-aggressive step away from the best rival configuration."""
-        responses = _responses(features, self.templates)
         margin = np.stack([_loss(responses.shape[1:], cell, self.options.size) for cell in cells])
         rival = self._best(responses + margin)
         every = np.arange(len(cells))
@@ -244,4 +246,4 @@ def _loss(shape: tuple[int, ...], cell: np.ndarray, size: int) -> np.ndarray:
     across = np.maximum(size - np.abs(np.arange(shape[1]) - column), 0)
     down = np.maximum(size - np.abs(np.arange(shape[0]) - row), 0)
     shared = down[:, None] * across
-    return 1 - shared / (2 * size**2 - shared)
+    return (1 - shared / (2 * size**2 - shared)).astype(np.float32)

@@ -99,7 +99,7 @@ def point_tracker(
     _check_apart(points)
     walk = RandomWalk(np.float32(chosen.scale))
     number = PARTICLES[chosen.method] if chosen.num_particles is None else chosen.num_particles
-    shared = {"num_particles": number, "resampling": chosen.resampling}
+    shared: dict[str, Any] = {"num_particles": number, "resampling": chosen.resampling}
     if chosen.method == "eskil":
         return Eskil(
             walk,

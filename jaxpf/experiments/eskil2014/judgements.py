@@ -79,7 +79,14 @@ def _error(frames: slice = slice(None)) -> Callable[[np.ndarray, np.ndarray], An
 
 def _less(outcome: Outcome, other: str, measure: Any) -> np.ndarray:
     """How much less the proposed method has than another, scene by scene."""
-    return by_scene(outcome, other, measure) - by_scene(outcome, methods.PROPOSED, measure)
+    return _differences(outcome, other, methods.PROPOSED, measure)
+
+
+def _differences(outcome: Outcome, first: str, second: str, measure: Any) -> np.ndarray:
+    """On the scenes that both were run on."""
+    values = [by_scene(outcome, method, measure) for method in (first, second)]
+    common = min(map(len, values))
+    return values[0][:common] - values[1][:common]
 
 
 def _fish(outcome: Outcome) -> Iterator[Claim]:
@@ -119,7 +126,7 @@ def _fish(outcome: Outcome) -> Iterator[Claim]:
             [
                 _quantity(
                     "% of the length",
-                    by_scene(outcome, methods.PFFL, last) - by_scene(outcome, methods.SPOT, last),
+                    _differences(outcome, methods.PFFL, methods.SPOT, last),
                     at_least=0,
                 )
             ],

@@ -9,7 +9,7 @@ import numpy as np
 from jaxpf.experiments.claims import Measured, student_interval
 from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.eskil2014 import methods, published
-from jaxpf.experiments.eskil2014.tracking import Outcome
+from jaxpf.experiments.eskil2014.tracking import SPOT_SCENES, Outcome
 from jaxpf.measures import points as measures
 
 #: A point is kept, or found again, within this share of the body's length.
@@ -25,7 +25,7 @@ def by_scene(outcome: Outcome, method: str, measure: Any) -> np.ndarray:
     return np.array(
         [
             float(np.mean(measure(errors, visible)))
-            for errors, visible in zip(outcome.errors[method], outcome.visible, strict=True)
+            for errors, visible in zip(outcome.errors[method], outcome.visible, strict=False)
         ]
     )
 
@@ -81,7 +81,8 @@ def scene_table(outcome: Outcome) -> Table:
         f"{scenes} scenes with {runs} runs each; the scenes are the units of the intervals.  A "
         f"point is kept if its median distance in the last 10 frames is at most {NEAR:g} of the "
         f"body's length, and found again if it comes that near within {WITHIN} frames of its "
-        "return.  SPOT, Lucas-Kanade and not moving are deterministic.",
+        "return.  SPOT, Lucas-Kanade and not moving are deterministic; SPOT "
+        f"was run on the first {SPOT_SCENES} scenes at most.",
     )
 
 
@@ -145,20 +146,20 @@ def _potential() -> Any:
     from jaxpf.filters.factored.shape import log_shape, reference_distances
     from scenes.fish import POINTS
 
-    places = np.array(list(POINTS.values()), float)
+    places = np.array(list(POINTS.values()), np.float32)
     point = list(POINTS).index("nose")
     x, y = np.meshgrid(np.linspace(-20, 180, 201), np.linspace(-80, 80, 161))
     everywhere = np.broadcast_to(
         np.stack([x.ravel(), y.ravel()])[:, None], (2, len(places), x.size)
     )
     value = np.asarray(
-        log_shape(everywhere, places.T, reference_distances(places), 0.3, "relative")
+        log_shape(everywhere, places.T, reference_distances(places), 0.2, "relative")
     )[point]
     figure = Figure(figsize=(6, 4.5), layout="constrained")
     axes = figure.subplots()
     image = axes.imshow(np.exp(value).reshape(x.shape), extent=(-20, 180, 80, -80), cmap="gray")
     axes.plot(*places.T, ".", color="tab:orange")
     axes.plot(*places[point], "o", color="tab:red", fillstyle="none")
-    axes.set_title("The shape function of the nose, scale .3 (the paper's figure 1)", fontsize=10)
+    axes.set_title("The shape function of the nose, scale .2 (the paper's figure 1)", fontsize=10)
     figure.colorbar(image, ax=axes)
     return figure

@@ -116,18 +116,20 @@ def windows(
                 f"point {i} is at ({x:g}, {y:g}), outside the frame of {width} x {height} pixels: "
                 "move it inside, or leave it out."
             )
-    seen = _windows(jnp.asarray(frame), *jnp.asarray(points).T, tuple(window))
-    seen = np.asarray(seen, np.float32)
-    mean = seen.mean(axis=(1, 2), keepdims=True)
-    for i in np.flatnonzero(mean < _DARKEST_MEAN):
-        raise InputError(
-            f"the window of point {i} is black, its mean {mean[i, 0, 0]:.2g} of 255, so nothing "
-            "can be divided by it: move the point or enlarge the window."
-        )
+    u, v = jnp.asarray(points).T
+    size = int(window[0]), int(window[1])
+    seen = np.asarray(_windows(jnp.asarray(frame), u, v, size), np.float32)
+    means = seen.mean(axis=(1, 2))
+    for i, mean in enumerate(means):
+        if mean < _DARKEST_MEAN:
+            raise InputError(
+                f"the window of point {i} is black, its mean {mean:.2g} of 255, so nothing can be "
+                "divided by it: move the point or enlarge the window."
+            )
     return WindowLikelihood(
         sigma=as_array(sigma, float),
-        references=as_array(seen / mean, float),
-        window=(int(window[0]), int(window[1])),
+        references=as_array(seen / means[:, None, None], float),
+        window=size,
         norm=norm,
     )
 
@@ -156,8 +158,13 @@ def _windows(frame, u, v, window):
         seen = frame[row[:, :, None], column[:, None, :]]
         return jnp.where(shown[..., None], seen, 0)
 
-    # Whole blocks cost half as much as pixels with a choice for each.
-    seen = lax.cond(jnp.all(inside), blocks, pixels)
+    # Whole blocks cost half as much as pixels with a choice for each.  A loop that runs once or
+    # not at all, since a branch would compute both for many runs at once.
+    _, seen = lax.while_loop(
+        lambda carry: carry[0],
+        lambda carry: (jnp.array(False), pixels()),
+        (~jnp.all(inside), blocks()),
+    )
     return seen.reshape(len(seen), rows, columns * 3)
 
 

@@ -9,8 +9,10 @@ The map, downwards: a file imports from its own room and from rooms below it, ne
 ``evaluation/``, ``tuning/``
     Many runs compared, with intervals, resumed where interrupted; parameters found by gradient.
 ``targets/``
-    What a substate means, one file per target: boxes, parts.  A target says where it starts, which
-    model follows, and what it reports.
+    What a substate means, one file per target: boxes, parts, points.  A target says where it
+    starts, which model follows, and what it reports.
+``baselines/``
+    Trackers of other kinds to compare with: optical flow, SPOT.
 ``files/``, ``media/``, ``measures/``
     Tables of tracks in and out; video, drawing and plots; how good tracks are.
 ``filters/``

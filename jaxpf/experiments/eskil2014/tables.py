@@ -149,9 +149,8 @@ def _potential() -> Any:
     places = np.array(list(POINTS.values()), np.float32)
     point = list(POINTS).index("nose")
     x, y = np.meshgrid(np.linspace(-20, 180, 201), np.linspace(-80, 80, 161))
-    everywhere = np.broadcast_to(
-        np.stack([x.ravel(), y.ravel()])[:, None], (2, len(places), x.size)
-    )
+    plane = np.stack([x.ravel(), y.ravel()]).astype(np.float32)
+    everywhere = np.broadcast_to(plane[:, None], (2, len(places), x.size))
     value = np.asarray(
         log_shape(everywhere, places.T, reference_distances(places), 0.2, "relative")
     )[point]

@@ -19,7 +19,7 @@ from jaxpf.errors import InputError
 from jaxpf.files.writing import LineWriter
 
 HEADERS = ("x,y", "x,y,name")
-TRACK_HEADER = "frame,point,x,y,spread_x,spread_y"
+TRACK_HEADER = "frame,point,x,y,lost"
 _REMEDY = "write x,y or x,y,name in pixels, such as 120,80,nose"
 
 
@@ -92,8 +92,8 @@ def grid_points(mask: ArrayLike, step: float) -> Points:
 class PointTrackWriter(LineWriter):
     """Append tracks of points, frame by frame; after every frame the file holds whole lines only.
 
-    CSV with the header ``frame,point,x,y,spread_x,spread_y``, in pixels; the spread is the
-    standard deviation of a point's particles.
+    CSV with the header ``frame,point,x,y,lost``, in pixels; lost is 1 where nothing in the frame
+    spoke for any of the point's particles, else 0.
     """
 
     def __init__(self, path: str | os.PathLike[str]):
@@ -105,14 +105,14 @@ class PointTrackWriter(LineWriter):
         super().__init__(path)
         self.write_lines(f"{TRACK_HEADER}\n")
 
-    def append(self, frame: int, names: Sequence[str], places: ArrayLike, spread: ArrayLike):
+    def append(self, frame: int, names: Sequence[str], places: ArrayLike, lost: ArrayLike) -> None:
         """Write the points of one frame.
 
         Args:
             frame: counting from 0.
             names: [P].
             places: x, y [P, 2]; those that are not finite are left out.
-            spread: [P, 2].
+            lost: bool [P].
 
         Raises:
             InputError: the disk is full or the file cannot be written; it then ends with the
@@ -120,10 +120,9 @@ class PointTrackWriter(LineWriter):
         """
         buffer = io.StringIO()
         lines = csv.writer(buffer, lineterminator="\n")
-        for name, place, width in zip(names, np.asarray(places), np.asarray(spread), strict=True):
+        for name, place, gone in zip(names, np.asarray(places), np.asarray(lost), strict=True):
             if np.isfinite(place).all():
-                values = [f"{value:.3f}" for value in (*place, *width)]
-                lines.writerow([int(frame), name, *values])
+                lines.writerow([int(frame), name, *(f"{value:.3f}" for value in place), int(gone)])
         self.write_lines(buffer.getvalue())
 
 

@@ -16,6 +16,7 @@ def draw_points(
     trails: ArrayLike | None = None,
     particles: ArrayLike | None = None,
     hidden: ArrayLike | None = None,
+    colours: ArrayLike | None = None,
     radius: float = 4.0,
 ) -> np.ndarray:
     """A copy of a frame with points on it.
@@ -26,13 +27,14 @@ def draw_points(
         trails: [L, P, 2], places of the frames before, the latest last.
         particles: [K, P, 2].
         hidden: bool [P]: these are drawn hollow.
+        colours: uint8 RGB [P, 3]; by default ``jaxpf.overlay.object_colours``.
         radius: of a point, pixels.
     """
     picture = np.ascontiguousarray(frame).copy()
     places = np.asarray(places, float)
-    colours = [tuple(int(value) for value in colour) for colour in object_colours(len(places))]
+    chosen = object_colours(len(places)) if colours is None else np.asarray(colours)
     hollow = np.zeros(len(places), bool) if hidden is None else np.asarray(hidden, bool)
-    for point, colour in enumerate(colours):
+    for point, colour in enumerate(tuple(map(int, each)) for each in chosen):
         if trails is not None:
             line = np.asarray(trails, float)[:, point]
             line = np.round(line[np.isfinite(line).all(axis=1)] * 2**_SHIFT - 2 ** (_SHIFT - 1))

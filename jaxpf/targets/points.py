@@ -1,135 +1,246 @@
-"""Trackers of points: landmarks on one deforming body, by any of the filters.
+"""Points: landmarks on one deforming body, known by the pixels around them.
 
-A point is a partition with substate (u, v), pixels.  Its outline, for drawings and measures, is the
-point itself.
+A point is a partition with substate (u, v), pixels.
 """
 
 import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
-from jaxpf.filters.factored.eskil import Eskil
-from jaxpf.filters.factored.pffl import PFFL
-from jaxpf.filters.partitioned import ordering as orderings
-from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.models.likelihoods.windows import windows
+from jaxpf.models.model import Model
+from jaxpf.options import check_options, chosen, option, options_of
+from jaxpf.targets.target import Looks, Start, Target
 
-METHODS = ("eskil", "pffl", "sir", "ps", "sps")
-
-#: Particles of the factored filters are per point; as published.
-PARTICLES = {"eskil": 10, "pffl": 50, "sir": 300, "ps": 300, "sps": 300}
+#: Particles of filters whose particles are common to all points.
+_PARTICLES = 300
 
 
 @dataclasses.dataclass(frozen=True)
-class PointOptions:
-    """How points are tracked; the paper's symbols are eskil2014's.
+class Options:
+    """Options of the model of points; see the help of each."""
 
-    Attributes:
-        method: one of ``METHODS``.
-        num_particles: per point for eskil and pffl, in all for the others; None takes
-            ``PARTICLES``.
-        scale: sigma_t, the standard deviation of the motion per frame, pixels.
-        sigma: sigma_o of the window likelihood.
-        window: side of the square window, an odd number of pixels.
-        norm: ``"mean"`` or the literal ``"sum"``, see ``jaxpf.likelihoods.windows``.
-        upsampling: how many times a particle is moved (eskil, pffl).
-        drift: of eskil, see ``jaxpf.Eskil``.
-        shape: of eskil.
-        shape_scale: sigma_p, of eskil.
-        memory: tau, of eskil, frames.
-        proper: of eskil.
-        form: of pffl, see ``jaxpf.PFFL``.
-        resampling: a scheme of ``jaxpf.resampling.SCHEMES``.
-    """
+    diffusion: float = option(
+        5.0,
+        "Of points, noise per frame, pixels; larger for fast motion or large frames.",
+        least=0,
+        path="dynamics.scale",
+    )
+    sigma: float = option(
+        0.1, "Of points, how much windows may differ.", above=0, path="likelihood.sigma"
+    )
+    window: int = option(
+        21, "Of points, side of the window around each, an odd number of pixels.", least=1, most=999
+    )
+    norm: str = option(
+        "mean", "Of points, whether a window's differences are averaged.", choices=("mean", "sum")
+    )
 
-    method: str = "eskil"
-    num_particles: int | None = None
-    scale: float = 5.0
-    sigma: float = 0.1
-    window: int = 21
-    norm: str = "mean"
-    upsampling: int | None = None
-    drift: str = "clip"
-    shape: str = "relative"
-    shape_scale: float = 0.1
-    memory: int = 10
-    proper: bool = False
-    form: str = "auxiliary"
-    resampling: str = "systematic"
+    def __post_init__(self) -> None:
+        check_options(self)
 
 
-def point_tracker(
-    frame: np.ndarray, points: ArrayLike, options: PointOptions | None = None, **changes: Any
-) -> Eskil | PFFL | Partitioned:
+class Points(Target):
+    """Points as a target; shapes are x, y in pixels."""
+
+    name = "points"
+    noun = "point"
+    options = Options
+    defaults: Mapping[str, Any] = {"method": "eskil"}
+    tuned_by_default = ("likelihood.sigma", "dynamics.scale")
+    start_flags: Mapping[str, Mapping[str, Any]] = {
+        "point": {"multiple": True, "metavar": "X,Y[,NAME]", "help": "A start point; repeat it."},
+        "points": {"type": Path, "help": "CSV of start points: lines x,y or x,y,name."},
+    }
+
+    def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
+        """See ``Target``."""
+        from jaxpf.files.points import parse_points, read_points
+
+        if given["point"] and given["points"]:
+            raise InputError("--point and --points were both given; use one of them.")
+        if not given["point"] and not given["points"]:
+            raise InputError(
+                "no start point: give --point x,y for every point, or --points FILE.csv "
+                f"(`jaxpf frame {source.path}` saves a frame with a pixel grid to read them off)."
+            )
+        found = read_points(given["points"]) if given["points"] else parse_points(given["point"])
+        for name, (x, y) in zip(found.names, found.places, strict=True):
+            if not (0 <= x < source.width and 0 <= y < source.height):
+                raise InputError(
+                    f"point '{name}' is at ({x:g}, {y:g}), outside the frame of {source.width} x "
+                    f"{source.height} pixels: move it inside, or leave it out."
+                )
+        return _start(found.names, found.places)
+
+    def fits_scene(self, scene: Any) -> bool:
+        """Whether the truth has points."""
+        return "points" in scene.extras
+
+    def scene_shapes(self, scene: Any) -> np.ndarray:
+        """See ``Target``; hidden points count as absent."""
+        points, visible = scene.extras["points"], scene.extras["visible"]
+        return np.where(visible[..., None], points, np.nan)
+
+    def scene_start(self, scene: Any) -> Start:
+        """See ``Target``.
+
+        Raises:
+            InputError: a point is hidden in the first frame.
+        """
+        names, shown = scene.extras["point_names"], scene.extras["visible"][0]
+        for name, visible in zip(names, shown, strict=True):
+            if not visible:
+                raise InputError(
+                    f"point '{name}' of scene '{scene.name}' is hidden in the first frame, so that "
+                    "nothing is known of its looks; leave it out or begin with another frame."
+                )
+        return _start(names, scene.extras["points"][0])
+
+    def model(self, options: Options, start: Start, looks: Looks) -> Model:
+        """See ``Target``; points need the start frame itself."""
+        from jaxpf.models.dynamics import RandomWalk
+        from jaxpf.models.likelihoods.windows import windows, windows_from_pictures
+
+        side = (options.window, options.window)
+        settings: dict[str, Any] = {"sigma": options.sigma, "norm": options.norm}
+        if looks.frame is None:
+            likelihood = windows_from_pictures(looks.patches, **settings)
+        else:
+            likelihood = windows(looks.frame, start.shapes, window=side, **settings)
+        _check_apart(start)
+        return Model(
+            dynamics=RandomWalk(np.float32(options.diffusion)),
+            likelihood=likelihood,
+            initial=start.shapes.astype(np.float32),
+            parents=start.parents,
+        )
+
+    def noise(self, options: Options, start: Start) -> np.ndarray:
+        """See ``Target``."""
+        return np.array([options.diffusion, options.diffusion, np.nan])
+
+    def tuned(self, options: Options, values: Mapping[str, Any]) -> Options:
+        """See ``Target``."""
+        names = {"likelihood.sigma": "sigma", "dynamics.scale": "diffusion"}
+        for path, value in values.items():
+            if path not in names:
+                raise InputError(f"a model of points has no {path}; apply the result to a tracker.")
+            changed: dict[str, Any] = {names[path]: float(value)}
+            options = dataclasses.replace(options, **changed)
+        return options
+
+    def positions(self, start: Start, shapes: Any) -> Any:
+        """See ``Target``."""
+        return shapes
+
+    def shapes(self, start: Start, estimate: Any) -> np.ndarray:
+        """See ``Target``."""
+        return np.asarray(estimate)[..., :2]
+
+    def outlines(self, start: Start, shapes: Any) -> Any:
+        """See ``Target``: windows around the points, where something has to be a polygon."""
+        import jax.numpy as jnp
+
+        half = jnp.asarray(start.sizes, jnp.asarray(shapes).dtype)[:, None] / 2
+        corners = jnp.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], half.dtype)
+        return jnp.asarray(shapes)[..., None, :] + corners * half
+
+    def scaled(
+        self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
+    ) -> tuple[Start, np.ndarray]:
+        """See ``Target``."""
+        return start, shapes * np.asarray(factors)
+
+    def track_writer(self, path: Any, start: Start) -> Any:
+        """See ``Target``."""
+        return _Writer(path, start)
+
+    def draw(self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any) -> np.ndarray:
+        """See ``Target``; lost points are hollow."""
+        from jaxpf.media.points_overlay import draw_points
+
+        return draw_points(frame, shapes, hidden=lost, colours=colours)
+
+
+POINTS = Points()
+
+
+class _Writer:
+    """Points of one run, frame by frame."""
+
+    def __init__(self, path: Any, start: Start):
+        from jaxpf.files.points import PointTrackWriter
+
+        self._names, self._writer = start.ids.tolist(), PointTrackWriter(path)
+
+    def __enter__(self) -> "_Writer":
+        self._writer.__enter__()
+        return self
+
+    def __exit__(self, *exception: Any) -> Any:
+        return self._writer.__exit__(*exception)
+
+    def append(self, frame: int, shapes: Any, lost: Any) -> None:
+        self._writer.append(frame, self._names, shapes, lost)
+
+
+def _start(names: Any, places: Any) -> Start:
+    places = np.asarray(places, np.float64)
+    sizes = np.full_like(places, 21.0)
+    return Start(np.asarray(names, str), places, sizes, (-1,) * len(places))
+
+
+def _check_apart(start: Start) -> None:
+    places = start.shapes
+    for second in range(len(places)):
+        for first in range(second):
+            if np.array_equal(places[first], places[second]):
+                x, y = places[first]
+                raise InputError(
+                    f"points {start.ids[first]} and {start.ids[second]} are both at "
+                    f"({x:g}, {y:g}): move or remove one."
+                )
+
+
+def point_tracker(frame: np.ndarray, points: ArrayLike, **options: Any) -> Any:
     """A tracker of points that start somewhere in a frame.
 
     Args:
         frame: uint8 RGB [H, W, 3], in which the points are; tracking goes on with the next one.
         points: [P, 2], x and y in pixels.
-        options: default ``PointOptions()``.
-        changes: options by name, in place of those.
+        options: of ``Options`` and of the filter that has the method: ``method`` is one of eskil
+            (default), pffl, sir, ps, sps.
 
     Raises:
         InputError: an unknown option or a value out of range, a point outside the frame, two
             points at one place or fewer than two for a drift; the sentence says which.
     """
-    known = {field.name for field in dataclasses.fields(PointOptions)}
-    for name in changes:
-        if name not in known:
-            raise InputError(f"there is no option {name!r}; choose among {', '.join(known)}.")
-    chosen = dataclasses.replace(options or PointOptions(), **changes)
-    if chosen.method not in METHODS:
+    from jaxpf.filters.factored.options import FACTORED
+    from jaxpf.filters.partitioned.options import PARTITIONED
+
+    values = {"method": "eskil"} | options
+    owners = {method: one for one in (PARTITIONED, FACTORED) for method in one.methods}
+    if values["method"] not in owners:
         raise InputError(
-            f"method {chosen.method!r} is unknown for points; choose one of {', '.join(METHODS)}."
+            f"method {values['method']!r} is unknown for points; choose one of {', '.join(owners)}."
         )
-    if not (np.isfinite(chosen.scale) and chosen.scale >= 0):
-        raise InputError(f"scale {chosen.scale} must be finite and not negative, in pixels.")
-    points = np.asarray(points, np.float32)
-    likelihood = windows(
-        frame,
-        points,
-        sigma=chosen.sigma,
-        window=(chosen.window, chosen.window),
-        norm=chosen.norm,
-    )
-    _check_apart(points)
-    walk = RandomWalk(np.float32(chosen.scale))
-    number = PARTICLES[chosen.method] if chosen.num_particles is None else chosen.num_particles
-    shared: dict[str, Any] = {"num_particles": number, "resampling": chosen.resampling}
-    if chosen.method == "eskil":
-        return Eskil(
-            walk,
-            likelihood,
-            points,
-            shape_scale=chosen.shape_scale,
-            upsampling=3 if chosen.upsampling is None else chosen.upsampling,
-            memory=chosen.memory,
-            drift=chosen.drift,
-            shape=chosen.shape,
-            proper=chosen.proper,
-            **shared,
-        )
-    if chosen.method == "pffl":
-        upsampling = 1 if chosen.upsampling is None else chosen.upsampling
-        return PFFL(walk, likelihood, points, upsampling=upsampling, form=chosen.form, **shared)
-    num_points = len(points)
-    ordering = {
-        "sir": lambda: orderings.sir(num_points),
-        "ps": lambda: orderings.ps(list(range(num_points))),
-        "sps": lambda: orderings.sps(num_partitions=num_points),
-    }[chosen.method]()
-    return Partitioned(walk, likelihood, ordering, points, **shared)
-
-
-def _check_apart(points: np.ndarray) -> None:
-    for second in range(len(points)):
-        for first in range(second):
-            if np.array_equal(points[first], points[second]):
-                x, y = points[first]
-                raise InputError(
-                    f"points {first} and {second} are both at ({x:g}, {y:g}): move or remove one."
-                )
+    owner = owners[values["method"]]
+    known = options_of(Options, owner.options)
+    for name in values:
+        if name not in known:
+            raise InputError(
+                f"there is no option {name!r} of {values['method']}; choose among "
+                f"{', '.join(known)}."
+            )
+    places = np.asarray(points, np.float64)
+    if places.ndim != 2 or places.shape[1] != 2:
+        raise InputError(f"points has shape {list(places.shape)}: give a row (x, y) per point.")
+    start = _start(range(len(places)), places)
+    looks = Looks(frame, None, frame.shape[:2], values.get("particles") or _PARTICLES)
+    model = POINTS.model(chosen(Options, values), start, looks)
+    return owner.tracker(model, chosen(owner.options, values))

@@ -77,11 +77,11 @@ def test_a_grid_lies_on_its_mask():
 def test_tracks_are_written_frame_by_frame(tmp_path):
     path = tmp_path / "tracks.csv"
     with PointTrackWriter(path) as writer:
-        writer.append(0, ["nose", "a,b"], [[1, 2], [3, 4]], [[0.5, 0.25], [0, 0]])
-        writer.append(1, ["nose", "a,b"], [[1, 2], [np.nan, 4]], [[0.5, 0.25], [0, 0]])
+        writer.append(0, ["nose", "a,b"], [[1, 2], [3, 4]], [False, True])
+        writer.append(1, ["nose", "a,b"], [[1, 2], [np.nan, 4]], [False, True])
     assert path.read_text().splitlines() == [
-        "frame,point,x,y,spread_x,spread_y",
-        "0,nose,1.000,2.000,0.500,0.250",
-        '0,"a,b",3.000,4.000,0.000,0.000',
-        "1,nose,1.000,2.000,0.500,0.250",
+        "frame,point,x,y,lost",
+        "0,nose,1.000,2.000,0",
+        '0,"a,b",3.000,4.000,1',
+        "1,nose,1.000,2.000,0",
     ]

@@ -2,16 +2,16 @@
 
 from functools import partial
 
+import exact
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from exact import COMPILER_OPTIONS, LIMIT, OBJECTS, RUNS, WRONG, problem
 
 import jaxpf
 from jaxpf.models.dynamics import RandomWalk
 from jaxpf.models.likelihoods.gaussian import Gaussian, kalman
-from tests.statistical import exact
-from tests.statistical.exact import COMPILER_OPTIONS, LIMIT, OBJECTS, RUNS, WRONG, problem
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 

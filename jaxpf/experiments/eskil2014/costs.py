@@ -33,10 +33,12 @@ def rows(repeats: int, height: int = HEIGHT, width: int = WIDTH) -> Iterator[Row
     weigh = jax.jit(likelihood.log_prob_all)
     trackers = {
         "eskil2014, M = 10, each moved once": point_tracker(
-            stack[0], points, scale=10.0, upsampling=1
+            stack[0], points, diffusion=10.0, upsampling=1
         ),
-        "eskil2014, M = 10, each moved three times": point_tracker(stack[0], points, scale=10.0),
-        "PFFL, M = 50": point_tracker(stack[0], points, method="pffl", scale=10.0),
+        "eskil2014, M = 10, each moved three times": point_tracker(
+            stack[0], points, diffusion=10.0
+        ),
+        "PFFL, M = 50": point_tracker(stack[0], points, method="pffl", diffusion=10.0),
     }
     goals = ("3.3e6 ns or less", "3.3e6 ns or less", "6.7e6 ns or less")
     candidates: dict[str, Callable[[], Any]] = {

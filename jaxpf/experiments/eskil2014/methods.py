@@ -23,18 +23,18 @@ _OPTIONS: Mapping[str, dict[str, Any]] = {
     "without shape": {"shape": "none"},
     "signed drift": {"drift": "signed"},
     "ridge drift": {"drift": "ridge"},
-    PFFL: {"method": "pffl", "num_particles": PFFL_PARTICLES},
+    PFFL: {"method": "pffl", "particles": PFFL_PARTICLES},
     "PFFL as printed": {
         "method": "pffl",
-        "num_particles": PFFL_PARTICLES,
+        "particles": PFFL_PARTICLES,
         "form": "literal",
         "norm": "sum",
         "sigma": SIGMA,
     },
     # As many likelihoods for every point as PFFL.
-    "SIR": {"method": "sir", "num_particles": 2 * PFFL_PARTICLES},
-    "PS": {"method": "ps", "num_particles": 2 * PFFL_PARTICLES},
-    "SPS": {"method": "sps", "num_particles": 2 * PFFL_PARTICLES},
+    "SIR": {"method": "sir", "particles": 2 * PFFL_PARTICLES},
+    "PS": {"method": "ps", "particles": 2 * PFFL_PARTICLES},
+    "SPS": {"method": "sps", "particles": 2 * PFFL_PARTICLES},
 }
 FILTERS = tuple(_OPTIONS)
 ABLATIONS = ("without drift", "without shape", "signed drift", "ridge drift")
@@ -54,4 +54,4 @@ def trackers(
         scale: sigma_t, pixels.
         names: of ``FILTERS``.
     """
-    return {name: point_tracker(frame, points, scale=scale, **_OPTIONS[name]) for name in names}
+    return {name: point_tracker(frame, points, diffusion=scale, **_OPTIONS[name]) for name in names}

@@ -87,7 +87,7 @@ def check_factors(likelihood: Any) -> None:
     Raises:
         InputError: it has ``log_joint``.
     """
-    if hasattr(likelihood, "log_joint"):
+    if contract.has_log_joint(likelihood):
         raise InputError(
             f"{type(likelihood).__name__} has log_joint, but factored particles have no common "
             "weight; use a likelihood of single partitions, or jaxpf.Partitioned."
@@ -177,7 +177,7 @@ def moved(tracker, key, lagged: jax.Array) -> jax.Array:
 
     def one(key, partition, current, previous):
         numbers = jnp.full((num,), partition, jnp.int32)
-        return contract.propagate(tracker.dynamics, key, numbers, current, previous, parent)
+        return contract.propagate_all(tracker.dynamics, key, numbers, current, previous, parent)
 
     keys = keys_of(key, num_partitions)
     everyone = jnp.arange(num_partitions, dtype=jnp.int32)
@@ -189,7 +189,7 @@ def weighed(tracker, observation, values: jax.Array) -> tuple[jax.Array, jax.Arr
     """Log-likelihoods ``[P, N]`` of ``[D, P, N]``, and how many were NaN or +inf, now -inf."""
     dimension, num_partitions, num = values.shape
     partition = jnp.repeat(jnp.arange(num_partitions, dtype=jnp.int32), num)
-    log_prob = contract.log_prob(
+    log_prob = contract.log_prob_all(
         tracker.likelihood, observation, partition, values.reshape(dimension, -1)
     ).astype(values.dtype)
     chex.assert_shape(log_prob, (num_partitions * num,))

@@ -9,8 +9,6 @@ import jax.numpy as jnp
 
 from jaxpf.pytree import pytree_dataclass
 
-RULES = ("clip", "signed", "ridge", "none")
-
 #: The ridge's strength, as a share of the partitions' mean squared velocity.
 _RIDGE = 0.1
 

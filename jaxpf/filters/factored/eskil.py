@@ -17,12 +17,13 @@ from jaxpf.errors import InputError
 from jaxpf.filters.factored import cloud, drift, shape
 from jaxpf.filters.factored.cloud import FactoredState
 from jaxpf.lowering.threefry import written_out
+from jaxpf.names import DRIFTS, SHAPES
 from jaxpf.pytree import as_array, is_concrete, pytree_dataclass, static_field
 from jaxpf.state import Summary
 
 
 @pytree_dataclass
-class Eskil:
+class Eskil(contract.Tracker):
     """Factored particles that drift together and keep a shape (eskil2014, section 3.4).
 
     The first two dimensions of a substate (or its only one) are its position: drift and shape act
@@ -53,8 +54,8 @@ class Eskil:
         num_particles: static, M of every partition.
         upsampling: static, how many times a particle is moved; not published.
         memory: static, tau, the frames over which velocities are compared; not published.
-        drift: static, one of ``jaxpf.filters.factored.drift.RULES``.
-        shape: static, one of ``jaxpf.filters.factored.shape.SHAPES``.
+        drift: static, one of ``jaxpf.names.DRIFTS``.
+        shape: static, one of ``jaxpf.names.SHAPES``.
         proper: static, see above.
         resampling: static, one of ``jaxpf.resampling.SCHEMES``.
 
@@ -106,16 +107,10 @@ class Eskil:
         """Work that depends on the frame alone."""
         return self.likelihood.observe(frame)
 
-    def step(
-        self, key: jax.Array, state: FactoredState, frame: Any
-    ) -> tuple[FactoredState, Summary]:
-        """One frame; see the class."""
-        return self.step_observed(key, state, self.observe(frame))
-
     def step_observed(
         self, key: jax.Array, state: FactoredState, observation: Any
     ) -> tuple[FactoredState, Summary]:
-        """``step`` for a frame that was observed already."""
+        """One frame that was observed already; see the class."""
         chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
         motion = state.history
         sample_key, simulate_key, move_key = jax.random.split(written_out(key), 3)
@@ -162,7 +157,7 @@ def _log_ratio(dynamics, new, diffused, lagged):
     parent = jnp.zeros_like(current)
 
     def density(values):
-        return contract.log_density(
+        return contract.log_density_all(
             dynamics, partition, values.reshape(dimension, -1), current, previous, parent
         )
 
@@ -172,7 +167,7 @@ def _log_ratio(dynamics, new, diffused, lagged):
 def _check(tracker: Eskil) -> None:
     cloud.check_numbers(tracker.num_particles, tracker.upsampling, tracker.resampling)
     cloud.check_factors(tracker.likelihood)
-    for name, valid in (("drift", drift.RULES), ("shape", shape.SHAPES)):
+    for name, valid in (("drift", DRIFTS), ("shape", SHAPES)):
         value = getattr(tracker, name)
         if value not in valid:
             raise InputError(f"{name}={value!r} is unknown; choose one of {', '.join(valid)}.")
@@ -186,10 +181,7 @@ def _check(tracker: Eskil) -> None:
             f"drift={tracker.drift!r} needs two partitions or more, and initial has "
             f"{tracker.num_partitions}; add points or use drift='none'."
         )
-    offers = hasattr(tracker.dynamics, "log_density") or hasattr(
-        tracker.dynamics, "log_density_all"
-    )
-    if tracker.proper and not offers:
+    if tracker.proper and not contract.has_log_density(tracker.dynamics):
         raise InputError(
             f"proper=True needs the density of the dynamics, and {type(tracker.dynamics).__name__} "
             "has no log_density; write one or use proper=False."

@@ -11,18 +11,18 @@ import chex
 import jax
 import jax.numpy as jnp
 
+from jaxpf.contract import Tracker
 from jaxpf.errors import InputError
 from jaxpf.filters.factored import cloud
 from jaxpf.filters.factored.cloud import FactoredState
 from jaxpf.lowering.threefry import written_out
+from jaxpf.names import FORMS
 from jaxpf.pytree import is_concrete, pytree_dataclass, static_field
 from jaxpf.state import Summary
 
-FORMS = ("auxiliary", "literal")
-
 
 @pytree_dataclass
-class PFFL:
+class PFFL(Tracker):
     """Particle filter with factorised likelihoods over P partitions, M particles for each.
 
     With pi the weights, lambda the likelihoods of the simulated moves and g those of the real
@@ -44,7 +44,7 @@ class PFFL:
         num_particles: static, M of every partition; 50 in eskil2014.
         upsampling: static, every ancestor moves this many times; the set is thinned to M when
             the next frame comes.
-        form: static, one of ``FORMS``.
+        form: static, one of ``jaxpf.names.FORMS``.
         resampling: static, one of ``jaxpf.resampling.SCHEMES``.
 
     Raises:
@@ -82,16 +82,10 @@ class PFFL:
         """Work that depends on the frame alone."""
         return self.likelihood.observe(frame)
 
-    def step(
-        self, key: jax.Array, state: FactoredState, frame: Any
-    ) -> tuple[FactoredState, Summary]:
-        """One frame; see the class."""
-        return self.step_observed(key, state, self.observe(frame))
-
     def step_observed(
         self, key: jax.Array, state: FactoredState, observation: Any
     ) -> tuple[FactoredState, Summary]:
-        """``step`` for a frame that was observed already."""
+        """One frame that was observed already; see the class."""
         chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
         sample_key, simulate_key, choose_key, move_key = jax.random.split(written_out(key), 4)
         lagged, log_weights = state.lagged, state.log_weights

@@ -12,8 +12,6 @@ import numpy as np
 from jaxpf.errors import InputError
 from jaxpf.pytree import is_concrete
 
-SHAPES = ("relative", "pixels", "none")
-
 
 def distances(first: jax.Array, second: jax.Array) -> jax.Array:
     """Distances ``[P, Q, ...]`` of ``[E, P, ...]`` from ``[E, Q]``, gradients finite at zero."""

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from jaxpf.contract import Likelihood
 from jaxpf.errors import InputError
 from jaxpf.models.likelihoods.color import check_frame
 from jaxpf.pytree import as_array, pytree_dataclass, static_field
@@ -24,7 +25,7 @@ _DARKEST_MEAN = 1.0
 
 
 @pytree_dataclass
-class WindowLikelihood:
+class WindowLikelihood(Likelihood):
     """Window likelihood of P points; make one with :func:`windows`.
 
     A substate is (u, v, ...): pixels from the left and the top of the frame, in which pixel (i, j)
@@ -46,6 +47,7 @@ class WindowLikelihood:
 
     #: ``log_prob`` is constant within a pixel.
     state_gradient = False
+    fixed_observation = True
 
     def observe(self, frame):
         """The frame itself, uint8 [H, W, 3].
@@ -56,11 +58,6 @@ class WindowLikelihood:
         check_frame(frame)
         _check_fits(frame, self.window)
         return jnp.asarray(frame)
-
-    def log_prob(self, observation, partition, substate):
-        """Log-likelihood [] of one particle: a traced int partition, a substate [D]."""
-        partition = jnp.asarray(partition)[None]
-        return self.log_prob_all(observation, partition, substate[:, None])[0]
 
     def log_prob_all(self, observation, partition, substates):
         """Log-likelihoods [N] of substates [D, N]; NaN where one is not finite."""
@@ -119,17 +116,45 @@ def windows(
     u, v = jnp.asarray(points).T
     size = int(window[0]), int(window[1])
     seen = np.asarray(_windows(jnp.asarray(frame), u, v, size), np.float32)
-    means = seen.mean(axis=(1, 2))
-    for i, mean in enumerate(means):
+    for i, mean in enumerate(seen.mean(axis=(1, 2))):
         if mean < _DARKEST_MEAN:
             raise InputError(
                 f"the window of point {i} is black, its mean {mean:.2g} of 255, so nothing can be "
                 "divided by it: move the point or enlarge the window."
             )
+    return _build(seen, sigma, size, norm)
+
+
+def windows_from_pictures(pictures, *, sigma: float = 0.1, norm: str = "mean") -> WindowLikelihood:
+    """Learn the likelihood of P points from pictures of their surroundings.
+
+    Args:
+        pictures: P pictures of one size, uint8 RGB [rows, columns, 3], rows and columns odd.
+        sigma: see :func:`windows`.
+        norm: see there.
+
+    Raises:
+        InputError: as :func:`windows`.
+    """
+    if len(pictures) == 0:
+        raise InputError("pictures is empty: give one picture per point.")
+    seen = []
+    for i, picture in enumerate(pictures):
+        rows, columns = picture.shape[:2]
+        if picture.shape != pictures[0].shape:
+            raise InputError(f"pictures[{i}] has another size than pictures[0]: give all one size.")
+        middle = [[columns // 2 + 0.5, rows // 2 + 0.5]]
+        one = windows(picture, middle, sigma=sigma, window=(columns, rows), norm=norm)
+        seen.append(one.references[0])
+    return _build(np.stack(seen), sigma, one.window, norm)
+
+
+def _build(seen, sigma, window, norm) -> WindowLikelihood:
+    means = seen.mean(axis=(1, 2), keepdims=True)
     return WindowLikelihood(
         sigma=as_array(sigma, float),
-        references=as_array(seen / means[:, None, None], float),
-        window=size,
+        references=as_array(seen / means, float),
+        window=window,
         norm=norm,
     )
 

@@ -106,12 +106,17 @@ def _hidden_error(**options):
 
 
 def test_a_hidden_point_is_carried_along_by_the_others():
-    left_behind = _hidden_error(drift="none")
-    assert left_behind > 18
-    for drift in ("clip", "ridge"):
-        assert _hidden_error(drift=drift) < left_behind / 2
+    """Left behind, it would be 20 pixels away."""
+    assert _hidden_error(drift="clip") < 10
 
 
+@pytest.mark.slow
+def test_ridge_carries_a_hidden_point_too_and_no_drift_leaves_it_behind():
+    assert _hidden_error(drift="ridge") < 10
+    assert _hidden_error(drift="none") > 18
+
+
+@pytest.mark.slow
 def test_a_hidden_point_is_held_in_place_by_the_shape():
     assert _hidden_error(drift="none", shape="relative", shape_scale=0.02) < 6
 

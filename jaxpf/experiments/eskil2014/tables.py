@@ -148,7 +148,7 @@ def _potential() -> Any:
 
     places = np.array(list(POINTS.values()), np.float32)
     point = list(POINTS).index("nose")
-    x, y = np.meshgrid(np.linspace(-20, 180, 201), np.linspace(-80, 80, 161))
+    x, y = np.meshgrid(np.linspace(-120, 180, 301), np.linspace(-80, 80, 161))
     plane = np.stack([x.ravel(), y.ravel()]).astype(np.float32)
     everywhere = np.broadcast_to(plane[:, None], (2, len(places), x.size))
     value = np.asarray(
@@ -156,7 +156,7 @@ def _potential() -> Any:
     )[point]
     figure = Figure(figsize=(6, 4.5), layout="constrained")
     axes = figure.subplots()
-    image = axes.imshow(np.exp(value).reshape(x.shape), extent=(-20, 180, 80, -80), cmap="gray")
+    image = axes.imshow(np.exp(value).reshape(x.shape), extent=(-120, 180, 80, -80), cmap="gray")
     axes.plot(*places.T, ".", color="tab:orange")
     axes.plot(*places[point], "o", color="tab:red", fillstyle="none")
     axes.set_title("The shape function of the nose, scale .2 (the paper's figure 1)", fontsize=10)

@@ -9,14 +9,17 @@ The map, downwards: a file imports from its own room and from rooms below it, ne
 ``evaluation/``, ``tuning/``
     Many runs compared, with intervals, resumed where interrupted; parameters found by gradient.
 ``targets/``
-    What a substate means, one file per target: boxes, parts.  A target says where it starts, which
-    model follows, and what it reports.
+    What a substate means, one file per target: boxes, parts, points.  A target says where it
+    starts, which model follows, and what it reports.
+``baselines/``
+    Trackers of other kinds to compare with: optical flow, SPOT.
 ``files/``, ``media/``, ``measures/``
     Tables of tracks in and out; video, drawing and plots; how good tracks are.
 ``filters/``
     How guesses are organised: ``partitioned/`` (SIR, PS, DPS, SPS and branched, one kernel),
-    ``labelled/`` (each particle holds one of many targets).  A tracker is a filter on a target's
-    model; neither knows the other.
+    ``labelled/`` (each particle holds one of many targets), ``factored/`` (PFFL and eskil2014:
+    every partition has particles of its own).  A tracker is a filter on a target's model; neither
+    knows the other.
 ``models/``
     How a substate moves (``dynamics``, ``joints``) and explains a frame (``likelihoods``).
 ``contract``, ``state``, ``running``, ``streaming``
@@ -72,8 +75,10 @@ _MODULES = {
     "video_writer": "media.video_writer",
 }
 _NAMES = {
+    "Eskil": "filters.factored.eskil",
     "InputError": "errors",
     "Labelled": "filters.labelled.tracker",
+    "PFFL": "filters.factored.pffl",
     "ParticleState": "state",
     "Partitioned": "filters.partitioned.tracker",
     "Summary": "state",
@@ -97,6 +102,8 @@ if TYPE_CHECKING:
     from jaxpf.errors import InputError
     from jaxpf.files import tracks  # noqa: F401
     from jaxpf.filters import resampling  # noqa: F401
+    from jaxpf.filters.factored.eskil import Eskil
+    from jaxpf.filters.factored.pffl import PFFL
     from jaxpf.filters.labelled.tracker import Labelled
     from jaxpf.filters.partitioned import gradients, ordering  # noqa: F401
     from jaxpf.filters.partitioned.tracker import Partitioned
@@ -110,6 +117,8 @@ if TYPE_CHECKING:
     from jaxpf.tuning import objectives, tune  # noqa: F401
 
 __all__ = [
+    "PFFL",
+    "Eskil",
     "InputError",
     "Labelled",
     "ParticleState",

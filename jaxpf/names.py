@@ -2,6 +2,13 @@
 
 #: Orderings of the partitioned filter that have a name on the command line.
 METHODS = ("sir", "ps", "dps", "sps")
+#: Methods of the factored filter.
+FACTORED_METHODS = ("eskil", "pffl")
+#: How partitions of eskil2014 carry one another along, and how they hold one another in place.
+DRIFTS = ("clip", "signed", "ridge", "none")
+SHAPES = ("relative", "pixels", "none")
+#: How PFFL weighs its particles.
+FORMS = ("auxiliary", "literal")
 #: Exchange rules of simultaneous partitioned sampling, in the order of their codes.
 SWAPS = ("none", "random", "sorted", "combinatorial")
 #: How the components of DPS are put together again at the end of a frame.

@@ -72,6 +72,8 @@ class Summary:
         lost: ``[P]`` bool, partitions whose likelihood was zero in every particle that still
             had weight.
         num_invalid: ``[]`` int32, log-likelihoods that were NaN or +inf.
+        ess_parts: ``[P]``, every partition's effective sample size, where each has weights of
+            its own (``ess`` is then the smallest); else None.
     """
 
     estimate: jax.Array
@@ -82,6 +84,7 @@ class Summary:
     status: jax.Array
     lost: jax.Array
     num_invalid: jax.Array
+    ess_parts: jax.Array | None = None
 
 
 def summarise(state, log_evidence, status, lost, num_invalid) -> Summary:

@@ -16,6 +16,8 @@ from scenes.benchmark_clips import read_mot, read_otb
 from scenes.clips import Clip, cut_patch, read_clip
 from scenes.distracter import distracter_scene
 from scenes.distracter_parameters import DistracterParameters
+from scenes.face import FaceParameters, face_scene
+from scenes.fish import FishParameters, fish_scene
 from scenes.projectiles import ProjectilesParameters, projectiles_scene
 from scenes.scene import Scene, SceneError
 from scenes.sequences import (
@@ -25,18 +27,24 @@ from scenes.sequences import (
     open_folder,
     start_scene,
 )
+from scenes.skydivers import SkydiversParameters, skydivers_scene
 
 __all__ = [
     "ArticulatedParameters",
     "Clip",
     "DistracterParameters",
+    "FaceParameters",
+    "FishParameters",
     "ProjectilesParameters",
     "Scene",
     "SceneError",
+    "SkydiversParameters",
     "articulated_scene",
     "cut_patch",
     "default_parameters",
     "distracter_scene",
+    "face_scene",
+    "fish_scene",
     "function_of_text",
     "make",
     "names",
@@ -46,6 +54,7 @@ __all__ = [
     "read_clip",
     "read_mot",
     "read_otb",
+    "skydivers_scene",
     "start_scene",
 ]
 
@@ -54,6 +63,9 @@ _REGISTRY: dict[str, tuple[type, Callable[[Any, int], Scene]]] = {
     "articulated": (ArticulatedParameters, articulated_scene),
     "distracter": (DistracterParameters, distracter_scene),
     "projectiles": (ProjectilesParameters, projectiles_scene),
+    "face": (FaceParameters, face_scene),
+    "fish": (FishParameters, fish_scene),
+    "skydivers": (SkydiversParameters, skydivers_scene),
 }
 
 

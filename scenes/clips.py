@@ -160,8 +160,11 @@ def cut_patch(picture: np.ndarray, box: np.ndarray) -> np.ndarray:
     return picture[top:bottom, left:right].copy()
 
 
-def read_clip(folder: str | Path) -> Clip:
-    """Open an annotated sequence: reads ``meta.json`` and ``gt.csv``, no pictures yet."""
+def read_clip(folder: str | Path, *, boxes_needed: bool = True) -> Clip:
+    """Open an annotated sequence: reads ``meta.json`` and ``gt.csv``, no pictures yet.
+
+    Without ``boxes_needed`` a clip may lack ``gt.csv``; it then has no objects.
+    """
     folder = Path(folder)
     if not folder.is_dir():
         raise SceneError(f"{folder}: there is no such folder")
@@ -170,7 +173,8 @@ def read_clip(folder: str | Path) -> Clip:
     first = folder / (source % 0 if "%" in source else source)
     if not first.is_file():
         raise SceneError(f"{first} is missing: meta.json names {source!r} as the frames")
-    rows = _read_truth(folder / "gt.csv", meta["n_frames"])
+    truth = folder / "gt.csv"
+    rows = _read_truth(truth, meta["n_frames"]) if boxes_needed or truth.is_file() else {}
 
     ids = tuple(sorted({number for _, number in rows}))
     boxes = np.full((meta["n_frames"], len(ids), 4), np.nan)

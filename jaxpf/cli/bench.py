@@ -39,6 +39,7 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
         check_output_file(output)
     common.start_jax()
     from jaxpf.experiments import gradient_costs, labelled_costs, speed
+    from jaxpf.experiments.eskil2014 import costs as point_costs
     from jaxpf.experiments.gonzales2011 import costs
 
     rows: list[Any] = []
@@ -55,6 +56,11 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
             labelled_costs.rows(repeats),
         ),
         ("Generic kernel: 1-D model, 50 runs, 1000 particles", speed.generic_rows(repeats)),
+        (
+            f"Points: {point_costs.POINTS}, {point_costs.HEIGHT}x{point_costs.WIDTH}, one run; "
+            "decoding left out",
+            point_costs.rows(repeats),
+        ),
         (f"Gradient of the evidence: {gradient_costs.RUNS} runs", gradient_costs.rows(repeats)),
     ]
     for title, section in sections:

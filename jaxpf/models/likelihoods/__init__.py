@@ -9,6 +9,7 @@ from jaxpf.models.likelihoods.histogram import (
 )
 from jaxpf.models.likelihoods.patch import PatchLikelihood, patch, patch_from_pictures
 from jaxpf.models.likelihoods.pixels import PixelLikelihood, pixels
+from jaxpf.models.likelihoods.windows import WindowLikelihood, windows
 
 __all__ = [
     "CorrelatedGaussian",
@@ -16,10 +17,12 @@ __all__ = [
     "HistogramLikelihood",
     "PatchLikelihood",
     "PixelLikelihood",
+    "WindowLikelihood",
     "histogram",
     "histogram_from_patches",
     "learn_background",
     "patch",
     "patch_from_pictures",
     "pixels",
+    "windows",
 ]

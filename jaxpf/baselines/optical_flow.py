@@ -1,0 +1,60 @@
+"""Points followed by pyramidal optical flow, with a forward-backward check.
+
+Source: Lucas and Kanade 1981; Bouguet 2000 (pyramids, ``cv2.calcOpticalFlowPyrLK``); Kalal,
+Mikolajczyk and Matas 2010 (forward-backward error).
+"""
+
+from collections.abc import Iterable
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+def follow_points(
+    frames: Iterable[np.ndarray],
+    points: ArrayLike,
+    *,
+    window: int = 21,
+    levels: int = 4,
+    largest_error: float = 1.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Follow points from frame to frame.
+
+    A point that does not come back to within ``largest_error`` when it is followed backwards
+    stays where it was, and is tried again from there.
+
+    Args:
+        frames: T + 1 frames, uint8 RGB [H, W, 3]; the points are in the first.
+        points: [P, 2], x and y in pixels, a pixel's middle half a pixel from its number.
+        window: side of the window, pixels.
+        levels: of the pyramid, beyond the frame itself.
+        largest_error: of the way forth and back, pixels.
+
+    Returns:
+        Places [T, P, 2] in the frames after the first, and whether each point was followed
+        there, bool [T, P].
+    """
+    before, here = None, np.asarray(points, np.float32) - np.float32(0.5)
+    places, followed = [], []
+    for frame in frames:
+        grey = cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_RGB2GRAY)
+        if before is not None:
+            column = here[:, None]
+            there, found = _flow(before, grey, column, window, levels)
+            back, found_back = _flow(grey, before, there, window, levels)
+            error = np.linalg.norm(back - column, axis=-1)[:, 0]
+            good = (found[:, 0] == 1) & (found_back[:, 0] == 1) & (error <= largest_error)
+            here = np.where(good[:, None], there[:, 0], here)
+            places.append(here + 0.5)
+            followed.append(good)
+        before = grey
+    count = len(here)
+    return np.reshape(places, (-1, count, 2)), np.reshape(np.array(followed, bool), (-1, count))
+
+
+def _flow(before, after, places, window, levels):
+    there, found, _ = cv2.calcOpticalFlowPyrLK(
+        before, after, places, np.empty_like(places), winSize=(window, window), maxLevel=levels
+    )
+    return there, found

@@ -1,0 +1,46 @@
+"""The figures that eskil2014 publishes, as data.
+
+Eskil, "Factored particle filtering with dependent and constrained partition dynamics for tracking
+deformable objects".
+"""
+
+from typing import NamedTuple
+
+
+class Sequence(NamedTuple):
+    """One of the paper's three sequences.
+
+    Attributes:
+        scene: our stand-in.
+        frames: its length.
+        scale: sigma_t, pixels.
+        proposed: frames per second of the proposed method, table 3.
+        pffl: of PFFL.
+        spot: of SPOT.
+    """
+
+    scene: str
+    frames: int
+    scale: float
+    proposed: float
+    pffl: float
+    spot: float
+
+
+SEQUENCES = {
+    "platty": Sequence("fish", 110, 10.0, 3.01, 3.79, 0.16),
+    "skydiving": Sequence("skydivers", 300, 5.0, 3.89, 4.47, 1.54),
+    "face": Sequence("face", 127, 5.0, 2.34, 3.39, 0.59),
+}
+#: M of the proposed method and of PFFL; sigma_o, sigma_p.
+PARTICLES, PFFL_PARTICLES = 10, 50
+SIGMA, SHAPE_SCALE = 0.1, 0.01
+
+#: Points of the fish near their places at the end, of 12 (section 4.1).
+KEPT_PFFL, KEPT_PROPOSED = 7, 12
+#: Largest mean error of the skydiver over his length, and the share most errors stay below.
+SKYDIVER_LARGEST, SKYDIVER_MOSTLY = 0.25, 0.2
+#: Frames after which methods part (figures 4, 7 and 10).
+PARTING = {"skydivers PFFL": 50, "skydivers SPOT": 75, "face": 85}
+#: Frames in which the mouth smiles.
+SMILE = (56, 95)

@@ -1,0 +1,247 @@
+"""Weighted sets of particles, one for each partition, and what both factored filters do to them.
+
+Inside, values stand as ``[D, P, K]`` and weights as ``[P, K]``: particles on the last axis.  Every
+partition draws from keys of its own, so that what happens to one never reaches another.
+"""
+
+from typing import Any
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf import contract
+from jaxpf.errors import InputError
+from jaxpf.filters import resampling
+from jaxpf.pytree import as_array, is_concrete, pytree_dataclass
+from jaxpf.state import STATUS_IMPOSSIBLE, STATUS_INVALID_LIKELIHOOD, STATUS_LOST, Summary
+
+
+@pytree_dataclass
+class FactoredState:
+    """P weighted sets of K particles of D dimensions.
+
+    Attributes:
+        lagged: ``[2, D, P, K]``, the substates of the current frame and of the one before.
+        log_weights: ``[P, K]``, normalised for each partition.
+        weighted: ``[]`` bool, false for sets that were drawn and never weighed.
+        history: what a tracker remembers of frames gone by; None if nothing.
+    """
+
+    lagged: jax.Array
+    log_weights: jax.Array
+    weighted: jax.Array
+    history: Any = None
+
+    @property
+    def substates(self) -> jax.Array:
+        """Current substates, ``[..., K, P, D]``; the k-th particles of two partitions are no pair.
+
+        Their weights are ``log_weights``, ``[..., P, K]``.
+        """
+        return jnp.moveaxis(self.lagged[..., 0, :, :, :], (-1, -2, -3), (-3, -2, -1))
+
+    @property
+    def previous_substates(self) -> jax.Array:
+        """Substates one frame earlier, ``[..., K, P, D]``."""
+        return jnp.moveaxis(self.lagged[..., 1, :, :, :], (-1, -2, -3), (-3, -2, -1))
+
+
+def checked_initial(initial: Any) -> Any:
+    """``initial`` as an array of floats, or the sampler that it is.
+
+    Raises:
+        InputError: an array that is not ``[P, D]``.
+    """
+    if callable(initial):
+        return initial
+    initial = as_array(initial)
+    if initial.ndim != 2 or 0 in initial.shape:
+        raise InputError(
+            f"initial has shape {list(initial.shape)}; give [P, D], a row for each partition, or a "
+            "sampler key -> [P, D]."
+        )
+    if not jnp.issubdtype(initial.dtype, jnp.floating):
+        initial = initial.astype(jnp.result_type(float))
+    if is_concrete(initial) and not np.isfinite(np.asarray(initial)).all():
+        raise InputError("initial holds a number that is not finite; say where every point starts.")
+    return initial
+
+
+def check_numbers(num_particles: int, upsampling: int, scheme: str) -> None:
+    """Refuse numbers of particles below one, and unknown schemes.
+
+    Raises:
+        InputError: the sentence names the argument.
+    """
+    resampling.check_scheme(scheme)
+    for name, value in (("num_particles", num_particles), ("upsampling", upsampling)):
+        if not isinstance(value, int | np.integer) or value < 1:
+            raise InputError(f"{name}={value!r} must be a whole number, at least 1.")
+
+
+def check_factors(likelihood: Any) -> None:
+    """Refuse a likelihood that does not factor over partitions.
+
+    Raises:
+        InputError: it has ``log_joint``.
+    """
+    if contract.has_log_joint(likelihood):
+        raise InputError(
+            f"{type(likelihood).__name__} has log_joint, but factored particles have no common "
+            "weight; use a likelihood of single partitions, or jaxpf.Partitioned."
+        )
+
+
+def count_partitions(initial: Any) -> int:
+    """P, from the start."""
+    if not callable(initial):
+        return initial.shape[0]
+    return jax.eval_shape(initial, jax.random.key(0)).shape[0]
+
+
+def start(key: jax.Array, initial: Any, num: int, history: Any = None) -> FactoredState:
+    """``num`` particles for every partition, drawn from the start, with equal weights."""
+    if callable(initial):
+        drawn = jax.vmap(initial)(jax.random.split(key, num))
+        chex.assert_rank(drawn, 3)
+        values = jnp.moveaxis(drawn, (0, 1, 2), (2, 1, 0))
+    else:
+        values = jnp.repeat(initial.T[..., None], num, axis=-1)
+    return FactoredState(
+        lagged=jnp.stack([values, values]),
+        log_weights=jnp.full(values.shape[1:], -np.log(num), values.dtype),
+        weighted=jnp.zeros((), bool),
+        history=history,
+    )
+
+
+def keys_of(key: jax.Array, num_partitions: int) -> jax.Array:
+    """One key for every partition; a partition's key does not depend on how many there are."""
+    return jax.vmap(lambda p: jax.random.fold_in(key, p))(jnp.arange(num_partitions))
+
+
+def survivors(tracker, key, state: FactoredState) -> tuple[jax.Array, jax.Array]:
+    """Draw M of the K = M * upsampling particles of each partition by their weights.
+
+    Returns:
+        Lagged substates ``[2, D, P, M]`` and equal log-weights ``[P, M]``.
+    """
+    num, factor = tracker.num_particles, tracker.upsampling
+    resample_key, offset_key = jax.random.split(key)
+    chosen, log_weights = choose(tracker, resample_key, state.log_weights, state.log_weights)
+    # Of K slots every factor-th; where they begin is drawn, which keeps every scheme unbiased.
+    keys = keys_of(offset_key, chosen.shape[0])
+    begin = jax.vmap(lambda k: jax.random.randint(k, (), 0, factor))(keys)
+    slots = begin[:, None] + factor * jnp.arange(num)
+    # A set that was never weighed needs no draw: it would only lose particles.
+    ancestors = jnp.where(state.weighted, jnp.take_along_axis(chosen, slots, axis=1), slots)
+    log_weights = jnp.take_along_axis(log_weights, slots, axis=1) + np.log(factor)
+    uniform = jnp.full_like(log_weights, -np.log(num))
+    return taken(state.lagged, ancestors), jnp.where(state.weighted, log_weights, uniform)
+
+
+def choose(tracker, key, log_weights, log_selection) -> tuple[jax.Array, jax.Array]:
+    """Weighted resampling of every partition by itself: ancestors and log-weights ``[P, N]``."""
+    keys = keys_of(key, log_weights.shape[0])
+    if log_weights is log_selection:
+        return jax.vmap(lambda k, w: resampling.weighted_resample(k, w, w, tracker.resampling))(
+            keys, log_weights
+        )
+    return jax.vmap(lambda k, w, s: resampling.weighted_resample(k, w, s, tracker.resampling))(
+        keys, log_weights, log_selection
+    )
+
+
+def taken(lagged: jax.Array, ancestors: jax.Array) -> jax.Array:
+    """Particles ``[..., P, M]`` of ``[..., P, N]`` by their places ``[P, M]``."""
+    rows = jnp.arange(ancestors.shape[0])[:, None]
+    return lagged[..., rows, ancestors]
+
+
+def upsampled(lagged, log_weights, factor: int) -> tuple[jax.Array, jax.Array]:
+    """Every particle ``factor`` times, each with its share of the weight."""
+    if factor == 1:
+        return lagged, log_weights
+    return (
+        jnp.repeat(lagged, factor, axis=-1),
+        jnp.repeat(log_weights - np.log(factor), factor, axis=-1),
+    )
+
+
+def moved(tracker, key, lagged: jax.Array) -> jax.Array:
+    """Every particle moved by the dynamics: ``[D, P, N]`` of ``[2, D, P, N]``."""
+    num_partitions, num = lagged.shape[-2:]
+    parent = jnp.zeros((lagged.shape[1], num), lagged.dtype)
+
+    def one(key, partition, current, previous):
+        numbers = jnp.full((num,), partition, jnp.int32)
+        return contract.propagate_all(tracker.dynamics, key, numbers, current, previous, parent)
+
+    keys = keys_of(key, num_partitions)
+    everyone = jnp.arange(num_partitions, dtype=jnp.int32)
+    new = jax.vmap(one, in_axes=(0, 0, 1, 1), out_axes=1)(keys, everyone, lagged[0], lagged[1])
+    return new.astype(lagged.dtype)
+
+
+def weighed(tracker, observation, values: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Log-likelihoods ``[P, N]`` of ``[D, P, N]``, and how many were NaN or +inf, now -inf."""
+    dimension, num_partitions, num = values.shape
+    partition = jnp.repeat(jnp.arange(num_partitions, dtype=jnp.int32), num)
+    log_prob = contract.log_prob_all(
+        tracker.likelihood, observation, partition, values.reshape(dimension, -1)
+    ).astype(values.dtype)
+    chex.assert_shape(log_prob, (num_partitions * num,))
+    invalid = jnp.isnan(log_prob) | jnp.isposinf(log_prob)
+    log_prob = jnp.where(invalid, -jnp.inf, log_prob).reshape(num_partitions, num)
+    return log_prob, jnp.sum(invalid, dtype=jnp.int32)
+
+
+def normalised(log_weights: jax.Array, fallback: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Log-weights ``[P, N]`` that sum to one, and their log totals ``[P]`` before.
+
+    A partition whose weights are all zero keeps ``fallback``: the frame is left out.
+    """
+    possible = jnp.any(~jnp.isneginf(log_weights), axis=1, keepdims=True)
+    kept = jnp.where(possible, log_weights, fallback)
+    total = jax.nn.logsumexp(kept, axis=1, keepdims=True)
+    return kept - total, jnp.where(possible, total, -jnp.inf)[:, 0]
+
+
+def means(log_weights: jax.Array, values: jax.Array) -> jax.Array:
+    """Weighted means ``[D, P]`` of ``[D, P, N]``."""
+    return jnp.einsum("dpn,pn->dp", values, jnp.exp(log_weights))
+
+
+def summarise(state: FactoredState, log_totals, num_invalid, log_evidence=None) -> Summary:
+    """What the frame reports of the weighted sets.
+
+    Args:
+        state: the sets, normalised.
+        log_totals: ``[P]``, the log of every set's weight before; -inf for one that is lost.
+        num_invalid: ``[]`` int32.
+        log_evidence: ``[]``; by default the sum of ``log_totals``.
+    """
+    weights = jnp.exp(state.log_weights)
+    values = jnp.where(weights > 0, state.lagged[0], 0.0)  # a dead particle may hold NaN
+    estimate = jnp.einsum("dpn,pn->dp", values, weights)
+    variance = jnp.einsum("dpn,pn->dp", (values - estimate[..., None]) ** 2, weights)
+    spread = jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0)
+    lost = jnp.isneginf(log_totals)
+    ess = 1.0 / jnp.sum(weights**2, axis=1)
+    impossible = jnp.any(lost)
+    return Summary(
+        estimate=estimate.T,
+        log_evidence=jnp.sum(log_totals) if log_evidence is None else log_evidence,
+        ess=jnp.min(ess),
+        uniqueness=jnp.ones_like(ess),  # every particle of a weighted set is a draw of its own
+        spread=spread.T,
+        status=(
+            STATUS_INVALID_LIKELIHOOD * (num_invalid > 0)
+            + (STATUS_IMPOSSIBLE + STATUS_LOST) * impossible
+        ).astype(jnp.int32),
+        lost=lost,
+        num_invalid=num_invalid,
+        ess_parts=ess,
+    )

@@ -1,0 +1,201 @@
+"""Factored particles with dependent and constrained dynamics.
+
+Source: eskil2014 (Eskil, "Factored particle filtering with dependent and constrained partition
+dynamics for tracking deformable objects"), section 3.  Every partition has a few particles of its
+own; partitions carry one another along (``drift``) and hold one another in place (``shape``).
+"""
+
+from typing import Any
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf import contract
+from jaxpf.errors import InputError
+from jaxpf.filters.factored import cloud, drift, shape
+from jaxpf.filters.factored.cloud import FactoredState
+from jaxpf.lowering.threefry import written_out
+from jaxpf.names import DRIFTS, SHAPES
+from jaxpf.pytree import as_array, is_concrete, pytree_dataclass, static_field
+from jaxpf.state import Summary
+
+
+@pytree_dataclass
+class Eskil(contract.Tracker):
+    """Factored particles that drift together and keep a shape (eskil2014, section 3.4).
+
+    The first two dimensions of a substate (or its only one) are its position: drift and shape act
+    on these.  In every frame, for all partitions at once:
+
+    1. draw M particles by their weights (the paper's step 7, of the frame before) and move them
+       for show; 2. weigh them; 3. their weighted means less the last estimates are velocities v';
+    4. move the particles anew, each ``upsampling`` times, and add the drift ``sum_j rho_ij v'_j``;
+    5. weigh them; 6. multiply by the shape function around step 5's means; 8. the estimate is the
+       weighted mean; 9. remember its velocity.
+
+    The drift looks at the frame.  By default it counts as part of the dynamics.  With ``proper``
+    it is a proposal, and weights are multiplied by the ratio of the dynamics' density to it; this
+    wants ``log_density`` of the dynamics, and degenerates once drifts exceed twice their noise.
+
+    ``log_evidence`` is that of an unbiased estimate with ``shape="none"`` and either
+    ``drift="none"`` or ``proper=True``; otherwise it is NaN.
+
+    Attributes:
+        dynamics: diffusion, see ``jaxpf.contract.Dynamics``; a random walk in eskil2014, with
+            sigma_t 10, 5 and 5 pixels.
+        likelihood: see ``jaxpf.contract.Likelihood``; it must factor over partitions.
+        initial: ``[P, D]``, or a sampler ``key -> [P, D]``, just before the first frame.
+        reference: ``[P, 2]`` (or ``[P, 1]``), places whose distances are the shape; by default
+            ``initial``.
+        shape_scale: sigma_p: for ``shape="relative"`` a share of each distance, for ``"pixels"``
+            pixels.
+        num_particles: static, M of every partition.
+        upsampling: static, how many times a particle is moved; not published.
+        memory: static, tau, the frames over which velocities are compared; not published.
+        drift: static, one of ``jaxpf.names.DRIFTS``.
+        shape: static, one of ``jaxpf.names.SHAPES``.
+        proper: static, see above.
+        resampling: static, one of ``jaxpf.resampling.SCHEMES``.
+
+    Raises:
+        InputError: an argument is out of range; fewer than two partitions for a drift; two
+            partitions at the same place for a shape; a likelihood that does not factor.
+    """
+
+    dynamics: Any
+    likelihood: Any
+    initial: Any
+    reference: Any = None
+    shape_scale: Any = 0.1
+    num_particles: int = static_field(default=10)
+    upsampling: int = static_field(default=3)
+    memory: int = static_field(default=10)
+    drift: str = static_field(default="clip")
+    shape: str = static_field(default="relative")
+    proper: bool = static_field(default=False)
+    resampling: str = static_field(default="systematic")
+
+    def __post_init__(self):
+        initial = cloud.checked_initial(self.initial)
+        object.__setattr__(self, "initial", initial)
+        if self.reference is not None:
+            object.__setattr__(self, "reference", as_array(self.reference, float))
+        elif not callable(initial):
+            object.__setattr__(self, "reference", initial[:, :2])
+        _check(self)
+
+    @property
+    def num_partitions(self) -> int:
+        """Number of partitions, P."""
+        return cloud.count_partitions(self.initial)
+
+    def init(self, key: jax.Array) -> FactoredState:
+        """Draw the state just before the first frame, with equal weights."""
+        num = self.num_particles * self.upsampling
+        state = cloud.start(written_out(key), self.initial, num)
+        place = cloud.means(state.log_weights, state.lagged[0])[:2].T
+        return FactoredState(
+            lagged=state.lagged,
+            log_weights=state.log_weights,
+            weighted=state.weighted,
+            history=drift.at_rest(place, self.memory),
+        )
+
+    def observe(self, frame: Any) -> Any:
+        """Work that depends on the frame alone."""
+        return self.likelihood.observe(frame)
+
+    def step_observed(
+        self, key: jax.Array, state: FactoredState, observation: Any
+    ) -> tuple[FactoredState, Summary]:
+        """One frame that was observed already; see the class."""
+        chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
+        motion = state.history
+        sample_key, simulate_key, move_key = jax.random.split(written_out(key), 3)
+        lagged, log_weights = cloud.survivors(self, sample_key, state)
+
+        carried, invalid_before = jnp.zeros_like(motion.place), jnp.zeros((), jnp.int32)
+        if self.drift != "none":
+            simulated = cloud.moved(self, simulate_key, lagged)
+            promise, invalid_before = cloud.weighed(self, observation, simulated)
+            posterior, _ = cloud.normalised(log_weights + promise, log_weights)
+            seen = cloud.means(posterior, simulated)[:2].T - motion.place
+            carried = drift.drift(motion, seen, self.drift)
+
+        lagged, log_weights = cloud.upsampled(lagged, log_weights, self.upsampling)
+        diffused = cloud.moved(self, move_key, lagged)
+        new = diffused.at[:2].add(carried.T[..., None])
+        log_prob, invalid = cloud.weighed(self, observation, new)
+        if self.proper:
+            log_prob = log_prob + _log_ratio(self.dynamics, new, diffused, lagged)
+        unweighted, _ = cloud.normalised(log_weights, log_weights)
+        posterior, totals = cloud.normalised(log_weights + log_prob, unweighted)
+        if self.shape != "none":
+            centres = cloud.means(posterior, new)[:2]
+            reference = shape.reference_distances(self.reference).astype(new.dtype)
+            held = shape.log_shape(new[:2], centres, reference, self.shape_scale, self.shape)
+            posterior, _ = cloud.normalised(posterior + held, posterior)
+
+        exact = self.shape == "none" and (self.drift == "none" or self.proper)
+        state = FactoredState(
+            lagged=jnp.stack([new, lagged[0]]),
+            log_weights=posterior,
+            weighted=jnp.ones((), bool),
+            history=motion.after(cloud.means(posterior, new)[:2].T),
+        )
+        log_evidence = None if exact else jnp.full((), jnp.nan, new.dtype)
+        return state, cloud.summarise(state, totals, invalid + invalid_before, log_evidence)
+
+
+def _log_ratio(dynamics, new, diffused, lagged):
+    """Log ratio ``[P, N]`` of the dynamics' density to that of ``diffused`` plus the drift."""
+    dimension, num_partitions, num = new.shape
+    partition = jnp.repeat(jnp.arange(num_partitions, dtype=jnp.int32), num)
+    current, previous = (x.reshape(dimension, -1) for x in lagged)
+    parent = jnp.zeros_like(current)
+
+    def density(values):
+        return contract.log_density_all(
+            dynamics, partition, values.reshape(dimension, -1), current, previous, parent
+        )
+
+    return (density(new) - density(diffused)).reshape(num_partitions, num).astype(new.dtype)
+
+
+def _check(tracker: Eskil) -> None:
+    cloud.check_numbers(tracker.num_particles, tracker.upsampling, tracker.resampling)
+    cloud.check_factors(tracker.likelihood)
+    for name, valid in (("drift", DRIFTS), ("shape", SHAPES)):
+        value = getattr(tracker, name)
+        if value not in valid:
+            raise InputError(f"{name}={value!r} is unknown; choose one of {', '.join(valid)}.")
+    if tracker.memory < 2:
+        raise InputError(f"memory={tracker.memory}: velocities are compared over 2 frames or more.")
+    scale = tracker.shape_scale
+    if is_concrete(scale) and not (np.isfinite(scale) and scale > 0):
+        raise InputError(f"shape_scale={scale} must be positive and finite.")
+    if tracker.drift != "none" and tracker.num_partitions < 2:
+        raise InputError(
+            f"drift={tracker.drift!r} needs two partitions or more, and initial has "
+            f"{tracker.num_partitions}; add points or use drift='none'."
+        )
+    if tracker.proper and not contract.has_log_density(tracker.dynamics):
+        raise InputError(
+            f"proper=True needs the density of the dynamics, and {type(tracker.dynamics).__name__} "
+            "has no log_density; write one or use proper=False."
+        )
+    if tracker.shape == "none":
+        return
+    if tracker.reference is None:
+        raise InputError(
+            f"shape={tracker.shape!r} needs distances, and initial is a sampler; give reference, "
+            "[P, 2]."
+        )
+    if tracker.reference.shape[0] != tracker.num_partitions:
+        raise InputError(
+            f"reference has {tracker.reference.shape[0]} rows for {tracker.num_partitions} "
+            "partitions; give one each."
+        )
+    shape.reference_distances(tracker.reference)

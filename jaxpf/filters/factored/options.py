@@ -1,0 +1,119 @@
+"""The factored filters' options."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+from jaxpf.errors import InputError
+from jaxpf.filters.filter import Filter
+from jaxpf.models.model import Model
+from jaxpf.names import DRIFTS, FACTORED_METHODS, FORMS, SCHEMES, SHAPES
+from jaxpf.options import check_options, option
+
+#: Of every partition, as published.
+_PARTICLES = {"eskil": 10, "pffl": 50}
+_UPSAMPLING = {"eskil": 3, "pffl": 1}
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """Options of eskil and pffl; see the help of each."""
+
+    method: str = option(
+        "eskil",
+        "eskil (particles of its own for every object, which drift together and keep a shape), "
+        "pffl (the same without drift and shape).",
+        choices=FACTORED_METHODS,
+    )
+    particles: int | None = option(
+        None,
+        "Number of particles of every object; by default 10 for eskil and 50 for pffl.",
+        kind=int,
+        least=1,
+        most=2**31 - 1,
+        flags=("-n",),
+        compiles=True,
+    )
+    resampling: str = option("systematic", "Resampling scheme.", choices=SCHEMES, compiles=True)
+    upsampling: int | None = option(
+        None,
+        "How many times a particle is moved; by default 3 for eskil and 1 for pffl.",
+        kind=int,
+        least=1,
+        most=1000,
+        compiles=True,
+    )
+    drift: str = option(
+        "clip", "How eskil's objects carry one another along.", choices=DRIFTS, compiles=True
+    )
+    shape: str = option(
+        "relative", "How eskil's objects hold one another in place.", choices=SHAPES, compiles=True
+    )
+    shape_scale: float = option(
+        0.1,
+        "How far eskil's distances may stretch: a share of them, or pixels.",
+        above=0,
+        path="shape_scale",
+    )
+    memory: int = option(
+        10, "Frames over which eskil compares velocities.", least=2, most=1000, compiles=True
+    )
+    proper: bool = option(
+        False, "Whether eskil's drift is a proposal and no part of the dynamics.", compiles=True
+    )
+    form: str = option(
+        "auxiliary", "How pffl weighs: soundly, or as published.", choices=FORMS, compiles=True
+    )
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+
+class FactoredFilter(Filter):
+    """Every partition has particles of its own: PFFL and eskil2014."""
+
+    name = "factored"
+    methods = FACTORED_METHODS
+    options = Options
+    nanoseconds = 600.0
+
+    def tracker(self, model: Model, options: Options) -> Any:
+        """See ``Filter``."""
+        from jaxpf.filters.factored.eskil import Eskil
+        from jaxpf.filters.factored.pffl import PFFL
+
+        self.check(options, model.parents)
+        method = options.method
+        shared: dict[str, Any] = {
+            "dynamics": model.dynamics,
+            "likelihood": model.likelihood,
+            "initial": model.initial,
+            "num_particles": options.particles or _PARTICLES[method],
+            "upsampling": options.upsampling or _UPSAMPLING[method],
+            "resampling": options.resampling,
+        }
+        if method == "pffl":
+            return PFFL(form=options.form, **shared)
+        return Eskil(
+            shape_scale=options.shape_scale,
+            memory=options.memory,
+            drift=options.drift,
+            shape=options.shape,
+            proper=options.proper,
+            **shared,
+        )
+
+    def admits(self, method: str, parents: Sequence[int]) -> bool:
+        """See ``Filter``: partitions have no common particles in which a part could hang."""
+        return all(parent < 0 for parent in parents)
+
+    def check(self, options: Options, parents: Sequence[int]) -> None:
+        """See ``Filter``."""
+        if not self.admits(options.method, parents):
+            raise InputError(
+                f"method {options.method!r} follows objects that hang on nothing, and this is a "
+                "part tree; choose sir, ps or sps."
+            )
+
+
+FACTORED = FactoredFilter()

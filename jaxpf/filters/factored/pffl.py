@@ -1,0 +1,116 @@
+"""Particle filtering with factorised likelihoods: many partitions, each tracked by itself.
+
+Source: Patras and Pantic 2004, as told by eskil2014, section 2.2.  In every frame and for every
+partition: move all particles once for show, look which of them end up well, choose ancestors by
+that, move those anew, and weigh.
+"""
+
+from typing import Any
+
+import chex
+import jax
+import jax.numpy as jnp
+
+from jaxpf.contract import Tracker
+from jaxpf.errors import InputError
+from jaxpf.filters.factored import cloud
+from jaxpf.filters.factored.cloud import FactoredState
+from jaxpf.lowering.threefry import written_out
+from jaxpf.names import FORMS
+from jaxpf.pytree import is_concrete, pytree_dataclass, static_field
+from jaxpf.state import Summary
+
+
+@pytree_dataclass
+class PFFL(Tracker):
+    """Particle filter with factorised likelihoods over P partitions, M particles for each.
+
+    With pi the weights, lambda the likelihoods of the simulated moves and g those of the real
+    ones, the forms are
+
+    * ``"auxiliary"`` (default): ancestors by ``b = (1 - safety) lambda pi / sum(lambda pi) +
+      safety pi``, weights ``g pi / b``.  ``log_evidence`` is that of an unbiased estimate at any
+      number of particles.  Without the second term the weights' variance is infinite as soon as
+      moves are wider than the likelihood.
+    * ``"literal"``: sample by pi, choose by lambda, weigh by g (eskil2014, steps 1 to 6, eq. 5):
+      the evidence of a frame counts twice for where its particles came from.  Estimates are drawn
+      to the latest observation, and ``log_evidence`` is too large on average.
+
+    Attributes:
+        dynamics: see ``jaxpf.contract.Dynamics``; there are no parents.
+        likelihood: see ``jaxpf.contract.Likelihood``; it must factor over partitions.
+        initial: ``[P, D]``, or a sampler ``key -> [P, D]``, just before the first frame.
+        safety: share of the ancestors that are drawn by their weights alone, in (0, 1].
+        num_particles: static, M of every partition; 50 in eskil2014.
+        upsampling: static, every ancestor moves this many times; the set is thinned to M when
+            the next frame comes.
+        form: static, one of ``jaxpf.names.FORMS``.
+        resampling: static, one of ``jaxpf.resampling.SCHEMES``.
+
+    Raises:
+        InputError: an argument is out of range, or the likelihood does not factor.
+    """
+
+    dynamics: Any
+    likelihood: Any
+    initial: Any
+    safety: Any = 0.1
+    num_particles: int = static_field(default=50)
+    upsampling: int = static_field(default=1)
+    form: str = static_field(default="auxiliary")
+    resampling: str = static_field(default="systematic")
+
+    def __post_init__(self):
+        object.__setattr__(self, "initial", cloud.checked_initial(self.initial))
+        cloud.check_numbers(self.num_particles, self.upsampling, self.resampling)
+        cloud.check_factors(self.likelihood)
+        if self.form not in FORMS:
+            raise InputError(f"form={self.form!r} is unknown; choose one of {', '.join(FORMS)}.")
+        if is_concrete(self.safety) and not 0 < float(self.safety) <= 1:
+            raise InputError(f"safety={self.safety} must be above 0 and at most 1.")
+
+    @property
+    def num_partitions(self) -> int:
+        """Number of partitions, P."""
+        return cloud.count_partitions(self.initial)
+
+    def init(self, key: jax.Array) -> FactoredState:
+        """Draw the state just before the first frame, with equal weights."""
+        return cloud.start(written_out(key), self.initial, self.num_particles * self.upsampling)
+
+    def observe(self, frame: Any) -> Any:
+        """Work that depends on the frame alone."""
+        return self.likelihood.observe(frame)
+
+    def step_observed(
+        self, key: jax.Array, state: FactoredState, observation: Any
+    ) -> tuple[FactoredState, Summary]:
+        """One frame that was observed already; see the class."""
+        chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
+        sample_key, simulate_key, choose_key, move_key = jax.random.split(written_out(key), 4)
+        lagged, log_weights = state.lagged, state.log_weights
+        if self.upsampling > 1 or self.form == "literal":
+            lagged, log_weights = cloud.survivors(self, sample_key, state)
+        simulated = cloud.moved(self, simulate_key, lagged)
+        promise, invalid_before = cloud.weighed(self, observation, simulated)
+        selection, _ = cloud.normalised(log_weights + promise, log_weights)
+        if self.form == "auxiliary":
+            safety = jnp.asarray(self.safety, selection.dtype)
+            rest = jnp.log1p(-jnp.minimum(safety, 1 - jnp.finfo(safety.dtype).eps))
+            selection = jnp.logaddexp(rest + selection, jnp.log(safety) + log_weights)
+        ancestors, corrected = cloud.choose(self, choose_key, log_weights, selection)
+        if self.form == "auxiliary":
+            log_weights = corrected
+        lagged, log_weights = cloud.upsampled(
+            cloud.taken(lagged, ancestors), log_weights, self.upsampling
+        )
+        new = cloud.moved(self, move_key, lagged)
+        log_prob, invalid = cloud.weighed(self, observation, new)
+        kept, _ = cloud.normalised(log_weights, log_weights)
+        log_weights, totals = cloud.normalised(log_weights + log_prob, kept)
+        state = FactoredState(
+            lagged=jnp.stack([new, lagged[0]]),
+            log_weights=log_weights,
+            weighted=jnp.ones((), bool),
+        )
+        return state, cloud.summarise(state, totals, invalid + invalid_before)

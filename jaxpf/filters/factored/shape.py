@@ -1,0 +1,62 @@
+"""How partitions hold one another in place: a potential on their distances.
+
+Source: eskil2014, eq. 11, there called a proposal function.  It proposes nothing: particles are
+weighted by it.  It is the product of springs between a particle and the other partitions, each of
+them where it was estimated to be in this frame.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.errors import InputError
+from jaxpf.pytree import is_concrete
+
+
+def distances(first: jax.Array, second: jax.Array) -> jax.Array:
+    """Distances ``[P, Q, ...]`` of ``[E, P, ...]`` from ``[E, Q]``, gradients finite at zero."""
+    apart = first[:, :, None] - second.reshape(*second.shape, *(1,) * (first.ndim - 2))[:, None]
+    squares = jnp.sum(apart**2, axis=0)
+    positive = squares > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, squares, 1.0)), 0.0)
+
+
+def log_shape(places, centres, reference, scale, shape: str) -> jax.Array:
+    """Log of the shape function, ``[P, N]`` (eskil2014, eq. 11).
+
+    Args:
+        places: ``[E, P, N]``, the particles.
+        centres: ``[E, P]``, where the partitions are believed to be, x_j.
+        reference: ``[P, P]``, their distances at the start, d_ij.
+        scale: sigma_p: a share of each distance, or pixels.
+        shape: ``"relative"``: ``(|x_i - x_j| / d_ij - 1) / sigma_p``; ``"pixels"``, the literal
+            rule: ``(|x_i - x_j| - d_ij) / sigma_p``, with which the published sigma_p = .01
+            leaves one particle per partition.
+    """
+    away = distances(places, centres) - reference[..., None]
+    others = 1.0 - jnp.eye(reference.shape[0], dtype=places.dtype)
+    if shape == "relative":
+        away = away / jnp.where(reference > 0, reference, 1.0)[..., None]
+        others = others * (reference > 0)
+    strain = away / jnp.asarray(scale, places.dtype)
+    return -jnp.sum(strain**2 * others[..., None], axis=1)
+
+
+def reference_distances(places) -> jax.Array:
+    """``[P, P]`` distances between partitions at ``places`` ``[P, E]``.
+
+    Raises:
+        InputError: two of them are at the same place.
+    """
+    if is_concrete(places):
+        known = np.asarray(places)
+        apart = np.linalg.norm(known[:, None] - known[None], axis=-1) + np.eye(len(known))
+        first, second = np.unravel_index(np.argmin(apart), apart.shape)
+        if not apart[first, second] > 0:
+            raise InputError(
+                f"partitions {first} and {second} start at the same place, "
+                f"{known[first].tolist()}: a shape needs distances; move one of them, or use "
+                "shape='none'."
+            )
+    places = jnp.asarray(places)
+    return distances(places.T, places.T)

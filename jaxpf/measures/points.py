@@ -1,0 +1,108 @@
+"""How well tracked points agree with landmarks.
+
+Estimates are ``[..., T, P, 2]``, leading axes being runs; the truth ``[T, P, 2]`` is NaN where
+nothing is known; ``visible`` ``[T, P]`` says which points are in view.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+def distances(estimates: ArrayLike, truth: ArrayLike, length: ArrayLike = 1.0) -> np.ndarray:
+    """Distances ``[..., T, P]`` of points from the truth; NaN where it is not known.
+
+    Args:
+        estimates: ``[..., T, P, 2]``.
+        truth: ``[T, P, 2]``.
+        length: ``[]`` or ``[T]``, the body's length: distances are shares of it (eskil2014's
+            relative error); by default pixels.
+    """
+    away = np.linalg.norm(np.asarray(estimates, float) - np.asarray(truth, float), axis=-1)
+    length = np.asarray(length, float)
+    return away / (length[:, None] if length.ndim else length)
+
+
+def mean_error(distance: ArrayLike, chosen: ArrayLike | None = None) -> np.ndarray:
+    """Mean over the frames and points ``chosen`` ``[T, P]``, for every run: ``[...]``.
+
+    NaN where nothing was chosen or is known.
+    """
+    return _mean(np.asarray(distance, float), chosen)
+
+
+def share_within(
+    distance: ArrayLike, threshold: float, chosen: ArrayLike | None = None
+) -> np.ndarray:
+    """Percentage of correct keypoints (PCK), here a share: distances of at most ``threshold``.
+
+    Args:
+        distance: ``[..., T, P]``.
+        threshold: in the distances' units.
+        chosen: ``[T, P]`` bool, frames and points that count; by default all that are known.
+    """
+    distance = np.asarray(distance, float)
+    return _mean(np.where(np.isnan(distance), np.nan, distance <= threshold), chosen)
+
+
+def recoveries(visible: ArrayLike) -> list[tuple[int, int, int]]:
+    """Occlusions that end: (point, first hidden frame, first frame in view again).
+
+    Points that are hidden at the start are left out: nothing is known of what they look like.
+    """
+    visible = np.asarray(visible, bool)
+    found = []
+    for point in range(visible.shape[1]):
+        shown = visible[:, point]
+        begin = None
+        for frame in range(1, len(shown)):
+            if shown[frame - 1] and not shown[frame]:
+                begin = frame
+            if begin is not None and shown[frame]:
+                found.append((point, begin, frame))
+                begin = None
+    return found
+
+
+def recovered(
+    distance: ArrayLike, visible: ArrayLike, threshold: float, within: int = 5
+) -> np.ndarray:
+    """Whether points were found again after an occlusion: bool ``[..., K]``.
+
+    Args:
+        distance: ``[..., T, P]``.
+        visible: ``[T, P]``; the K occlusions are those of ``recoveries``, in that order.
+        threshold: a point is found if its distance is at most this.
+        within: frames, that of its return included, among the annotated ones, in which it may be.
+    """
+    distance = np.asarray(distance, float)
+    columns = [
+        np.any(distance[..., back : back + within, point] <= threshold, axis=-1)
+        for point, _, back in recoveries(visible)
+    ]
+    return np.stack(columns, axis=-1) if columns else np.zeros((*distance.shape[:-2], 0), bool)
+
+
+def points_kept(distance: ArrayLike, threshold: float, last: int = 10) -> np.ndarray:
+    """How many points are where they should be at the end, for every run: ``[...]``.
+
+    A point is kept if its median distance over the last frames is at most ``threshold``
+    (eskil2014 counts points "near their true coordinates at the end").
+
+    Args:
+        distance: ``[..., T, P]``; frames in which the truth is not known are left out.
+        threshold: in the distances' units.
+        last: number of frames.
+    """
+    distance = np.asarray(distance, float)[..., -last:, :]
+    known = ~np.isnan(distance)
+    median = np.nanmedian(np.where(known.any(axis=-2, keepdims=True), distance, np.inf), axis=-2)
+    return np.sum(median <= threshold, axis=-1)
+
+
+def _mean(values: np.ndarray, chosen: ArrayLike | None) -> np.ndarray:
+    counts = ~np.isnan(values)
+    if chosen is not None:
+        counts = counts & np.asarray(chosen, bool)
+    number = counts.sum(axis=(-2, -1))
+    total = np.where(counts, values, 0.0).sum(axis=(-2, -1))
+    return np.where(number > 0, total / np.maximum(number, 1), np.nan)

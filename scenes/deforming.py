@@ -1,0 +1,196 @@
+"""Textured bodies that bend: pictures of them, and where their points are.
+
+A body is a picture in coordinates of its own, (0, 0) in its middle, in pixels at scale 1.  A pose
+first bends it, q -> q + bend(q), and then turns, scales and moves it.  Points follow exactly;
+pictures are drawn by the inverse, found by fixed-point iteration, so bends must be smooth: their
+slopes below 1.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+
+from scenes.scene import Scene, SceneError
+
+Bend = Callable[[np.ndarray], np.ndarray]
+
+#: Side of the windows around points that stand for them as boxes and patches (eskil2014).
+WINDOW = 21
+_ITERATIONS = 5
+_STEP = 4
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Body:
+    """A picture with a silhouette.
+
+    Attributes:
+        picture: float32 [h, w, 3], 0 to 255.
+        alpha: float32 [h, w], 0 outside and 1 inside.
+    """
+
+    picture: np.ndarray
+    alpha: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Pose:
+    """Where a body is and how it is bent.
+
+    Attributes:
+        x: of its middle, pixels.
+        y: of its middle, pixels.
+        scale: relative to the picture.
+        angle: radians, clockwise in the image.
+        bend: displacements [..., 2] of places [..., 2], both in the body's coordinates.
+    """
+
+    x: float
+    y: float
+    scale: float = 1.0
+    angle: float = 0.0
+    bend: Bend = np.zeros_like
+
+    def matrix(self) -> np.ndarray:
+        """[2, 2], from bent body to image."""
+        cosine, sine = self.scale * np.cos(self.angle), self.scale * np.sin(self.angle)
+        return np.array([[cosine, -sine], [sine, cosine]])
+
+    def to_image(self, places: np.ndarray) -> np.ndarray:
+        """Image coordinates [..., 2] of places in the body [..., 2]."""
+        places = np.asarray(places, float)
+        return (places + self.bend(places)) @ self.matrix().T + [self.x, self.y]
+
+    def to_body(self, places: np.ndarray) -> np.ndarray:
+        """The inverse of ``to_image``."""
+        target = (np.asarray(places, float) - [self.x, self.y]) @ np.linalg.inv(self.matrix()).T
+        found = target
+        for _ in range(_ITERATIONS):
+            found = target - self.bend(found)
+        return found
+
+
+def bumps(*each: tuple[tuple[float, float], float, tuple[float, float]]) -> Bend:
+    """A bend made of bumps (centre, reach, displacement): Gaussian in the distance."""
+
+    def bend(places: np.ndarray) -> np.ndarray:
+        x, y = places[..., 0], places[..., 1]
+        moved = np.zeros_like(places)
+        for centre, reach, displacement in each:
+            squares = (x - centre[0]) ** 2 + (y - centre[1]) ** 2
+            share = np.exp(-squares / (2 * reach**2))
+            moved[..., 0] += share * displacement[0]
+            moved[..., 1] += share * displacement[1]
+        return moved
+
+    return bend
+
+
+def draw(frame: np.ndarray, body: Body, pose: Pose) -> None:
+    """Paint a body onto a float32 frame [H, W, 3], in place."""
+    height, width = body.alpha.shape
+    reach = 0.75 * pose.scale * np.hypot(height, width)
+    left, right = (int(np.clip(pose.x + r, 0, frame.shape[1])) for r in (-reach, reach))
+    top, bottom = (int(np.clip(pose.y + r, 0, frame.shape[0])) for r in (-reach, reach))
+    if right <= left or bottom <= top:
+        return
+    # Bends are smooth: the inverse is found for every few pixels, and interpolated between them.
+    coarse = [
+        np.arange(low, high + _STEP, _STEP) + 0.5 for low, high in ((left, right), (top, bottom))
+    ]
+    places = pose.to_body(np.stack(np.meshgrid(*coarse), -1))
+    # OpenCV puts a pixel's middle at its number.
+    places = (places + np.array([width - 1, height - 1]) / 2).astype(np.float32)
+    across = np.arange(right - left, dtype=np.float32) / _STEP
+    down = np.arange(bottom - top, dtype=np.float32) / _STEP
+    x, y = cv2.split(cv2.remap(places, *np.meshgrid(across, down), cv2.INTER_LINEAR))
+    picture = cv2.remap(body.picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    alpha = cv2.remap(body.alpha, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)[..., None]
+    region = frame[top:bottom, left:right]
+    region += alpha * (picture - region)
+
+
+def covers(body: Body, pose: Pose, places: np.ndarray) -> np.ndarray:
+    """Whether a body covers places [..., 2] of the image."""
+    height, width = body.alpha.shape
+    column, row = np.moveaxis(np.floor(pose.to_body(places) + np.array([width, height]) / 2), -1, 0)
+    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    row, column = (np.where(inside, value, 0).astype(int) for value in (row, column))
+    return inside & (body.alpha[row, column] > 0.5)
+
+
+def noise(rng: np.random.Generator, shape: tuple[int, int], grain: float, channels: int = 3):
+    """Smooth noise of standard deviation 1, float32 [h, w, channels], ``grain`` pixels coarse."""
+    small = [max(2, int(np.ceil(side / grain)) + 3) for side in shape]
+    values = rng.normal(size=(*small, channels)).astype(np.float32)
+    large = cv2.resize(values, None, fx=grain, fy=grain, interpolation=cv2.INTER_CUBIC)
+    large = large.reshape(*large.shape[:2], channels)[: shape[0], : shape[1]]
+    return large / large.std()
+
+
+class Film:
+    """Collects the frames of a scene: uint8, with a camera's noise."""
+
+    def __init__(self, rng: np.random.Generator, height: int, width: int, pixel_noise: float):
+        """Noise of standard deviation ``pixel_noise`` grey levels."""
+        self.frames: list[np.ndarray] = []
+        self._rng = rng
+        shape = (2 * height, 2 * width, 3)
+        self._noise = (pixel_noise * rng.standard_normal(shape, np.float32)).astype(np.float32)
+
+    def add(self, frame: np.ndarray) -> None:
+        """Add a float32 frame [H, W, 3]."""
+        height, width = frame.shape[:2]
+        top, left = self._rng.integers(0, height), self._rng.integers(0, width)
+        noisy = frame + self._noise[top : top + height, left : left + width]
+        self.frames.append(np.clip(noisy + 0.5, 0, 255).astype(np.uint8))
+
+
+def point_scene(
+    name: str,
+    frames: Sequence[np.ndarray],
+    points: np.ndarray,
+    visible: np.ndarray,
+    names: Sequence[str],
+    length: np.ndarray,
+    fps: float,
+    parameters: dict[str, Any],
+) -> Scene:
+    """A scene of points: ``extras`` has ``points`` [T, P, 2] in pixels, ``visible`` bool [T, P],
+    ``point_names`` and ``body_length`` [T] in pixels.
+
+    Its boxes and patches are windows around the points.
+    """
+    corner = points - WINDOW / 2
+    boxes = np.concatenate([corner, np.full_like(points, WINDOW)], axis=-1)
+    patches = []
+    padded = np.pad(frames[0], ((WINDOW, WINDOW), (WINDOW, WINDOW), (0, 0)))
+    for point, (x, y) in zip(names, points[0], strict=True):
+        if not (0 <= x < frames[0].shape[1] and 0 <= y < frames[0].shape[0]):
+            raise SceneError(f"scene {name!r}: point {point!r} starts outside; use a larger frame")
+        column, row = int(x) + WINDOW - WINDOW // 2, int(y) + WINDOW - WINDOW // 2
+        patches.append(padded[row : row + WINDOW, column : column + WINDOW].copy())
+    extras = {
+        "points": points,
+        "visible": visible,
+        "point_names": tuple(names),
+        "body_length": length,
+    }
+    return Scene(name, np.stack(frames), boxes, patches, fps, parameters, extras)
+
+
+def require(name: str, parameters: Any, **least: float) -> None:
+    """Refuse parameters below their least value, by name.
+
+    Raises:
+        SceneError: the sentence names the parameter.
+    """
+    for field, value in dataclasses.asdict(parameters).items():
+        if isinstance(value, str | bool) or not np.isfinite(value) or value < least.get(field, 0):
+            raise SceneError(
+                f"scene {name!r}: {field} = {value!r} must be a finite number, at least "
+                f"{least.get(field, 0):g}"
+            )

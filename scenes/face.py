@@ -1,0 +1,174 @@
+"""A face from the front and in profile, after the third sequence of eskil2014 (section 4.2).
+
+Eighteen points in one frame that shows a person twice.  When the head tilts from frame 30 to 60 the
+two views move in opposite directions; eyes blink three times; from frame 56 to 95 the mouth smiles.
+The paper's film (127 frames of 576 x 720, from the MMI database) is not to be had; what it does not
+say is chosen here, once.
+"""
+
+import dataclasses
+
+import cv2
+import numpy as np
+
+from scenes.deforming import Body, Film, Pose, bumps, draw, noise, point_scene, require
+from scenes.scene import Scene
+
+WIDTH = 200.0  # of the face seen from the front, pixels; errors are shares of it
+
+FRONT = {
+    "left brow": (-48, -52),
+    "right brow": (48, -52),
+    "left eye outer": (-66, -30),
+    "left eye inner": (-28, -30),
+    "right eye inner": (28, -30),
+    "right eye outer": (66, -30),
+    "nose tip": (0, 22),
+    "left nostril": (-18, 30),
+    "right nostril": (18, 30),
+    "left lip corner": (-40, 66),
+    "right lip corner": (40, 66),
+    "upper lip": (0, 56),
+}
+PROFILE = {
+    "profile brow": (42, -54),
+    "profile eye": (38, -30),
+    "profile nose tip": (82, 20),
+    "profile upper lip": (64, 54),
+    "profile lower lip": (60, 76),
+    "profile chin": (48, 106),
+}
+#: Frames in whose middle the eyes are closed.
+BLINKS = (22, 68, 108)
+
+
+@dataclasses.dataclass(frozen=True)
+class FaceParameters:
+    """What the scene is made of; lengths in pixels, colours in grey levels of 0 to 255.
+
+    Attributes:
+        num_frames: length (paper: 127).
+        frame_width: of a frame (paper: 720).
+        frame_height: of a frame (paper: 576).
+        fps: frames per second; it only matters to a player.
+        tilt: how far the two views move apart.
+        smile: how far the corners of the mouth move.
+        pixel_noise: standard deviation of the camera's noise.
+    """
+
+    num_frames: int = 127
+    frame_width: int = 720
+    frame_height: int = 576
+    fps: float = 25.0
+    tilt: float = 40.0
+    smile: float = 14.0
+    pixel_noise: float = 4.0
+
+    def __post_init__(self) -> None:
+        require("face", self, num_frames=2, frame_width=640, frame_height=400, fps=1e-6)
+
+
+def face_scene(parameters: FaceParameters, seed: int = 0) -> Scene:
+    """Draw the scene; ``extras`` are those of ``scenes.deforming.point_scene``.
+
+    A point is always in view; an eyelid covers the eye, not its corners.
+    """
+    look, path, camera = (np.random.default_rng([seed, stream]) for stream in range(3))
+    width, height = parameters.frame_width, parameters.frame_height
+    wall = noise(look, (height, width), 80.0) * 5 + np.array([88.0, 92.0, 104.0])
+    wall = wall.astype(np.float32)
+    skin = noise(look, _SHAPE, 5.0) * 7 + noise(look, _SHAPE, 24.0) * 6
+    pictures = [
+        [draw_view(skin, closed) for closed in (False, True)] for draw_view in (_front, _side)
+    ]
+    groups = [np.array(list(group.values()), float) for group in (FRONT, PROFILE)]
+    phases = path.uniform(0, 2 * np.pi, 6)
+    film = Film(camera, height, width, parameters.pixel_noise)
+    points = []
+    for t in range(parameters.num_frames):
+        tilt = parameters.tilt * np.interp(t, [0, 30, 60, 100, 126], [0, 0, 1, 0.2, 0.5])
+        smile = parameters.smile * np.interp(t, [0, 56, 68, 82, 95, 126], [0, 0, 1, 1, 0, 0])
+        sway = 6 * np.sin(0.07 * t + phases[0]), 5 * np.sin(0.09 * t + phases[1])
+        closed = max(np.exp(-(((t - blink) / 2.0) ** 2)) for blink in BLINKS)
+        frame = wall.copy()
+        where = []
+        for view, (x, sign) in enumerate(((0.3 * width, 1), (0.74 * width, -1))):
+            at = x + sign * (tilt + sway[0]), 0.5 * height + sway[1] + 0.25 * tilt
+            if view == 0:
+                bend = bumps(
+                    ((-40, 66), 22.0, (-smile, -0.7 * smile)),
+                    ((40, 66), 22.0, (smile, -0.7 * smile)),
+                )
+            else:
+                bend = bumps(((60, 64), 20.0, (-0.6 * smile, -0.2 * smile)))
+            pose = Pose(*at, 1.0, sign * 0.004 * tilt, bend)
+            opened, shut = pictures[view]
+            picture = opened.picture + np.float32(closed) * (shut.picture - opened.picture)
+            draw(frame, Body(picture, opened.alpha), pose)
+            where.append(pose.to_image(groups[view]))
+        film.add(frame)
+        points.append(np.concatenate(where))
+    shown = np.ones((parameters.num_frames, len(points[0])), bool)
+    return point_scene(
+        "face",
+        film.frames,
+        np.array(points),
+        shown,
+        [*FRONT, *PROFILE],
+        np.full(parameters.num_frames, WIDTH),
+        parameters.fps,
+        dataclasses.asdict(parameters) | {"seed": seed},
+    )
+
+
+_SHAPE = (300, 240)
+_SKIN = np.array([206.0, 160.0, 134.0])
+_HAIR, _DARK, _LIP = (66, 46, 36), (30, 24, 24), (170, 84, 84)
+
+
+def _canvas(skin: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
+    picture = np.ascontiguousarray(np.clip(_SKIN + skin, 0, 255).astype(np.float32))
+    return picture, np.zeros(_SHAPE, np.uint8), (_SHAPE[1] // 2, _SHAPE[0] // 2)
+
+
+def _eye(picture, centre, closed, reach=19):
+    if closed:
+        cv2.ellipse(picture, centre, (reach, 4), 0, 0, 180, _DARK, 2, cv2.LINE_AA)
+        return
+    cv2.ellipse(picture, centre, (reach, 8), 0, 0, 360, (240, 236, 230), -1, cv2.LINE_AA)
+    cv2.circle(picture, centre, 8, (72, 92, 110), -1, cv2.LINE_AA)
+    cv2.circle(picture, centre, 4, _DARK, -1, cv2.LINE_AA)
+    cv2.ellipse(picture, centre, (reach, 9), 0, 180, 360, _DARK, 2, cv2.LINE_AA)
+
+
+def _front(skin: np.ndarray, closed: bool) -> Body:
+    picture, alpha, (x, y) = _canvas(skin)
+    cv2.ellipse(alpha, (x, y), (100, 140), 0, 0, 360, 255, -1, cv2.LINE_AA)
+    cv2.ellipse(picture, (x, y - 96), (104, 50), 0, 0, 360, _HAIR, -1, cv2.LINE_AA)
+    for side in (-1, 1):
+        _eye(picture, (x + 47 * side, y - 30), closed)
+        brow = (x + 30 * side, y - 50), (x + 64 * side, y - 52)
+        cv2.line(picture, *brow, _HAIR, 6, cv2.LINE_AA)
+        cv2.circle(picture, (x + 18 * side, y + 30), 4, (120, 70, 60), -1, cv2.LINE_AA)
+    cv2.line(picture, (x - 8, y - 16), (x - 12, y + 20), (176, 128, 106), 3, cv2.LINE_AA)
+    cv2.ellipse(picture, (x, y + 22), (12, 8), 0, 0, 180, (180, 124, 106), 2, cv2.LINE_AA)
+    cv2.ellipse(picture, (x, y + 66), (40, 11), 0, 0, 360, _LIP, -1, cv2.LINE_AA)
+    cv2.line(picture, (x - 40, y + 66), (x + 40, y + 66), (96, 40, 44), 2, cv2.LINE_AA)
+    return Body(picture, alpha.astype(np.float32) / 255)
+
+
+def _side(skin: np.ndarray, closed: bool) -> Body:
+    picture, alpha, (x, y) = _canvas(skin)
+    outline = [
+        *((-90, -60), (-60, -120), (0, -138), (44, -110), (54, -60), (52, -36), (86, 18), (62, 36)),
+        *((68, 54), (58, 64), (64, 76), (52, 90), (56, 108), (30, 126), (-20, 110), (-60, 60)),
+    ]
+    shape = np.array(outline, np.int32) + np.array([x, y])
+    cv2.fillPoly(alpha, [shape.astype(np.int32)], 255, cv2.LINE_AA)
+    cv2.ellipse(picture, (x - 44, y - 84), (76, 62), 0, 0, 360, _HAIR, -1, cv2.LINE_AA)
+    _eye(picture, (x + 34, y - 30), closed, reach=11)
+    cv2.line(picture, (x + 24, y - 52), (x + 50, y - 56), _HAIR, 6, cv2.LINE_AA)
+    cv2.circle(picture, (x + 66, y + 28), 4, (120, 70, 60), -1, cv2.LINE_AA)
+    cv2.ellipse(picture, (x + 60, y + 56), (14, 7), 0, 0, 360, _LIP, -1, cv2.LINE_AA)
+    cv2.ellipse(picture, (x + 56, y + 74), (12, 7), 0, 0, 360, _LIP, -1, cv2.LINE_AA)
+    return Body(picture, alpha.astype(np.float32) / 255)

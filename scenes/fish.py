@@ -1,0 +1,169 @@
+"""A fish in a school of its like, after the first sequence of eskil2014 (section 4.1, "platty").
+
+Twelve points on one fish.  Look-alikes pass in front of it: its nose and eye are hidden from frame
+14 to about 45, its dorsal fin from 32 to about 57.  The paper's film (110 frames of 1080 x 1920)
+is not to be had; what it does not say is chosen here, once.
+"""
+
+import dataclasses
+from typing import Any
+
+import cv2
+import numpy as np
+
+from scenes.deforming import Bend, Body, Film, Pose, covers, draw, noise, point_scene, require
+from scenes.scene import Scene
+
+LENGTH = 220.0  # of the body, pixels at scale 1
+
+#: In the body's coordinates, the nose to the right.
+POINTS = {
+    "nose": (100, 4),
+    "eye": (78, -8),
+    "gill": (52, 6),
+    "dorsal front": (28, -34),
+    "dorsal back": (-22, -32),
+    "belly": (30, 34),
+    "pelvic fin": (2, 38),
+    "flank": (8, -2),
+    "anal fin": (-32, 28),
+    "tail root": (-66, 0),
+    "tail top": (-94, -26),
+    "tail bottom": (-94, 26),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class FishParameters:
+    """What the scene is made of; lengths in pixels, colours in grey levels of 0 to 255.
+
+    Attributes:
+        num_frames: length (paper: 110).
+        frame_width: of a frame (paper: 1920).
+        frame_height: of a frame (paper: 1080).
+        fps: frames per second; it only matters to a player.
+        speed: pixels that the fish swims in a frame.
+        wave: amplitude of its swimming, at the tail.
+        likeness: share of the look-alikes' markings that are the fish's own, 0 to 1.
+        pixel_noise: standard deviation of the camera's noise.
+    """
+
+    num_frames: int = 110
+    frame_width: int = 960
+    frame_height: int = 540
+    fps: float = 25.0
+    speed: float = 3.0
+    wave: float = 9.0
+    likeness: float = 0.5
+    pixel_noise: float = 4.0
+
+    def __post_init__(self) -> None:
+        require("fish", self, num_frames=2, frame_width=480, frame_height=270, fps=1e-6)
+
+
+def fish_scene(parameters: FishParameters, seed: int = 0) -> Scene:
+    """Draw the scene; ``extras`` are those of ``scenes.deforming.point_scene``."""
+    look, path, camera = (np.random.default_rng([seed, stream]) for stream in range(3))
+    width, height = parameters.frame_width, parameters.frame_height
+    water = noise(look, (height, width), 60.0) * 14 + noise(look, (height, width), 9.0) * 6
+    background = (water + np.array([62.0, 104.0, 112.0])).astype(np.float32)
+    markings = noise(look, _SHAPE, 7.0)
+    fish = _fish(markings)
+    others = []
+    for _ in range(4):
+        share = parameters.likeness
+        mixed = share * markings + (1 - share) * noise(look, _SHAPE, 7.0)
+        others.append(_fish(mixed / mixed.std()))
+    phases = path.uniform(0, 2 * np.pi, 6)
+    wander = path.uniform(0.8, 1.2, 4)
+    places = np.array(list(POINTS.values()), float)
+    film = Film(camera, height, width, parameters.pixel_noise)
+    points, visible = [], []
+    travel = parameters.speed * parameters.num_frames
+    start = max(130.0, width / 2 - travel / 2)
+    for t in range(parameters.num_frames):
+        x = start + parameters.speed * t + 12 * np.sin(0.06 * t + phases[0])
+        y = height / 2 + 26 * np.sin(0.045 * wander[0] * t + phases[1])
+        tilt = 0.1 * np.sin(0.05 * wander[1] * t + phases[2])
+        pose = Pose(x, y, 1.0, tilt, _swimming(parameters.wave, 0.35 * t + phases[3]))
+        frame = background.copy()
+        behind = 0.55 * width + 140 * np.sin(0.02 * t)
+        draw(
+            frame, others[2], Pose(behind - 2 * t, 0.24 * height, 0.75, 0.0, _swimming(6, 0.3 * t))
+        )
+        draw(
+            frame, others[3], Pose(0.2 * width + t, 0.8 * height, 0.8, 0.05, _swimming(6, 0.4 * t))
+        )
+        draw(frame, fish, pose)
+        # In front: one meets the head and swims along for a while, one passes the dorsal fin.
+        along = np.interp(t, [0, 8, 14, 45, 54, 70], [330, 250, 132, 130, 300, 700])
+        over = np.interp(t, [0, 20, 32, 57, 68, 80], [-700, -330, -60, 30, 330, 800])
+        front = (
+            (others[0], Pose(x + along, y + 2, 0.8, 0.0, _swimming(7, 0.3 * t + phases[4]))),
+            (others[1], Pose(x + over, y - 40, 1.0, 0.0, _swimming(7, 0.33 * t + phases[5]))),
+        )
+        where = pose.to_image(places)
+        hidden = np.zeros(len(places), bool)
+        for body, at in front:
+            draw(frame, body, at)
+            hidden |= covers(body, at, where)
+        inside = ((where >= 0) & (where < [width, height])).all(axis=1)
+        film.add(frame)
+        points.append(where)
+        visible.append(inside & ~hidden)
+    return point_scene(
+        "fish",
+        film.frames,
+        np.array(points),
+        np.array(visible),
+        list(POINTS),
+        np.full(parameters.num_frames, LENGTH),
+        parameters.fps,
+        _record(parameters, seed),
+    )
+
+
+_SHAPE = (120, 240)
+
+
+def _fish(markings: np.ndarray) -> Body:
+    """A fish with these markings, [h, w, 3]."""
+    height, width = _SHAPE
+    middle = np.array([width / 2, height / 2])
+    alpha = np.zeros(_SHAPE, np.uint8)
+    fins = (
+        [(60, -28), (24, -52), (-40, -38), (-30, -20)],
+        [(34, 26), (6, 52), (-44, 34), (-30, 18)],
+    )
+    tail = [(-62, -6), (-108, -40), (-96, 0), (-108, 40), (-62, 6)]
+    for outline in (*fins, tail):
+        cv2.fillPoly(alpha, [np.round(np.array(outline) + middle).astype(np.int32)], 255)
+    body = np.zeros(_SHAPE, np.uint8)
+    cv2.ellipse(body, (int(middle[0]) + 16, int(middle[1])), (92, 40), 0, 0, 360, 255, -1)
+    alpha = np.maximum(alpha, body)
+    colour = np.array([214.0, 132.0, 52.0]) + markings * np.array([26.0, 30.0, 22.0])
+    shade = np.linspace(18, -34, height)[:, None, None]
+    picture = np.ascontiguousarray(np.clip(colour + shade, 8, 250).astype(np.float32))
+    picture[body == 0] *= 0.72
+    eye = (int(middle[0]) + 78, int(middle[1]) - 8)
+    cv2.circle(picture, eye, 8, (236, 226, 190), -1, cv2.LINE_AA)
+    cv2.circle(picture, eye, 4, (16, 14, 18), -1, cv2.LINE_AA)
+    gill = (int(middle[0]) + 48, int(middle[1]) + 2)
+    cv2.ellipse(picture, gill, (8, 24), 0, -90, 90, (120, 60, 30), 3, cv2.LINE_AA)
+    soft = cv2.GaussianBlur(alpha, (3, 3), 0)
+    return Body(picture, soft.astype(np.float32) / 255)
+
+
+def _swimming(amplitude: float, phase: float) -> Bend:
+    """A wave that grows towards the tail."""
+
+    def bend(places: np.ndarray) -> np.ndarray:
+        along = np.clip((90 - places[..., 0]) / 190, 0, 1.2)
+        across = amplitude * along**2 * np.sin(phase + places[..., 0] * np.pi / LENGTH)
+        return np.stack([np.zeros_like(across), across], axis=-1)
+
+    return bend
+
+
+def _record(parameters: FishParameters, seed: int) -> dict[str, Any]:
+    return dataclasses.asdict(parameters) | {"seed": seed}

@@ -1,0 +1,86 @@
+"""Reads landmarks that were marked on one body in some frames of a clip.
+
+A clip's folder may hold ``points.csv``: a header ``frame,id,cx,cy`` or ``frame,id,cx,cy,visible``
+and one line per frame and point; frames count from 0, (cx, cy) lies in pixels and may be empty for
+a point that is hidden (visible 0).
+"""
+
+import csv
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+
+from scenes.scene import SceneError
+
+_COLUMNS = ["frame", "id", "cx", "cy", "visible"]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Landmarks:
+    """P points in those of T frames that were marked.
+
+    Attributes:
+        ids: the annotation's number of each point, ascending.
+        places: ``[T, P, 2]`` float, x and y in pixels; NaN where there is none.
+        visible: ``[T, P]`` bool; false where there is no line.
+        marked: ``[T]`` bool, frames with any line.
+    """
+
+    ids: tuple[int, ...]
+    places: np.ndarray
+    visible: np.ndarray
+    marked: np.ndarray
+
+
+def read_landmarks(folder: str | Path) -> Landmarks:
+    """Read ``points.csv`` of a clip.
+
+    Raises:
+        SceneError: the file is missing or a line cannot be used; the sentence says which.
+    """
+    path = Path(folder) / "points.csv"
+    if not path.is_file():
+        raise SceneError(f"{path} is missing: the clip has no landmarks")
+    rows: dict[tuple[int, int], tuple[float, float, bool]] = {}
+    with path.open(newline="", encoding="utf-8") as file:
+        lines = csv.reader(file)
+        header = [name.strip() for name in next(lines, [])]
+        if header not in (_COLUMNS, _COLUMNS[:4]):
+            raise SceneError(
+                f"{path}, line 1: the header must be {','.join(_COLUMNS)!r}, "
+                f"not {','.join(header)!r}"
+            )
+        for cells in lines:
+            if not cells:
+                continue
+            place = f"{path}, line {lines.line_num}: {','.join(cells)!r}"
+            if len(cells) != len(header):
+                raise SceneError(f"{place} has {len(cells)} values, not {len(header)}")
+            try:
+                frame, identity = int(cells[0]), int(cells[1])
+                x, y = (float(cell) if cell.strip() else math.nan for cell in cells[2:4])
+                visible = bool(int(cells[4])) if len(cells) > 4 else True
+            except ValueError:
+                raise SceneError(f"{place} holds something that is not a number") from None
+            if frame < 0:
+                raise SceneError(f"{place}: frames count from 0")
+            if (frame, identity) in rows:
+                raise SceneError(f"{place}: a second line for this point in frame {frame}")
+            if visible and not math.isfinite(x + y):
+                raise SceneError(f"{place}: a point in view needs cx and cy")
+            rows[frame, identity] = x, y, visible
+    if not rows:
+        raise SceneError(f"{path} holds no landmarks")
+    ids = tuple(sorted({identity for _, identity in rows}))
+    length = 1 + max(frame for frame, _ in rows)
+    places = np.full((length, len(ids), 2), np.nan)
+    shown = np.zeros((length, len(ids)), bool)
+    for (frame, identity), (x, y, visible) in rows.items():
+        column = ids.index(identity)
+        places[frame, column] = x, y
+        shown[frame, column] = visible
+    marked = np.zeros(length, bool)
+    marked[[frame for frame, _ in rows]] = True
+    return Landmarks(ids, places, shown, marked)

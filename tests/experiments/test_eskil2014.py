@@ -1,0 +1,85 @@
+"""The experiment on deforming bodies: its measures, its judgements, and a small whole of it."""
+
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf.experiments import eskil2014
+from jaxpf.experiments.claims import CONTRADICTS, SUPPORTS
+from jaxpf.experiments.eskil2014 import clips, costs, judgements, methods, tables
+from jaxpf.experiments.eskil2014.tracking import Outcome
+
+NAMES = ("nose", "eye", "dorsal front", "tail")
+
+
+def made(proposed: float, pffl: float, spot: float) -> Outcome:
+    """Three scenes of a fish, four points; errors grow to the given ones at the end."""
+    rng = np.random.default_rng(0)
+    growth = np.linspace(0, 1, 40)[:, None]
+
+    def errors(last, runs, scenes=3):
+        return last * growth * rng.uniform(0.9, 1.1, (scenes, runs, 40, 4))
+
+    visible = np.ones((3, 40, 4), bool)
+    visible[:, 10:20, 0] = False
+    found = {
+        methods.PROPOSED: errors(proposed, 5),
+        methods.PFFL: errors(pffl, 5),
+        methods.SPOT: errors(spot, 1, scenes=2),
+    }
+    return Outcome("fish", NAMES, found, visible)
+
+
+def test_claims_follow_the_figures():
+    verdicts = [c.verdict for c in judgements.claims({"fish": made(0.02, 0.2, 0.05)})]
+    # All kept is 4 of 4 here; the paper's 12 are not asked for.
+    assert verdicts.count(SUPPORTS) == 5
+    turned = [c.verdict for c in judgements.claims({"fish": made(0.2, 0.02, 0.3)})]
+    assert turned.count(CONTRADICTS) >= 4
+
+
+def test_speeds_are_judged():
+    fast = {"platty": {methods.PROPOSED: 100.0, methods.PFFL: 110.0, methods.SPOT: 2.0}}
+    assert [c.verdict for c in judgements.speed_claims(fast)] == [SUPPORTS, SUPPORTS]
+    slow = {"platty": {methods.PROPOSED: 60.0, methods.PFFL: 110.0, methods.SPOT: 80.0}}
+    assert [c.verdict for c in judgements.speed_claims(slow)] == [CONTRADICTS, CONTRADICTS]
+
+
+def test_the_table_has_a_row_for_every_method():
+    table = tables.scene_table(made(0.02, 0.2, 0.05))
+    assert [label for label, _ in table.rows] == [methods.PROPOSED, methods.PFFL, methods.SPOT]
+    kept = {label: cells[3].measured.value for label, cells in table.rows}
+    assert kept[methods.PROPOSED] == 4
+    assert kept[methods.PFFL] == 0
+    figures = tables.figures({"fish": made(0.02, 0.2, 0.05)})
+    assert set(figures) == {"figure_1", "figure_3", "figure_4"}
+
+
+def test_a_folder_without_the_clips_is_refused(tmp_path):
+    with pytest.raises(jaxpf.InputError, match="holds none of badja_bear"):
+        clips.available(tmp_path)
+    with pytest.raises(jaxpf.InputError, match="multiple of 5"):
+        eskil2014.run(runs=7)
+
+
+def test_the_bear_starts_where_it_is_marked(data_folder):
+    bear = clips.read(data_folder / "badja_bear")
+    assert bear.marked[0]
+    assert bear.visible[0].all()
+    assert len(bear.names) + len(bear.left_out) == 20
+    assert len(bear.frames) == len(bear.truth)
+
+
+@pytest.mark.slow
+def test_the_quick_version_runs_through():
+    comparison = eskil2014.run(runs=10, quick=True, report=lambda line: None)
+    assert [table.name for table in comparison.tables] == ["errors_fish", "frames_per_second"]
+    assert len(comparison.claims) >= 4
+    assert all(claim.measured for claim in comparison.claims)
+
+
+@pytest.mark.slow
+def test_costs_are_measured():
+    found = list(costs.rows(repeats=1, height=240, width=320))
+    assert len(found) == 5
+    assert all(row.nanoseconds > 0 for row in found)

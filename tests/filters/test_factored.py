@@ -1,0 +1,202 @@
+"""Factored filters: what they refuse, what they survive, and how partitions help one another."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf.models.dynamics import RandomWalk
+from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian
+from jaxpf.streaming import stream
+
+#: Half the time to compile; the arithmetic is the same.
+FAST = {"xla_llvm_disable_expensive_passes": True}
+run = jax.jit(jaxpf.run, compiler_options=FAST)
+monte_carlo = jax.jit(jaxpf.monte_carlo, compiler_options=FAST)
+
+START = np.array([[0.0, 0.0], [20.0, 0.0], [0.0, 20.0]])
+
+
+@jaxpf.pytree_dataclass
+class Seen:
+    """Points seen with noise; where the frame holds NaN, nothing tells places apart."""
+
+    scale: float = 1.0
+    when_hidden: float = 0.0
+
+    def observe(self, frame):
+        return frame
+
+    def log_prob(self, observation, partition, substate):
+        place = observation[partition]
+        hidden = jnp.isnan(place[0])
+        apart = jnp.where(hidden, 0.0, place - substate) / self.scale
+        return jnp.where(hidden, self.when_hidden, -0.5 * apart @ apart)
+
+
+@jaxpf.pytree_dataclass
+class Wandering:
+    """A user's own dynamics, for one particle."""
+
+    scale: float = 1.0
+
+    def propagate(self, key, partition, current, previous, parent):
+        return current + self.scale * jax.random.normal(key, current.shape)
+
+
+def trackers(likelihood=None, initial=START, scale=2.0, **settings):
+    """One of each; used with 12 frames of three points, so that tests share compiled kernels."""
+    likelihood = Seen() if likelihood is None else likelihood
+    walk = RandomWalk(scale)
+    return {
+        "auxiliary": jaxpf.PFFL(walk, likelihood, initial, **settings),
+        "literal": jaxpf.PFFL(walk, likelihood, initial, form="literal", **settings),
+        "eskil": jaxpf.Eskil(walk, likelihood, initial, **settings),
+        "proper": jaxpf.Eskil(
+            walk, likelihood, initial, drift="ridge", proper=True, shape="none", **settings
+        ),
+    }
+
+
+def moving(num_frames=12, step=2.0):
+    """All three points go to the right together."""
+    return START + step * np.arange(1, num_frames + 1)[:, None, None] * np.array([1.0, 0.0])
+
+
+@pytest.mark.parametrize("name", ["auxiliary", "literal", "eskil", "proper"])
+def test_points_that_are_seen_are_followed(name):
+    frames = moving()
+    tracker = trackers()[name]
+    state, summary = run(tracker, jax.random.key(0), frames)
+    assert np.abs(summary.estimate - frames).max() < 3.0
+    assert summary.ess_parts.shape == (12, 3)
+    np.testing.assert_allclose(summary.ess, np.min(summary.ess_parts, axis=1))
+    assert state.substates.shape == (tracker.num_particles * tracker.upsampling, 3, 2)
+    np.testing.assert_allclose(np.exp(state.log_weights).sum(axis=1), 1, rtol=1e-5)
+    assert np.isnan(summary.log_evidence).all() == (name == "eskil")
+
+
+@pytest.mark.slow
+def test_streaming_and_many_runs_repeat_a_run():
+    frames, tracker = moving(), trackers()["eskil"]
+    keys = jax.random.split(jax.random.key(1), 3)
+    _, once = run(tracker, keys[1], frames)
+    many = monte_carlo(tracker, keys, frames)
+    streamed = [frame.summary.estimate for frame in stream(tracker, keys[1], frames)]
+    np.testing.assert_allclose(many.estimate[1], once.estimate, atol=1e-3)
+    np.testing.assert_allclose(streamed, once.estimate, atol=1e-3)
+
+
+def test_dynamics_for_one_particle_serve():
+    tracker = jaxpf.Eskil(Wandering(), Seen(), START, num_particles=40)
+    _, summary = run(tracker, jax.random.key(0), moving())
+    assert np.abs(summary.estimate - moving()).max() < 2
+
+
+def _hidden_error(**options):
+    """How far the third point is from its truth after it was hidden for the last 10 frames."""
+    frames = moving(20)
+    frames[10:, 2] = np.nan
+    settings = {"num_particles": 60, "shape": "none"} | options
+    tracker = jaxpf.Eskil(RandomWalk(1.0), Seen(), START, **settings)
+    summary = monte_carlo(tracker, jax.random.split(jax.random.key(2), 20), frames)
+    error = np.asarray(summary.estimate)[:, -1, 2] - moving(20)[-1, 2]
+    return float(np.mean(np.linalg.norm(error, axis=-1)))
+
+
+def test_a_hidden_point_is_carried_along_by_the_others():
+    """Left behind, it would be 20 pixels away."""
+    assert _hidden_error(drift="clip") < 10
+
+
+@pytest.mark.slow
+def test_ridge_carries_a_hidden_point_too_and_no_drift_leaves_it_behind():
+    assert _hidden_error(drift="ridge") < 10
+    assert _hidden_error(drift="none") > 18
+
+
+@pytest.mark.slow
+def test_a_hidden_point_is_held_in_place_by_the_shape():
+    assert _hidden_error(drift="none", shape="relative", shape_scale=0.02) < 6
+
+
+@pytest.mark.parametrize("name", ["auxiliary", "literal", "eskil", "proper"])
+@pytest.mark.parametrize("nothing", [-np.inf, np.nan, 0.0])
+def test_nothing_is_lost_when_all_points_are_hidden(name, nothing):
+    frames = np.full((12, 3, 2), np.nan)
+    tracker = trackers(Seen(when_hidden=nothing))[name]
+    state, summary = run(tracker, jax.random.key(0), frames)
+    assert np.isfinite(summary.estimate).all()
+    assert np.isfinite(summary.spread).all()
+    np.testing.assert_allclose(np.exp(state.log_weights).sum(axis=1), 1, rtol=1e-5)
+    assert np.all(np.asarray(summary.lost) == (nothing != 0))
+    assert np.all(np.asarray(summary.num_invalid) > 0) == np.isnan(nothing)
+    if name != "eskil":
+        assert np.all(np.isneginf(summary.log_evidence)) == (nothing != 0)
+
+
+@pytest.mark.slow
+def test_one_point_with_one_particle_stays_finite_and_so_do_gradients():
+    def total(tracker, frames):
+        _, summary = jaxpf.run(tracker, jax.random.key(0), frames)
+        return jnp.sum(summary.estimate)
+
+    shown, hidden = moving(4), np.full((4, 3, 2), np.nan)
+    alone = {"num_particles": 1, "upsampling": 1, "drift": "none", "shape": "none"}
+    cases = [
+        (jaxpf.PFFL(RandomWalk(1.0), Seen(), START[:1], num_particles=1), shown[:, :1]),
+        (jaxpf.Eskil(RandomWalk(1.0), Seen(), START[:1], **alone), shown[:, :1]),
+        (jaxpf.Eskil(RandomWalk(1.0), Seen(), START), hidden),
+        (jaxpf.Eskil(RandomWalk(1.0), Seen(when_hidden=-np.inf), START), hidden),
+        (jaxpf.Eskil(RandomWalk(1.0), Seen(), START), shown),
+    ]
+    differentiated = jax.jit(jax.value_and_grad(total), compiler_options=FAST)
+    for tracker, frames in cases:
+        value, gradient = differentiated(tracker, frames)
+        assert np.isfinite(value)
+        for leaf in jax.tree.leaves((gradient.dynamics, gradient.initial)):
+            assert np.isfinite(leaf).all()
+
+
+@pytest.mark.parametrize("name", ["eskil", "proper"])
+def test_points_that_do_not_move_have_no_correlation_to_divide_by(name):
+    """sigma_i = 0 (eq. 8): the others then count alike."""
+    frames = np.broadcast_to(START, (12, 3, 2)).copy()
+    _, summary = run(trackers(scale=0.0)[name], jax.random.key(0), frames)
+    np.testing.assert_allclose(summary.estimate, frames, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"initial": START[:1]}, "two partitions or more"),
+        ({"initial": np.zeros((2, 2))}, "start at the same place"),
+        ({"initial": START[0]}, "initial has shape"),
+        ({"initial": START * np.nan}, "not finite"),
+        ({"drift": "nearest"}, "choose one of clip"),
+        ({"shape": "round"}, "choose one of relative"),
+        ({"shape_scale": 0.0}, "shape_scale=0.0 must be positive"),
+        ({"memory": 1}, "memory=1"),
+        ({"num_particles": 0}, "num_particles=0"),
+        ({"upsampling": 1.5}, "upsampling=1.5"),
+        ({"resampling": "best"}, "resampling='best'"),
+        ({"dynamics": Wandering(), "proper": True}, "has no log_density"),
+        ({"likelihood": CorrelatedGaussian(np.eye(3))}, "has log_joint"),
+        ({"reference": START[:2]}, "reference has 2 rows"),
+    ],
+)
+def test_eskil_refuses_what_cannot_work(settings, message):
+    with pytest.raises(jaxpf.InputError, match=message):
+        jaxpf.Eskil(
+            **({"dynamics": RandomWalk(1.0), "likelihood": Seen(), "initial": START} | settings)
+        )
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [({"form": "sound"}, "choose one of auxiliary"), ({"safety": 0.0}, "safety=0.0 must be above")],
+)
+def test_pffl_refuses_what_cannot_work(settings, message):
+    with pytest.raises(jaxpf.InputError, match=message):
+        jaxpf.PFFL(RandomWalk(1.0), Seen(), START, **settings)

@@ -1,0 +1,70 @@
+"""The window likelihood of points against a plain computation, and what it refuses."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf.models.likelihoods import windows
+
+RNG = np.random.default_rng(0)
+FRAME = RNG.integers(20, 256, (40, 60, 3), dtype=np.uint8)
+OTHER = RNG.integers(20, 256, (40, 60, 3), dtype=np.uint8)
+POINTS = np.array([[20.3, 15.9], [5.0, 38.5]])  # the second one's window leaves the frame
+
+
+def cut(frame, x, y, reach):
+    padded = np.pad(frame.astype(float), ((20, 20), (20, 20), (0, 0)))
+    row, column = int(np.floor(y)) + 20, int(np.floor(x)) + 20
+    return padded[row - reach : row + reach + 1, column - reach : column + reach + 1]
+
+
+@pytest.mark.parametrize("norm", ["mean", "sum"])
+@pytest.mark.parametrize("places", [[[25.0, 20.0], [30.9, 19.1]], [[0.2, 3.0], [59.9, 39.9]]])
+def test_it_is_equation_7(norm, places):
+    likelihood = windows(FRAME, POINTS, sigma=0.3, window=(9, 9), norm=norm)
+    observation = likelihood.observe(OTHER)
+    found = likelihood.log_prob_all(observation, jnp.arange(2), jnp.asarray(places).T)
+    for point, place, value in zip(POINTS, places, found, strict=True):
+        reference, seen = cut(FRAME, *point, 4), cut(OTHER, *place, 4)
+        squares = (reference / reference.mean() - seen / seen.mean()) ** 2
+        expected = -(squares.mean() if norm == "mean" else squares.sum()) / 0.09
+        np.testing.assert_allclose(value, expected, rtol=2e-4)
+    one = likelihood.log_prob(observation, 1, jnp.asarray(places[1]))
+    np.testing.assert_allclose(one, found[1], rtol=1e-5)
+
+
+def test_brightness_does_not_matter_and_the_place_does():
+    likelihood = windows(FRAME, POINTS[:1])
+    darker = (FRAME // 2).astype(np.uint8)
+    around = np.stack(np.meshgrid(np.arange(12, 29), np.arange(11, 27)), -1).reshape(-1, 2) + 0.5
+    zeros = jnp.zeros(len(around), int)
+    found = likelihood.log_prob_all(likelihood.observe(darker), zeros, jnp.asarray(around.T))
+    np.testing.assert_array_equal(np.floor(around[int(np.argmax(found))]), [20, 15])
+    assert np.max(found) > -0.05
+
+
+def test_places_that_are_no_numbers_or_far_away_are_told():
+    likelihood = windows(FRAME, POINTS[:1])
+    places = jnp.array([[np.nan, 1e30, 20.0], [3.0, -1e30, np.inf]])
+    found = likelihood.log_prob_all(likelihood.observe(FRAME), jnp.zeros(3, int), places)
+    np.testing.assert_array_equal(np.isnan(found), [True, False, True])
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"points": [[60.0, 3.0]]}, r"point 0 is at \(60, 3\), outside the frame of 60 x 40"),
+        ({"points": [[np.nan, 3.0]]}, "outside the frame"),
+        ({"points": [3.0, 3.0]}, "give a row"),
+        ({"window": (61, 9)}, "the window is 61 x 9 pixels and the frame 60 x 40"),
+        ({"window": (8, 9)}, "two odd numbers"),
+        ({"sigma": 0.0}, "sigma is 0.0"),
+        ({"norm": "max"}, "norm is 'max'"),
+        ({"frame": FRAME.astype(float)}, "uint8"),
+        ({"frame": 0 * FRAME}, "the window of point 0 is black"),
+    ],
+)
+def test_bad_input_is_refused(settings, message):
+    with pytest.raises(jaxpf.InputError, match=message):
+        windows(**({"frame": FRAME, "points": POINTS} | settings))

@@ -11,6 +11,7 @@ from jaxpf import filters
 from jaxpf.cli import common
 from jaxpf.cli.options import all_options, declared_options
 from jaxpf.errors import InputError
+from jaxpf.targets import targets
 
 #: Options that say where results go or how they are computed, not what they are.
 _NOT_REPEATED = ("config", "output", "dry_run")
@@ -40,7 +41,9 @@ _VARIED = ("method", "order", "swap")
     help="For sps: how objects change places.",
 )
 @declared_options(grid=True, without=_VARIED)
-@click.option("--target", help="What the objects are, boxes or parts.  [default: by the scene]")
+@click.option(
+    "--target", help=f"What the objects are: {', '.join(targets())}.  [default: by the scene]"
+)
 @click.option("--runs", default=50, show_default=True, help="Runs per configuration.")
 @click.option("--seed", default=0, show_default=True, help="Seed of all runs.")
 @click.option("--scene-seed", default=0, show_default=True, help="Seed of a synthetic scene.")
@@ -189,6 +192,8 @@ def _grid(options: dict[str, Any]) -> dict[str, Any]:
     for name, one in all_options(_VARIED).items():
         value = options[name]
         if value not in (None, ()):
+            if isinstance(value, bool):
+                value = [value]
             given[name] = common.names_in(value) if isinstance(value, str) else list(value)
             if one.length:
                 given[name] = [tuple(entry) for entry in value]

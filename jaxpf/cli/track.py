@@ -10,6 +10,7 @@ import numpy as np
 from jaxpf import filters
 from jaxpf.cli import common
 from jaxpf.cli.options import (
+    all_options,
     declared_options,
     picked,
     refuse_others,
@@ -22,6 +23,8 @@ from jaxpf.options import options_of
 from jaxpf.targets import targets
 from jaxpf.targets.target import Looks, Start, Target
 
+#: Where a method has a number of its own, by which histograms choose their way.
+_PARTICLES = 300
 _CODECS = ("vp9", "vp8")
 
 #: Everything that a run may leave in its output folder.
@@ -39,7 +42,7 @@ _OUTPUTS = (
 @click.command("track")
 @click.argument("video", type=click.Path(path_type=Path))
 @start_options()
-@click.option("--target", help="What is tracked: boxes or parts.  [default: what it starts from]")
+@click.option("--target", help=f"What is tracked: {', '.join(targets())}.  [default: by its start]")
 @click.option(
     "--filter",
     "filter_",
@@ -181,6 +184,9 @@ def _prefer_command_line(options: dict[str, Any]) -> None:
     ours = [name for name, flags in every.items() if any(map(typed, flags))]
     if ours and not typed("target"):
         options["target"] = None
+        used = options_of(*(filter_.options for filter_ in filters.filters().values()))
+        used |= options_of(*(targets()[name].options for name in ours))
+        options |= {name: None for name in all_options() if name not in used and not typed(name)}
     for name, flags in every.items():
         if ours and name not in ours:
             options |= {flag: None for flag in flags if not typed(flag)}
@@ -255,7 +261,7 @@ def _build_tracker(
             options["tracker"], start_scene(source.name, first, start.shapes, source.fps)
         )
     setup.filter.check(setup.filter_options, start.parents)
-    looks = Looks(first, None, first.shape[:2], options["particles"])
+    looks = Looks(first, None, first.shape[:2], options["particles"] or _PARTICLES)
     return setup.filter.tracker(target.model(setup.model, start, looks), setup.filter_options)
 
 

@@ -12,6 +12,7 @@ from jaxpf.cli.options import declared_options, picked, refuse_others
 from jaxpf.errors import InputError
 from jaxpf.names import GRADIENTS, OBJECTIVES
 from jaxpf.options import options_of
+from jaxpf.targets import targets
 
 _NOT_REPEATED = ("config", "output")
 
@@ -30,7 +31,9 @@ _NOT_REPEATED = ("config", "output")
     help="evidence (needs no labels), position or overlap (from the truth).",
 )
 @declared_options(without=("order", "swap", "ess_threshold"), defaults={"particles": 100})
-@click.option("--target", help="What the objects are, boxes or parts.  [default: by the scene]")
+@click.option(
+    "--target", help=f"What the objects are: {', '.join(targets())}.  [default: by the scene]"
+)
 @click.option(
     "--gradient",
     default="stop_gradient",

@@ -18,6 +18,7 @@ from jaxpf import filters
 from jaxpf.errors import InputError
 from jaxpf.evaluation.results import Configuration
 from jaxpf.files.writing import report_os_errors
+from jaxpf.filters.filter import Filter
 from jaxpf.options import Option, check_distinct, chosen, options_of, plain
 from jaxpf.targets import DEFAULT, find_target, targets
 from jaxpf.targets.target import Start, Target
@@ -106,11 +107,17 @@ class Plan:
     def _options(self, of: Target) -> dict[str, Option]:
         """Options that a grid may have: those of a target, and those of the methods' filters."""
         found = options_of(of.options)
-        for one in filters.filters().values():
-            if self.methods is None or set(one.methods) & set(self.methods):
-                its = options_of(one.options)
-                found |= {name: its[name] for name in its if name not in one.varied}
+        for one in self._filters():
+            its = options_of(one.options)
+            found |= {n: its[n] for n in its if n not in one.varied and n not in found}
         return found
+
+    def _filters(self) -> list[Filter]:
+        """The filters of the methods."""
+        every = filters.filters().values()
+        return [
+            one for one in every if self.methods is None or set(one.methods) & set(self.methods)
+        ]
 
     def _checked_grid(self) -> dict[str, tuple[Any, ...]]:
         """The grid in normal form: values that the target allows, or else some target."""
@@ -137,12 +144,19 @@ class Plan:
         """
         methods = self.methods
         if methods is None and parents is not None:
-            usual = [one for one in filters.filters().values() if one.by_default]
+            own = find_target(self.target or name).defaults.get("method")
+            every = filters.filters().values()
+            usual = [one for one in every if one.by_default or own in one.methods]
             methods = tuple(m for one in usual for m in one.methods if one.admits(m, parents))
         plan = dataclasses.replace(self, target=self.target or name, methods=methods)
         of = find_target(plan.target or name)
-        defaults = {n: (option.default,) for n, option in plan._options(of).items()}
-        defaults |= {n: (value,) for n, value in of.defaults.items() if n in defaults}
+        # What filters have defaults of their own for is left to each.
+        filled = [options_of(one.options) for one in (of, *plan._filters())]
+        defaults = {
+            n: (option.default,)
+            for n, option in plan._options(of).items()
+            if all(its[n].default == option.default for its in filled if n in its)
+        }
         return dataclasses.replace(plan, grid={**defaults, **plan.grid})
 
     def asked(self) -> dict[str, Any]:
@@ -185,9 +199,13 @@ class Plan:
         for point in self._points():
             for method in self.methods or ():
                 its = filters.filter_of(method)
-                own = {n: v for n, v in point.items() if n in options_of(of.options, its.options)}
+                declared = options_of(of.options, its.options)
+                own = {n: v for n, v in point.items() if n in declared}
+                for name, option in options_of(its.options).items():
+                    if name not in its.varied:
+                        own.setdefault(name, option.default)
                 model = chosen(of.options, own)
-                key = (model, max(self.grid["particles"]))
+                key = (model, max(own["particles"] or 0, *self.grid.get("particles", ())))
                 if key not in settled:
                     settled[key] = settle(of, model, key[1])
                 parameters = {n: getattr(settled[key], n, own[n]) for n in own}
@@ -201,6 +219,7 @@ class Plan:
         """Every point of the grid; what compiles anew varies slowest, so that it compiles once."""
         options = self._options(self._targets()[0])
         names = sorted(options, key=lambda name: options[name].compiles)
+        names = [name for name in names if name in self.grid]
         loops = list(reversed(names))
         for values in itertools.product(*(self.grid[name] for name in loops)):
             point = dict(zip(loops, values, strict=True))

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 #: Name -> where its ``Filter`` stands.
 _FILTERS = {
     "partitioned": "jaxpf.filters.partitioned.options:PARTITIONED",
+    "factored": "jaxpf.filters.factored.options:FACTORED",
     "labelled": "jaxpf.filters.labelled.options:LABELLED",
 }
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 #: Name -> where its ``Target`` stands; the first that fits a scene's truth is taken.
 _TARGETS = {
+    "points": "jaxpf.targets.points:POINTS",
     "parts": "jaxpf.targets.parts:PARTS",
     "boxes": "jaxpf.targets.boxes:BOXES",
 }

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxpf.errors import InputError
 from jaxpf.models.model import Model
 
 
@@ -129,7 +130,10 @@ class Target:
             looks: see there.
             frames: ``[n, H, W, 3]``, from which a background is learned.
         """
-        raise TypeError(f"{type(self).__name__} must define training_model")
+        raise InputError(
+            f"{self.name} have no model that is differentiable; tune a tracker of your own in Python "
+            "with jaxpf.tune."
+        )
 
     def settled(self, options: Any, start: Start, looks: Looks) -> Any:
         """The options with what "auto" stands for; it decides about results, so it is kept."""

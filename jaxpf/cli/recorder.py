@@ -177,7 +177,7 @@ class Recorder:
                 table[:, 3:],
                 table[:, 2],
                 self.ids.tolist(),
-                getattr(self.tracker, "num_particles", None) or np.nanmax(table[:, 1], initial=1),
+                int(getattr(self.tracker, "num_particles", 0) or np.nanmax(table[:, 1], initial=1)),
             )
             plotting.save_figure(figure, self.output / "diagnostics.png")
         self._tell(rate)

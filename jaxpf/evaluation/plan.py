@@ -151,7 +151,7 @@ class Plan:
         plan = dataclasses.replace(self, target=self.target or name, methods=methods)
         of = find_target(plan.target or name)
         # What filters have defaults of their own for is left to each.
-        filled = [options_of(one.options) for one in (of, *plan._filters())]
+        filled = [options_of(o) for o in (of.options, *(f.options for f in plan._filters()))]
         defaults = {
             n: (option.default,)
             for n, option in plan._options(of).items()

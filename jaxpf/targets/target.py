@@ -131,8 +131,8 @@ class Target:
             frames: ``[n, H, W, 3]``, from which a background is learned.
         """
         raise InputError(
-            f"{self.name} have no model that is differentiable; tune a tracker of your own in Python "
-            "with jaxpf.tune."
+            f"{self.name} have no differentiable model to tune; tune a tracker of your own in "
+            "Python with jaxpf.tune."
         )
 
     def settled(self, options: Any, start: Start, looks: Looks) -> Any:

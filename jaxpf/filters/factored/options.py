@@ -55,7 +55,7 @@ class Options:
         above=0,
         path="shape_scale",
     )
-    memory: int = option(
+    velocity_memory: int = option(
         10, "Frames over which eskil compares velocities.", least=2, most=1000, compiles=True
     )
     proper: bool = option(
@@ -96,7 +96,7 @@ class FactoredFilter(Filter):
             return PFFL(form=options.form, **shared)
         return Eskil(
             shape_scale=options.shape_scale,
-            memory=options.memory,
+            memory=options.velocity_memory,
             drift=options.drift,
             shape=options.shape,
             proper=options.proper,

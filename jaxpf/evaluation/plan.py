@@ -205,7 +205,8 @@ class Plan:
                     if name not in its.varied:
                         own.setdefault(name, option.default)
                 model = chosen(of.options, own)
-                key = (model, max(own["particles"] or 0, *self.grid.get("particles", ())))
+                asked_for = [n for n in (own["particles"], *self.grid.get("particles", ())) if n]
+                key = (model, max(asked_for, default=1))
                 if key not in settled:
                     settled[key] = settle(of, model, key[1])
                 parameters = {n: getattr(settled[key], n, own[n]) for n in own}

@@ -6,13 +6,16 @@ equations of Yule and Walker it takes tracks that wander off, as objects in a pi
 """
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
-from jaxpf.models.dynamics import LinearGaussian
 from jaxpf.pytree import as_array
+
+if TYPE_CHECKING:
+    from jaxpf.models.dynamics import LinearGaussian
 
 #: What of the past may act on a coordinate: its own last steps; its own past, with a place to
 #: which it returns; or every coordinate's past.
@@ -25,7 +28,7 @@ def fit(
     *,
     coefficients: str = "steps",
     pooled: bool = False,
-) -> LinearGaussian:
+) -> "LinearGaussian":
     """The autoregression that tracks follow, ``x_t = A x_{t-1} + B x_{t-2} + b + L n``.
 
     Args:
@@ -44,6 +47,8 @@ def fit(
     Raises:
         InputError: an argument out of range, or fewer frames than there are numbers to learn.
     """
+    from jaxpf.models.dynamics import LinearGaussian  # which shows this function as its own
+
     if order not in (1, 2):
         raise InputError(f"order {order} must be 1 or 2.")
     if coefficients not in COEFFICIENTS:
@@ -51,7 +56,9 @@ def fit(
             f"coefficients {coefficients!r} are unknown; choose one of {', '.join(COEFFICIENTS)}."
         )
     pieces = [np.asarray(piece, float) for piece in _as_list(tracks)]
-    if not pieces or any(piece.ndim != 3 or piece.shape[1:] != pieces[0].shape[1:] for piece in pieces):
+    if not pieces or any(
+        piece.ndim != 3 or piece.shape[1:] != pieces[0].shape[1:] for piece in pieces
+    ):
         shapes = ", ".join(str(list(piece.shape)) for piece in pieces)
         raise InputError(f"tracks have the shapes {shapes}; give [T, P, D], the same P and D.")
     num_targets = pieces[0].shape[1]

@@ -18,7 +18,7 @@ from jaxpf.models.splines import fit_spline, resampled
 
 KINDS = ("masks", "outlines", "centrelines")
 #: Points per control point at which examples are compared.
-_FINENESS = 4
+_FINENESS = 16
 
 
 def learn_shape_space(
@@ -50,7 +50,9 @@ def learn_shape_space(
     if kind not in KINDS:
         raise InputError(f"kind {kind!r} is unknown; choose one of {', '.join(KINDS)}.")
     closed = kind != "centrelines"
-    lines = [outline_of(mask, k) for k, mask in enumerate(examples)] if kind == "masks" else examples
+    lines = (
+        [outline_of(mask, k) for k, mask in enumerate(examples)] if kind == "masks" else examples
+    )
     contours: list[np.ndarray] = []
     for line in lines:
         even = resampled(line, _FINENESS * num_points, closed=closed)

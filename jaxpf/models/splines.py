@@ -61,9 +61,7 @@ def even_places(count: int, *, closed: bool) -> np.ndarray:
     return np.linspace(0.0, 1.0, count, endpoint=not closed)
 
 
-def points_on(
-    control: ArrayLike, count: int, *, closed: bool, degree: int = CUBIC
-) -> np.ndarray:
+def points_on(control: ArrayLike, count: int, *, closed: bool, degree: int = CUBIC) -> np.ndarray:
     """``count`` points ``[..., count, 2]`` along splines with control points ``[..., K, 2]``."""
     control = np.asarray(control, float)
     places = even_places(count, closed=closed)
@@ -87,9 +85,7 @@ def fit_spline(
     """
     check_order(num_points, degree)
     even = resampled(points, 8 * num_points, closed=closed)
-    matrix = basis(
-        even_places(len(even), closed=closed), num_points, closed=closed, degree=degree
-    )
+    matrix = basis(even_places(len(even), closed=closed), num_points, closed=closed, degree=degree)
     return np.linalg.lstsq(matrix, even, rcond=None)[0]
 
 

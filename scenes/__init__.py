@@ -16,6 +16,7 @@ from scenes.benchmark_clips import read_mot, read_otb
 from scenes.clips import Clip, cut_patch, read_clip
 from scenes.distracter import distracter_scene
 from scenes.distracter_parameters import DistracterParameters
+from scenes.leaves import LeavesParameters, leaves_scene
 from scenes.projectiles import ProjectilesParameters, projectiles_scene
 from scenes.scene import Scene, SceneError
 from scenes.sequences import (
@@ -25,19 +26,25 @@ from scenes.sequences import (
     open_folder,
     start_scene,
 )
+from scenes.walkers import WalkersParameters, walkers_scene
+from scenes.wires import WiresParameters, wires_scene
 
 __all__ = [
     "ArticulatedParameters",
     "Clip",
     "DistracterParameters",
+    "LeavesParameters",
     "ProjectilesParameters",
     "Scene",
     "SceneError",
+    "WalkersParameters",
+    "WiresParameters",
     "articulated_scene",
     "cut_patch",
     "default_parameters",
     "distracter_scene",
     "function_of_text",
+    "leaves_scene",
     "make",
     "names",
     "open_folder",
@@ -47,6 +54,8 @@ __all__ = [
     "read_mot",
     "read_otb",
     "start_scene",
+    "walkers_scene",
+    "wires_scene",
 ]
 
 # name -> its parameters' class, and the function of (parameters, seed) that draws it
@@ -54,6 +63,9 @@ _REGISTRY: dict[str, tuple[type, Callable[[Any, int], Scene]]] = {
     "articulated": (ArticulatedParameters, articulated_scene),
     "distracter": (DistracterParameters, distracter_scene),
     "projectiles": (ProjectilesParameters, projectiles_scene),
+    "leaves": (LeavesParameters, leaves_scene),
+    "walkers": (WalkersParameters, walkers_scene),
+    "wires": (WiresParameters, wires_scene),
 }
 
 

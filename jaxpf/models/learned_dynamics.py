@@ -67,7 +67,7 @@ def fit(
     for targets in groups:
         examples = [_triples(piece[:, target], order) for piece in pieces for target in targets]
         found = _fit_one(np.concatenate(examples), order, coefficients, targets)
-        fits |= {target: found for target in targets}
+        fits |= dict.fromkeys(targets, found)
     transition, lag, offset, noise = (
         as_array(np.stack([fits[target][k] for target in range(num_targets)]), float)
         for k in range(4)

@@ -53,16 +53,12 @@ def learn_shape_space(
     lines = (
         [outline_of(mask, k) for k, mask in enumerate(examples)] if kind == "masks" else examples
     )
-    contours: list[np.ndarray] = []
-    for line in lines:
-        even = resampled(line, _FINENESS * num_points, closed=closed)
-        if contours and not ordered:
-            even = _matched(even, first, closed)
-        elif closed and not ordered:
-            even = _clockwise(even)
-        if not contours:
-            first = even
-        contours.append(fit_spline(even, num_points, closed=closed))
+    even = [resampled(line, _FINENESS * num_points, closed=closed) for line in lines]
+    if closed and even and not ordered:
+        even[0] = _clockwise(even[0])
+    if not ordered:
+        even = [*even[:1], *(_matched(line, even[0], closed) for line in even[1:])]
+    contours = [fit_spline(line, num_points, closed=closed) for line in even]
     control = np.array(contours).reshape(-1, num_points, 2)
     return key_frame_space(control, dimension, closed=closed), control
 

@@ -121,7 +121,7 @@ def crosses_itself(points: ArrayLike, *, closed: bool) -> bool:
     safe = np.where(cross == 0, 1.0, cross)
     here = (between[..., 0] * sides[None, :, 1] - between[..., 1] * sides[None, :, 0]) / safe
     there = (between[..., 0] * sides[:, None, 1] - between[..., 1] * sides[:, None, 0]) / safe
-    meet = (cross != 0) & (here > 0) & (here < 1) & (there > 0) & (there < 1)
+    meet = (cross != 0) & (here >= 0) & (here < 1) & (there >= 0) & (there < 1)
     apart = np.abs(np.subtract.outer(np.arange(len(sides)), np.arange(len(sides))))
     if closed:
         apart = np.minimum(apart, len(sides) - apart)

@@ -113,7 +113,7 @@ def test_masks_give_their_outlines():
     _, control = learn_shape_space(masks, "masks", num_points=12, dimension=2)
     shifts = control.mean(axis=1) - control[0].mean(axis=0)
     np.testing.assert_allclose(shifts, np.arange(5)[:, None] * [1, 0], atol=1e-6)
-    with pytest.raises(InputError, match="mask 2 .* marks nothing"):
+    with pytest.raises(InputError, match=r"mask 2 .* marks nothing"):
         learn_shape_space([mask, mask, mask * 0], "masks", num_points=8, dimension=2)
 
 

@@ -27,7 +27,7 @@ def square(x, y, half=30.0):
     step = np.arange(4) * half / 2 - half
     top = np.stack([step, np.full(4, -half)], axis=1)
     sides = [top @ np.array([[c, s], [-s, c]]) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))]
-    return np.concatenate(sides) + [x, y]
+    return np.concatenate(sides) + np.array([x, y])
 
 
 def picture(*centres, half=30, grey=40, ground=200):

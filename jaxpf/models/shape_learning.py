@@ -63,6 +63,27 @@ def learn_shape_space(
     return key_frame_space(control, dimension, closed=closed), control
 
 
+def varied(examples: ArrayLike, turns: int) -> np.ndarray:
+    """Open contours as they are, from the other end, in a mirror, and each turned.
+
+    For bodies that bend to either side, whichever way they lie, where few were seen.
+
+    Args:
+        examples: control points ``[S, K, 2]``.
+        turns: how many directions are shown, evenly around.
+
+    Returns:
+        ``[4 * turns * S, K, 2]``.
+    """
+    examples = np.asarray(examples, float)
+    both = np.concatenate([examples, examples[:, ::-1]])
+    every = np.concatenate([both, both * (-1, 1)])
+    middles = every.mean(axis=1, keepdims=True)
+    angles = 2 * np.pi * np.arange(turns) / turns
+    matrices = np.array([[(np.cos(a), np.sin(a)), (-np.sin(a), np.cos(a))] for a in angles])
+    return np.concatenate([(every - middles) @ matrix + middles for matrix in matrices])
+
+
 def outline_of(mask: Any, number: int = 0) -> np.ndarray:
     """Outline ``[S, 2]`` of the largest piece of a mask ``[H, W]``, in continuous pixels.
 

@@ -15,6 +15,7 @@ PAPERS = {
     "smith2004": "jaxpf.experiments.smith2004",
     "gonzales2011": "jaxpf.experiments.gonzales2011",
     "rowe2005": "jaxpf.experiments.rowe2005",
+    "maccormick1999": "jaxpf.experiments.maccormick1999",
 }
 
 
@@ -26,7 +27,7 @@ PAPERS = {
 @click.option(
     "--data",
     type=click.Path(path_type=Path),
-    help="Folder with real clips (tud_campus, sleap_fly_pair).  "
+    help="Folder with real clips (tud_campus, sleap_fly_pair, worm_crossing).  "
     "[default: the environment's JAXPF_DATA]",
 )
 @click.option(

@@ -56,7 +56,9 @@ def test_wires_are_dark_and_stay_together_in_the_middle(drawn):
     for wire in scene.extras["outlines"][0]:
         x, y = wire[5:-5].T.astype(int)
         assert grey[y, x].mean() < np.median(grey) - 50
-    distance = np.linalg.norm(np.diff(scene.extras["outlines"], axis=1)[:, 0], axis=-1).mean(axis=-1)
+    distance = np.linalg.norm(np.diff(scene.extras["outlines"], axis=1)[:, 0], axis=-1).mean(
+        axis=-1
+    )
     first, last = scene.extras["meeting"]
     assert last - first >= 10
     assert distance[first : last + 1].max() < 25 < distance[[0, -1]].min()
@@ -87,7 +89,7 @@ def test_walkers_vary_as_their_examples_do(drawn):
 def test_what_cannot_be_drawn_is_refused():
     with pytest.raises(SceneError, match="num_frames = 0 must be above 0"):
         scenes.make("wires", num_frames=0)
-    with pytest.raises(SceneError, match="wire_width = 2.5 must be a whole number"):
+    with pytest.raises(SceneError, match=r"wire_width = 2\.5 must be a whole number"):
         scenes.make("wires", wire_width=2.5)
     with pytest.raises(SceneError, match="noise = -1"):
         scenes.make("leaves", noise=-1)

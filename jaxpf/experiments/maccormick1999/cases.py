@@ -43,6 +43,8 @@ class Case(NamedTuple):
         options: of ``jaxpf.likelihoods.contours.contours``, exclusion apart.
         on_target: a contour is on its target if it lies within so many pixels of its outline, on
             average.
+        hidden: ``[T]``, share of the farther of two opaque targets that is hidden.
+        farther: which of the two that is.
     """
 
     name: str
@@ -53,6 +55,8 @@ class Case(NamedTuple):
     dynamics: Any
     options: dict[str, Any]
     on_target: float
+    hidden: Any = None
+    farther: int = 0
 
 
 def wires(seed: int, num_frames: int = 60) -> Case:
@@ -60,14 +64,16 @@ def wires(seed: int, num_frames: int = 60) -> Case:
     scene = load_scene("wires", seed, parameters={"num_frames": num_frames})
     detector = EdgeDetector(threshold=10.0, length=41, smoothing=1.0)
     options = {"detector": detector, "width": 4.0, "sigma": 2.0}
-    return _drawn("wires", scene, "similarity", 8, options, on_target=6.0)
+    return _drawn(scene, "similarity", 8, options, order=2, on_target=6.0)
 
 
 def leaves(seed: int, num_frames: int = 60) -> Case:
     """Two leaves that pass each other, in affine maps of their start."""
     scene = load_scene("leaves", seed, parameters={"num_frames": num_frames})
     detector = EdgeDetector(threshold=10.0, length=41, smoothing=1.5)
-    return _drawn("leaves", scene, "affine", 10, {"detector": detector}, on_target=10.0)
+    options = {"detector": detector, "sigma": 5.0}
+    # Of the first order: the start tells places, and no speeds that a second order would keep.
+    return _drawn(scene, "affine", 10, options, order=1, on_target=10.0)
 
 
 def walkers(seed: int, num_frames: int = 60) -> Case:
@@ -157,11 +163,11 @@ def distances(case: Case, outlines: Any) -> np.ndarray:
 
 
 def _drawn(
-    name: str,
     scene: scenes.Scene,
     space: str,
     num_points: int,
     options: dict[str, Any],
+    order: int,
     on_target: float,
 ) -> Case:
     """A drawn case, whose dynamics are those of another seed's truth."""
@@ -171,15 +177,16 @@ def _drawn(
     parameters = {key: value for key, value in scene.parameters.items() if key != "seed"}
     tracks = []
     for seed in range(_SEED_TO_LEARN_FROM, _SEED_TO_LEARN_FROM + 2):
-        other = scenes.make(name, seed, **parameters).extras["outlines"]
+        other = scenes.make(scene.name, seed, **parameters).extras["outlines"]
         contours = _control(other, num_points, closed)
         tracks.append(space_of(space, contours[0], closed=closed).project(contours))
-    dynamics: LinearGaussian = fit(tracks, 2, pooled=True)
-    return _case(name, scene, shape_space, dynamics, options, on_target)
+    dynamics: LinearGaussian = fit(tracks, order, pooled=True)
+    return _case(scene.name, scene, shape_space, dynamics, options, on_target)
 
 
 def _case(name, scene, space, dynamics, options, on_target) -> Case:
     outlines, closed = scene.extras["outlines"], space.closed
+    front = scene.extras["front"][0] if closed else 0
     start = space.project(_control(outlines[:1], np.shape(space.template)[1], closed)[0])
     even = [[resampled(line, _POINTS, closed=closed) for line in pair] for pair in outlines[1:]]
     return Case(
@@ -191,7 +198,23 @@ def _case(name, scene, space, dynamics, options, on_target) -> Case:
         dynamics=dynamics,
         options={**options, "clutter": learn_clutter(scene.frames[::8], options["detector"])},
         on_target=on_target,
+        hidden=_hidden(outlines[1:], front) if closed else None,
+        farther=int(1 - front),
     )
+
+
+def _hidden(outlines: np.ndarray, front: int) -> np.ndarray:
+    """Share of the farther outline's points that lie inside the nearer one, ``[T]``."""
+    import cv2
+
+    shares = []
+    for pair in outlines.astype(np.float32):
+        inside = [
+            cv2.pointPolygonTest(pair[front][:, None], (float(x), float(y)), False) > 0
+            for x, y in pair[1 - front]
+        ]
+        shares.append(np.mean(inside))
+    return np.array(shares)
 
 
 def _control(outlines: np.ndarray, num_points: int, closed: bool) -> np.ndarray:

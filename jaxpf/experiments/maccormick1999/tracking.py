@@ -34,9 +34,7 @@ class Outcome(NamedTuple):
     coalesced: np.ndarray
 
 
-def tracker_of(
-    case: Case, exclusion: str, num_particles: int, method: str = "ps"
-) -> Partitioned:
+def tracker_of(case: Case, exclusion: str, num_particles: int, method: str = "ps") -> Partitioned:
     """A tracker of both targets of a case.
 
     Args:

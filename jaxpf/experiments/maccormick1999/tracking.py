@@ -11,6 +11,7 @@ from jaxpf.experiments.maccormick1999.cases import Case, distances
 from jaxpf.filters.partitioned import ordering as orderings
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.models.likelihoods.contours import contours
+from jaxpf.models.occlusion import WithOcclusion
 
 #: Runs that are vectorised together.
 _BATCH = 5
@@ -41,14 +42,22 @@ def tracker_of(case: Case, exclusion: str, num_particles: int, method: str = "ps
         case: what is tracked.
         exclusion: see ``jaxpf.likelihoods.contours``; ``"none"`` is the paper's control.
         num_particles: N.
-        method: ``"ps"``, or ``"sir"`` for the unpartitioned filter.
+        method: ``"ps"``, or ``"sir"`` for the unpartitioned filter; with opaque targets, particles
+            of ``"ps"`` place the target first that they believe to be in front (figure 8).
     """
+    likelihood = contours(case.space, 2, exclusion=exclusion, **case.options)
+    dynamics, label = case.dynamics, None
     ordering = orderings.ps([0, 1]) if method == "ps" else orderings.sir(2)
+    if exclusion == "opaque":
+        dynamics, label = WithOcclusion(dynamics, likelihood), np.full(2, 0.5, np.float32)
+        if method == "ps":
+            ordering = orderings.branched([[0, 1], [1, 0]])
     return Partitioned(
-        dynamics=case.dynamics,
-        likelihood=contours(case.space, 2, exclusion=exclusion, **case.options),
+        dynamics=dynamics,
+        likelihood=likelihood,
         ordering=ordering,
         initial=case.start,
+        initial_label=label,
         num_particles=num_particles,
         resampling="systematic",
     )

@@ -151,8 +151,9 @@ class Likelihood:
     factor.  Where it also depends on the particle's label, it defines ``log_joint_labelled(
     observation, substates [P, D], log_probs [P], label []) -> []``, which is used where particles
     carry labels.  Either may be had for all particles at once, with ``_all`` behind its name:
-    ``substates [P, D, N]``, ``log_probs [P, N]``, ``label [N]``, result ``[N]``.  Nor is there one of ``estimated_nanoseconds(frame_shape) -> (float, float)``, the time
-    of ``observe`` and of one particle's part, by which evaluations plan their work.
+    ``substates [P, D, N]``, ``log_probs [P, N]``, ``label [N]``, result ``[N]``.  Nor is there a
+    default of ``estimated_nanoseconds(frame_shape) -> (float, float)``, the time of ``observe``
+    and of one particle's part, by which evaluations plan their work.
     """
 
     #: Whether ``log_prob`` has a derivative in the substate; one of whole pixels has none but 0.
@@ -232,6 +233,16 @@ class WrappedLikelihood(Likelihood):
             return inner(observation, self.translated(substates.T).T, log_probs)
 
         return log_joint
+
+    @property
+    def log_joint_labelled(self) -> Callable:
+        """The inner ``log_joint_labelled``; absent where there is none."""
+        inner = self.likelihood.log_joint_labelled
+
+        def log_joint_labelled(observation, substates, log_probs, label):
+            return inner(observation, self.translated(substates.T).T, log_probs, label)
+
+        return log_joint_labelled
 
 
 # --- What is optional, asked for -----------------------------------------------------------

@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from jaxpf import contract
 from jaxpf.pytree import pytree_dataclass
 
 #: Probability per frame that the label flips while the shapes are apart, delta of the paper.
@@ -16,7 +17,7 @@ FLIP = 0.01
 
 
 @pytree_dataclass
-class WithOcclusion:
+class WithOcclusion(contract.Dynamics):
     """Dynamics of two opaque targets, and of the label that says which is nearer the camera.
 
     Attributes:
@@ -29,13 +30,9 @@ class WithOcclusion:
     shapes: Any
     flip: Any = FLIP
 
-    def propagate(self, key, partition, current, previous, parent):
-        """The new substate ``[D]``."""
-        return self.dynamics.propagate(key, partition, current, previous, parent)
-
     def propagate_all(self, key, partition, current, previous, parent):
         """The new substates ``[D, N]``."""
-        return self.dynamics.propagate_all(key, partition, current, previous, parent)
+        return contract.propagate_all(self.dynamics, key, partition, current, previous, parent)
 
     def propagate_label(self, key, label, substates):
         """The new label ``[]``, 0 or 1, given both targets' new substates ``[2, D]``."""

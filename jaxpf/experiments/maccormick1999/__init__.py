@@ -27,7 +27,7 @@ NOTES = (
     "paper does not give, are beta-binomial and agree with its own for two.",
     "The width of a boundary's law is 2 pixels for wires, 3 for worms, 5 for leaves and 7, the "
     "paper's, for walkers.",
-    "Opaque targets carry a label that says which is in front; it is kept while the shapes overlap, "
+    "Opaque targets carry a label that says which is in front; it is kept while shapes overlap, "
     "else flips with probability .01 per frame, and both values begin equally likely.",
     "Scenes are the units of the intervals; on the filmed clip it is the runs.",
 )

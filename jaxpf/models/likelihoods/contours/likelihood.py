@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.contract import Likelihood
 from jaxpf.models.likelihoods.contours import crossings as crossing
 from jaxpf.models.likelihoods.contours.edges import EdgeDetector, Features, Lines
 from jaxpf.models.likelihoods.contours.line_model import line_weights, log_ratio
@@ -20,7 +21,7 @@ from jaxpf.pytree import pytree_dataclass, static_field
 
 
 @pytree_dataclass
-class IndependentContours:
+class IndependentContours(Likelihood):
     """Each target alone: ``P_A`` of maccormick1999 (eq. 4), relative to clutter.
 
     As a likelihood of several targets it is their product ``P_A P_B``, the paper's control: one
@@ -56,11 +57,6 @@ class IndependentContours:
     def observe(self, frame):
         """The frame's gradient, shared by all runs and particles."""
         return self.detector.observe(frame)
-
-    def log_prob(self, observation, partition, substate):
-        """``log(P_A / P_0)`` ``[]`` of one target's substate ``[D]``."""
-        partition = jnp.asarray(partition)[None]
-        return self.log_prob_all(observation, partition, substate[:, None])[0]
 
     def log_prob_all(self, observation, partition, substates):
         """``log(P_A / P_0)`` ``[N]`` of substates ``[D, N]``; NaN where one is not finite."""

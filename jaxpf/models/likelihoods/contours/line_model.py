@@ -15,6 +15,7 @@ from math import comb
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jax.scipy.special import ndtr
 
 from jaxpf.errors import InputError
@@ -109,26 +110,37 @@ def matchings(laws) -> list[jax.Array]:
     Returns:
         c + 1 arrays ``[...]``.
     """
-    num_boundaries, num_features = laws.shape[:2]
-    subsets = range(2**num_boundaries)
+    num_boundaries = laws.shape[0]
     one = jnp.ones_like(laws[0, 0]) if num_boundaries else jnp.ones(())
-    sums = [one] + [jnp.zeros_like(one)] * (2**num_boundaries - 1)
-    for feature in range(num_features):
-        sums = [
+    if num_boundaries <= 1:
+        return [one, *jnp.sum(laws, axis=1)]
+    subsets = range(2**num_boundaries)
+
+    def serve(sums, law):
+        """One feature more: ``law`` is ``G_j`` of it, ``[c, ...]``."""
+        found = [
             sum(
                 (
-                    sums[subset ^ (1 << j)] * laws[j, feature]
+                    sums[subset ^ (1 << j)] * law[j]
                     for j in range(num_boundaries)
-                    if subset >> j & 1 and (subset ^ (1 << j)).bit_count() <= feature
+                    if subset >> j & 1
                 ),
                 start=sums[subset],
             )
             for subset in subsets
         ]
-    by_size: list[jax.Array] = [jnp.zeros_like(one)] * (num_boundaries + 1)
-    for subset in subsets:
-        by_size[subset.bit_count()] = by_size[subset.bit_count()] + sums[subset]
-    return by_size
+        return jnp.stack(found), None
+
+    # A loop, not written out: the compiler would repeat every shared sum in each of its uses.
+    begin = jnp.stack([one, *[jnp.zeros_like(one)] * (2**num_boundaries - 1)])
+    sums, _ = lax.scan(serve, begin, jnp.moveaxis(laws, 1, 0))
+    return [
+        sum(
+            (sums[subset] for subset in subsets if subset.bit_count() == size),
+            start=jnp.zeros_like(one),
+        )
+        for size in range(num_boundaries + 1)
+    ]
 
 
 def log_ratio(weights, features: Features, boundaries, crossing, sigma, reach):

@@ -1,5 +1,6 @@
 """maccormick1999: what is measured is what is said; small versions of every part."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -22,7 +23,8 @@ def test_the_bench_compares_like_with_like():
     hypothesis = contour_costs.opencv_hypothesis(likelihood, frame)
     few = substates[:, :40]
     partition = jnp.zeros(40, jnp.int32)
-    ours = np.asarray(likelihood.log_prob_all(likelihood.observe(frame), partition, few))
+    observation = jax.jit(likelihood.observe)(frame)
+    ours = np.asarray(jax.jit(likelihood.log_prob_all)(observation, partition, few))
     usual = np.array([hypothesis(substate) for substate in few.T])
     # Pixels on the border between two are rounded either way, now and then.
     assert np.median(np.abs(ours - usual)) < 1.5
@@ -31,7 +33,7 @@ def test_the_bench_compares_like_with_like():
 
 @pytest.fixture(scope="module")
 def wires():
-    return cases.wires(0, num_frames=16)
+    return cases.wires(0, num_frames=40)
 
 
 def test_a_case_starts_on_its_targets_and_learns_from_other_seeds(wires):
@@ -40,7 +42,7 @@ def test_a_case_starts_on_its_targets_and_learns_from_other_seeds(wires):
     still = wires._replace(truth=wires.truth[:1])
     gaps = cases.distances(still, start[None])[0]
     assert np.diagonal(gaps).max() < 4
-    other = cases.wires(1, num_frames=16)
+    other = cases.wires(1, num_frames=40)
     np.testing.assert_array_equal(wires.dynamics.noise, other.dynamics.noise)
     assert (wires.frames != other.frames).any()
 

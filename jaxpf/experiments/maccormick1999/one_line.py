@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -24,15 +25,7 @@ MUCH_SMALLER = 0.5
 
 def likelihood(boundaries: Any) -> np.ndarray:
     """``p~_c / p_0`` ``[...]`` of the line for boundaries ``[c, ...]``, pixels from its middle."""
-    boundaries = jnp.asarray(boundaries, jnp.float32)
-    count, shape = len(PLACES), boundaries.shape[1:]
-    places = jnp.broadcast_to(jnp.array(PLACES).reshape(-1, *[1] * len(shape)), (count, *shape))
-    features = Features(places, jnp.ones(places.shape, bool))
-    weights = line_weights(
-        poisson_clutter(_CLUTTER, count), detection_probabilities(len(boundaries)), _LENGTH
-    )
-    there = jnp.ones(boundaries.shape, bool)
-    return np.asarray(jnp.exp(log_ratio(weights, features, boundaries, there, _SIGMA, _LENGTH / 2)))
+    return np.asarray(_likelihood(jnp.asarray(boundaries, jnp.float32)))
 
 
 def peaks() -> tuple[np.ndarray, np.ndarray]:
@@ -74,3 +67,15 @@ def figure() -> Any:
     drawing.colorbar(shown, ax=two)
     drawing.suptitle("Figure 3 repeated: four features, on each of which one boundary may lie")
     return drawing
+
+
+@jax.jit
+def _likelihood(boundaries: jax.Array) -> jax.Array:
+    count, shape = len(PLACES), boundaries.shape[1:]
+    places = jnp.broadcast_to(jnp.array(PLACES).reshape(-1, *[1] * len(shape)), (count, *shape))
+    features = Features(places, jnp.ones(places.shape, bool))
+    weights = line_weights(
+        poisson_clutter(_CLUTTER, count), detection_probabilities(len(boundaries)), _LENGTH
+    )
+    there = jnp.ones(boundaries.shape, bool)
+    return jnp.exp(log_ratio(weights, features, boundaries, there, _SIGMA, _LENGTH / 2))

@@ -25,7 +25,7 @@ def problem() -> tuple[Any, Any, np.ndarray]:
     scene = scenes.make("leaves", num_frames=2)
     control = [fit_spline(line, 10, closed=True) for line in scene.extras["outlines"][0, :1]]
     likelihood = contours(
-        space_of("affine", control),
+        space_of("affine", np.array(control)),
         1,
         exclusion="none",
         clutter=_CLUTTER,

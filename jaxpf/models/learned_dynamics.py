@@ -63,7 +63,7 @@ def fit(
         raise InputError(f"tracks have the shapes {shapes}; give [T, P, D], the same P and D.")
     num_targets = pieces[0].shape[1]
     groups = [list(range(num_targets))] if pooled else [[target] for target in range(num_targets)]
-    fits = {}
+    fits: dict[int, tuple[np.ndarray, ...]] = {}
     for targets in groups:
         examples = [_triples(piece[:, target], order) for piece in pieces for target in targets]
         found = _fit_one(np.concatenate(examples), order, coefficients, targets)

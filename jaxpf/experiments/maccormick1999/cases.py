@@ -81,7 +81,7 @@ def walkers(seed: int, num_frames: int = 60) -> Case:
     scene = load_scene("walkers", seed, parameters={"num_frames": num_frames})
     num_points = 20
     control = [fit_spline(outline, num_points, closed=True) for outline in scene.extras["examples"]]
-    space = key_frame_space(control, 8, closed=True)
+    space = key_frame_space(np.array(control), 8, closed=True)
     detector = EdgeDetector(threshold=10.0, length=41, smoothing=1.5)
     # Brownian motion "with an amplitude matched to the speed of a walking person".
     speed = np.abs(np.diff(scene.extras["outlines"].mean(axis=2), axis=0)).mean(axis=(0, 1))

@@ -96,5 +96,5 @@ def test_exclusion_keeps_both_worms(data_folder):
     """Two filmed look-alikes cross; each contour ends on its own in most runs."""
     case = cases.worms(data_folder)
     assert case.frames.shape[0] == cases.TRACKED_FRAMES
-    outcome = tracking.track(case, tracking.tracker_of(case, "wires", 300), 5, 0)
+    outcome = tracking.track(case, tracking.tracker_of(case, "wires", 1000), 5, 1)
     assert outcome.kept.sum() >= 4

@@ -16,7 +16,7 @@ RUNS = 50
 RUNS_PER_SCENE = 5
 #: Opaque targets are dearer and take this share of the runs.
 _OPAQUE_SHARE = 5
-_WIRE_PARTICLES, _WORM_PARTICLES = 300, 500
+_WIRE_PARTICLES, _WORM_PARTICLES = 300, 1000
 
 NOTES = (
     "None of the paper's sequences is to be had, and it prints no figures but pictures and curves. "

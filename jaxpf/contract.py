@@ -9,8 +9,10 @@ particle.  Who inherits is given what follows from the rest.
 ============  ===========================================================  =====================
 tracker       ``init``, ``step`` (or ``observe`` with ``step_observed``)   ``num_partitions``
 dynamics      ``propagate`` or ``propagate_all``                           ``log_density``,
-                                                                           ``log_density_all``
+                                                                           ``log_density_all``,
+                                                                           ``propagate_label``
 likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log_joint``,
+                                                                           ``log_joint_labelled``,
                                                                            ``state_gradient``,
                                                                            ``fixed_observation``,
                                                                            ``form``,
@@ -146,8 +148,12 @@ class Likelihood:
     A likelihood that does not factor over partitions also defines ``log_joint(observation,
     substates [P, D], log_probs [P]) -> []``, the true log-likelihood of all of them; ``log_prob``
     is then the weighting function of each stage.  There is no default: to have it is to not
-    factor.  Nor is there one of ``estimated_nanoseconds(frame_shape) -> (float, float)``, the time
-    of ``observe`` and of one particle's part, by which evaluations plan their work.
+    factor.  Where it also depends on the particle's label, it defines ``log_joint_labelled(
+    observation, substates [P, D], log_probs [P], label []) -> []``, which is used where particles
+    carry labels.  Either may be had for all particles at once, with ``_all`` behind its name:
+    ``substates [P, D, N]``, ``log_probs [P, N]``, ``label [N]``, result ``[N]``.  Nor is there a
+    default of ``estimated_nanoseconds(frame_shape) -> (float, float)``, the time of ``observe``
+    and of one particle's part, by which evaluations plan their work.
     """
 
     #: Whether ``log_prob`` has a derivative in the substate; one of whole pixels has none but 0.
@@ -228,6 +234,16 @@ class WrappedLikelihood(Likelihood):
 
         return log_joint
 
+    @property
+    def log_joint_labelled(self) -> Callable:
+        """The inner ``log_joint_labelled``; absent where there is none."""
+        inner = self.likelihood.log_joint_labelled
+
+        def log_joint_labelled(observation, substates, log_probs, label):
+            return inner(observation, self.translated(substates.T).T, log_probs, label)
+
+        return log_joint_labelled
+
 
 # --- What is optional, asked for -----------------------------------------------------------
 
@@ -281,14 +297,34 @@ def log_prob_all(likelihood, observation, partition, substates) -> jax.Array:
 
 def has_log_joint(likelihood: Any) -> bool:
     """Whether the likelihood does not factor over partitions."""
-    return hasattr(likelihood, "log_joint")
+    return hasattr(likelihood, "log_joint") or hasattr(likelihood, "log_joint_labelled")
 
 
-def log_joint_all(likelihood, observation, substates, log_probs) -> jax.Array:
-    """Joint log-likelihoods ``[N]`` of substates ``[D, P, N]``, given ``log_probs`` ``[P, N]``."""
-    return jax.vmap(likelihood.log_joint, in_axes=(None, 2, 1))(
-        observation, jnp.swapaxes(substates, 0, 1), log_probs
+def log_joint_all(likelihood, observation, substates, log_probs, label=None) -> jax.Array:
+    """Joint log-likelihoods ``[N]`` of substates ``[D, P, N]``, given ``log_probs`` ``[P, N]``.
+
+    And given labels ``[N]``, if particles carry any and the likelihood asks for them; by the
+    batched method if there is one.
+    """
+    arguments = [observation, jnp.swapaxes(substates, 0, 1), log_probs]
+    name = "log_joint"
+    if label is not None and hasattr(likelihood, "log_joint_labelled"):
+        name, arguments = "log_joint_labelled", [*arguments, label]
+    if hasattr(likelihood, f"{name}_all"):
+        return getattr(likelihood, f"{name}_all")(*arguments)
+    axes = (None, 2, 1, 0)[: len(arguments)]
+    return jax.vmap(getattr(likelihood, name), in_axes=axes)(*arguments)
+
+
+def propagate_label_all(dynamics, key, label, substates) -> jax.Array:
+    """Labels ``[N]`` of the next frame, given substates ``[D, P, N]``; the same if none moves."""
+    if not hasattr(dynamics, "propagate_label"):
+        return label
+    keys = jax.random.split(key, label.shape[0])
+    moved = jax.vmap(dynamics.propagate_label, in_axes=(0, 0, 2))(
+        keys, label, jnp.swapaxes(substates, 0, 1)
     )
+    return moved.astype(label.dtype)
 
 
 def expecting(likelihood: Any, estimates: jax.Array) -> Any:

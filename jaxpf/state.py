@@ -34,6 +34,8 @@ class ParticleState:
             must not be resampled.
         path_scores: ``[P, N]`` zeros with a derivative: that of the log-weights, told apart by
             partition, each along its own lineage (``gradient="stop_gradient"``); else None.
+        label: ``[N]`` int32, each particle's discrete label, whatever the ordering; None where
+            particles carry none.
     """
 
     lagged: jax.Array
@@ -42,6 +44,7 @@ class ParticleState:
     component: jax.Array
     weighted: jax.Array
     path_scores: jax.Array | None = None
+    label: jax.Array | None = None
 
     @property
     def substates(self) -> jax.Array:
@@ -74,6 +77,7 @@ class Summary:
         num_invalid: ``[]`` int32, log-likelihoods that were NaN or +inf.
         ess_parts: ``[P]``, every partition's effective sample size, where each has weights of
             its own (``ess`` is then the smallest); else None.
+        label_probabilities: ``[L]``, weight of the particles with each label; None without labels.
     """
 
     estimate: jax.Array
@@ -85,6 +89,7 @@ class Summary:
     lost: jax.Array
     num_invalid: jax.Array
     ess_parts: jax.Array | None = None
+    label_probabilities: jax.Array | None = None
 
 
 def summarise(state, log_evidence, status, lost, num_invalid) -> Summary:

@@ -18,6 +18,7 @@ from scenes.distracter import distracter_scene
 from scenes.distracter_parameters import DistracterParameters
 from scenes.face import FaceParameters, face_scene
 from scenes.fish import FishParameters, fish_scene
+from scenes.leaves import LeavesParameters, leaves_scene
 from scenes.projectiles import ProjectilesParameters, projectiles_scene
 from scenes.scene import Scene, SceneError
 from scenes.sequences import (
@@ -28,6 +29,8 @@ from scenes.sequences import (
     start_scene,
 )
 from scenes.skydivers import SkydiversParameters, skydivers_scene
+from scenes.walkers import WalkersParameters, walkers_scene
+from scenes.wires import WiresParameters, wires_scene
 
 __all__ = [
     "ArticulatedParameters",
@@ -35,10 +38,13 @@ __all__ = [
     "DistracterParameters",
     "FaceParameters",
     "FishParameters",
+    "LeavesParameters",
     "ProjectilesParameters",
     "Scene",
     "SceneError",
     "SkydiversParameters",
+    "WalkersParameters",
+    "WiresParameters",
     "articulated_scene",
     "cut_patch",
     "default_parameters",
@@ -46,6 +52,7 @@ __all__ = [
     "face_scene",
     "fish_scene",
     "function_of_text",
+    "leaves_scene",
     "make",
     "names",
     "open_folder",
@@ -56,6 +63,8 @@ __all__ = [
     "read_otb",
     "skydivers_scene",
     "start_scene",
+    "walkers_scene",
+    "wires_scene",
 ]
 
 # name -> its parameters' class, and the function of (parameters, seed) that draws it
@@ -66,6 +75,9 @@ _REGISTRY: dict[str, tuple[type, Callable[[Any, int], Scene]]] = {
     "face": (FaceParameters, face_scene),
     "fish": (FishParameters, fish_scene),
     "skydivers": (SkydiversParameters, skydivers_scene),
+    "leaves": (LeavesParameters, leaves_scene),
+    "walkers": (WalkersParameters, walkers_scene),
+    "wires": (WiresParameters, wires_scene),
 }
 
 

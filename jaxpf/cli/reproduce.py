@@ -16,6 +16,7 @@ PAPERS = {
     "gonzales2011": "jaxpf.experiments.gonzales2011",
     "rowe2005": "jaxpf.experiments.rowe2005",
     "eskil2014": "jaxpf.experiments.eskil2014",
+    "maccormick1999": "jaxpf.experiments.maccormick1999",
 }
 
 
@@ -27,7 +28,7 @@ PAPERS = {
 @click.option(
     "--data",
     type=click.Path(path_type=Path),
-    help="Folder with real clips (tud_campus, sleap_fly_pair, badja_bear, ...).  "
+    help="Folder with real clips (tud_campus, sleap_fly_pair, badja_bear, worm_crossing, ...).  "
     "[default: the environment's JAXPF_DATA]",
 )
 @click.option(

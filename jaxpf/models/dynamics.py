@@ -10,7 +10,17 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity, of_partition
+from jaxpf.models.learned_dynamics import fit
 from jaxpf.pytree import pytree_dataclass, static_field
+
+__all__ = [
+    "AR2",
+    "FirstOrder",
+    "IndependentGaussian",
+    "LinearGaussian",
+    "RandomWalk",
+    "fit",
+]
 
 
 @pytree_dataclass

@@ -27,7 +27,7 @@ class Carry(NamedTuple):
             of it had any likelihood; the stage was left out of ``log_weights``.
         equal: ``[]`` bool, weights were equal after the last resampling.
         num_invalid: ``[]`` int32.
-        component: ``[N]`` int32, see ``ParticleState``.
+        label: ``[N]`` int32, of each particle; its component where particles carry no labels.
         path_scores: ``[P, N]``, by slot of drawing, see ``ParticleState``; or None.
         offers: every entry ``[P, N]``, what each part of the level offers for exchange; None
             where nothing is ever exchanged.
@@ -44,7 +44,7 @@ class Carry(NamedTuple):
     impossible: jax.Array
     equal: jax.Array
     num_invalid: jax.Array
-    component: jax.Array
+    label: jax.Array
     path_scores: jax.Array | None
     offers: Offer | None
     groups: Groups | None

@@ -1,5 +1,6 @@
 """The end of a frame: particles put together, corrected, normalised and reported."""
 
+import dataclasses
 from typing import Any
 
 import jax
@@ -22,9 +23,13 @@ from jaxpf.state import (
 
 
 def finish(
-    tracker: Any, observation: Any, components: Components, carry: Carry
+    tracker: Any, label_key: jax.Array, observation: Any, components: Components, carry: Carry
 ) -> tuple[ParticleState, Summary]:
-    """Gather the particles, correct by the joint likelihood, normalise, and report."""
+    """Gather the particles, correct by the joint likelihood, normalise, and report.
+
+    Labels move in between: given the new substates, and before the joint likelihood sees them
+    (maccormick1999, section 4).
+    """
     ordering, one_partition = tracker.ordering, tracker.num_partitions == 1
     # By partition, not by stage; a particle's draws lie in rows of its own component.
     row = choose(
@@ -39,10 +44,13 @@ def finish(
     if carry.path_scores is not None:
         path_scores = carry.path_scores.reshape(-1)[drawn]
         path_score = jnp.sum(path_scores, axis=0)
+    label = None
+    if tracker.initial_label is not None:
+        label = contract.propagate_label_all(tracker.dynamics, label_key, carry.label, lagged[0])
     if contract.has_log_joint(tracker.likelihood):
         log_probs = carry.log_probs.reshape(-1)[drawn]
         carry, correction = _corrected(
-            tracker, observation, components, carry, lagged[0], log_probs
+            tracker, observation, components, carry, lagged[0], log_probs, label
         )
         if path_score is not None:
             path_score = with_gradient_of(path_score, correction)
@@ -70,9 +78,10 @@ def finish(
         lagged=lagged,
         log_weights=log_weights,
         lineage=lineage,
-        component=carry.component,
+        component=carry.label if label is None else components.index,
         weighted=jnp.ones((), bool),
         path_scores=path_scores,
+        label=label,
     )
     log_evidence = jnp.where(all_impossible, -jnp.inf, log_total)
     status = (
@@ -80,7 +89,12 @@ def finish(
         + STATUS_IMPOSSIBLE * all_impossible
         + STATUS_LOST * jnp.any(lost)
     ).astype(jnp.int32)
-    return state, summarise(state, log_evidence, status, lost, carry.num_invalid)
+    summary = summarise(state, log_evidence, status, lost, carry.num_invalid)
+    if label is None:
+        return state, summary
+    is_label = label == jnp.arange(jnp.shape(tracker.initial_label)[0])[:, None]
+    probabilities = is_label.astype(log_weights.dtype) @ jnp.exp(log_weights)
+    return state, dataclasses.replace(summary, label_probabilities=probabilities)
 
 
 def _gathered(tracker: Any, carry: Carry, row: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -114,12 +128,13 @@ def _corrected(
     carry: Carry,
     substates: jax.Array,
     log_probs: jax.Array,
+    label: jax.Array | None,
 ) -> tuple[Carry, jax.Array]:
     """Weights by the joint likelihood in place of the partitions' weighting functions.
 
     Also the log of the quotient, ``[N]``.
     """
-    log_joint = contract.log_joint_all(tracker.likelihood, observation, substates, log_probs)
+    log_joint = contract.log_joint_all(tracker.likelihood, observation, substates, log_probs, label)
     log_joint = log_joint.astype(log_probs.dtype)
     invalid = jnp.isnan(log_joint) | jnp.isposinf(log_joint)
     log_joint = jnp.where(invalid, -jnp.inf, log_joint)

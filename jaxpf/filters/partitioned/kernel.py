@@ -96,7 +96,8 @@ def step(
         return exchange(shared, key.exchange, stage, carry, chosen)
 
     carry = lax.fori_loop(0, tracker.num_partitions, take_turn, carry)
-    return ending.finish(tracker, observation, components, carry)
+    label_key = jax.random.fold_in(stages_key, tracker.num_partitions)
+    return ending.finish(tracker, label_key, observation, components, carry)
 
 
 def begin(
@@ -109,7 +110,7 @@ def begin(
     ancestors, log_weights = selected.ancestors, selected.log_weights
     identity = jnp.arange(num_particles, dtype=jnp.int32)
     if ordering.keeps_components:
-        component = state.component[ancestors]
+        component = (state.component if state.label is None else state.label)[ancestors]
         shuffle = order_by_group(component)
         component = component[shuffle]
         ancestors, log_weights = ancestors[shuffle], log_weights[shuffle]
@@ -149,7 +150,7 @@ def begin(
         impossible=jnp.zeros((num_particles,), bool),
         equal=selected.equal,
         num_invalid=jnp.zeros((), jnp.int32),
-        component=component,
+        label=component if state.label is None else state.label[ancestors],
         path_scores=None if state.path_scores is None else jnp.zeros(shape, log_weights.dtype),
         offers=rules.no_offers(shape, log_weights.dtype) if exchanging else None,
         groups=rules.everyone(*shape) if exchanging else None,

@@ -134,7 +134,8 @@ def dps(
 def branched(orders: Sequence[Sequence[int]]) -> Ordering:
     """Branched partitioned sampling: the component of a particle is its discrete label.
 
-    Particles keep ``state.component`` through resampling and follow ``orders[component]``;
+    Particles follow ``orders[label]`` (``Partitioned.initial_label``), or without labels
+    ``orders[state.component]``, which they keep through resampling;
     branches have run-time sizes and may be empty (maccormick1999, figure 8).
 
     Raises:

@@ -47,6 +47,7 @@ def check_tracker(tracker: Any) -> None:
                 f"initial has shape {shape}; it must be [P, D] with P = {ordering.num_partitions} "
                 "partitions, or a sampler key -> [P, D]."
             )
+    check_labels(tracker)
     if not is_concrete(ordering) or np.ndim(ordering.order) != 2:
         return
     used = int(np.count_nonzero(np.asarray(ordering.fractions)))
@@ -64,6 +65,46 @@ def check_tracker(tracker: Any) -> None:
                 )
     if np.asarray(ordering.exchanged).any():
         check_exchange(tracker)
+
+
+def check_labels(tracker: Any) -> None:
+    """Refuse labels that are none, have no branch, or are missing where they are needed.
+
+    Raises:
+        InputError: the sentence says which.
+    """
+    likelihood, given = tracker.likelihood, tracker.initial_label
+    if given is None:
+        if hasattr(likelihood, "log_joint_labelled") and not hasattr(likelihood, "log_joint"):
+            raise InputError(
+                "the likelihood's log_joint_labelled needs labels; give initial_label, the "
+                "probabilities of each label, or define log_joint as well."
+            )
+        return
+    if np.ndim(given) != 1 or np.shape(given)[0] == 0:
+        raise InputError(
+            f"initial_label has shape {np.shape(given)}; give the probability of each label, [L]."
+        )
+    if is_concrete(given):
+        values = np.asarray(given)
+        if not (values >= 0).all() or not np.isclose(values.sum(), 1, atol=1e-4):
+            raise InputError(
+                f"initial_label {values.tolist()} must hold probabilities: at least 0, and 1 "
+                "together."
+            )
+    if tracker.gradient == "transport":
+        raise InputError(
+            "gradient='transport' blends particles, and labels cannot be blended; use another "
+            "gradient, or no labels."
+        )
+    if not tracker.ordering.keeps_components or not is_concrete(tracker.ordering):
+        return
+    branches = int(np.count_nonzero(np.asarray(tracker.ordering.fractions)))
+    if np.shape(given)[0] > branches:
+        raise InputError(
+            f"initial_label speaks of {np.shape(given)[0]} labels, but the ordering has "
+            f"{branches} branches; give it an order for each label."
+        )
 
 
 def check_exchange(tracker: Any) -> None:

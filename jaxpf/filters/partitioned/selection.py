@@ -83,6 +83,8 @@ def select(
     ancestors, log_weights, equal = resample(
         tracker, key, carry.log_weights, selection, components, largest
     )
+    if tracker.initial_label is not None:
+        carry = carry._replace(label=carry.label[ancestors])
     return carry._replace(lineage=carry.lineage_of(ancestors), log_weights=log_weights, equal=equal)
 
 

@@ -29,6 +29,10 @@ class Partitioned(Tracker):
         initial: ``[P, D]`` array, or a sampler ``key -> [P, D]`` registered as a pytree
             (``jax.tree_util.Partial`` makes one of a function).  It is the state just
             before the first frame.
+        initial_label: ``[L]``, probabilities of a particle's discrete label just before the first
+            frame; None: particles carry no labels.  A label follows its particle in every
+            ordering, and chooses its order in a branched one; ``dynamics.propagate_label`` moves
+            it and ``likelihood.log_joint_labelled`` sees it, where they are defined.
         tempering: exponent a in (0, 1] of the weighting functions ``g = p^a``; smaller
             trades impoverishment for variance of the weights.  ``None`` is 1.
         ess_threshold: resample only where the effective sample size is at most this share
@@ -51,6 +55,7 @@ class Partitioned(Tracker):
     likelihood: Any
     ordering: Ordering
     initial: Any
+    initial_label: Any = None
     tempering: Any = None
     ess_threshold: Any = None
     soft_share: Any = None
@@ -88,6 +93,12 @@ class Partitioned(Tracker):
             values = jnp.repeat(values, self.num_particles, axis=-1)
         chex.assert_axis_dimension(values, 1, self.num_partitions)
         shape = (self.num_partitions, self.num_particles)
+        label = None
+        if self.initial_label is not None:
+            label_key = jax.random.fold_in(key, self.num_particles)
+            log_probabilities = jnp.log(jnp.asarray(self.initial_label, values.dtype))
+            label = jax.random.categorical(label_key, log_probabilities, shape=shape[1:])
+            label = label.astype(jnp.int32)
         return ParticleState(
             lagged=jnp.stack([values, values]),
             log_weights=jnp.full((self.num_particles,), -np.log(self.num_particles), values.dtype),
@@ -97,6 +108,7 @@ class Partitioned(Tracker):
             path_scores=jnp.zeros(shape, values.dtype)
             if self.gradient == "stop_gradient"
             else None,
+            label=label,
         )
 
     def observe(self, frame: Any) -> Any:

@@ -1,0 +1,40 @@
+"""Who is in front: a label that moves only while the shapes of two targets are apart.
+
+maccormick1999, section 4: "if x^A and x^B overlap then the occlusion relationship cannot change";
+otherwise the label flips with a small probability.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from jaxpf import contract
+from jaxpf.pytree import pytree_dataclass
+
+#: Probability per frame that the label flips while the shapes are apart, delta of the paper.
+FLIP = 0.01
+
+
+@pytree_dataclass
+class WithOcclusion(contract.Dynamics):
+    """Dynamics of two opaque targets, and of the label that says which is nearer the camera.
+
+    Attributes:
+        dynamics: how the substates move, see ``jaxpf.contract``.
+        shapes: has ``overlap(substates [2, D]) -> [] bool``, such as ``OpaqueContours``.
+        flip: probability that the label flips in a frame in which the shapes are apart.
+    """
+
+    dynamics: Any
+    shapes: Any
+    flip: Any = FLIP
+
+    def propagate_all(self, key, partition, current, previous, parent):
+        """The new substates ``[D, N]``."""
+        return contract.propagate_all(self.dynamics, key, partition, current, previous, parent)
+
+    def propagate_label(self, key, label, substates):
+        """The new label ``[]``, 0 or 1, given both targets' new substates ``[2, D]``."""
+        flips = ~self.shapes.overlap(substates) & (jax.random.uniform(key) < self.flip)
+        return jnp.where(flips, 1 - label, label)

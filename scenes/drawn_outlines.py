@@ -1,0 +1,152 @@
+"""What scenes of drawn contours share: textures, smooth random paths, painted outlines, boxes."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+
+from scenes.scene import Scene, SceneError
+
+#: Fractions of a pixel to which OpenCV draws.
+_SHIFT = 4
+
+
+def check_parameters(name: str, parameters: Any, above_0: tuple[str, ...], shares: tuple[str, ...]):
+    """Refuse parameters that cannot be drawn.
+
+    Args:
+        name: of the scene.
+        parameters: its dataclass; every number must be finite and not negative.
+        above_0: fields that must be above 0.
+        shares: fields that must lie between 0 and 1.
+
+    Raises:
+        SceneError: one is out of range.
+    """
+    for field in dataclasses.fields(parameters):
+        value = getattr(parameters, field.name)
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        wants_whole = isinstance(field.default, int)
+        if not is_number or not np.isfinite(value) or (wants_whole and value != int(value)):
+            kind = "whole" if wants_whole else "finite"
+            raise SceneError(f"scene {name!r}: {field.name} = {value!r} must be a {kind} number")
+        if value < 0 or (field.name in above_0 and value == 0):
+            least = "above 0" if field.name in above_0 else "0 or more"
+            raise SceneError(f"scene {name!r}: {field.name} = {value!r} must be {least}")
+        if field.name in shares and value > 1:
+            raise SceneError(f"scene {name!r}: {field.name} = {value!r} must be at most 1")
+
+
+def texture(rng: np.random.Generator, height: int, width: int, grain: float) -> np.ndarray:
+    """Smooth noise ``[height, width]`` of mean 0 and standard deviation 1."""
+    noise = cv2.GaussianBlur(rng.standard_normal((height, width)), (0, 0), max(grain, 1e-3))
+    return (noise - noise.mean()) / noise.std()
+
+
+def wandering(rng: np.random.Generator, num_frames: int, count: int, period: float) -> np.ndarray:
+    """Smooth random paths ``[T, count]`` of standard deviation about 1, zero in the first frame."""
+    angle = 2 * np.pi * np.arange(num_frames)[:, None, None] / period
+    speeds = rng.uniform(0.4, 1.2, (3, count))
+    phases = rng.uniform(0, 2 * np.pi, (3, count))
+    path = np.sin(angle * speeds + phases).sum(axis=1) * np.sqrt(2 / 3)
+    return path - path[:1]
+
+
+def noisy(picture: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:
+    """A grey picture ``[H, W]`` as uint8 RGB ``[H, W, 3]``, with noise of every pixel."""
+    grey = picture + noise * rng.standard_normal(picture.shape)
+    grey = np.clip(np.rint(grey), 0, 255).astype(np.uint8)
+    return np.repeat(grey[..., None], 3, axis=-1)
+
+
+def paint_inside(picture: np.ndarray, outline: np.ndarray, colour: Any) -> None:
+    """Fill a closed outline ``[S, 2]`` of a float picture ``[H, W]``, edges smoothed, in place.
+
+    Args:
+        picture: grey levels.
+        outline: in continuous pixels.
+        colour: a grey level, or a picture of its size.
+    """
+    _blend(
+        picture,
+        outline,
+        colour,
+        2,
+        lambda share, points: cv2.fillPoly(share, [points], 255, cv2.LINE_AA, _SHIFT),
+    )
+
+
+def paint_line(picture: np.ndarray, line: np.ndarray, grey: float, width: int) -> None:
+    """Draw an open line ``[S, 2]`` into a float picture ``[H, W]``, in place."""
+    _blend(
+        picture,
+        line,
+        grey,
+        width + 2,
+        lambda share, points: cv2.polylines(
+            share, [points], False, 255, width, cv2.LINE_AA, _SHIFT
+        ),
+    )
+
+
+def boxes_around(outlines: np.ndarray) -> np.ndarray:
+    """Boxes x, y, w, h ``[..., 4]`` around outlines ``[..., S, 2]``."""
+    low, high = outlines.min(axis=-2), outlines.max(axis=-2)
+    return np.concatenate([low, high - low], axis=-1)
+
+
+def make_scene(
+    name: str, frames: np.ndarray, outlines: np.ndarray, parameters: Any, seed: int, **extras: Any
+) -> Scene:
+    """The scene, with boxes around the outlines and patches from the first frame.
+
+    Raises:
+        SceneError: an outline leaves the frame.
+    """
+    height, width = frames.shape[1:3]
+    outside = ((outlines < 0) | (outlines > (width, height))).any(axis=(2, 3))
+    if outside.any():
+        frame, target = np.argwhere(outside)[0]
+        raise SceneError(
+            f"scene {name!r}: target {target} leaves the {width} x {height} frame in frame "
+            f"{frame}; take a larger frame or less motion"
+        )
+    boxes = boxes_around(outlines)
+    patches = []
+    for x, y, w, h in boxes[0]:
+        rows, columns = slice(int(y), int(np.ceil(y + h))), slice(int(x), int(np.ceil(x + w)))
+        patches.append(frames[0, rows, columns])
+    return Scene(
+        name=name,
+        frames=frames,
+        boxes=boxes,
+        patches=patches,
+        fps=parameters.fps,
+        parameters={**dataclasses.asdict(parameters), "seed": seed},
+        extras={"outlines": outlines, **extras},
+    )
+
+
+def _blend(
+    picture: np.ndarray,
+    points: np.ndarray,
+    colour: Any,
+    margin: int,
+    draw: Callable[[np.ndarray, np.ndarray], Any],
+) -> None:
+    """Mix a colour into the part of a picture that ``draw`` covers, in place."""
+    height, width = picture.shape
+    left, top = np.clip(np.floor(points.min(axis=0)).astype(int) - margin, 0, (width, height))
+    right, bottom = np.clip(np.ceil(points.max(axis=0)).astype(int) + margin, 0, (width, height))
+    if right <= left or bottom <= top:
+        return
+    part = picture[top:bottom, left:right]
+    share = np.zeros(part.shape, np.uint8)
+    # OpenCV's pixel (0, 0) has its middle at (0, 0), ours at (.5, .5).
+    fixed = np.rint((points - (left + 0.5, top + 0.5)) * 2**_SHIFT).astype(np.int32)
+    draw(share, fixed)
+    if np.ndim(colour):
+        colour = colour[top:bottom, left:right]
+    part += (share / 255.0) * (colour - part)

@@ -1,0 +1,151 @@
+"""Two leaves before moving foliage, one of which passes in front of the other.
+
+After the leaf sequence of maccormick1999, figure 7, which was never published: two like leaves
+that move affinely, in moving clutter, with occlusion.  All numbers are choices.
+
+``extras``: ``outlines`` ``[T, 2, S, 2]``; ``closed``, true; ``front`` ``[T]``, which target is
+nearer the camera; ``overlap`` ``[T]``, share of the farther one's area that is hidden.
+"""
+
+import dataclasses
+
+import cv2
+import numpy as np
+
+from scenes import drawn_outlines as drawn
+from scenes.scene import Scene
+
+_PATHS, _BACKGROUND, _PIXELS = range(3)
+_POINTS = 60
+
+
+@dataclasses.dataclass(frozen=True)
+class LeavesParameters:
+    """What the scene of leaves is made of; lengths in pixels, times in frames.
+
+    Attributes:
+        num_frames: length of the sequence.
+        frame_width: width of a frame.
+        frame_height: height of a frame.
+        fps: frames per second; it only matters to a player.
+        leaf_length: of a leaf, from stem to tip.
+        leaf_width: across it.
+        travel: how far each leaf's middle moves towards the other's side and beyond.
+        separation: vertical distance of the two paths.
+        sway: standard deviation of each coordinate of a leaf's affine swaying: its corners move
+            so many pixels.
+        sway_period: of that swaying.
+        leaf_grey: grey level of the leaves.
+        leaf_texture: standard deviation within a leaf.
+        foliage: number of leaf-like blots in the background.
+        foliage_contrast: standard deviation of their grey levels.
+        foliage_sway: how far they move.
+        noise: standard deviation of every pixel, in every frame.
+    """
+
+    num_frames: int = 60
+    frame_width: int = 320
+    frame_height: int = 240
+    fps: float = 25.0
+    leaf_length: float = 90.0
+    leaf_width: float = 50.0
+    travel: float = 130.0
+    separation: float = 14.0
+    sway: float = 4.0
+    sway_period: float = 30.0
+    leaf_grey: float = 190.0
+    leaf_texture: float = 6.0
+    foliage: int = 60
+    foliage_contrast: float = 25.0
+    foliage_sway: float = 4.0
+    noise: float = 4.0
+
+    def __post_init__(self) -> None:
+        above_0 = ("num_frames", "frame_width", "frame_height", "fps", "leaf_length", "leaf_width")
+        drawn.check_parameters("leaves", self, (*above_0, "sway_period"), ())
+
+
+def leaves_scene(parameters: LeavesParameters, seed: int) -> Scene:
+    """Draw the scene."""
+    outlines = _draw_paths(parameters, np.random.default_rng([seed, _PATHS]))
+    grounds = _draw_foliage(parameters, np.random.default_rng([seed, _BACKGROUND]))
+    height, width = parameters.frame_height, parameters.frame_width
+    rng = np.random.default_rng([seed, _PIXELS])
+    veins = parameters.leaf_texture * drawn.texture(rng, height, width, 2.0)
+    front = int(rng.integers(2))
+    frames = np.empty((parameters.num_frames, height, width, 3), np.uint8)
+    hidden = np.empty(parameters.num_frames)
+    for t, (frame, leaves) in enumerate(zip(frames, outlines, strict=True)):
+        picture = grounds[t]
+        for target in (1 - front, front):
+            drawn.paint_inside(picture, leaves[target], parameters.leaf_grey + veins)
+            # A dark seam: two leaves of one grey would have no edge between them.
+            seam = np.concatenate([leaves[target], leaves[target][:1]])
+            drawn.paint_line(picture, seam, parameters.leaf_grey - 60, 2)
+        frame[...] = drawn.noisy(picture, parameters.noise, rng)
+        hidden[t] = _share_hidden(leaves[1 - front], leaves[front], (height, width))
+    return drawn.make_scene(
+        "leaves",
+        frames,
+        outlines,
+        parameters,
+        seed,
+        closed=True,
+        front=np.full(parameters.num_frames, front),
+        overlap=hidden,
+    )
+
+
+def leaf_outline(length: float, width: float) -> np.ndarray:
+    """A leaf about the origin, ``[S, 2]``, clockwise, its tip upwards."""
+    angle = np.linspace(0, 2 * np.pi, _POINTS, endpoint=False)
+    across = width / 2 * np.sin(angle) * (1 + 0.25 * np.cos(angle))
+    return np.stack([across, -length / 2 * np.cos(angle)], axis=1)
+
+
+def _draw_paths(parameters: LeavesParameters, rng: np.random.Generator) -> np.ndarray:
+    count = parameters.num_frames
+    share = np.linspace(-0.5, 0.5, count)
+    leaf = leaf_outline(parameters.leaf_length, parameters.leaf_width)
+    outlines = np.empty((count, 2, _POINTS, 2))
+    for target in range(2):
+        side = (-1) ** target
+        sway = drawn.wandering(rng, count, 6, parameters.sway_period) * parameters.sway
+        # The corners of a leaf lie about half its length from its middle.
+        linear = np.eye(2) + sway[:, 2:].reshape(count, 2, 2) / (parameters.leaf_length / 2)
+        middle = np.stack(
+            [
+                parameters.frame_width / 2 + side * share * parameters.travel + sway[:, 0],
+                parameters.frame_height / 2 + side * parameters.separation / 2 + sway[:, 1],
+            ],
+            axis=1,
+        )
+        outlines[:, target] = middle[:, None] + np.einsum("tij,sj->tsi", linear, leaf)
+    return outlines
+
+
+def _draw_foliage(parameters: LeavesParameters, rng: np.random.Generator) -> np.ndarray:
+    """``[T, H, W]``: blots that sway over a dark ground."""
+    count, size = parameters.num_frames, (parameters.frame_width, parameters.frame_height)
+    grounds = np.full((count, size[1], size[0]), 90.0)
+    for _ in range(parameters.foliage):
+        scale = rng.uniform(0.3, 1.0)
+        blot = leaf_outline(parameters.leaf_length * scale, parameters.leaf_width * scale)
+        angle, place = rng.uniform(0, 2 * np.pi), rng.uniform((0, 0), size)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        blot = blot @ np.array([[cosine, sine], [-sine, cosine]]) + place
+        grey = 90 + parameters.foliage_contrast * rng.standard_normal()
+        path = parameters.foliage_sway * drawn.wandering(rng, count, 2, parameters.sway_period)
+        for ground, shift in zip(grounds, path, strict=True):
+            drawn.paint_inside(ground, blot + shift, grey)
+    return grounds
+
+
+def _share_hidden(farther: np.ndarray, nearer: np.ndarray, shape: tuple[int, int]) -> float:
+    """Share of the farther outline's pixels that lie inside the nearer one."""
+    masks = []
+    for outline in (farther, nearer):
+        mask = np.zeros(shape, np.uint8)
+        cv2.fillPoly(mask, [np.rint(outline - 0.5).astype(np.int32)], 1)
+        masks.append(mask > 0)
+    return float((masks[0] & masks[1]).sum() / max(masks[0].sum(), 1))

@@ -1,0 +1,152 @@
+"""Two people who pass each other, seen as heads and shoulders (maccormick1999, figures 1 and 6).
+
+The paper's sequence was never published: two walkers, one of whom hides the other for less than a
+second, tracked in 8 + 8 dimensions.  Here each outline is a closed curve that moves by two
+shifts and six modes of deformation.  All numbers are choices.
+
+``extras``: ``outlines`` ``[T, 2, S, 2]``; ``closed``, true; ``front`` ``[T]``, which target is
+nearer the camera; ``examples`` ``[E, S, 2]``, outlines of the same kind from which a shape space
+can be learned, none of which is in the sequence.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from scenes import drawn_outlines as drawn
+from scenes.scene import Scene
+
+_PATHS, _BACKGROUND, _PIXELS, _EXAMPLES = range(4)
+_POINTS = 80
+_MODES = 6
+
+
+@dataclasses.dataclass(frozen=True)
+class WalkersParameters:
+    """What the scene of walkers is made of; lengths in pixels, times in frames.
+
+    Attributes:
+        num_frames: length of the sequence.
+        frame_width: width of a frame.
+        frame_height: height of a frame.
+        fps: frames per second; it only matters to a player.
+        body_height: of the outline, from the top of the head to the chest.
+        body_width: across the shoulders.
+        travel: how far each walker goes, from one side to the other.
+        step_height: how far a walker bobs up and down.
+        step_period: of a step.
+        deformation: standard deviation of each of the six modes, pixels where it is largest.
+        body_grey: grey level of the walkers.
+        clutter: standard deviation of the background.
+        clutter_grain: how fine it is.
+        noise: standard deviation of every pixel, in every frame.
+        num_examples: E, outlines to learn from.
+    """
+
+    num_frames: int = 60
+    frame_width: int = 320
+    frame_height: int = 240
+    fps: float = 25.0
+    body_height: float = 120.0
+    body_width: float = 80.0
+    travel: float = 170.0
+    step_height: float = 3.0
+    step_period: float = 14.0
+    deformation: float = 4.0
+    body_grey: float = 70.0
+    clutter: float = 25.0
+    clutter_grain: float = 4.0
+    noise: float = 4.0
+    num_examples: int = 80
+
+    def __post_init__(self) -> None:
+        above_0 = ("num_frames", "frame_width", "frame_height", "fps", "body_height", "body_width")
+        drawn.check_parameters("walkers", self, (*above_0, "step_period"), ())
+
+
+def walkers_scene(parameters: WalkersParameters, seed: int) -> Scene:
+    """Draw the scene."""
+    rng = np.random.default_rng([seed, _PATHS])
+    count, modes = parameters.num_frames, _modes(parameters)
+    share = np.linspace(-0.5, 0.5, count)
+    outlines = np.empty((count, 2, _POINTS, 2))
+    for target in range(2):
+        side, phase = (-1) ** target, rng.uniform(0, 2 * np.pi)
+        bob = np.sin(2 * np.pi * np.arange(count) / parameters.step_period + phase)
+        middle = np.stack(
+            [
+                parameters.frame_width / 2 + side * share * parameters.travel,
+                parameters.frame_height / 2 + parameters.step_height * bob,
+            ],
+            axis=1,
+        )
+        weights = drawn.wandering(rng, count, _MODES, 2 * parameters.step_period)
+        weights = weights + rng.standard_normal(_MODES)
+        bodies = _body(parameters) + np.einsum("tm,msc->tsc", weights, modes)
+        outlines[:, target] = middle[:, None] + bodies
+    front = int(rng.integers(2))
+    frames = _draw_frames(parameters, seed, outlines, front)
+    rng = np.random.default_rng([seed, _EXAMPLES])
+    weights = 1.4 * rng.standard_normal((parameters.num_examples, _MODES))
+    return drawn.make_scene(
+        "walkers",
+        frames,
+        outlines,
+        parameters,
+        seed,
+        closed=True,
+        front=np.full(count, front),
+        examples=_body(parameters) + np.einsum("em,msc->esc", weights, modes),
+    )
+
+
+def _body(parameters: WalkersParameters) -> np.ndarray:
+    """Head and shoulders about the origin, ``[S, 2]``, clockwise from the top."""
+    # A radius by angle: a narrow head, a neck, broad shoulders, a flat chest.
+    corners = np.array(
+        [(0, -0.5), (0.13, -0.46), (0.19, -0.33), (0.13, -0.19), (0.2, -0.12), (0.42, -0.02),
+         (0.5, 0.15), (0.48, 0.5), (0.2, 0.5)]
+    )  # fmt: skip
+    mirrored = corners[:0:-1] * (-1, 1)
+    line = np.concatenate([corners, mirrored, corners[:1]])
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    at = np.linspace(0, along[-1], _POINTS, endpoint=False)
+    points = np.stack([np.interp(at, along, line[:, axis]) for axis in range(2)], axis=1)
+    return points * (parameters.body_width, parameters.body_height)
+
+
+def _modes(parameters: WalkersParameters) -> np.ndarray:
+    """Deformations ``[6, S, 2]``, each of ``deformation`` pixels where it is largest."""
+    body = _body(parameters)
+    x, y = (body / np.abs(body).max(axis=0)).T
+    head, none = np.clip(-2 * y - 0.4, 0, 1), np.zeros_like(x)
+    modes = np.array(
+        [
+            (x, none),
+            (none, y),
+            (y, none),
+            (head, none),
+            (none, np.abs(x) * (y < 0.5)),
+            (x * head, none),
+        ]
+    ).transpose(0, 2, 1)
+    size = np.linalg.norm(modes, axis=2).max(axis=1)
+    return parameters.deformation * modes / size[:, None, None]
+
+
+def _draw_frames(
+    parameters: WalkersParameters, seed: int, outlines: np.ndarray, front: int
+) -> np.ndarray:
+    height, width = parameters.frame_height, parameters.frame_width
+    rng = np.random.default_rng([seed, _BACKGROUND])
+    ground = 150 + parameters.clutter * drawn.texture(rng, height, width, parameters.clutter_grain)
+    rng = np.random.default_rng([seed, _PIXELS])
+    frames = np.empty((len(outlines), height, width, 3), np.uint8)
+    for frame, bodies in zip(frames, outlines, strict=True):
+        picture = ground.copy()
+        for target in (1 - front, front):
+            drawn.paint_inside(picture, bodies[target], parameters.body_grey)
+            seam = np.concatenate([bodies[target], bodies[target][:1]])
+            drawn.paint_line(picture, seam, parameters.body_grey + 50, 2)
+        frame[...] = drawn.noisy(picture, parameters.noise, rng)
+    return frames

@@ -1,0 +1,135 @@
+"""Two similar pieces of wire that come together and part (maccormick1999, figure 4).
+
+The paper shows stills only: two wires of similar shape which, "for several frames in the middle
+of the sequence, have very similar configurations".  All numbers are choices.
+
+``extras``: ``outlines`` ``[T, 2, S, 2]``, the middle of each wire from end to end; ``closed``,
+false; ``meeting``, first and last frame of the meeting; ``background`` ``[H, W, 3]``, without
+wires.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from scenes import drawn_outlines as drawn
+from scenes.scene import Scene
+
+_PATHS, _BACKGROUND, _PIXELS = range(3)
+_POINTS = 60
+
+
+@dataclasses.dataclass(frozen=True)
+class WiresParameters:
+    """What the scene of wires is made of; lengths in pixels, times in frames.
+
+    Attributes:
+        num_frames: length of the sequence.
+        frame_width: width of a frame.
+        frame_height: height of a frame.
+        fps: frames per second; it only matters to a player.
+        wire_length: height of a wire, from end to end.
+        wire_width: thickness of the drawn line.
+        bend: how far a wire swings out to either side.
+        unlikeness: share of its bend by which the second wire's shape differs.
+        start_distance: between the wires' middles in the first and the last frame.
+        meeting_distance: between them while they are together.
+        meeting_frames: how long they stay together, in the middle of the sequence.
+        wander: standard deviation of each wire's own smooth wandering in x and y.
+        turning: the same of its angle, degrees.
+        wander_period: of that wandering.
+        contrast: by how many grey levels a wire is darker than the ground.
+        clutter: standard deviation of the ground's grey levels.
+        clutter_grain: how fine the ground is.
+        noise: standard deviation of every pixel, in every frame.
+    """
+
+    num_frames: int = 60
+    frame_width: int = 320
+    frame_height: int = 240
+    fps: float = 25.0
+    wire_length: float = 130.0
+    wire_width: int = 3
+    bend: float = 22.0
+    unlikeness: float = 0.15
+    start_distance: float = 110.0
+    meeting_distance: float = 7.0
+    meeting_frames: int = 12
+    wander: float = 3.0
+    turning: float = 4.0
+    wander_period: float = 25.0
+    contrast: float = 90.0
+    clutter: float = 12.0
+    clutter_grain: float = 3.0
+    noise: float = 4.0
+
+    def __post_init__(self) -> None:
+        above_0 = ("num_frames", "frame_width", "frame_height", "fps", "wire_length", "wire_width")
+        drawn.check_parameters("wires", self, (*above_0, "wander_period"), ())
+
+
+def wires_scene(parameters: WiresParameters, seed: int) -> Scene:
+    """Draw the scene."""
+    outlines, meeting = _draw_paths(parameters, np.random.default_rng([seed, _PATHS]))
+    height, width = parameters.frame_height, parameters.frame_width
+    rng = np.random.default_rng([seed, _BACKGROUND])
+    ground = 150 + parameters.clutter * drawn.texture(rng, height, width, parameters.clutter_grain)
+    rng = np.random.default_rng([seed, _PIXELS])
+    frames = np.empty((parameters.num_frames, height, width, 3), np.uint8)
+    for frame, wires in zip(frames, outlines, strict=True):
+        picture = ground.copy()
+        for wire in wires:
+            drawn.paint_line(picture, wire, 150 - parameters.contrast, parameters.wire_width)
+        frame[...] = drawn.noisy(picture, parameters.noise, rng)
+    return drawn.make_scene(
+        "wires",
+        frames,
+        outlines,
+        parameters,
+        seed,
+        closed=False,
+        meeting=meeting,
+        background=drawn.noisy(ground, parameters.noise, rng),
+    )
+
+
+def _draw_paths(
+    parameters: WiresParameters, rng: np.random.Generator
+) -> tuple[np.ndarray, tuple[int, int]]:
+    """Middles of the wires ``[T, 2, S, 2]``, and when they meet."""
+    count = parameters.num_frames
+    times, middle = np.arange(count), (count - 1) / 2
+    half = parameters.meeting_frames / 2
+    apart = np.clip((np.abs(times - middle) - half) / max(middle - half, 1), 0, 1)
+    distance = parameters.meeting_distance + (
+        parameters.start_distance - parameters.meeting_distance
+    ) * apart**2 * (3 - 2 * apart)
+    together = np.flatnonzero(apart == 0)
+    meeting = (int(together[0]), int(together[-1])) if len(together) else (count // 2, count // 2)
+    along = np.linspace(-0.5, 0.5, _POINTS)
+    paths = drawn.wandering(rng, count, 6, parameters.wander_period)
+    paths *= 1 - 0.8 * (apart[:, None] == 0)  # a quiet meeting keeps its distance
+    outlines = np.empty((count, 2, _POINTS, 2))
+    for wire in range(2):
+        bend = parameters.bend * (1 + wire * parameters.unlikeness)
+        shape = np.stack(
+            [bend * np.sin(2 * np.pi * (along + 0.1 * wire * parameters.unlikeness)),
+             parameters.wire_length * along], axis=1
+        )  # fmt: skip
+        side = (-1) ** (wire + 1) / 2
+        x, y, turn = paths[:, 3 * wire : 3 * wire + 3].T
+        angle = np.deg2rad(parameters.turning * turn)[:, None]
+        cosine, sine = np.cos(angle), np.sin(angle)
+        outlines[:, wire, :, 0] = (
+            parameters.frame_width / 2
+            + (side * distance + parameters.wander * x)[:, None]
+            + cosine * shape[:, 0]
+            - sine * shape[:, 1]
+        )
+        outlines[:, wire, :, 1] = (
+            parameters.frame_height / 2
+            + (parameters.wander * y)[:, None]
+            + sine * shape[:, 0]
+            + cosine * shape[:, 1]
+        )
+    return outlines, meeting

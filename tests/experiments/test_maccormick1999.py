@@ -1,0 +1,100 @@
+"""maccormick1999: what is measured is what is said; small versions of every part."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxpf.errors import InputError
+from jaxpf.experiments import contour_costs
+from jaxpf.experiments.maccormick1999 import cases, coalescence, one_line, run, toy, tracking
+
+
+def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
+    together, apart = one_line.peaks()
+    assert together.max() < 0.1 * apart.min()
+    alone = one_line.likelihood(np.array([[-50.0, -32.0]]))
+    assert alone[0] > 5 * alone[1]
+    assert one_line.claims()[0].verdict == "supports"
+
+
+def test_the_bench_compares_like_with_like():
+    likelihood, frame, substates = contour_costs.problem()
+    hypothesis = contour_costs.opencv_hypothesis(likelihood, frame)
+    few = substates[:, :40]
+    partition = jnp.zeros(40, jnp.int32)
+    observation = jax.jit(likelihood.observe)(frame)
+    ours = np.asarray(jax.jit(likelihood.log_prob_all)(observation, partition, few))
+    usual = np.array([hypothesis(substate) for substate in few.T])
+    # Pixels on the border between two are rounded either way, now and then.
+    assert np.median(np.abs(ours - usual)) < 1.5
+    assert np.corrcoef(ours, usual)[0, 1] > 0.98
+
+
+@pytest.fixture(scope="module")
+def wires():
+    return cases.wires(0, num_frames=40)
+
+
+def test_a_case_starts_on_its_targets_and_learns_from_other_seeds(wires):
+    tracker = tracking.tracker_of(wires, "wires", 10)
+    start = np.asarray(tracker.likelihood.outline_points(wires.start))
+    still = wires._replace(truth=wires.truth[:1])
+    gaps = cases.distances(still, start[None])[0]
+    assert np.diagonal(gaps).max() < 4
+    other = cases.wires(1, num_frames=40)
+    np.testing.assert_array_equal(wires.dynamics.noise, other.dynamics.noise)
+    assert (wires.frames != other.frames).any()
+
+
+def test_who_ended_where_is_judged_by_the_truth(wires):
+    truth = wires.truth
+    swapped, on_first = truth[:, ::-1], truth[:, [0, 0]]
+    lost = truth + 60
+    kept, coalesced = tracking.judged(wires, np.stack([truth, swapped, on_first, lost]))
+    np.testing.assert_array_equal(kept, (True, False, False, False))
+    np.testing.assert_array_equal(coalesced, (False, False, True, False))
+
+
+def test_claims_follow_from_the_rates(wires):
+    outlines = np.stack([wires.truth] * 20)
+    kept, none = np.ones(20, bool), np.zeros(20, bool)
+    good = tracking.Outcome(outlines, np.ones((20, 2)), np.ones((20, 2, 2)), kept, none)
+    bad = good._replace(kept=none, coalesced=kept)
+    outcomes = {coalescence.EXCLUSIVE: [good] * 10, coalescence.NAIVE: [bad] * 10}
+    meeting = coalescence.Meeting([wires] * 10, outcomes, 300)
+    first, second = coalescence.claims(meeting)
+    assert second.verdict == "supports"
+    assert "100" in first.measured
+    reverse = {coalescence.EXCLUSIVE: [bad] * 10, coalescence.NAIVE: [good] * 10}
+    first, second = coalescence.claims(meeting._replace(outcomes=reverse))
+    assert first.verdict == second.verdict == "contradicts"
+
+
+def test_hidden_shares_follow_the_overlap():
+    case = cases.leaves(0, num_frames=9)
+    assert case.hidden.shape == (8,)
+    assert case.hidden[-1] == 0
+    assert case.hidden.max() > 0.3
+    assert case.farther in (0, 1)
+
+
+@pytest.mark.slow
+def test_the_toy_shows_that_partitioned_sets_are_finer():
+    assert toy.claims(toy.particle_sets(0))[0].verdict == "supports"
+
+
+def test_a_missing_clip_is_refused_before_the_work_begins(tmp_path):
+    with pytest.raises(InputError, match="holds no worm_crossing"):
+        run(runs=5, data=tmp_path)
+    with pytest.raises(InputError, match="multiple of 5"):
+        run(runs=7)
+
+
+@pytest.mark.slow
+def test_exclusion_keeps_both_worms(data_folder):
+    """Two filmed look-alikes cross; each contour ends on its own in most runs."""
+    case = cases.worms(data_folder)
+    assert case.frames.shape[0] == cases.TRACKED_FRAMES
+    outcome = tracking.track(case, tracking.tracker_of(case, "wires", 1000), 5, 1)
+    assert outcome.kept.sum() >= 4

@@ -1,0 +1,262 @@
+"""Likelihoods of contours on drawn pictures: edges, crossings, exclusion, occlusion, refusals."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxpf.errors import InputError
+from jaxpf.models.likelihoods.contours import (
+    EdgeDetector,
+    Lines,
+    contours,
+    learn_clutter,
+    poisson_clutter,
+)
+from jaxpf.models.likelihoods.contours.crossings import Polyline, is_inside, nearest_crossings
+from jaxpf.models.shapes import space_of
+
+WIDTH, HEIGHT = 200, 160
+DETECTOR = EdgeDetector(threshold=8.0)
+
+
+def square(x, y, half=30.0):
+    """Control points of a closed square with straight sides, four to each side, clockwise."""
+    step = np.arange(4) * half / 2 - half
+    top = np.stack([step, np.full(4, -half)], axis=1)
+    sides = [top @ np.array([[c, s], [-s, c]]) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))]
+    return np.concatenate(sides) + np.array([x, y])
+
+
+def picture(*centres, half=30, grey=40, ground=200):
+    frame = np.full((HEIGHT, WIDTH, 3), ground, np.uint8)
+    for x, y in centres:
+        frame[y - half : y + half, x - half : x + half] = grey
+    return frame
+
+
+A, B = (60, 80), (140, 80)
+SPACE = space_of("translation", np.stack([square(*A), square(*B)]), degree=1)
+BOTH = picture(A, B)
+
+
+def likelihood(exclusion="wires", **options):
+    return contours(
+        SPACE, 2, exclusion=exclusion, clutter=0.5, detector=DETECTOR, num_lines=32, **options
+    )
+
+
+WIRES, OPAQUE = likelihood(), likelihood("opaque")
+
+
+@jax.jit
+def alone(likelihood, frame, substates):
+    """``[P, K]`` of substates ``[P, K, D]``."""
+    observation, (targets, count, dimension) = likelihood.observe(frame), substates.shape
+    flat = substates.reshape(-1, dimension).T
+    partition = jnp.repeat(jnp.arange(targets), count)
+    return likelihood.log_prob_all(observation, partition, flat).reshape(targets, count)
+
+
+@jax.jit
+def together(likelihood, frame, substates):
+    """``[K]`` of substates ``[P, K, D]``."""
+    substates = jnp.moveaxis(substates, 1, 2)
+    return likelihood.log_joint_all(likelihood.observe(frame), substates, None)
+
+
+@jax.jit
+def with_label(likelihood, frame, substates, label):
+    observation, substates = likelihood.observe(frame), jnp.moveaxis(substates, 1, 2)
+    return likelihood.log_joint_labelled_all(observation, substates, None, label)
+
+
+def shifts(*pairs):
+    """``[P, 8, 2]``: up to 8 pairs of shifts, the last one repeated: one shape, one program."""
+    pairs = [*pairs, *[pairs[-1]] * (8 - len(pairs))]
+    return jnp.asarray(np.array(pairs, np.float32).swapaxes(0, 1))
+
+
+REST, AWAY = (0.0, 0.0), (80.0, 0.0)
+
+
+def test_a_line_finds_the_edges_it_crosses():
+    lines = Lines(*(jnp.array([v]) for v in (60.0, 50.0, 0.0, 1.0)))
+    found = DETECTOR.find(DETECTOR.observe(BOTH), lines)
+    assert np.asarray(found.present).sum() == 1
+    assert float(found.places[0, 0]) == pytest.approx(0, abs=1)
+    beside = Lines(*(jnp.array([v]) for v in (100.0, 80.0, 1.0, 0.0)))
+    places = DETECTOR.find(DETECTOR.observe(BOTH), beside)
+    np.testing.assert_allclose(np.sort(places.places[:2, 0]), (-10, 10), atol=1)
+
+
+def test_only_the_strongest_features_are_kept():
+    frame = picture(A)
+    frame[:, 150:] = 100  # a weaker edge, right of the square's
+    few = dataclasses.replace(DETECTOR, max_features=1, length=101)
+    many = dataclasses.replace(DETECTOR, max_features=6, length=101)
+    line = Lines(*(jnp.array([v]) for v in (110.0, 80.0, 1.0, 0.0)))
+    kept, every = (d.find(d.observe(frame), line) for d in (few, many))
+    assert np.asarray(every.present).sum() == 2
+    np.testing.assert_array_equal(kept.places[0], every.places[0])
+    assert float(kept.places[0, 0]) == pytest.approx(-20, abs=1)
+
+
+def test_a_contour_is_likeliest_on_its_edges():
+    steps = [(d, 0.0) for d in np.arange(-15.0, 16.0, 5.0)]
+    values = np.asarray(alone(WIRES, BOTH, shifts(*[(s, s) for s in steps])))
+    assert (values.argmax(axis=1) == 3).all()
+    assert (values[:, 3] - values[:, [0, -1]].max(axis=1) > 5).all()
+
+
+def test_one_particle_is_judged_as_all_are():
+    substates = shifts((REST, REST), ((4.0, -3.0), (1.0, 7.0)))
+    batched, one = alone(WIRES, BOTH, substates), jax.jit(WIRES.log_prob)
+    for target in range(2):
+        value = one(WIRES.observe(BOTH), target, substates[target, 1])
+        assert float(value) == pytest.approx(float(batched[target, 1]), rel=1e-4)
+
+
+def test_targets_that_are_apart_are_independent():
+    substates = shifts((REST, REST), ((-8.0, 3.0), (9.0, 0.0)))
+    # Sides 20 pixels apart lie just within reach of each other's lines.
+    far = contours(SPACE, 2, clutter=0.5, detector=dataclasses.replace(DETECTOR, length=15))
+    apart = np.asarray(alone(far, BOTH, substates)).sum(axis=0)
+    np.testing.assert_allclose(together(far, BOTH, substates), apart, rtol=1e-4)
+
+
+def test_exclusion_forbids_two_targets_on_one_and_the_product_does_not():
+    hypotheses = shifts((REST, REST), (AWAY, REST), (REST, (-80.0, 0.0)))
+    exclusive = np.asarray(together(WIRES, BOTH, hypotheses))
+    assert exclusive[0] - exclusive[1:].max() > 30
+    product = np.asarray(alone(WIRES, BOTH, hypotheses)).sum(axis=0)
+    np.testing.assert_allclose(product, product[0], atol=8)
+
+
+def test_a_hidden_boundary_is_not_missed_where_the_label_says_so():
+    """B stands behind A: what A covers of it shows no edge."""
+    frame = picture((110, 80))  # the nearer one, drawn over a larger one
+    frame = np.minimum(frame, picture((140, 80), grey=120))
+    position = shifts(((50.0, 0.0), REST))
+    front, behind = (float(with_label(OPAQUE, frame, position, jnp.full(8, y))[0]) for y in (0, 1))
+    assert front - behind > 10
+    wires = float(together(WIRES, frame, position)[0])
+    assert front > wires
+
+
+def test_labels_make_no_difference_where_nothing_is_hidden():
+    values = [
+        float(with_label(OPAQUE, BOTH, shifts((REST, REST)), jnp.full(8, y))[0]) for y in (0, 1)
+    ]
+    assert values[0] == values[1]
+    assert float(together(OPAQUE, BOTH, shifts((REST, REST)))[0]) == pytest.approx(values[0])
+
+
+def test_shapes_overlap_or_do_not():
+    overlap = jax.jit(OPAQUE.overlap)
+    assert not bool(overlap(jnp.array([REST, REST])))
+    assert bool(overlap(jnp.array([(50.0, 7.0), REST])))
+
+
+def test_only_what_is_seen_counts():
+    """A contour half outside is judged by the half inside, one outside by nothing."""
+    values = np.asarray(alone(WIRES, BOTH, shifts(((-400.0, 0.0), (-60.0, 0.0)))))
+    assert values[0, 0] == 0.0
+    assert np.isfinite(values).all()
+
+
+def test_a_substate_that_is_not_finite_is_no_likelihood_and_harms_no_other():
+    substates = shifts(
+        ((np.nan, 0.0), REST), ((np.inf, 0.0), REST), ((1e30, 0.0), REST), (REST, REST)
+    )
+    values = np.asarray(alone(WIRES, BOTH, substates))
+    assert np.isnan(values[0, :2]).all()
+    assert np.isfinite(values[0, 2:]).all()
+    assert np.isfinite(values[1]).all()
+    joint = np.asarray(together(WIRES, BOTH, substates))
+    assert np.isnan(joint[:2]).all()
+    assert np.isfinite(joint[2:]).all()
+
+
+def test_a_wire_has_two_edges():
+    frame = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)
+    frame[72:88] = 60
+    middle = np.stack([np.linspace(40, 160, 8), np.full(8, 80.0)], axis=1)
+    space = space_of("translation", middle[None], closed=False)
+    wire = contours(
+        space, 1, exclusion="none", clutter=0.5, detector=DETECTOR, width=16.0, sigma=3.0
+    )
+    values = np.asarray(alone(wire, frame, shifts((REST,), ((0.0, 8.0),), ((0.0, -8.0),))))[0]
+    assert values[0] - values[1:].max() > 20
+    one_edge = contours(space, 1, exclusion="none", clutter=0.5, detector=DETECTOR, sigma=3.0)
+    values = np.asarray(alone(one_edge, frame, shifts((REST,), ((0.0, 8.0),))))[0]
+    assert values[1] > values[0]
+
+
+def test_crossings_are_found_where_they_are_nearest_first():
+    lines = Lines(*(jnp.array([[v]]) for v in (50.0, 50.0, 1.0, 0.0)))
+    x, y = np.array([40.0, 40, 55, 55, 90]), np.array([40.0, 60, 60, 40, 40])
+    polyline = Polyline(jnp.asarray(x)[:, None], jnp.asarray(y)[:, None], np.arange(5) > 0)
+    places, there = nearest_crossings(lines, polyline, 20.0, 3)
+    np.testing.assert_allclose(places[:2, 0, 0], (5, -10))
+    np.testing.assert_array_equal(there[:, 0, 0], (True, True, False))
+    _, near = nearest_crossings(lines, polyline, 8.0, 2)
+    np.testing.assert_array_equal(near[:, 0, 0], (True, False))
+
+
+def test_inside_is_told_from_outside_of_a_concave_outline():
+    outline = np.array([(0, 0), (10, 0), (10, 10), (5, 3), (0, 10), (0, 0)], float)
+    polyline = Polyline(jnp.asarray(outline[:, :1]), jnp.asarray(outline[:, 1:]), np.arange(6) > 0)
+    inside = [
+        bool(is_inside(jnp.array([x]), jnp.array([y]), polyline)[0])
+        for x, y in ((1.0, 5.0), (9.0, 5.0), (5.0, 5.0), (5.0, 1.0), (-1.0, 5.0))
+    ]
+    assert inside == [True, True, False, True, False]
+
+
+def test_clutter_is_learned_and_what_was_not_seen_is_smoothed():
+    rng = np.random.default_rng(0)
+    noise = np.repeat(rng.integers(0, 255, (2, 120, 160, 1), dtype=np.uint8), 3, axis=-1)
+    busy = np.asarray(learn_clutter(noise, DETECTOR, num_lines=400))
+    assert busy.sum() == pytest.approx(1, abs=1e-5)
+    calm = np.asarray(learn_clutter(BOTH[None], DETECTOR, num_lines=400))
+    assert (calm > 0).all()
+    assert calm @ np.arange(7) < busy @ np.arange(7)
+    with pytest.raises(InputError, match="clutter cannot be learned"):
+        learn_clutter(np.full((1, 100, 100, 3), 90, np.uint8), DETECTOR)
+    with pytest.raises(InputError, match="do not fit"):
+        learn_clutter(np.zeros((1, 30, 100, 3), np.uint8), DETECTOR)
+    with pytest.raises(InputError, match="from frames"):
+        learn_clutter(np.zeros((0, 30, 100, 3), np.uint8), DETECTOR)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"exclusion": "soft"}, "exclusion 'soft'"),
+        ({"sigma": -1.0}, "sigma -1"),
+        ({"width": 16.0}, "two edges is an open contour"),
+        ({"crossings": 5}, "crossings 5"),
+        ({"detection": np.eye(2)}, "at most 1 boundaries"),
+        ({"num_lines": 2}, "num_lines 2"),
+        ({"clutter": -0.5}, "clutter of mean -0.5"),
+        ({"clutter": np.ones(3)}, "clutter has shape"),
+        ({"clutter": None}, "either frames"),
+    ],
+)
+def test_what_cannot_work_is_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        contours(SPACE, 2, **{"clutter": 0.5, "detector": DETECTOR, **options})
+
+
+def test_occlusion_is_told_of_two_closed_contours_only():
+    three = space_of("translation", np.stack([square(*A)] * 3), degree=1)
+    with pytest.raises(InputError, match="3 opaque target"):
+        contours(three, 3, exclusion="opaque", clutter=0.5)
+    with pytest.raises(InputError, match="odd number"):
+        EdgeDetector(length=40)
+    with pytest.raises(InputError, match="max_features"):
+        EdgeDetector(max_features=22)
+    assert poisson_clutter(0.5, 3).shape == (4,)

@@ -1,0 +1,97 @@
+"""Scenes of drawn contours: their truth lies on the drawn edges, they meet, pass and repeat."""
+
+import numpy as np
+import pytest
+
+import scenes
+from scenes import SceneError
+
+NAMES = ("wires", "leaves", "walkers")
+SMALL = {"num_frames": 21}
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    return {name: scenes.make(name, seed=3, **SMALL) for name in NAMES}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_seed_gives_the_same_scene(drawn, name):
+    again = scenes.make(name, **drawn[name].parameters)
+    np.testing.assert_array_equal(again.frames, drawn[name].frames)
+    np.testing.assert_array_equal(again.extras["outlines"], drawn[name].extras["outlines"])
+    other = scenes.make(name, seed=4, **SMALL)
+    assert (other.frames != drawn[name].frames).any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_boxes_hold_the_outlines_and_begin_apart(drawn, name):
+    scene = drawn[name]
+    outlines, boxes = scene.extras["outlines"], scene.boxes
+    assert outlines.shape[:2] == (21, 2)
+    low, high = outlines.min(axis=2), outlines.max(axis=2)
+    np.testing.assert_allclose(boxes, np.concatenate([low, high - low], axis=-1))
+    gaps = boxes[:, 1, 0] - boxes[:, 0, 0] - boxes[:, 0, 2]
+    assert abs(gaps[0]) > 0
+    assert len(scene.patches) == 2
+
+
+@pytest.mark.parametrize("name", ["leaves", "walkers"])
+def test_a_closed_outline_parts_the_target_from_what_is_around_it(drawn, name):
+    scene = drawn[name]
+    grey = scene.frames[0].astype(float).mean(axis=-1)
+    for outline in scene.extras["outlines"][0]:
+        middle = outline.mean(axis=0)
+        x, y = (middle + 0.5 * (outline - middle)).T.astype(int)
+        inner = grey[y, x]
+        x, y = (middle + 1.3 * (outline - middle)).T.astype(int)
+        outer = grey[y.clip(0, 239), x.clip(0, 319)]
+        assert inner.std() < 12
+        assert abs(inner.mean() - np.median(outer)) > 25
+
+
+def test_wires_are_dark_and_stay_together_in_the_middle(drawn):
+    scene = drawn["wires"]
+    grey = scene.frames[0].astype(float).mean(axis=-1)
+    for wire in scene.extras["outlines"][0]:
+        x, y = wire[5:-5].T.astype(int)
+        assert grey[y, x].mean() < np.median(grey) - 50
+    distance = np.linalg.norm(np.diff(scene.extras["outlines"], axis=1)[:, 0], axis=-1).mean(
+        axis=-1
+    )
+    first, last = scene.extras["meeting"]
+    assert last - first >= 10
+    assert distance[first : last + 1].max() < 25 < distance[[0, -1]].min()
+
+
+def test_one_leaf_passes_in_front_of_the_other(drawn):
+    scene = drawn["leaves"]
+    assert scene.extras["overlap"][[0, -1]].max() == 0
+    assert scene.extras["overlap"].max() > 0.4
+    assert set(scene.extras["front"]) <= {0, 1}
+    middles = scene.extras["outlines"].mean(axis=2)[..., 0]
+    assert (middles[0, 0] < middles[0, 1]) != (middles[-1, 0] < middles[-1, 1])
+
+
+def test_walkers_vary_as_their_examples_do(drawn):
+    scene = drawn["walkers"]
+    examples = scene.extras["examples"]
+    assert examples.shape == (80, scene.extras["outlines"].shape[2], 2)
+    flat = (examples - examples.mean(axis=1, keepdims=True)).reshape(len(examples), -1)
+    _, components = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)[1:]
+    outlines = scene.extras["outlines"]
+    bodies = (outlines - outlines.mean(axis=2, keepdims=True)).reshape(-1, flat.shape[1])
+    bodies -= flat.mean(axis=0)
+    left = bodies - bodies @ components[:6].T @ components[:6]
+    assert np.abs(left).max() < 1e-6
+
+
+def test_what_cannot_be_drawn_is_refused():
+    with pytest.raises(SceneError, match="num_frames = 0 must be above 0"):
+        scenes.make("wires", num_frames=0)
+    with pytest.raises(SceneError, match=r"wire_width = 2\.5 must be a whole number"):
+        scenes.make("wires", wire_width=2.5)
+    with pytest.raises(SceneError, match="noise = -1"):
+        scenes.make("leaves", noise=-1)
+    with pytest.raises(SceneError, match="target 0 leaves the 60 x 240 frame"):
+        scenes.make("walkers", frame_width=60, num_frames=2)

@@ -1,0 +1,138 @@
+"""Labels that move: exact on a small grid, where they depend on substates, for every ordering.
+
+Two targets step on the integers 0 to 4.  A label says which joint likelihood holds; it flips only
+where the targets are apart.  The exact answer is a forward recursion over 5 x 5 x 2 states.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf.errors import InputError
+from jaxpf.filters.partitioned import ordering
+from jaxpf.pytree import pytree_dataclass
+
+PLACES, FRAMES, N, RUNS, FLIP = 5, 3, 12, 20_000, 0.1
+START, START_LABEL = (1, 3), (0.7, 0.3)
+LIMIT = 4.5
+RNG = np.random.default_rng(0)
+#: log g_p(x) of every frame, and the log joint likelihood of places and label.
+WEIGHTING = RNG.normal(size=(FRAMES, 2, PLACES))
+JOINT = WEIGHTING[:, 0, :, None, None] + WEIGHTING[:, 1, None, :, None]
+JOINT = JOINT + 1.5 * RNG.normal(size=(FRAMES, PLACES, PLACES, 2))
+
+
+@pytree_dataclass
+class Steps:
+    """A step left, none, or right, the ends holding."""
+
+    flip: float = FLIP
+
+    def propagate(self, key, partition, current, previous, parent):
+        return jnp.clip(current + jax.random.randint(key, (1,), -1, 2), 0, PLACES - 1)
+
+    def propagate_label(self, key, label, substates):
+        apart = substates[0, 0] != substates[1, 0]
+        return jnp.where(apart & (jax.random.uniform(key) < self.flip), 1 - label, label)
+
+
+@pytree_dataclass
+class Tables:
+    """Likelihoods read from tables; a frame is its weighting and joint ones."""
+
+    def observe(self, frame):
+        return frame
+
+    def log_prob(self, observation, partition, substate):
+        return observation[0][partition, substate[0].astype(int)]
+
+    def log_joint_labelled(self, observation, substates, log_probs, label):
+        a, b = substates[:, 0].astype(int)
+        return observation[1][a, b, label]
+
+
+def exact():
+    """Evidence, and the posterior ``[5, 5, 2]`` in the last frame."""
+    step = np.zeros((PLACES, PLACES))
+    for place in range(PLACES):
+        for move in (-1, 0, 1):
+            step[place, np.clip(place + move, 0, PLACES - 1)] += 1 / 3
+    belief = np.zeros((PLACES, PLACES, 2))
+    belief[START] = START_LABEL
+    apart = ~np.eye(PLACES, dtype=bool)[..., None] * FLIP
+    for joint in JOINT:
+        moved = np.einsum("abl,ac,bd->cdl", belief, step, step)
+        belief = ((1 - apart) * moved + apart * moved[..., ::-1]) * np.exp(joint)
+    return belief.sum(), belief / belief.sum()
+
+
+ORDERINGS = {
+    "sir": ordering.sir(2),
+    "ps": ordering.ps([0, 1]),
+    "dps": ordering.dps(2),
+    "branched": ordering.branched([[0, 1], [1, 0]]),
+}
+
+
+def tracker(chosen, likelihood=None, **options):
+    return jaxpf.Partitioned(
+        dynamics=Steps(),
+        likelihood=Tables() if likelihood is None else likelihood,
+        ordering=chosen,
+        initial=np.array(START, np.float32)[:, None],
+        initial_label=np.array(START_LABEL),
+        num_particles=N,
+        **{"resampling": "multinomial", **options},
+    )
+
+
+def report(state, summary):
+    return summary.log_evidence, summary.estimate[:, 0], summary.label_probabilities
+
+
+def runs(chosen, **options):
+    keys = jax.random.split(jax.random.key(5), RUNS)
+    frames = jnp.asarray(WEIGHTING), jnp.asarray(JOINT)
+    found = jaxpf.monte_carlo(tracker(chosen, **options), keys, frames, report, batch_size=2000)
+    return [np.asarray(values, float) for values in found]
+
+
+def z_score(values, truth):
+    return np.abs(values.mean(axis=0) - truth) / (values.std(axis=0) / len(values) ** 0.5)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("name", ORDERINGS)
+def test_evidence_places_and_labels_are_unbiased(name):
+    evidence, posterior = exact()
+    log_evidence, places, labels = runs(ORDERINGS[name])
+    scale = np.exp(log_evidence.sum(axis=1)) / evidence
+    assert z_score(scale, 1) < LIMIT
+    grid = np.arange(PLACES)
+    truth = np.array([posterior.sum(axis=(1, 2)) @ grid, posterior.sum(axis=(0, 2)) @ grid])
+    assert (z_score(scale[:, None] * places[:, -1], truth) < LIMIT).all()
+    assert (z_score(scale[:, None] * labels[:, -1], posterior.sum(axis=(0, 1))) < LIMIT).all()
+    np.testing.assert_allclose(labels.sum(axis=-1), 1, rtol=1e-5)
+
+
+@pytest.mark.statistical
+def test_labels_are_carried_through_adaptive_and_tempered_selection():
+    evidence, posterior = exact()
+    log_evidence, _, labels = runs(ORDERINGS["ps"], ess_threshold=0.6, tempering=0.7)
+    scale = np.exp(log_evidence.sum(axis=1)) / evidence
+    assert z_score(scale, 1) < LIMIT
+    assert (z_score(scale[:, None] * labels[:, -1], posterior.sum(axis=(0, 1))) < LIMIT).all()
+
+
+def test_labels_that_cannot_work_are_refused():
+    with pytest.raises(InputError, match="needs labels"):
+        jaxpf.Partitioned(Steps(), Tables(), ORDERINGS["ps"], np.zeros((2, 1), np.float32))
+    for given, message in (((0.5, 0.6), "1 together"), ((-0.5, 1.5), "at least 0"), (0.5, "shape")):
+        with pytest.raises(InputError, match=message):
+            jaxpf.Partitioned(
+                Steps(), Tables(), ORDERINGS["ps"], np.zeros((2, 1), np.float32), np.array(given)
+            )
+    with pytest.raises(InputError, match="1 branches"):
+        tracker(ordering.branched([[0, 1]]))

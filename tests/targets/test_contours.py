@@ -1,0 +1,87 @@
+"""A tracker from start contours: it follows its targets, keeps them apart, and writes tracks."""
+
+import csv
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+import scenes
+from jaxpf.errors import InputError
+from jaxpf.files.contours import Contours
+from jaxpf.models.likelihoods.contours import EdgeDetector
+from jaxpf.models.splines import fit_spline
+from jaxpf.targets.contours import ContourTrackWriter, contours_tracker, outlines
+
+
+@pytest.fixture(scope="module")
+def wires():
+    scene = scenes.make("wires", seed=1, num_frames=12, meeting_frames=2, meeting_distance=60)
+    points = [fit_spline(line, 8, closed=False) for line in scene.extras["outlines"][0]]
+    start = Contours(("left", "right"), np.array(points), closed=False, width=4.0)
+    return scene, start
+
+
+@pytest.fixture(scope="module")
+def tracked(wires):
+    scene, start = wires
+    tracker = contours_tracker(
+        start, scene.frames, detector=EdgeDetector(smoothing=1.0), sigma=3.0, num_particles=150
+    )
+    _, summary = jaxpf.run(tracker, jax.random.key(0), jnp.asarray(scene.frames[1:]))
+    return tracker, np.asarray(summary.estimate)
+
+
+def test_both_wires_are_followed(wires, tracked):
+    found, truth = outlines(*tracked)[-1], wires[0].extras["outlines"][-1]
+    gaps = np.linalg.norm(found[:, :, None] - truth[:, None], axis=-1).min(axis=-1).mean(axis=-1)
+    assert (gaps < 5).all()
+
+
+def test_tracks_hold_control_points_and_outlines(tmp_path, tracked):
+    tracker, estimates = tracked
+    broken = estimates[1].copy()
+    broken[1] = np.nan
+    with ContourTrackWriter(tmp_path / "tracks.csv") as writer:
+        writer.append(0, ("left", "right"), tracker, estimates[0])
+        writer.append(1, ("left", "right"), tracker, broken)
+    rows = list(csv.DictReader((tmp_path / "tracks.csv").open()))
+    assert len(rows) == 3 * (8 + 32)
+    control = [
+        row
+        for row in rows
+        if (row["frame"], row["kind"], row["contour"]) == ("0", "control", "right")
+    ]
+    expected = tracker.likelihood.space.control_points(estimates[0])[1]
+    np.testing.assert_allclose(
+        [(float(row["x"]), float(row["y"])) for row in control], expected, atol=1e-3
+    )
+
+
+def test_opaque_targets_are_branched_and_labelled(wires):
+    scene, start = wires
+    closed = Contours(start.names, start.points)
+    made = contours_tracker(closed, scene.frames, exclusion="opaque", clutter=0.5)
+    assert made.ordering.keeps_components
+    np.testing.assert_array_equal(made.initial_label, (0.5, 0.5))
+    np.testing.assert_allclose(made.initial, 0, atol=1e-3)
+    plain = contours_tracker(closed, scene.frames, exclusion="opaque", clutter=0.5, method="sir")
+    assert not plain.ordering.keeps_components
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "dps"}, "method 'dps'"),
+        ({"exclusion": "some"}, "exclusion 'some'"),
+        ({"scale": (1.0, -1.0)}, "scale"),
+        ({"scale": (1.0,) * 5}, "each of the 4 coordinates"),
+        ({"space": "bent"}, "shape space 'bent'"),
+        ({"exclusion": "opaque"}, "open contours"),
+    ],
+)
+def test_what_cannot_be_tracked_is_refused(wires, options, message):
+    with pytest.raises(InputError, match=message):
+        contours_tracker(wires[1], wires[0].frames, **{"clutter": 0.5, **options})

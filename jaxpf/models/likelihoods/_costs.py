@@ -45,3 +45,30 @@ def estimated_costs(
         "sampled": num_pixels * _SAMPLED_PIXEL
         + queries * (_SAMPLED_QUERY + groups * (_SAMPLED_GROUP + num_levels * _SAMPLED_LEVEL)),
     }
+
+
+def costs_of_frame_and_particle(
+    method: str, num_pixels: int, shape: tuple[int, int], samples: int, interpolation: str
+) -> tuple[float, float]:
+    """Nanoseconds of one frame for all particles, and of one particle's part.
+
+    Args:
+        method: "integral" or "sampled".
+        num_pixels: of a frame.
+        shape: parts and bins of a reference.
+        samples: per side of a box.
+        interpolation: "nearest" or "bilinear".
+    """
+
+    def cost(num_runs: int) -> float:
+        return estimated_costs(
+            num_pixels=num_pixels,
+            num_bins=shape[1],
+            num_parts=shape[0],
+            num_particles=1,
+            num_runs=num_runs,
+            samples=samples,
+            interpolation=interpolation,
+        )[method]
+
+    return cost(0), cost(1) - cost(0)

@@ -22,7 +22,7 @@ import numpy as np
 
 from jaxpf.errors import InputError
 from jaxpf.models.geometry import cos_sin
-from jaxpf.models.likelihoods._costs import estimated_costs
+from jaxpf.models.likelihoods._costs import costs_of_frame_and_particle, estimated_costs
 from jaxpf.models.likelihoods._integral import (
     LANES,
     integral_similarity,
@@ -99,25 +99,9 @@ class HistogramLikelihood:
         return self.interpolation == "bilinear"
 
     def estimated_nanoseconds(self, frame_shape):
-        """About what it costs: of one frame for all particles, and of one particle's part.
-
-        Args:
-            frame_shape: height and width of the frames.
-        """
-
-        def cost(num_runs):
-            return estimated_costs(
-                num_pixels=math.prod(frame_shape),
-                num_bins=self.references.shape[-1],
-                num_parts=self.references.shape[1],
-                num_objects=1,
-                num_particles=1,
-                num_runs=num_runs,
-                samples=self.samples,
-                interpolation=self.interpolation,
-            )[self.method]
-
-        return cost(0), cost(1) - cost(0)
+        """About what a frame ``(height, width)`` costs for all, and a particle's part."""
+        settings = self.references.shape[1:], self.samples, self.interpolation
+        return costs_of_frame_and_particle(self.method, math.prod(frame_shape), *settings)
 
     def observe(self, frame):
         """Work that depends on the frame alone, shared by all particles and runs.

@@ -190,18 +190,47 @@ def use_compile_cache() -> None:
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
+#: What a table's words mean: a line under each table explains those that it uses.
+_TERMS = {
+    "success": "tracked in every frame",
+    "recover": "tracked in the last frame with truth",
+    "unique": "particles that carry different draws of the object",
+}
+
+
 def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table; the first column is left-aligned, numbers right."""
+    """Print a table, and what its terms mean.
+
+    The first column is left-aligned, numbers right.  Nothing in the texts is markup.
+    """
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title=title, title_justify="left")
     for index, column in enumerate(columns):
         table.add_column(column, justify="left" if index == 0 else "right")
+    rows = list(rows)
     for row in rows:
         table.add_row(*row)
     # A pipe or a file has no width: do not cut what is printed there.
-    Console(width=None if sys.stdout.isatty() else 120).print(table)
+    Console(width=None if sys.stdout.isatty() else 120, markup=False, emoji=False).print(table)
+    if terms := _terms([*columns, *(row[0] for row in rows if row)]):
+        click.echo(terms)
+
+
+def _terms(names: Iterable[str]) -> str:
+    """A sentence for each term among a table's columns and rows; "" where there is none."""
+    used: dict[str, str] = {}
+    for name in names:
+        word = name.partition(",")[0].partition(" (")[0]
+        for term, meaning in _TERMS.items():
+            if word.lower().startswith(term) and term not in used:
+                used[term] = f"{word}: {meaning}"
+    if not used:
+        return ""
+    tracked = "tracked: overlapping the truth at all"
+    needs = [tracked] if {"success", "recover"} & used.keys() else []
+    return "; ".join([*used.values(), *needs]) + "."
 
 
 def progress_bar(unit: str) -> Any:
@@ -222,7 +251,7 @@ def progress_bar(unit: str) -> Any:
             return Text("" if task.speed is None else f"{task.speed:.1f} {unit}/s")
 
     return Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         Rate(""),

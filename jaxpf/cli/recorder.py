@@ -28,7 +28,8 @@ class Recorder:
         self.target, self.start_at, self.tracker = target, start, tracker
         self.ids = ids = start.ids
         self.colours = object_colours(len(ids))
-        self.lost_frames: dict[str, list[int]] = {str(i): [] for i in ids}
+        self.frames_outside: dict[str, list[int]] = {str(i): [] for i in ids}
+        self.frames_without_likelihood: dict[str, list[int]] = {str(i): [] for i in ids}
         self.num_tracked = self.num_invalid = self.num_impossible = 0
         self.seconds_first = self.seconds_rest = 0.0
         self._stack = contextlib.ExitStack()
@@ -86,6 +87,11 @@ class Recorder:
                     self.seconds_rest += elapsed
                     progress.advance(task)
             progress.update(task, total=self.num_tracked)
+        if self.num_tracked == 0:
+            raise InputError(
+                f"no frame of '{self.source.path}' follows the start frame {start}, so there is "
+                "nothing to track; give a longer video, or an earlier --start."
+            )
 
     def _record(self, number, tracked):
         from jaxpf.evaluation.trackers import shapes_of
@@ -95,10 +101,12 @@ class Recorder:
             shapes_of(self.tracker, self.target, self.start_at, summary.estimate), float
         )
         lost = self._off_frame(found)
-        if getattr(summary, "lost", None) is not None:
-            lost = lost | summary.lost
         for name in self.ids[lost]:
-            self.lost_frames[str(name)].append(number)
+            self.frames_outside[str(name)].append(number)
+        if getattr(summary, "lost", None) is not None:
+            for name in self.ids[summary.lost]:
+                self.frames_without_likelihood[str(name)].append(number)
+            lost = lost | summary.lost
         # A user's tracker may report less than ours do.
         unknown = np.full(len(self.ids), np.nan)
         ess, log_evidence = (float(getattr(summary, n, np.nan)) for n in ("ess", "log_evidence"))
@@ -158,7 +166,8 @@ class Recorder:
             "error": str(stopped) if isinstance(stopped, InputError) else None,
             "video_truncated": self.source.truncated,
             "video_note": self.source.note,
-            "lost_frames": self.lost_frames,
+            "frames_outside": self.frames_outside,
+            "frames_without_likelihood": self.frames_without_likelihood,
             "impossible_frames": self.num_impossible,
             "invalid_likelihoods": self.num_invalid,
             "seconds_first_frame": round(self.seconds_first, 3),
@@ -193,21 +202,24 @@ class Recorder:
 
     def _tell(self, rate):
         speed = "" if rate is None else f", {rate:.1f} frames/s"
-        click.echo(f"{self.output}: {self.num_tracked} frames tracked{speed}")
-        if self.num_tracked == 0:
-            click.echo("No frame follows the start frame, so nothing was tracked.", err=True)
+        click.echo(f"{self.output}: {_counted(self.num_tracked)} tracked{speed}")
         if self.source.note:
             click.echo(f"Note: {self.source.note}", err=True)
-        for name, frames in self.lost_frames.items():
-            if frames:
-                click.echo(
-                    f"Lost: object {name} in {len(frames)} frame(s), first in frame {frames[0]}.",
-                    err=True,
-                )
+        for where, frames_of in (
+            ("was outside the picture", self.frames_outside),
+            ("had no likelihood for any particle", self.frames_without_likelihood),
+        ):
+            for name, frames in frames_of.items():
+                if frames:
+                    click.echo(
+                        f"Lost: object {name} {where} in {_counted(len(frames))}, first in frame "
+                        f"{frames[0]}.",
+                        err=True,
+                    )
         if self.num_impossible:
             click.echo(
-                f"Warning: {self.num_impossible} frame(s) had no likelihood for any particle; "
-                "their observation was left out.",
+                f"Warning: {_counted(self.num_impossible)} had no likelihood for any particle; "
+                "what was seen there was left out.",
                 err=True,
             )
         if self.num_invalid:
@@ -215,6 +227,10 @@ class Recorder:
                 f"Warning: {self.num_invalid} likelihood(s) were not a number and counted as zero.",
                 err=True,
             )
+
+
+def _counted(frames: int) -> str:
+    return f"{frames} frame{'' if frames == 1 else 's'}"
 
 
 def _jsonable(value: Any) -> Any:

@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from jaxpf.cli import common
+from jaxpf.cli.memory import check_memory, needed_by
 from jaxpf.cli.options import all_options, declared_options
 
 
@@ -22,10 +23,11 @@ from jaxpf.cli.options import all_options, declared_options
     type=click.Path(path_type=Path),
     default=Path("jaxpf-demo"),
     show_default=True,
-    help="Folder for the results; files of an earlier demo are replaced.",
+    help="Folder for the results.",
 )
+@click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")
 @common.config_option()
-def command(runs: int, seed: int, output: Path, **given: Any) -> None:
+def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -> None:
     """Compare SIR, PS, DPS and SPS on a synthetic scene, and write a video and plots.
 
     Seven objects wander over noise.  A distracter that looks like object 1 appears on top of
@@ -45,10 +47,10 @@ def command(runs: int, seed: int, output: Path, **given: Any) -> None:
         one = options[name]
         given[name] = one.default if value is None else one.checked(value, one.flag)
     particles, sharpness = given["particles"], given["sharpness"]
-    prepare_output_folder(output, overwrite=True)
     common.start_jax()
     import scenes
     from jaxpf.experiments.comparison import compare, scene_tracker
+    from jaxpf.running import RUNS_PER_BATCH
 
     scene = scenes.make("distracter", seed=seed)
     methods = _orderings(scene.num_objects)
@@ -56,6 +58,8 @@ def command(runs: int, seed: int, output: Path, **given: Any) -> None:
     tracker = scene_tracker(
         scene, methods["SIR"], sharpness=sharpness, num_particles=particles, num_runs=runs
     )
+    check_memory(needed_by(tracker, min(runs, RUNS_PER_BATCH)), "ask for fewer particles (-n)")
+    prepare_output_folder(output, overwrite)
     trackers = {name: dataclasses.replace(tracker, ordering=o) for name, o in methods.items()}
     click.echo(
         f"{runs} runs per method, {scene.num_objects} objects, {particles} particles, "

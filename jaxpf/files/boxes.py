@@ -164,7 +164,7 @@ def _parse_row(fields: list[str], header: str | None, place: str) -> tuple[float
     frame, identity, x, y, width, height = values[:6]
     if any(abs(value) > _FARTHEST for value in (x, y, width, height)):
         raise InputError(
-            f"{place} has a box beyond {_FARTHEST:.0f} pixels; x, y, w and h are pixels of the frame"
+            f"{place} has a box beyond {_FARTHEST:.0f} pixels; give x, y, w and h in pixels"
         )
     if abs(occlusion) > _LARGEST_WHOLE or occlusion != int(occlusion):
         raise InputError(f"{place} has the occ {occlusion:g}; give -1, 0, 1 or 2")
@@ -180,8 +180,8 @@ def _number(field: str, column: int, place: str) -> float:
         ) from None
     if not math.isfinite(value):
         raise InputError(
-            f"{place} has '{field[:40]}' in column {column}; give a finite number, or delete the line "
-            "if the object is absent"
+            f"{place} has '{field[:40]}' in column {column}; give a finite number, or delete the "
+            "line if the object is absent"
         )
     return value
 

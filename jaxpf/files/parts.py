@@ -193,8 +193,8 @@ def _number(field: str, column: int, place: str) -> float:
     if not abs(value) <= _FARTHEST:  # nor NaN
         name = HEADER.split(",")[column - 1]
         raise InputError(
-            f"{place} has '{field[:40]}' for {name} in column {column}; give a finite number, at most "
-            f"{_FARTHEST:.0f}"
+            f"{place} has '{field[:40]}' for {name} in column {column}; give a finite number, at "
+            f"most {_FARTHEST:.0f}"
         )
     return value
 

@@ -1,5 +1,6 @@
 """What a partitioned tracker refuses, before it runs: what cannot work or would be wrong."""
 
+import importlib.util
 from typing import Any
 
 import numpy as np
@@ -147,8 +148,8 @@ def check_gradient(tracker: Any, *, exchanges: bool) -> None:
     """Refuse variations that are unknown, or that cannot work with the tracker's other parts.
 
     Raises:
-        InputError: an unknown name; ``score`` without ``log_density``; ``transport`` with
-            an epsilon <= 0, or with what needs lineages.
+        InputError: an unknown name; ``score`` without ``log_density``; ``transport`` without
+            its package, with an epsilon <= 0, or with what needs lineages.
     """
     for name, known in (("gradient", GRADIENTS), ("motion_gradient", MOTION_GRADIENTS)):
         if getattr(tracker, name) not in known:
@@ -163,6 +164,10 @@ def check_gradient(tracker: Any, *, exchanges: bool) -> None:
         )
     if tracker.gradient != "transport":
         return
+    if importlib.util.find_spec("ott") is None:
+        raise InputError(
+            "gradient='transport' needs the package ott-jax; pip install 'jaxpf[transport]'."
+        )
     epsilon = tracker.transport_epsilon
     if epsilon is not None and is_concrete(epsilon) and not np.all(np.asarray(epsilon) > 0):
         raise InputError(f"transport_epsilon={epsilon} must be above 0; None is the default, 0.5.")

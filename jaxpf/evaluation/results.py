@@ -104,7 +104,7 @@ class Results:
         try:
             with np.load(folder / TRUTH, allow_pickle=False) as content:
                 truth, shapes, sizes = (content[name] for name in ("truth", "start", "sizes"))
-        except (OSError, ValueError, KeyError, EOFError):
+        except Exception:  # there is no end to what a damaged archive raises
             raise InputError(
                 f"'{folder / TRUTH}' is missing or damaged; evaluate into another folder."
             ) from None
@@ -214,7 +214,7 @@ def read_settings(folder: Path) -> dict[str, Any]:
         settings = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"'{folder}' holds no evaluation: '{path}' is missing.") from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(
             f"'{path}' cannot be read ({error}); evaluate into another folder."
         ) from None

@@ -24,7 +24,7 @@ _PEDESTRIAN = 1
 _OTB_FIRST_PICTURE = {"david": 300}
 _OTB_FPS = 25.0  # nominal: the benchmark states none
 #: The numbers of seqinfo.ini, and what they may be at most.
-_MOST = {"seqLength": 10**7, "imWidth": 10**5, "imHeight": 10**5, "frameRate": 10**6}
+_MOST = {"seqLength": 10**6, "imWidth": 10**5, "imHeight": 10**5, "frameRate": 10**6}
 
 
 def read_mot(folder: str | Path) -> Clip:
@@ -160,7 +160,7 @@ def _read_seqinfo(path: Path) -> dict:
         parser.read_string(path.read_text(encoding="utf-8-sig"))
         section = parser["Sequence"]
     except (configparser.Error, KeyError, UnicodeDecodeError) as error:
-        cause = str(error).replace("\n", " ")
+        cause = " ".join(str(error)[:200].split())
         raise SceneError(
             f"{path} is no MOTChallenge description with a section [Sequence]: {cause}"
         ) from None

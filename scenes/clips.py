@@ -28,7 +28,7 @@ NOT_ANNOTATED = -1
 
 _COLUMNS = ["frame", "id", "x", "y", "w", "h", "occ"]
 #: The numbers of meta.json, and what they may be at most: an array of that size can be thought of.
-_META_NUMBERS = {"n_frames": 10**7, "width": 10**5, "height": 10**5, "fps": 10**6}
+_META_NUMBERS = {"n_frames": 10**6, "width": 10**5, "height": 10**5, "fps": 10**6}
 #: A coordinate in pixels, or an id, beyond which numbers are no longer told apart.
 _FARTHEST, _LARGEST_WHOLE = 1e9, 2**53
 
@@ -175,7 +175,8 @@ def read_clip(folder: str | Path, *, boxes_needed: bool = True) -> Clip:
         raise SceneError(f"{folder}: there is no such folder")
     meta = _read_meta(folder / "meta.json")
     source = meta["frames"]
-    if "%" in source and not re.fullmatch(r"[^%]*%(0?[1-9])?d[^%]*", source):
+    is_pattern = "%" not in source or re.fullmatch(r"[^%]*%(0?[1-9])?d[^%]*", source)
+    if not is_pattern or len(source) > 200:
         raise SceneError(
             f"{folder / 'meta.json'}: frames = {shown(source)} is no pattern; name a video, or "
             "pictures with one number, such as frames/%04d.png"

@@ -109,7 +109,12 @@ class Results:
                 f"'{folder / TRUTH}' is missing or damaged; evaluate into another folder."
             ) from None
         scene = settings["scene"]
-        start = Start(np.array(scene["object_ids"]), shapes, sizes, tuple(scene["parents"]))
+        try:
+            start = Start(np.array(scene["object_ids"]), shapes, sizes, tuple(scene["parents"]))
+        except (KeyError, TypeError, ValueError, OverflowError):
+            raise InputError(
+                f"'{folder / SETTINGS}' describes no evaluation; evaluate into another folder."
+            ) from None
         return cls(folder, settings, truth, start, load_scene)
 
     @property

@@ -87,7 +87,8 @@ def test_any_tree_of_parts_is_read_as_it_was_written(file, parents, data):
     assert parts.names == tuple(names)
     assert parts.parents == tuple(parents)
     np.testing.assert_array_equal(parts.sizes, np.array(numbers)[:, 2:4])
-    np.testing.assert_allclose(np.rad2deg(parts.poses[:, 2]), np.array(numbers)[:, 4], rtol=1e-12)
+    degrees = np.array(numbers)[:, 4]
+    np.testing.assert_allclose(np.rad2deg(parts.poses[:, 2]), degrees, rtol=1e-12, atol=1e-300)
 
 
 @EVERY

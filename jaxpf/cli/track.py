@@ -127,7 +127,7 @@ def command(**options: Any) -> None:
         except (KeyboardInterrupt, InputError) as error:
             stopped = error
         kept = recorder is not None and (stopped is None or recorder.num_tracked > 0)
-        if kept:
+        if recorder is not None and kept:
             # What was tracked stays; the first error matters more than another one at the end.
             with contextlib.suppress(*([] if stopped is None else [InputError])):
                 recorder.finish(stopped, truth)

@@ -22,7 +22,7 @@ The map, downwards: a file imports from its own room and from rooms below it, ne
     knows the other.
 ``models/``
     How a substate moves (``dynamics``, ``joints``) and explains a frame (``likelihoods``).
-``contract``, ``state``, ``running``, ``streaming``
+``checks``, ``contract``, ``state``, ``running``, ``streaming``
     What a tracker, a dynamics and a likelihood are; what a frame reports; over the frames.
 ``lowering/``
     What is written for the compiler's sake, and nothing else.

@@ -15,6 +15,7 @@ from jax import lax
 from jax.sharding import Mesh, PartitionSpec
 
 from jaxpf import contract
+from jaxpf.checks import check_frames, check_run
 from jaxpf.errors import InputError
 
 #: Runs per compiled batch of ``monte_carlo``.
@@ -43,9 +44,12 @@ def run(
         The final state, and what ``record`` kept, with a leading axis T.
 
     Raises:
-        InputError: no frames, or arrays with different numbers of frames.
+        InputError: no frames, or arrays with different numbers of frames; see also
+            ``jaxpf.checks.check_run``.
     """
+    check_frames(frames)
     num_frames(frames)
+    check_run(tracker, frames)
     return run_compiled(tracker, key, frames, record)
 
 
@@ -83,7 +87,9 @@ def monte_carlo(
     Raises:
         InputError: as for ``run``; no keys; ``batch_size`` < 1; no devices.
     """
+    check_frames(frames)
     num_frames(frames)
+    check_run(tracker, frames)
     keys = as_keys(keys)
     if batch_size < 1:
         raise InputError(f"batch_size={batch_size} must be at least 1.")

@@ -23,6 +23,7 @@ from scenes.projectiles import ProjectilesParameters, projectiles_scene
 from scenes.scene import Scene, SceneError
 from scenes.sequences import (
     call_scene,
+    cause_of,
     function_of_text,
     names_function,
     open_folder,
@@ -46,6 +47,7 @@ __all__ = [
     "WalkersParameters",
     "WiresParameters",
     "articulated_scene",
+    "cause_of",
     "cut_patch",
     "default_parameters",
     "distracter_scene",

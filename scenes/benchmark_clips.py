@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from scenes.clips import NOT_ANNOTATED, Clip, real_number, whole_number
-from scenes.scene import SceneError
+from scenes.scene import SceneError, shown
 
 _PICTURES = {".jpg", ".jpeg", ".png", ".bmp"}
 _PEDESTRIAN = 1
@@ -23,6 +23,8 @@ _PEDESTRIAN = 1
 # every other sequence starts at its first picture.
 _OTB_FIRST_PICTURE = {"david": 300}
 _OTB_FPS = 25.0  # nominal: the benchmark states none
+#: The numbers of seqinfo.ini, and what they may be at most.
+_MOST = {"seqLength": 10**6, "imWidth": 10**5, "imHeight": 10**5, "frameRate": 10**6}
 
 
 def read_mot(folder: str | Path) -> Clip:
@@ -144,7 +146,7 @@ def _find_pictures(folder: Path, name: str) -> tuple[str, list[int]]:
             "put the sequence's frames there"
         )
     first = min(numbered, key=lambda path: numbered[path])
-    pattern = f"{name}/%0{len(first.stem)}d{first.suffix}"
+    pattern = f"{name.replace('%', '%%')}/%0{len(first.stem)}d{first.suffix}"
     return pattern, sorted(numbered.values())
 
 
@@ -158,7 +160,7 @@ def _read_seqinfo(path: Path) -> dict:
         parser.read_string(path.read_text(encoding="utf-8-sig"))
         section = parser["Sequence"]
     except (configparser.Error, KeyError, UnicodeDecodeError) as error:
-        cause = str(error).replace("\n", " ")
+        cause = " ".join(str(error)[:200].split())
         raise SceneError(
             f"{path} is no MOTChallenge description with a section [Sequence]: {cause}"
         ) from None
@@ -166,14 +168,16 @@ def _read_seqinfo(path: Path) -> dict:
         "name": section.get("name", path.resolve().parent.name),
         "imDir": section.get("imDir", "img1"),
     }
-    for key in ["seqLength", "imWidth", "imHeight", "frameRate"]:
+    for key, most in _MOST.items():
         text = section.get(key)
         if text is None:
             raise SceneError(f"{path} has no line {key}=...; add it")
         read = real_number if key == "frameRate" else whole_number
         values[key] = read(text, key, str(path))
         if values[key] <= 0:
-            raise SceneError(f"{path}: {key} = {text!r} must be above 0")
+            raise SceneError(f"{path}: {key} = {shown(text)} must be above 0")
+        if values[key] > most:
+            raise SceneError(f"{path}: {key} = {shown(text)} must be at most {most}")
     return values
 
 
@@ -270,4 +274,4 @@ def _lines(path: Path, separator: str) -> Iterator[tuple[str, list[str]]]:
     for number, line in enumerate(text.splitlines(), start=1):
         line = line.strip()
         if line:
-            yield f"{path}, line {number}: {line!r}", re.split(separator, line)
+            yield f"{path}, line {number}: {shown(line)}", re.split(separator, line)

@@ -11,8 +11,10 @@ A folder holds
 
 import csv
 import dataclasses
+import io
 import json
 import math
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,12 +22,15 @@ from typing import Any
 import cv2
 import numpy as np
 
-from scenes.scene import Scene, SceneError
+from scenes.scene import Scene, SceneError, shown
 
 NOT_ANNOTATED = -1
 
 _COLUMNS = ["frame", "id", "x", "y", "w", "h", "occ"]
-_META_NUMBERS = ["n_frames", "width", "height", "fps"]
+#: The numbers of meta.json, and what they may be at most: an array of that size can be thought of.
+_META_NUMBERS = {"n_frames": 10**6, "width": 10**5, "height": 10**5, "fps": 10**6}
+#: A coordinate in pixels, or an id, beyond which numbers are no longer told apart.
+_FARTHEST, _LARGEST_WHOLE = 1e9, 2**53
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -170,6 +175,12 @@ def read_clip(folder: str | Path, *, boxes_needed: bool = True) -> Clip:
         raise SceneError(f"{folder}: there is no such folder")
     meta = _read_meta(folder / "meta.json")
     source = meta["frames"]
+    is_pattern = "%" not in source or re.fullmatch(r"[^%]*%(0?[1-9])?d[^%]*", source)
+    if not is_pattern or len(source) > 200:
+        raise SceneError(
+            f"{folder / 'meta.json'}: frames = {shown(source)} is no pattern; name a video, or "
+            "pictures with one number, such as frames/%04d.png"
+        )
     first = folder / (source % 0 if "%" in source else source)
     if not first.is_file():
         raise SceneError(f"{first} is missing: meta.json names {source!r} as the frames")
@@ -200,19 +211,25 @@ def _read_meta(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise SceneError(f"{path} is missing: a clip's folder needs meta.json and gt.csv")
     try:
-        meta = json.loads(path.read_text(encoding="utf-8"))
+        meta = json.loads(_text_of(path))
+    except RecursionError:
+        raise SceneError(f"{path} is not valid JSON: it is nested too deeply") from None
     except ValueError as error:
-        raise SceneError(f"{path} is not valid JSON: {error}") from error
+        if isinstance(error, SceneError):
+            raise
+        raise SceneError(f"{path} is not valid JSON: {str(error).partition(';')[0]}") from error
     if not isinstance(meta, dict):
         raise SceneError(f"{path} must hold an object with names and values")
     for key in ["name", "frames"]:
         if not isinstance(meta.get(key), str):
-            raise SceneError(f"{path}: {key} = {meta.get(key)!r} must be text")
-    for key in _META_NUMBERS:
+            raise SceneError(f"{path}: {key} = {shown(meta.get(key))} must be text")
+    for key, most in _META_NUMBERS.items():
         value = meta.get(key)
         kinds = (int, float) if key == "fps" else (int,)
-        if isinstance(value, bool) or not isinstance(value, kinds) or value <= 0:
-            raise SceneError(f"{path}: {key} = {value!r} must be a number above 0")
+        if isinstance(value, bool) or not isinstance(value, kinds) or not value > 0:
+            raise SceneError(f"{path}: {key} = {shown(value)} must be a number above 0")
+        if value > most:
+            raise SceneError(f"{path}: {key} = {shown(value)} must be at most {most}")
     return meta
 
 
@@ -221,40 +238,64 @@ def _read_truth(path: Path, num_frames: int) -> dict[tuple[int, int], tuple[list
     if not path.is_file():
         raise SceneError(f"{path} is missing: a clip's folder needs meta.json and gt.csv")
     rows: dict[tuple[int, int], tuple[list[float], int]] = {}
-    with path.open(newline="", encoding="utf-8") as file:
-        lines = csv.reader(file)
-        header = [name.strip() for name in next(lines, [])]
-        if header != _COLUMNS:
-            raise SceneError(
-                f"{path}, line 1: the header must be {','.join(_COLUMNS)!r}, "
-                f"not {','.join(header)!r}"
-            )
-        for cells in lines:
-            if not cells:  # an empty line, such as the last one
-                continue
-            place = f"{path}, line {lines.line_num}: {','.join(cells)!r}"
-            if len(cells) != len(_COLUMNS):
-                raise SceneError(f"{place} has {len(cells)} values, not {len(_COLUMNS)}")
-            frame, number, hidden = (whole_number(cells[k], _COLUMNS[k], place) for k in (0, 1, 6))
-            box = [real_number(cells[k], _COLUMNS[k], place) for k in (2, 3, 4, 5)]
-            if not 0 <= frame < num_frames:
-                raise SceneError(f"{place}: frame must lie in 0..{num_frames - 1}")
-            if box[2] <= 0 or box[3] <= 0:
-                raise SceneError(f"{place}: w and h must be above 0")
-            if hidden not in (NOT_ANNOTATED, 0, 1, 2):
-                raise SceneError(f"{place}: occ must be -1, 0, 1 or 2")
-            if (frame, number) in rows:
-                raise SceneError(f"{place}: a second box for object {number} in frame {frame}")
-            rows[frame, number] = (box, hidden)
+    lines = _csv_rows(path)
+    _, header = next(lines, (1, []))
+    if [name.strip() for name in header] != _COLUMNS:
+        raise SceneError(
+            f"{path}, line 1: the header must be {','.join(_COLUMNS)!r}, "
+            f"not {shown(','.join(header))}"
+        )
+    for line, cells in lines:
+        if not cells:  # an empty line, such as the last one
+            continue
+        place = f"{path}, line {line}: {shown(','.join(cells))}"
+        if len(cells) != len(_COLUMNS):
+            raise SceneError(f"{place} has {len(cells)} values, not {len(_COLUMNS)}")
+        frame, number, hidden = (whole_number(cells[k], _COLUMNS[k], place) for k in (0, 1, 6))
+        box = [real_number(cells[k], _COLUMNS[k], place) for k in (2, 3, 4, 5)]
+        if not 0 <= frame < num_frames:
+            raise SceneError(f"{place}: frame must lie in 0..{num_frames - 1}")
+        if box[2] <= 0 or box[3] <= 0:
+            raise SceneError(f"{place}: w and h must be above 0")
+        if hidden not in (NOT_ANNOTATED, 0, 1, 2):
+            raise SceneError(f"{place}: occ must be -1, 0, 1 or 2")
+        if (frame, number) in rows:
+            raise SceneError(f"{place}: a second box for object {number} in frame {frame}")
+        rows[frame, number] = (box, hidden)
     return rows
+
+
+def _csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of every line."""
+    lines = csv.reader(io.StringIO(_text_of(path), newline=""))
+    try:
+        for cells in lines:
+            yield lines.line_num, cells
+    except csv.Error as error:
+        raise SceneError(f"{path}, line {lines.line_num} is no CSV: {error}") from None
+
+
+def _text_of(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise SceneError(
+            f"{path}, line {line} holds a byte that is no UTF-8; save the file as UTF-8"
+        ) from None
+    except OSError as error:
+        raise SceneError(f"{path} cannot be read: {error.strerror}") from error
 
 
 def whole_number(text: str, column: str, place: str) -> int:
     """The number that a cell holds; the message names the column and the place."""
     try:
-        return int(text)
+        value = int(text)
     except ValueError:
-        raise SceneError(f"{place}: {column} = {text!r} is not a whole number") from None
+        raise SceneError(f"{place}: {column} = {shown(text)} is not a whole number") from None
+    if abs(value) > _LARGEST_WHOLE:
+        raise SceneError(f"{place}: {column} = {shown(text)} is beyond {_LARGEST_WHOLE}")
+    return value
 
 
 def real_number(text: str, column: str, place: str) -> float:
@@ -264,5 +305,7 @@ def real_number(text: str, column: str, place: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise SceneError(f"{place}: {column} = {text!r} is not a finite number")
+        raise SceneError(f"{place}: {column} = {shown(text)} is not a finite number")
+    if abs(value) > _FARTHEST:
+        raise SceneError(f"{place}: {column} = {shown(text)} is beyond {_FARTHEST:.0f}")
     return value

@@ -7,6 +7,12 @@ from typing import Any
 import numpy as np
 
 
+def shown(value: Any, most: int = 80) -> str:
+    """A value as Python writes it, cut where it is too long for a message."""
+    text = repr(value[: most + 1] if isinstance(value, str) else value)
+    return text if len(text) <= most + 2 else f"{text[:most]}..."
+
+
 class SceneError(ValueError):
     """A scene that cannot be made or read: one sentence with the value, the place, the remedy."""
 

@@ -6,6 +6,7 @@ import importlib
 import inspect
 import operator
 import sys
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -21,6 +22,9 @@ _FORMATS = (
     "meta.json and gt.csv, or seqinfo.ini, gt/gt.txt and img1/ (MOTChallenge), or "
     "groundtruth_rect.txt and img/ (OTB)"
 )
+
+#: Letters of another's error message that ours repeat.
+_LONGEST_CAUSE = 300
 
 
 def open_folder(folder: str | Path) -> Clip:
@@ -159,8 +163,8 @@ def call_scene(function: str | Callable[..., Any], seed: int, parameters: Mappin
         scene = call(seed=seed, **parameters)
     except SceneError:
         raise
-    except Exception as error:
-        raise SceneError(f"{place} failed with {_cause(error)}") from error
+    except (Exception, SystemExit) as error:
+        raise SceneError(f"{place} failed with {cause_of(error, _file_of(call))}") from error
     if not isinstance(scene, Scene):
         raise SceneError(f"{place} returned {_article(type(scene).__name__)}, not a scenes.Scene")
     if scene.num_frames == 0 or scene.num_objects == 0:
@@ -195,6 +199,24 @@ def names_function(source: str) -> bool:
     """Whether a text has the form ``file.py:function`` or ``package.module:function``."""
     place, colon, name = source.rpartition(":")
     return bool(colon and place) and name.isidentifier()
+
+
+def cause_of(error: BaseException, path: str = "") -> str:
+    """An error on one line, whatever its message has.
+
+    Args:
+        error: of a user's code.
+        path: of the user's file, of which the line is told where the error came from.
+    """
+    cause = " ".join(f"{type(error).__name__}: {error}".split())
+    if len(cause) > _LONGEST_CAUSE:
+        cause = f"{cause[:_LONGEST_CAUSE]}..."
+    lines = [
+        entry.lineno
+        for entry in traceback.extract_tb(error.__traceback__)
+        if entry.filename == path
+    ]
+    return f"{cause}, at line {lines[-1]} of {path}" if lines else cause
 
 
 # Helpers
@@ -260,9 +282,8 @@ def _name_of(function: Callable) -> str:
     return f"{getattr(function, '__module__', '')}:{name}"
 
 
-def _cause(error: Exception) -> str:
-    """On one line, whatever the message has."""
-    return " ".join(f"{type(error).__name__}: {error}".split())
+def _file_of(function: Callable) -> str:
+    return getattr(getattr(function, "__code__", None), "co_filename", "")
 
 
 def _article(noun: str) -> str:
@@ -283,8 +304,11 @@ def _function_in(
 ) -> Callable[..., Any]:
     try:
         module = load()
-    except Exception as error:
-        raise SceneError(f"{source!r}: {place} cannot be imported ({_cause(error)})") from error
+    except (Exception, SystemExit) as error:
+        where = str(Path(place).resolve()) if place.endswith(".py") else ""
+        raise SceneError(
+            f"{source!r}: {place} cannot be imported ({cause_of(error, where)})"
+        ) from error
     function = getattr(module, name, None)
     if not callable(function):
         state = "has no function" if function is None else "holds something that is no function,"

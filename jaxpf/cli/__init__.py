@@ -55,15 +55,40 @@ def main(arguments: list[str] | None = None) -> Any:
     try:
         return group.main(arguments, prog_name="jaxpf", standalone_mode=False)
     except InputError as error:
-        click.echo(f"Error: {error}", err=True)
+        click.echo(f"Error: {_cut(str(error), _LONGEST_MESSAGE)}", err=True)
         sys.exit(2)
     except click.ClickException as error:
         error.show()
         sys.exit(error.exit_code)
-    except (KeyboardInterrupt, click.Abort):
-        click.echo("Interrupted.", err=True)
-        sys.exit(130)
+    except (KeyboardInterrupt, click.Abort) as stop:
+        # click wraps what interrupts it.
+        terminated = "Terminated" in (type(stop).__name__, type(stop.__cause__).__name__)
+        click.echo("Terminated." if terminated else "Interrupted.", err=True)
+        sys.exit(143 if terminated else 130)
     except BrokenPipeError:
         # The reader of our output went away (`jaxpf ... | head`): nothing to complain about.
         sys.stderr.close()
         sys.exit(0)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        reason = (error.strerror or str(error)).lower()
+        click.echo(f"Error: cannot use {_cut(str(error.filename))!r}: {reason}.", err=True)
+        sys.exit(2)
+    except (MemoryError, RuntimeError) as error:
+        if not (isinstance(error, MemoryError) or "RESOURCE_EXHAUSTED" in str(error)):
+            raise
+        click.echo(
+            "Error: there is not enough memory; ask for fewer particles, or for smaller frames.",
+            err=True,
+        )
+        sys.exit(2)
+
+
+#: Letters of a message that somebody may read.
+_LONGEST_MESSAGE = 2000
+
+
+def _cut(text: str, most: int = 120) -> str:
+    """Texts that files or users give may be of any length; messages are not."""
+    return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"

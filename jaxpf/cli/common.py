@@ -62,8 +62,14 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
             f"cannot read the configuration '{path}': {(error.strerror or '').lower()}; check the "
             "path."
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"the configuration '{path}' is not valid TOML: {error}.") from None
+    except RecursionError:
+        raise InputError(
+            f"the configuration '{path}' is nested too deeply; write a table [{ctx.command.name}] "
+            "of options."
+        ) from None
+    except ValueError as error:  # of TOML, of UTF-8, of a number with thousands of digits
+        cause = str(error).partition(";")[0]
+        raise InputError(f"the configuration '{path}' is not valid TOML: {cause}.") from None
     name = ctx.command.name or ""
     table = content.get(name)
     if not isinstance(table, dict):
@@ -74,8 +80,8 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
         param = known.get(key.replace("-", "_"))
         if param is None:
             raise InputError(
-                f"the configuration '{path}' sets '{key}' in [{name}], which is no option; the "
-                f"options are {', '.join(sorted(map(str, known)))}."
+                f"the configuration '{path}' sets '{key[:40]}' in [{name}], which is no option; "
+                f"the options are {', '.join(sorted(map(str, known)))}."
             )
         suits, wanted = _suits(param, value)
         if not suits:
@@ -105,19 +111,25 @@ def _suits(param: click.Parameter, value: Any) -> tuple[bool, str]:
         return _are_numbers([value], int), "a whole number"
     if isinstance(kind, click.types.FloatParamType):
         return _are_numbers([value], float), "a number"
-    return isinstance(value, str), "a text in quotes"
+    return isinstance(value, str) and "\0" not in value, "a text in quotes"
 
 
 def _are_numbers(values: Any, kind: type) -> bool:
     allowed = int if kind is int else int | float
     return isinstance(values, list) and all(
-        isinstance(value, allowed) and not isinstance(value, bool) for value in values
+        isinstance(value, allowed)
+        and not isinstance(value, bool)
+        and (isinstance(value, float) or abs(value) < _LARGEST_WHOLE)
+        for value in values
     )
 
 
 def _shown(value: Any) -> str:
-    """A value as TOML spells it, near enough for a message."""
-    return str(value).lower() if isinstance(value, bool) else repr(value)
+    """A value as TOML spells it, near enough for a message, and not too long for one."""
+    if isinstance(value, int) and abs(value) >= _LARGEST_WHOLE:
+        return f"a number beyond {_LARGEST_WHOLE}"
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    return text if len(text) <= 80 else f"{text[:80]}..."
 
 
 def write_config(path: Path, command: str, options: dict[str, Any]) -> None:
@@ -190,18 +202,50 @@ def use_compile_cache() -> None:
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
+#: Beyond this, whole numbers are no longer told apart once they are real ones.
+_LARGEST_WHOLE = 2**53
+
+#: What a table's words mean: a line under each table explains those that it uses.
+_TERMS = {
+    "success": "tracked in every frame",
+    "recover": "tracked in the last frame with truth",
+    "unique": "particles that carry different draws of the object",
+}
+
+
 def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table; the first column is left-aligned, numbers right."""
+    """Print a table, and what its terms mean.
+
+    The first column is left-aligned, numbers right.  Nothing in the texts is markup.
+    """
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title=title, title_justify="left")
     for index, column in enumerate(columns):
         table.add_column(column, justify="left" if index == 0 else "right")
+    rows = list(rows)
     for row in rows:
         table.add_row(*row)
     # A pipe or a file has no width: do not cut what is printed there.
-    Console(width=None if sys.stdout.isatty() else 120).print(table)
+    Console(width=None if sys.stdout.isatty() else 120, markup=False, emoji=False).print(table)
+    if terms := _terms([*columns, *(row[0] for row in rows if row)]):
+        click.echo(terms)
+
+
+def _terms(names: Iterable[str]) -> str:
+    """A sentence for each term among a table's columns and rows; "" where there is none."""
+    used: dict[str, str] = {}
+    for name in names:
+        word = name.partition(",")[0].partition(" (")[0]
+        for term, meaning in _TERMS.items():
+            if word.lower().startswith(term) and term not in used:
+                used[term] = f"{word}: {meaning}"
+    if not used:
+        return ""
+    tracked = "tracked: overlapping the truth at all"
+    needs = [tracked] if {"success", "recover"} & used.keys() else []
+    return "; ".join([*used.values(), *needs]) + "."
 
 
 def progress_bar(unit: str) -> Any:
@@ -222,7 +266,7 @@ def progress_bar(unit: str) -> Any:
             return Text("" if task.speed is None else f"{task.speed:.1f} {unit}/s")
 
     return Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         Rate(""),

@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from jaxpf.cli import common
+from jaxpf.cli.memory import check_memory, needed_by
 from jaxpf.cli.options import all_options, declared_options
 
 
@@ -22,10 +23,11 @@ from jaxpf.cli.options import all_options, declared_options
     type=click.Path(path_type=Path),
     default=Path("jaxpf-demo"),
     show_default=True,
-    help="Folder for the results; files of an earlier demo are replaced.",
+    help="Folder for the results.",
 )
+@click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")
 @common.config_option()
-def command(runs: int, seed: int, output: Path, **given: Any) -> None:
+def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -> None:
     """Compare SIR, PS, DPS and SPS on a synthetic scene, and write a video and plots.
 
     Seven objects wander over noise.  A distracter that looks like object 1 appears on top of
@@ -45,24 +47,25 @@ def command(runs: int, seed: int, output: Path, **given: Any) -> None:
         one = options[name]
         given[name] = one.default if value is None else one.checked(value, one.flag)
     particles, sharpness = given["particles"], given["sharpness"]
-    prepare_output_folder(output, overwrite=True)
     common.start_jax()
     import scenes
     from jaxpf.experiments.comparison import compare, scene_tracker
+    from jaxpf.running import RUNS_PER_BATCH
 
-    began = time.perf_counter()
     scene = scenes.make("distracter", seed=seed)
     methods = _orderings(scene.num_objects)
     # The objects' colours are learned once.
     tracker = scene_tracker(
         scene, methods["SIR"], sharpness=sharpness, num_particles=particles, num_runs=runs
     )
+    check_memory(needed_by(tracker, min(runs, RUNS_PER_BATCH)), "ask for fewer particles (-n)")
+    prepare_output_folder(output, overwrite)
     trackers = {name: dataclasses.replace(tracker, ordering=o) for name, o in methods.items()}
     click.echo(
         f"{runs} runs per method, {scene.num_objects} objects, {particles} particles, "
         f"{scene.num_frames} frames"
     )
-    results = {}
+    results, began = {}, time.perf_counter()  # of each method on its own
     seeds = [1000 * (seed + 1) + run for run in range(runs)]
     for result in compare(scene, trackers, seeds):
         results[result.name] = result
@@ -71,6 +74,7 @@ def command(runs: int, seed: int, output: Path, **given: Any) -> None:
             f"{result.name:>4}: object 1 found again in {_percent(recovery, 0)} of the runs "
             f"({time.perf_counter() - began:.1f} s)"
         )
+        began = time.perf_counter()
     common.print_table("smith2004's synthetic test", *_table(results))
     _plot(results, output / "demo.png")
     _overlay(scene, trackers["DPS"], results["DPS"], seeds, output / "overlay.webm")

@@ -9,6 +9,7 @@ import click
 
 from jaxpf import filters
 from jaxpf.cli import common
+from jaxpf.cli.memory import check_memory
 from jaxpf.cli.options import all_options, declared_options
 from jaxpf.errors import InputError
 from jaxpf.targets import targets
@@ -16,6 +17,8 @@ from jaxpf.targets import targets
 #: Options that say where results go or how they are computed, not what they are.
 _NOT_REPEATED = ("config", "output", "dry_run")
 #: Options of a filter that have flags of their own here, for all their variants.
+#: Processes, and host devices of each, which JAX sets up one by one.
+_MOST = 256
 _VARIED = ("method", "order", "swap")
 
 
@@ -132,6 +135,10 @@ def command(**options: Any) -> None:
         )
         prepared = prepare(plan, output, limits)
         evaluation_output.show_plan(prepared, options["workers"], options["devices"])
+        check_memory(
+            options["workers"] * prepared.memory,
+            "ask for fewer particles, workers or frames, or a smaller --memory",
+        )
         if options["dry_run"]:
             return
         results = _carry_out(prepared, options)
@@ -142,9 +149,9 @@ def _check(options: dict[str, Any]) -> None:
     """Refuse what is no matter of the library, and complete what was left open."""
     from jaxpf.evaluation.execution import num_cores
 
-    for name in ("workers", "devices", "memory"):
-        if options[name] is not None and options[name] < 1:
-            raise InputError(f"--{name} {options[name]} must be at least 1.")
+    for name, most in (("workers", _MOST), ("devices", _MOST), ("memory", 2**30)):
+        if options[name] is not None and not 1 <= options[name] <= most:
+            raise InputError(f"--{name} {options[name]} must be from 1 to {most}.")
     options["scene"] = common.resolved_scene(options["scene"])
     options["tracks"] = [
         f"{name}={path}" for name, path in (_pair("--tracks", t, _full) for t in options["tracks"])

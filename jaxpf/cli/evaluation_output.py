@@ -85,9 +85,14 @@ def print_again(folder: Path, runs: int) -> bool:
     """Print what the finished evaluation printed; false if a file is missing or of fewer runs."""
     try:
         printed = json.loads((folder / FINISHED).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        whole = printed.keys() >= {"runs", "tables", "remarks"}
+    except (OSError, ValueError, RecursionError, AttributeError):
         return False
-    if printed["runs"] != runs or not all((folder / name).is_file() for name in _WRITTEN):
+    if (
+        not whole
+        or printed["runs"] != runs
+        or not all((folder / name).is_file() for name in _WRITTEN)
+    ):
         return False
     _print(folder, printed)
     return True

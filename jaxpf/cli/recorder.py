@@ -15,6 +15,9 @@ from jaxpf.cli import common
 from jaxpf.errors import InputError
 from jaxpf.files.versions import versions
 
+#: What an overlay is called that a full disk cut short.
+PARTIAL_OVERLAY = "overlay.partial.webm"
+
 
 class Recorder:
     """Writes everything that a run leaves behind, frame by frame."""
@@ -28,7 +31,8 @@ class Recorder:
         self.target, self.start_at, self.tracker = target, start, tracker
         self.ids = ids = start.ids
         self.colours = object_colours(len(ids))
-        self.lost_frames: dict[str, list[int]] = {str(i): [] for i in ids}
+        self.frames_outside: dict[str, list[int]] = {str(i): [] for i in ids}
+        self.frames_without_likelihood: dict[str, list[int]] = {str(i): [] for i in ids}
         self.num_tracked = self.num_invalid = self.num_impossible = 0
         self.seconds_first = self.seconds_rest = 0.0
         self._stack = contextlib.ExitStack()
@@ -86,6 +90,11 @@ class Recorder:
                     self.seconds_rest += elapsed
                     progress.advance(task)
             progress.update(task, total=self.num_tracked)
+        if self.num_tracked == 0:
+            raise InputError(
+                f"no frame of '{self.source.path}' follows the start frame {start}, so there is "
+                "nothing to track; give a longer video, or an earlier --start."
+            )
 
     def _record(self, number, tracked):
         from jaxpf.evaluation.trackers import shapes_of
@@ -95,10 +104,12 @@ class Recorder:
             shapes_of(self.tracker, self.target, self.start_at, summary.estimate), float
         )
         lost = self._off_frame(found)
-        if getattr(summary, "lost", None) is not None:
-            lost = lost | summary.lost
         for name in self.ids[lost]:
-            self.lost_frames[str(name)].append(number)
+            self.frames_outside[str(name)].append(number)
+        if getattr(summary, "lost", None) is not None:
+            for name in self.ids[summary.lost]:
+                self.frames_without_likelihood[str(name)].append(number)
+            lost = lost | summary.lost
         # A user's tracker may report less than ours do.
         unknown = np.full(len(self.ids), np.nan)
         ess, log_evidence = (float(getattr(summary, n, np.nan)) for n in ("ess", "log_evidence"))
@@ -148,6 +159,8 @@ class Recorder:
         from jaxpf.files.writing import atomic_write
         from jaxpf.media import plotting
 
+        if isinstance(stopped, InputError):
+            self._set_partial_overlay_apart()
         rate = (self.num_tracked - 1) / self.seconds_rest if self.seconds_rest > 0 else None
         content = {
             "parameters": {k: _jsonable(v) for k, v in self.options.items()},
@@ -158,7 +171,8 @@ class Recorder:
             "error": str(stopped) if isinstance(stopped, InputError) else None,
             "video_truncated": self.source.truncated,
             "video_note": self.source.note,
-            "lost_frames": self.lost_frames,
+            "frames_outside": self.frames_outside,
+            "frames_without_likelihood": self.frames_without_likelihood,
             "impossible_frames": self.num_impossible,
             "invalid_likelihoods": self.num_invalid,
             "seconds_first_frame": round(self.seconds_first, 3),
@@ -191,23 +205,48 @@ class Recorder:
         likelihood = getattr(self.tracker.likelihood, "likelihood", self.tracker.likelihood)
         return getattr(likelihood, "method", self.options["likelihood"])
 
+    def _set_partial_overlay_apart(self):
+        """What a full disk cut short must not pass for the overlay."""
+        from jaxpf.files.writing import report_os_errors
+        from jaxpf.media.video import open_frames
+
+        path = self.output / "overlay.webm"
+        if self.video is None or not path.exists():
+            return
+        try:
+            shown = sum(1 for _ in open_frames(path).frames(0))
+        except InputError:
+            shown = 0
+        if shown > self.num_tracked:  # with the start frame
+            return
+        with report_os_errors("rename", path):
+            if shown:
+                path.replace(self.output / PARTIAL_OVERLAY)
+            else:
+                path.unlink()
+        what = f"is {PARTIAL_OVERLAY}" if shown else "was removed"
+        click.echo(f"The overlay is incomplete and {what}.", err=True)
+
     def _tell(self, rate):
         speed = "" if rate is None else f", {rate:.1f} frames/s"
-        click.echo(f"{self.output}: {self.num_tracked} frames tracked{speed}")
-        if self.num_tracked == 0:
-            click.echo("No frame follows the start frame, so nothing was tracked.", err=True)
+        click.echo(f"{self.output}: {_counted(self.num_tracked)} tracked{speed}")
         if self.source.note:
             click.echo(f"Note: {self.source.note}", err=True)
-        for name, frames in self.lost_frames.items():
-            if frames:
-                click.echo(
-                    f"Lost: object {name} in {len(frames)} frame(s), first in frame {frames[0]}.",
-                    err=True,
-                )
+        for where, frames_of in (
+            ("was outside the picture", self.frames_outside),
+            ("had no likelihood for any particle", self.frames_without_likelihood),
+        ):
+            for name, frames in frames_of.items():
+                if frames:
+                    click.echo(
+                        f"Lost: object {name} {where} in {_counted(len(frames))}, first in frame "
+                        f"{frames[0]}.",
+                        err=True,
+                    )
         if self.num_impossible:
             click.echo(
-                f"Warning: {self.num_impossible} frame(s) had no likelihood for any particle; "
-                "their observation was left out.",
+                f"Warning: {_counted(self.num_impossible)} had no likelihood for any particle; "
+                "what was seen there was left out.",
                 err=True,
             )
         if self.num_invalid:
@@ -215,6 +254,10 @@ class Recorder:
                 f"Warning: {self.num_invalid} likelihood(s) were not a number and counted as zero.",
                 err=True,
             )
+
+
+def _counted(frames: int) -> str:
+    return f"{frames} frame{'' if frames == 1 else 's'}"
 
 
 def _jsonable(value: Any) -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 
 from jaxpf import filters
 from jaxpf.cli import common
+from jaxpf.cli.memory import check_memory, needed_by
 from jaxpf.cli.options import (
     all_options,
     declared_options,
@@ -17,8 +18,10 @@ from jaxpf.cli.options import (
     start_options,
     target_of,
 )
-from jaxpf.cli.recorder import Recorder
+from jaxpf.cli.recorder import PARTIAL_OVERLAY, Recorder
+from jaxpf.cli.stopping import announced_stop
 from jaxpf.errors import InputError
+from jaxpf.files.locking import locked
 from jaxpf.options import options_of
 from jaxpf.targets import targets
 from jaxpf.targets.target import Looks, Start, Target
@@ -31,6 +34,7 @@ _CODECS = ("vp9", "vp8")
 _OUTPUTS = (
     "tracks.csv",
     "overlay.webm",
+    PARTIAL_OVERLAY,
     "diagnostics.csv",
     "diagnostics.png",
     "metrics.csv",
@@ -106,30 +110,33 @@ def command(**options: Any) -> None:
     import jax
 
     tracker = _build_tracker(options, target, setup, start, first, source)
+    check_memory(needed_by(tracker), "ask for fewer particles (-n)")
     existed = output.is_dir()
     writing.prepare_output_folder(output, options["overwrite"])
 
     recorder = None
     stopped: KeyboardInterrupt | InputError | None = None
-    try:
-        _remove_outputs(output)
-        _write_repeatable_options(output, options, target)
-        recorder = Recorder(output, source, options, target, start, tracker)
-        with recorder:
-            recorder.start(options["start"], first)
-            recorder.follow(jax.random.key(options["seed"]), frames)
-    except (KeyboardInterrupt, InputError) as error:
-        stopped = error
-    if recorder is not None and (stopped is None or recorder.num_tracked > 0):
-        # What was tracked stays; the first error matters more than another one at the end.
-        with contextlib.suppress(*([] if stopped is None else [InputError])):
-            recorder.finish(stopped, truth)
-    else:
+    with locked(output, "tracking", keep=False):
+        try:
+            _remove_outputs(output)
+            _write_repeatable_options(output, options, target)
+            recorder = Recorder(output, source, options, target, start, tracker)
+            with announced_stop("Finishing: what was tracked is being written."), recorder:
+                recorder.start(options["start"], first)
+                recorder.follow(jax.random.key(options["seed"]), frames)
+        except (KeyboardInterrupt, InputError) as error:
+            stopped = error
+        kept = recorder is not None and (stopped is None or recorder.num_tracked > 0)
+        if recorder is not None and kept:
+            # What was tracked stays; the first error matters more than another one at the end.
+            with contextlib.suppress(*([] if stopped is None else [InputError])):
+                recorder.finish(stopped, truth)
+        else:
+            _remove_outputs(output)
+    if not kept and not existed:
         # Nothing was tracked: leave no half-made folder behind.
-        _remove_outputs(output)
-        if not existed:
-            with contextlib.suppress(OSError):
-                output.rmdir()
+        with contextlib.suppress(OSError):
+            output.rmdir()
     if stopped is not None:
         raise stopped
 

@@ -8,6 +8,7 @@ import click
 
 from jaxpf import filters
 from jaxpf.cli import common
+from jaxpf.cli.memory import check_memory, needed_by
 from jaxpf.cli.options import declared_options, picked, refuse_others
 from jaxpf.errors import InputError
 from jaxpf.names import GRADIENTS, OBJECTIVES
@@ -117,9 +118,12 @@ def command(**options: Any) -> None:
         write_tuned,
     )
     from jaxpf.cli.tune_scenes import divided_scenes
-    from jaxpf.files.writing import prepare_output_folder
+    from jaxpf.files.writing import prepare_output_folder, report_os_errors
     from jaxpf.tuning.checkpoint import NAME
 
+    output = options["output"] or Path(f"jaxpf-tune-{common.scene_name(options['scene'])}")
+    with report_os_errors("write into the output folder", output):
+        continues = (output / NAME).is_file()
     train, unseen = divided_scenes(options)
     common.start_jax()
     from jaxpf import tuning
@@ -134,8 +138,12 @@ def command(**options: Any) -> None:
         training_sequence(scene, before, options["objective"], options["labels"]) for scene in train
     ]
     _check_parameters(sequences[0].tracker, before.of, wanted)
-    output = options["output"] or Path(f"jaxpf-tune-{common.scene_name(options['scene'])}")
-    if not (output / NAME).is_file():
+    longest = max(len(sequence.frames) for sequence in sequences)
+    check_memory(
+        needed_by(sequences[0].tracker, settings.runs, longest),
+        "ask for fewer particles (-n), --runs or --frames",
+    )
+    if not continues:
         prepare_output_folder(output)
     try:
         result = _tune(sequences, wanted, settings, options["objective"], output)

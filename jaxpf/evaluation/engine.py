@@ -14,6 +14,7 @@ from jaxpf.errors import InputError
 from jaxpf.evaluation import store
 from jaxpf.evaluation.batches import Batch, survey, write_batch
 from jaxpf.evaluation.execution import RETRIES, Factory, in_turn
+from jaxpf.evaluation.fingerprint import fingerprint
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
 from jaxpf.evaluation.results import Configuration, Results
 from jaxpf.files.writing import report_os_errors
@@ -98,7 +99,8 @@ def evaluate(
 def finished(plan: Plan, folder: str | os.PathLike[str]) -> Results | None:
     """The results of an evaluation with nothing left to do, or None.
 
-    Neither the scene nor JAX is needed to tell.  Every batch is read to its end.
+    Neither the scene nor JAX is needed to tell.  Every batch is read to its end.  Where the
+    scene's files have changed since, there is something to do: ``prepare`` tells what it means.
 
     Raises:
         InputError: the folder belongs to other settings or another version.
@@ -106,6 +108,8 @@ def finished(plan: Plan, folder: str | os.PathLike[str]) -> Results | None:
     folder = Path(folder)
     settings = store.stored_settings(plan, folder)
     if settings is None or settings["runs"] != plan.runs:
+        return None
+    if settings["scene"].get("files") != fingerprint(plan.scene):
         return None
     results = _opened(plan, folder)
     done, damaged = _surveyed(results, plan.runs)
@@ -133,7 +137,8 @@ def prepare(
         damaged: list[Path] = []
     else:
         about.check_continues(settings, scene, folder)
-        settings = {**settings, "runs": plan.runs}
+        files = fingerprint(plan.scene)
+        settings = {**settings, "runs": plan.runs, "scene": {**settings["scene"], "files": files}}
         results = Results(folder, settings, truth, start)
         configurations = results.configurations
         done, damaged = _surveyed(results, plan.runs)

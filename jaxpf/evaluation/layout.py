@@ -184,7 +184,8 @@ def to_markdown(title: str, tables: Iterable[Table], remarks: Iterable[str]) -> 
 def to_latex(title: str, tables: Iterable[Table], remarks: Iterable[str]) -> str:
     """LaTeX ``table`` environments, which need the package booktabs."""
     parts = ["% \\usepackage{booktabs}"]
-    parts += [f"% {line}" for line in (*NOTES, *remarks)]
+    # On one line each: what follows a line's end would be no comment.
+    parts += [f"% {' '.join(line.split())}" for line in (*NOTES, *remarks)]
     for table in tables:
         body = _tabulate(table.columns, table.rows, "latex_booktabs")
         caption = _latex(f"{title}: {table.title}.")

@@ -24,6 +24,8 @@ from jaxpf.targets import DEFAULT, find_target, targets
 from jaxpf.targets.target import Start, Target
 
 _WHOLE = 2**31
+#: Letters of a tracker's name, which tables and file names hold.
+_LONGEST_NAME = 100
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,6 +83,11 @@ class Plan:
             self._check_whole(name, least, bound)
         names = [*self.tracks, *self.trackers]
         for name in names:
+            if not name.isprintable() or len(name) > _LONGEST_NAME:
+                raise InputError(
+                    f"a tracker cannot be called {name[:_LONGEST_NAME]!r}; give each a name of at "
+                    f"most {_LONGEST_NAME} letters on one line."
+                )
             if not name or name.lower() in known or names.count(name) > 1:
                 raise InputError(
                     f"a tracker cannot be called {name!r}; give each a name of its own that is "

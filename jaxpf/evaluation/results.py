@@ -104,12 +104,17 @@ class Results:
         try:
             with np.load(folder / TRUTH, allow_pickle=False) as content:
                 truth, shapes, sizes = (content[name] for name in ("truth", "start", "sizes"))
-        except (OSError, ValueError, KeyError, EOFError):
+        except Exception:  # there is no end to what a damaged archive raises
             raise InputError(
                 f"'{folder / TRUTH}' is missing or damaged; evaluate into another folder."
             ) from None
         scene = settings["scene"]
-        start = Start(np.array(scene["object_ids"]), shapes, sizes, tuple(scene["parents"]))
+        try:
+            start = Start(np.array(scene["object_ids"]), shapes, sizes, tuple(scene["parents"]))
+        except (KeyError, TypeError, ValueError, OverflowError):
+            raise InputError(
+                f"'{folder / SETTINGS}' describes no evaluation; evaluate into another folder."
+            ) from None
         return cls(folder, settings, truth, start, load_scene)
 
     @property
@@ -214,7 +219,7 @@ def read_settings(folder: Path) -> dict[str, Any]:
         settings = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"'{folder}' holds no evaluation: '{path}' is missing.") from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(
             f"'{path}' cannot be read ({error}); evaluate into another folder."
         ) from None

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.evaluation.fingerprint import fingerprint
 from jaxpf.evaluation.plan import Plan
 from jaxpf.evaluation.results import IMPORTED, OWN, Configuration
 from jaxpf.evaluation.schedule import double_precision
@@ -95,6 +96,7 @@ def new_settings(plan: Plan, scene: Any, of: Target, start: Start) -> dict[str, 
             "width": scene.frames.shape[2],
             "height": scene.frames.shape[1],
             "digest": scene_digest(scene),
+            "files": fingerprint(plan.scene),
         },
         "configurations": [
             {

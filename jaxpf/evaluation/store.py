@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +13,10 @@ from jaxpf.errors import InputError
 from jaxpf.evaluation.batches import FOLDER
 from jaxpf.evaluation.plan import Plan, differences
 from jaxpf.evaluation.results import SETTINGS, TRUTH, read_settings
+from jaxpf.files import locking
+from jaxpf.files.locking import LOCK
 from jaxpf.files.writing import atomic_write, report_os_errors
 from jaxpf.targets.target import Start
-
-LOCK = ".lock"
 
 
 def stored_settings(plan: Plan, folder: Path) -> dict[str, Any] | None:
@@ -79,32 +78,9 @@ def remove_leavings(folder: Path) -> None:
                 path.unlink()
 
 
-@contextlib.contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Keep other processes from evaluating into the same folder at the same time.
-
-    The system drops the lock when the process ends, however it ends.  Where there are no
-    such locks nothing is kept: two processes would do the same work twice, to equal results.
-
-    Raises:
-        InputError: another process holds the folder, or it cannot be written.
-    """
-    with report_os_errors("write into the folder", folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        file = open(folder / LOCK, "w")  # noqa: SIM115 - held open while the lock is
-    with file:
-        try:
-            import fcntl
-
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(
-                f"another process is evaluating into '{folder}'; wait for it, or choose another "
-                "output folder."
-            ) from None
-        except (ImportError, OSError):
-            pass
-        yield
+def locked(folder: Path) -> contextlib.AbstractContextManager[None]:
+    """Keep other processes from evaluating into the same folder; see ``jaxpf.files.locking``."""
+    return locking.locked(folder, "evaluating")
 
 
 def _check_empty(folder: Path) -> None:

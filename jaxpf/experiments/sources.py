@@ -68,7 +68,13 @@ class OwnTracker:
             function = scenes.function_of_text(self.text, self.path, self.function)
         except scenes.SceneError as error:
             raise InputError(_sentence(str(error))) from error
-        return function(scene)
+        try:
+            return function(scene)
+        except InputError:
+            raise
+        except (Exception, SystemExit) as error:
+            cause = scenes.cause_of(error, self.path)
+            raise InputError(f"the tracker {self.place} failed with {cause}.") from error
 
 
 def own_tracker_of(place: str, scene: scenes.Scene) -> Any:

@@ -11,6 +11,8 @@ import numpy as np
 from jaxpf.errors import InputError
 
 HEADERS = ("frame,id,x,y,w,h", "frame,id,x,y,w,h,occ")
+#: A coordinate in pixels, and a frame or an id, beyond which numbers are no longer told apart.
+_FARTHEST, _LARGEST_WHOLE = 1e9, 2**53
 _FORMATS = (
     f"a header '{HEADERS[1]}' (occ may be absent; frames and pixels count from 0), or MOT lines "
     "without header, 'frame,id,x,y,w,h,conf,-1,-1,-1' (counting from 1)"
@@ -144,6 +146,12 @@ def _parse_row(fields: list[str], header: str | None, place: str) -> tuple[float
     for value, name in zip(values[:2], ("frame", "id"), strict=True):
         if value != int(value):
             raise InputError(f"{place} has the {name} {value:g}; give a whole number")
+        if abs(value) >= _LARGEST_WHOLE:
+            field = fields[("frame", "id").index(name)]
+            raise InputError(
+                f"{place} has the {name} {field[:40]}; give one below {_LARGEST_WHOLE}, up to "
+                "which whole numbers are told apart"
+            )
     first = 0 if header is not None else 1
     if values[0] < first:
         convention = "this file counts" if header is not None else "MOT files count"
@@ -154,6 +162,12 @@ def _parse_row(fields: list[str], header: str | None, place: str) -> tuple[float
     occlusion = values[6] if header == HEADERS[1] else -1
     confidence = values[6] if header is None and len(values) > 6 else 1.0
     frame, identity, x, y, width, height = values[:6]
+    if any(abs(value) > _FARTHEST for value in (x, y, width, height)):
+        raise InputError(
+            f"{place} has a box beyond {_FARTHEST:.0f} pixels; give x, y, w and h in pixels"
+        )
+    if abs(occlusion) > _LARGEST_WHOLE or occlusion != int(occlusion):
+        raise InputError(f"{place} has the occ {occlusion:g}; give -1, 0, 1 or 2")
     return frame - first, identity, x - first, y - first, width, height, occlusion, confidence
 
 
@@ -166,8 +180,8 @@ def _number(field: str, column: int, place: str) -> float:
         ) from None
     if not math.isfinite(value):
         raise InputError(
-            f"{place} has '{field}' in column {column}; give a finite number, or delete the line "
-            "if the object is absent"
+            f"{place} has '{field[:40]}' in column {column}; give a finite number, or delete the "
+            "line if the object is absent"
         )
     return value
 

@@ -19,6 +19,8 @@ from jaxpf.errors import InputError
 from jaxpf.files.writing import LineWriter
 
 HEADER = "part,parent,x,y,w,h,angle"
+#: A number beyond which pixels are no longer told apart, and letters of a name.
+_FARTHEST, _LONGEST_NAME = 1e9, 200
 TRACK_HEADER = "frame,part,x,y,w,h,angle"
 
 
@@ -153,11 +155,23 @@ def _lines(path: Path) -> list[tuple[int, list[str]]]:
         reason = (error.strerror or str(error)).lower()
         raise InputError(f"cannot read '{path}': {reason}; check its permissions") from error
     reader = csv.reader(text.splitlines(), skipinitialspace=True)
-    rows = [
-        (reader.line_num, [field.strip() for field in row])
-        for row in reader
-        if any(field.strip() for field in row)
-    ]
+    try:
+        rows = [
+            (reader.line_num, [field.strip() for field in row])
+            for row in reader
+            if any(field.strip() for field in row)
+        ]
+    except csv.Error as error:
+        raise InputError(
+            f"line {reader.line_num} of '{path}' is no CSV ({error}); correct the line"
+        ) from None
+    for line, fields in rows:
+        for column, field in enumerate(fields, start=1):
+            if len(field) > _LONGEST_NAME:
+                raise InputError(
+                    f"line {line} of '{path}' has {len(field)} letters in column {column}, from "
+                    f"'{field[:40]}' on; give at most {_LONGEST_NAME}"
+                )
     if not rows or ",".join(rows[0][1]).lower() != HEADER:
         found = ",".join(rows[0][1])[:80] if rows else ""
         raise InputError(f"'{path}' begins with '{found}'; its first line must be {HEADER}")
@@ -176,10 +190,11 @@ def _number(field: str, column: int, place: str) -> float:
         value = float(field)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
+    if not abs(value) <= _FARTHEST:  # nor NaN
         name = HEADER.split(",")[column - 1]
         raise InputError(
-            f"{place} has '{field[:40]}' for {name} in column {column}; give a finite number"
+            f"{place} has '{field[:40]}' for {name} in column {column}; give a finite number, at "
+            f"most {_FARTHEST:.0f}"
         )
     return value
 

@@ -165,7 +165,9 @@ def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False)
         InputError: it is a file, it is not empty, or it cannot be created or written.
     """
     path = Path(path)
-    if path.exists() and not path.is_dir():
+    with report_os_errors("create the output folder", path):
+        is_file = path.exists() and not path.is_dir()
+    if is_file:
         raise InputError(
             f"output folder '{path}' is a file; choose another --output or remove the file"
         )

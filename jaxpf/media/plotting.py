@@ -9,6 +9,12 @@ import numpy as np
 from jaxpf.files.writing import atomic_write
 from jaxpf.media.overlay import object_colours
 
+#: Of sRGB, about; and how much each primary adds to the luminance, of which white has 1.
+_GAMMA = 2.2
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+#: A luminance that lines on white paper need: a contrast of 2, (1 + .05) / (_LIGHTEST + .05).
+_LIGHTEST = 0.475
+
 
 def new_figure(
     rows: int = 1, columns: int = 1, share_x: bool = False, **options: Any
@@ -29,8 +35,14 @@ def save_figure(figure: Any, path: str | os.PathLike[str], dpi: int = 120) -> No
 
 
 def colours(count: int) -> list[tuple[float, ...]]:
-    """The overlay's colours for matplotlib, so that pictures and plots agree."""
-    return [tuple(rgb / 255) for rgb in object_colours(count).astype(float)]
+    """The overlay's colours for matplotlib, so that pictures and plots agree.
+
+    Those too light to be seen on white paper, such as yellow, are darkened.
+    """
+    linear = (object_colours(count) / 255.0) ** _GAMMA
+    luminance = linear @ _LUMINANCE
+    darkened = linear * np.minimum(1, _LIGHTEST / luminance)[:, None]
+    return [tuple(rgb) for rgb in (darkened ** (1 / _GAMMA)).tolist()]
 
 
 def diagnostics(

@@ -38,19 +38,55 @@ def asked(
         "start": {path: np.asarray(value).tolist() for path, value in start.items()},
         "objective": name,
         "sequences": [sequence.name for sequence in sequences],
-        "content": [_digest(sequence) for sequence in sequences],
         "label": label,
         **dataclasses.asdict(settings),
+        "tracker": [_settings_of(sequence.tracker) for sequence in sequences],
+        # So that no other picture or number slips in; named in words by ``_IN_WORDS``.
+        "frames": [_digest(sequence.frames) for sequence in sequences],
+        "labels": [_digest(sequence.truth) for sequence in sequences],
+        "model": [_digest(sequence.tracker) for sequence in sequences],
     }
     return json.loads(json.dumps(description))
 
 
-def _digest(sequence: TrainingSequence) -> str:
-    """Frames, labels and the tracker's numbers, so that no other picture slips in."""
-    digest = hashlib.sha256(str(jax.tree.structure(sequence.tracker)).encode())
-    for leaf in jax.tree.leaves((sequence.tracker, sequence.frames, sequence.truth)):
+#: What a person is told of a digest that differs.
+_IN_WORDS = {
+    "frames": "other frames",
+    "labels": "other labels",
+    "model": "another model: its noise, its likelihood or what its colours were learned from",
+}
+
+
+def _settings_of(tracker: Any) -> dict[str, Any]:
+    """The tracker's own settings, which have names: ``num_particles``, ``gradient``, ..."""
+    if not dataclasses.is_dataclass(tracker):
+        return {}
+    fields = [field for field in dataclasses.fields(tracker) if field.metadata.get("static")]
+    return {field.name: getattr(tracker, field.name) for field in fields}
+
+
+def _digest(tree: Any) -> str:
+    digest = hashlib.sha256(str(jax.tree.structure(tree)).encode())
+    for leaf in jax.tree.leaves(tree):
+        digest.update(f"{np.shape(leaf)}".encode())
         digest.update(np.ascontiguousarray(leaf).tobytes())
     return digest.hexdigest()[:16]
+
+
+def _change(old: dict[str, Any], new: dict[str, Any]) -> str | None:
+    """The first difference of two ``asked``, in words."""
+    for name in dict.fromkeys([*old, *new]):
+        before, after = old.get(name), new.get(name)
+        if before == after:
+            continue
+        if name in _IN_WORDS:
+            return _IN_WORDS[name]
+        if name == "tracker" and before and after and len(before) == len(after):
+            for one, other in zip(before, after, strict=True):
+                if change := next(iter(differences(one, other)), None):
+                    return change
+        return next(iter(differences({name: before}, {name: after})))
+    return None
 
 
 class Store:
@@ -90,13 +126,15 @@ class Store:
             with np.load(self.path, allow_pickle=False) as content:
                 arrays = dict(content)
             about = json.loads(str(arrays.pop("about")))
+            old = dict(about["asked"])
             descents = [self._descent(i, one, arrays) for i, one in enumerate(about["descents"])]
-        except (OSError, ValueError, KeyError, EOFError) as error:
+        except Exception as error:  # there is no end to what a damaged archive raises
+            cause = " ".join(str(error).split())[:100]
             raise InputError(
-                f"the checkpoint '{self.path}' is damaged ({error}); remove it, or choose another "
+                f"the checkpoint '{self.path}' is damaged ({cause}); remove it, or choose another "
                 "folder."
             ) from None
-        change = next(iter(differences(about["asked"], self.description)), None)
+        change = _change(old, self.description)
         if change is not None:
             raise InputError(
                 f"'{self.path.parent}' was begun with {change}; choose another folder, or ask for "

@@ -120,7 +120,8 @@ def tune(
                 result,
             ) from None
         finally:
-            if store is not None:
+            # Without a step there is nothing to go on from, and another call is free to differ.
+            if store is not None and any(one.num_steps for one in descents):
                 store.write(descents)
     result = summarise(wanted, start, descents, settings)
     if objective == "evidence":

@@ -100,7 +100,7 @@ def test_the_summary_and_the_configuration_name_the_parts(whole_run, parts_file)
     summary = json.loads((output / "summary.json").read_text())
     assert summary["ids"] == list(NAMES)
     assert summary["likelihood_method"] == "sampled"
-    assert summary["lost_frames"] == {name: [] for name in NAMES}
+    assert summary["frames_outside"] == {name: [] for name in NAMES}
     options = tomllib.loads((output / "run.toml").read_text())["track"]
     assert options["method"] == "sps"
     assert options["scale"] == [3, 3, 3.5]

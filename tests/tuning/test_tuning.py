@@ -227,7 +227,7 @@ def test_a_checkpoint_of_other_settings_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"was begun with learning_rate = 0.1, now 0.2"):
         tune(made_sequence(), SCALE, settings=more, folder=tmp_path)
     other = dataclasses.replace(made_sequence(5), name="sequence 0")
-    with pytest.raises(InputError, match="was begun with content"):
+    with pytest.raises(InputError, match="was begun with other frames"):
         tune(other, SCALE, settings=settings, folder=tmp_path)
     (tmp_path / NAME).write_bytes(b"no archive")
     with pytest.raises(InputError, match="is damaged"):

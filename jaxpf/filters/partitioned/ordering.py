@@ -8,7 +8,9 @@ traced, so one compiled kernel serves every ordering of the same number of parti
 The tables always have room for C = P components; what a method does not use is empty.
 """
 
+import operator
 from collections.abc import Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -85,7 +87,7 @@ def ps(order: Sequence[int]) -> Ordering:
     Raises:
         InputError: ``order`` is not a permutation of 0..P-1.
     """
-    return _ordering([order], _all_but_last(len(list(order))))
+    return _ordering([order], _all_but_last(len(_entries(order))))
 
 
 def dps(
@@ -296,18 +298,33 @@ def _all_but_last(num_partitions: int) -> np.ndarray:
 
 
 def _check_count(num_partitions: int) -> None:
+    if isinstance(num_partitions, bool) or not isinstance(num_partitions, int | np.integer):
+        raise InputError(f"num_partitions={num_partitions!r} must be a whole number.")
     if num_partitions < 1:
         raise InputError(f"num_partitions={num_partitions} must be at least 1.")
 
 
 def _check_permutation(order: Sequence[int], num_partitions: int, component: int) -> list[int]:
-    entries = [int(partition) for partition in order]
+    entries = _entries(order)
     if sorted(entries) != list(range(num_partitions)) or not entries:
         raise InputError(
             f"order {entries} of component {component} is not a permutation of "
             f"0..{max(num_partitions - 1, 0)}; name every partition exactly once."
         )
     return entries
+
+
+def _entries(order: Any) -> list[int]:
+    """An order's whole numbers; a text of digits is none."""
+    try:
+        if isinstance(order, str | bytes):
+            raise TypeError
+        return [operator.index(partition) for partition in order]
+    except TypeError:
+        raise InputError(
+            f"order {order!r} is no list of whole numbers; give the partitions by their place from "
+            "0, such as [2, 0, 1]."
+        ) from None
 
 
 def _ordering(
@@ -323,7 +340,7 @@ def _ordering(
     keeps_components: bool = False,
 ) -> Ordering:
     """Fill the tables, padded to at least P components."""
-    num_partitions = len(list(orders[0]))
+    num_partitions = len(_entries(orders[0]))
     table = np.array(
         [_check_permutation(order, num_partitions, c) for c, order in enumerate(orders)], np.int32
     )

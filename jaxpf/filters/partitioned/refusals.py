@@ -1,7 +1,9 @@
 """What a partitioned tracker refuses, before it runs: what cannot work or would be wrong."""
 
+import importlib.util
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
@@ -107,6 +109,33 @@ def check_labels(tracker: Any) -> None:
         )
 
 
+def check_initial(initial: Any) -> None:
+    """Refuse an initial state that is no array of finite, real numbers.
+
+    Raises:
+        InputError: what it is, and where.
+    """
+    if not is_concrete(initial):
+        return
+    try:
+        values = np.asarray(initial)
+    except ValueError:  # rows of different lengths
+        values = np.asarray(None)
+    if jnp.issubdtype(values.dtype, jnp.complexfloating):
+        raise InputError("initial holds complex numbers; give real ones.")
+    if not (jnp.issubdtype(values.dtype, jnp.number) or values.dtype == bool):
+        raise InputError(
+            f"initial is {type(initial).__name__}, no array of numbers; give [P, D], or a sampler "
+            "key -> [P, D]."
+        )
+    wrong = np.argwhere(~np.isfinite(np.asarray(values, float)))
+    if len(wrong):
+        raise InputError(
+            f"initial holds {len(wrong)} value(s) that are not finite, the first at "
+            f"{wrong[0].tolist()}; give finite numbers."
+        )
+
+
 def check_exchange(tracker: Any) -> None:
     """Refuse an exchange that would be biased, given that the ordering has one.
 
@@ -147,8 +176,8 @@ def check_gradient(tracker: Any, *, exchanges: bool) -> None:
     """Refuse variations that are unknown, or that cannot work with the tracker's other parts.
 
     Raises:
-        InputError: an unknown name; ``score`` without ``log_density``; ``transport`` with
-            an epsilon <= 0, or with what needs lineages.
+        InputError: an unknown name; ``score`` without ``log_density``; ``transport`` without
+            its package, with an epsilon <= 0, or with what needs lineages.
     """
     for name, known in (("gradient", GRADIENTS), ("motion_gradient", MOTION_GRADIENTS)):
         if getattr(tracker, name) not in known:
@@ -163,6 +192,10 @@ def check_gradient(tracker: Any, *, exchanges: bool) -> None:
         )
     if tracker.gradient != "transport":
         return
+    if importlib.util.find_spec("ott") is None:
+        raise InputError(
+            "gradient='transport' needs the package ott-jax; pip install 'jaxpf[transport]'."
+        )
     epsilon = tracker.transport_epsilon
     if epsilon is not None and is_concrete(epsilon) and not np.all(np.asarray(epsilon) > 0):
         raise InputError(f"transport_epsilon={epsilon} must be above 0; None is the default, 0.5.")

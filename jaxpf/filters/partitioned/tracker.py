@@ -10,7 +10,7 @@ import numpy as np
 from jaxpf.contract import Tracker
 from jaxpf.filters.partitioned import kernel
 from jaxpf.filters.partitioned.ordering import Ordering, check_tree
-from jaxpf.filters.partitioned.refusals import check_tracker
+from jaxpf.filters.partitioned.refusals import check_initial, check_tracker
 from jaxpf.lowering.threefry import written_out
 from jaxpf.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.state import ParticleState, Summary
@@ -70,6 +70,7 @@ class Partitioned(Tracker):
         tree = (-1,) * self.ordering.num_partitions if self.parents is None else self.parents
         object.__setattr__(self, "parents", check_tree(tree))
         if not callable(self.initial):
+            check_initial(self.initial)
             initial = as_array(self.initial)
             if not jnp.issubdtype(initial.dtype, jnp.floating):
                 initial = initial.astype(jnp.result_type(float))

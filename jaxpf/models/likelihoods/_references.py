@@ -92,7 +92,7 @@ def check_settings(
             raise InputError(f"{name} is {value!r}: choose one of {', '.join(map(repr, known))}.")
     if form == "ratio" and background_frames is None:
         raise InputError(
-            "form is 'ratio', but there is no background_framess: give frames that show what "
+            "form is 'ratio', but there is no background_frames: give frames that show what "
             "the background looks like."
         )
     for name, count in (("num_particles", num_particles or 1), ("num_runs", num_runs)):

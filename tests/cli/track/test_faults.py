@@ -31,8 +31,8 @@ from jaxpf.media.video import open_frames
 def test_a_lost_object_is_reported_marked_and_listed(track, tmp_path):
     outcome = track(*BOXES, "--scale", "1e4,1e4,0", "--frames", 3)  # thrown off the frame
     assert outcome.code == 0
-    assert "Lost: object 1 in 3 frame(s), first in frame 1." in outcome.err
-    assert summary_of(tmp_path / "out")["lost_frames"]["1"] == [1, 2, 3]
+    assert "Lost: object 1 was outside the picture in 3 frames, first in frame 1." in outcome.err
+    assert summary_of(tmp_path / "out")["frames_outside"]["1"] == [1, 2, 3]
     rows = rows_of(tmp_path / "out")
     np.testing.assert_array_equal(rows[:, 6], [1, 1, 0, 0, 0, 0, 0, 0])
 
@@ -42,8 +42,10 @@ def test_a_frame_that_no_particle_explains_is_left_out_and_counted(track, tmp_pa
     scale = ("--scale", "1e4,1e4,0", "--sharpness", "3e38")
     outcome = track(*BOXES, *scale, "--frames", 2, "--no-overlay")
     assert outcome.code == 0
-    assert "Warning: 2 frame(s) had no likelihood for any particle" in outcome.err
-    assert summary_of(tmp_path / "out")["impossible_frames"] == 2
+    assert "Warning: 2 frames had no likelihood for any particle" in outcome.err
+    summary = summary_of(tmp_path / "out")
+    assert summary["impossible_frames"] == 2
+    assert summary["frames_without_likelihood"] == {"1": [1, 2], "2": [1, 2]}
     assert cv2.imread(str(tmp_path / "out" / "diagnostics.png")) is not None
 
 
@@ -65,13 +67,11 @@ def test_a_truncated_video_is_tracked_as_far_as_it_goes_with_a_note(track, place
     assert 0 < summary["frames_tracked"] < LENGTH - 1
 
 
-def test_a_video_of_one_frame_says_that_nothing_was_tracked(track, tmp_path):
+def test_a_video_of_one_frame_is_refused_as_nothing_can_be_tracked(refuse, tmp_path):
     clip = write_lossless_video(tmp_path / "one.avi", [picture(0)])
-    outcome = track(*BOXES, video=clip)
-    assert outcome.code == 0
-    assert "No frame follows the start frame" in outcome.err
-    assert rows_of(tmp_path / "out").shape == (2, 10)
-    assert summary_of(tmp_path / "out")["frames_tracked"] == 0
+    sentence = refuse(*BOXES, video=clip)
+    assert "no frame of" in sentence
+    assert "follows the start frame 0, so there is nothing to track" in sentence
 
 
 def test_a_fault_of_the_video_on_the_way_keeps_what_was_tracked(track, tmp_path):

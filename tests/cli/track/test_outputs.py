@@ -71,7 +71,8 @@ def test_the_summary_holds_parameters_versions_seed_and_timing(whole_run):
     assert summary["frames_tracked"] == LENGTH - 1
     assert summary["interrupted"] is False
     assert summary["error"] is None
-    assert summary["lost_frames"] == {"1": [], "2": []}
+    assert summary["frames_outside"] == {"1": [], "2": []}
+    assert summary["frames_without_likelihood"] == {"1": [], "2": []}
     assert summary["seconds_first_frame"] > 0
     assert summary["frames_per_second"] > 0
     assert {"python", "jax", "jaxlib", "numpy", "jaxpf"} <= set(summary["versions"])

@@ -301,7 +301,7 @@ def test_groups_of_boxes_stand_for_their_members():
     [
         ({"interpolation": "cubic"}, "interpolation is 'cubic'"),
         ({"form": "odds"}, "form is 'odds'"),
-        ({"form": "ratio"}, "there is no background_frames"),
+        ({"form": "ratio"}, "there is no background_frames: "),
     ],
 )
 def test_a_wrong_choice_is_refused(options, words):

@@ -1,0 +1,114 @@
+"""What is too much is refused at once: memory, processes, names, numbers."""
+
+import pytest
+from command_line import jaxpf
+
+from jaxpf.cli import memory
+from jaxpf.errors import InputError
+from jaxpf.evaluation import Plan
+from jaxpf.evaluation.layout import to_latex
+
+LONG = "x" * 300
+
+
+def refused(*arguments):
+    """The one sentence."""
+    outcome = jaxpf(*arguments)
+    assert outcome.code == 2
+    assert "Traceback" not in outcome.err
+    *_, sentence = outcome.err.strip().splitlines()
+    assert sentence.startswith("Error: ")
+    assert len(sentence) < 700
+    return sentence
+
+
+def test_more_memory_than_there_is_is_refused_with_both_sums(monkeypatch):
+    monkeypatch.setattr(memory, "machine_memory", lambda: 8 * 2**30)
+    with pytest.raises(InputError) as caught:
+        memory.check_memory(9.5 * 2**30, "ask for less")
+    assert str(caught.value) == (
+        "this takes about 9.5 GB of memory, and this machine has 8.0 GB; ask for less."
+    )
+    memory.check_memory(7.5 * 2**30, "ask for less")
+
+
+def test_a_machine_tells_its_memory():
+    assert 2**28 < memory.machine_memory() < 2**50
+
+
+def test_an_evaluation_that_does_not_fit_is_refused_also_where_it_is_only_planned(tmp_path):
+    options = ("--methods", "sir", "-n", "100000000", "--likelihood", "integral", "--runs", "25")
+    sentence = refused("evaluate", "distracter", *options, "--dry-run", "-o", tmp_path / "o")
+    assert "GB of memory, and this machine has" in sentence
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_demo_and_a_tuning_that_do_not_fit_are_refused(tmp_path):
+    for command in (("demo",), ("tune", "distracter", "--held-out", "1", "--train-scenes", "1")):
+        sentence = refused(*command, "-n", "500000000", "-o", tmp_path / "o")
+        assert "GB of memory, and this machine has" in sentence
+        assert "fewer particles (-n)" in sentence
+        assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(("flag", "value"), [("devices", 10000), ("workers", 100000)])
+def test_processes_and_devices_are_bounded(flag, value):
+    sentence = refused("evaluate", "distracter", f"--{flag}", value)
+    assert f"--{flag} {value} must be from 1 to 256." in sentence
+
+
+@pytest.mark.parametrize("command", ["evaluate", "tune"])
+def test_a_folder_whose_name_is_too_long_is_refused(command):
+    assert "file name too long" in refused(command, "distracter", "-o", LONG)
+    assert "file name too long" in refused(command, "distracter", "--config", LONG)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[demo]\nruns = " + "[" * 20_000, "is nested too deeply"),
+        ("[demo]\nruns = " + "9" * 5000, "is not valid TOML: Exceeds the limit"),
+        ("[demo]\nruns = " + "9" * 400, "to a number beyond 9007199254740992"),
+        ('[demo]\noutput = "a\\u0000b"', "give a text in quotes"),
+        ("[demo]\nruns = '" + "y" * 5000 + "'", "yyy...; give a whole number"),
+    ],
+)
+def test_a_hostile_configuration_is_refused(tmp_path, text, said):
+    (tmp_path / "c.toml").write_text(text)
+    assert said in refused("demo", "--config", tmp_path / "c.toml")
+
+
+def test_a_demo_replaces_nothing_unasked(tmp_path):
+    (tmp_path / "mine.txt").touch()
+    sentence = refused("demo", "--runs", 1, "-n", 20, "-o", tmp_path)
+    assert "is not empty (it holds 'mine.txt')" in sentence
+    assert "--overwrite" in sentence
+
+
+@pytest.mark.parametrize("name", ["two\nlines", "x" * 101, "bell\a"])
+def test_a_trackers_name_fits_a_table(name):
+    with pytest.raises(InputError, match="a tracker cannot be called"):
+        Plan("distracter", methods=(), tracks={name: "file.csv"})
+
+
+def test_a_remark_of_several_lines_stays_a_comment_of_latex():
+    text = to_latex("title", [], ["one\n\\input{/etc/passwd}"])
+    assert all(line.startswith("%") for line in text.splitlines() if line)
+
+
+@pytest.mark.parametrize("kind", ["scene", "tracker", "import"])
+def test_a_users_function_that_fails_is_told_by_file_and_line(tmp_path, kind):
+    path = tmp_path / "mine.py"
+    body = "def scene(seed=0):\n    return 1 / 0\n\n\n"
+    body += "def tracker(scene):\n    raise ValueError('[/red]')\n"
+    path.write_text("\n1 / 0\n" if kind == "import" else body)
+    scene = (
+        ("distracter", "--tracker", f"{path}:tracker") if kind == "tracker" else (f"{path}:scene",)
+    )
+    sentence = refused("evaluate", *scene, "-o", tmp_path / "o")
+    said = {
+        "scene": "failed with ZeroDivisionError: division by zero, at line 2 of",
+        "tracker": "failed with ValueError: [/red], at line 6 of",
+        "import": "cannot be imported (ZeroDivisionError: division by zero, at line 2 of",
+    }
+    assert said[kind] in sentence

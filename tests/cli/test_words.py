@@ -1,0 +1,58 @@
+"""What the command line prints says what it means."""
+
+import re
+import types
+
+import numpy as np
+from command_line import jaxpf
+
+from jaxpf.cli import common, demo
+from jaxpf.media import plotting
+
+
+def test_a_table_explains_the_terms_that_it_uses_and_no_others(capsys):
+    common.print_table(
+        "A",
+        ["", "recovery, object 1", "success (%)", "unique", "overlap"],
+        [["DPS", "1", "2", "3", "4"]],
+    )
+    *_, line = capsys.readouterr().out.strip().splitlines()
+    assert line == (
+        "recovery: tracked in the last frame with truth; success: tracked in every frame; unique: "
+        "particles that carry different draws of the object; tracked: overlapping the truth at all."
+    )
+    common.print_table("B", ["", "before"], [["centre_error", "4"]])
+    assert ":" not in capsys.readouterr().out
+    common.print_table("C", ["", "before"], [["success", "4"]])
+    assert "success: tracked in every frame; tracked: " in capsys.readouterr().out
+
+
+def test_names_in_a_table_are_no_markup(capsys):
+    common.print_table("[/bold]", ["", "x"], [["[/red]:smile:", "1"]])
+    shown = capsys.readouterr().out
+    assert "[/bold]" in shown
+    assert "[/red]:smile:" in shown
+
+
+def test_a_name_in_the_progress_bar_is_no_markup(capsys):
+    with common.progress_bar("runs") as bar:
+        bar.add_task("[/red]", total=1)
+    assert "[/red]" in capsys.readouterr().err
+
+
+def test_lines_of_plots_show_on_white_paper():
+    linear = np.array(plotting.colours(21)) ** 2.2
+    contrast = 1.05 / (linear @ [0.2126, 0.7152, 0.0722] + 0.05)
+    assert contrast.min() > 1.99
+    assert len({tuple(np.round(colour, 2)) for colour in plotting.colours(7)}) == 7
+
+
+def test_the_demo_tells_each_methods_own_time(tmp_path, monkeypatch):
+    clock = iter([100.0, 101.0, 101.5, 103.5, 104.0, 108.0, 109.0, 117.0, 120.0])
+    monkeypatch.setattr(demo, "time", types.SimpleNamespace(perf_counter=lambda: next(clock)))
+    monkeypatch.setattr(demo, "_plot", lambda *_: None)
+    monkeypatch.setattr(demo, "_overlay", lambda *_: None)
+    outcome = jaxpf("demo", "--runs", 2, "-n", 20, "-o", tmp_path / "demo")
+    assert outcome.code == 0, outcome.err
+    assert re.findall(r"\((.*) s\)", outcome.out) == ["1.0", "2.0", "4.0", "8.0"]
+    assert "success: tracked in every frame" in outcome.out

@@ -1,0 +1,165 @@
+"""What holds for every box, part tree, order and option, not only for those that we thought of."""
+
+import csv
+import math
+
+import click
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jaxpf import InputError
+from jaxpf.cli import common
+from jaxpf.files import tracks
+from jaxpf.files.parts import HEADER, read_parts
+from jaxpf.filters.partitioned import ordering
+from jaxpf.options import Option
+
+#: The same cases every time, and no more than a glance takes.
+EVERY = settings(max_examples=60, deadline=None, derandomize=True, database=None)
+
+coordinates = st.floats(-1e6, 1e6)
+extents = st.floats(0.01, 1e6)
+boxes = st.tuples(coordinates, coordinates, extents, extents)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return tmp_path_factory.mktemp("properties") / "file"
+
+
+@EVERY
+@given(box=boxes)
+def test_a_typed_box_is_read_as_it_was_meant(box):
+    assert tracks.parse_box(",".join(map(repr, box))).tolist() == list(box)
+
+
+@EVERY
+@given(text=st.text(max_size=40))
+def test_any_text_is_a_box_or_refused(text):
+    try:
+        box = tracks.parse_box(text)
+    except InputError as refusal:
+        assert str(refusal)  # noqa: PT017
+    else:
+        assert np.isfinite(box).all()
+        assert (box[2:] > 0).all()
+
+
+@EVERY
+@given(rows=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 2**52), boxes), min_size=1,
+                     unique_by=lambda row: row[:2]))  # fmt: skip
+def test_tracks_are_read_as_they_were_written(file, rows):
+    frames, ids, places = zip(*rows, strict=True)
+    tracks.write_mot(file, frames, ids, places)
+    table = tracks.read_boxes(file)
+    assert table.frame.tolist() == list(frames)
+    assert table.id.tolist() == list(ids)
+    np.testing.assert_allclose(table.box, places, atol=0.00051, rtol=1e-12)
+
+
+@st.composite
+def trees(draw):
+    """Parents in any order, -1 for the only root, of some permutation of parts."""
+    count = draw(st.integers(1, 8))
+    parents = [-1] + [draw(st.integers(0, part - 1)) for part in range(1, count)]
+    place = draw(st.permutations(range(count)))
+    found = [0] * count
+    for part, parent in enumerate(parents):
+        found[place[part]] = -1 if parent < 0 else place[parent]
+    return found
+
+
+@EVERY
+@given(parents=trees(), data=st.data())
+def test_any_tree_of_parts_is_read_as_it_was_written(file, parents, data):
+    word = st.text(st.characters(codec="utf-8", categories=["L", "N"]), min_size=1, max_size=9)
+    names = data.draw(st.lists(word, min_size=len(parents), max_size=len(parents), unique=True))
+    numbers = [data.draw(st.tuples(coordinates, coordinates, extents, extents, coordinates))
+               for _ in parents]  # fmt: skip
+    with open(file, "w", encoding="utf-8", newline="") as out:
+        lines = csv.writer(out)
+        lines.writerow(HEADER.split(","))
+        for name, parent, values in zip(names, parents, numbers, strict=True):
+            lines.writerow([name, names[parent] if parent >= 0 else "", *map(repr, values)])
+    parts = read_parts(file)
+    assert parts.names == tuple(names)
+    assert parts.parents == tuple(parents)
+    np.testing.assert_array_equal(parts.sizes, np.array(numbers)[:, 2:4])
+    degrees = np.array(numbers)[:, 4]
+    np.testing.assert_allclose(np.rad2deg(parts.poses[:, 2]), degrees, rtol=1e-12, atol=1e-300)
+
+
+@EVERY
+@given(order=st.integers(1, 9).flatmap(lambda count: st.permutations(range(count))))
+def test_every_permutation_is_an_order_whose_rank_undoes_it(order):
+    made = ordering.ps(order)
+    assert np.asarray(made.order)[0].tolist() == list(order)
+    assert [int(np.asarray(made.rank)[0][part]) for part in order] == list(range(len(order)))
+    assert float(np.sum(np.asarray(made.fractions))) == 1.0
+
+
+@EVERY
+@given(order=st.lists(st.integers(-2, 5), max_size=6))
+def test_what_is_no_permutation_is_no_order(order):
+    if sorted(order) == list(range(len(order))) and order:
+        return
+    with pytest.raises(InputError, match="not a permutation"):
+        ordering.ps(order)
+
+
+@EVERY
+@given(parents=trees())
+def test_parts_are_treated_after_their_parents_whatever_the_tree(parents):
+    rank = np.asarray(ordering.sps(parents).rank)[0]
+    assert all(rank[part] > rank[parent] for part, parent in enumerate(parents) if parent >= 0)
+
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=4),
+    max_leaves=5,
+)
+
+
+@EVERY
+@given(value=anything, kind=st.sampled_from([int, float, str, bool]), length=st.integers(-1, 3))
+def test_an_option_has_its_type_and_bounds_or_is_refused(value, kind, length):
+    if kind in (str, bool):
+        length = 0
+    one = Option("x", kind(), kind, "Help.", length=length, least=-5, most=100)
+    try:
+        found = one.checked(value)
+    except InputError as refusal:
+        assert "x = " in str(refusal)  # noqa: PT017
+        return
+    assert one.checked(found) == found, "checking again changes nothing"
+    values = found if length else (found,)
+    assert all(type(entry) is kind for entry in values)
+    if kind in (int, float):
+        assert all(-5 <= entry <= 100 and math.isfinite(entry) for entry in values)
+    assert length <= 0 or len(values) == length
+
+
+@click.command("a")
+@click.option("--runs", type=int)
+@click.option("--share", type=float)
+@click.option("--name", type=str)
+@click.option("--scale", type=common.NumberList(float))
+@common.config_option()
+def command(**options):
+    return options
+
+
+@EVERY
+@given(
+    runs=st.integers(-(2**53) + 1, 2**53 - 1),
+    share=st.floats(allow_nan=False, allow_infinity=False),
+    name=st.text(st.characters(codec="utf-8", exclude_characters="\0\r"), max_size=20),
+    scale=st.lists(st.floats(allow_nan=False, allow_infinity=False), max_size=4),
+)
+def test_a_written_configuration_repeats_the_options(file, runs, share, name, scale):
+    written = {"runs": runs, "share": share, "name": name, "scale": scale}
+    common.write_config(file, "a", written)
+    assert command.main(["--config", str(file)], standalone_mode=False) == written

@@ -1,0 +1,80 @@
+"""Checkpoints: what another call, a missing package or a damaged file leads to."""
+
+import dataclasses
+import importlib.util
+import zipfile
+
+import numpy as np
+import pytest
+from small_tuning import QUICK, SCALE, made_sequence, tracker
+
+from jaxpf import tuning
+from jaxpf.errors import InputError
+from jaxpf.tuning.checkpoint import NAME, Store
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("begun")
+    tuning.tune(made_sequence(), SCALE, settings=QUICK, folder=folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ({"gradient": "stop_gradient"}, "begun with gradient = none, now stop_gradient"),
+        ({"resampling": "multinomial"}, "begun with resampling = systematic, now multinomial"),
+    ],
+)
+def test_what_differs_from_a_checkpoint_is_told_in_words(begun, other, said):
+    with pytest.raises(InputError, match=said):
+        tuning.tune(made_sequence(**other), SCALE, settings=QUICK, folder=begun)
+
+
+def test_another_model_is_told_in_words(begun):
+    sequence = dataclasses.replace(made_sequence(), tracker=tracker(noise=2.0))
+    with pytest.raises(InputError, match="was begun with another model: its noise"):
+        tuning.tune(sequence, SCALE, settings=QUICK, folder=begun)
+
+
+def test_other_frames_are_told_in_words(begun):
+    sequence = made_sequence()
+    sequence.frames[3] += 1
+    with pytest.raises(InputError, match="was begun with other frames;"):
+        tuning.tune(sequence, SCALE, settings=QUICK, folder=begun)
+
+
+def test_a_missing_package_is_told_before_there_is_a_checkpoint(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"needs the package ott-jax; pip install"):
+        tracker(gradient="transport")
+
+
+def test_a_call_that_made_no_step_leaves_no_checkpoint(tmp_path):
+    def fails(tracker, keys, frames):
+        raise InputError("no package")
+
+    with pytest.raises(InputError, match="no package"):
+        tuning.tune(made_sequence(), SCALE, objective=fails, settings=QUICK, folder=tmp_path)
+    assert not (tmp_path / NAME).exists()
+
+
+@pytest.mark.parametrize("part", [0.0, 0.01, 0.3, 0.6, 0.9, 0.999])
+def test_a_truncated_checkpoint_is_one_sentence(begun, tmp_path, part):
+    data = (begun / NAME).read_bytes()
+    (tmp_path / NAME).write_bytes(data[: int(part * len(data))])
+    with pytest.raises(InputError, match=r"checkpoint.npz' is damaged .*; remove it") as caught:
+        Store(tmp_path, {}).read()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_checkpoint_of_something_else_is_one_sentence(tmp_path):
+    for about in ("[]", "{}", '{"asked": 3, "descents": []}', "[" * 100_000):
+        np.savez(tmp_path / NAME, about=np.array(about))
+        with pytest.raises(InputError, match="is damaged"):
+            Store(tmp_path, {}).read()
+    with zipfile.ZipFile(tmp_path / NAME, "w") as archive:
+        archive.writestr("about.npy", b"no array")
+    with pytest.raises(InputError, match="is damaged"):
+        Store(tmp_path, {}).read()

@@ -22,7 +22,7 @@ class Recorder:
     def __init__(self, output, source, options, target, start, tracker):
         from jaxpf.files.writing import report_os_errors
         from jaxpf.media.overlay import object_colours
-        from jaxpf.media.video_writer import VideoWriter
+        from jaxpf.media.video_writer import SUFFIXES, VideoWriter
 
         self.output, self.source, self.options = output, source, options
         self.target, self.start_at, self.tracker = target, start, tracker
@@ -43,11 +43,10 @@ class Recorder:
         if options["overlay"]:
             self.video = self._stack.enter_context(
                 VideoWriter(
-                    output / "overlay.webm",
+                    output / f"overlay{SUFFIXES[options['codec']]}",
                     source.width,
                     source.height,
                     source.fps,
-                    codec=options["codec"],
                 )
             )
 

@@ -129,8 +129,8 @@ class VideoWriter:
         except av.FFmpegError as error:
             raise InputError(
                 f"cannot write video '{self.path}': the encoder of {self.codec} refuses frames of "
-                f"{self._shape[1]}x{self._shape[0]} pixels ({str(error.strerror).lower()}); choose the "
-                f"codec {other}"
+                f"{self._shape[1]}x{self._shape[0]} pixels ({str(error.strerror).lower()}); choose "
+                f"the codec {other}"
             ) from None
         return container, stream
 

@@ -55,6 +55,9 @@ def test_every_run_and_object_has_a_row(by_hand):
         ("precision", [0.75, 1, 1, math.nan, 1, math.nan, 1, 1]),
         ("precision_all", [0.75, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
         ("overlap", [(1 + 1 / 3) / 2, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
+        # Of SIR's first run one frame overlaps by a third.
+        ("success_half", [0.5, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
+        ("success_area", [(20 + 7) / 42, 20 / 21, 10 / 21, 0, 10 / 21, 0, 10 / 21, 20 / 21]),
         ("distance_precision", [1, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
         # A box that is not there has no centre.
         ("located_frames", [2, 1, 2, 1, 2, 0, 2, 1]),

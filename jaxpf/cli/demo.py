@@ -77,13 +77,13 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
         began = time.perf_counter()
     common.print_table("smith2004's synthetic test", *_table(results))
     _plot(results, output / "demo.png")
-    _overlay(scene, trackers["DPS"], results["DPS"], seeds, output / "overlay.webm")
+    _overlay(scene, trackers["DPS"], results["DPS"], seeds, output / "overlay.mp4")
     common.write_config(
         output / "run.toml",
         "demo",
         {"runs": runs, "seed": seed, "particles": particles, "sharpness": sharpness},
     )
-    click.echo(f"{output}/: overlay.webm, demo.png, run.toml")
+    click.echo(f"{output}/: overlay.mp4, demo.png, run.toml")
 
 
 def _orderings(num_objects: int) -> dict[str, Any]:
@@ -161,7 +161,7 @@ def _overlay(scene: Any, tracker: Any, result: Any, seeds: list[int], path: Path
     ids = list(range(1, scene.num_objects + 1))
     colours = overlay.object_colours(len(ids))
     zoom, (height, width) = 2, scene.frames.shape[1:3]
-    with VideoWriter(path, zoom * width, zoom * height, 8, codec="vp8") as video:
+    with VideoWriter(path, zoom * width, zoom * height, 8) as video:
         for tracked in stream(tracker, jax.random.key(seeds[0]), scene.frames[1:]):
             frame = cv2.resize(
                 tracked.frame, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_NEAREST

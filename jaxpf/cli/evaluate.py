@@ -27,7 +27,8 @@ _VARIED = ("method", "order", "swap")
 @click.option(
     "--methods",
     help=f"Names, separated by commas: {', '.join(filters.methods())}; `jaxpf track --help` says "
-    "what they are.  [default: sir, ps, dps and sps, as far as they suit the scene]",
+    "what they are.  [default: sir, ps, dps and sps, as far as they suit the scene; sir alone for "
+    "one object]",
 )
 @click.option(
     "--orders",
@@ -82,6 +83,13 @@ _VARIED = ("method", "order", "swap")
     help="A tracker of your own, a function of the scene that returns a tracker or boxes "
     "[T, P, 4]; repeat it.",
 )
+@click.option(
+    "--baseline",
+    "baselines",
+    multiple=True,
+    help="What people would use instead, beside the methods: mil (OpenCV's), csrt, kcf (where "
+    "opencv-contrib is installed), meanshift, still (boxes that never move); several with commas.",
+)
 @click.option("--workers", default=1, show_default=True, help="Processes that share the work.")
 @click.option(
     "--devices",
@@ -133,6 +141,8 @@ def command(**options: Any) -> None:
             workers=options["workers"],
             devices=options["devices"],
         )
+        if options["baselines"]:
+            click.echo(f"Baselines come first: {', '.join(options['baselines'])}", err=True)
         prepared = prepare(plan, output, limits)
         evaluation_output.show_plan(prepared, options["workers"], options["devices"])
         check_memory(
@@ -157,12 +167,15 @@ def _check(options: dict[str, Any]) -> None:
         f"{name}={path}" for name, path in (_pair("--tracks", t, _full) for t in options["tracks"])
     ]
     options["trackers"] = [f"{name}={place}" for name, place in map(_own, options["trackers"])]
+    named = [name for text in options["baselines"] for name in common.names_in(text)]
+    options["baselines"] = list(dict.fromkeys(named))
     options["devices"] = options["devices"] or max(1, num_cores() // options["workers"])
 
 
 def _plan(options: dict[str, Any]) -> Any:
     """The library's plan for what was typed."""
     from jaxpf.evaluation import Plan
+    from jaxpf.evaluation.baselines import baselines
     from jaxpf.experiments.sources import OwnTracker, load_scene
 
     parameters = dict(_pair("--set", text, _value) for text in options["parameters"])
@@ -171,6 +184,9 @@ def _plan(options: dict[str, Any]) -> Any:
     for flag, given in (("tracks", tracks), ("tracker", trackers)):
         if len(given) < len(options[{"tracker": "trackers"}.get(flag, flag)]):
             raise InputError(f"--{flag} gives a name twice; give each file a name of its own.")
+    theirs = baselines(options["baselines"])
+    for name in theirs.keys() & trackers.keys():
+        raise InputError(f"--tracker {name!r} is the name of a baseline; give it another one.")
     return Plan(
         scene=functools.partial(
             load_scene,
@@ -189,7 +205,7 @@ def _plan(options: dict[str, Any]) -> Any:
         runs=options["runs"],
         seed=options["seed"],
         tracks=tracks,
-        trackers=trackers,
+        trackers=trackers | theirs,
     )
 
 

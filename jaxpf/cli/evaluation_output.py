@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from jaxpf.cli import common
+from jaxpf.evaluation.results import OWN
 from jaxpf.files.writing import atomic_write
 from jaxpf.options import plain
 
@@ -30,13 +31,14 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
         click.echo(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
     if prepared.damaged:
         click.echo(f"{len(prepared.damaged)} damaged file(s) will be made again.")
+    has_own = any(one.kind == OWN for one in prepared.configurations)
     place = f"on {devices} device{'s' if devices > 1 else ''}"
     if workers > 1:
         place = f"in each of {workers} processes {place}"
     click.echo(
         f"{prepared.missing_runs} runs to do: about {_duration(prepared.seconds)}, about "
         f"{prepared.memory / 2**30:.1f} GB of memory {place}"
-        + (", trackers of your own not counted" if prepared.plan.trackers else "")
+        + (", trackers of your own not counted" if has_own else "")
     )
 
 

@@ -15,9 +15,6 @@ from jaxpf.cli import common
 from jaxpf.errors import InputError
 from jaxpf.files.versions import versions
 
-#: What an overlay is called that a full disk cut short.
-PARTIAL_OVERLAY = "overlay.partial.webm"
-
 
 class Recorder:
     """Writes everything that a run leaves behind, frame by frame."""
@@ -25,7 +22,7 @@ class Recorder:
     def __init__(self, output, source, options, target, start, tracker):
         from jaxpf.files.writing import report_os_errors
         from jaxpf.media.overlay import object_colours
-        from jaxpf.media.video_writer import VideoWriter
+        from jaxpf.media.video_writer import SUFFIXES, VideoWriter
 
         self.output, self.source, self.options = output, source, options
         self.target, self.start_at, self.tracker = target, start, tracker
@@ -47,11 +44,10 @@ class Recorder:
         if options["overlay"]:
             self.video = self._stack.enter_context(
                 VideoWriter(
-                    output / "overlay.webm",
+                    output / f"overlay{SUFFIXES[options['codec']]}",
                     source.width,
                     source.height,
                     source.fps,
-                    codec=options["codec"],
                 )
             )
 
@@ -159,8 +155,6 @@ class Recorder:
         from jaxpf.files.writing import atomic_write
         from jaxpf.media import plotting
 
-        if isinstance(stopped, InputError):
-            self._set_partial_overlay_apart()
         rate = (self.num_tracked - 1) / self.seconds_rest if self.seconds_rest > 0 else None
         content = {
             "parameters": {k: _jsonable(v) for k, v in self.options.items()},
@@ -204,28 +198,6 @@ class Recorder:
             return None
         likelihood = getattr(self.tracker.likelihood, "likelihood", self.tracker.likelihood)
         return getattr(likelihood, "method", self.options["likelihood"])
-
-    def _set_partial_overlay_apart(self):
-        """What a full disk cut short must not pass for the overlay."""
-        from jaxpf.files.writing import report_os_errors
-        from jaxpf.media.video import open_frames
-
-        path = self.output / "overlay.webm"
-        if self.video is None or not path.exists():
-            return
-        try:
-            shown = sum(1 for _ in open_frames(path).frames(0))
-        except InputError:
-            shown = 0
-        if shown > self.num_tracked:  # with the start frame
-            return
-        with report_os_errors("rename", path):
-            if shown:
-                path.replace(self.output / PARTIAL_OVERLAY)
-            else:
-                path.unlink()
-        what = f"is {PARTIAL_OVERLAY}" if shown else "was removed"
-        click.echo(f"The overlay is incomplete and {what}.", err=True)
 
     def _tell(self, rate):
         speed = "" if rate is None else f", {rate:.1f} frames/s"

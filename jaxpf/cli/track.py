@@ -18,23 +18,22 @@ from jaxpf.cli.options import (
     start_options,
     target_of,
 )
-from jaxpf.cli.recorder import PARTIAL_OVERLAY, Recorder
+from jaxpf.cli.recorder import Recorder
 from jaxpf.cli.stopping import announced_stop
 from jaxpf.errors import InputError
 from jaxpf.files.locking import locked
+from jaxpf.media.video_writer import SUFFIXES
 from jaxpf.options import options_of
 from jaxpf.targets import targets
 from jaxpf.targets.target import Looks, Start, Target
 
 #: Where a method has a number of its own, by which histograms choose their way.
 _PARTICLES = 300
-_CODECS = ("vp9", "vp8")
-
 #: Everything that a run may leave in its output folder.
 _OUTPUTS = (
     "tracks.csv",
+    "overlay.mp4",
     "overlay.webm",
-    PARTIAL_OVERLAY,
     "diagnostics.csv",
     "diagnostics.png",
     "metrics.csv",
@@ -76,9 +75,9 @@ _OUTPUTS = (
 )
 @click.option(
     "--codec",
-    default="vp9",
+    default="h264",
     show_default=True,
-    help="Of the overlay: vp9, or vp8 (several times faster to write, larger).",
+    help="Of the overlay: h264 (overlay.mp4), or vp9 (overlay.webm, smaller and slower to write).",
 )
 @common.config_option()
 def command(**options: Any) -> None:
@@ -87,7 +86,7 @@ def command(**options: Any) -> None:
     The start boxes come from --box (repeated) or from --boxes with --ids, the parts of an
     articulated object from --parts-file.  Filtering begins with the frame after the start
     frame.  The output folder receives tracks.csv (MOT format; of parts, in the columns
-    frame,part,x,y,w,h,angle), overlay.webm, diagnostics.csv and .png, summary.json, and
+    frame,part,x,y,w,h,angle), overlay.mp4, diagnostics.csv and .png, summary.json, and
     run.toml, which repeats the run: `jaxpf track --config run.toml -o ANOTHER`.
 
     Example: jaxpf track clip.mp4 --box 120,80,40,90 --box 300,85,42,88
@@ -208,9 +207,9 @@ def _prefer_command_line(options: dict[str, Any]) -> None:
 
 
 def _check_options(options: dict[str, Any], target: Target) -> None:
-    if options["codec"] not in _CODECS:
+    if options["codec"] not in SUFFIXES:
         raise InputError(
-            f"--codec {options['codec']!r} is unknown; choose one of {', '.join(_CODECS)}."
+            f"--codec {options['codec']!r} is unknown; choose one of {', '.join(SUFFIXES)}."
         )
     if options["start"] < 0:
         raise InputError(f"--start {options['start']} must be at least 0.")

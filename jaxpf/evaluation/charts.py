@@ -49,7 +49,7 @@ def rates(results: Results, tables: Tables) -> Any:
 
 
 def differences(results: Results, tables: Tables, places: Sequence[int]) -> Any:
-    """Paired differences of four measures, for the objects at ``places``."""
+    """Paired differences of the measures that are compared, for the objects at ``places``."""
     summaries = tables.summaries
     compared = [summary for summary in summaries if summary.reference is not None]
     figure, axes = _forest(compared, len(COMPARED), 2.0)

@@ -74,7 +74,7 @@ def make_clip(
     colours = object_colours(start.num_partitions)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "clip.webm"
-        with VideoWriter(path, width, height, rate, codec="vp8") as video:
+        with VideoWriter(path, width, height, rate) as video:
             for index in chosen:
                 kind = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
                 picture = cv2.resize(frames[index], (width, height), interpolation=kind)

@@ -16,14 +16,17 @@ if TYPE_CHECKING:
 HEADLINE = tuple(
     by_name(name)
     for name in (
-        *("success", "recovered", "precision", "recall", "overlap"),
-        *("centre_error", "corner_error", "uniqueness"),
+        *("success_half", "success_area", "success", "recovered", "precision", "recall"),
+        *("overlap", "centre_error", "corner_error", "uniqueness"),
     )
 )
 #: Measures that a terminal of 120 columns has room for.
 PRINTED = HEADLINE[:6]
 #: Measures whose differences the tables show.
-COMPARED = tuple(by_name(name) for name in ("success", "recovered", "overlap", "centre_error"))
+COMPARED = tuple(
+    by_name(name)
+    for name in ("success_half", "success_area", "success", "recovered", "centre_error")
+)
 #: Below this a difference is marked, after Holm's correction.
 SIGNIFICANT = 0.05
 
@@ -32,9 +35,12 @@ NOTES = (
     "of a run add to the value, not to the certainty. Rates have Wilson's interval (over all "
     "objects, at the effective number of trials); means have the normal interval of their "
     "standard error over runs.",
-    "Success: tracked, that is, overlapping the truth at all, in every frame. Recovery: tracked "
-    "in the last frame with truth. Precision and recall are over tracked frames, overlap "
-    "(intersection over union) over all frames with truth. The start frame never counts.",
+    "Overlap is intersection over union. Success at .5: the share of frames whose overlap exceeds "
+    ".5. Success area: the mean of that share over all thresholds from 0 to 1 (Wu, Lim and Yang "
+    "2013). Smith2004's success and recovery ask for one shared pixel only, in every frame of a "
+    "run or in its last one with truth, and do not say how well a box fits. Precision and recall "
+    "are over the frames that share a pixel, the others over all frames with truth. The start "
+    "frame never counts.",
     "Differences are paired by run: equal seeds share their random numbers. Differences of rates "
     "have Newcombe's interval (method 10) for one object and are tested by McNemar's exact test; "
     "those of means have Student's interval and test of the runs' differences. A star marks "

@@ -20,6 +20,8 @@ COORDINATES = ("u", "v", "a")
 
 #: Pixels within which a centre counts as found, by which OTB ranks trackers (wu2013).
 DISTANCE = 20
+#: Overlap above which a box counts as right (wu2013).
+HALF = 0.5
 _RUNS_AT_ONCE = 256
 _BOXES_AT_ONCE = 2**17
 
@@ -59,15 +61,16 @@ SCORES = (
 FRAMES, TRACKED_FRAMES = "frames", "tracked_frames"
 
 MEASURES = (
-    Measure("success", "success", is_rate=True, percent=True),
-    Measure("recovered", "recovery", is_rate=True, percent=True),
+    Measure("success_half", "success at .5", weight=FRAMES, percent=True),
+    Measure("success_area", "success area", weight=FRAMES, percent=True),
+    Measure("success", "smith2004 success", is_rate=True, percent=True),
+    Measure("recovered", "smith2004 recovery", is_rate=True, percent=True),
     Measure("tracked_share", "tracked", weight=FRAMES, percent=True),
     Measure("precision", "precision", weight=TRACKED_FRAMES, percent=True),
     Measure("recall", "recall", weight=TRACKED_FRAMES, percent=True),
     Measure("precision_all", "precision, all frames", weight=FRAMES, percent=True),
     Measure("recall_all", "recall, all frames", weight=FRAMES, percent=True),
     Measure("overlap", "overlap", weight=FRAMES, percent=True),
-    Measure("success_area", "area under the success curve", weight=FRAMES, percent=True),
     Measure("distance_precision", "centre within 20 pixels", weight=FRAMES, percent=True),
     Measure("centre_error", "centre error", weight="located_frames", unit="pixels"),
     Measure("corner_error", "corner distance", weight="located_frames", unit="pixels"),
@@ -155,6 +158,7 @@ def _measure_piece(
         "precision_all": _mean(frames["precision"], present),
         "recall_all": _mean(frames["recall"], present),
         "overlap": _mean(frames["overlap"], present),
+        "success_half": _mean(frames["overlap"] > HALF, present),
         "success_area": np.mean(curve, axis=-1),
         "distance_precision": _mean(near, present),
         "centre_error": _mean(error, present),

@@ -37,8 +37,8 @@ class Plan:
             returns it.  For worker processes the function must be picklable, such as
             ``functools.partial(load, source="distracter", seed=0)`` of a function of a module:
             every worker then opens the scene itself, once.
-        methods: of ``jaxpf.filters.methods()``; None for SIR, PS, DPS and SPS as far as they suit
-            the scene.
+        methods: of ``jaxpf.filters.methods()``; None for those of the usual filters that suit the
+            scene; of a single object for the first of them, because all orderings coincide.
         orders: for "ps": "shifts", every circular shift (of a part tree, level by level), or
             permutations such as (2, 0, 1), counted from 0.
         swaps: for "sps", of ``jaxpf.names.SWAPS``.
@@ -153,8 +153,11 @@ class Plan:
         if methods is None and parents is not None:
             own = find_target(self.target or name).defaults.get("method")
             every = filters.filters().values()
-            usual = [one for one in every if one.by_default or own in one.methods]
-            methods = tuple(m for one in usual for m in one.methods if one.admits(m, parents))
+            methods = ()
+            for one in (one for one in every if one.by_default or own in one.methods):
+                suiting = tuple(m for m in one.methods if one.admits(m, parents))
+                # The usual methods are orderings of objects: of one object they are all the same.
+                methods += suiting[:1] if one.by_default and len(parents) == 1 else suiting
         plan = dataclasses.replace(self, target=self.target or name, methods=methods)
         of = find_target(plan.target or name)
         # What filters have defaults of their own for is left to each.

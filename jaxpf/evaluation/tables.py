@@ -27,6 +27,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from jaxpf import filters
 from jaxpf.evaluation.batches import Batch
 from jaxpf.evaluation.collection import SCORED_RUNS, Collected, collect, has_scores
 from jaxpf.evaluation.layout import (
@@ -39,7 +40,7 @@ from jaxpf.evaluation.layout import (
     to_markdown,
 )
 from jaxpf.evaluation.measures import COLUMNS
-from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
 from jaxpf.evaluation.summary import (
     Summary,
     configuration_name,
@@ -49,6 +50,11 @@ from jaxpf.evaluation.summary import (
 from jaxpf.files.writing import atomic_write, report_os_errors
 from jaxpf.options import plain
 
+#: What there is to say of a single object.
+ONE_OBJECT = (
+    "One object: there is nothing to order, so all orderings coincide (SIR, PS, DPS, SPS) and one "
+    "is run unless methods are named."
+)
 _KEYS = ("scene", "method", "ordering")
 _ENOUGH = 20  # runs, at which the normal quantile is 6 % below Student's
 _NUMBERS = ",".join(["%.7g"] * len(COLUMNS))
@@ -147,9 +153,13 @@ def _remarks(results: Results, summaries: Sequence[Summary]) -> list[str]:
         name = configuration_name(results, configuration)
         runs = finished.get(name, 0)
         if configuration.is_imported:
-            remarks.append(f"{name}: imported tracks, the same for every seed; without intervals.")
+            remarks.append(f"{name}: one track, the same for every seed; without intervals.")
         elif runs < results.runs:
             remarks.append(f"{name}: {runs} of {results.runs} runs are finished.")
+    ours = [c for c in results.configurations if c.kind == BUILT_IN]
+    ordered = any(filters.filter_of(c.method.lower()).by_default for c in ours)
+    if len(results.object_ids) == 1 and ordered:
+        remarks.append(ONE_OBJECT)
     fewest = min((s.runs for s in summaries if not s.configuration.is_imported), default=_ENOUGH)
     if fewest < _ENOUGH:
         remarks.append(

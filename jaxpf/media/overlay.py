@@ -148,14 +148,15 @@ def draw_particles(
     chosen = np.unique(
         np.linspace(0, num_particles - 1, min(num_particles, max_per_object)).round().astype(int)
     )
+    dot = _dot(radius)
     height, width = frame.shape[:2]
+    pixels = frame.reshape(-1, 3)
     for points, colour in zip(centres[:, chosen], colours, strict=True):
-        points = points[np.isfinite(points).all(axis=-1)]
-        inside = (points > -radius).all(axis=-1) & (points < (width + radius, height + radius)).all(
-            axis=-1
-        )
-        for x, y in np.floor(points[inside]).astype(int):
-            cv2.circle(frame, (int(x), int(y)), radius, _as_colour(colour), cv2.FILLED)
+        # Far outside the frame, whole numbers would overflow.
+        near = (points > -radius) & (points < (width + radius, height + radius))
+        columns, rows = np.floor(points[near.all(axis=-1)]).astype(int).T[..., None] + dot
+        inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+        pixels[(rows * width + columns)[inside]] = colour
     return frame
 
 
@@ -224,6 +225,13 @@ def _stroke(frame: np.ndarray) -> int:
 def _text_size(frame: np.ndarray, text: str) -> tuple[int, int]:
     (width, height), _ = cv2.getTextSize(text, _FONT, _font_scale(frame), _stroke(frame))
     return width, height
+
+
+def _dot(radius: int) -> np.ndarray:
+    """x, y [2, 1, K] of the pixels of a filled circle, from its middle."""
+    stamp = np.zeros((2 * radius + 1, 2 * radius + 1), np.uint8)
+    cv2.circle(stamp, (radius, radius), radius, 1, cv2.FILLED)
+    return np.argwhere(stamp)[:, ::-1].T[:, None] - radius
 
 
 def _as_colour(colour: np.ndarray) -> tuple[int, int, int]:

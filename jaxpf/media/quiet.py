@@ -44,25 +44,3 @@ def quiet_opencv() -> Iterator[None]:
                 _logging.setLogLevel(_level_before)
                 if _environment_set:
                     os.environ.pop(_FFMPEG_LEVEL, None)
-
-
-@contextmanager
-def quiet_stderr() -> Iterator[None]:
-    """Send everything that the process writes to file descriptor 2 nowhere, within the block.
-
-    For the few messages that OpenCV prints past its own log.  It acts on the whole process:
-    only for blocks of milliseconds.
-    """
-    try:
-        kept = os.dup(2)
-    except OSError:  # no standard error, as in a windowed program
-        yield
-        return
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)

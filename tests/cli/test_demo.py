@@ -27,7 +27,7 @@ def test_it_prints_a_table_and_writes_its_files(demos):
     for method in ("SIR", "PS", "DPS", "SPS"):
         assert re.search(rf"│ {method} +│ +\d+ % \[\d+, \d+\] │", text)
     assert (folder / "demo.png").stat().st_size > 10_000
-    video = cv2.VideoCapture(str(folder / "overlay.webm"))
+    video = cv2.VideoCapture(str(folder / "overlay.mp4"))
     scene = scenes.make("distracter", seed=100)
     frames = 0
     while video.read()[0]:

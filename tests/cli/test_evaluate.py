@@ -157,6 +157,52 @@ def test_a_recorded_sequence_with_another_trackers_results(
     assert options["tracks"] == [f"theirs={(place / 'theirs.csv').resolve()}"]
 
 
+def test_baselines_stand_in_the_same_tables(place, tmp_path, short_report):
+    more = ("--baseline", "still,meanshift", "--baseline", "still", "-o", tmp_path / "out")
+    outcome = jaxpf("evaluate", place / "two", *COMMON, *more)
+    assert outcome.code == 0, outcome.err
+    assert "Baselines come first: still, meanshift" in outcome.err
+    assert "still: one track, the same for every seed" in outcome.out
+    results = Results.open(tmp_path / "out")
+    assert [c.label for c in results.configurations][-2:] == ["still", "meanshift"]
+    (still,) = results.batches(results.configurations[-2])
+    np.testing.assert_array_equal(still.shapes[0, 0], still.shapes[0, -1])
+    again = jaxpf("evaluate", "--config", tmp_path / "out" / "run.toml", place / "two", *more[-2:])
+    assert again.code == 0, again.err
+    assert again.out in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (("--baseline", "best"), "baseline 'best' is unknown; choose from mil"),
+        (("--baseline", "still", "--tracks", "still={theirs}"), "a tracker cannot be called"),
+    ],
+)
+def test_a_baseline_that_cannot_be_is_one_sentence(place, tmp_path, options, sentence):
+    options = [text.format(theirs=place / "theirs.csv") for text in options]
+    outcome = jaxpf("evaluate", place / "two", *COMMON, *options, "-o", tmp_path / "out")
+    assert outcome.code == 2
+    assert sentence in outcome.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_of_one_object_one_method_is_run_and_the_output_says_why(place, tmp_path, short_report):
+    arguments = ("evaluate", place / "two", "--ids", "7", "--runs", "4", *COMMON[2:6])
+    outcome = jaxpf(*arguments, "-o", tmp_path / "out")
+    assert outcome.code == 0, outcome.err
+    assert "all orderings coincide" in outcome.out
+    (one,) = Results.open(tmp_path / "out").configurations
+    assert one.method == "SIR"
+    every = (*arguments, "--methods", "sir,ps,dps,sps", "-o", tmp_path / "every")
+    assert jaxpf(*every).code == 0
+    results = Results.open(tmp_path / "every")
+    first, *others = (next(results.batches(c)).shapes for c in results.configurations)
+    assert len(others) == 3
+    for shapes in others:
+        np.testing.assert_array_equal(shapes, first)
+
+
 def test_a_users_function_makes_a_scene(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text(

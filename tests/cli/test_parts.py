@@ -51,7 +51,7 @@ def parts_file(scene, tmp_path_factory):
 def whole_run(clip, parts_file, tmp_path_factory):
     output = tmp_path_factory.mktemp("run") / "out"
     outcome = jaxpf(
-        "track", clip, "--parts-file", parts_file, *PARTICLES, "-o", output, "--codec", "vp8"
+        "track", clip, "--parts-file", parts_file, *PARTICLES, "-o", output, "--codec", "vp9"
     )
     return outcome, output
 

@@ -129,7 +129,7 @@ def test_tables_say_what_the_summary_says(written):
         for row in table.rows:
             for cell in row:
                 assert cell in text
-    assert "imported tracks" in text
+    assert "one track, the same for every seed" in text
     for name in ("rates", "differences", "diversity", "error-over-time", "success-curves"):
         assert name in page.ids
 

@@ -55,6 +55,9 @@ def test_every_run_and_object_has_a_row(by_hand):
         ("precision", [0.75, 1, 1, math.nan, 1, math.nan, 1, 1]),
         ("precision_all", [0.75, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
         ("overlap", [(1 + 1 / 3) / 2, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
+        # Of SIR's first run one frame overlaps by a third.
+        ("success_half", [0.5, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
+        ("success_area", [(20 + 7) / 42, 20 / 21, 10 / 21, 0, 10 / 21, 0, 10 / 21, 20 / 21]),
         ("distance_precision", [1, 1, 0.5, 0, 0.5, 0, 0.5, 1]),
         # A box that is not there has no centre.
         ("located_frames", [2, 1, 2, 1, 2, 0, 2, 1]),
@@ -104,7 +107,7 @@ def test_imported_tracks_have_values_without_intervals(by_hand):
     assert "uniqueness" not in measures
     assert "overlap" in measures
     assert made.summaries[1].reference is None
-    assert any("imported" in remark for remark in made.remarks)
+    assert any("one track, the same for every seed" in remark for remark in made.remarks)
 
 
 def test_pandas_reads_the_table_in_one_line(by_hand):
@@ -204,14 +207,15 @@ def test_markdown_and_latex_hold_the_summary(by_hand):
     lines = [line for line in table.splitlines() if line.startswith("|")]
     assert len(lines) == 4  # header, rule, two methods
     cells = [cell.strip() for cell in lines[2].strip("|").split("|")]
-    assert cells[:3] == ["SIR", "3", "33 [6, 79]"]
+    assert cells[:3] == ["SIR", "3", "50.0"], "success at .5 leads"
+    assert cells[4] == "33 [6, 79]"
     assert r"a\|b \<i\>\_100%$x$" in lines[3]
     latex = (folder / "summary.tex").read_text()
     assert latex.count("\\begin{table}") == latex.count("\\end{table}") >= 3
     assert r"\_100\%\$x\$" in latex
     body = "\n".join(line for line in latex.splitlines() if not line.startswith("%"))
     rows = [line for line in body.splitlines() if line.endswith(r"\\")]
-    assert {line.replace(r"\&", "").count("&") for line in rows if "SIR" in line} == {7, 8}
+    assert {line.replace(r"\&", "").count("&") for line in rows if "SIR" in line} == {7, 10}
 
 
 def test_shown_decimals_follow_the_width_of_the_intervals():

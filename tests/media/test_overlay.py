@@ -1,3 +1,4 @@
+import cv2
 import numpy as np
 import pytest
 
@@ -62,6 +63,15 @@ def test_particles_are_thinned_and_those_outside_are_skipped():
     assert not few[20:40].any()
     centres[0, :, 0] = 1e12
     assert not changed(frame, draw_particles(frame, centres)).any()
+
+
+def test_a_particle_is_a_filled_circle_that_the_frame_cuts():
+    frame = grey(400, 300)
+    centres = np.array([[[50.7, 60.2], [0.5, 299.5]]])
+    drawn = changed(frame, draw_particles(frame, centres))
+    expected = cv2.circle(np.zeros(frame.shape[:2], np.uint8), (50, 60), 1, 1, cv2.FILLED)
+    cv2.circle(expected, (0, 299), 1, 1, cv2.FILLED)
+    np.testing.assert_array_equal(drawn, expected > 0)
 
 
 @pytest.mark.parametrize("num_objects", [0, 1, 7, 21, 40])

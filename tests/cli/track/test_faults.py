@@ -80,7 +80,7 @@ def test_a_fault_of_the_video_on_the_way_keeps_what_was_tracked(track, tmp_path)
     assert outcome.code == 2
     assert "mixes image sizes: '0.png' is 64x48 but '2.png' is 64x40" in outcome.err
     assert rows_of(tmp_path / "out").shape == (4, 10)
-    assert len(list(open_frames(tmp_path / "out" / "overlay.webm"))) == 2
+    assert len(list(open_frames(tmp_path / "out" / "overlay.mp4"))) == 2
     assert "mixes image sizes" in summary_of(tmp_path / "out")["error"]
 
 
@@ -156,7 +156,7 @@ def test_ctrl_c_leaves_valid_tracks_and_a_playable_video(whole_run, tmp_path):
     assert summary["interrupted"] is True
     assert 3 < summary["frames_tracked"] < 999
     table = tracks.read_boxes(output / "tracks.csv")
-    shown = len(list(open_frames(output / "overlay.webm")))
+    shown = len(list(open_frames(output / "overlay.mp4")))
     assert abs(len(table) / 2 - 1 - summary["frames_tracked"]) <= 1
     assert abs(shown - 1 - summary["frames_tracked"]) <= 1
     assert (output / "diagnostics.png").exists()

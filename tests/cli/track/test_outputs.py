@@ -33,7 +33,7 @@ def test_a_run_writes_these_files_and_no_others(whole_run):
         "diagnostics.csv",
         "diagnostics.png",
         "metrics.csv",
-        "overlay.webm",
+        "overlay.mp4",
         "run.toml",
         "summary.json",
         "tracks.csv",
@@ -57,7 +57,7 @@ def test_tracks_follow_the_objects(whole_run):
 
 
 def test_the_overlay_shows_every_frame_from_the_start_frame_on(whole_run):
-    overlay = open_frames(whole_run[1] / "overlay.webm")
+    overlay = open_frames(whole_run[1] / "overlay.mp4")
     frames = list(overlay)
     assert len(frames) == LENGTH
     assert frames[0].shape == (HEIGHT, WIDTH, 3)
@@ -131,7 +131,7 @@ def test_another_seed_gives_other_tracks(whole_run, track, tmp_path):
     assert (tmp_path / "out" / "tracks.csv").read_bytes() != (
         whole_run[1] / "tracks.csv"
     ).read_bytes()
-    assert not (tmp_path / "out" / "overlay.webm").exists()
+    assert not (tmp_path / "out" / "overlay.mp4").exists()
 
 
 def test_a_folder_of_images_gives_the_same_tracks_as_the_lossless_video(
@@ -166,7 +166,7 @@ def test_start_and_frames_bound_what_is_tracked(track, place, tmp_path):
     rows = rows_of(tmp_path / "out")
     np.testing.assert_array_equal(rows[::2, 0], [4, 5, 6])  # frames 3, 4, 5 counted from 0
     np.testing.assert_array_equal(rows[:2, 2:6], true_boxes(3) + FROM_1)
-    assert len(list(open_frames(tmp_path / "out" / "overlay.webm"))) == 3
+    assert len(list(open_frames(tmp_path / "out" / "overlay.mp4"))) == 3
 
 
 @pytest.mark.parametrize("method", ["sir", "ps", "sps"])
@@ -208,4 +208,4 @@ def test_overwrite_leaves_no_file_of_the_earlier_run_and_every_other_file(track,
     assert track(*BOXES, "--frames", 1, "--no-overlay", "--overwrite").code == 0
     left = {path.name for path in (tmp_path / "out").iterdir()}
     assert "notes.txt" in left
-    assert not left & {"overlay.webm", "metrics.csv"}
+    assert not left & {"overlay.mp4", "metrics.csv"}

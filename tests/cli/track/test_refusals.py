@@ -60,7 +60,7 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
         ((*BOXES, "--swap", "foo"), "choose one of none, random, sorted, combinatorial"),
         ((*BOXES, "--resampling", "foo"), "choose one of systematic, stratified"),
         ((*BOXES, "--likelihood", "foo"), "choose one of auto, integral, sampled"),
-        ((*BOXES, "--codec", "foo"), "choose one of vp9, vp8"),
+        ((*BOXES, "--codec", "foo"), "choose one of h264, vp9"),
         ((*BOXES, "--order", "2,1"), "method 'dps' has none; use method 'ps'"),
         ((*BOXES, "--method", "ps", "--order", "0,0"), "--order 0,0 counts from 1"),
         (
@@ -143,7 +143,7 @@ def test_results_are_never_mixed_with_the_frames_they_come_from(place, tmp_path)
     assert sorted(path.name for path in images.iterdir()) == ["0.png", "1.png"]
 
     (tmp_path / "earlier").mkdir()
-    clip = tmp_path / "earlier" / "overlay.webm"
+    clip = tmp_path / "earlier" / "overlay.mp4"
     clip.write_bytes((place / "clip.avi").read_bytes())
     outcome = jaxpf("track", clip, *BOXES, *PARTICLES, "-o", clip.parent, "--overwrite")
     assert outcome.code == 2

@@ -33,7 +33,7 @@ class Options:
     sigma: float = option(
         0.1, "Of points, how much windows may differ.", above=0, path="likelihood.sigma"
     )
-    window: int = option(
+    window_size: int = option(
         21, "Of points, side of the window around each, an odd number of pixels.", least=1, most=999
     )
     norm: str = option(
@@ -106,7 +106,7 @@ class Points(Target):
         from jaxpf.models.dynamics import RandomWalk
         from jaxpf.models.likelihoods.windows import windows, windows_from_pictures
 
-        side = (options.window, options.window)
+        side = (options.window_size, options.window_size)
         settings: dict[str, Any] = {"sigma": options.sigma, "norm": options.norm}
         if looks.frame is None:
             likelihood = windows_from_pictures(looks.patches, **settings)

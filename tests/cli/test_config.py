@@ -138,3 +138,11 @@ def test_what_is_written_reads_back_as_the_same_options(tmp_path):
         "seed": 3,
         "overlay": False,
     }
+
+
+@pytest.mark.parametrize("name", ["track", "evaluate", "tune", "demo"])
+def test_no_two_options_of_a_command_have_one_name(name):
+    command = cli.group.get_command(None, name)
+    spellings = [spelling for param in command.params for spelling in param.opts]
+    assert len(set(spellings)) == len(spellings)
+    assert len({param.name for param in command.params}) == len(command.params)

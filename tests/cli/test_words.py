@@ -4,6 +4,7 @@ import re
 import types
 
 import numpy as np
+import pytest
 from command_line import jaxpf
 
 from jaxpf.cli import common, demo
@@ -47,6 +48,7 @@ def test_lines_of_plots_show_on_white_paper():
     assert len({tuple(np.round(colour, 2)) for colour in plotting.colours(7)}) == 7
 
 
+@pytest.mark.slow
 def test_the_demo_tells_each_methods_own_time(tmp_path, monkeypatch):
     clock = iter([100.0, 101.0, 101.5, 103.5, 104.0, 108.0, 109.0, 117.0, 120.0])
     monkeypatch.setattr(demo, "time", types.SimpleNamespace(perf_counter=lambda: next(clock)))

@@ -261,6 +261,7 @@ def test_figures_are_the_same_bytes_every_time(written, tmp_path, monkeypatch):
         assert found.read_bytes() == expected.read_bytes()
 
 
+@pytest.mark.slow
 def test_forty_configurations(tmp_path, monkeypatch):
     """Figures stay of a size that can be looked at, and the clips of one that can be sent."""
     sizes = {}

@@ -89,6 +89,7 @@ def test_within_labels_targets_know_nothing_of_each_other():
         assert not np.allclose(one[2:, 1], other[2:, 1])
 
 
+@pytest.mark.slow
 def test_shares_are_fair_under_equal_share_and_drift_without():
     keys = jax.random.split(jax.random.key(0), 20)
     frames = FRAMES.copy()

@@ -62,6 +62,7 @@ def only_estimate(state, summary):
     return summary.estimate
 
 
+@pytest.mark.slow
 def test_they_stand_in_the_tables_beside_the_built_in_methods(tmp_path):
     own = [("--tracker", f"{HERE / name}.py:{OWN[name][0]}") for name in OWN]
     arguments = ["evaluate", "distracter", "--methods", "sir", "--runs", "3", "-n", "60"]
@@ -94,6 +95,7 @@ def test_one_tracks_a_video(tmp_path, scene):
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["frames_tracked"] == 5
 
 
+@pytest.mark.slow
 def test_one_is_tuned(scene):
     tracker = function_of("own_likelihood")(scene)
     sequence = tuning.TrainingSequence(tracker, np.asarray(scene.frames[1:4]), name="own")

@@ -118,6 +118,7 @@ def test_evidence_places_and_labels_are_unbiased(name):
 
 
 @pytest.mark.statistical
+@pytest.mark.slow
 def test_labels_are_carried_through_adaptive_and_tempered_selection():
     evidence, posterior = exact()
     log_evidence, _, labels = runs(ORDERINGS["ps"], ess_threshold=0.6, tempering=0.7)

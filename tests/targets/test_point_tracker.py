@@ -32,7 +32,7 @@ def test_every_filter_follows_points(method):
         (PLACES, {"method": "best"}, "method 'best' is unknown for points"),
         (PLACES, {"speed": 3}, "there is no option 'speed'"),
         (PLACES, {"diffusion": -1.0}, "diffusion = -1 must be"),
-        (PLACES, {"window": 199}, "the window is 199 x 199 pixels and the frame 156 x 120"),
+        (PLACES, {"window_size": 199}, "the window is 199 x 199 pixels and the frame 156 x 120"),
         (PLACES[0], {}, "give a row"),
         (PLACES[:1], {}, "two partitions or more"),
         (PLACES[[0, 0]], {"method": "pffl"}, "points 0 and 1 are both at"),

@@ -80,7 +80,7 @@ def test_log_evidence_is_that_of_the_runs_and_is_averaged_before_the_log():
     assert np.abs(slope).min() > 1e-3
 
 
-@pytest.mark.parametrize("checkpoint", [True, 3])
+@pytest.mark.parametrize("checkpoint", [True, pytest.param(3, marks=pytest.mark.slow)])
 def test_checkpoints_change_neither_value_nor_gradient(checkpoint):
     value, slope = with_gradient(objectives.log_evidence, tracker())
     same, other = with_gradient(objectives.log_evidence, tracker(), checkpoint=checkpoint)

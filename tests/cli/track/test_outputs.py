@@ -118,10 +118,16 @@ def test_run_toml_repeats_the_run_bit_for_bit(whole_run, tmp_path, monkeypatch):
 
 def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     options = tomllib.loads((whole_run[1] / "run.toml").read_text())["track"]
+    from jaxpf.cli.options import all_options
     from jaxpf.cli.track import command
+    from jaxpf.filters import filter_of
+    from jaxpf.options import options_of
+    from jaxpf.targets import find_target, targets
 
-    unset = {"boxes", "ids", "parts_file", "frames", "order", "ess_threshold", "tracker"}
-    unset |= {"joint_scale", "dynamics", "weights", "scope", "feedback", "regularise"}  # of others
+    own = options_of(filter_of("dps").options, find_target("boxes").options)
+    others = {name for name in all_options() if name not in own}
+    starts = {flag for one in targets().values() for flag in one.start_flags} - {"box"}
+    unset = others | starts | {"frames", "order", "ess_threshold", "tracker"}
     elsewhere = {"output", "overwrite", "config", "filter_"}
     assert set(options) == {param.name for param in command.params} - unset - elsewhere
 

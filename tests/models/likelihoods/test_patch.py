@@ -164,6 +164,7 @@ def test_gradients_are_those_of_the_bilinear_window_and_finite():
     assert np.isfinite(jax.grad(lambda s: jnp.maximum(value(s), -1e3))(edge)).all()
 
 
+@pytest.mark.slow
 def test_one_particle_agrees_with_all_in_either_precision():
     frame = noise(6)
     for x64 in (False, True):

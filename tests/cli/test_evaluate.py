@@ -363,7 +363,7 @@ def test_the_console_script_works_with_worker_processes(place, tmp_path):
     alone, shared = Results.open(place / "whole"), Results.open(tmp_path / "out")
     for configuration in shared.configurations:
         left, right = (
-            np.concatenate([batch.boxes for batch in results.batches(configuration)])
+            np.concatenate([batch.shapes for batch in results.batches(configuration)])
             for results in (alone, shared)
         )
         np.testing.assert_array_equal(left[:4], right[:4])

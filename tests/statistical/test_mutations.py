@@ -147,8 +147,8 @@ def test_kills_a_swap_that_leaves_the_past_of_descendants_behind(monkeypatch):
 def test_kills_a_swap_that_leaves_the_lags_of_the_part_behind(monkeypatch):
     original = ending.finish
 
-    def mutant(tracker, observation, components, carry):
-        state, summary = original(tracker, observation, components, carry)
+    def mutant(tracker, label_key, observation, components, carry):
+        state, summary = original(tracker, label_key, observation, components, carry)
         # Nobody is resampled after the only level: slot i's own past is what slot i drew from.
         own = carry.stages[1][:, tracker.ordering.rank[0]]
         return dataclasses.replace(state, lagged=state.lagged.at[1].set(own)), summary

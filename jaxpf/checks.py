@@ -39,7 +39,9 @@ def check_run(tracker: Any, frames: Any) -> None:
     frame_leaves, frame_structure = jax.tree.flatten(first)
     shapes = tuple((np.shape(x), jnp.result_type(x)) for x in leaves)
     frame_shapes = tuple((x.shape, x.dtype) for x in frame_leaves)
-    _check_methods(structure, shapes, frame_structure, frame_shapes)
+    # Told by the tracker itself: it may have to draw to know.
+    num_partitions = getattr(tracker, "num_partitions", None)
+    _check_methods(structure, shapes, frame_structure, frame_shapes, num_partitions)
 
 
 def check_pytree(tracker: Any) -> None:
@@ -74,7 +76,9 @@ def check_frames(frames: Any) -> None:
 
 
 @functools.lru_cache(maxsize=64)
-def _check_methods(structure: Any, shapes: Any, frame_structure: Any, frame_shapes: Any) -> None:
+def _check_methods(
+    structure: Any, shapes: Any, frame_structure: Any, frame_shapes: Any, num_partitions: int | None
+) -> None:
     """What a model's methods return, told by their shapes alone; once for each kind of tracker."""
 
     def made(structure: Any, shapes: Any) -> Any:
@@ -86,7 +90,7 @@ def _check_methods(structure: Any, shapes: Any, frame_structure: Any, frame_shap
     initial = tracker.initial
     if callable(initial):
         initial = jax.eval_shape(lambda its, key: its.initial(key), tracker, key)
-        _check(initial, (tracker.num_partitions, None), "the initial sampler", "[P, D]")
+        _check(initial, (num_partitions, None), "the initial sampler", "[P, D]")
     size, kind = initial.shape[-1], initial.dtype
     one = jax.ShapeDtypeStruct((size,), kind)
     place = jax.ShapeDtypeStruct((), jnp.int32)

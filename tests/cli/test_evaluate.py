@@ -353,14 +353,14 @@ def test_changed_settings_are_refused_with_the_difference(whole):
 
 
 @pytest.mark.slow
-def test_the_console_script_works_with_worker_processes(place, tmp_path):
+def test_the_console_script_works_with_worker_processes(whole, tmp_path):
     """As a user would: a program of its own, two processes of one device each."""
     arguments = ["distracter", *SMALL, *COMMON, "--runs", "6", "--workers", "2"]
     command = [sys.executable, "-m", "jaxpf", "evaluate", *map(str, arguments)]
     ran = subprocess.run([*command, "-o", tmp_path / "out"], capture_output=True, text=True)
     assert ran.returncode == 0, ran.stderr
     assert "in each of 2 processes on 1 device" in ran.stdout
-    alone, shared = Results.open(place / "whole"), Results.open(tmp_path / "out")
+    alone, shared = Results.open(whole[1]), Results.open(tmp_path / "out")
     for configuration in shared.configurations:
         left, right = (
             np.concatenate([batch.shapes for batch in results.batches(configuration)])

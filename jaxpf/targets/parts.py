@@ -139,7 +139,12 @@ class Parts(Target):
             options, start, looks,
             interpolation="bilinear", form="ratio", background_frames=frames,
         )  # fmt: skip
-        return self._model(likelihood, options, start)
+        model = self._model(likelihood, options, start)
+        # Three numbers for all parts, as the options have them, instead of three for each.
+        noise = {"scale": np.asarray(_DEGREES * options.scale, np.float32)}
+        if options.dynamics == "relative":
+            noise["joint_scale"] = np.asarray(_DEGREES * options.joint_scale, np.float32)
+        return model._replace(dynamics=dataclasses.replace(model.dynamics, **noise))
 
     def _histogram(self, options: Options, start: Start, looks: Looks, **settings: Any) -> Any:
         from jaxpf.models.likelihoods import histogram_from_patches

@@ -1,27 +1,7 @@
 import pytest
+from box_files import GT, message_of
 
-from jaxpf.errors import InputError
 from jaxpf.files.boxes import read_boxes
-
-GT = "frame,id,x,y,w,h,occ\n0,3,10,20,30,40,0\n0,1,11.5,21,31,41,2\n2,1,12,22,32,42,-1\n"
-
-
-def message_of(call, *arguments, **options):
-    with pytest.raises(InputError) as caught:
-        call(*arguments, **options)
-    message = str(caught.value)
-    assert "\n" not in message
-    return message
-
-
-@pytest.fixture
-def boxes_file(tmp_path):
-    def write(text, name="boxes.txt"):
-        path = tmp_path / name
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return path
-
-    return write
 
 
 def test_gt_csv_is_read_as_it_stands(boxes_file):

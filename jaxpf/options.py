@@ -13,6 +13,8 @@ from typing import Any
 from jaxpf.errors import InputError
 
 _KEY = "option"
+#: The value of an option that is left open.
+OPEN = "auto"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,6 +35,8 @@ class Option:
         path: where the value stands in a tracker, if tuning may find it: its pytree path.
         compiles: another value compiles another kernel.
         places: the numbers are places of objects, which people count from 1 and programs from 0.
+        implies: (name, value) of another option of the same owner: this one counts only there, and
+            who gives it says so much of the other, too, where that is left open ("auto").
     """
 
     name: str
@@ -48,6 +52,7 @@ class Option:
     path: str = ""
     compiles: bool = False
     places: bool = False
+    implies: tuple[str, str] | None = None
 
     @property
     def flag(self) -> str:
@@ -134,6 +139,44 @@ def check_options(options: Any) -> None:
     """
     for name, one in options_of(options).items():
         object.__setattr__(options, name, one.checked(getattr(options, name)))
+
+
+def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
+    """What options that were given say of others that were left open: name -> value.
+
+    Args:
+        owner: a class of options.
+        given: name -> all the values that were given of it.
+
+    Raises:
+        InputError: options were given that do not go with each other.
+    """
+    known, found = options_of(owner), dict[str, Any]()
+    for name in given:
+        one = known.get(name)
+        if one is None or one.implies is None or one.implies[0] not in known:
+            continue
+        other, wanted = one.implies
+        said = [*given.get(other, ()), *([found[other]] if other in found else [])]
+        for value in said:
+            if value not in (wanted, OPEN):
+                raise InputError(
+                    f"{one.flag} goes with {known[other].flag} {wanted}, and {value} was chosen, "
+                    "by name or by another option; leave one of them out."
+                )
+        found[other] = wanted
+    return found
+
+
+def counting(options: Any) -> dict[str, bool]:
+    """Name -> whether an option counts, given the values of the others."""
+    known = options_of(options)
+    return {
+        name: one.implies is None
+        or one.implies[0] not in known
+        or getattr(options, one.implies[0]) == one.implies[1]
+        for name, one in known.items()
+    }
 
 
 def chosen(owner: type, values: Mapping[str, Any]) -> Any:

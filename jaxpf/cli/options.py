@@ -10,7 +10,7 @@ import click
 from jaxpf import filters
 from jaxpf.cli.common import NumberList
 from jaxpf.errors import InputError
-from jaxpf.options import Option, options_of, plain
+from jaxpf.options import Option, implied, options_of, plain
 from jaxpf.targets import DEFAULT, targets
 from jaxpf.targets.target import Target
 
@@ -120,10 +120,13 @@ def picked(
     Raises:
         InputError: a value out of range; the sentence names the flag.
     """
-    found = dict(defaults or {})
-    for name, one in options_of(owner).items():
-        if values.get(name) is not None:
-            found[name] = one.checked(_from_people(one, values[name]), one.flag)
+    given = {
+        name: one.checked(_from_people(one, values[name]), one.flag)
+        for name, one in options_of(owner).items()
+        if values.get(name) is not None
+    }
+    found = {**(defaults or {}), **given}
+    found |= implied(owner, {name: [value] for name, value in given.items()})
     return owner(**{name: value for name, value in found.items() if name in options_of(owner)})
 
 

@@ -23,7 +23,7 @@ from jaxpf.cli.stopping import announced_stop
 from jaxpf.errors import InputError
 from jaxpf.files.locking import locked
 from jaxpf.media.video_writer import SUFFIXES
-from jaxpf.options import options_of
+from jaxpf.options import counting, options_of
 from jaxpf.targets import targets
 from jaxpf.targets.target import Looks, Start, Target
 
@@ -169,10 +169,11 @@ def _setup(options: dict[str, Any], target: Target) -> _Setup:
     if defaults.get("method") not in its.methods:
         defaults = {name: value for name, value in defaults.items() if name != "method"}
     filter_options = picked(options, its.options, defaults)
-    model = picked(options, target.options)
+    model = target.resolved(picked(options, target.options), is_filmed=True)
     for one in (filter_options, model):
+        counts = counting(one)
         for name, option in options_of(one).items():
-            value = getattr(one, name)
+            value: Any = getattr(one, name) if counts[name] else None
             # As people write it, for the file that repeats the run.
             places = option.places and value is not None
             options[name] = [place + 1 for place in value] if places else value

@@ -12,8 +12,9 @@ from jaxpf.cli.memory import check_memory, needed_by
 from jaxpf.cli.options import declared_options, picked, refuse_others
 from jaxpf.errors import InputError
 from jaxpf.names import GRADIENTS, OBJECTIVES
-from jaxpf.options import options_of
+from jaxpf.options import chosen, counting, options_of
 from jaxpf.targets import targets
+from jaxpf.targets.target import is_filmed
 
 _NOT_REPEATED = ("config", "output")
 
@@ -129,10 +130,12 @@ def command(**options: Any) -> None:
     from jaxpf import tuning
     from jaxpf.tuning.sequences import training_sequence
 
-    chosen = {field.name for field in dataclasses.fields(tuning.Settings)} & set(options)
-    settings = tuning.Settings(**{name: options[name] for name in chosen})
+    its = {field.name for field in dataclasses.fields(tuning.Settings)} & set(options)
+    settings = tuning.Settings(**{name: options[name] for name in its})
     before = _recipe(options, train[0])
-    options["parameters"] = options["parameters"] or ",".join(before.of.tuned_by_default)
+    own = chosen(before.of.options, before.values)
+    usual = before.of.tuned_by_default(own)
+    options["parameters"] = options["parameters"] or ",".join(usual)
     wanted = [tuning.parameter(text) for text in common.names_in(options["parameters"])]
     sequences = [
         training_sequence(scene, before, options["objective"], options["labels"]) for scene in train
@@ -239,10 +242,9 @@ def _recipe(options: dict[str, Any], scene: Any) -> Any:
     method = options["method"] or target.defaults.get("method")
     its = filters.filter_of(method) if method else next(iter(filters.filters().values()))
     refuse_others(options, target.options, its.options)
-    chosen = (
-        picked(options, its.options, {"particles": 100, **target.defaults}),
-        picked(options, target.options),
-    )
-    values = {name: getattr(one, name) for one in chosen for name in options_of(one)}
-    options |= {name: value for name, value in values.items() if name in options}
+    model = target.resolved(picked(options, target.options), is_filmed(scene))
+    both = (picked(options, its.options, {"particles": 100, **target.defaults}), model)
+    values = {name: getattr(one, name) for one in both for name in options_of(one)}
+    counts = {name: does for one in both for name, does in counting(one).items()}
+    options |= {name: values[name] if counts[name] else None for name in values if name in options}
     return Recipe(target.name, values, gradient=options["gradient"])

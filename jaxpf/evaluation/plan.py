@@ -19,7 +19,7 @@ from jaxpf.errors import InputError
 from jaxpf.evaluation.results import Configuration
 from jaxpf.files.writing import report_os_errors
 from jaxpf.filters.filter import Filter
-from jaxpf.options import Option, check_distinct, chosen, options_of, plain
+from jaxpf.options import Option, check_distinct, chosen, implied, options_of, plain
 from jaxpf.targets import DEFAULT, find_target, targets
 from jaxpf.targets.target import Start, Target
 
@@ -167,7 +167,8 @@ class Plan:
             for n, option in plan._options(of).items()
             if all(its[n].default == option.default for its in filled if n in its)
         }
-        return dataclasses.replace(plan, grid={**defaults, **plan.grid})
+        told = {name: (value,) for name, value in implied(of.options, plan.grid).items()}
+        return dataclasses.replace(plan, grid={**defaults, **plan.grid, **told})
 
     def asked(self) -> dict[str, Any]:
         """Everything that results depend on but the number of runs, fit for JSON.

@@ -16,12 +16,12 @@ from jaxpf.errors import InputError
 from jaxpf.evaluation.results import BUILT_IN, Configuration
 from jaxpf.options import chosen
 from jaxpf.running import RUNS_PER_BATCH
-from jaxpf.targets.target import Looks, Start, Target
+from jaxpf.targets.target import Looks, Start, Target, looks_of_scene
 
 
 def looks_of(scene: Any, num_particles: int, num_runs: int = RUNS_PER_BATCH) -> Looks:
-    """A scene's reference patches."""
-    return Looks(None, scene.patches, scene.frames.shape[1:3], num_particles, num_runs)
+    """How a scene's objects look, for as many runs as are computed together."""
+    return looks_of_scene(scene, num_particles, num_runs)
 
 
 def built_in_tracker(scene: Any, target: Target, configuration: Configuration) -> Any:

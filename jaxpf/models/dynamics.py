@@ -11,6 +11,7 @@ from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity, of_partition
 from jaxpf.models.learned_dynamics import fit
+from jaxpf.models.relative_motion import RelativeMotion
 from jaxpf.pytree import pytree_dataclass, static_field
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "IndependentGaussian",
     "LinearGaussian",
     "RandomWalk",
+    "RelativeMotion",
     "fit",
 ]
 

@@ -6,7 +6,58 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from jaxpf.errors import InputError
-from jaxpf.options import option
+from jaxpf.options import OPEN, option
+
+#: How boxes are known, and by what they move.
+COLOUR, DISCRIMINATIVE = "colour", "discriminative"
+PIXELS, RELATIVE = "pixels", "relative"
+_OF_COLOUR = ("appearance", COLOUR)
+
+
+def appearance_option() -> Any:
+    """By what boxes are known."""
+    return option(
+        OPEN,
+        "Of boxes: colour (histograms), or discriminative, which learns in the start frame to tell "
+        "each object from what is around it, by colours and gradients; auto for discriminative in "
+        "video and colour in synthetic scenes.",
+        choices=(OPEN, COLOUR, DISCRIMINATIVE),
+        compiles=True,
+    )
+
+
+def gain_option(default: float) -> Any:
+    """How much learned appearance is trusted."""
+    return option(
+        default,
+        "Of discriminative appearance: larger trusts its score more.",
+        above=0,
+        path="likelihood.gain",
+        implies=("appearance", DISCRIMINATIVE),
+    )
+
+
+def motion_option() -> Any:
+    """In what motion is measured."""
+    return option(
+        OPEN,
+        "Of boxes: noise in pixels (--scale), or relative to the object's size and heavy-tailed "
+        "(--steps); auto for relative with discriminative appearance.",
+        choices=(OPEN, PIXELS, RELATIVE),
+        compiles=True,
+    )
+
+
+def steps_option(default: tuple[float, float, float]) -> Any:
+    """How far objects move from frame to frame, as shares of their size."""
+    return option(
+        default,
+        "Of relative motion, noise per frame: of usual steps and of long ones, as shares of the "
+        "object's size, and of the size's logarithm.",
+        least=0,
+        path="dynamics.steps",
+        implies=("motion", RELATIVE),
+    )
 
 
 def sharpness_option(default: float, path: str) -> Any:
@@ -16,6 +67,7 @@ def sharpness_option(default: float, path: str) -> Any:
         "Likelihood exp(-S d^2) of the colour distance d: larger trusts colours more.",
         above=0,
         path=path,
+        implies=_OF_COLOUR,
     )
 
 
@@ -27,6 +79,7 @@ def scale_option(default: tuple[float, float, float]) -> Any:
         "the root.",
         least=0,
         path="dynamics.scale",
+        implies=("motion", PIXELS),
     )
 
 
@@ -39,6 +92,7 @@ def bands_option(default: int) -> Any:
         most=2**31 - 1,
         flags=("--parts",),
         compiles=True,
+        implies=_OF_COLOUR,
     )
 
 
@@ -50,6 +104,7 @@ def likelihood_option(*choices: str) -> Any:
         "two; for parts also patch, which compares pixels and suits grey pictures.",
         choices=choices,
         compiles=True,
+        implies=_OF_COLOUR,
     )
 
 

@@ -14,23 +14,42 @@ from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
 from jaxpf.models.model import Model
-from jaxpf.options import check_options
+from jaxpf.options import OPEN, check_options
 from jaxpf.targets.appearance import (
+    COLOUR,
+    DISCRIMINATIVE,
+    PIXELS,
+    RELATIVE,
+    appearance_option,
     bands_option,
+    gain_option,
     likelihood_option,
+    motion_option,
     naming,
     scale_option,
     sharpness_option,
+    steps_option,
     three_values,
 )
-from jaxpf.targets.target import Looks, Start, Target
+from jaxpf.targets.box_models import (
+    DEFAULT_SCALE,
+    DEFAULT_STEPS,
+    box_model,
+    relative_box_model,
+)
+from jaxpf.targets.target import Looks, Start, Target, looks_of_scene
 
 if TYPE_CHECKING:
     from jaxpf.filters.partitioned.ordering import Ordering
     from jaxpf.filters.partitioned.tracker import Partitioned
 
-#: Noise of centre (pixels) and scale per frame: wide enough for people walking in video.
-DEFAULT_SCALE = (4.0, 2.0, 0.003)
+#: Options by tracker path, and what they imply.
+_TUNED = {
+    "likelihood.sharpness": ("sharpness", "appearance", COLOUR),
+    "likelihood.gain": ("gain", "appearance", DISCRIMINATIVE),
+    "dynamics.scale": ("scale", "motion", PIXELS),
+    "dynamics.steps": ("steps", "motion", RELATIVE),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,6 +60,10 @@ class Options:
     scale: tuple[float, ...] = scale_option(DEFAULT_SCALE)
     bands: int = bands_option(2)
     likelihood: str = likelihood_option("auto", "integral", "sampled")
+    appearance: str = appearance_option()
+    gain: float = gain_option(2.0)
+    motion: str = motion_option()
+    steps: tuple[float, ...] = steps_option(DEFAULT_STEPS)
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -54,7 +77,6 @@ class Boxes(Target):
     options = Options
     has_boxes = True
     track_suffix = ".txt"
-    tuned_by_default = ("likelihood.sharpness", "dynamics.scale[0]", "dynamics.scale[1]")
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "box": {"multiple": True, "metavar": "X,Y,W,H", "help": "A start box; repeat it."},
         "boxes": {
@@ -99,8 +121,29 @@ class Boxes(Target):
         """See ``Target``."""
         return _start(scene_ids(scene), np.asarray(scene.boxes[0]))
 
+    def resolved(self, options: Options, is_filmed: bool) -> Options:
+        """See ``Target``: what is filmed has looks and surroundings worth learning."""
+        appearance, motion = options.appearance, options.motion
+        if appearance == OPEN:
+            appearance = DISCRIMINATIVE if is_filmed else COLOUR
+        if motion == OPEN:
+            motion = RELATIVE if appearance == DISCRIMINATIVE else PIXELS
+        return dataclasses.replace(options, appearance=appearance, motion=motion)
+
     def model(self, options: Options, start: Start, looks: Looks) -> Model:
         """See ``Target``."""
+        options = self.resolved(options, looks.is_filmed)
+        if options.appearance == DISCRIMINATIVE:
+            return self._model(self._discriminative(options, start, looks), options, start)
+        return self._model(self._colour(options, start, looks), options, start)
+
+    def _discriminative(self, options: Options, start: Start, looks: Looks, **settings: Any) -> Any:
+        from jaxpf.models.likelihoods.discriminative import discriminative
+
+        with naming([f"the box of object {number}" for number in start.ids]):
+            return discriminative(looks.start_frame, start.shapes, gain=options.gain, **settings)
+
+    def _colour(self, options: Options, start: Start, looks: Looks) -> Any:
         from jaxpf.models.likelihoods.histogram import histogram, histogram_from_patches
 
         settings: dict[str, Any] = {
@@ -112,17 +155,20 @@ class Boxes(Target):
         }
         with naming([f"the box of object {number}" for number in start.ids]):
             if looks.patches is None:
-                likelihood = histogram(looks.frame, start.shapes, **settings)
-            else:
-                likelihood = histogram_from_patches(
-                    looks.patches, start.sizes, frame_shape=looks.frame_shape, **settings
-                )
-        return self._model(likelihood, options, start)
+                return histogram(looks.frame, start.shapes, **settings)
+            return histogram_from_patches(
+                looks.patches, start.sizes, frame_shape=looks.frame_shape, **settings
+            )
 
     def training_model(self, options: Options, start: Start, looks: Looks, frames: Any) -> Model:
-        """See ``Target``: bilinear histograms, weighed against those of boxes anywhere."""
+        """See ``Target``: bilinear features, weighed against those of boxes anywhere."""
         from jaxpf.models.likelihoods.histogram import histogram_from_patches
 
+        options = self.resolved(options, looks.is_filmed)
+        if options.appearance == DISCRIMINATIVE:
+            settings = {"interpolation": "bilinear", "background_frames": frames}
+            likelihood: Any = self._discriminative(options, start, looks, **settings)
+            return self._model(likelihood, options, start)
         likelihood = histogram_from_patches(
             looks.patches,
             start.sizes,
@@ -137,29 +183,44 @@ class Boxes(Target):
         return self._model(likelihood, options, start)
 
     def _model(self, likelihood: Any, options: Options, start: Start) -> Model:
+        if options.motion == RELATIVE:
+            return relative_box_model(likelihood, start.shapes, options.steps)
         return box_model(likelihood, start.shapes, options.scale)
 
     def settled(self, options: Options, start: Start, looks: Looks) -> Options:
         """See ``Target``."""
-        if options.likelihood != "auto":
+        options = self.resolved(options, looks.is_filmed)
+        if options.appearance != COLOUR or options.likelihood != OPEN:
             return options
         method = self.model(options, start, looks).likelihood.method
         return dataclasses.replace(options, likelihood=method)
 
     def noise(self, options: Options, start: Start) -> np.ndarray:
         """See ``Target``."""
+        if options.motion == RELATIVE:
+            size = np.sqrt(np.prod(start.sizes, axis=1)).mean()
+            usual, far, of_size = options.steps
+            step = size * np.sqrt(0.6 * usual**2 + 0.4 * far**2)
+            return np.array([step, step, of_size])
         return np.array(options.scale)
+
+    def tuned_by_default(self, options: Options) -> tuple[str, ...]:
+        """See ``Target``."""
+        trust = "gain" if options.appearance == DISCRIMINATIVE else "sharpness"
+        noise = "steps" if options.motion == RELATIVE else "scale"
+        return f"likelihood.{trust}", f"dynamics.{noise}[0]", f"dynamics.{noise}[1]"
 
     def tuned(self, options: Options, values: Mapping[str, Any]) -> Options:
         """See ``Target``."""
         for path, value in values.items():
-            if path == "likelihood.sharpness":
-                options = dataclasses.replace(options, sharpness=float(value))
-            elif path.partition("[")[0] == "dynamics.scale":
-                scale = three_values(options.scale, path, value)
-                options = dataclasses.replace(options, scale=scale)
-            else:
+            if path.partition("[")[0] not in _TUNED:
                 raise InputError(f"a model of boxes has no {path}; apply the result to a tracker.")
+            name, other, implied = _TUNED[path.partition("[")[0]]
+            if name in ("scale", "steps"):
+                value = three_values(getattr(options, name), path, value)
+            else:
+                value = float(value)
+            options = dataclasses.replace(options, **{name: value, other: implied})
         return options
 
     def positions(self, start: Start, shapes: Any) -> Any:
@@ -247,35 +308,6 @@ class _MotWriter:
         self._writer.append(frame, self._ids, shapes, np.where(lost, 0.0, 1.0))
 
 
-def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCALE) -> Model:
-    """Boxes that start where they are and move by smith2004's AR2 dynamics.
-
-    Args:
-        likelihood: of substates (u, v, a), such as ``jaxpf.likelihoods.histogram(...)``.
-        boxes: x, y, w, h in pixels, ``[P, 4]``: where the objects are before the first frame.
-        scale: noise of u, v (pixels) and a per frame, ``[3]`` or ``[P, 3]``.
-
-    Raises:
-        InputError: noise that is negative or not finite.
-    """
-    from jaxpf.models.dynamics import AR2
-
-    boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
-    scale = np.asarray(scale, np.float32)
-    if scale.shape[-1:] != (3,) or not np.all(np.isfinite(scale)) or np.any(scale < 0):
-        raise InputError(
-            f"scale {scale.tolist()} must be three finite numbers >= 0: the noise of x and y in "
-            "pixels and of the relative size, such as 4,2,0.003."
-        )
-    centres = boxes[:, :2] + boxes[:, 2:] / 2
-    return Model(
-        dynamics=AR2(scale=scale),
-        likelihood=likelihood,
-        initial=np.concatenate([centres, np.ones((len(boxes), 1), np.float32)], axis=1),
-        parents=(-1,) * len(boxes),
-    )
-
-
 def box_tracker(
     likelihood: Any,
     boxes: ArrayLike,
@@ -333,14 +365,14 @@ def scene_tracker(
     Raises:
         InputError: an argument is out of range; the sentence says which.
     """
+    from jaxpf.filters.partitioned.tracker import Partitioned
+
     start = BOXES.scene_start(scene)
     chosen = Options(**options)
-    looks = Looks(None, scene.patches, scene.frames.shape[1:3], num_particles, num_runs)
-    return box_tracker(
-        BOXES.model(chosen, start, looks).likelihood,
-        start.shapes,
-        ordering,
-        scale=chosen.scale,
+    looks = looks_of_scene(scene, num_particles, num_runs)
+    return Partitioned(
+        **BOXES.model(chosen, start, looks)._asdict(),
+        ordering=ordering,
         num_particles=num_particles,
         resampling=resampling,
     )

@@ -68,11 +68,6 @@ class Parts(Target):
 
     name = "parts"
     noun = "part"
-    tuned_by_default = (
-        "likelihood.likelihood.sharpness",
-        "dynamics.scale",
-        "dynamics.joint_scale[2]",
-    )
     options = Options
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "parts_file": {
@@ -182,6 +177,10 @@ class Parts(Target):
         if options.likelihood != "auto":
             return options
         return dataclasses.replace(options, likelihood="sampled")
+
+    def tuned_by_default(self, options: Options) -> tuple[str, ...]:
+        """See ``Target``."""
+        return "likelihood.likelihood.sharpness", "dynamics.scale", "dynamics.joint_scale[2]"
 
     def noise(self, options: Options, start: Start) -> np.ndarray:
         """See ``Target``: of parts that move each on their own; joints have no noise in x, y."""

@@ -51,7 +51,6 @@ class Points(Target):
     noun = "point"
     options = Options
     defaults: Mapping[str, Any] = {"method": "eskil"}
-    tuned_by_default = ("likelihood.sigma", "dynamics.scale")
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "point": {"multiple": True, "metavar": "X,Y[,NAME]", "help": "A start point; repeat it."},
         "points": {"type": Path, "help": "CSV of start points: lines x,y or x,y,name."},
@@ -119,6 +118,10 @@ class Points(Target):
             initial=start.shapes.astype(np.float32),
             parents=start.parents,
         )
+
+    def tuned_by_default(self, options: Options) -> tuple[str, ...]:
+        """See ``Target``."""
+        return "likelihood.sigma", "dynamics.scale"
 
     def noise(self, options: Options, start: Start) -> np.ndarray:
         """See ``Target``."""

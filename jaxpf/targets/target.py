@@ -47,6 +47,8 @@ class Looks(NamedTuple):
         frame_shape: height and width of all frames.
         num_particles: of one run, where cost decides what is chosen.
         num_runs: runs that share a frame's work, likewise.
+        surroundings: uint8 RGB ``[H, W, 3]``, the start frame, where patches tell how objects look.
+        is_filmed: whether frames come from a camera, and not from a synthetic scene.
     """
 
     frame: Any
@@ -54,6 +56,31 @@ class Looks(NamedTuple):
     frame_shape: tuple[int, int]
     num_particles: int
     num_runs: int = 1
+    surroundings: Any = None
+    is_filmed: bool = True
+
+    @property
+    def start_frame(self) -> Any:
+        """The start frame, objects and surroundings."""
+        return self.surroundings if self.frame is None else self.frame
+
+
+def looks_of_scene(scene: Any, num_particles: int, num_runs: int = 1) -> Looks:
+    """A scene's reference patches, and its first frame; clips from folders were filmed."""
+    return Looks(
+        frame=None,
+        patches=scene.patches,
+        frame_shape=scene.frames.shape[1:3],
+        num_particles=num_particles,
+        num_runs=num_runs,
+        surroundings=scene.frames[0],
+        is_filmed=is_filmed(scene),
+    )
+
+
+def is_filmed(scene: Any) -> bool:
+    """Whether a scene comes from a folder, and so from a camera."""
+    return "source" in scene.extras
 
 
 class Target:
@@ -69,7 +96,6 @@ class Target:
         has_boxes: whether its shapes are boxes x, y, w, h, as in MOT files and standard scores.
         outlines_of_estimates: function of estimates ``[..., P, D]`` and sizes ``[P, 2]`` that gives
             outlines ``[..., P, V, 2]``, differentiable; None where shapes are boxes.
-        tuned_by_default: tracker paths.
         track_suffix: of the files that ``track_writer`` writes.
     """
 
@@ -80,7 +106,6 @@ class Target:
     defaults: Mapping[str, Any] = {}
     has_boxes: bool = False
     track_suffix: str = ".csv"
-    tuned_by_default: tuple[str, ...] = ()
     outlines_of_estimates: Callable[[Any, Any], Any] | None = None
 
     # Where it starts.
@@ -134,6 +159,14 @@ class Target:
             f"{self.name} have no differentiable model to tune; tune a tracker of your own in "
             "Python with jaxpf.tune."
         )
+
+    def resolved(self, options: Any, is_filmed: bool) -> Any:
+        """The options with what depends on where pictures come from, see ``Looks``."""
+        return options
+
+    def tuned_by_default(self, options: Any) -> tuple[str, ...]:
+        """Tracker paths of what is tuned where nobody says what."""
+        return ()
 
     def settled(self, options: Any, start: Start, looks: Looks) -> Any:
         """The options with what "auto" stands for; it decides about results, so it is kept."""

@@ -11,7 +11,7 @@ from jaxpf.errors import InputError
 from jaxpf.models.model import Model
 from jaxpf.options import chosen, options_of
 from jaxpf.targets import find_target
-from jaxpf.targets.target import Looks, Start, Target
+from jaxpf.targets.target import Looks, Start, Target, looks_of_scene
 from jaxpf.tuning.comparison import HeldOut
 from jaxpf.tuning.problem import TrainingSequence
 
@@ -103,7 +103,7 @@ def training_sequence(
     """
     of = recipe.of
     start = of.scene_start(scene)
-    looks = Looks(None, scene.patches, scene.frames.shape[1:3], int(recipe.values["particles"]))
+    looks = looks_of_scene(scene, int(recipe.values["particles"]))
     background = scene.frames[_spread(len(scene.frames), _BACKGROUND_FRAMES)]
     tracker = dataclasses.replace(
         recipe.tracker(start, looks, background), gradient=recipe.gradient
@@ -135,7 +135,7 @@ def held_out(scene: Any, before: Recipe, after: Recipe, runs: int) -> HeldOut:
 
     def tracker(recipe: Recipe) -> Any:
         particles = int(recipe.values["particles"])
-        looks = Looks(None, scene.patches, scene.frames.shape[1:3], particles, runs)
+        looks = looks_of_scene(scene, particles, runs)
         return recipe.tracker(start, looks)
 
     return HeldOut(

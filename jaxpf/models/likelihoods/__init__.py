@@ -1,5 +1,6 @@
 """Likelihoods: how well a substate explains a frame."""
 
+from jaxpf.models.likelihoods.discriminative import DiscriminativeLikelihood, discriminative
 from jaxpf.models.likelihoods.distance_law import learn_background
 from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian, Gaussian
 from jaxpf.models.likelihoods.histogram import (
@@ -13,11 +14,13 @@ from jaxpf.models.likelihoods.windows import WindowLikelihood, windows
 
 __all__ = [
     "CorrelatedGaussian",
+    "DiscriminativeLikelihood",
     "Gaussian",
     "HistogramLikelihood",
     "PatchLikelihood",
     "PixelLikelihood",
     "WindowLikelihood",
+    "discriminative",
     "histogram",
     "histogram_from_patches",
     "learn_background",

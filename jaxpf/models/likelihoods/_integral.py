@@ -85,7 +85,7 @@ def _table_at_once(bins, num_bins):
     return jnp.cumsum(jnp.cumsum(member, axis=1, dtype=bins.dtype), axis=0, dtype=bins.dtype)
 
 
-def integral_similarity(table, references, partition, left, top, width, height):
+def integral_similarity(table, references, partition, left, top, width, height, region=None):
     """Sum over parts of the Bhattacharyya coefficient, for many upright boxes.
 
     Args:
@@ -96,23 +96,25 @@ def integral_similarity(table, references, partition, left, top, width, height):
         top: [N], top edge, pixels.
         width: [N], pixels, at least 1.
         height: [N], pixels, at least 1 per part.
+        region: int32, three of [N]: first row, height and width of the part of the table to which
+            each box belongs, and from whose first row it is counted; by default the whole table.
 
     Returns:
         Similarity [N], and bool [N]: whether every part's count fits the table's dtype.
     """
-    num_rows, num_columns, num_bins = table.cells.shape[-3:]
+    num_columns, num_bins = table.cells.shape[-2:]
     num_parts = references.shape[1]
     dtype = left.dtype
     groups = num_bins // LANES
     cells = table.cells.reshape(-1, LANES)
-    first_row = table.place * num_rows
+    first_row, last_row, last_column = _bounds(table, region)
     references = references.astype(dtype).reshape(-1, LANES)
 
     # floor(x + 1/2), not round-half-to-even: a box at least a pixel wide keeps a column.
     x0, x1 = jnp.floor(left + 0.5), jnp.floor(left + width + 0.5)
     edges = [jnp.floor(top + height * (k / num_parts) + 0.5) for k in range(num_parts + 1)]
-    column0, column1 = (jnp.clip(x, 0, num_columns - 1).astype(jnp.int32) for x in (x0, x1))
-    rows = [jnp.clip(y, 0, num_rows - 1).astype(jnp.int32) for y in edges]
+    column0, column1 = (jnp.clip(x, 0, last_column).astype(jnp.int32) for x in (x0, x1))
+    rows = [jnp.clip(y, 0, last_row).astype(jnp.int32) for y in edges]
 
     def above(row, group):
         """Pixels of the box's columns above an edge, for one group of bins."""
@@ -141,7 +143,9 @@ def integral_similarity(table, references, partition, left, top, width, height):
     return sum_of_rows(total), fits
 
 
-def interpolated_integral_similarity(table, references, partition, left, top, width, height):
+def interpolated_integral_similarity(
+    table, references, partition, left, top, width, height, region=None
+):
     """As ``integral_similarity``, of boxes whose edges lie anywhere: pixels count by their share.
 
     A pixel that an edge cuts counts by the area inside, which is what bilinear interpolation of
@@ -149,21 +153,21 @@ def interpolated_integral_similarity(table, references, partition, left, top, wi
     but where an edge meets a pixel's.  ``sqrt(p)`` has an infinite slope at p = 0, where a bin
     appears: it is rounded off, ``p / sqrt(p + e)``, with e the weight of a tenth of a pixel.
     """
-    num_rows, num_columns, num_bins = table.cells.shape[-3:]
+    num_columns, num_bins = table.cells.shape[-2:]
     num_parts = references.shape[1]
     dtype = left.dtype
     references = jnp.asarray(references, dtype)[partition]
     cells = table.cells.reshape(-1, num_bins)
-    first_row = table.place * num_rows
+    first_row, last_row, last_column = _bounds(table, region)
 
-    def place(x, size):
+    def place(x, last):
         """The last line at or before x, and how far x is beyond it."""
-        x = jnp.clip(x, 0, size - 1)
-        line = jnp.clip(jnp.floor(jax.lax.stop_gradient(x)), 0, max(size - 2, 0))
+        x = jnp.clip(x, 0, last)
+        line = jnp.clip(jnp.floor(jax.lax.stop_gradient(x)), 0, jnp.maximum(last - 1, 0))
         return line.astype(jnp.int32), (x - line)[:, None]
 
-    (column0, beyond0), (column1, beyond1) = (place(x, num_columns) for x in (left, left + width))
-    edges = [place(top + height * (k / num_parts), num_rows) for k in range(num_parts + 1)]
+    (column0, beyond0), (column1, beyond1) = (place(x, last_column) for x in (left, left + width))
+    edges = [place(top + height * (k / num_parts), last_row) for k in range(num_parts + 1)]
 
     def take(row, column):
         return entries_at(cells, (first_row + row) * num_columns + column)
@@ -194,3 +198,12 @@ def interpolated_integral_similarity(table, references, partition, left, top, wi
         pixels = (column1 - column0) * (edges[k + 1][0] - edges[k][0])
         fits &= pixels <= largest_count
     return total, fits
+
+
+def _bounds(table, region):
+    """The first row among those of a stack, and the last lines, of the table or of a region."""
+    num_rows, num_columns = table.cells.shape[-3:-1]
+    first_row = table.place * num_rows
+    if region is None:
+        return first_row, num_rows - 1, num_columns - 1
+    return first_row + region[0], region[1], region[2]

@@ -1,0 +1,241 @@
+"""Discriminative appearance: a score learned from the start frame, that tells how a box overlaps.
+
+Every object has a linear function of features of a box, found by ridge regression on boxes around
+it in one frame, whose labels are their overlaps with it.  With y the score and r the root of the
+mean squared residual of the regression::
+
+    log p(y | x) = gain * clip(y, -.2, 1.2) / max(r, .03)
+
+Features are the roots of two bands' colour histograms (hue, saturation and value, the object's 36
+most frequent bins), and cells of brightness gradients in eight directions (Dalal and Triggs 2005),
+each cell over its norm; both together have length root 2.  They are taken from the frame shrunk so
+that an object has some 18 to 36 pixels.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.errors import InputError
+from jaxpf.models.likelihoods._integral import (
+    integral_similarity,
+    integral_table,
+    interpolated_integral_similarity,
+)
+from jaxpf.models.likelihoods.color import check_frame, hsv_bins
+from jaxpf.models.likelihoods.discriminative.cells import Boxes, cell_features, sum_table
+from jaxpf.models.likelihoods.discriminative.levels import levels_of, shrunk, stacked
+from jaxpf.pytree import pytree_dataclass, static_field
+
+#: Scores beyond these are no better and no worse: labels are overlaps, 0 to 1.
+_LOWEST, _HIGHEST = -0.2, 1.2
+#: A residual below this is taken for luck: the training boxes are few.
+_LEAST_RESIDUAL = 0.03
+
+
+class Seen(NamedTuple):
+    """What the likelihood keeps of a frame.
+
+    Attributes:
+        colours: integral table of colour bins, of all levels; None where colours do not count.
+        maps: integral tables of the maps.
+    """
+
+    colours: Any
+    maps: tuple[Any, ...]
+
+
+@pytree_dataclass
+class DiscriminativeLikelihood:
+    """Learned appearance of P objects; make one with :func:`discriminative`.
+
+    A substate is (u, v, a): the centre of the box in pixels from the left and the top of the
+    frame, and its scale; the box is ``a * w`` by ``a * h``.  With a fourth number b, its aspect
+    relative to the start, it is ``a * w * sqrt(b)`` by ``a * h / sqrt(b)``.
+
+    Attributes:
+        gain: scalar: larger trusts the score more.
+        sizes: [P, 2], width and height of the box at scale 1, pixels.
+        offset: [P], of the score.
+        residual: [P], root of the mean squared residual of the regression.
+        colour_weights: [P, bands, B], or None without colours.
+        map_weights: for every map, [P, rows, columns, C].
+        bin_lookup: int32 [110], colour bin -> one of B bins, or B.
+        level: int32 [P], in which level each object is looked at.
+        factors: of the levels.
+        maps: functions of a picture, float [h, w, 3] of 0 to 1, that give [h, w, C] of 0 to 1.
+        frame_shape: height and width of all frames.
+        interpolation: ``"nearest"`` or ``"bilinear"``, as for histograms.
+        background: [P, n], scores of boxes anywhere, by which the likelihood is normalised; or
+            None.
+    """
+
+    gain: Any
+    sizes: Any
+    offset: Any
+    residual: Any
+    colour_weights: Any
+    map_weights: tuple[Any, ...]
+    bin_lookup: Any
+    level: Any
+    factors: tuple[int, ...] = static_field()
+    maps: tuple[Callable, ...] = static_field()
+    frame_shape: tuple[int, int] = static_field()
+    interpolation: str = static_field(default="nearest")
+    background: Any = None
+
+    #: What ``observe`` gives depends on no parameter that tuning may change.
+    fixed_observation = True
+
+    @property
+    def state_gradient(self) -> bool:
+        """Whether ``log_prob`` is differentiable in the substate."""
+        return self.interpolation == "bilinear"
+
+    @property
+    def form(self) -> str:
+        """``"ratio"`` where the likelihood is normalised, else ``"exponential"``."""
+        return "exponential" if self.background is None else "ratio"
+
+    def observe(self, frame):
+        """Tables of the frame, shared by all particles and runs.
+
+        Args:
+            frame: uint8 RGB [H, W, 3].
+
+        Raises:
+            InputError: the frame has another shape or dtype.
+        """
+        check_frame(frame)
+        if tuple(frame.shape[:2]) != self.frame_shape:
+            (height, width), (rows, columns) = frame.shape[:2], self.frame_shape
+            raise InputError(
+                f"a frame of {width} x {height} pixels does not go with the start frame of "
+                f"{columns} x {rows}, from which appearance was learned; bring all to one size."
+            )
+        pictures = [shrunk(jnp.asarray(frame), factor) for factor in self.factors]
+        colours = None
+        if self.colour_weights is not None:
+            num_bins = self.colour_weights.shape[-1]
+            bins = [self.bin_lookup[hsv_bins(jnp.round(p).astype(jnp.uint8))] for p in pictures]
+            colours = integral_table(stacked(bins, num_bins), num_bins, "uint16")
+        maps = tuple(sum_table(stacked([of(p / 255) for p in pictures], 0)) for of in self.maps)
+        return Seen(colours, maps)
+
+    def log_prob(self, observation, partition, substate):
+        """Log-likelihood [] of one particle: a traced int partition, a substate [D]."""
+        partition = jnp.asarray(partition)[None]
+        return self.log_prob_all(observation, partition, substate[:, None])[0]
+
+    def log_prob_all(self, observation, partition, substates):
+        """Log-likelihoods of N particles.
+
+        Args:
+            observation: what :meth:`observe` returned.
+            partition: int [N], the object each particle's substate belongs to.
+            substates: float [3, N] or [4, N].
+
+        Returns:
+            [N] in the dtype of ``substates``: NaN where a substate is not finite; -inf for a box
+            that is not a pixel wide and high, or more than 16 times as large as at the start.
+
+        Raises:
+            InputError: D is not 3 or 4.
+        """
+        dtype = substates.dtype
+        score, valid = self.scores_all(observation, partition, substates)
+        sharpness = jnp.asarray(self.gain, dtype) / jnp.maximum(
+            jnp.asarray(self.residual, dtype), _LEAST_RESIDUAL
+        )
+        log_prob = sharpness[partition] * jnp.clip(score, _LOWEST, _HIGHEST)
+        if self.background is not None:
+            usual = sharpness[:, None] * jnp.clip(self.background.astype(dtype), _LOWEST, _HIGHEST)
+            usual = jax.nn.logsumexp(usual, axis=1) - np.log(usual.shape[1])
+            log_prob -= usual[partition]
+        log_prob = jnp.where(valid, log_prob, -jnp.inf)
+        return jnp.where(jnp.all(jnp.isfinite(substates), axis=0), log_prob, jnp.nan)
+
+    def scores_all(self, observation, partition, substates):
+        """Scores of N particles: about how much their boxes overlap their objects.
+
+        Args:
+            observation: as for :meth:`log_prob_all`, like the others.
+            partition: see there.
+            substates: see there.
+
+        Returns:
+            [N], and bool [N]: whether the box is neither too small nor too large.
+
+        Raises:
+            InputError: D is not 3 or 4.
+        """
+        boxes, valid = self._boxes(partition, substates)
+        dtype = substates.dtype
+        score = jnp.asarray(self.offset, dtype)[partition]
+        if self.colour_weights is not None:
+            score += self._colour_score(observation.colours, self.colour_weights, partition, boxes)
+        for table, weights in zip(observation.maps, self.map_weights, strict=True):
+            cells = cell_features(table, boxes, weights.shape[1:3], self.interpolation)
+            score += jnp.sum(cells * jnp.asarray(weights, dtype)[partition], axis=(1, 2, 3))
+        return score, valid
+
+    def features_all(self, observation, partition, substates):
+        """What scores are linear in, [N, F]: colours first, then the maps' cells.
+
+        Args:
+            observation: as for :meth:`log_prob_all`, like the others.
+            partition: see there.
+            substates: see there.
+        """
+        boxes, _ = self._boxes(partition, substates)
+        columns = []
+        if self.colour_weights is not None:
+            # The score of every bin on its own, object by object as they come.
+            bands, bins = self.colour_weights.shape[1:]
+            units = jnp.eye(bands * bins, dtype=substates.dtype).reshape(-1, bands, bins)
+            none = jnp.zeros_like(partition)
+            of_bin = jax.lax.map(
+                lambda unit: self._colour_score(observation.colours, unit[None], none, boxes), units
+            )
+            wanted = jnp.asarray(self.colour_weights).reshape(len(self.sizes), -1)[partition]
+            columns.append(jnp.where(wanted != 0, of_bin.T, 0))
+        for table, weights in zip(observation.maps, self.map_weights, strict=True):
+            cells = cell_features(table, boxes, weights.shape[1:3], self.interpolation)
+            columns.append(cells.reshape(len(partition), -1))
+        return jnp.concatenate(columns, axis=1)
+
+    def _colour_score(self, table, weights, partition, boxes):
+        count = integral_similarity
+        if self.interpolation == "bilinear":
+            count = interpolated_integral_similarity
+        scaled = jnp.asarray(weights) / np.sqrt(weights.shape[1])
+        score, _ = count(
+            table, scaled, partition, boxes.left, boxes.top, boxes.width, boxes.height, boxes[4:]
+        )
+        return score
+
+    def _boxes(self, partition, substates):
+        """Boxes in the picture of all levels, and whether they are of a sensible size."""
+        if substates.shape[0] not in (3, 4):
+            raise InputError(
+                f"a substate has {substates.shape[0]} values: learned appearance takes (u, v, a) "
+                "or (u, v, a, b)."
+            )
+        dtype = substates.dtype
+        u, v, scale = substates[:3]
+        across = down = scale
+        if len(substates) == 4:
+            root = jnp.sqrt(jnp.maximum(substates[3], 1e-6))
+            across, down = scale * root, scale / root
+        size = jnp.asarray(self.sizes, dtype)[partition]
+        width, height = size[:, 0] * across, size[:, 1] * down
+        levels = levels_of(self.factors, self.frame_shape)
+        region = jnp.array([level[1:] for level in levels], jnp.int32)[self.level]
+        factor = jnp.array([level.factor for level in levels], dtype)[self.level][partition]
+        corner = ((u - width / 2) / factor, (v - height / 2) / factor)
+        boxes = Boxes(*corner, width / factor, height / factor, *region[partition].T)
+        valid = (width >= 1) & (height >= 2) & (scale <= 16)
+        return boxes, valid

@@ -1,0 +1,31 @@
+"""Maps of features: what is seen at every pixel of a picture, for cells of a box to collect."""
+
+import jax
+import jax.numpy as jnp
+
+#: Directions of the brightness gradient, over the whole turn.
+ORIENTATIONS = 8
+_LUMA = (0.299, 0.587, 0.114)
+
+
+def gradients(picture: jax.Array) -> jax.Array:
+    """How strong the brightness gradient is in each of eight directions (Dalal and Triggs 2005).
+
+    A pixel's vote is the root of the gradient's length, shared between the two directions next to
+    its own.
+
+    Args:
+        picture: float [h, w, 3], red, green, blue, 0 to 1.
+
+    Returns:
+        [h, w, 8], 0 to 1.
+    """
+    grey = picture @ jnp.asarray(_LUMA, picture.dtype)
+    padded = jnp.pad(grey, 1, mode="edge")
+    across = (padded[1:-1, 2:] - padded[1:-1, :-2]) / 2
+    down = (padded[2:, 1:-1] - padded[:-2, 1:-1]) / 2
+    length = jnp.sqrt(across**2 + down**2)
+    turn = jnp.arctan2(down, across) * (ORIENTATIONS / (2 * jnp.pi))
+    away = (turn[..., None] - jnp.arange(ORIENTATIONS) + ORIENTATIONS / 2) % ORIENTATIONS
+    share = jnp.maximum(1 - jnp.abs(away - ORIENTATIONS / 2), 0)
+    return jnp.sqrt(length)[..., None] * share

@@ -1,0 +1,69 @@
+"""How boxes move: models of boxes for any likelihood."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.errors import InputError
+from jaxpf.models.model import Model
+
+#: Noise of centre (pixels) and scale per frame: wide enough for people walking in video.
+DEFAULT_SCALE = (4.0, 2.0, 0.003)
+#: The same relative to the size: usual steps, long ones, and the logarithm of the size.
+DEFAULT_STEPS = (0.03, 0.12, 0.015)
+
+
+def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCALE) -> Model:
+    """Boxes that start where they are and move by smith2004's AR2 dynamics.
+
+    Args:
+        likelihood: of substates (u, v, a), such as ``jaxpf.likelihoods.histogram(...)``.
+        boxes: x, y, w, h in pixels, ``[P, 4]``: where the objects are before the first frame.
+        scale: noise of u, v (pixels) and a per frame, ``[3]`` or ``[P, 3]``.
+
+    Raises:
+        InputError: noise that is negative or not finite.
+    """
+    from jaxpf.models.dynamics import AR2
+
+    boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
+    scale = np.asarray(scale, np.float32)
+    if scale.shape[-1:] != (3,) or not np.all(np.isfinite(scale)) or np.any(scale < 0):
+        raise InputError(
+            f"scale {scale.tolist()} must be three finite numbers >= 0: the noise of x and y in "
+            "pixels and of the relative size, such as 4,2,0.003."
+        )
+    centres = boxes[:, :2] + boxes[:, 2:] / 2
+    return Model(
+        dynamics=AR2(scale=scale),
+        likelihood=likelihood,
+        initial=np.concatenate([centres, np.ones((len(boxes), 1), np.float32)], axis=1),
+        parents=(-1,) * len(boxes),
+    )
+
+
+def relative_box_model(
+    likelihood: Any, boxes: ArrayLike, steps: ArrayLike = DEFAULT_STEPS
+) -> Model:
+    """Boxes that start where they are and move by steps relative to their size.
+
+    Args:
+        likelihood: see ``box_model``, like the next one.
+        boxes: see there.
+        steps: see ``jaxpf.dynamics.RelativeMotion``, ``[3]`` or ``[P, 3]``.
+
+    Raises:
+        InputError: noise that is negative or not finite.
+    """
+    from jaxpf.models.relative_motion import RelativeMotion
+
+    boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
+    steps = np.asarray(steps, np.float32)
+    if steps.shape[-1:] != (3,) or not np.all(np.isfinite(steps)) or np.any(steps < 0):
+        raise InputError(
+            f"steps {steps.tolist()} must be three finite numbers >= 0: usual steps and long ones "
+            "as shares of the size, and the noise of its logarithm, such as 0.03,0.12,0.015."
+        )
+    model = box_model(likelihood, boxes)
+    return model._replace(dynamics=RelativeMotion(sizes=boxes[:, 2:], steps=steps))

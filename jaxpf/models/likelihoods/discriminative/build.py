@@ -32,7 +32,7 @@ def discriminative(
     features: Sequence[str | Callable] = FEATURES,
     gain: float = 2.0,
     bands: int = 2,
-    grid: tuple[int, int] = (6, 6),
+    grid: tuple[int, int] = (4, 4),
     penalty: float = RIDGE,
     interpolation: str = "nearest",
     background_frames: Any = None,

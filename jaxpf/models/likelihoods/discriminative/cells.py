@@ -3,20 +3,28 @@
 ``table[i, j, c]`` is the sum of channel c above row i and left of column j, of values that were
 rounded to whole numbers: a difference of sums is exact in whatever order they were added, also
 where they wrap around.  Channels come last: the corner of a cell is one contiguous row.
+
+With c a cell's mean of a channel and s that of all channels together, the cell's feature is
+``sqrt(c / (s + e))``, divided by the root of the number of cells: the root of a histogram, as of
+colours, that fades where there is next to nothing to see.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
-from jaxpf.lowering.columns import entries_at
-from jaxpf.models.likelihoods._integral import IntegralTable
+from jaxpf.lowering.columns import entries_at, sum_of_rows
+from jaxpf.pytree import pytree_dataclass
 
 #: Whole numbers per unit of a map.
 _STEPS = 255
-#: A cell whose mean is shorter than this counts in proportion, not by its direction alone.
-_FAINT = 0.5 / 16
+#: e, in units of a map.
+_FAINT = 0.03
+#: Where edges cut pixels, a channel below this share of a cell counts in proportion, not by its
+#: root: the slope of a root is infinite at 0, where a channel appears.
+_ROUNDED = 1e-3
 
 
 class Boxes(NamedTuple):
@@ -41,18 +49,31 @@ class Boxes(NamedTuple):
     columns: jax.Array
 
 
-def sum_table(values: jax.Array) -> IntegralTable:
-    """The integral table of a map.
+@pytree_dataclass
+class SumTable:
+    """Integral table of a map, perhaps one of a stack of them, which is not copied.
 
-    Args:
-        values: float [h, w, C], 0 to 1.
-
-    Returns:
-        The table, its cells uint32 [h + 1, w + 1, C].
+    Attributes:
+        cells: int32, ``[h + 1, w + 1, C]`` or ``[G, h + 1, w + 1, C]``.
+        totals: the same of all channels together, without the last axis.
+        place: int32 [], the frame's place in the stack; 0 of a single frame.
     """
-    whole = jnp.round(jnp.clip(values, 0, 1) * _STEPS).astype(jnp.uint32)
+
+    cells: Any
+    totals: Any
+    place: Any
+
+    def take_frame(self, index):
+        """Frame ``index`` of a stack of G tables, whose ``place`` is ``[G]``."""
+        return SumTable(self.cells, self.totals, index)
+
+
+def sum_table(values: jax.Array) -> SumTable:
+    """The integral table of a map, float [h, w, C], 0 to 1."""
+    whole = jnp.round(jnp.clip(values, 0, 1) * _STEPS).astype(jnp.int32)
     cells = jax.lax.platform_dependent(whole, cpu=_by_rows, default=_at_once)
-    return IntegralTable(jnp.pad(cells, ((1, 0), (1, 0), (0, 0))), jnp.zeros((), jnp.int32))
+    cells = jnp.pad(cells, ((1, 0), (1, 0), (0, 0)))
+    return SumTable(cells, cells.sum(axis=-1, dtype=cells.dtype), jnp.zeros((), jnp.int32))
 
 
 def _by_rows(values):
@@ -76,9 +97,9 @@ def _at_once(values):
 
 
 def cell_features(
-    table: IntegralTable, boxes: Boxes, grid: tuple[int, int], interpolation: str
+    table: SumTable, boxes: Boxes, grid: tuple[int, int], interpolation: str
 ) -> jax.Array:
-    """Means over the cells of boxes, each cell over its norm and all together a unit vector.
+    """Features of the cells of boxes.
 
     Args:
         table: of a map with C channels.
@@ -90,13 +111,72 @@ def cell_features(
     Returns:
         [N, rows, columns, C].
     """
-    sums = (_cut_sums if interpolation == "bilinear" else _whole_sums)(table, boxes, grid)
+    bilinear = interpolation == "bilinear"
+    sums = (_cut_sums if bilinear else _whole_sums)(table, boxes, grid)
+    total = jnp.sum(sums, axis=-1, keepdims=True) + _least(boxes, grid)[:, None, None, None]
+    share = sums / total
+    if bilinear:
+        share = jnp.maximum(share, 0)
+        root = share * jax.lax.rsqrt(share + _ROUNDED)
+    else:
+        root = jnp.sqrt(share)
+    return root / np.sqrt(grid[0] * grid[1])
+
+
+def cell_score(
+    table: SumTable, weights: jax.Array, partition: jax.Array, boxes: Boxes
+) -> jax.Array:
+    """``sum(cell_features * weights)`` of whole pixels, at a tenth of the time.
+
+    Args:
+        table: of a map with C channels.
+        weights: [P, rows, columns, C].
+        partition: int [N].
+        boxes: N of them.
+
+    Returns:
+        [N].
+    """
+    grid = weights.shape[1:3]
+    cells, first_row, stride = _flat(table, boxes)
+    totals = table.totals.reshape(-1)
+    weights = (weights / np.sqrt(grid[0] * grid[1])).reshape(-1, cells.shape[-1])
+    # One array for every edge: an array of edges would have to be read across.
+    starts = [
+        (first_row + _line(boxes.top + boxes.height * (i / grid[0]), boxes.rows)) * stride
+        for i in range(grid[0] + 1)
+    ]
+    columns = [
+        _line(boxes.left + boxes.width * (j / grid[1]), boxes.columns) for j in range(grid[1] + 1)
+    ]
+    least = _least(boxes, grid)
+
+    def strip(table, i, j):
+        """What lies above a row's edge, in a column of cells."""
+        left, right = (entries_at(table, starts[i] + columns[j + k]) for k in (0, 1))
+        return right - left
+
+    # One fused loop over the particles' channels: gather, difference, root, multiply, accumulate.
+    total = jnp.zeros((len(partition), cells.shape[-1]), boxes.left.dtype)
+    for i in range(grid[0]):
+        for j in range(grid[1]):
+            here, seen = (strip(t, i + 1, j) - strip(t, i, j) for t in (cells, totals))
+            weight = entries_at(weights, (partition * grid[0] + i) * grid[1] + j)
+            faded = jax.lax.rsqrt(seen.astype(total.dtype) + least)
+            total += jnp.sqrt(here.astype(total.dtype)) * weight * faded[:, None]
+    return sum_of_rows(total)
+
+
+def _line(place: jax.Array, size: jax.Array) -> jax.Array:
+    """The line between pixels next to a place, int32, within 0 to the size."""
+    # floor(x + 1/2), not round-half-to-even, as histograms of boxes have it.
+    return jnp.floor(jnp.clip(place, 0, size.astype(place.dtype)) + 0.5).astype(jnp.int32)
+
+
+def _least(boxes: Boxes, grid: tuple[int, int]) -> jax.Array:
+    """e times the area of a cell, [N], in the table's units."""
     area = boxes.width * boxes.height / (grid[0] * grid[1])
-    means = sums / (_STEPS * jnp.maximum(area, 1e-6))[:, None, None, None]
-    # A little is added under roots: their slope at 0 is infinite.
-    length = jnp.sqrt(jnp.sum(means**2, axis=-1, keepdims=True) + 1e-12)
-    cells = means / (length + _FAINT)
-    return cells * jax.lax.rsqrt(jnp.sum(cells**2, axis=(1, 2, 3), keepdims=True) + 1e-6)
+    return (_STEPS * _FAINT) * jnp.maximum(area, 1e-3)
 
 
 def _edges(boxes: Boxes, grid: tuple[int, int]) -> tuple[jax.Array, jax.Array]:
@@ -113,7 +193,7 @@ def _edges(boxes: Boxes, grid: tuple[int, int]) -> tuple[jax.Array, jax.Array]:
     )
 
 
-def _flat(table: IntegralTable, boxes: Boxes) -> tuple[jax.Array, jax.Array, int]:
+def _flat(table: SumTable, boxes: Boxes) -> tuple[jax.Array, jax.Array, int]:
     """Rows of channels, every box's first row among those of a stack of tables, and their width."""
     num_rows, num_columns, channels = table.cells.shape[-3:]
     return table.cells.reshape(-1, channels), table.place * num_rows + boxes.first_row, num_columns

@@ -6,9 +6,9 @@ mean squared residual of the regression::
 
     log p(y | x) = gain * clip(y, -.2, 1.2) / max(r, .03)
 
-Features are the roots of two bands' colour histograms (hue, saturation and value, the object's 36
-most frequent bins), and cells of brightness gradients in eight directions (Dalal and Triggs 2005),
-each cell over its norm; both together have length root 2.  They are taken from the frame shrunk so
+Features are roots of histograms: of two bands' colours (hue, saturation and value, the object's 36
+most frequent bins), and of brightness gradients in eight directions in 4 x 4 cells (Dalal and
+Triggs 2005); together they have a length of about root 2.  They are taken from the frame shrunk so
 that an object has some 18 to 36 pixels.
 """
 
@@ -19,6 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.contract import of_partition
 from jaxpf.errors import InputError
 from jaxpf.models.likelihoods._integral import (
     integral_similarity,
@@ -26,7 +27,12 @@ from jaxpf.models.likelihoods._integral import (
     interpolated_integral_similarity,
 )
 from jaxpf.models.likelihoods.color import check_frame, hsv_bins
-from jaxpf.models.likelihoods.discriminative.cells import Boxes, cell_features, sum_table
+from jaxpf.models.likelihoods.discriminative.cells import (
+    Boxes,
+    cell_features,
+    cell_score,
+    sum_table,
+)
 from jaxpf.models.likelihoods.discriminative.levels import levels_of, shrunk, stacked
 from jaxpf.pytree import pytree_dataclass, static_field
 
@@ -34,6 +40,8 @@ from jaxpf.pytree import pytree_dataclass, static_field
 _LOWEST, _HIGHEST = -0.2, 1.2
 #: A residual below this is taken for luck: the training boxes are few.
 _LEAST_RESIDUAL = 0.03
+#: Scale of a box whose pixels can still be counted, see ``levels.LARGEST_SIDE``.
+_LARGEST = 8.0
 
 
 class Seen(NamedTuple):
@@ -140,7 +148,7 @@ class DiscriminativeLikelihood:
 
         Returns:
             [N] in the dtype of ``substates``: NaN where a substate is not finite; -inf for a box
-            that is not a pixel wide and high, or more than 16 times as large as at the start.
+            that is not a pixel wide and high, or more than 8 times as large as at the start.
 
         Raises:
             InputError: D is not 3 or 4.
@@ -178,8 +186,12 @@ class DiscriminativeLikelihood:
         if self.colour_weights is not None:
             score += self._colour_score(observation.colours, self.colour_weights, partition, boxes)
         for table, weights in zip(observation.maps, self.map_weights, strict=True):
-            cells = cell_features(table, boxes, weights.shape[1:3], self.interpolation)
-            score += jnp.sum(cells * jnp.asarray(weights, dtype)[partition], axis=(1, 2, 3))
+            weights = jnp.asarray(weights, dtype)
+            if self.interpolation == "bilinear":
+                cells = cell_features(table, boxes, weights.shape[1:3], self.interpolation)
+                score += jnp.sum(cells * of_partition(weights, partition), axis=(1, 2, 3))
+            else:
+                score += cell_score(table, weights, partition, boxes)
         return score, valid
 
     def features_all(self, observation, partition, substates):
@@ -237,5 +249,5 @@ class DiscriminativeLikelihood:
         factor = jnp.array([level.factor for level in levels], dtype)[self.level][partition]
         corner = ((u - width / 2) / factor, (v - height / 2) / factor)
         boxes = Boxes(*corner, width / factor, height / factor, *region[partition].T)
-        valid = (width >= 1) & (height >= 2) & (scale <= 16)
+        valid = (width >= 1) & (height >= 2) & (scale <= _LARGEST)
         return boxes, valid

@@ -23,6 +23,8 @@ from jaxpf.pytree import as_array
 FEATURES = ("colour", "gradients")
 #: Colour bins that count for an object, its most frequent ones.
 NUM_COLOURS = 36
+#: A share of the labels' spread that the regression must not leave.
+_MOST_UNEXPLAINED = 0.7
 
 
 def discriminative(
@@ -86,6 +88,7 @@ def discriminative(
         interpolation=interpolation,
     )
     likelihood = _trained(likelihood, frame, as_array(boxes, float), penalty)
+    _check_learned(np.asarray(likelihood.residual))
     if background_frames is None:
         return likelihood
     return dataclasses.replace(likelihood, background=_background(likelihood, background_frames))
@@ -185,6 +188,20 @@ def _channels(function: Callable) -> int:
     return shape[2]
 
 
+def _check_learned(residuals: np.ndarray) -> None:
+    """Refuse objects that boxes beside them look like.
+
+    Raises:
+        InputError: which.
+    """
+    spread = training_boxes()[1].std()
+    for i in np.flatnonzero(~(residuals < _MOST_UNEXPLAINED * spread)):
+        raise InputError(
+            f"boxes[{i}] looks like what is around it, so that nothing tells where it is; give a "
+            "box whose edges show, or another start frame."
+        )
+
+
 def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_shape) -> None:
     if boxes.ndim != 2 or boxes.shape[1] != 4 or len(boxes) == 0:
         raise InputError(
@@ -198,9 +215,16 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
         if w < 4 or h < 4:
             raise InputError(
                 f"boxes[{i}] is {w:g} pixels wide and {h:g} high: appearance is learned from "
-                "objects of at least 4 x 4 pixels; enlarge the frames, or choose colour."
+                "objects of at least 4 x 4 pixels; enlarge the frames, or choose the appearance "
+                "colour."
             )
         inside = max(min(x + w, width) - max(x, 0), 0) * max(min(y + h, height) - max(y, 0), 0)
+        if inside > 0.5 * width * height:
+            raise InputError(
+                f"boxes[{i}] is {box.tolist()}: it covers more than half of the frame of {width} x "
+                f"{height} pixels, too much to learn what is around it; choose the appearance "
+                "colour."
+            )
         if inside < 0.25 * w * h:
             raise InputError(
                 f"boxes[{i}] is {box.tolist()}: less than a quarter of it lies in the frame of "

@@ -141,29 +141,33 @@ def cell_score(
     cells, first_row, stride = _flat(table, boxes)
     totals = table.totals.reshape(-1)
     weights = (weights / np.sqrt(grid[0] * grid[1])).reshape(-1, cells.shape[-1])
-    # One array for every edge: an array of edges would have to be read across.
-    starts = [
-        (first_row + _line(boxes.top + boxes.height * (i / grid[0]), boxes.rows)) * stride
-        for i in range(grid[0] + 1)
-    ]
+    dtype = boxes.left.dtype
     columns = [
         _line(boxes.left + boxes.width * (j / grid[1]), boxes.columns) for j in range(grid[1] + 1)
     ]
     least = _least(boxes, grid)
 
-    def strip(table, i, j):
-        """What lies above a row's edge, in a column of cells."""
-        left, right = (entries_at(table, starts[i] + columns[j + k]) for k in (0, 1))
-        return right - left
+    def start(i):
+        """Where a row's upper edge begins in the table."""
+        place = boxes.top + boxes.height * (jnp.asarray(i, dtype) / grid[0])
+        return (first_row + _line(place, boxes.rows)) * stride
 
-    # One fused loop over the particles' channels: gather, difference, root, multiply, accumulate.
-    total = jnp.zeros((len(partition), cells.shape[-1]), boxes.left.dtype)
-    for i in range(grid[0]):
+    def strip(table, start, j):
+        """What lies above a row's edge, in a column of cells."""
+        return entries_at(table, start + columns[j + 1]) - entries_at(table, start + columns[j])
+
+    def add_row(i, total):
+        # One fused loop over the particles' channels: gather, difference, root, multiply, add.
+        above, below = start(i), start(i + 1)
         for j in range(grid[1]):
-            here, seen = (strip(t, i + 1, j) - strip(t, i, j) for t in (cells, totals))
+            here, seen = (strip(t, below, j) - strip(t, above, j) for t in (cells, totals))
             weight = entries_at(weights, (partition * grid[0] + i) * grid[1] + j)
-            faded = jax.lax.rsqrt(seen.astype(total.dtype) + least)
-            total += jnp.sqrt(here.astype(total.dtype)) * weight * faded[:, None]
+            faded = jax.lax.rsqrt(seen.astype(dtype) + least)
+            total += jnp.sqrt(here.astype(dtype)) * weight * faded[:, None]
+        return total
+
+    total = jnp.zeros((len(partition), cells.shape[-1]), dtype)
+    total = jax.lax.fori_loop(0, grid[0], add_row, total)
     return sum_of_rows(total)
 
 

@@ -38,7 +38,13 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
             raise InputError(f"--output {output} is where the curves go; name the CSV file.")
         check_output_file(output)
     common.start_jax()
-    from jaxpf.experiments import contour_costs, gradient_costs, labelled_costs, speed
+    from jaxpf.experiments import (
+        appearance_costs,
+        contour_costs,
+        gradient_costs,
+        labelled_costs,
+        speed,
+    )
     from jaxpf.experiments.eskil2014 import costs as point_costs
     from jaxpf.experiments.gonzales2011 import costs
 
@@ -51,6 +57,10 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
             contour_costs.rows(repeats),
         ),
         ("Whole kernel: 50 runs, 300 particles, 7 objects, 360x288", speed.kernel_rows(repeats)),
+        (
+            f"Learned appearance: whole kernel, {appearance_costs.PARTICLES} particles",
+            appearance_costs.rows(repeats),
+        ),
         (
             f"Turned parts: {costs.RUNS} runs, {costs.PARTICLES} particles; CPU time, one device",
             costs.rows(repeats),

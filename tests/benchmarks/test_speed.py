@@ -9,7 +9,7 @@ from math import comb
 import numpy as np
 import pytest
 
-from jaxpf.experiments import gradient_costs, labelled_costs, speed
+from jaxpf.experiments import appearance_costs, gradient_costs, labelled_costs, speed
 from jaxpf.experiments.growth import Growth, growth, growth_figure
 
 pytestmark = pytest.mark.slow
@@ -30,6 +30,12 @@ def test_the_generic_kernel_is_timed_against_the_minimal_filter():
 def test_the_histogram_is_timed_against_opencv():
     rows = list(speed.histogram_rows(repeats=1))
     assert [row.what for row in rows[1:]] == ["histogram, integral", "histogram, sampled"]
+    assert all(np.isfinite([row.nanoseconds, row.ratio]).all() for row in rows)
+
+
+def test_learned_appearance_is_timed_against_colour():
+    rows = list(appearance_costs.rows(repeats=1, num_runs=2, num_particles=20, num_frames=2))
+    assert [row.of for row in rows] == ["", "this / colour"] * 2
     assert all(np.isfinite([row.nanoseconds, row.ratio]).all() for row in rows)
 
 

@@ -64,7 +64,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
         "ess_threshold": None,
         "bands": 2,
         "likelihood": "integral",
-        "appearance": "auto",
+        "appearance": "colour",  # which a sharpness says
         "gain": 2.0,
         "motion": "auto",
         "steps": (0.03, 0.12, 0.015),
@@ -212,17 +212,14 @@ def test_tracks_that_cannot_be_read_are_refused(tmp_path):
 
 
 def test_an_option_says_what_it_is_an_option_of():
-    plan = Plan(SCENE, methods=["sir"], grid={"sharpness": [20, 30], "steps": [(0.1, 0.2, 0.01)]})
-    grid = plan.for_target("boxes").grid
-    assert grid["appearance"] == ("colour",)
-    assert grid["motion"] == ("relative",)
-    both = {"appearance": ["colour", "discriminative"]}
-    assert Plan(SCENE, grid=both).for_target("boxes").grid["appearance"] == tuple(
-        both["appearance"]
-    )
-    with pytest.raises(InputError, match="--sharpness goes with --appearance colour, and discrim"):
-        Plan(SCENE, grid={**both, "sharpness": [20]}).for_target("boxes")
-    with pytest.raises(
-        InputError, match="--gain goes with --appearance discriminative, and colour"
-    ):
-        Plan(SCENE, grid={"sharpness": [20], "gain": [1.0]}).for_target("boxes")
+    def grid(**given):
+        return Plan(SCENE, methods=["sir"], grid=given).for_target("boxes").grid
+
+    both = ["colour", "discriminative"]
+    told = grid(sharpness=[20, 30], steps=[(0.1, 0.2, 0.01)])
+    assert (told["appearance"], told["motion"]) == (("colour",), ("relative",))
+    assert grid(appearance=both)["appearance"] == tuple(both)
+    with pytest.raises(InputError, match="--sharpness goes with --appearance colour, and discr"):
+        grid(appearance=both, sharpness=[20])
+    with pytest.raises(InputError, match="--gain goes with --appearance discriminative, and col"):
+        grid(sharpness=[20], gain=[1.0])

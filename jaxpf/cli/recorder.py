@@ -34,7 +34,7 @@ class Recorder:
         self.colours = object_colours(len(ids))
         self.frames_outside: dict[str, list[int]] = {str(i): [] for i in ids}
         self.frames_without_likelihood: dict[str, list[int]] = {str(i): [] for i in ids}
-        self.past = collections.deque(maxlen=_TRAIL)
+        self.past: collections.deque[np.ndarray] = collections.deque(maxlen=_TRAIL)
         self.num_tracked = self.num_invalid = self.num_impossible = 0
         self.seconds_first = self.seconds_rest = 0.0
         self._stack = contextlib.ExitStack()

@@ -5,12 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.contract import DynamicsWithDensity, of_partition
+from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction, of_partition
 from jaxpf.pytree import pytree_dataclass
 
 
 @pytree_dataclass
-class RelativeMotion(DynamicsWithDensity):
+class RelativeMotion(DynamicsWithDensity, DynamicsWithPrediction):
     """Boxes whose steps are relative to their size, and heavy-tailed.
 
     With s the root of the box's area and n normal::
@@ -60,6 +60,11 @@ class RelativeMotion(DynamicsWithDensity):
         log_size = jnp.log(new[2:])
         sizes = _log_normal((log_size - drift[2:]) ** 2, of_size, 1) - log_size
         return mixed + jnp.sum(jnp.where(of_size > 0, sizes, 0.0), axis=0)
+
+    def predict_all(self, partition, current, previous):
+        """Where all particles are expected, ``[D, N]``, but for the mean of the size's noise."""
+        drift = self._drift(partition, current, previous)
+        return jnp.concatenate([drift[:2], jnp.exp(drift[2:])])
 
     def _scales(self, partition, current):
         """Standard deviations of both kinds of steps, pixels, and of log a, ``[N]`` each."""

@@ -1,6 +1,7 @@
 """``jaxpf tune``: parameters of the likelihood and the motion, found by gradient descent."""
 
 import dataclasses
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,13 @@ from jaxpf.cli.memory import check_memory, needed_by
 from jaxpf.cli.options import declared_options, picked, refuse_others
 from jaxpf.errors import InputError
 from jaxpf.names import GRADIENTS, OBJECTIVES
-from jaxpf.options import chosen, counting, options_of
+from jaxpf.options import OPEN, chosen, counting, options_of
 from jaxpf.targets import targets
 from jaxpf.targets.target import is_filmed
 
 _NOT_REPEATED = ("config", "output")
+#: Without a terminal, progress is told so often.
+_STEPS_PER_LINE = 10
 
 
 @click.command("tune")
@@ -172,9 +175,10 @@ def command(**options: Any) -> None:
 def _tune(
     sequences: list[Any], wanted: list[Any], settings: Any, objective: str, output: Path
 ) -> Any:
-    """Tune behind a progress bar."""
+    """Tune behind a progress bar, or, where no terminal shows one, with a line now and then."""
     from jaxpf import tuning
 
+    shows_bars = sys.stderr.isatty()
     with common.progress_bar("steps") as bar:
         task = bar.add_task("tuning", total=settings.steps * settings.repeats)
 
@@ -185,6 +189,12 @@ def _tune(
                 completed=descent.repeat * settings.steps + done,
                 description=f"repeat {descent.repeat + 1}, loss {descent.loss[-1]:.4g}",
             )
+            if not shows_bars and (descent.stopped or descent.num_steps % _STEPS_PER_LINE == 0):
+                click.echo(
+                    f"repeat {descent.repeat + 1} of {settings.repeats}: step {descent.num_steps} "
+                    f"of at most {settings.steps}, loss {descent.loss[-1]:.4g}",
+                    err=True,
+                )
 
         return tuning.tune(
             sequences,
@@ -242,6 +252,14 @@ def _recipe(options: dict[str, Any], scene: Any) -> Any:
     method = options["method"] or target.defaults.get("method")
     its = filters.filter_of(method) if method else next(iter(filters.filters().values()))
     refuse_others(options, target.options, its.options)
+    named = {
+        text.partition("=")[0].partition("[")[0]
+        for text in common.names_in(options["parameters"] or "")
+    }
+    for one in options_of(target.options).values():
+        # Who names a parameter says of what kind the tracker is.
+        if one.path in named and one.implies and options.get(one.implies[0]) in (None, OPEN):
+            options[one.implies[0]] = one.implies[1]
     model = target.resolved(picked(options, target.options), is_filmed(scene))
     both = (picked(options, its.options, {"particles": 100, **target.defaults}), model)
     values = {name: getattr(one, name) for one in both for name in options_of(one)}

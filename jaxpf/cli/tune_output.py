@@ -106,7 +106,9 @@ def compare_before_and_after(
         runs=runs,
         seed=options["seed"] + 1,
     )
-    what = f"{len(unseen)} scenes" if len(unseen) > 1 else unseen[0].name
+    one = len(unseen) == 1
+    what = unseen[0].name if one else f"{len(unseen)} scenes"
+    click.echo(f"Comparing before and after on {what}: {runs} runs each ...", err=True)
     rows, lines = [], ["measure,before,after,difference,low,high,unit,count"]
     for name in MEASURES:
         was, is_, change = (
@@ -133,7 +135,8 @@ def compare_before_and_after(
     common.print_table(
         f"On {what}, not seen in tuning: {runs} runs each, {particles} particles, 95 % over "
         f"{comparison.count} {comparison.unit}",
-        ["", "before", "after", "paired difference", ""],
+        # Runs of one sequence say nothing of others.
+        ["", "before", "after", "paired difference", "here" if one else "for such scenes"],
         rows,
     )
     with atomic_write(output / COMPARISON) as file:

@@ -40,6 +40,8 @@ def test_it_prints_values_and_a_comparison_and_writes_them(tuned):
         "not seen in tuning",
     ):
         assert words in outcome.out
+    assert "repeat 1 of 1: step 4 of at most 4, loss" in outcome.err  # without a terminal, too
+    assert "Comparing before and after on 2 scenes" in outcome.err
     assert {path.name for path in output.iterdir()} == WRITTEN
     content = tomllib.loads((output / "tuned.toml").read_text())
     value = content["tuned"]["likelihood.sharpness"]["value"]

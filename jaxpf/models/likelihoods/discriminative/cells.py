@@ -137,7 +137,7 @@ def cell_score(
     Returns:
         [N].
     """
-    grid = weights.shape[1:3]
+    grid = (weights.shape[1], weights.shape[2])
     cells, first_row, stride = _flat(table, boxes)
     totals = table.totals.reshape(-1)
     weights = (weights / np.sqrt(grid[0] * grid[1])).reshape(-1, cells.shape[-1])

@@ -187,8 +187,9 @@ class DiscriminativeLikelihood:
             score += self._colour_score(observation.colours, self.colour_weights, partition, boxes)
         for table, weights in zip(observation.maps, self.map_weights, strict=True):
             weights = jnp.asarray(weights, dtype)
+            grid = (weights.shape[1], weights.shape[2])
             if self.interpolation == "bilinear":
-                cells = cell_features(table, boxes, weights.shape[1:3], self.interpolation)
+                cells = cell_features(table, boxes, grid, self.interpolation)
                 score += jnp.sum(cells * of_partition(weights, partition), axis=(1, 2, 3))
             else:
                 score += cell_score(table, weights, partition, boxes)

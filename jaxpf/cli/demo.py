@@ -11,12 +11,13 @@ import numpy as np
 from jaxpf.cli import common
 from jaxpf.cli.memory import check_memory, needed_by
 from jaxpf.cli.options import all_options, declared_options
+from jaxpf.options import OPEN
 
 
 @click.command("demo")
 @click.option("--runs", default=50, show_default=True, help="Independent runs per method.")
 @click.option("--seed", default=100, show_default=True, help="Seed of the scene; runs follow it.")
-@declared_options(only=("particles", "sharpness"))
+@declared_options(only=("particles", "sharpness", "appearance"))
 @click.option(
     "--output",
     "-o",
@@ -47,6 +48,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
         one = options[name]
         given[name] = one.default if value is None else one.checked(value, one.flag)
     particles, sharpness = given["particles"], given["sharpness"]
+    appearance = "colour" if given["appearance"] == OPEN else given["appearance"]
     common.start_jax()
     import scenes
     from jaxpf.experiments.comparison import compare, scene_tracker
@@ -56,7 +58,12 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
     methods = _orderings(scene.num_objects)
     # The objects' colours are learned once.
     tracker = scene_tracker(
-        scene, methods["SIR"], sharpness=sharpness, num_particles=particles, num_runs=runs
+        scene,
+        methods["SIR"],
+        sharpness=sharpness,
+        num_particles=particles,
+        num_runs=runs,
+        appearance=appearance,
     )
     check_memory(needed_by(tracker, min(runs, RUNS_PER_BATCH)), "ask for fewer particles (-n)")
     prepare_output_folder(output, overwrite)
@@ -81,7 +88,13 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
     common.write_config(
         output / "run.toml",
         "demo",
-        {"runs": runs, "seed": seed, "particles": particles, "sharpness": sharpness},
+        {
+            "runs": runs,
+            "seed": seed,
+            "particles": particles,
+            "sharpness": sharpness,
+            "appearance": appearance,
+        },
     )
     click.echo(f"{output}/: overlay.mp4, demo.png, run.toml")
 

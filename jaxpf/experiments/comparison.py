@@ -47,6 +47,7 @@ def scene_tracker(
     scale: tuple[float, ...] = SMITH2004_SCALE,
     resampling: str = "multinomial",
     num_runs: int = 1,
+    appearance: str = "colour",
 ) -> Partitioned:
     """``jaxpf.targets.boxes.scene_tracker`` with smith2004's settings as defaults."""
     return boxes_of_scenes.scene_tracker(
@@ -57,6 +58,7 @@ def scene_tracker(
         scale=scale,
         resampling=resampling,
         num_runs=num_runs,
+        appearance=appearance,
     )
 
 

@@ -362,7 +362,7 @@ def scene_tracker(
         num_particles: N.
         resampling: a scheme of ``jaxpf.resampling.SCHEMES``.
         num_runs: runs that share a frame's work, where cost decides how histograms are computed.
-        options: of ``Options``.
+        options: of ``Options``; the appearance is colour where none is named.
 
     Raises:
         InputError: an argument is out of range; the sentence says which.
@@ -370,7 +370,7 @@ def scene_tracker(
     from jaxpf.filters.partitioned.tracker import Partitioned
 
     start = BOXES.scene_start(scene)
-    chosen = Options(**options)
+    chosen = Options(**{"appearance": COLOUR, **options})
     looks = looks_of_scene(scene, num_particles, num_runs)
     return Partitioned(
         **BOXES.model(chosen, start, looks)._asdict(),

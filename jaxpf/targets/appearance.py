@@ -42,7 +42,7 @@ def motion_option() -> Any:
     return option(
         OPEN,
         "Of boxes: noise in pixels (--scale), or relative to the object's size and heavy-tailed "
-        "(--steps); auto for relative with discriminative appearance.",
+        "(--relative-scale); auto for relative with discriminative appearance.",
         choices=(OPEN, PIXELS, RELATIVE),
         compiles=True,
     )

@@ -48,7 +48,7 @@ _TUNED = {
     "likelihood.sharpness": ("sharpness", "appearance", COLOUR),
     "likelihood.gain": ("gain", "appearance", DISCRIMINATIVE),
     "dynamics.scale": ("scale", "motion", PIXELS),
-    "dynamics.steps": ("steps", "motion", RELATIVE),
+    "dynamics.steps": ("relative_scale", "motion", RELATIVE),
 }
 
 
@@ -63,7 +63,7 @@ class Options:
     appearance: str = appearance_option()
     gain: float = gain_option(2.0)
     motion: str = motion_option()
-    steps: tuple[float, ...] = steps_option(DEFAULT_STEPS)
+    relative_scale: tuple[float, ...] = steps_option(DEFAULT_STEPS)
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -184,7 +184,7 @@ class Boxes(Target):
 
     def _model(self, likelihood: Any, options: Options, start: Start) -> Model:
         if options.motion == RELATIVE:
-            return relative_box_model(likelihood, start.shapes, options.steps)
+            return relative_box_model(likelihood, start.shapes, options.relative_scale)
         return box_model(likelihood, start.shapes, options.scale)
 
     def settled(self, options: Options, start: Start, looks: Looks) -> Options:
@@ -199,7 +199,7 @@ class Boxes(Target):
         """See ``Target``."""
         if options.motion == RELATIVE:
             size = np.sqrt(np.prod(start.sizes, axis=1)).mean()
-            usual, far, of_size = options.steps
+            usual, far, of_size = options.relative_scale
             step = size * np.sqrt(0.6 * usual**2 + 0.4 * far**2)
             return np.array([step, step, of_size])
         return np.array(options.scale)
@@ -216,7 +216,7 @@ class Boxes(Target):
             if path.partition("[")[0] not in _TUNED:
                 raise InputError(f"a model of boxes has no {path}; apply the result to a tracker.")
             name, other, implied = _TUNED[path.partition("[")[0]]
-            if name in ("scale", "steps"):
+            if name in ("scale", "relative_scale"):
                 value = three_values(getattr(options, name), path, value)
             else:
                 value = float(value)

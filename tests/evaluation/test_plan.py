@@ -68,7 +68,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
         "appearance": "colour",  # which a sharpness says
         "gain": 2.0,
         "motion": "auto",
-        "steps": (0.03, 0.12, 0.015),
+        "relative_scale": (0.03, 0.12, 0.015),
         "particles": 100,
         "resampling": "systematic",
     }
@@ -217,7 +217,7 @@ def test_an_option_says_what_it_is_an_option_of():
         return Plan(SCENE, methods=["sir"], grid=given).for_target("boxes").grid
 
     both = ["colour", "discriminative"]
-    told = grid(sharpness=[20, 30], steps=[(0.1, 0.2, 0.01)])
+    told = grid(sharpness=[20, 30], relative_scale=[(0.1, 0.2, 0.01)])
     assert (told["appearance"], told["motion"]) == (("colour",), ("relative",))
     assert grid(appearance=both)["appearance"] == tuple(both)
     with pytest.raises(InputError, match="--sharpness goes with --appearance colour, and discr"):

@@ -42,6 +42,13 @@ class Rules:
         10, "With --births: an object ends after so many frames in a row undetected.", least=1
     )
 
+    detection_scale: float = option(
+        0.1,
+        "With --births: how far detections may be off, as a share of an object's size; with 0 they "
+        "say who starts and who ends, and nothing of where one is.",
+        least=0,
+    )
+
     def __post_init__(self) -> None:
         check_options(self)
 

@@ -19,10 +19,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf import running, streaming
+from jaxpf.baselines import iou_tracker
 from jaxpf.errors import InputError
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
+from jaxpf.models.likelihoods.detected import Detected
 from jaxpf.models.likelihoods.open_histogram import open_histogram, with_object
 from jaxpf.models.model import Model
 from jaxpf.targets import lifetimes
@@ -171,14 +173,20 @@ def follow(
     state = jax.jit(running.init)(tracker, key)
     summary, boxes = None, np.full((tracker.num_targets, 4), np.nan)
     lost = np.zeros(tracker.num_targets, bool)
+    if detections is not None and rules.detection_scale > 0:
+        nothing = np.full(tracker.initial.shape, np.nan, np.float32)
+        tracker = dataclasses.replace(
+            tracker, likelihood=Detected(tracker.likelihood, nothing, nothing)
+        )
     for time, frame in enumerate(frames):
+        known = None if detections is None else np.asarray(detections[time]).reshape(-1, 4)
         if time > 0:
+            tracker = _told(tracker, boxes, known, rules)
             state, summary = streaming.step(tracker, key, time - 1, state, frame)
             summary = jax.tree.map(np.asarray, summary)
             boxes, lost = _boxes(tracker, summary.estimate), summary.lost
         if time == 1:
             check_started(summary, living.ids)
-        known = None if detections is None else np.asarray(detections[time]).reshape(-1, 4)
         living, changes = lifetimes.advance(
             living, boxes, lost, known, starts.get(time, []), frame.shape, rules
         )
@@ -203,11 +211,13 @@ def _changed(
     for birth in changes.births:
         slot = jnp.int32(birth.slot)
         try:
-            likelihood = with_object(tracker.likelihood, slot, frame, birth.box)
+            likelihood = with_object(_of_pictures(tracker), slot, frame, birth.box)
         except InputError as error:  # too small, or too much of it outside the picture
             ids[birth.slot] = 0
             refused.append(Refusal(birth.id, birth.box, str(error)))
             continue
+        if isinstance(tracker.likelihood, Detected):
+            likelihood = dataclasses.replace(tracker.likelihood, likelihood=likelihood)
         tracker = dataclasses.replace(tracker, likelihood=likelihood)
         centre = birth.box[:2] + birth.box[2:] / 2
         state = born(state, slot, np.array([*centre, 1.0], np.float32))
@@ -215,9 +225,33 @@ def _changed(
     return tracker, state, living._replace(ids=ids), Changes(births, changes.deaths, refused)
 
 
+def _told(
+    tracker: Labelled, boxes: np.ndarray, detections: np.ndarray | None, rules: Rules
+) -> Labelled:
+    """The tracker, told where its objects were found: near where they were a frame ago."""
+    if not isinstance(tracker.likelihood, Detected) or detections is None:
+        return tracker
+    mine = iou_tracker.assigned(boxes, detections, rules.birth_overlap)
+    own = np.append(detections, np.full((1, 4), np.nan), axis=0)[mine]  # -1 is the last
+    sizes = np.asarray(_of_pictures(tracker).sizes)
+    size = np.sqrt(np.prod(own[:, 2:] / sizes, axis=1, keepdims=True))
+    found = np.hstack([own[:, :2] + own[:, 2:] / 2, size])
+    scale = rules.detection_scale * np.hstack([own[:, 2:], size])
+    likelihood = dataclasses.replace(
+        tracker.likelihood, found=found.astype(np.float32), scale=scale.astype(np.float32)
+    )
+    return dataclasses.replace(tracker, likelihood=likelihood)
+
+
+def _of_pictures(tracker: Labelled) -> Any:
+    """The likelihood of the picture, without what a detector says."""
+    likelihood = tracker.likelihood
+    return likelihood.likelihood if isinstance(likelihood, Detected) else likelihood
+
+
 def _boxes(tracker: Labelled, estimate: np.ndarray) -> np.ndarray:
     """``[C, 4]`` of (u, v, a) relative to the boxes in which the objects started."""
-    size = estimate[:, 2:] * np.asarray(tracker.likelihood.sizes)
+    size = estimate[:, 2:] * np.asarray(_of_pictures(tracker).sizes)
     return np.concatenate([estimate[:, :2] - size / 2, size], axis=1).astype(float)
 
 

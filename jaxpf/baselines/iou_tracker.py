@@ -96,7 +96,8 @@ def advance(tracks: Tracks, detections: np.ndarray, rules: Rules) -> Tracks:
 def without(tracks: Tracks, places: np.ndarray) -> Tracks:
     """The tracks but for those at some places."""
     kept = np.setdiff1d(np.arange(len(tracks.ids)), places)
-    return Tracks(*(values[kept] for values in tracks[:4]), tracks.next_id)
+    ids, boxes, hits, missed = (values[kept] for values in tracks[:4])
+    return Tracks(ids, boxes, hits, missed, tracks.next_id)
 
 
 def iou_tracks(detections: Iterable[np.ndarray], rules: Rules | None = None) -> np.ndarray:

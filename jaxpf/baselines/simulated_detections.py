@@ -58,7 +58,10 @@ def simulated_detections(
         false = sizes[rng.integers(len(sizes), size=rng.poisson(false_alarms))]
         room = np.maximum(np.array(frame_shape[1::-1]) - false, 0)
         every = np.concatenate(
-            [np.hstack([centre - size / 2, size]), np.hstack([rng.random(false.shape) * room, false])]
+            [
+                np.hstack([centre - size / 2, size]),
+                np.hstack([rng.random(false.shape) * room, false]),
+            ]
         )
         found.append(rng.permutation(every))
     return found

@@ -11,8 +11,8 @@ class Model(NamedTuple):
     Attributes:
         dynamics: see ``jaxpf.contract``.
         likelihood: see ``jaxpf.contract``.
-        initial: ``[P, D]`` array, or a sampler ``key -> [P, D]`` registered as a pytree.  A row of NaN
-            is an empty place: partitions come and go, and P is how many there can be at once.
+        initial: ``[P, D]`` array, or a sampler ``key -> [P, D]`` registered as a pytree.  A row of
+            NaN is an empty place: partitions come and go, and P is how many there can be at once.
         parents: the part tree, -1 for a root.
     """
 

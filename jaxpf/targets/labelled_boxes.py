@@ -97,4 +97,3 @@ def check_in_frame(
                 f"target {name} has the box {x:g},{y:g},{w:g},{h:g}, which lies outside the frame "
                 f"of {width} x {height} pixels; leave it out or start where it is in view."
             )
-

@@ -14,6 +14,8 @@ from jaxpf.baselines import iou_tracker
 from jaxpf.measures.track_matching import pairwise_overlap
 from jaxpf.options import check_options, option
 
+#: The id of an empty slot, and of who has none yet.
+EMPTY = -1
 #: Frames in a row without a detection that somebody who may be born survives.
 _MOST_MISSED = 2
 
@@ -57,7 +59,7 @@ class Living(NamedTuple):
     """Who lives after a frame, in C slots.
 
     Attributes:
-        ids: int ``[C]``, 0 for an empty slot.
+        ids: int ``[C]``, ``EMPTY`` for an empty slot.
         unseen: int ``[C]``, frames in a row without a detection, or without likelihood.
         candidates: detections that belong to nobody who lives.
         last_id: the largest id that was given; the next object gets the next number.
@@ -86,7 +88,7 @@ class Death(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """Somebody who should have started, and why not; the id is 0 of a detection."""
+    """Somebody who should have started, and why not; a detection's id is ``EMPTY``."""
 
     id: int
     box: np.ndarray
@@ -103,8 +105,9 @@ class Changes(NamedTuple):
 
 def nobody(capacity: int, last_id: int = 0) -> Living:
     """Before the first frame; ids up to ``last_id`` are spoken for."""
-    empty = np.zeros(capacity, int)
-    return Living(empty, empty, iou_tracker.no_tracks(), last_id)
+    return Living(
+        np.full(capacity, EMPTY), np.zeros(capacity, int), iou_tracker.no_tracks(), last_id
+    )
 
 
 def advance(
@@ -130,32 +133,32 @@ def advance(
     """
     unseen, deaths = _deaths(living, boxes, lost, detections, frame_shape, rules)
     ids, candidates, last_id = living.ids.copy(), living.candidates, living.last_id
-    ids[[death.slot for death in deaths]] = 0
+    ids[[death.slot for death in deaths]] = EMPTY
     wanted: list[tuple[int, np.ndarray]] = list(named)
     refused: list[Refusal] = []
     full = f"there are {len(ids)} objects already, which is the capacity; ask for a larger one."
     if detections is not None:
-        here = np.concatenate([boxes[ids > 0], *(box[None] for _, box in named)])
+        here = np.concatenate([boxes[ids != EMPTY], *(box[None] for _, box in named)])
         known = pairwise_overlap(detections, here).max(axis=1, initial=0) >= rules.birth_overlap
         settings = iou_tracker.Rules(rules.birth_overlap, rules.birth_frames, _MOST_MISSED)
         candidates = iou_tracker.advance(candidates, detections[~known], settings)
         ready = (candidates.hits >= rules.birth_frames) & (candidates.missed == 0)
         ready &= _inside(candidates.boxes, frame_shape)
-        room = np.sum(ids == 0) - len(named)
+        room = np.sum(ids == EMPTY) - len(named)
         born = np.flatnonzero(ready)[: max(room, 0)]
-        wanted += [(0, candidates.boxes[place]) for place in born]
+        wanted += [(EMPTY, candidates.boxes[place]) for place in born]
         # Told once; who finds no slot is a candidate still, and starts as soon as one is free.
         late = np.setdiff1d(np.flatnonzero(ready), born)
         first = late[candidates.hits[late] == rules.birth_frames]
-        refused = [Refusal(0, candidates.boxes[place], full) for place in first]
+        refused = [Refusal(EMPTY, candidates.boxes[place], full) for place in first]
         candidates = iou_tracker.without(candidates, born)
     births = []
     for identity, box in wanted:
-        free = np.flatnonzero(ids == 0)
+        free = np.flatnonzero(ids == EMPTY)
         if len(free) == 0:
             refused.append(Refusal(identity, box, full))
             continue
-        if identity == 0:
+        if identity == EMPTY:
             identity = last_id = last_id + 1
         ids[free[0]], unseen[free[0]] = identity, 0
         births.append(Birth(int(free[0]), identity, box))
@@ -171,7 +174,7 @@ def _deaths(
     rules: Rules,
 ) -> tuple[np.ndarray, list[Death]]:
     """For how long everybody was not seen ``[C]``, and who ends."""
-    alive = living.ids > 0
+    alive = living.ids != EMPTY
     seen = ~lost
     if detections is not None:
         detected = iou_tracker.assigned(boxes[alive], detections, rules.birth_overlap) >= 0

@@ -29,9 +29,18 @@ from jaxpf.models.likelihoods.open_histogram import open_histogram, with_object
 from jaxpf.models.model import Model
 from jaxpf.targets import lifetimes
 from jaxpf.targets.boxes import DEFAULT_SCALE, box_model
-from jaxpf.targets.lifetimes import Birth, Changes, Death, Living, Refusal, Rules
+from jaxpf.targets.lifetimes import EMPTY, Birth, Changes, Death, Living, Refusal, Rules
 
-__all__ = ["Birth", "Death", "Refusal", "Rules", "TrackedPopulation", "follow", "open_box_tracker"]
+__all__ = [
+    "EMPTY",
+    "Birth",
+    "Death",
+    "Refusal",
+    "Rules",
+    "TrackedPopulation",
+    "follow",
+    "open_box_tracker",
+]
 
 
 class TrackedPopulation(NamedTuple):
@@ -40,7 +49,7 @@ class TrackedPopulation(NamedTuple):
     Attributes:
         time: number of the frame, from 0.
         frame: the picture, as it came.
-        ids: int ``[C]``, 0 for an empty slot.
+        ids: int ``[C]``, ``EMPTY`` (-1) for an empty slot.
         boxes: ``[C, 4]``, x, y, w, h in pixels; NaN for an empty slot.  Who starts in the frame
             is where it was said to be.
         lost: ``[C]`` bool, no particle had any likelihood.
@@ -159,7 +168,7 @@ def follow(
         frames: uint8 RGB ``[H, W, 3]``, all of one size.
         detections: boxes ``[M, 4]`` of every frame; with None only who is named starts, and to be
             undetected ends nobody.
-        named: time, id and box of objects that start when they are said to; ids from 1.
+        named: time, id and box of objects that start when they are said to; ids from 0, each once.
 
     Raises:
         InputError: more objects are named in the first frame than there are slots; nobody who was
@@ -186,18 +195,18 @@ def follow(
             summary = jax.tree.map(np.asarray, summary)
             boxes, lost = _boxes(tracker, summary.estimate), summary.lost
         if time == 1:
-            check_started(summary, living.ids)
+            check_started(summary, living.ids.tolist())
         living, changes = lifetimes.advance(
             living, boxes, lost, known, starts.get(time, []), frame.shape, rules
         )
         tracker, state, living, changes = _changed(tracker, state, living, changes, frame)
         if time == 0 and changes.refused:
             _refuse_start(changes.refused[0])
-        boxes = np.where(living.ids[:, None] > 0, boxes, np.nan)
+        boxes = np.where(living.ids[:, None] != EMPTY, boxes, np.nan)
         for birth in changes.births:
             boxes[birth.slot] = birth.box
         yield TrackedPopulation(
-            time, frame, living.ids, boxes, lost & (living.ids > 0), changes, summary, state
+            time, frame, living.ids, boxes, lost & (living.ids != EMPTY), changes, summary, state
         )
 
 
@@ -211,16 +220,16 @@ def _changed(
     for birth in changes.births:
         slot = jnp.int32(birth.slot)
         try:
-            likelihood = with_object(_of_pictures(tracker), slot, frame, birth.box)
+            likelihood: Any = with_object(_of_pictures(tracker), slot, frame, birth.box)
         except InputError as error:  # too small, or too much of it outside the picture
-            ids[birth.slot] = 0
+            ids[birth.slot] = EMPTY
             refused.append(Refusal(birth.id, birth.box, str(error)))
             continue
         if isinstance(tracker.likelihood, Detected):
             likelihood = dataclasses.replace(tracker.likelihood, likelihood=likelihood)
         tracker = dataclasses.replace(tracker, likelihood=likelihood)
         centre = birth.box[:2] + birth.box[2:] / 2
-        state = born(state, slot, np.array([*centre, 1.0], np.float32))
+        state = born(state, slot, jnp.asarray([*centre, 1.0]))
         births.append(birth)
     return tracker, state, living._replace(ids=ids), Changes(births, changes.deaths, refused)
 
@@ -256,7 +265,7 @@ def _boxes(tracker: Labelled, estimate: np.ndarray) -> np.ndarray:
 
 
 def _refuse_start(refusal: Refusal) -> None:
-    name = f"object {refusal.id}" if refusal.id else "a detection"
+    name = f"object {refusal.id}" if refusal.id != EMPTY else "a detection"
     x, y, w, h = refusal.box
     raise InputError(
         f"{name} at {x:g},{y:g},{w:g},{h:g} cannot start in the first frame: {refusal.reason}"

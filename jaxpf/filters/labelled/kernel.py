@@ -242,13 +242,13 @@ def report(
         label_log_evidence=label_log_evidence,
     )
     state = dataclasses.replace(state, estimate=estimate, velocity=velocity, lost=lost)
-    return state, computed_before(summary if state.alive is None else _of_living(state, summary))
+    return state, computed_before(
+        summary if state.alive is None else _of_living(state.alive, summary)
+    )
 
 
-def _of_living(state: LabelledState, summary: LabelledSummary) -> LabelledSummary:
+def _of_living(alive: Any, summary: Any) -> LabelledSummary:
     """What an open population reports: nothing of the slots that are empty."""
-    alive = state.alive
-    assert alive is not None and summary.ess_parts is not None
     smallest = jnp.min(jnp.where(alive, summary.ess_parts, jnp.inf))
     return dataclasses.replace(
         summary,

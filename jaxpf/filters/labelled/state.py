@@ -1,5 +1,7 @@
 """What the labelled filter carries from frame to frame, and what it reports beyond others."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 
@@ -34,8 +36,8 @@ class LabelledState:
     velocity: jax.Array
     lost: jax.Array
     weighted: jax.Array
-    alive: jax.Array | None = None
-    newborn: jax.Array | None = None
+    alive: Any = None
+    newborn: Any = None
 
     @property
     def substates(self) -> jax.Array:

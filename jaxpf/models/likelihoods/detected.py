@@ -49,6 +49,8 @@ class Detected(WrappedLikelihood):
             jnp.asarray(values, substates.dtype)[partition].T for values in (self.found, self.scale)
         )
         was_found = jnp.all(jnp.isfinite(found), axis=0)
-        off = (substates - jnp.where(was_found, found, substates)) / jnp.where(was_found, scale, 1.0)
+        off = (substates - jnp.where(was_found, found, substates)) / jnp.where(
+            was_found, scale, 1.0
+        )
         word = jnp.log((jnp.exp(-0.5 * jnp.sum(off**2, axis=0)) + _OTHERS) / (1 + _OTHERS))
         return jnp.where(was_found, word, 0.0)

@@ -83,9 +83,7 @@ def with_object(
     box, parts = np.asarray(box, np.float64), likelihood.references.shape[1]
     check_sizes(box[None, 2:], parts, "boxes")
     learned = np.zeros(likelihood.references.shape[1:])
-    learned[:, :NUM_BINS] = np.sqrt(
-        box_histogram(np.asarray(_bins(frame)), box, parts, "boxes[0]")
-    )
+    learned[:, :NUM_BINS] = np.sqrt(box_histogram(np.asarray(_bins(frame)), box, parts, "boxes[0]"))
     return _replaced(likelihood, place, learned, box[2:])
 
 

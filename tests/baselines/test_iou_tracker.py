@@ -31,9 +31,7 @@ def test_tracks_by_hand():
     expected = [[nan, nan], [2, 52], [nan, 54], [6, nan], [8, nan], [10, nan]]
     np.testing.assert_array_equal(lefts, expected)  # 90 was seen once only
     held = iou_tracks(frames, Rules(least_hits=2, most_missed=2, missed="hold"))[..., 0]
-    np.testing.assert_array_equal(
-        held, [[nan, nan], [2, 52], [2, 54], [6, 54], [8, 54], [10, nan]]
-    )
+    np.testing.assert_array_equal(held, [[nan, nan], [2, 52], [2, 54], [6, 54], [8, 54], [10, nan]])
 
 
 def test_an_id_is_never_used_again():
@@ -106,7 +104,11 @@ def test_a_seed_gives_the_same_detections_and_another_seed_others(truth):
 
 @pytest.mark.parametrize(
     ("settings", "sentence"),
-    [({"misses": 1.5}, "misses=1.5"), ({"jitter": -1}, "jitter=-1"), ({"false_alarms": np.inf}, "inf")],
+    [
+        ({"misses": 1.5}, "misses=1.5"),
+        ({"jitter": -1}, "jitter=-1"),
+        ({"false_alarms": np.inf}, "inf"),
+    ],
 )
 def test_impossible_detectors_are_refused(truth, settings, sentence):
     with pytest.raises(jaxpf.InputError, match=sentence):

@@ -55,7 +55,9 @@ def weight_of(state):
     return np.bincount(np.asarray(state.labels), weights, minlength=4)
 
 
-SCOPES = pytest.mark.parametrize("scope", ["across", pytest.param("within", marks=pytest.mark.slow)])
+SCOPES = pytest.mark.parametrize(
+    "scope", ["across", pytest.param("within", marks=pytest.mark.slow)]
+)
 
 
 @SCOPES

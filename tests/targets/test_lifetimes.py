@@ -8,6 +8,7 @@ from jaxpf.targets import lifetimes
 from jaxpf.targets.lifetimes import EMPTY, Rules
 
 SHAPE = (100, 200)
+SHIFT = np.array([1.0, 0, 0, 0])
 NONE = np.zeros((0, 4))
 HERE, THERE, ELSEWHERE = (np.array([[x, 20.0, 10, 20]]) for x in (10.0, 60.0, 120.0))
 
@@ -37,10 +38,10 @@ class Course:
 def test_one_starts_when_detected_often_enough_and_not_before():
     course = Course(birth_frames=3)
     assert course.frame(HERE).births == []
-    assert course.frame(HERE + [1, 0, 0, 0]).births == []
-    (birth,) = course.frame(HERE + [2, 0, 0, 0]).births
+    assert course.frame(HERE + SHIFT).births == []
+    (birth,) = course.frame(HERE + 2 * SHIFT).births
     assert (birth.slot, birth.id) == (0, 1)
-    np.testing.assert_array_equal(birth.box, HERE[0] + [2, 0, 0, 0])
+    np.testing.assert_array_equal(birth.box, HERE[0] + 2 * SHIFT)
     # Who is tracked is not born again.
     assert all(course.frame(HERE).births == [] for _ in range(6))
     assert course.ids() == [1, EMPTY]
@@ -68,7 +69,7 @@ def test_one_ends_after_so_many_frames_without_a_detection_of_his_own():
 
 def test_two_on_one_detection_cannot_both_live():
     course = Course()
-    course.frame(None, named=[(1, HERE[0]), (2, HERE[0] + [1, 0, 0, 0])])
+    course.frame(None, named=[(1, HERE[0]), (2, HERE[0] + SHIFT)])
     deaths = [death.id for _ in range(3) for death in course.frame(HERE).deaths]
     assert deaths == [2]
 

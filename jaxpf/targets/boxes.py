@@ -53,7 +53,7 @@ class Boxes(Target):
     noun = "object"
     options = Options
     # A detector says where somebody is, which the picture has only to refine.
-    open_defaults: Mapping[str, Any] = {"sharpness": 2.0, "scale": (4.0, 4.0, 0.02)}
+    open_defaults: Mapping[str, Any] = {"sharpness": 1.0, "scale": (6.0, 4.0, 0.02)}
     has_boxes = True
     track_suffix = ".txt"
     tuned_by_default = ("likelihood.sharpness", "dynamics.scale[0]", "dynamics.scale[1]")

@@ -31,7 +31,7 @@ class Rules:
         3, "With --births: detections in which a new object must be seen before it starts.", least=1
     )
     birth_overlap: float = option(
-        0.3,
+        0.1,
         "With --births: intersection over union from which a detection is of an object that is "
         "tracked already, or of one that was detected before.",
         above=0,
@@ -41,7 +41,7 @@ class Rules:
         None, "With --births: leave out detections of a lower confidence.", kind=float
     )
     death_frames: int = option(
-        10, "With --births: an object ends after so many frames in a row undetected.", least=1
+        6, "With --births: an object ends after so many frames in a row undetected.", least=1
     )
 
     detection_scale: float = option(

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from small_video import LENGTH, rows_of, summary_of, true_boxes
+from command_line import jaxpf
+from small_video import FROM_1, LENGTH, rows_of, summary_of, true_boxes
 
 from jaxpf.files.detections import write_detections
 
@@ -97,3 +98,23 @@ def test_what_does_not_go_is_refused(refuse, tmp_path, content, arguments, messa
         (tmp_path / "d.txt").write_text(content)
         births = ("--births", "d.txt")
     assert message in refuse(*births, *arguments)
+
+
+def test_a_user_can_simulate_a_detector(place, tmp_path):
+    arguments = ("detections", place / "clip.avi", place / "gt.csv", "-o", tmp_path / "det.txt")
+    outcome = jaxpf(*arguments, "--misses", "0", "--false-alarms", "0", "--jitter", "0")
+    assert outcome.code == 0, outcome.err
+    assert f"{2 * LENGTH} detections in {LENGTH} frames" in outcome.out
+    rows = np.loadtxt(tmp_path / "det.txt", delimiter=",")
+    assert rows[0, 0] == 1
+    truth = {tuple(box) for box in true_boxes(LENGTH - 1) + FROM_1}
+    assert {tuple(row[2:6]) for row in rows if row[0] == LENGTH} == truth
+    assert "is there already" in jaxpf(*arguments).err
+    assert jaxpf(*arguments, "--overwrite", "--misses", "2").code == 2
+
+
+def test_a_start_at_which_an_object_fits_nothing_is_refused_in_its_first_frame(refuse):
+    # One particle for each object, and sizes so uncertain that half of them are below nothing.
+    start = ("--box", "6,8,12,16", "--box", "40,22,12,16", "--filter", "labelled", "-n", "2")
+    said = refuse(*start, "--scale", "1,1,1000", "--seed", "1")
+    assert "in the first frame no particle of target" in said

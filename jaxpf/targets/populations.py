@@ -171,8 +171,9 @@ def follow(
         named: time, id and box of objects that start when they are said to; ids from 0, each once.
 
     Raises:
-        InputError: more objects are named in the first frame than there are slots; nobody who was
-            named there has any likelihood in the second.
+        InputError: more objects are named in the first frame than there are slots, or one of them
+            cannot be seen; one has no likelihood at all in the second; there are more frames than
+            detections.
     """
     rules = rules or Rules()
     starts: dict[int, list[tuple[int, np.ndarray]]] = {}
@@ -188,7 +189,7 @@ def follow(
             tracker, likelihood=Detected(tracker.likelihood, nothing, nothing)
         )
     for time, frame in enumerate(frames):
-        known = None if detections is None else np.asarray(detections[time]).reshape(-1, 4)
+        known = None if detections is None else _of_frame(detections, time)
         if time > 0:
             tracker = _told(tracker, boxes, known, rules)
             state, summary = streaming.step(tracker, key, time - 1, state, frame)
@@ -208,6 +209,16 @@ def follow(
         yield TrackedPopulation(
             time, frame, living.ids, boxes, lost & (living.ids != EMPTY), changes, summary, state
         )
+
+
+def _of_frame(detections: Sequence[np.ndarray], time: int) -> np.ndarray:
+    try:
+        return np.asarray(detections[time], float).reshape(-1, 4)
+    except IndexError:
+        raise InputError(
+            f"detections end with frame {time - 1}, and there is a frame {time}; give boxes [M, 4] "
+            "for every frame, none as an array of shape [0, 4]."
+        ) from None
 
 
 def _changed(

@@ -149,3 +149,21 @@ def test_a_named_one_goes_before_a_detected_one_and_is_refused_by_name():
 def test_rules_out_of_range_are_refused(rules, sentence):
     with pytest.raises(jaxpf.InputError, match=sentence):
         Rules(**rules)
+
+
+def test_who_was_born_must_be_confirmed_anew_where_the_tracker_lost_him():
+    course = Course(birth_frames=2)
+    course.frame(HERE)
+    course.frame(HERE)
+    course.boxes[0] = ELSEWHERE[0]  # the tracker has gone astray
+    assert course.frame(HERE).births == []
+    assert [birth.id for birth in course.frame(HERE).births] == [2]
+
+
+def test_who_gets_the_slot_of_one_who_just_ended_starts_afresh():
+    course = Course(capacity=1, birth_frames=1, death_frames=2)
+    course.frame(HERE)
+    course.frame(NONE)
+    changes = course.frame(THERE)
+    assert [(len(changes.deaths), birth.id) for birth in changes.births] == [(1, 2)]
+    assert course.frame(NONE).deaths == []

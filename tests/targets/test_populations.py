@@ -102,6 +102,8 @@ def test_what_cannot_start_in_the_first_frame_is_an_error_and_later_a_note(clip)
     assert refusal.id == 4
     assert "no pixel inside" in refusal.reason
     assert 4 not in run[-1].ids
+    with pytest.raises(jaxpf.InputError, match="detections end with frame 2, and there is"):
+        tracked(clip, detections=clip[1][:3])
     crowd = [(0, identity, true_box(0, 0)) for identity in range(4)]
     with pytest.raises(jaxpf.InputError, match=r"object 3 at .* capacity"):
         tracked(clip, named=crowd)

@@ -45,7 +45,7 @@ def read_births(options: dict[str, Any]) -> Births | None:
     """The file of ``--births`` and its rules, which the options then hold; None without it.
 
     Raises:
-        InputError: a file that cannot be read, or a rule without it.
+        InputError: a file that cannot be read, a rule without it, or a truth without TrackEval.
     """
     rules = options_of(Rules)
     if options["births"] is None:
@@ -61,6 +61,10 @@ def read_births(options: dict[str, Any]) -> Births | None:
     births = Births(read_detections(options["births"]), picked(options, Rules))
     if not len(births.table):
         raise InputError(f"{births.table.source} holds no boxes; leave --births out.")
+    if options["truth"]:
+        from jaxpf.measures.scores import import_trackeval
+
+        import_trackeval()
     options |= {name: getattr(births.rules, name) for name in rules}
     return births
 

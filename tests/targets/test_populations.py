@@ -11,7 +11,8 @@ COLOURS = ((220, 30, 30), (30, 40, 220), (30, 180, 40))
 LENGTH, SHAPE = 16, (48, 64)
 #: Object -> frames in which it is there: the second goes, the third comes in its place.
 THERE = (range(16), range(7), range(8, 16))
-RULES = Rules(birth_frames=2, death_frames=2)
+SETTINGS = {"birth_frames": 2, "death_frames": 2, "birth_overlap": 0.3}
+RULES = Rules(**SETTINGS)
 NONE = np.zeros((0, 4))
 
 
@@ -46,7 +47,7 @@ def tracked(clip, capacity=3, detections="all", **settings):
 
 @pytest.mark.parametrize("scale", [0.0, 0.1])
 def test_each_object_has_one_track_as_long_as_it_is_there(clip, scale):
-    run = tracked(clip, rules=Rules(birth_frames=2, death_frames=2, detection_scale=scale))
+    run = tracked(clip, rules=Rules(**SETTINGS, detection_scale=scale))
     births = {birth.id: one.time for one in run for birth in one.changes.births}
     assert births == {1: 1, 2: 1, 3: 9}
     (end,) = [(one.time, death.id) for one in run for death in one.changes.deaths]
@@ -63,15 +64,18 @@ def test_each_object_has_one_track_as_long_as_it_is_there(clip, scale):
     assert slots[3] == slots[2]
 
 
-def test_whoever_comes_and_goes_nothing_is_compiled_anew(clip):
-    from jaxpf import streaming
-    from jaxpf.filters.labelled import population
+def test_whoever_comes_and_goes_nothing_is_compiled_anew(clip, caplog):
+    rules = {"birth_frames": 1, "death_frames": 3, "birth_overlap": 0.2}
+    assert len(compiled(caplog, lambda: tracked(clip, capacity=4))) > 0
+    assert compiled(caplog, lambda: tracked(clip, capacity=4, rules=Rules(**rules))) == []
 
-    tracked(clip)
-    before = [f._cache_size() for f in (streaming.step, population._born, population._ended)]
-    tracked(clip, rules=Rules(birth_frames=1, death_frames=3, birth_overlap=0.2))
-    after = [f._cache_size() for f in (streaming.step, population._born, population._ended)]
-    assert after == before
+
+def compiled(caplog, function):
+    """What JAX says that it compiles meanwhile."""
+    caplog.clear()
+    with jax.log_compiles():
+        function()
+    return [record.message for record in caplog.records if "Compiling" in record.message]
 
 
 def test_more_objects_than_places_are_refused_and_tracking_goes_on(clip):

@@ -18,7 +18,7 @@ from jaxpf.baselines.simulated_detections import simulated_detections
 from jaxpf.errors import InputError
 from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.rowe2005 import tables
-from jaxpf.measures.scores import tracking_scores
+from jaxpf.measures.scores import import_trackeval, tracking_scores
 from jaxpf.targets.populations import EMPTY, Rules, follow, open_box_tracker
 
 CLIP, SEEDS = "pets09_first400", 12
@@ -53,8 +53,9 @@ def read(data: Path, num_frames: int | None = None) -> Clip:
     """The clip of a folder of clips.
 
     Raises:
-        InputError: it is not there.
+        InputError: it is not there, or TrackEval, which scores the tracks, is not.
     """
+    import_trackeval()
     try:
         clip = scenes.clips.read_clip(data / CLIP)
         return Clip(list(clip.frames(0, num_frames)), clip.boxes[:num_frames])

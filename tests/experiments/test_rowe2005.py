@@ -110,11 +110,11 @@ def test_who_comes_and_goes_is_measured_beside_the_iou_tracker(data_folder):
     found = births.measure(clip, [0])
     hota = {name: scores[0, births.SCORES.index("HOTA")] for name, scores in found.items()}
     print(hota)
-    assert hota["labelled particles"] > 0.5
+    assert hota[births.OURS] > 0.5
     table = births.births_table({name: np.tile(one, (2, 1)) for name, one in found.items()})
     labels = [label for label, _ in table.rows]
     assert labels[0] == births.BASELINE
-    assert len(labels) == 1 + 2 * len(births.VARIANTS)
+    assert len(labels) == 2 + 2 * len(births.VARIANTS)
     with pytest.raises(jaxpf.InputError, match="there is no such folder"):
         births.read(data_folder / "nowhere")
 

@@ -173,15 +173,19 @@ def follow(
     Raises:
         InputError: more objects are named in the first frame than there are slots, or one of them
             cannot be seen; one has no likelihood at all in the second; there are more frames than
-            detections.
+            detections; an id is given twice.
     """
     rules = rules or Rules()
     starts: dict[int, list[tuple[int, np.ndarray]]] = {}
     for time, identity, box in named:
         starts.setdefault(time, []).append((identity, np.asarray(box, float)))
-    living = lifetimes.nobody(tracker.num_targets, max((one[1] for one in named), default=0))
+    ids = [identity for _, identity, _ in named]
+    if len(set(ids)) < len(ids) or min(ids, default=0) < 0:
+        raise InputError(f"objects are named {ids}; give each a number of its own, from 0 on.")
+    living = lifetimes.nobody(tracker.num_targets, max(ids, default=0))
     state = jax.jit(running.init)(tracker, key)
-    summary, boxes = None, np.full((tracker.num_targets, 4), np.nan)
+    summary: Any = None
+    boxes = np.full((tracker.num_targets, 4), np.nan)
     lost = np.zeros(tracker.num_targets, bool)
     if detections is not None and rules.detection_scale > 0:
         nothing = np.full(tracker.initial.shape, np.nan, np.float32)
@@ -196,19 +200,19 @@ def follow(
             summary = jax.tree.map(np.asarray, summary)
             boxes, lost = _boxes(tracker, summary.estimate), summary.lost
         if time == 1:
-            check_started(summary, living.ids.tolist())
+            named_first = np.isin(living.ids, [identity for identity, _ in starts.get(0, [])])
+            check_started(dataclasses.replace(summary, lost=lost & named_first), living.ids)
         living, changes = lifetimes.advance(
             living, boxes, lost, known, starts.get(time, []), frame.shape, rules
         )
         tracker, state, living, changes = _changed(tracker, state, living, changes, frame)
-        if time == 0 and changes.refused:
-            _refuse_start(changes.refused[0])
-        boxes = np.where(living.ids[:, None] != EMPTY, boxes, np.nan)
+        if time == 0:
+            _check_named(changes)
+        alive = living.ids != EMPTY
+        boxes, lost = np.where(alive[:, None], boxes, np.nan), lost & alive
         for birth in changes.births:
-            boxes[birth.slot] = birth.box
-        yield TrackedPopulation(
-            time, frame, living.ids, boxes, lost & (living.ids != EMPTY), changes, summary, state
-        )
+            boxes[birth.slot], lost[birth.slot] = birth.box, False
+        yield TrackedPopulation(time, frame, living.ids, boxes, lost, changes, summary, state)
 
 
 def _of_frame(detections: Sequence[np.ndarray], time: int) -> np.ndarray:
@@ -275,9 +279,12 @@ def _boxes(tracker: Labelled, estimate: np.ndarray) -> np.ndarray:
     return np.concatenate([estimate[:, :2] - size / 2, size], axis=1).astype(float)
 
 
-def _refuse_start(refusal: Refusal) -> None:
-    name = f"object {refusal.id}" if refusal.id != EMPTY else "a detection"
-    x, y, w, h = refusal.box
-    raise InputError(
-        f"{name} at {x:g},{y:g},{w:g},{h:g} cannot start in the first frame: {refusal.reason}"
-    )
+def _check_named(changes: Changes) -> None:
+    """Refuse a start at which somebody who was named cannot start; detections may wait."""
+    for refusal in changes.refused:
+        if refusal.id != EMPTY:
+            x, y, w, h = refusal.box
+            raise InputError(
+                f"object {refusal.id} at {x:g},{y:g},{w:g},{h:g} cannot start in the first frame: "
+                f"{refusal.reason}"
+            )

@@ -83,6 +83,8 @@ def test_more_objects_than_places_are_refused_and_tracking_goes_on(clip):
     refused = [refusal for one in run for refusal in one.changes.refused]
     assert {tuple(refusal.box) for refusal in refused} >= {tuple(true_box(1, 1))}
     assert all("1 objects already, which is the capacity" in one.reason for one in refused)
+    at_once = tracked(clip, capacity=1, rules=Rules(birth_frames=1))
+    assert len(at_once[0].changes.refused) == 1
     assert run[-1].ids.tolist() == [1]
     assert len(run) == LENGTH
 
@@ -111,3 +113,21 @@ def test_what_cannot_start_in_the_first_frame_is_an_error_and_later_a_note(clip)
     crowd = [(0, identity, true_box(0, 0)) for identity in range(4)]
     with pytest.raises(jaxpf.InputError, match=r"object 3 at .* capacity"):
         tracked(clip, named=crowd)
+    with pytest.raises(jaxpf.InputError, match="a number of its own"):
+        tracked(clip, named=[crowd[0], crowd[0]])
+
+
+@pytest.mark.slow
+def test_who_fits_nothing_is_an_error_in_the_first_frame_and_lost_later(clip):
+    """Boxes of less than a pixel have no likelihood: noise of the size makes them so."""
+    frames, detections = clip
+    wild = open_box_tracker(SHAPE, capacity=1, num_particles=1, scale=(1, 1, 1000.0))
+    keys = [jax.random.key(seed) for seed in range(8)]
+    rules = Rules(birth_frames=1, detection_scale=0.0)
+    ran = [list(follow(wild, key, frames[:2], detections, rules=rules)) for key in keys]
+    lost = [bool(run[1].lost.any()) for run in ran]
+    assert 0 < sum(lost) < 8
+    named = [(0, 3, true_box(0, 0))]
+    with pytest.raises(jaxpf.InputError, match="no particle of target 3 has any likelihood"):
+        list(follow(wild, keys[lost.index(True)], frames[:2], None, named=named))
+    assert len(list(follow(wild, keys[lost.index(False)], frames[:2], None, named=named))) == 2

@@ -1,6 +1,5 @@
 """What the labelled filter refuses, in one sentence each."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -144,7 +143,7 @@ def _check_score(tracker: Any) -> None:
         )
 
 
-def check_started(summary: Any, ids: Sequence[Any] | None = None) -> None:
+def check_started(summary: Any, ids: Any = None) -> None:
     """Refuse a start at which some target fits nothing.
 
     Args:

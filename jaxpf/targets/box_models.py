@@ -1,12 +1,16 @@
-"""How boxes move: models of boxes for any likelihood."""
+"""Models and trackers of boxes for any likelihood."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
 from jaxpf.models.model import Model
+
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.ordering import Ordering
+    from jaxpf.filters.partitioned.tracker import Partitioned
 
 #: Noise of centre (pixels) and scale per frame: wide enough for people walking in video.
 DEFAULT_SCALE = (4.0, 2.0, 0.003)
@@ -67,3 +71,38 @@ def relative_box_model(
         )
     model = box_model(likelihood, boxes)
     return model._replace(dynamics=RelativeMotion(sizes=boxes[:, 2:], steps=steps))
+
+
+def box_tracker(
+    likelihood: Any,
+    boxes: ArrayLike,
+    ordering: "Ordering",
+    *,
+    scale: ArrayLike = DEFAULT_SCALE,
+    num_particles: int = 300,
+    resampling: str = "systematic",
+    ess_threshold: float | None = None,
+) -> "Partitioned":
+    """A partitioned filter of boxes, for any likelihood and ordering.
+
+    Args:
+        likelihood: see ``box_model``, like the next one and ``scale``.
+        boxes: see there.
+        ordering: from ``jaxpf.ordering``.
+        scale: see there.
+        num_particles: N.
+        resampling: a scheme of ``jaxpf.resampling.SCHEMES``.
+        ess_threshold: see ``Partitioned``.
+
+    Raises:
+        InputError: see ``box_model`` and ``check_tracker``.
+    """
+    from jaxpf.filters.partitioned.tracker import Partitioned
+
+    return Partitioned(
+        **box_model(likelihood, boxes, scale)._asdict(),
+        ordering=ordering,
+        num_particles=num_particles,
+        resampling=resampling,
+        ess_threshold=ess_threshold,
+    )

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
 from jaxpf.models.model import Model
@@ -37,6 +36,7 @@ from jaxpf.targets.box_models import (
     box_model,
     relative_box_model,
 )
+from jaxpf.targets.box_models import box_tracker as box_tracker  # which boxes show as their own
 from jaxpf.targets.target import Looks, Start, Target, looks_of_scene
 
 if TYPE_CHECKING:
@@ -340,41 +340,6 @@ class _MotWriter:
     def append(self, frame: int, shapes: Any, lost: Any, ids: Any = None) -> None:
         ids = self._ids if ids is None else ids
         self._writer.append(frame, ids, shapes, np.where(lost, 0.0, 1.0))
-
-
-def box_tracker(
-    likelihood: Any,
-    boxes: ArrayLike,
-    ordering: "Ordering",
-    *,
-    scale: ArrayLike = DEFAULT_SCALE,
-    num_particles: int = 300,
-    resampling: str = "systematic",
-    ess_threshold: float | None = None,
-) -> "Partitioned":
-    """A partitioned filter of boxes, for any likelihood and ordering.
-
-    Args:
-        likelihood: see ``box_model``, like the next one and ``scale``.
-        boxes: see there.
-        ordering: from ``jaxpf.ordering``.
-        scale: see there.
-        num_particles: N.
-        resampling: a scheme of ``jaxpf.resampling.SCHEMES``.
-        ess_threshold: see ``Partitioned``.
-
-    Raises:
-        InputError: see ``box_model`` and ``check_tracker``.
-    """
-    from jaxpf.filters.partitioned.tracker import Partitioned
-
-    return Partitioned(
-        **box_model(likelihood, boxes, scale)._asdict(),
-        ordering=ordering,
-        num_particles=num_particles,
-        resampling=resampling,
-        ess_threshold=ess_threshold,
-    )
 
 
 def scene_tracker(

@@ -48,7 +48,7 @@ def refusal(tmp_path, images, monkeypatch, capsys):
         ("", "has no table [track]; add one"),
         ("[demo]\nruns = 2", "has no table [track]; add one"),
         ("track = 3", "has no table [track]; add one"),
-        ("[track]\nboxx = 3", "sets 'boxx' in [track], which is no option; the options are bands,"),
+        ("[track]\nboxx = 3", "sets 'boxx' in [track], which is no option; the options are appearance,"),
         ("[track]\nconfig = 'a'", "sets 'config' in [track], which is no option"),
         ("[track]\nparticles = 'many'", "sets 'particles' in [track] to 'many'; give a whole"),
         ("[track]\nparticles = 60.7", "to 60.7; give a whole number"),
@@ -116,7 +116,7 @@ def test_a_typed_method_drops_the_order_of_the_configuration(refusal):
 def test_the_output_of_the_configuration_is_used(refusal, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").write_text("")
-    written = "[track]\noutput = 'mine'\nbox = [[1, 2, 9, 9]]"
+    written = "[track]\noutput = 'mine'\nappearance = 'colour'\nbox = [[1, 2, 9, 9]]"
     assert "output folder 'mine' is not empty" in refusal(written)
 
 

@@ -46,7 +46,7 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
         (("--box", "1,2,nan,4"), "holds a value that is not finite"),
         (("--box", "1,2,0,4"), "has the size 0 x 4; both must be positive"),
         (("--box", "64,2,5,5"), "the box of object 1 (64,2,5,5) lies outside the 64x48 frame"),
-        (("--box", "1,2,9,1"), "the box of object 1 is 9.0 pixels wide and 1.0 high"),
+        (("--box", "1,2,9,1"), "the box of object 1 is 9 pixels wide and 1 high"),
         ((*BOXES, "--boxes", "gt.csv"), "--box and --boxes were both given"),
         ((*BOXES, "--ids", "1"), "--ids names objects of a CSV file"),
         ((*BOXES, "--start", "-1"), "--start -1 must be at least 0"),

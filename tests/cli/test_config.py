@@ -48,7 +48,10 @@ def refusal(tmp_path, images, monkeypatch, capsys):
         ("", "has no table [track]; add one"),
         ("[demo]\nruns = 2", "has no table [track]; add one"),
         ("track = 3", "has no table [track]; add one"),
-        ("[track]\nboxx = 3", "sets 'boxx' in [track], which is no option; the options are appearance,"),
+        (
+            "[track]\nboxx = 3",
+            "sets 'boxx' in [track], which is no option; the options are appearance,",
+        ),
         ("[track]\nconfig = 'a'", "sets 'config' in [track], which is no option"),
         ("[track]\nparticles = 'many'", "sets 'particles' in [track] to 'many'; give a whole"),
         ("[track]\nparticles = 60.7", "to 60.7; give a whole number"),

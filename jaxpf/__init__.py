@@ -22,7 +22,7 @@ The map, downwards: a file imports from its own room and from rooms below it, ne
     knows the other.
 ``models/``
     How a substate moves (``dynamics``, ``joints``) and explains a frame (``likelihoods``).
-``checks``, ``contract``, ``state``, ``running``, ``streaming``
+``checks``, ``contract``, ``state``, ``running``, ``chunks``, ``streaming``
     What a tracker, a dynamics and a likelihood are; what a frame reports; over the frames.
 ``lowering/``
     What is written for the compiler's sake, and nothing else.
@@ -45,6 +45,7 @@ __version__ = "0.1.0"
 _MODULES = {
     "articulated": "targets.articulated",
     "boxes": "targets.boxes",
+    "chunks": "chunks",
     "contract": "contract",
     "dynamics": "models.dynamics",
     "errors": "errors",
@@ -90,6 +91,7 @@ _NAMES = {
 
 if TYPE_CHECKING:
     from jaxpf import (  # noqa: F401
+        chunks,
         contract,
         errors,
         evaluation,

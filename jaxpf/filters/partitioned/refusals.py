@@ -3,7 +3,6 @@
 import importlib.util
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
@@ -106,33 +105,6 @@ def check_labels(tracker: Any) -> None:
         raise InputError(
             f"initial_label speaks of {np.shape(given)[0]} labels, but the ordering has "
             f"{branches} branches; give it an order for each label."
-        )
-
-
-def check_initial(initial: Any) -> None:
-    """Refuse an initial state that is no array of finite, real numbers.
-
-    Raises:
-        InputError: what it is, and where.
-    """
-    if not is_concrete(initial):
-        return
-    try:
-        values = np.asarray(initial)
-    except ValueError:  # rows of different lengths
-        values = np.asarray(None)
-    if jnp.issubdtype(values.dtype, jnp.complexfloating):
-        raise InputError("initial holds complex numbers; give real ones.")
-    if not (jnp.issubdtype(values.dtype, jnp.number) or values.dtype == bool):
-        raise InputError(
-            f"initial is {type(initial).__name__}, no array of numbers; give [P, D], or a sampler "
-            "key -> [P, D]."
-        )
-    wrong = np.argwhere(~np.isfinite(np.asarray(values, float)))
-    if len(wrong):
-        raise InputError(
-            f"initial holds {len(wrong)} value(s) that are not finite, the first at "
-            f"{wrong[0].tolist()}; give finite numbers."
         )
 
 

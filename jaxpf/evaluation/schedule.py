@@ -25,10 +25,12 @@ SECONDS_PER_BATCH = 15.0
 _SHARE_OF_FRAMES = 1 / 4
 #: Chunks in memory at once: one that is computed, here and on the devices, and one that is read.
 _CHUNKS = 3
-#: Bytes of JAX, its libraries and a compiled kernel.
-_BASE_MEMORY = 450 * 2**20
+#: Bytes of JAX, its libraries and the compiling of a kernel, measured.
+_BASE_MEMORY = 800 * 2**20
 #: What a core adds to the speed, where there are several.
 _SHARE_OF_CORE = 0.75
+#: Seconds to decode a pixel of a long recording, which every batch reads anew.
+_READ = 5e-9
 #: Seconds to compile one kernel.
 _COMPILE = 9.0
 
@@ -109,7 +111,10 @@ def batches(
                 shared = devices * min(devices, math.ceil(width / RUNS_PER_BATCH))
                 takes = width * cost.bytes_per_run + shared * cost.bytes_per_frame
                 largest = max(largest, takes)
-    kept = scene.frames.nbytes if isinstance(scene.frames, np.ndarray) else 0
+    kept = scene.frames.nbytes
+    if not isinstance(scene.frames, np.ndarray):
+        seconds += len(work) * _READ * kept / 3
+        kept = 0
     memory = _BASE_MEMORY + kept + _CHUNKS * length * one + largest
     return work, seconds + _COMPILE * len(shapes), memory
 

@@ -244,9 +244,9 @@ def in_groups(first: int, frames: Any, devices: tuple) -> tuple[np.ndarray, Any]
     Args:
         first: time of the first frame.
         frames: ``[G D, ...]``.
-        devices: D of them.
+        devices: D of them, or none for the only one.
     """
-    length, count = num_frames(frames), len(devices)
+    length, count = num_frames(frames), max(len(devices), 1)
     times = np.arange(first, first + length, dtype=np.int32).reshape(-1, count)
     groups = jax.tree.map(lambda x: x.reshape(-1, count, *x.shape[1:]), frames)
     if count > 1:

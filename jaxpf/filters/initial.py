@@ -43,7 +43,7 @@ def _check(initial: Any, may_be_empty: bool) -> None:
         )
     values = np.asarray(values, float)
     is_wrong = ~np.isfinite(values)
-    if may_be_empty:
+    if may_be_empty and values.ndim:
         is_wrong &= ~np.isnan(values).all(axis=-1, keepdims=True)
     wrong = np.argwhere(is_wrong)
     if len(wrong):

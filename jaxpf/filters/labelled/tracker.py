@@ -81,7 +81,7 @@ class Labelled(Tracker):
     motion_gradient: str = static_field(default="pathwise")
 
     def __post_init__(self):
-        initial = checked_initial(self.initial, may_be_empty=self.population == "open")
+        initial = checked_initial(self.initial, may_be_empty=self.population != "fixed")
         object.__setattr__(self, "initial", initial)
         if self.num_targets is None and not callable(initial) and initial.ndim == 2:
             object.__setattr__(self, "num_targets", initial.shape[0])

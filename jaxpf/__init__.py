@@ -9,8 +9,8 @@ The map, downwards: a file imports from its own room and from rooms below it, ne
 ``evaluation/``, ``tuning/``
     Many runs compared, with intervals, resumed where interrupted; parameters found by gradient.
 ``targets/``
-    What a substate means, one file per target: boxes, parts, points.  A target says where it
-    starts, which model follows, and what it reports.
+    What a substate means, one file per target: boxes, parts, points, contours.  A target says
+    where it starts, which model follows, and what it reports.
 ``baselines/``
     Trackers of other kinds to compare with: optical flow, SPOT.
 ``files/``, ``media/``, ``measures/``
@@ -44,7 +44,9 @@ __version__ = "0.1.0"
 #: Public modules by the name under which ``import jaxpf`` shows them.
 _MODULES = {
     "articulated": "targets.articulated",
+    "bending": "models.bending",
     "boxes": "targets.boxes",
+    "contours": "targets.contour_tracking",
     "contract": "contract",
     "dynamics": "models.dynamics",
     "errors": "errors",
@@ -65,6 +67,9 @@ _MODULES = {
     "resampling": "filters.resampling",
     "running": "running",
     "scores": "measures.scores",
+    "shape_learning": "models.shape_learning",
+    "shapes": "models.shapes",
+    "splines": "models.splines",
     "state": "state",
     "streaming": "streaming",
     "track_matching": "measures.track_matching",
@@ -109,11 +114,21 @@ if TYPE_CHECKING:
     from jaxpf.filters.partitioned.tracker import Partitioned
     from jaxpf.measures import intervals, metrics, scores, track_matching  # noqa: F401
     from jaxpf.media import overlay, plotting, video, video_writer  # noqa: F401
-    from jaxpf.models import dynamics, geometry, joints, likelihoods  # noqa: F401
+    from jaxpf.models import (  # noqa: F401
+        bending,
+        dynamics,
+        geometry,
+        joints,
+        likelihoods,
+        shape_learning,
+        shapes,
+        splines,
+    )
     from jaxpf.pytree import pytree_dataclass
     from jaxpf.running import monte_carlo, run
     from jaxpf.state import ParticleState, Summary
     from jaxpf.targets import articulated, boxes  # noqa: F401
+    from jaxpf.targets import contour_tracking as contours  # noqa: F401
     from jaxpf.tuning import objectives, tune  # noqa: F401
 
 __all__ = [

@@ -21,3 +21,14 @@ GRADIENTS = ("none", "stop_gradient", "soft", "transport")
 MOTION_GRADIENTS = ("pathwise", "score")
 #: What tuning makes large or small.
 OBJECTIVES = ("evidence", "position", "overlap")
+#: Shape spaces of contours that need no examples.
+SHAPE_SPACES = ("translation", "similarity", "affine")
+#: How contours exclude one another: as wire frames, as wires of one brightness that melt into one
+#: another, as opaque bodies, or not at all.
+EXCLUSIONS = ("wires", "merged", "opaque", "none")
+#: What an annotator marks of a contour, and the shape spaces that are learned from it.
+ANNOTATIONS = ("masks", "outlines", "centrelines")
+LEARNED_SPACES = ("key_frames", "bending")
+#: What of the past may act on a coordinate, in dynamics that are learned: its own last steps; its
+#: own past, with a place to which it returns; or every coordinate's past.
+COEFFICIENTS = ("steps", "own", "all")

@@ -267,7 +267,8 @@ def _build_tracker(
             options["tracker"], start_scene(source.name, first, start.shapes, source.fps)
         )
     setup.filter.check(setup.filter_options, start.parents)
-    looks = Looks(first, None, first.shape[:2], options["particles"] or _PARTICLES)
+    particles = options["particles"] or _PARTICLES
+    looks = Looks(first, None, first.shape[:2], particles, typical=first[None])
     return setup.filter.tracker(target.model(setup.model, start, looks), setup.filter_options)
 
 

@@ -11,12 +11,18 @@ class Model(NamedTuple):
         likelihood: see ``jaxpf.contract``.
         initial: ``[P, D]`` array, or a sampler ``key -> [P, D]`` registered as a pytree.
         parents: the part tree, -1 for a root.
+        initial_label: ``[L]``, probabilities of a particle's discrete label at the start, for
+            filters whose particles carry one; None: there is none.
+        orders_of_labels: for each label the order in which partitioned sampling goes through the
+            partitions; None where labels say nothing of it.
     """
 
     dynamics: Any
     likelihood: Any
     initial: Any
     parents: tuple[int, ...]
+    initial_label: Any = None
+    orders_of_labels: tuple[tuple[int, ...], ...] | None = None
 
     @property
     def num_partitions(self) -> int:

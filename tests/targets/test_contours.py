@@ -10,10 +10,10 @@ import pytest
 import jaxpf
 import scenes
 from jaxpf.errors import InputError
-from jaxpf.files.contours import Contours
+from jaxpf.files.contours import Contours, ContourTrackWriter
 from jaxpf.models.likelihoods.contours import EdgeDetector
 from jaxpf.models.splines import fit_spline
-from jaxpf.targets.contours import ContourTrackWriter, contours_tracker, outlines
+from jaxpf.targets.contour_tracking import contours_tracker, outlines
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +44,11 @@ def test_tracks_hold_control_points_and_outlines(tmp_path, tracked):
     tracker, estimates = tracked
     broken = estimates[1].copy()
     broken[1] = np.nan
+    space = tracker.likelihood.space
     with ContourTrackWriter(tmp_path / "tracks.csv") as writer:
-        writer.append(0, ("left", "right"), tracker, estimates[0])
-        writer.append(1, ("left", "right"), tracker, broken)
+        for frame, estimate in enumerate((estimates[0], broken)):
+            control = np.asarray(space.control_points(estimate))
+            writer.append(frame, ("left", "right"), control, outlines(tracker, estimate))
     rows = list(csv.DictReader((tmp_path / "tracks.csv").open()))
     assert len(rows) == 3 * (8 + 32)
     control = [

@@ -6,6 +6,7 @@ from jaxpf.models.likelihoods.contours.edges import EdgeDetector, Features, Line
 from jaxpf.models.likelihoods.contours.likelihood import (
     ExclusiveContours,
     IndependentContours,
+    MergedContours,
     OpaqueContours,
 )
 from jaxpf.models.likelihoods.contours.line_model import (
@@ -21,6 +22,7 @@ __all__ = [
     "Features",
     "IndependentContours",
     "Lines",
+    "MergedContours",
     "OpaqueContours",
     "contours",
     "detection_probabilities",

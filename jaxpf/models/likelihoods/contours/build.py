@@ -5,11 +5,13 @@ from typing import Any
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.models.bending import BendingSpace
 from jaxpf.models.likelihoods.contours.clutter import check_clutter, learn_clutter, poisson_clutter
 from jaxpf.models.likelihoods.contours.edges import EdgeDetector
 from jaxpf.models.likelihoods.contours.likelihood import (
     ExclusiveContours,
     IndependentContours,
+    MergedContours,
     OpaqueContours,
 )
 from jaxpf.models.likelihoods.contours.line_model import (
@@ -18,21 +20,21 @@ from jaxpf.models.likelihoods.contours.line_model import (
     detection_probabilities,
 )
 from jaxpf.models.shapes import ShapeSpace
+from jaxpf.names import EXCLUSIONS
 from jaxpf.pytree import as_array
 
 _KINDS = {
     "none": IndependentContours,
     "wires": ExclusiveContours,
+    "merged": MergedContours,
     "opaque": OpaqueContours,
 }
-#: How targets exclude one another: not at all, as wire frames, or as opaque bodies.
-EXCLUSIONS = tuple(_KINDS)
 #: Subsets of so many crossings are still summed in a moment.
 _MOST_CROSSINGS = 8
 
 
 def contours(
-    space: ShapeSpace,
+    space: ShapeSpace | BendingSpace,
     num_targets: int,
     *,
     exclusion: str = "wires",
@@ -112,6 +114,11 @@ def _check(space, num_targets, exclusion, sigma, width, num_lines, crossings, ed
         raise InputError(f"num_lines {num_lines} must be 4 or more.")
     if edges == 2 and space.closed:
         raise InputError("a wire with two edges is an open contour, and this shape space's is not.")
+    if exclusion == "merged" and edges != 2:
+        raise InputError(
+            "contours that merge are wires with a width, whose two edges are seen; give a width, "
+            "or choose wires or opaque."
+        )
     if exclusion == "opaque" and (num_targets != 2 or not space.closed):
         kind = "closed" if space.closed else "open"
         raise InputError(
@@ -125,8 +132,8 @@ def _check(space, num_targets, exclusion, sigma, width, num_lines, crossings, ed
             f"crossings {crossings} of each of {num_targets} targets must be {edges} or more, and "
             f"{_MOST_CROSSINGS} at most together."
         )
-    if len(np.shape(space.template)) != 3 or np.shape(space.template)[0] not in (1, num_targets):
+    if space.num_templates not in (1, num_targets):
         raise InputError(
-            f"the shape space has {np.shape(space.template)[0]} templates; give one for all "
+            f"the shape space has {space.num_templates} templates; give one for all "
             f"targets, or {num_targets}."
         )

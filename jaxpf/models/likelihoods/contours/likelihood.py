@@ -15,8 +15,6 @@ from jaxpf.contract import Likelihood
 from jaxpf.models.likelihoods.contours import crossings as crossing
 from jaxpf.models.likelihoods.contours.edges import EdgeDetector, Features, Lines
 from jaxpf.models.likelihoods.contours.line_model import line_weights, log_ratio
-from jaxpf.models.shapes import ShapeSpace
-from jaxpf.models.splines import basis
 from jaxpf.pytree import pytree_dataclass, static_field
 
 
@@ -28,7 +26,7 @@ class IndependentContours(Likelihood):
     edge may support two targets, so that look-alikes coalesce.
 
     Attributes:
-        space: of the substates.
+        space: of the substates, ``jaxpf.models.shapes.ShapeSpace`` or another with its methods.
         detector: of edges on the lines.
         clutter: b(n), ``[max_features + 1]``.
         detection: ``q_kc`` at ``[c, k]``; its size bounds c.
@@ -41,7 +39,7 @@ class IndependentContours(Likelihood):
             nearest to the line's middle.
     """
 
-    space: ShapeSpace
+    space: Any
     detector: EdgeDetector
     clutter: Any
     detection: Any
@@ -70,42 +68,15 @@ class IndependentContours(Likelihood):
 
     def lines_of(self, partition, substates) -> Lines:
         """Measurement lines ``[M, N]`` of substates ``[D, N]``, pointing outwards if clockwise."""
-        dtype = substates.dtype
-        template = jnp.asarray(self.space.template, dtype)
-        modes = jnp.asarray(self.space.modes, dtype)
-        num_targets, dimension, num_points = modes.shape[:3]
-        points, slopes = (jnp.asarray(matrix, dtype) for matrix in self._bases())
-        both = jnp.concatenate([points, slopes])
-
-        def matrix(control):
-            """From the coordinates ``[rows]`` of control points to x, then y, ``[4M, rows]``."""
-            return jnp.einsum("mk,rkc->cmr", both, control).reshape(-1, control.shape[0])
-
-        if num_targets == 1:
-            start, moved = matrix(template), matrix(modes[0]) @ substates
-        else:
-            # One product, in which all but each particle's own target are zero.
-            is_target = (jnp.arange(num_targets)[:, None] == partition).astype(dtype)
-            start = matrix(template) @ is_target
-            placed = (is_target[:, None] * substates[None]).reshape(-1, substates.shape[1])
-            moved = matrix(modes.reshape(num_targets * dimension, num_points, 2)) @ placed
-        rows = (start + moved).reshape(2, 2, self.num_lines, -1)
-        return _lines_through(rows[0, 0], rows[1, 0], rows[0, 1], rows[1, 1])
+        return _lines_through(*self.space.along(partition, substates, self._places()))
 
     def outline_points(self, substates) -> jax.Array:
         """Points ``[..., P, M, 2]`` along the contours of substates ``[..., P, D]``, pixels."""
-        points = jnp.asarray(self._bases()[0], jnp.asarray(substates).dtype)
-        return jnp.einsum("mk,...kc->...mc", points, self.space.control_points(substates))
+        return self.space.points(substates, self._places())
 
-    def _bases(self) -> tuple[np.ndarray, np.ndarray]:
-        closed, degree = self.space.closed, self.space.degree
-        first = 0.0 if closed else 0.5  # the ends of an open contour have no neighbours to check
-        places = (np.arange(self.num_lines) + first) / self.num_lines
-        num_points = np.shape(self.space.template)[1]
-        kwargs: dict[str, Any] = {"closed": closed, "degree": degree}
-        return basis(places, num_points, **kwargs), basis(
-            places, num_points, derivative=1, **kwargs
-        )
+    def _places(self) -> np.ndarray:
+        first = 0.0 if self.space.closed else 0.5  # an open contour's ends have no neighbours
+        return (np.arange(self.num_lines) + first) / self.num_lines
 
     def _offsets(self) -> list[Any]:
         half = 0.5 * jnp.asarray(self.width)
@@ -160,8 +131,13 @@ class ExclusiveContours(IndependentContours):
         finite = jnp.all(jnp.isfinite(substates), axis=(0, 1))
         lines = self.lines_of_all(jnp.where(finite, substates, 0.0))
         boundaries, crossed = self.all_crossings(observation, lines)
-        total = self._judged(observation, lines, boundaries, crossed)
+        seen = self._seen(boundaries, crossed)
+        total = self._judged(observation, lines, boundaries, seen)
         return jnp.where(finite, jnp.sum(total, axis=0), jnp.nan)
+
+    def _seen(self, boundaries, crossed):
+        """Which of the boundaries ``[C, M, P, N]`` on lines are seen: all, of wire frames."""
+        return crossed
 
     def lines_of_all(self, substates) -> Lines:
         """Measurement lines ``[M, P, N]`` of substates ``[P, D, N]``."""
@@ -200,6 +176,38 @@ class ExclusiveContours(IndependentContours):
             there = there & self._in_view(observation, lines, places)
             found = _joined(found, (places, there))
         return found
+
+
+@pytree_dataclass
+class MergedContours(ExclusiveContours):
+    """Wires of one brightness, which melt into one another where they overlap.
+
+    What lies between both edges of one wire shows no edge of another: neither is in front, and
+    what is seen is the outline of their union.  As with ``ExclusiveContours``, no feature serves
+    two boundaries.  (Ours, in the spirit of maccormick1999, eq. 5: only visible crossings count.)
+    """
+
+    def _seen(self, boundaries, crossed):
+        # A wire covers the places on a line between its two edges, if both cross the line.
+        shape = (-1, self.crossings, *boundaries.shape[1:])
+        places, there = boundaries.reshape(shape), crossed.reshape(shape)
+        whole = jnp.sum(there, axis=1) == 2
+        begin = jnp.where(whole, jnp.min(jnp.where(there, places, jnp.inf), axis=1), jnp.inf)
+        end = jnp.where(whole, jnp.max(jnp.where(there, places, -jnp.inf), axis=1), -jnp.inf)
+        covered = [
+            jnp.any(
+                jnp.stack(
+                    [
+                        (begin[other] < places[own]) & (places[own] < end[other])
+                        for other in range(len(places))
+                        if other != own
+                    ]
+                ),
+                axis=0,
+            )
+            for own in range(len(places))
+        ]
+        return crossed & ~jnp.concatenate(covered) if len(places) > 1 else crossed
 
 
 @pytree_dataclass

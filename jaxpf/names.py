@@ -23,9 +23,8 @@ MOTION_GRADIENTS = ("pathwise", "score")
 OBJECTIVES = ("evidence", "position", "overlap")
 #: Shape spaces of contours that need no examples.
 SHAPE_SPACES = ("translation", "similarity", "affine")
-#: How contours exclude one another: as wire frames, as wires of one brightness that melt into one
-#: another, as opaque bodies, or not at all.
-EXCLUSIONS = ("wires", "merged", "opaque", "none")
+#: How contours exclude one another: as wire frames, as opaque bodies, or not at all.
+EXCLUSIONS = ("wires", "opaque", "none")
 #: What an annotator marks of a contour, and the shape spaces that are learned from it.
 ANNOTATIONS = ("masks", "outlines", "centrelines")
 LEARNED_SPACES = ("key_frames", "bending")

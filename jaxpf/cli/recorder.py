@@ -200,9 +200,8 @@ class Recorder:
     def _tell(self, rate):
         speed = "" if rate is None else f", {rate:.1f} frames/s"
         click.echo(f"{self.output}: {_counted(self.num_tracked)} tracked{speed}")
-        for note in (self.source.note, *self.start_at.remarks):
-            if note:
-                click.echo(f"Note: {note}", err=True)
+        if self.source.note:
+            click.echo(f"Note: {self.source.note}", err=True)
         for where, frames_of in (
             ("was outside the picture", self.frames_outside),
             ("had no likelihood for any particle", self.frames_without_likelihood),

@@ -102,6 +102,8 @@ def command(**options: Any) -> None:
     frames = source.frames(options["start"])
     first = next(frames)
     start = target.read_start(options, options["start"], source)
+    for remark in start.remarks:
+        click.echo(f"Note: {remark}", err=True)
     truth = _read_truth(options, start.ids)
     output = options["output"] or Path(f"jaxpf-{source.name}")
     _check_output(output, source.path)

@@ -10,6 +10,8 @@ _SHIFT = 4  # bits of a fraction of a pixel, for OpenCV
 _DARK = (20, 20, 20)
 #: Particles are this much of the picture where they are drawn.
 _OPACITY = 0.6
+#: Particles of a smaller share of the largest weight are not drawn.
+_LEAST = 0.02
 #: Widest line of a particle, in widths of the thinnest.
 _WIDEST = 4
 
@@ -79,7 +81,8 @@ def draw_contour_particles(
     shown = np.zeros(lines.shape[:3], bool) if hidden is None else np.asarray(hidden)
     widths = 1 + (_WIDEST - 1) * weights / max(weights.max(initial=0.0), 1e-30)
     thinnest = max(line_thickness(frame) // 2, 1)
-    for number in np.argsort(weights):
+    told = np.flatnonzero(weights >= _LEAST * weights.max(initial=0.0))
+    for number in told[np.argsort(weights[told])]:
         for line, dark, colour in zip(lines[number], shown[number], colours, strict=True):
             if np.isfinite(line).all():
                 width = round(thinnest * widths[number])
@@ -88,7 +91,7 @@ def draw_contour_particles(
 
 
 def _draw(picture, line, dashed, colour, thickness) -> None:
-    """Pieces of a line: whole where they are seen; else every other one, in half the light."""
+    """Pieces of a line: whole where they are seen; else two of every four, in half the light."""
     size = np.array(picture.shape[1::-1])
     # OpenCV counts from the middle of a pixel; far outside it would overflow.
     points = np.round((np.clip(line, -size, 2 * size) - 0.5) * 2**_SHIFT).astype(np.int32)
@@ -99,7 +102,7 @@ def _draw(picture, line, dashed, colour, thickness) -> None:
         if end < len(apart) and apart[end] == apart[begin]:
             continue
         if apart[begin]:
-            pieces = [points[k : k + 2] for k in range(begin, end, 2)]
+            pieces = [points[k : min(k + 2, end) + 1] for k in range(begin, end, 4)]
         else:
             pieces = [points[begin : end + 1]]
         shade = dark if apart[begin] else colour

@@ -33,6 +33,7 @@ def contours_model(
     detector: EdgeDetector | None = None,
     clutter: Any = None,
     sigma: float = 7.0,
+    independence: float = 1.0,
     num_lines: int = 32,
     flip: float = FLIP,
 ) -> Model:
@@ -54,6 +55,7 @@ def contours_model(
         detector: of edges.
         clutter: see ``jaxpf.models.likelihoods.contours.contours``.
         sigma: width of the law of a boundary's feature, pixels.
+        independence: share of its log-ratio that each measurement line counts.
         num_lines: measurement lines per contour.
         flip: of opaque targets, probability per frame that they change their order in depth.
 
@@ -79,6 +81,7 @@ def contours_model(
         clutter=clutter,
         detector=detector,
         sigma=sigma,
+        independence=independence,
         width=start.width,
         num_lines=num_lines,
     )

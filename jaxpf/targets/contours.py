@@ -57,10 +57,9 @@ class Options:
     )
     exclusion: str = option(
         "wires",
-        "Of contours, how they exclude one another: wires (no edge serves two), merged (the "
-        "same, of wires with a width that show no edge where they overlap), opaque (the same, of "
-        "two closed contours, the nearer of which hides the other), none (an edge may serve "
-        "several: the product of independent likelihoods, which lets look-alikes coalesce).",
+        "Of contours, how they exclude one another: wires (no edge serves two), opaque (the "
+        "same, of two closed contours, the nearer of which hides the other), none (an edge may "
+        "serve several: the product of independent likelihoods, which lets look-alikes coalesce).",
         choices=EXCLUSIONS,
         compiles=True,
     )
@@ -94,6 +93,13 @@ class Options:
     )
     sigma: float = option(
         7.0, "Of contours, how far an edge may lie from the contour, pixels.", above=0
+    )
+    independence: float = option(
+        1.0,
+        "Of contours, share of its evidence that each measurement line counts: less than 1 where "
+        "they lie so near to each other that they see the same, such as 0.2.",
+        above=0,
+        most=1,
     )
     clutter: float | None = option(
         None,
@@ -238,6 +244,7 @@ class ContourTarget(Target):
             ),
             clutter=options.clutter,
             sigma=options.sigma,
+            independence=options.independence,
             num_lines=options.lines,
             flip=options.flip,
         )

@@ -6,7 +6,6 @@ from jaxpf.models.likelihoods.contours.edges import EdgeDetector, Features, Line
 from jaxpf.models.likelihoods.contours.likelihood import (
     ExclusiveContours,
     IndependentContours,
-    MergedContours,
     OpaqueContours,
 )
 from jaxpf.models.likelihoods.contours.line_model import (
@@ -22,7 +21,6 @@ __all__ = [
     "Features",
     "IndependentContours",
     "Lines",
-    "MergedContours",
     "OpaqueContours",
     "contours",
     "detection_probabilities",

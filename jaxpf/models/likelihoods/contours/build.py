@@ -11,7 +11,6 @@ from jaxpf.models.likelihoods.contours.edges import EdgeDetector
 from jaxpf.models.likelihoods.contours.likelihood import (
     ExclusiveContours,
     IndependentContours,
-    MergedContours,
     OpaqueContours,
 )
 from jaxpf.models.likelihoods.contours.line_model import (
@@ -26,7 +25,6 @@ from jaxpf.pytree import as_array
 _KINDS = {
     "none": IndependentContours,
     "wires": ExclusiveContours,
-    "merged": MergedContours,
     "opaque": OpaqueContours,
 }
 #: Subsets of so many crossings are still summed in a moment.
@@ -43,6 +41,7 @@ def contours(
     detector: EdgeDetector | None = None,
     detection: Any = None,
     sigma: float = SIGMA,
+    independence: float = 1.0,
     width: float | None = None,
     num_lines: int = 32,
     crossings: int | None = None,
@@ -60,6 +59,8 @@ def contours(
         detection: probabilities that k of c boundaries are detected, ``[c, k]`` for c = 0 to
             ``num_targets * crossings``; default ``detection_probabilities``.
         sigma: width of the law of a boundary's feature, pixels.
+        independence: share of its log-ratio that each line counts, above 0 to 1; less than 1 where
+            lines lie so near to each other that they see the same.
         width: of a wire both of whose edges are seen, pixels; None: the contour is one edge.
         num_lines: M, lines per contour.
         crossings: at most so many crossings of one contour with one line count; default 1, or 2
@@ -71,7 +72,7 @@ def contours(
     detector = EdgeDetector() if detector is None else detector
     edges = 1 if width is None else 2
     crossings = edges if crossings is None else crossings
-    _check(space, num_targets, exclusion, sigma, width, num_lines, crossings, edges)
+    _check(space, num_targets, exclusion, sigma, independence, width, num_lines, crossings, edges)
     if width is not None and width >= detector.length:
         raise InputError(
             f"width {width:g} does not fit on lines of {detector.length} pixels; give the detector "
@@ -97,6 +98,7 @@ def contours(
         clutter=check_clutter(clutter, detector.max_features),
         detection=as_array(detection, float),
         sigma=sigma,
+        independence=independence,
         width=0.0 if width is None else width,
         edges=edges,
         num_lines=num_lines,
@@ -104,21 +106,20 @@ def contours(
     )
 
 
-def _check(space, num_targets, exclusion, sigma, width, num_lines, crossings, edges) -> None:
+def _check(
+    space, num_targets, exclusion, sigma, independence, width, num_lines, crossings, edges
+) -> None:
     if exclusion not in _KINDS:
         raise InputError(f"exclusion {exclusion!r} is unknown; choose one of {list(EXCLUSIONS)}.")
     for name, value in (("sigma", sigma), ("width", 1.0 if width is None else width)):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} {value} must be a number of pixels above 0.")
+    if not 0 < independence <= 1:
+        raise InputError(f"independence {independence} must be above 0 and at most 1.")
     if num_lines < 4:
         raise InputError(f"num_lines {num_lines} must be 4 or more.")
     if edges == 2 and space.closed:
         raise InputError("a wire with two edges is an open contour, and this shape space's is not.")
-    if exclusion == "merged" and edges != 2:
-        raise InputError(
-            "contours that merge are wires with a width, whose two edges are seen; give a width, "
-            "or choose wires or opaque."
-        )
     if exclusion == "opaque" and (num_targets != 2 or not space.closed):
         kind = "closed" if space.closed else "open"
         raise InputError(

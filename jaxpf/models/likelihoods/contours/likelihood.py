@@ -31,6 +31,9 @@ class IndependentContours(Likelihood):
         clutter: b(n), ``[max_features + 1]``.
         detection: ``q_kc`` at ``[c, k]``; its size bounds c.
         sigma: width of the law of a boundary's feature, pixels.
+        independence: share of its log-ratio that each line counts.  Neighbouring lines see the
+            same blurred edge, and err alike where the shape space does; counted in full, they make
+            one particle's weight exceed all others'.
         width: of a wire with two edges, pixels; what the spline draws is its middle.  Not used
             with one edge.
         edges: static, 1 where the spline is itself the boundary, 2 for both edges of a wire.
@@ -44,6 +47,7 @@ class IndependentContours(Likelihood):
     clutter: Any
     detection: Any
     sigma: Any = 7.0
+    independence: Any = 1.0
     width: Any = 0.0
     edges: int = static_field(default=1)
     num_lines: int = static_field(default=32)
@@ -104,13 +108,13 @@ class IndependentContours(Likelihood):
         return (x >= 0) & (x < width) & (y >= 0) & (y < height)
 
     def _judged(self, observation, lines, boundaries, crossed):
-        """Sum over lines ``[M, ...]`` of ``log(p~_c / p_0)``."""
+        """Sum over lines ``[M, ...]`` of ``log(p~_c / p_0)``, each by what it counts."""
         features: Features = self.detector.find(observation, lines)
         detector, dtype = self.detector, lines.x.dtype
         weights = line_weights(self.clutter, self.detection, detector.length)
         sigma = jnp.asarray(self.sigma, dtype)
         every = log_ratio(weights, features, boundaries, crossed, sigma, detector.reach)
-        return jnp.sum(every, axis=0)
+        return jnp.sum(every, axis=0) * jnp.asarray(self.independence, dtype)
 
 
 @pytree_dataclass
@@ -131,13 +135,8 @@ class ExclusiveContours(IndependentContours):
         finite = jnp.all(jnp.isfinite(substates), axis=(0, 1))
         lines = self.lines_of_all(jnp.where(finite, substates, 0.0))
         boundaries, crossed = self.all_crossings(observation, lines)
-        seen = self._seen(boundaries, crossed)
-        total = self._judged(observation, lines, boundaries, seen)
+        total = self._judged(observation, lines, boundaries, crossed)
         return jnp.where(finite, jnp.sum(total, axis=0), jnp.nan)
-
-    def _seen(self, boundaries, crossed):
-        """Which of the boundaries ``[C, M, P, N]`` on lines are seen: all, of wire frames."""
-        return crossed
 
     def lines_of_all(self, substates) -> Lines:
         """Measurement lines ``[M, P, N]`` of substates ``[P, D, N]``."""
@@ -176,38 +175,6 @@ class ExclusiveContours(IndependentContours):
             there = there & self._in_view(observation, lines, places)
             found = _joined(found, (places, there))
         return found
-
-
-@pytree_dataclass
-class MergedContours(ExclusiveContours):
-    """Wires of one brightness, which melt into one another where they overlap.
-
-    What lies between both edges of one wire shows no edge of another: neither is in front, and
-    what is seen is the outline of their union.  As with ``ExclusiveContours``, no feature serves
-    two boundaries.  (Ours, in the spirit of maccormick1999, eq. 5: only visible crossings count.)
-    """
-
-    def _seen(self, boundaries, crossed):
-        # A wire covers the places on a line between its two edges, if both cross the line.
-        shape = (-1, self.crossings, *boundaries.shape[1:])
-        places, there = boundaries.reshape(shape), crossed.reshape(shape)
-        whole = jnp.sum(there, axis=1) == 2
-        begin = jnp.where(whole, jnp.min(jnp.where(there, places, jnp.inf), axis=1), jnp.inf)
-        end = jnp.where(whole, jnp.max(jnp.where(there, places, -jnp.inf), axis=1), -jnp.inf)
-        covered = [
-            jnp.any(
-                jnp.stack(
-                    [
-                        (begin[other] < places[own]) & (places[own] < end[other])
-                        for other in range(len(places))
-                        if other != own
-                    ]
-                ),
-                axis=0,
-            )
-            for own in range(len(places))
-        ]
-        return crossed & ~jnp.concatenate(covered) if len(places) > 1 else crossed
 
 
 @pytree_dataclass

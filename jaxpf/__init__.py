@@ -44,7 +44,6 @@ __version__ = "0.1.0"
 #: Public modules by the name under which ``import jaxpf`` shows them.
 _MODULES = {
     "articulated": "targets.articulated",
-    "bending": "models.bending",
     "boxes": "targets.boxes",
     "contours": "targets.contour_tracking",
     "contract": "contract",
@@ -115,7 +114,6 @@ if TYPE_CHECKING:
     from jaxpf.measures import intervals, metrics, scores, track_matching  # noqa: F401
     from jaxpf.media import overlay, plotting, video, video_writer  # noqa: F401
     from jaxpf.models import (  # noqa: F401
-        bending,
         dynamics,
         geometry,
         joints,

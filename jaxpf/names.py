@@ -25,9 +25,8 @@ OBJECTIVES = ("evidence", "position", "overlap")
 SHAPE_SPACES = ("translation", "similarity", "affine")
 #: How contours exclude one another: as wire frames, as opaque bodies, or not at all.
 EXCLUSIONS = ("wires", "opaque", "none")
-#: What an annotator marks of a contour, and the shape spaces that are learned from it.
+#: What an annotator marks of a contour.
 ANNOTATIONS = ("masks", "outlines", "centrelines")
-LEARNED_SPACES = ("key_frames", "bending")
 #: What of the past may act on a coordinate, in dynamics that are learned: its own last steps; its
 #: own past, with a place to which it returns; or every coordinate's past.
 COEFFICIENTS = ("steps", "own", "all")

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from jaxpf.cli import common
-from jaxpf.names import ANNOTATIONS, COEFFICIENTS, LEARNED_SPACES
+from jaxpf.names import ANNOTATIONS, COEFFICIENTS
 
 
 @click.group("contour")
@@ -24,16 +24,16 @@ def command() -> None:
 @click.option("--object", "value", type=int, help="Of masks, the grey level that marks the target.")
 @click.option("--first", default=0, show_default=True, help="First frame to learn from, from 0.")
 @click.option("--last", type=int, help="Last frame to learn from.  [default: the last there is]")
-@click.option(
-    "--space",
-    type=click.Choice(LEARNED_SPACES),
-    default=LEARNED_SPACES[0],
-    show_default=True,
-    help="key_frames (shifts and the principal components of the examples), or for centrelines "
-    "bending (bodies of fixed length: place, angle and bends).",
-)
 @click.option("--dimension", "-d", default=8, show_default=True, help="Of the shape space.")
 @click.option("--points", default=12, show_default=True, help="Control points of a contour.")
+@click.option(
+    "--turns",
+    type=click.IntRange(0, 360),
+    default=0,
+    show_default=True,
+    help="Of centrelines, show them in so many directions, in a mirror and from the other end too: "
+    "for bodies that bend to either side, whichever way they lie.",
+)
 @click.option(
     "--order",
     type=click.IntRange(0, 2),
@@ -63,9 +63,9 @@ def learn(
     value: int | None,
     first: int,
     last: int | None,
-    space: str,
     dimension: int,
     points: int,
+    turns: int,
     order: int,
     coefficients: str,
     output: Path,
@@ -75,7 +75,7 @@ def learn(
     A CSV file has the header frame,id,k,x,y: the k-th point of a target's outline or centreline
     in a frame, in pixels.  Frames need not all be annotated; all targets are learned as one kind.
 
-    Example: jaxpf contour learn worms --space bending --points 8 --last 40 -o worm.json
+    Example: jaxpf contour learn worms --turns 36 -d 10 --points 8 --last 40 -o worm.json
     """
     from jaxpf.files.annotated_contours import read_annotated
     from jaxpf.files.learned_contours import write_learned
@@ -88,11 +88,11 @@ def learn(
 
     learned, report = learn_contours(
         annotated,
-        space=space,
         dimension=dimension,
         num_points=points,
         order=order,
         coefficients=coefficients,
+        turns=turns,
     )
     write_learned(output, learned)
     for line in report:

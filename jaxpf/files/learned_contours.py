@@ -1,10 +1,8 @@
 """Files of what contours were seen to do: a shape space, and how its coordinates move.
 
 JSON, as ``jaxpf contour learn`` writes it and ``jaxpf track --learned`` reads it.  ``"space"``
-holds the arrays of ``jaxpf.models.shapes.ShapeSpace`` for one target (``"kind": "linear"``) or
-those of ``jaxpf.models.bending.BendingSpace`` (``"kind": "bending"``); ``"dynamics"``, where it is
-not null, those of ``jaxpf.dynamics.LinearGaussian`` for one target.  All targets of a run share
-both.
+holds the arrays of ``jaxpf.models.shapes.ShapeSpace``, ``"dynamics"``, where it is not null, those
+of ``jaxpf.dynamics.LinearGaussian``, both for one target.  All targets of a run share them.
 """
 
 import json
@@ -16,7 +14,6 @@ import numpy as np
 
 from jaxpf.errors import InputError
 from jaxpf.files.writing import atomic_write
-from jaxpf.models.bending import PIECES, BendingSpace
 from jaxpf.models.dynamics import LinearGaussian
 from jaxpf.models.shapes import ShapeSpace
 from jaxpf.pytree import as_array
@@ -28,11 +25,11 @@ class Learned(NamedTuple):
     """What was learned of one target, or of several like ones together.
 
     Attributes:
-        space: a ``ShapeSpace`` with one template, or a ``BendingSpace`` with one length.
+        space: with one template.
         dynamics: of one target, or None.
     """
 
-    space: Any
+    space: ShapeSpace
     dynamics: LinearGaussian | None
 
     def dynamics_of(self, num_targets: int) -> LinearGaussian | None:
@@ -54,14 +51,12 @@ def write_learned(path: str | os.PathLike[str], learned: Learned) -> None:
         InputError: it cannot be written.
     """
     space = learned.space
-    about: dict[str, Any] = {"degree": space.degree}
-    if isinstance(space, BendingSpace):
-        about |= {"kind": "bending", "num_points": space.num_points}
-        about |= {"length": _list(space.length)[0], "turn": _list(space.turn)}
-        about["modes"] = _list(space.modes)
-    else:
-        about |= {"kind": "linear", "closed": space.closed}
-        about |= {"template": _list(space.template[0]), "modes": _list(space.modes[0])}
+    about = {
+        "closed": space.closed,
+        "degree": space.degree,
+        "template": _list(space.template)[0],
+        "modes": _list(space.modes)[0],
+    }
     moves = learned.dynamics
     dynamics = moves and {
         name: None if getattr(moves, name) is None else _list(getattr(moves, name)[0])
@@ -105,20 +100,8 @@ def _refusal(path: Path, cause: str) -> InputError:
     )
 
 
-def _space(about: dict[str, Any]) -> Any:
-    degree = int(about["degree"])
-    modes = about["modes"]
-    if about["kind"] == "bending":
-        bends = np.asarray(modes, float).reshape(-1, PIECES)
-        return BendingSpace(
-            length=as_array(_numbers("length", [about["length"]], (1,)), float),
-            turn=as_array(_numbers("turn", about["turn"], ()), float),
-            modes=as_array(_numbers("modes", bends, bends.shape), float),
-            num_points=int(about["num_points"]),
-            degree=degree,
-        )
-    if about["kind"] != "linear":
-        raise ValueError(f"its kind is {about['kind']!r}")
+def _space(about: dict[str, Any]) -> ShapeSpace:
+    degree, modes = int(about["degree"]), about["modes"]
     template = np.asarray(about["template"], float)
     count = len(template)
     if count <= degree:

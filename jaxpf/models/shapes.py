@@ -9,14 +9,13 @@ their mean squared displacement.  So every coordinate, its noise and its spread 
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.errors import InputError
-from jaxpf.models.splines import CUBIC, basis, check_order
+from jaxpf.models.splines import CUBIC, check_order
 from jaxpf.names import SHAPE_SPACES
 from jaxpf.pytree import as_array, pytree_dataclass, static_field
 
@@ -45,56 +44,9 @@ class ShapeSpace:
         return self.modes.shape[1]  # type: ignore[union-attr]
 
     @property
-    def num_templates(self) -> int:
-        """For how many targets there are templates; 1 where they share one."""
-        return np.shape(self.template)[0]
-
-    @property
     def num_points(self) -> int:
         """K, control points of a contour."""
         return np.shape(self.template)[1]
-
-    def along(self, partition, substates, places: np.ndarray):
-        """Points of each particle's contour, and the contour's direction there.
-
-        Args:
-            partition: target of each particle, ``[N]`` or ``[]``.
-            substates: ``[D, N]``.
-            places: ``[M]``, how far along the contour, 0 to 1.
-
-        Returns:
-            x, y (pixels) and their derivatives with respect to the place, ``[M, N]`` each.
-        """
-        dtype = substates.dtype
-        template, modes = jnp.asarray(self.template, dtype), jnp.asarray(self.modes, dtype)
-        num_targets, dimension, num_points = modes.shape[:3]
-        kind: dict[str, Any] = {"closed": self.closed, "degree": self.degree}
-        points = jnp.asarray(basis(places, num_points, **kind), dtype)
-        slopes = jnp.asarray(basis(places, num_points, derivative=1, **kind), dtype)
-        both = jnp.concatenate([points, slopes])
-
-        def matrix(control):
-            """From the coordinates ``[rows]`` of control points to x, then y, ``[4M, rows]``."""
-            return jnp.einsum("mk,rkc->cmr", both, control).reshape(-1, control.shape[0])
-
-        if num_targets == 1:
-            start, moved = matrix(template), matrix(modes[0]) @ substates
-        else:
-            # One product, in which all but each particle's own target are zero.
-            is_target = (jnp.arange(num_targets)[:, None] == partition).astype(dtype)
-            start = matrix(template) @ is_target
-            placed = (is_target[:, None] * substates[None]).reshape(-1, substates.shape[1])
-            moved = matrix(modes.reshape(num_targets * dimension, num_points, 2)) @ placed
-        rows = (start + moved).reshape(2, 2, len(places), -1)
-        return rows[0, 0], rows[1, 0], rows[0, 1], rows[1, 1]
-
-    def points(self, substates, places: np.ndarray):
-        """Points ``[..., P, M, 2]`` at places ``[M]`` of substates ``[..., P, D]``, pixels."""
-        matrix = jnp.asarray(
-            basis(places, self.num_points, closed=self.closed, degree=self.degree),
-            jnp.asarray(substates).dtype,
-        )
-        return jnp.einsum("mk,...kc->...mc", matrix, self.control_points(substates))
 
     def control_points(self, substates):
         """Control points ``[..., P, K, 2]`` of substates ``[..., P, D]``, in pixels."""

@@ -261,8 +261,9 @@ class ContourTarget(Target):
     def shapes_of(self, tracker: Any, start: Start, estimate: Any) -> np.ndarray:
         """See ``Target``: as the tracker's shape space draws them."""
         space = tracker.likelihood.space
-        places = even_places(_PIECES + 1, closed=False)
-        lines = np.array(space.points(np.asarray(estimate), places))
+        kind: dict[str, Any] = {"closed": space.closed, "degree": space.degree}
+        matrix = basis(even_places(_PIECES + 1, closed=False), space.num_points, **kind)
+        lines = matrix @ np.asarray(space.control_points(np.asarray(estimate)), float)
         if space.closed:
             lines[..., -1, :] = lines[..., 0, :]
         return lines.reshape(*lines.shape[:-2], -1)

@@ -157,10 +157,9 @@ def annotated(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("space", ["key_frames", "bending"])
-def test_what_is_learned_is_tracked_with(annotated, clip, start, tmp_path, space):
+def test_what_is_learned_is_tracked_with(annotated, clip, start, tmp_path):
     learned = tmp_path / "learned.json"
-    arguments = ("--space", space, "-d", "5", "--points", "7", "-o", learned)
+    arguments = ("--turns", "8", "-d", "5", "--points", "7", "-o", learned)
     outcome = jaxpf("contour", "learn", annotated, *arguments)
     assert outcome.code == 0, outcome.err
     assert "60 contour(s) of 2 target(s) in 30 frame(s): 5 dimensions" in outcome.out
@@ -205,8 +204,8 @@ def test_what_cannot_be_learned_is_refused(annotated, tmp_path, monkeypatch, opt
     assert not list(tmp_path.iterdir())
 
 
-def test_bending_bodies_are_learned_from_centrelines_alone(annotated, tmp_path):
+def test_closed_contours_are_not_turned(annotated, tmp_path):
     (tmp_path / "outlines.csv").write_text((annotated / "centrelines.csv").read_text())
-    outcome = jaxpf("contour", "learn", tmp_path, "--space", "bending", "-o", tmp_path / "x.json")
+    outcome = jaxpf("contour", "learn", tmp_path, "--turns", "8", "-o", tmp_path / "x.json")
     assert outcome.code == 2
-    assert "is learned from centrelines, not from outlines" in outcome.err
+    assert "turns 8 are of centrelines, and outlines were given" in outcome.err

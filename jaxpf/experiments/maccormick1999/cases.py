@@ -13,11 +13,11 @@ import numpy as np
 import scenes
 from jaxpf.errors import InputError
 from jaxpf.experiments.sources import load_scene
-from jaxpf.models.bending import bending_space
 from jaxpf.models.dynamics import LinearGaussian, RandomWalk
 from jaxpf.models.learned_dynamics import fit
 from jaxpf.models.likelihoods.contours import EdgeDetector, learn_clutter
-from jaxpf.models.shapes import key_frame_space, space_of
+from jaxpf.models.shape_learning import varied
+from jaxpf.models.shapes import ShapeSpace, key_frame_space, space_of
 from jaxpf.models.splines import fit_spline, points_on, resampled
 
 CLIP = "worm_crossing"
@@ -25,8 +25,6 @@ CLIP = "worm_crossing"
 LEARNED_FRAMES = 41
 #: Frames of the clip that are tracked: the worms meet, cross and are clear of each other again.
 TRACKED_FRAMES = 70
-#: Of a worm: its place, its angle, and five bends, 99.7 % of what the learned frames show.
-_WORM_DIMENSION = 8
 #: Points at which outlines are compared.
 _POINTS = 32
 _SEED_TO_LEARN_FROM = 10_000
@@ -53,7 +51,7 @@ class Case(NamedTuple):
     frames: np.ndarray
     truth: np.ndarray
     start: np.ndarray
-    space: Any
+    space: ShapeSpace
     dynamics: Any
     options: dict[str, Any]
     on_target: float
@@ -95,7 +93,8 @@ def walkers(seed: int, num_frames: int = 60) -> Case:
 def worms(data: Path) -> Case:
     """Two filmed worms that cross, as wires both of whose edges are seen.
 
-    The space is that of bodies of fixed length which bend as the worms do in the frames before.
+    The space holds the components of the centrelines of the frames before, seen from either end,
+    in a mirror, and turned: a worm bends to either side, whichever way it lies.
 
     Raises:
         InputError: the clip is missing.
@@ -111,8 +110,12 @@ def worms(data: Path) -> Case:
             if int(row["frame"]) < count:
                 place = int(row["frame"]), int(row["id"]), int(row["k"])
                 lines[place] = float(row["x"]), float(row["y"])
-    space = bending_space(lines[:LEARNED_FRAMES].reshape(-1, 18, 2), _WORM_DIMENSION)
-    control = _control(lines, space.num_points, closed=False)
+    num_points = 8
+    control = np.array(
+        [[fit_spline(line, num_points, closed=False) for line in pair] for pair in lines]
+    )
+    learned = control[:LEARNED_FRAMES]
+    space = key_frame_space(varied(learned.reshape(-1, num_points, 2), 36), 10, closed=False)
     tracks = space.project(control)
     detector = EdgeDetector(threshold=5.0, length=41, smoothing=2.5)
     before = load_scene(str(folder), start_frame=0, num_frames=LEARNED_FRAMES)

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.models.bending import BendingSpace
 from jaxpf.models.likelihoods.contours.clutter import check_clutter, learn_clutter, poisson_clutter
 from jaxpf.models.likelihoods.contours.edges import EdgeDetector
 from jaxpf.models.likelihoods.contours.likelihood import (
@@ -32,7 +31,7 @@ _MOST_CROSSINGS = 8
 
 
 def contours(
-    space: ShapeSpace | BendingSpace,
+    space: ShapeSpace,
     num_targets: int,
     *,
     exclusion: str = "wires",
@@ -133,8 +132,8 @@ def _check(
             f"crossings {crossings} of each of {num_targets} targets must be {edges} or more, and "
             f"{_MOST_CROSSINGS} at most together."
         )
-    if space.num_templates not in (1, num_targets):
+    if len(np.shape(space.template)) != 3 or np.shape(space.template)[0] not in (1, num_targets):
         raise InputError(
-            f"the shape space has {space.num_templates} templates; give one for all "
+            f"the shape space has {np.shape(space.template)[0]} templates; give one for all "
             f"targets, or {num_targets}."
         )

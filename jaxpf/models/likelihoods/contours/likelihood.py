@@ -15,6 +15,8 @@ from jaxpf.contract import Likelihood
 from jaxpf.models.likelihoods.contours import crossings as crossing
 from jaxpf.models.likelihoods.contours.edges import EdgeDetector, Features, Lines
 from jaxpf.models.likelihoods.contours.line_model import line_weights, log_ratio
+from jaxpf.models.shapes import ShapeSpace
+from jaxpf.models.splines import basis
 from jaxpf.pytree import pytree_dataclass, static_field
 
 
@@ -26,7 +28,7 @@ class IndependentContours(Likelihood):
     edge may support two targets, so that look-alikes coalesce.
 
     Attributes:
-        space: of the substates, ``jaxpf.models.shapes.ShapeSpace`` or another with its methods.
+        space: of the substates.
         detector: of edges on the lines.
         clutter: b(n), ``[max_features + 1]``.
         detection: ``q_kc`` at ``[c, k]``; its size bounds c.
@@ -42,7 +44,7 @@ class IndependentContours(Likelihood):
             nearest to the line's middle.
     """
 
-    space: Any
+    space: ShapeSpace
     detector: EdgeDetector
     clutter: Any
     detection: Any
@@ -72,15 +74,42 @@ class IndependentContours(Likelihood):
 
     def lines_of(self, partition, substates) -> Lines:
         """Measurement lines ``[M, N]`` of substates ``[D, N]``, pointing outwards if clockwise."""
-        return _lines_through(*self.space.along(partition, substates, self._places()))
+        dtype = substates.dtype
+        template = jnp.asarray(self.space.template, dtype)
+        modes = jnp.asarray(self.space.modes, dtype)
+        num_targets, dimension, num_points = modes.shape[:3]
+        points, slopes = (jnp.asarray(matrix, dtype) for matrix in self._bases())
+        both = jnp.concatenate([points, slopes])
+
+        def matrix(control):
+            """From the coordinates ``[rows]`` of control points to x, then y, ``[4M, rows]``."""
+            return jnp.einsum("mk,rkc->cmr", both, control).reshape(-1, control.shape[0])
+
+        if num_targets == 1:
+            start, moved = matrix(template), matrix(modes[0]) @ substates
+        else:
+            # One product, in which all but each particle's own target are zero.
+            is_target = (jnp.arange(num_targets)[:, None] == partition).astype(dtype)
+            start = matrix(template) @ is_target
+            placed = (is_target[:, None] * substates[None]).reshape(-1, substates.shape[1])
+            moved = matrix(modes.reshape(num_targets * dimension, num_points, 2)) @ placed
+        rows = (start + moved).reshape(2, 2, self.num_lines, -1)
+        return _lines_through(rows[0, 0], rows[1, 0], rows[0, 1], rows[1, 1])
 
     def outline_points(self, substates) -> jax.Array:
         """Points ``[..., P, M, 2]`` along the contours of substates ``[..., P, D]``, pixels."""
-        return self.space.points(substates, self._places())
+        points = jnp.asarray(self._bases()[0], jnp.asarray(substates).dtype)
+        return jnp.einsum("mk,...kc->...mc", points, self.space.control_points(substates))
 
-    def _places(self) -> np.ndarray:
-        first = 0.0 if self.space.closed else 0.5  # an open contour's ends have no neighbours
-        return (np.arange(self.num_lines) + first) / self.num_lines
+    def _bases(self) -> tuple[np.ndarray, np.ndarray]:
+        closed, degree = self.space.closed, self.space.degree
+        first = 0.0 if closed else 0.5  # the ends of an open contour have no neighbours to check
+        places = (np.arange(self.num_lines) + first) / self.num_lines
+        num_points = np.shape(self.space.template)[1]
+        kwargs: dict[str, Any] = {"closed": closed, "degree": degree}
+        return basis(places, num_points, **kwargs), basis(
+            places, num_points, derivative=1, **kwargs
+        )
 
     def _offsets(self) -> list[Any]:
         half = 0.5 * jnp.asarray(self.width)

@@ -1,5 +1,6 @@
 """What `jaxpf track` leaves behind: tracks, overlay, diagnostics, summary and metrics."""
 
+import collections
 import contextlib
 import itertools
 import json
@@ -14,6 +15,9 @@ import numpy as np
 from jaxpf.cli import common
 from jaxpf.errors import InputError
 from jaxpf.files.versions import versions
+
+#: Frames over which a trail reaches back.
+_TRAIL = 20
 
 
 class Recorder:
@@ -30,6 +34,7 @@ class Recorder:
         self.colours = object_colours(len(ids))
         self.frames_outside: dict[str, list[int]] = {str(i): [] for i in ids}
         self.frames_without_likelihood: dict[str, list[int]] = {str(i): [] for i in ids}
+        self.past: collections.deque[np.ndarray] = collections.deque(maxlen=_TRAIL)
         self.num_tracked = self.num_invalid = self.num_impossible = 0
         self.seconds_first = self.seconds_rest = 0.0
         self._stack = contextlib.ExitStack()
@@ -145,7 +150,9 @@ class Recorder:
             frame = self.target.draw_particles(
                 frame, self.start_at, self.tracker, state, self.colours
             )
-        self.video.write(self.target.draw(frame, self.start_at, found, self.colours, lost))
+        self.past.append(found)
+        past = np.stack(self.past)
+        self.video.write(self.target.draw(frame, self.start_at, found, self.colours, lost, past))
 
     def finish(self, stopped, truth):
         """Write what is known only at the end, and tell the user; ``stopped``: by what, or None."""

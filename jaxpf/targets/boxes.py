@@ -208,7 +208,9 @@ class Boxes(Target):
         """See ``Target``: MOT format."""
         return _MotWriter(path, start)
 
-    def draw(self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any) -> np.ndarray:
+    def draw(
+        self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any, past: Any = None
+    ) -> np.ndarray:
         """See ``Target``."""
         from jaxpf.media.overlay import draw_boxes
 

@@ -296,7 +296,9 @@ class ContourTarget(Target):
         """See ``Target``: CSV with the header ``frame,contour,kind,point,x,y``."""
         return _Writer(path, start)
 
-    def draw(self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any) -> np.ndarray:
+    def draw(
+        self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any, past: Any = None
+    ) -> np.ndarray:
         """See ``Target``."""
         from jaxpf.media.contours_overlay import draw_contours
 

@@ -228,7 +228,9 @@ class Parts(Target):
         """See ``Target``: CSV with the header ``frame,part,x,y,w,h,angle``."""
         return _PartWriter(path, start)
 
-    def draw(self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any) -> np.ndarray:
+    def draw(
+        self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any, past: Any = None
+    ) -> np.ndarray:
         """See ``Target``."""
         from jaxpf.media.overlay import draw_rectangles
 

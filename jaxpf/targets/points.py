@@ -18,6 +18,8 @@ from jaxpf.targets.target import Looks, Start, Target
 
 #: Particles of filters whose particles are common to all points.
 _PARTICLES = 300
+#: Pixels between the points of a grid.
+_MASK_STEP = 20.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,20 +57,35 @@ class Points(Target):
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "point": {"multiple": True, "metavar": "X,Y[,NAME]", "help": "A start point; repeat it."},
         "points": {"type": Path, "help": "CSV of start points: lines x,y or x,y,name."},
+        "mask": {
+            "type": Path,
+            "help": "A picture of the start frame's size; a grid of points starts where it is not "
+            "black.",
+        },
+        "mask_step": {"type": float, "help": "Pixels between points of that grid.  [default: 20]"},
     }
 
     def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
         """See ``Target``."""
         from jaxpf.files.points import parse_points, read_points
 
-        if given["point"] and given["points"]:
-            raise InputError("--point and --points were both given; use one of them.")
-        if not given["point"] and not given["points"]:
+        said = [name for name in ("point", "points", "mask") if given[name]]
+        if len(said) > 1:
+            raise InputError(f"--{said[0]} and --{said[1]} were both given; use one of them.")
+        if not said:
             raise InputError(
-                "no start point: give --point x,y for every point, or --points FILE.csv "
-                f"(`jaxpf frame {source.path}` saves a frame with a pixel grid to read them off)."
+                "no start point: give --point x,y for every point, --points FILE.csv or --mask "
+                f"PICTURE (`jaxpf frame {source.path}` saves a frame with a pixel grid to read "
+                "points off)."
             )
-        found = read_points(given["points"]) if given["points"] else parse_points(given["point"])
+        if given["mask_step"] is not None and not given["mask"]:
+            raise InputError("--mask-step is about the grid on a --mask, and none was given.")
+        if given["mask"]:
+            found = _on_mask(given["mask"], given["mask_step"] or _MASK_STEP, source)
+        else:
+            found = (
+                read_points(given["points"]) if given["points"] else parse_points(given["point"])
+            )
         for name, (x, y) in zip(found.names, found.places, strict=True):
             if not (0 <= x < source.width and 0 <= y < source.height):
                 raise InputError(
@@ -160,11 +177,15 @@ class Points(Target):
         """See ``Target``."""
         return _Writer(path, start)
 
-    def draw(self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any) -> np.ndarray:
+    def draw(
+        self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any, past: Any = None
+    ) -> np.ndarray:
         """See ``Target``; lost points are hollow."""
         from jaxpf.media.points_overlay import draw_points
 
-        return draw_points(frame, shapes, hidden=lost, colours=colours)
+        return draw_points(
+            frame, shapes, trails=past, hidden=lost, colours=colours, names=start.ids.tolist()
+        )
 
 
 POINTS = Points()
@@ -193,6 +214,20 @@ def _start(names: Any, places: Any) -> Start:
     places = np.asarray(places, np.float64)
     sizes = np.full_like(places, 21.0)
     return Start(np.asarray(names, str), places, sizes, (-1,) * len(places))
+
+
+def _on_mask(path: Path, step: float, source: Any) -> Any:
+    """Points of a grid on a mask of the frame's size."""
+    from jaxpf.files.points import grid_points
+    from jaxpf.media.images import read_image
+
+    mask = read_image(path).any(axis=-1)
+    if mask.shape != (source.height, source.width):
+        raise InputError(
+            f"the mask '{path}' has {mask.shape[1]} x {mask.shape[0]} pixels and the frame "
+            f"{source.width} x {source.height}; give a mask of the frame's size."
+        )
+    return grid_points(mask, step)
 
 
 def _check_apart(start: Start) -> None:

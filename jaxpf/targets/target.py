@@ -190,8 +190,19 @@ class Target:
         """A writer with ``append(frame, shapes, lost)``, and ``close`` as a context manager."""
         raise TypeError(f"{type(self).__name__} must define track_writer")
 
-    def draw(self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any) -> np.ndarray:
-        """The frame with the shapes drawn on it."""
+    def draw(
+        self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any, past: Any = None
+    ) -> np.ndarray:
+        """The frame with the shapes drawn on it.
+
+        Args:
+            frame: uint8 RGB ``[H, W, 3]``.
+            start: where tracking started.
+            shapes: ``[P, S]``.
+            colours: uint8 RGB ``[P, 3]``.
+            lost: bool ``[P]``.
+            past: ``[L, P, S]``, shapes of the frames before, the latest last, for trails.
+        """
         raise TypeError(f"{type(self).__name__} must define draw")
 
     def draw_particles(

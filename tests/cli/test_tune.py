@@ -184,3 +184,21 @@ def test_help_names_the_command_and_its_example():
     text = jaxpf("tune", "--help").out
     assert "jaxpf tune distracter" in text
     assert "--parameters" in text
+
+
+@pytest.mark.slow
+def test_parts_are_tuned_on_their_outlines(tmp_path):
+    """A target without boxes: its own measures are compared, its own options written."""
+    outcome = jaxpf(
+        "tune", "articulated", "--set", "num_frames=8", "--set", "num_parts=3", "--method", "sir",
+        "--likelihood", "patch", "--objective", "overlap", "--parameters", "dynamics.scale",
+        "--particles", "20", "--compare-particles", "20", "--runs", "2", "--compare-runs", "2",
+        "--repeats", "1", "--window", "2", "--steps", "2", "--train-scenes", "1",
+        "--held-out", "1", "-o", tmp_path / "out",
+    )  # fmt: skip
+    assert outcome.code == 0, outcome.err
+    with (tmp_path / "out" / "comparison.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {"overlap", "corner error"} <= {row["measure"] for row in rows}
+    tuned = tomllib.loads((tmp_path / "out" / "tuned.toml").read_text())
+    assert len(tuned["track"]["scale"]) == 3

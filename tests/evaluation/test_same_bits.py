@@ -2,12 +2,27 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
-from small_evaluation import HERE, ONE, RUNS, TWICE, assert_equal_bits, content, names, small_plan
+from small_evaluation import (
+    HERE,
+    ONE,
+    RUNS,
+    TWICE,
+    assert_equal_bits,
+    content,
+    names,
+    small_plan,
+    small_scene,
+)
 
-from jaxpf.evaluation import Limits, Results, evaluate
+from jaxpf.evaluation import Limits, Plan, Results, evaluate
 from jaxpf.evaluation.execution import local_pool
+from jaxpf.experiments.sources import OwnTracker
+
+#: A user's own files.
+HOUSE = Path(__file__).parents[1] / "house"
 
 
 @pytest.mark.slow
@@ -40,6 +55,11 @@ def test_dask_gives_the_same_bits(whole, tmp_path):
     )
     from jaxpf.cli.common import use_compile_cache
 
+    # A user's tracker travels as its file's text: the file may be gone on the other machine.
+    file = tmp_path / "own.py"
+    file.write_text((HOUSE / "own_likelihood.py").read_text())
+    plan = small_plan(runs=TWICE, trackers={"own": OwnTracker(f"{file}:centre_colour")})
+    file.unlink()
     with (
         distributed.LocalCluster(
             n_workers=1, threads_per_worker=2, processes=True, dashboard_address=None
@@ -47,9 +67,13 @@ def test_dask_gives_the_same_bits(whole, tmp_path):
         distributed.Client(cluster) as client,
     ):
         client.run(use_compile_cache)
-        plan = small_plan(runs=TWICE)
-        results = evaluate(plan, tmp_path, limits=ONE, executor=client.get_executor)
-    assert_equal_bits(content(results), content(whole))
+        results = evaluate(plan, tmp_path / "there", limits=ONE, executor=client.get_executor)
+    alone = Plan(small_scene, methods=(), runs=TWICE, trackers=plan.trackers)
+    here = evaluate(alone, tmp_path / "here", limits=ONE)
+    built_in, own = 2, content(here)
+    there = content(results)
+    assert_equal_bits({of: there[of] for of in there if of[0] < built_in}, content(whole))
+    assert_equal_bits({(0, name): there[i, name] for i, name in there if i == built_in}, own)
 
 
 @pytest.mark.slow

@@ -62,13 +62,20 @@ def only_estimate(state, summary):
     return summary.estimate
 
 
-@pytest.mark.slow
-def test_they_stand_in_the_tables_beside_the_built_in_methods(tmp_path):
+@pytest.fixture(scope="module")
+def evaluated(tmp_path_factory):
+    """The folder of an evaluation of all three beside a built-in method."""
+    folder = tmp_path_factory.mktemp("house") / "out"
     own = [("--tracker", f"{HERE / name}.py:{OWN[name][0]}") for name in OWN]
     arguments = ["evaluate", "distracter", "--methods", "sir", "--runs", "3", "-n", "60"]
-    outcome = command(*arguments, *np.ravel(own), "-o", tmp_path / "out")
+    outcome = command(*arguments, *np.ravel(own), "-o", folder)
     assert outcome.code == 0, outcome.err
-    with (tmp_path / "out" / "summary.csv").open() as file:
+    return folder
+
+
+@pytest.mark.slow
+def test_they_stand_in_the_tables_beside_the_built_in_methods(evaluated):
+    with (evaluated / "summary.csv").open() as file:
         rows = list(csv.DictReader(file))
     methods = {row["method"] for row in rows}
     assert methods == {"SIR", *(function for function, _ in OWN.values())}

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import cv2
 import jax
 import numpy as np
 import pytest
@@ -65,23 +66,38 @@ class _Source:
 
 
 def test_the_target_says_where_points_start(tmp_path):
-    given = {"point": ("40.5,40.5,nose", "70.5,45.5"), "points": None}
+    nothing = {"point": (), "points": None, "mask": None, "mask_step": None}
+    given = nothing | {"point": ("40.5,40.5,nose", "70.5,45.5")}
     start = POINTS.read_start(given, 0, _Source)
     assert start.ids.tolist() == ["nose", "1"]
     np.testing.assert_array_equal(POINTS.positions(start, start.shapes), PLACES[:2])
     assert POINTS.outlines(start, start.shapes).shape == (2, 4, 2)
     for wrong, message in (
         ({"point": ("1,2",), "points": "file"}, "both given"),
-        ({"point": (), "points": None}, "no start point"),
-        ({"point": ("200,3,nose",), "points": None}, "point 'nose' is at .200, 3., outside"),
+        ({}, "no start point"),
+        ({"point": ("200,3,nose",)}, "point 'nose' is at .200, 3., outside"),
+        ({"point": ("1,2",), "mask_step": 5.0}, "--mask-step is about the grid on a --mask"),
     ):
         with pytest.raises(jaxpf.InputError, match=message):
-            POINTS.read_start(wrong, 0, _Source)
+            POINTS.read_start(nothing | wrong, 0, _Source)
     with POINTS.track_writer(tmp_path / "t.csv", start) as writer:
         writer.append(3, start.shapes, [False, True])
     assert "3,1,70.500,45.500,1" in (tmp_path / "t.csv").read_text()
     tuned = POINTS.tuned(Options(), {"likelihood.sigma": 0.2, "dynamics.scale": 3.0})
     assert (tuned.sigma, tuned.diffusion) == (0.2, 3.0)
+
+
+def test_a_grid_of_points_starts_on_a_mask(tmp_path):
+    mask = np.zeros((120, 156), np.uint8)
+    mask[20:60, 40:80] = 255
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+    given = {"point": (), "points": None, "mask": tmp_path / "mask.png", "mask_step": None}
+    start = POINTS.read_start(given, 0, _Source)
+    np.testing.assert_array_equal(start.shapes, [[50, 30], [70, 30], [50, 50], [70, 50]])
+    assert len(POINTS.read_start(given | {"mask_step": 10.0}, 0, _Source).shapes) == 16
+    cv2.imwrite(str(tmp_path / "mask.png"), mask[:50])
+    with pytest.raises(jaxpf.InputError, match="has 156 x 50 pixels and the frame 156 x 120"):
+        POINTS.read_start(given, 0, _Source)
 
 
 def test_the_target_starts_from_a_scene():

@@ -87,7 +87,7 @@ def log_density(form, sharpness, parts, background, partition, squared_distance)
         partition: int [N].
         squared_distance: [N], s.
     """
-    value = -sharpness * squared_distance
+    value = -sharpness * jnp.asarray(squared_distance)
     if form == "exponential":
         return value
     if form == "density":

@@ -140,9 +140,8 @@ class ContourTrackWriter(LineWriter):
         Args:
             frame: counting from 0.
             names: ``[P]``.
-            control: control points ``[P, K, 2]``, pixels; a target with one that is not finite is
-                left out.
-            outlines: ``[P, V, 2]``.
+            control: control points ``[P, K, 2]``, pixels; K is 0 where there are none.
+            outlines: ``[P, V, 2]``; a target with a point that is not finite is left out.
 
         Raises:
             InputError: the disk is full or the file cannot be written.
@@ -150,7 +149,7 @@ class ContourTrackWriter(LineWriter):
         lines = [
             f"{int(frame)},{_field(name)},{kind},{number},{x:.3f},{y:.3f}\n"
             for target, name in enumerate(names)
-            if np.isfinite(control[target]).all()
+            if np.isfinite(outlines[target]).all()
             for kind, points in (("control", control), ("outline", outlines))
             for number, (x, y) in enumerate(points[target])
         ]

@@ -1,104 +1,69 @@
-"""Measures of contours: how far they lie from the true ones, and how much of the same they cover.
+"""Measures of contours: how far they lie from the true ones, and how much of them is found.
 
-A contour is a polyline ``[..., V, 2]`` in pixels; a closed one's last point is its first.  A closed
-contour covers what it encloses, an open one what lies within ``REACH`` pixels of it.  Areas are
-counted on a grid over both contours, so that they are right to about a part in ``GRID``.
+A contour is a polyline ``[..., V, 2]`` in pixels; a closed one's last point is its first.  A point
+of one contour is matched where it lies within ``REACH`` pixels of the other (Martin, Fowlkes and
+Malik, 2004, who call precision and recall what is called so here).
 """
 
 import jax.numpy as jnp
 from jax import Array, lax
 from jax.typing import ArrayLike
 
-#: Pixels to either side of an open contour that count as its own.
+#: Pixels within which a point of a contour counts as found.
 REACH = 5.0
-#: Cells of the grid along each side.
-GRID = 64
-#: Pairs that are compared at once, which bounds memory.
-_AT_ONCE = 64
 
 
 def measure_polylines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]:
     """How well contours fit the true ones, frame by frame.
 
     Args:
-        estimate: ``[..., V, 2]``.
-        truth: ``[..., V, 2]``, of the same kind, closed or open; the leading axes broadcast.
+        estimate: ``[..., V, 2]``, points at equal distances or nearly so.
+        truth: ``[..., V, 2]``, likewise; the leading axes broadcast.
 
     Returns:
-        What ``jaxpf.measures.outlines.measure_outlines`` returns.  ``corner_error`` is the mean
-        distance of the estimate's points from the true contour, and of the true points from the
-        estimate, whichever is larger: pixels, whatever the points' correspondence.
+        ``[...]`` each: ``present`` (there is truth), ``tracked`` (a point is matched),
+        ``precision`` and ``recall`` (shares p and r of the estimate's and of the true points that
+        are matched), ``overlap`` (matched over all, ``p r / (p + r - p r)``), ``centre_error``
+        (distance of the points' means, pixels), and ``corner_error`` (mean distance of either's
+        points from the other contour, the larger of the two).  Shares are 0 for an estimate that
+        is not finite; all but the first two are NaN without truth.
     """
     estimate, truth = jnp.broadcast_arrays(jnp.asarray(estimate), jnp.asarray(truth))
-    shape = estimate.shape[:-2]
-    pairs = tuple(x.reshape(-1, *x.shape[-2:]) for x in (estimate, truth))
-    found = lax.map(lambda pair: _measures(*pair), pairs, batch_size=_AT_ONCE)
-    return {name: value.reshape(shape) for name, value in found.items()}
+    present = jnp.all(jnp.isfinite(truth), axis=(-2, -1))
+    known = jnp.all(jnp.isfinite(estimate), axis=(-2, -1)) & present
+    ours, theirs = (jnp.where(known[..., None, None], x, 0.0) for x in (estimate, truth))
+    to_truth, to_estimate = distances(ours, theirs), distances(theirs, ours)
+    precision, recall = (
+        jnp.where(known, jnp.mean(gaps <= REACH, axis=-1), 0.0) for gaps in (to_truth, to_estimate)
+    )
+    both = precision * recall
+    either = precision + recall - both
+    overlap = jnp.where(either > 0, both / jnp.where(either > 0, either, 1.0), 0.0)
+    centres = jnp.linalg.norm(jnp.mean(ours[..., 1:, :] - theirs[..., 1:, :], axis=-2), axis=-1)
+    apart = jnp.maximum(jnp.mean(to_truth, axis=-1), jnp.mean(to_estimate, axis=-1))
+    found = {"precision": precision, "recall": recall, "overlap": overlap}
+    found = {name: jnp.where(present, value, jnp.nan) for name, value in found.items()}
+    found |= {
+        name: jnp.where(known, value, jnp.nan)
+        for name, value in (("centre_error", centres), ("corner_error", apart))
+    }
+    return {"present": present, "tracked": precision > 0, **found}
 
 
-def distances(points: Array, line: Array) -> Array:
-    """Distances ``[S]`` of points ``[S, 2]`` from a polyline ``[V, 2]``, pixels."""
+def distances(points: ArrayLike, line: ArrayLike) -> Array:
+    """Distances ``[..., S]`` of points ``[..., S, 2]`` from polylines ``[..., V, 2]``, pixels."""
+    points, line = jnp.asarray(points), jnp.asarray(line)
 
     def nearer(least, ends):
-        start, end = ends
-        along = end - start
-        square = jnp.sum(along**2)
-        place = (points - start) @ along / jnp.where(square > 0, square, 1.0)
-        foot = start + jnp.clip(place, 0, 1)[:, None] * along
-        return jnp.minimum(least, jnp.sum((points - foot) ** 2, axis=1)), None
+        start, end = (x[..., None, :] for x in ends)
+        along, offset = end - start, points - start
+        square = jnp.sum(along**2, axis=-1)
+        place = jnp.sum(offset * along, axis=-1) / jnp.where(square > 0, square, 1.0)
+        gap = offset - jnp.clip(place, 0, 1)[..., None] * along
+        return jnp.minimum(least, jnp.sum(gap**2, axis=-1)), None
 
-    begin = jnp.full(points.shape[0], jnp.inf, points.dtype)
-    least, _ = lax.scan(nearer, begin, (line[:-1], line[1:]))
+    sides = jnp.moveaxis(line, -2, 0)
+    shape = jnp.broadcast_shapes(points.shape[:-1], (*line.shape[:-2], points.shape[-2]))
+    begin = jnp.full(shape, jnp.inf, points.dtype)
+    least, _ = lax.scan(nearer, begin, (sides[:-1], sides[1:]))
     return jnp.sqrt(least)
-
-
-def covered(points: Array, line: Array) -> Array:
-    """Which of points ``[S, 2]`` a contour ``[V, 2]`` covers, bool ``[S]``."""
-
-    def crosses(inside, ends):
-        (x, y), (x_next, y_next) = ends
-        spans = (y > points[:, 1]) != (y_next > points[:, 1])
-        rise = jnp.where(y_next != y, y_next - y, 1.0)
-        left = points[:, 0] < x + (points[:, 1] - y) / rise * (x_next - x)
-        return inside ^ (spans & left), None
-
-    inside, _ = lax.scan(crosses, jnp.zeros(points.shape[0], bool), (line[:-1], line[1:]))
-    is_closed = jnp.all(line[0] == line[-1])
-    return jnp.where(is_closed, inside, distances(points, line) <= REACH)
-
-
-def _measures(estimate: Array, truth: Array) -> dict[str, Array]:
-    """Of one pair ``[V, 2]``."""
-    present = jnp.all(jnp.isfinite(truth))
-    known = jnp.all(jnp.isfinite(estimate)) & present
-    ours, theirs = jnp.where(known, estimate, 0.0), jnp.where(known, truth, 0.0)
-    both = jnp.concatenate([ours, theirs])
-    least, most = jnp.min(both, axis=0) - REACH, jnp.max(both, axis=0) + REACH
-    middles = (jnp.arange(GRID) + 0.5) / GRID
-    across, down = jnp.meshgrid(middles, middles)
-    cells = least + (most - least) * jnp.stack([across.ravel(), down.ravel()], axis=1)
-    one, other = covered(cells, ours), covered(cells, theirs)
-    common = jnp.sum(one & other).astype(estimate.dtype)
-
-    def share(of):
-        whole = jnp.sum(of).astype(estimate.dtype)
-        inside = jnp.where(known & (whole > 0), common / jnp.maximum(whole, 1), 0.0)
-        return jnp.where(present, inside, jnp.nan)
-
-    apart = jnp.maximum(jnp.mean(distances(ours, theirs)), jnp.mean(distances(theirs, ours)))
-    centres = jnp.linalg.norm(jnp.mean(_once(ours) - _once(theirs), axis=0))
-    return {
-        "present": present,
-        "tracked": known & (common > 0),
-        "precision": share(one),
-        "recall": share(other),
-        "overlap": share(one | other),
-        "centre_error": jnp.where(known, centres, jnp.nan),
-        "corner_error": jnp.where(known, apart, jnp.nan),
-    }
-
-
-def _once(line: Array) -> Array:
-    """A closed contour's first point counts once in its mean."""
-    weight = jnp.ones(line.shape[0]).at[-1].set(jnp.where(jnp.all(line[0] == line[-1]), 0.0, 1.0))
-    return line * (weight * line.shape[0] / jnp.sum(weight))[:, None]

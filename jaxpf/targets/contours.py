@@ -326,13 +326,14 @@ class _Writer:
     """Contours of one run, frame by frame."""
 
     def __init__(self, path: Any, start: Start):
-        assert isinstance(start, ContourStart)
-        contours = start.contours
-        places = even_places(_PIECES + 1, closed=False)
-        kind: dict[str, Any] = {"closed": contours.closed, "degree": contours.degree}
-        # A spline's points tell its control points: there are more of them.
-        self._inverse = np.linalg.pinv(basis(places, contours.points.shape[1], **kind))
         self._names, self._writer = start.ids, ContourTrackWriter(path)
+        contours = getattr(start, "contours", None)
+        self._inverse = np.zeros((0, _PIECES + 1))  # without splines there is nothing to control
+        if contours is not None:
+            places = even_places(_PIECES + 1, closed=False)
+            kind: dict[str, Any] = {"closed": contours.closed, "degree": contours.degree}
+            # A spline's points tell its control points: there are more of them.
+            self._inverse = np.linalg.pinv(basis(places, contours.points.shape[1], **kind))
 
     def __enter__(self) -> "_Writer":
         self._writer.__enter__()

@@ -1,4 +1,4 @@
-"""Measures of contours against areas and distances that are known."""
+"""Measures of contours against distances and shares that are known."""
 
 import jax
 import numpy as np
@@ -14,8 +14,8 @@ def circle(x, y, radius=40.0, count=64):
     return line
 
 
-def segment(x, y, length=100.0, count=65):
-    return np.stack([np.full(count, x), y + np.linspace(0, length, count)], axis=1)
+def upright(x, first=0.0, last=100.0, count=65):
+    return np.stack([np.full(count, float(x)), np.linspace(first, last, count)], axis=1)
 
 
 @pytest.fixture(scope="module")
@@ -23,34 +23,31 @@ def measures():
     return jax.jit(measure_polylines)
 
 
-def test_a_contour_fits_itself(measures):
-    for line in (circle(50, 60), segment(20, 30)):
-        found = measures(line, line)
-        assert found["present"]
-        assert found["tracked"]
-        assert found["overlap"] == 1
+def test_a_contour_fits_itself_whichever_way_round(measures):
+    lines = np.stack([circle(50, 60), upright(20)])
+    for found in (measures(lines, lines), measures(lines[:, ::-1], lines)):
+        assert found["tracked"].all()
+        np.testing.assert_array_equal(found["overlap"], 1)
         np.testing.assert_allclose(found["corner_error"], 0, atol=1e-4)
 
 
-def test_two_circles_share_the_area_of_their_lens(measures):
-    apart, radius = 30.0, 40.0
-    half = np.arccos(apart / (2 * radius))
-    lens = 2 * radius**2 * half - apart / 2 * np.sqrt(4 * radius**2 - apart**2)
-    area = np.pi * radius**2
-    found = measures(circle(50, 60), circle(50 + apart, 60))
-    np.testing.assert_allclose(found["overlap"], lens / (2 * area - lens), atol=0.02)
-    np.testing.assert_allclose(found["precision"], lens / area, atol=0.02)
-    np.testing.assert_allclose(found["centre_error"], apart, atol=1e-3)
+def test_a_contour_that_lies_beside_the_true_one_is_as_far_off(measures):
+    lines = np.stack([circle(50, 60, 40), upright(20)])
+    found = measures(lines, np.stack([circle(50, 60, 43), upright(23)]))
+    np.testing.assert_array_equal(found["overlap"], 1)
+    np.testing.assert_allclose(found["corner_error"], 3, atol=0.06)
+    np.testing.assert_allclose(found["centre_error"], (0, 3), atol=1e-3)
+    far = measures(lines, np.stack([circle(50, 60, 50), upright(27)]))
+    np.testing.assert_array_equal(far["overlap"], 0)
+    assert not far["tracked"].any()
 
 
-def test_an_open_contour_covers_what_lies_near_it(measures):
-    shift = 4.0
-    found = measures(segment(20, 30), segment(20 + shift, 30))
-    share = (2 * REACH - shift) / (2 * REACH + shift)
-    np.testing.assert_allclose(found["overlap"], share, atol=0.06)
-    np.testing.assert_allclose(found["corner_error"], shift, atol=1e-3)
-    # The way round does not matter, and neither does where the points lie.
-    np.testing.assert_allclose(measures(segment(20, 30)[::-1], segment(20, 30))["overlap"], 1)
+def test_half_a_contour_is_half_of_it(measures):
+    found = measures(upright(20, 0, 100), upright(20, 0, 50))
+    share = (50 + REACH) / 100
+    np.testing.assert_allclose(found["precision"], share, atol=0.02)
+    np.testing.assert_array_equal(found["recall"], 1)
+    np.testing.assert_allclose(found["overlap"], share, atol=0.02)
 
 
 def test_what_is_absent_or_lost_counts_as_such(measures):

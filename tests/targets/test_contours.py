@@ -11,9 +11,13 @@ import jaxpf
 import scenes
 from jaxpf.errors import InputError
 from jaxpf.files.contours import Contours, ContourTrackWriter
+from jaxpf.filters.partitioned.options import PARTITIONED
+from jaxpf.filters.partitioned.options import Options as FilterOptions
 from jaxpf.models.likelihoods.contours import EdgeDetector
 from jaxpf.models.splines import fit_spline
 from jaxpf.targets.contour_tracking import contours_tracker, outlines
+from jaxpf.targets.contours import CONTOURS, Options
+from jaxpf.targets.target import Looks, Start
 
 
 @pytest.fixture(scope="module")
@@ -87,3 +91,40 @@ def test_opaque_targets_are_branched_and_labelled(wires):
 def test_what_cannot_be_tracked_is_refused(wires, options, message):
     with pytest.raises(InputError, match=message):
         contours_tracker(wires[1], wires[0].frames, **{"clutter": 0.5, **options})
+
+
+def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, wires, tracked):
+    scene, _ = wires
+    start, truth = CONTOURS.scene_start(scene), CONTOURS.scene_shapes(scene)
+    assert start.contours.width == scene.parameters["wire_width"]
+    found = CONTOURS.shapes_of(tracked[0], start, tracked[1])
+    measured = CONTOURS.measures(start, found, truth[1:])
+    assert np.asarray(measured["overlap"])[-1].min() > 0.5
+    assert np.asarray(measured["corner_error"])[-1].max() < 5
+    # A stored evaluation knows of shapes, and of no splines.
+    stored = Start(start.ids, start.shapes, start.sizes, start.parents)
+    with CONTOURS.track_writer(tmp_path / "tracks.csv", stored) as writer:
+        writer.append(3, found[0], None)
+    rows = list(csv.DictReader((tmp_path / "tracks.csv").open()))
+    assert {(row["contour"], row["kind"]) for row in rows} == {("1", "outline"), ("2", "outline")}
+    _, doubled = CONTOURS.scaled(stored, found, (2.0, 1.0))
+    both = CONTOURS.outlines(stored, doubled), CONTOURS.outlines(stored, found)
+    np.testing.assert_allclose(*(np.asarray(x)[..., 1] for x in both))
+    np.testing.assert_allclose(
+        *(np.asarray(x)[..., 0] * k for x, k in zip(both, (1, 2), strict=True))
+    )
+
+
+def test_a_closed_contour_ends_where_it_begins():
+    scene = scenes.make("leaves", seed=0, num_frames=2)
+    shapes = CONTOURS.scene_shapes(scene)
+    np.testing.assert_array_equal(shapes[..., :2], shapes[..., -2:])
+    start = CONTOURS.scene_start(scene)
+    np.testing.assert_array_equal(start.shapes[:, :2], start.shapes[:, -2:])
+    assert np.asarray(CONTOURS.measures(start, start.shapes, shapes[0])["corner_error"]).max() < 1
+    model = CONTOURS.model(
+        Options(exclusion="opaque", clutter=1.0), start, Looks(None, None, (9, 9), 9)
+    )
+    tracker = PARTITIONED.tracker(model, FilterOptions(method="ps", particles=9))
+    assert tracker.ordering.keeps_components
+    assert tracker.initial_label is not None

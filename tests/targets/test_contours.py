@@ -108,11 +108,8 @@ def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, 
     rows = list(csv.DictReader((tmp_path / "tracks.csv").open()))
     assert {(row["contour"], row["kind"]) for row in rows} == {("1", "outline"), ("2", "outline")}
     _, doubled = CONTOURS.scaled(stored, found, (2.0, 1.0))
-    both = CONTOURS.outlines(stored, doubled), CONTOURS.outlines(stored, found)
-    np.testing.assert_allclose(*(np.asarray(x)[..., 1] for x in both))
-    np.testing.assert_allclose(
-        *(np.asarray(x)[..., 0] * k for x, k in zip(both, (1, 2), strict=True))
-    )
+    wide, plain = (np.asarray(CONTOURS.outlines(stored, shapes)) for shapes in (doubled, found))
+    np.testing.assert_allclose(wide, plain * (2, 1))
 
 
 def test_a_closed_contour_ends_where_it_begins():

@@ -25,7 +25,7 @@ CLIP = "worm_crossing"
 LEARNED_FRAMES = 41
 #: Frames of the clip that are tracked: the worms meet, cross and are clear of each other again.
 TRACKED_FRAMES = 70
-#: What each of a worm's lines counts, 11 pixels from the next; chosen on runs that are not reported.
+#: What each of a worm's lines counts, 11 pixels from the next; chosen on runs that nobody reports.
 #: With 32 lines that count in full the effective sample size of 300 particles is 2, and a quarter
 #: of the runs lose a worm.
 _WORM_INDEPENDENCE = 0.2

@@ -1,5 +1,7 @@
 """Shape space and dynamics of contours, learned from annotated frames."""
 
+from typing import Any
+
 import numpy as np
 
 from jaxpf.errors import InputError
@@ -8,6 +10,10 @@ from jaxpf.files.learned_contours import Learned
 from jaxpf.models.learned_dynamics import fit
 from jaxpf.models.shape_learning import learn_shape_space, varied
 from jaxpf.models.shapes import ShapeSpace, key_frame_space
+from jaxpf.models.splines import points_on
+
+#: Points at which contours are compared.
+_POINTS = 64
 
 
 def learn_contours(
@@ -78,9 +84,10 @@ def _tracks(space: ShapeSpace, keys: list[tuple[int, str]], control: np.ndarray)
 
 
 def _followed(space: ShapeSpace, control: np.ndarray, tracks: np.ndarray) -> str:
-    drawn = np.asarray(space.control_points(tracks[np.isfinite(tracks).all(axis=-1)][:, None]))
-    gaps = np.linalg.norm(drawn[:, 0] - control, axis=-1) if len(drawn) == len(control) else None
-    kept = "" if gaps is None else f", which hold them to {np.sqrt(np.mean(gaps**2)):.2f} pixels"
+    drawn = np.asarray(space.control_points(space.project(control[:, None])))
+    kind: dict[str, Any] = {"closed": space.closed, "degree": space.degree}
+    gaps = points_on(drawn[:, 0], _POINTS, **kind) - points_on(control, _POINTS, **kind)
+    kept = f", which hold them to {np.sqrt(np.mean(np.sum(gaps**2, axis=-1))):.2f} pixels"
     return (
         f"{len(control)} contour(s) of {tracks.shape[1]} target(s) in {len(tracks)} frame(s): "
         f"{space.dimension} dimensions{kept}."

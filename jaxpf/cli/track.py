@@ -84,10 +84,11 @@ def command(**options: Any) -> None:
     """Track objects through VIDEO, a video file or a folder of images.
 
     The start boxes come from --box (repeated) or from --boxes with --ids, the parts of an
-    articulated object from --parts-file.  Filtering begins with the frame after the start
-    frame.  The output folder receives tracks.csv (MOT format; of parts, in the columns
-    frame,part,x,y,w,h,angle), overlay.mp4, diagnostics.csv and .png, summary.json, and
-    run.toml, which repeats the run: `jaxpf track --config run.toml -o ANOTHER`.
+    articulated object from --parts-file, contours from --contours.  Filtering begins with the
+    frame after the start frame.  The output folder receives tracks.csv (MOT format; of parts, in
+    the columns frame,part,x,y,w,h,angle; of contours frame,contour,kind,point,x,y), overlay.mp4,
+    diagnostics.csv and .png, summary.json, and run.toml, which repeats the run:
+    `jaxpf track --config run.toml -o ANOTHER`.
 
     Example: jaxpf track clip.mp4 --box 120,80,40,90 --box 300,85,42,88
     """

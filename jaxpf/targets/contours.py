@@ -95,9 +95,9 @@ class Options:
         7.0, "Of contours, how far an edge may lie from the contour, pixels.", above=0
     )
     independence: float = option(
-        1.0,
-        "Of contours, share of its evidence that each measurement line counts: less than 1 where "
-        "they lie so near to each other that they see the same, such as 0.2.",
+        0.3,
+        "Of contours, share of its evidence that each measurement line counts: less than 1, because "
+        "neighbours see the same; 1 as published, where few particles keep any weight.",
         above=0,
         most=1,
     )

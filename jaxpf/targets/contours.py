@@ -96,7 +96,7 @@ class Options:
     )
     independence: float = option(
         0.3,
-        "Of contours, share of its evidence that each measurement line counts: less than 1, because "
+        "Of contours, share of its evidence that each measurement line counts: less than 1, since "
         "neighbours see the same; 1 as published, where few particles keep any weight.",
         above=0,
         most=1,

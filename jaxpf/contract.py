@@ -10,6 +10,8 @@ particle.  Who inherits is given what follows from the rest.
 tracker       ``init``, ``step`` (or ``observe`` with ``step_observed``)   ``num_partitions``
 dynamics      ``propagate`` or ``propagate_all``                           ``log_density``,
                                                                            ``log_density_all``,
+                                                                           ``predict``,
+                                                                           ``predict_all``,
                                                                            ``propagate_label``
 likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log_joint``,
                                                                            ``log_joint_labelled``,
@@ -140,6 +142,27 @@ class DynamicsWithDensity(Dynamics):
         return jax.vmap(self.log_density, in_axes=(0, 1, 1, 1, 1))(
             partition, new, current, previous, parent
         )
+
+
+class DynamicsWithPrediction(Dynamics):
+    """Dynamics that say where a root is expected, for ``Partitioned(look_ahead=True)``.
+
+    Define ``predict`` or ``predict_all``, whose default the other is.
+    """
+
+    def predict(self, partition: jax.Array, current: jax.Array, previous: jax.Array) -> jax.Array:
+        """The new substate ``[D]`` without noise."""
+        _check_defined(self, DynamicsWithPrediction, "predict", "predict_all")
+        return self.predict_all(jnp.asarray(partition)[None], current[:, None], previous[:, None])[
+            :, 0
+        ]
+
+    def predict_all(
+        self, partition: jax.Array, current: jax.Array, previous: jax.Array
+    ) -> jax.Array:
+        """The same for N particles: ``partition`` ``[N]``, substates ``[D, N]``."""
+        _check_defined(self, DynamicsWithPrediction, "predict", "predict_all")
+        return jax.vmap(self.predict, in_axes=(0, 1, 1), out_axes=1)(partition, current, previous)
 
 
 class Likelihood:
@@ -287,6 +310,17 @@ def log_density_all(dynamics, partition, new, current, previous, parent) -> jax.
     """Log-densities ``[N]`` of moves to ``new`` ``[D, N]``, by the batched method if any."""
     method = _method(dynamics, DynamicsWithDensity, "log_density_all")
     return method(partition, new, current, previous, parent)
+
+
+def has_prediction(dynamics: Any) -> bool:
+    """Whether it is known where a substate is expected."""
+    return hasattr(dynamics, "predict") or hasattr(dynamics, "predict_all")
+
+
+def predict_all(dynamics, partition, current, previous) -> jax.Array:
+    """Substates ``[D, N]`` moved without noise, by the batched method if there is one."""
+    method = _method(dynamics, DynamicsWithPrediction, "predict_all")
+    return method(partition, current, previous)
 
 
 def log_prob_all(likelihood, observation, partition, substates) -> jax.Array:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.contract import DynamicsWithDensity, of_partition
+from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction, of_partition
 from jaxpf.models.learned_dynamics import fit
 from jaxpf.pytree import pytree_dataclass, static_field
 
@@ -24,7 +24,7 @@ __all__ = [
 
 
 @pytree_dataclass
-class RandomWalk(DynamicsWithDensity):
+class RandomWalk(DynamicsWithDensity, DynamicsWithPrediction):
     """``x_t = x_{t-1} + scale * n``.
 
     Attributes:
@@ -43,9 +43,13 @@ class RandomWalk(DynamicsWithDensity):
         """Log-densities of all particles, ``[N]``."""
         return _log_normal(new - current, _per_particle(self.scale, partition, current))
 
+    def predict_all(self, partition, current, previous):
+        """Where all particles are expected, ``[D, N]``: where they are."""
+        return current
+
 
 @pytree_dataclass
-class AR2(DynamicsWithDensity):
+class AR2(DynamicsWithDensity, DynamicsWithPrediction):
     """Second-order autoregression, ``x_t = x_{t-1} + momentum (x_{t-1} - x_{t-2}) + scale n``.
 
     Source: smith2004, section 2, with momentum .5 and scale (2, 2, .001) for the centre
@@ -70,12 +74,16 @@ class AR2(DynamicsWithDensity):
         residual = new - self._drift(current, previous)
         return _log_normal(residual, _per_particle(self.scale, partition, current))
 
+    def predict_all(self, partition, current, previous):
+        """Where all particles are expected, ``[D, N]``."""
+        return self._drift(current, previous)
+
     def _drift(self, current, previous):
         return current + jnp.asarray(self.momentum, current.dtype) * (current - previous)
 
 
 @pytree_dataclass
-class FirstOrder(DynamicsWithDensity):
+class FirstOrder(DynamicsWithDensity, DynamicsWithPrediction):
     """Position moves on at its speed; all coordinates get noise: ``x_t = x_{t-1} + u_{t-1} + n``.
 
     Source: rowe2005, eq. 5 without feedback and eq. 7: speed and size are random walks.
@@ -101,12 +109,16 @@ class FirstOrder(DynamicsWithDensity):
             new - self._drift(current), _per_particle(self.scale, partition, current)
         )
 
+    def predict_all(self, partition, current, previous):
+        """Where all particles are expected, ``[D, N]``."""
+        return self._drift(current)
+
     def _drift(self, current):
         return current.at[np.array(self.position)].add(current[np.array(self.speed)])
 
 
 @pytree_dataclass
-class LinearGaussian(DynamicsWithDensity):
+class LinearGaussian(DynamicsWithDensity, DynamicsWithPrediction):
     """``x_t = A x_{t-1} + B x_{t-2} + C parent_t + b + L n`` for each partition.
 
     Attributes:
@@ -138,6 +150,11 @@ class LinearGaussian(DynamicsWithDensity):
         normal = _apply(jnp.linalg.inv(noise), partition, residual)
         volume = of_partition(jnp.linalg.slogdet(noise)[1], partition)
         return _log_normal(normal, jnp.ones_like(normal)) - volume
+
+    def predict_all(self, partition, current, previous):
+        """Where all particles of a root are expected, ``[D, N]``."""
+        mean = _apply(self.transition, partition, current)
+        return self._shifted(mean, partition, current, previous, jnp.zeros_like(current))
 
     def _shifted(self, moved, partition, current, previous, parent):
         """What is added to ``A x_{t-1}``, noise apart."""

@@ -4,6 +4,7 @@ maccormick1999, section 4: "if x^A and x^B overlap then the occlusion relationsh
 otherwise the label flips with a small probability.
 """
 
+from functools import partial
 from typing import Any
 
 import jax
@@ -33,6 +34,13 @@ class WithOcclusion(contract.Dynamics):
     def propagate_all(self, key, partition, current, previous, parent):
         """The new substates ``[D, N]``."""
         return contract.propagate_all(self.dynamics, key, partition, current, previous, parent)
+
+    @property
+    def predict_all(self):
+        """Where the targets are expected; absent where ``dynamics`` does not say."""
+        if not contract.has_prediction(self.dynamics):
+            raise AttributeError(f"{type(self.dynamics).__name__} predicts nothing")
+        return partial(contract.predict_all, self.dynamics)
 
     def propagate_label(self, key, label, substates):
         """The new label ``[]``, 0 or 1, given both targets' new substates ``[2, D]``."""

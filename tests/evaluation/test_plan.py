@@ -62,6 +62,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
         "sharpness": 20.0,
         "scale": (4.0, 2.0, 0.003),
         "ess_threshold": None,
+        "look_ahead": False,
         "bands": 2,
         "likelihood": "integral",
         "particles": 100,

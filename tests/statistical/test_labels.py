@@ -33,6 +33,9 @@ class Steps:
     def propagate(self, key, partition, current, previous, parent):
         return jnp.clip(current + jax.random.randint(key, (1,), -1, 2), 0, PLACES - 1)
 
+    def predict(self, partition, current, previous):
+        return current
+
     def propagate_label(self, key, label, substates):
         apart = substates[0, 0] != substates[1, 0]
         return jnp.where(apart & (jax.random.uniform(key) < self.flip), 1 - label, label)
@@ -119,9 +122,17 @@ def test_evidence_places_and_labels_are_unbiased(name):
 
 @pytest.mark.statistical
 @pytest.mark.slow
-def test_labels_are_carried_through_adaptive_and_tempered_selection():
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("ps", {"ess_threshold": 0.6, "tempering": 0.7}),
+        ("branched", {"look_ahead": True}),
+        ("ps", {"look_ahead": True}),
+    ],
+)
+def test_labels_are_carried_through_other_selections(name, options):
     evidence, posterior = exact()
-    log_evidence, _, labels = runs(ORDERINGS["ps"], ess_threshold=0.6, tempering=0.7)
+    log_evidence, _, labels = runs(ORDERINGS[name], **options)
     scale = np.exp(log_evidence.sum(axis=1)) / evidence
     assert z_score(scale, 1) < LIMIT
     assert (z_score(scale[:, None] * labels[:, -1], posterior.sum(axis=(0, 1))) < LIMIT).all()

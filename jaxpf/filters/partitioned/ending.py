@@ -47,7 +47,9 @@ def finish(
     label = None
     if tracker.initial_label is not None:
         label = contract.propagate_label_all(tracker.dynamics, label_key, carry.label, lagged[0])
-    if contract.has_log_joint(tracker.likelihood):
+    # Looking ahead, the last stage has weighed everything, unless a label moved since.
+    is_weighed = tracker.look_ahead and label is None
+    if contract.has_log_joint(tracker.likelihood) and not is_weighed:
         log_probs = carry.log_probs.reshape(-1)[drawn]
         carry, correction = _corrected(
             tracker, observation, components, carry, lagged[0], log_probs, label

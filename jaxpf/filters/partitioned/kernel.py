@@ -24,7 +24,7 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.filters import resampling
-from jaxpf.filters.partitioned import ending, levels, selection
+from jaxpf.filters.partitioned import ending, levels, look_ahead, selection
 from jaxpf.filters.partitioned import exchange as rules
 from jaxpf.filters.partitioned.carry import Carry
 from jaxpf.filters.resampling import Components
@@ -186,7 +186,12 @@ def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn:
     """Multiply the weights by the likelihood of what was drawn, and offer it for exchange."""
     tracker, dtype = shared.tracker, drawn.substates.dtype
     partition, substates = drawn.partition, drawn.substates
-    log_prob = contract.log_prob_all(tracker.likelihood, shared.observation, partition, substates)
+    if tracker.look_ahead:
+        log_prob = look_ahead.log_factor(shared, stage, carry, drawn)
+    else:
+        log_prob = contract.log_prob_all(
+            tracker.likelihood, shared.observation, partition, substates
+        )
     log_prob = log_prob.astype(dtype)
     chex.assert_shape(log_prob, (tracker.num_particles,))
     invalid = jnp.isnan(log_prob) | jnp.isposinf(log_prob)

@@ -48,6 +48,12 @@ class Options:
         least=0,
         most=1,
     )
+    look_ahead: bool = option(
+        False,
+        "Weigh each object together with where the others are expected; of objects that exclude "
+        "one another, such as contours.",
+        compiles=True,
+    )
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -86,6 +92,7 @@ class PartitionedFilter(Filter):
             num_particles=options.particles,
             resampling=options.resampling,
             ess_threshold=options.ess_threshold,
+            look_ahead=options.look_ahead,
         )
 
     def admits(self, method: str, parents: Sequence[int]) -> bool:

@@ -50,6 +50,7 @@ def check_tracker(tracker: Any) -> None:
                 "partitions, or a sampler key -> [P, D]."
             )
     check_labels(tracker)
+    check_look_ahead(tracker)
     if not is_concrete(ordering) or np.ndim(ordering.order) != 2:
         return
     used = int(np.count_nonzero(np.asarray(ordering.fractions)))
@@ -107,6 +108,34 @@ def check_labels(tracker: Any) -> None:
             f"initial_label speaks of {np.shape(given)[0]} labels, but the ordering has "
             f"{branches} branches; give it an order for each label."
         )
+
+
+def check_look_ahead(tracker: Any) -> None:
+    """Refuse to look ahead where there is nothing to see, or where it would be wrong.
+
+    Raises:
+        InputError: the sentence says what is missing.
+    """
+    if not tracker.look_ahead:
+        return
+    if not contract.has_log_joint(tracker.likelihood):
+        raise InputError(
+            f"look_ahead weighs by a joint likelihood, and {type(tracker.likelihood).__name__} has "
+            "no log_joint; leave look_ahead out, or use a likelihood of all partitions together."
+        )
+    if not contract.has_prediction(tracker.dynamics):
+        raise InputError(
+            f"look_ahead needs the method predict of the dynamics, and "
+            f"{type(tracker.dynamics).__name__} has none; write it (see "
+            "jaxpf.contract.DynamicsWithPrediction) or leave look_ahead out."
+        )
+    for used, what in (
+        (any(parent >= 0 for parent in tracker.parents), "a part tree"),
+        (tracker.gradient != "none", f"gradient={tracker.gradient!r}"),
+        (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
+    ):
+        if used:
+            raise InputError(f"look_ahead does not go with {what}; leave one of them out.")
 
 
 def check_initial(initial: Any) -> None:

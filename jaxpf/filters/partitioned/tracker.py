@@ -39,6 +39,9 @@ class Partitioned(Tracker):
             of the particles; ``None`` always resamples.
         soft_share: share of the weights in the mixture of ``gradient="soft"``; None is 0.5.
         transport_epsilon: regularisation of ``gradient="transport"``; None is 0.5.
+        look_ahead: static, whether each stage weighs by the joint likelihood, with the partitions
+            to come where ``dynamics.predict`` expects them, instead of by ``log_prob``; see
+            ``jaxpf.filters.partitioned.look_ahead``.
         parents: static, the part tree of the model, -1 for a root; default all roots.
         num_particles: static, N.
         resampling: static, one of ``jaxpf.resampling.SCHEMES``.
@@ -60,6 +63,7 @@ class Partitioned(Tracker):
     ess_threshold: Any = None
     soft_share: Any = None
     transport_epsilon: Any = None
+    look_ahead: bool = static_field(default=False)
     parents: Any = static_field(default=None)
     num_particles: int = static_field(default=300)
     resampling: str = static_field(default="systematic")

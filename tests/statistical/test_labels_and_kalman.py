@@ -1,0 +1,98 @@
+"""Labels on real numbers: exact by a Kalman filter for every sequence of labels.
+
+Two targets move linearly.  A label, which moves by itself, says how strongly the noise of what is
+seen of them hangs together; so their joint likelihood does not factor.
+"""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from exact import LIMIT
+
+import jaxpf
+from jaxpf.filters.partitioned import ordering
+from jaxpf.models.dynamics import RandomWalk
+from jaxpf.pytree import pytree_dataclass
+
+FRAMES, N, RUNS, FLIP = 3, 50, 20_000, 0.2
+START_LABEL = (0.6, 0.4)
+CORRELATIONS = np.array([0.0, 0.8])
+SEEN = np.array([[0.4, 0.7], [1.2, -0.1], [1.0, -0.8]])
+
+
+@pytree_dataclass
+class Walk(RandomWalk):
+    """A random walk of both, and a label that flips whatever they do."""
+
+    def propagate_label(self, key, label, substates):
+        return jnp.where(jax.random.uniform(key) < FLIP, 1 - label, label)
+
+
+@pytree_dataclass
+class Together:
+    """Both positions with noise of variance 1, whose correlation is the label's."""
+
+    def observe(self, frame):
+        return frame
+
+    def log_prob(self, observation, partition, substate):
+        return -0.5 * (observation[partition] - substate[0]) ** 2
+
+    def log_joint_labelled(self, observation, substates, log_probs, label):
+        a, b = observation - substates[:, 0]
+        rho = jnp.asarray(CORRELATIONS, a.dtype)[label]
+        square = (a**2 - 2 * rho * a * b + b**2) / (1 - rho**2)
+        return -0.5 * square - 0.5 * jnp.log1p(-(rho**2)) - np.log(2 * np.pi)
+
+
+def exact():
+    """Evidence, and label's and positions' expectations in the last frame."""
+    total, is_one, places = 0.0, 0.0, np.zeros(2)
+    for labels in itertools.product((0, 1), repeat=FRAMES + 1):
+        weight, mean, covariance = START_LABEL[labels[0]], np.zeros(2), np.zeros((2, 2))
+        for before, label, seen in zip(labels, labels[1:], SEEN, strict=False):
+            weight *= FLIP if before != label else 1 - FLIP
+            covariance = covariance + np.eye(2)
+            rho = CORRELATIONS[label]
+            spread = covariance + np.array([[1, rho], [rho, 1]])
+            off, gain = seen - mean, covariance @ np.linalg.inv(spread)
+            weight *= np.exp(-0.5 * off @ np.linalg.solve(spread, off))
+            weight /= 2 * np.pi * np.sqrt(np.linalg.det(spread))
+            mean, covariance = mean + gain @ off, covariance - gain @ covariance
+        total += weight
+        is_one += weight * labels[-1]
+        places += weight * mean
+    return total, is_one / total, places / total
+
+
+def report(state, summary):
+    return summary.log_evidence, summary.estimate[:, 0], summary.label_probabilities[1]
+
+
+@pytest.mark.statistical
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["sir", "ps", "branched", "ahead"])
+def test_evidence_places_and_labels_are_unbiased(name):
+    orders = {"sir": ordering.sir(2), "branched": ordering.branched([[0, 1], [1, 0]])}
+    tracker = jaxpf.Partitioned(
+        dynamics=Walk(1.0),
+        likelihood=Together(),
+        ordering=orders.get(name, ordering.ps([0, 1])),
+        initial=np.zeros((2, 1), np.float32),
+        initial_label=np.array(START_LABEL),
+        look_ahead=name == "ahead",
+        num_particles=N,
+    )
+    keys = jax.random.split(jax.random.key(2), RUNS)
+    found = jaxpf.monte_carlo(tracker, keys, jnp.asarray(SEEN), report, batch_size=2000)
+    log_evidence, places, is_one = (np.asarray(values, float) for values in found)
+    evidence, true_label, true_places = exact()
+    scale = np.exp(log_evidence.sum(axis=1)) / evidence
+    values = np.column_stack([scale, scale * is_one[:, -1], scale[:, None] * places[:, -1]])
+    truth = np.array([1.0, true_label, *true_places])
+    error = values.std(axis=0) / RUNS**0.5
+    assert (error < 0.02 * np.maximum(np.abs(truth), 0.3)).all()  # 2 % would be seen
+    assert (np.abs(values.mean(axis=0) - truth) < LIMIT * error).all()

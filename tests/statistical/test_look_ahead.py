@@ -1,0 +1,220 @@
+"""Look-ahead weighting: exact on a small grid, and worth it where targets exclude one another.
+
+Three look-alikes step on the integers 0 to 4.  The exact answer is a forward recursion over
+5 x 5 x 5 states.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf.errors import InputError
+from jaxpf.filters.partitioned import look_ahead, ordering
+from jaxpf.models.dynamics import RandomWalk
+from jaxpf.pytree import pytree_dataclass
+
+PLACES, FRAMES, N, RUNS, LIMIT = 5, 3, 12, 20_000, 4.5
+#: Where there is something to see, and where the targets are at first.
+FEATURES, START = (0, 2, 4), (1, 2, 3)
+RNG = np.random.default_rng(3)
+AWAY = np.abs(np.arange(PLACES)[:, None] - np.array(FEATURES))
+#: Each target looks for any feature, and hardly two of them for the same one.
+WEIGHTING = -2.0 * AWAY.min(axis=1) ** 2 + 0.3 * RNG.normal(size=(FRAMES, 3, PLACES))
+A, B, C = AWAY.argmin(axis=1)[np.indices((PLACES,) * 3)]
+JOINT = (
+    WEIGHTING[:, 0, :, None, None]
+    + WEIGHTING[:, 1, None, :, None]
+    + WEIGHTING[:, 2, None, None, :]
+    - 4.0 * (0.0 + (A == B) + (B == C) + (A == C))
+)
+
+
+@pytree_dataclass
+class Steps:
+    """A step left, none, or right, the ends holding; expected where it is, or ``expected``."""
+
+    expected: float | None = None
+
+    def propagate(self, key, partition, current, previous, parent):
+        return jnp.clip(current + jax.random.randint(key, (1,), -1, 2), 0, PLACES - 1)
+
+    def predict(self, partition, current, previous):
+        return current if self.expected is None else jnp.full_like(current, self.expected)
+
+
+@pytree_dataclass
+class Tables:
+    """Likelihoods read from tables; a frame is its weighting and joint ones."""
+
+    def observe(self, frame):
+        return frame
+
+    def log_prob(self, observation, partition, substate):
+        return observation[0][partition, substate[0].astype(int)]
+
+    def log_joint(self, observation, substates, log_probs):
+        return observation[1][tuple(substates[:, 0].astype(int))]
+
+
+def exact():
+    """Evidence, and the posterior ``[5, 5, 5]`` in the last frame."""
+    step = np.zeros((PLACES, PLACES))
+    for place in range(PLACES):
+        for move in (-1, 0, 1):
+            step[place, np.clip(place + move, 0, PLACES - 1)] += 1 / 3
+    belief = np.zeros((PLACES,) * 3)
+    belief[START] = 1
+    for joint in JOINT:
+        belief = np.einsum("abc,ad,be,cf->def", belief, step, step, step) * np.exp(joint)
+    return belief.sum(), belief / belief.sum()
+
+
+def tracker(chosen, **options):
+    return jaxpf.Partitioned(
+        dynamics=Steps(),
+        likelihood=Tables(),
+        ordering=chosen,
+        initial=np.array(START, np.float32)[:, None],
+        num_particles=N,
+        resampling="multinomial",
+        **options,
+    )
+
+
+def report(state, summary):
+    return summary.log_evidence, summary.estimate[:, 0]
+
+
+def runs(chosen, **options):
+    """Evidence over the exact one ``[R]``, and places ``[R, 3]`` in the last frame."""
+    keys = jax.random.split(jax.random.key(7), RUNS)
+    frames = jnp.asarray(WEIGHTING), jnp.asarray(JOINT)
+    found = jaxpf.monte_carlo(tracker(chosen, **options), keys, frames, report, batch_size=2000)
+    log_evidence, places = (np.asarray(values, float) for values in found)
+    return np.exp(log_evidence.sum(axis=1)) / exact()[0], places[:, -1]
+
+
+def z_score(values, truth):
+    return np.abs(values.mean(axis=0) - truth) / (values.std(axis=0) / len(values) ** 0.5)
+
+
+def true_places():
+    posterior, grid = exact()[1], np.arange(PLACES)
+    others = ((1, 2), (0, 2), (0, 1))
+    return np.array([posterior.sum(axis=axes) @ grid for axes in others])
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("name", ["ps", pytest.param("dps", marks=pytest.mark.slow)])
+def test_evidence_and_places_are_unbiased_and_less_variable(name):
+    chosen = {"ps": ordering.ps([0, 1, 2]), "dps": ordering.dps(3)}[name]
+    ahead, places = runs(chosen, look_ahead=True)
+    assert z_score(ahead, 1) < LIMIT
+    assert (z_score(ahead[:, None] * places, true_places()) < LIMIT).all()
+    plain, _ = runs(chosen)
+    # A standard deviation from so many runs is known to about one per cent.
+    assert np.log(ahead).std() < 0.8 * np.log(plain).std()
+
+
+@pytest.mark.statistical
+@pytest.mark.slow
+def test_it_stays_exact_with_adaptive_and_tempered_selection():
+    ahead, places = runs(ordering.ps([2, 0, 1]), look_ahead=True, ess_threshold=0.6, tempering=0.7)
+    assert z_score(ahead, 1) < LIMIT
+    assert (z_score(ahead[:, None] * places, true_places()) < LIMIT).all()
+
+
+@pytest.mark.statistical
+@pytest.mark.slow
+def test_kills_a_stage_that_does_not_divide_by_the_one_before(monkeypatch):
+    monkeypatch.setattr(look_ahead, "_so_far", lambda stage, carry: 0.0)
+    jax.clear_caches()
+    ahead, _ = runs(ordering.ps([0, 1, 2]), look_ahead=True)
+    jax.clear_caches()
+    assert z_score(ahead, 1) > 20
+
+
+@pytree_dataclass
+class Pairs:
+    """Two targets; place -1 is out of everybody's way."""
+
+    def observe(self, frame):
+        return frame
+
+    def log_prob(self, observation, partition, substate):
+        place = substate[0].astype(int)
+        return jnp.where(place < 0, 0.0, observation[partition, jnp.maximum(place, 0)])
+
+    def log_joint(self, observation, substates, log_probs):
+        return jnp.sum(log_probs) - 4.0 * (substates[0, 0] == substates[1, 0])
+
+
+@pytest.mark.slow
+def test_of_two_partitions_only_what_is_expected_of_the_other_makes_a_difference():
+    """P(A) and then P(A, B) / P(A) are the weights that the plain filter has at the end."""
+
+    def run(**options):
+        two = jaxpf.Partitioned(
+            likelihood=Pairs(),
+            ordering=ordering.ps([0, 1]),
+            initial=np.array(START[:2], np.float32)[:, None],
+            num_particles=50,
+            **options,
+        )
+        _, summary = jaxpf.run(two, jax.random.key(1), jnp.asarray(WEIGHTING[:, :2]))
+        return summary
+
+    plain = run(dynamics=Steps())
+    out_of_the_way = run(dynamics=Steps(expected=-1.0), look_ahead=True)
+    for name in ("log_evidence", "estimate", "ess"):
+        one, other = getattr(plain, name), getattr(out_of_the_way, name)
+        np.testing.assert_allclose(one, other, rtol=2e-5, err_msg=name)
+    ahead = run(dynamics=Steps(), look_ahead=True)
+    assert not np.allclose(plain.log_evidence, ahead.log_evidence, rtol=1e-3)
+
+
+def test_dynamics_of_this_package_expect_what_they_do_without_noise():
+    rng = np.random.default_rng(0)
+    now, before = jnp.asarray(rng.normal(size=(2, 4, 5)), jnp.float32)
+    partition = np.array([0, 1, 0, 1, 1])
+    matrices = rng.normal(size=(2, 2, 4, 4)).astype(np.float32)
+    dynamics = jaxpf.dynamics
+    for one in (
+        dynamics.RandomWalk(0.0),
+        dynamics.AR2(0.0, 0.4),
+        dynamics.FirstOrder(0.0),
+        dynamics.LinearGaussian(
+            matrices[0], np.zeros((2, 4, 4), np.float32), lag=matrices[1], offset=matrices[0, 0, :2]
+        ),
+    ):
+        moved = one.propagate_all(jax.random.key(0), partition, now, before, np.zeros_like(now))
+        np.testing.assert_allclose(
+            one.predict_all(partition, now, before), moved, rtol=1e-4, atol=1e-5
+        )
+
+
+@pytree_dataclass
+class Blind:
+    """Dynamics that predict nothing."""
+
+    def propagate(self, key, partition, current, previous, parent):
+        return current
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"dynamics": Blind()}, "needs the method predict of the dynamics, and Blind has none"),
+        ({"parents": (-1, 0, 0)}, "look_ahead does not go with a part tree"),
+        ({"gradient": "soft"}, "look_ahead does not go with gradient='soft'"),
+        ({"likelihood": jaxpf.likelihoods.Gaussian(np.ones((3, 1, 1)))}, "no log_joint"),
+    ],
+)
+def test_where_it_cannot_work_it_is_refused(changes, message):
+    options = {"dynamics": RandomWalk(1.0), "likelihood": Tables(), "look_ahead": True}
+    with pytest.raises(InputError, match=message):
+        jaxpf.Partitioned(
+            ordering=ordering.ps([0, 1, 2]), initial=np.zeros((3, 1)), **(options | changes)
+        )

@@ -23,7 +23,7 @@ def fit(
     tracks: ArrayLike | Sequence[ArrayLike],
     order: int = 2,
     *,
-    coefficients: str | Sequence[str] = "steps",
+    coefficients: str = "steps",
     pooled: bool = False,
 ) -> "LinearGaussian":
     """The autoregression that tracks follow, ``x_t = A x_{t-1} + B x_{t-2} + b + L n``.
@@ -32,10 +32,9 @@ def fit(
         tracks: ``[T, P, D]``, or several of the same P and D; the units are the substate's.
             Frames with a NaN are left out, and so is what would reach across them.
         order: 1 or 2.
-        coefficients: one of ``COEFFICIENTS``, or for each coordinate ``"steps"`` or ``"own"``: a
-            place may wander off, while a shape that is hidden must not.  ``"steps"``: a coordinate
-            stays where it was (order 1), or repeats a share of its last step (order 2, smith2004's
-            AR2 with a momentum of its own for each coordinate).  ``"own"``: free multiples of its own past,
+        coefficients: one of ``COEFFICIENTS``.  ``"steps"``: a coordinate stays where it was
+            (order 1), or repeats a share of its last step (order 2, smith2004's AR2 with a
+            momentum of its own for each coordinate).  ``"own"``: free multiples of its own past,
             and an offset.  ``"all"``: full matrices and an offset.
         pooled: one dynamics for all targets, from the tracks of all; else one for each.
 
@@ -49,25 +48,17 @@ def fit(
 
     if order not in (1, 2):
         raise InputError(f"order {order} must be 1 or 2.")
-    several = not isinstance(coefficients, str)
-    for name in coefficients if several else [coefficients]:
-        if name not in COEFFICIENTS or (several and name == "all"):
-            raise InputError(
-                f"coefficients {name!r} are unknown; choose one of {', '.join(COEFFICIENTS)}, or "
-                "steps or own for each coordinate."
-            )
+    if coefficients not in COEFFICIENTS:
+        raise InputError(
+            f"coefficients {coefficients!r} are unknown; choose one of {', '.join(COEFFICIENTS)}."
+        )
     pieces = [np.asarray(piece, float) for piece in _as_list(tracks)]
     if not pieces or any(
         piece.ndim != 3 or piece.shape[1:] != pieces[0].shape[1:] for piece in pieces
     ):
         shapes = ", ".join(str(list(piece.shape)) for piece in pieces)
         raise InputError(f"tracks have the shapes {shapes}; give [T, P, D], the same P and D.")
-    num_targets, dimension = pieces[0].shape[1:]
-    if several and len(coefficients) != dimension:
-        raise InputError(
-            f"coefficients name {len(coefficients)} coordinates, and there are {dimension}; give "
-            "one for each."
-        )
+    num_targets = pieces[0].shape[1]
     groups = [list(range(num_targets))] if pooled else [[target] for target in range(num_targets)]
     fits: dict[int, tuple[np.ndarray, ...]] = {}
     for targets in groups:
@@ -101,9 +92,7 @@ def _fit_one(examples, order, coefficients, targets) -> tuple[np.ndarray, ...]:
     """A, B, b and L of one group of targets."""
     dimension = examples.shape[2]
     new, last = examples[:, -1], examples[:, -2]
-    numbers = {"steps": order - 1, "own": order + 1, "all": order * dimension + 1}
-    each = [coefficients] * dimension if isinstance(coefficients, str) else list(coefficients)
-    learned = max(numbers[name] for name in each)
+    learned = {"steps": order - 1, "own": order + 1, "all": order * dimension + 1}[coefficients]
     if len(examples) < learned + dimension + 1:
         name = f"target {targets[0]}" if len(targets) == 1 else "all targets together"
         raise InputError(
@@ -121,7 +110,7 @@ def _fit_one(examples, order, coefficients, targets) -> tuple[np.ndarray, ...]:
         offset = found[-1]
     for k in range(dimension) if coefficients != "all" else ():
         momentum, stay = 0.0, 1.0
-        if each[k] == "own":
+        if coefficients == "own":
             past = [last[:, k], examples[:, 0, k]] if order == 2 else [last[:, k]]
             found = _least_squares(np.column_stack([*past, np.ones(len(new))]), new[:, k])
             stay, offset[k] = found[0], found[-1]

@@ -186,11 +186,7 @@ def _drawn(
         other = scenes.make(scene.name, seed, **parameters).extras["outlines"]
         contours = _control(other, num_points, closed)
         tracks.append(space_of(space, contours[0], closed=closed).project(contours))
-    # A shape returns to what it was: nothing else holds that of a leaf while it is hidden.
-    shape = ["own"] * (shape_space.dimension - 2) if closed else ["steps"] * 2
-    dynamics: LinearGaussian = fit(
-        tracks, order, coefficients=["steps", "steps", *shape], pooled=True
-    )
+    dynamics: LinearGaussian = fit(tracks, order, pooled=True)
     return _case(scene.name, scene, shape_space, dynamics, options, on_target)
 
 

@@ -12,7 +12,7 @@ The map, downwards: a file imports from its own room and from rooms below it, ne
     What a substate means, one file per target: boxes, parts, points, contours.  A target says
     where it starts, which model follows, and what it reports.
 ``baselines/``
-    Trackers of other kinds to compare with: optical flow, SPOT.
+    Trackers of other kinds to compare with: optical flow, SPOT, IoU; simulated detections.
 ``files/``, ``media/``, ``measures/``
     Tables of tracks in and out; video, drawing and plots; how good tracks are.
 ``filters/``
@@ -62,6 +62,7 @@ _MODULES = {
     "overlay": "media.overlay",
     "partitioned": "filters.partitioned.tracker",
     "plotting": "media.plotting",
+    "populations": "targets.populations",
     "pytree": "pytree",
     "resampling": "filters.resampling",
     "running": "running",
@@ -125,7 +126,7 @@ if TYPE_CHECKING:
     from jaxpf.pytree import pytree_dataclass
     from jaxpf.running import monte_carlo, run
     from jaxpf.state import ParticleState, Summary
-    from jaxpf.targets import articulated, boxes  # noqa: F401
+    from jaxpf.targets import articulated, boxes, populations  # noqa: F401
     from jaxpf.targets import contour_tracking as contours  # noqa: F401
     from jaxpf.tuning import objectives, tune  # noqa: F401
 

@@ -37,10 +37,11 @@ def stream(tracker: Any, key: jax.Array, frames: Iterable[np.ndarray]) -> Iterat
     """
     state = jax.jit(running.init)(tracker, key)
     for time, frame in enumerate(frames):
-        state, summary = _step(tracker, key, time, state, frame)
+        state, summary = step(tracker, key, time, state, frame)
         yield TrackedFrame(time, frame, state, jax.tree.map(np.asarray, summary))
 
 
 @jax.jit
-def _step(tracker, key, time, state, frame):
+def step(tracker: Any, key: jax.Array, time: int, state: Any, frame: np.ndarray) -> Any:
+    """State and summary of frame ``time`` (from 0) of a run, as ``stream`` makes them."""
     return running.one_run(tracker, key, running.summary_only)(state, (time, frame))

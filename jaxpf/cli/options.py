@@ -70,6 +70,19 @@ def declared_options(
     return add
 
 
+def options_of_owner(owner: type) -> Callable:
+    """A decorator that adds the flags of one class of options, which belongs to one command."""
+
+    def add(command: Callable) -> Callable:
+        for one in reversed(options_of(owner).values()):
+            default = "" if one.default is None else f"  [default: {plain(one.default)}]"
+            kind, _ = _click_type(one, False)
+            command = click.option(one.flag, one.name, type=kind, help=one.help + default)(command)
+        return command
+
+    return add
+
+
 def start_options() -> Callable:
     """A decorator that adds the flags by which targets are told where they start."""
 

@@ -23,13 +23,14 @@ _TRAIL = 20
 class Recorder:
     """Writes everything that a run leaves behind, frame by frame."""
 
-    def __init__(self, output, source, options, target, start, tracker):
+    def __init__(self, output, source, options, target, start, tracker, check_first=None):
         from jaxpf.files.writing import report_os_errors
         from jaxpf.media.overlay import object_colours
         from jaxpf.media.video_writer import SUFFIXES, VideoWriter
 
         self.output, self.source, self.options = output, source, options
         self.target, self.start_at, self.tracker = target, start, tracker
+        self.check_first = check_first
         self.ids = ids = start.ids
         self.colours = object_colours(len(ids))
         self.frames_outside: dict[str, list[int]] = {str(i): [] for i in ids}
@@ -70,8 +71,6 @@ class Recorder:
 
     def follow(self, key, frames):
         """Track the frames after the start frame."""
-        from jaxpf.streaming import stream
-
         start, limit = self.options["start"], self.options["frames"]
         frames = itertools.islice(frames, None if limit is None else min(limit, sys.maxsize))
         expected = self.source.num_frames or self.source.frames_expected
@@ -81,7 +80,7 @@ class Recorder:
         clock = time.perf_counter()
         with common.progress_bar("frames") as progress:
             task = progress.add_task("compiling", total=total)
-            for tracked in stream(self.tracker, key, frames):
+            for tracked in self._stream(key, frames):
                 self._record(start + 1 + tracked.time, tracked)
                 elapsed, clock = time.perf_counter() - clock, time.perf_counter()
                 if self.num_tracked == 1:
@@ -97,10 +96,17 @@ class Recorder:
                 "nothing to track; give a longer video, or an earlier --start."
             )
 
+    def _stream(self, key, frames):
+        from jaxpf.streaming import stream
+
+        return stream(self.tracker, key, frames)
+
     def _record(self, number, tracked):
         from jaxpf.evaluation.trackers import shapes_of
 
         summary = tracked.summary
+        if self.num_tracked == 0 and self.check_first is not None:
+            self.check_first(summary, self.ids)
         found = np.asarray(
             shapes_of(self.tracker, self.target, self.start_at, summary.estimate), float
         )
@@ -163,7 +169,7 @@ class Recorder:
         content = {
             "parameters": {k: _jsonable(v) for k, v in self.options.items()},
             "likelihood_method": self._likelihood_method(),
-            "ids": self.ids.tolist(),
+            **self._content(),
             "frames_tracked": self.num_tracked,
             "interrupted": isinstance(stopped, KeyboardInterrupt),
             "error": str(stopped) if isinstance(stopped, InputError) else None,
@@ -195,7 +201,11 @@ class Recorder:
             plotting.save_figure(figure, self.output / "diagnostics.png")
         self._tell(rate)
         if truth is not None and self.num_tracked:
-            _report_truth(self.output, truth, self.ids)
+            self._report_truth(truth)
+
+    def _content(self):
+        """What the summary says of the objects."""
+        return {"ids": self.ids.tolist()}
 
     def _likelihood_method(self):
         """How the likelihood is computed, where it tells; else what was asked for."""
@@ -206,7 +216,7 @@ class Recorder:
 
     def _tell(self, rate):
         speed = "" if rate is None else f", {rate:.1f} frames/s"
-        click.echo(f"{self.output}: {_counted(self.num_tracked)} tracked{speed}")
+        click.echo(f"{self.output}: {counted(self.num_tracked)} tracked{speed}")
         if self.source.note:
             click.echo(f"Note: {self.source.note}", err=True)
         for where, frames_of in (
@@ -216,13 +226,13 @@ class Recorder:
             for name, frames in frames_of.items():
                 if frames:
                     click.echo(
-                        f"Lost: object {name} {where} in {_counted(len(frames))}, first in frame "
+                        f"Lost: object {name} {where} in {counted(len(frames))}, first in frame "
                         f"{frames[0]}.",
                         err=True,
                     )
         if self.num_impossible:
             click.echo(
-                f"Warning: {_counted(self.num_impossible)} had no likelihood for any particle; "
+                f"Warning: {counted(self.num_impossible)} had no likelihood for any particle; "
                 "what was seen there was left out.",
                 err=True,
             )
@@ -232,37 +242,38 @@ class Recorder:
                 err=True,
             )
 
+    def _report_truth(self, truth: Any) -> None:
+        """Metrics over the frames after the start that have truth."""
+        from jaxpf.files import tracks
+        from jaxpf.files.writing import atomic_write
+        from jaxpf.measures import metrics
 
-def _counted(frames: int) -> str:
+        output, ids = self.output, self.ids
+        estimated = tracks.read_boxes(output / "tracks.csv", empty_boxes="absent")
+        first, last = int(estimated.frame.min()), int(estimated.frame.max())
+        known = [int(i) for i in ids if i in set(truth.id.tolist())]
+        estimate = tracks.dense(estimated, known, last + 1)[first + 1 :]
+        target = tracks.dense(truth, known, last + 1)[first + 1 :]
+        measures = metrics.summarise(estimate[None], target)
+        columns = {"frames": np.asarray(metrics.has_truth(target)).sum(axis=0)}
+        for measure in ("tracked", "precision", "recall", "overlap", "centre_error"):
+            columns[measure] = np.asarray(measures[measure].value)
+        rows = [
+            [f"object {name}", f"{columns['frames'][k]:.0f}"]
+            + [f"{columns[c][k]:.3f}" for c in list(columns)[1:]]
+            for k, name in enumerate(known)
+        ]
+        common.print_table("Against the truth", ["", *columns], rows)
+        with atomic_write(output / "metrics.csv") as file:
+            file.write("id," + ",".join(columns) + "\n")
+            for k, name in enumerate(known):
+                file.write(f"{name}," + ",".join(f"{columns[c][k]:.6g}" for c in columns) + "\n")
+
+
+def counted(frames: int) -> str:
+    """``1 frame``, ``2 frames``."""
     return f"{frames} frame{'' if frames == 1 else 's'}"
 
 
 def _jsonable(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
-
-
-def _report_truth(output: Path, truth: Any, ids: np.ndarray) -> None:
-    """Metrics over the frames after the start that have truth."""
-    from jaxpf.files import tracks
-    from jaxpf.files.writing import atomic_write
-    from jaxpf.measures import metrics
-
-    estimated = tracks.read_boxes(output / "tracks.csv", empty_boxes="absent")
-    first, last = int(estimated.frame.min()), int(estimated.frame.max())
-    known = [int(i) for i in ids if i in set(truth.id.tolist())]
-    estimate = tracks.dense(estimated, known, last + 1)[first + 1 :]
-    target = tracks.dense(truth, known, last + 1)[first + 1 :]
-    measures = metrics.summarise(estimate[None], target)
-    columns = {"frames": np.asarray(metrics.has_truth(target)).sum(axis=0)}
-    for measure in ("tracked", "precision", "recall", "overlap", "centre_error"):
-        columns[measure] = np.asarray(measures[measure].value)
-    rows = [
-        [f"object {name}", f"{columns['frames'][k]:.0f}"]
-        + [f"{columns[c][k]:.3f}" for c in list(columns)[1:]]
-        for k, name in enumerate(known)
-    ]
-    common.print_table("Against the truth", ["", *columns], rows)
-    with atomic_write(output / "metrics.csv") as file:
-        file.write("id," + ",".join(columns) + "\n")
-        for k, name in enumerate(known):
-            file.write(f"{name}," + ",".join(f"{columns[c][k]:.6g}" for c in columns) + "\n")

@@ -8,16 +8,19 @@ import click
 import numpy as np
 
 from jaxpf import filters
+from jaxpf.cli import births as births_of
 from jaxpf.cli import common
 from jaxpf.cli.memory import check_memory, needed_by
 from jaxpf.cli.options import (
     all_options,
     declared_options,
+    options_of_owner,
     picked,
     refuse_others,
     start_options,
     target_of,
 )
+from jaxpf.cli.population_recorder import PopulationRecorder
 from jaxpf.cli.recorder import Recorder
 from jaxpf.cli.stopping import announced_stop
 from jaxpf.errors import InputError
@@ -25,6 +28,7 @@ from jaxpf.files.locking import locked
 from jaxpf.media.video_writer import SUFFIXES
 from jaxpf.options import options_of
 from jaxpf.targets import targets
+from jaxpf.targets.lifetimes import Rules
 from jaxpf.targets.target import Looks, Start, Target
 
 #: Where a method has a number of its own, by which histograms choose their way.
@@ -54,6 +58,7 @@ _OUTPUTS = (
 @click.option("--start", default=0, show_default=True, help="Start frame, counting from 0.")
 @click.option("--frames", type=int, help="Track at most this many frames after the start.")
 @declared_options()
+@options_of_owner(Rules)
 @click.option(
     "--tracker",
     metavar="FILE.py:FUNCTION",
@@ -84,9 +89,10 @@ def command(**options: Any) -> None:
     """Track objects through VIDEO, a video file or a folder of images.
 
     The start boxes come from --box (repeated) or from --boxes with --ids, the parts of an
-    articulated object from --parts-file, contours from --contours.  Filtering begins with the
-    frame after the start frame.  The output folder receives tracks.csv (MOT format; of parts, in
-    the columns frame,part,x,y,w,h,angle; of contours frame,contour,kind,point,x,y), overlay.mp4,
+    articulated object from --parts-file, contours from --contours; with --births boxes start and
+    end by a file of detections, and need no start box.  Filtering begins with the frame after the
+    start frame.  The output folder receives tracks.csv (MOT format; of parts, in the columns
+    frame,part,x,y,w,h,angle; of contours frame,contour,kind,point,x,y), overlay.mp4,
     diagnostics.csv and .png, summary.json, and run.toml, which repeats the run:
     `jaxpf track --config run.toml -o ANOTHER`.
 
@@ -94,7 +100,8 @@ def command(**options: Any) -> None:
     """
     _prefer_command_line(options)
     target = target_of(options)
-    setup = _setup(options, target)
+    births = births_of.read_births(options)
+    setup = _setup(options, target, births)
     _check_options(options, target)
     from jaxpf.files import writing
     from jaxpf.media.video import open_frames
@@ -105,13 +112,18 @@ def command(**options: Any) -> None:
     start = target.read_start(options, options["start"], source)
     for remark in start.remarks:
         click.echo(f"Note: {remark}", err=True)
-    truth = _read_truth(options, start.ids)
+    if births is not None:
+        births_of.check_births(births, start, options["start"], source)
+    truth = _read_truth(options, None if births is not None else start.ids)
     output = options["output"] or Path(f"jaxpf-{source.name}")
     _check_output(output, source.path)
     common.use_compile_cache()
     import jax
 
-    tracker = _build_tracker(options, target, setup, start, first, source)
+    if births is not None:
+        tracker = births_of.open_tracker(births, target, *setup, first)
+    else:
+        tracker = _build_tracker(options, target, setup, start, first, source)
     check_memory(needed_by(tracker), "ask for fewer particles (-n)")
     existed = output.is_dir()
     writing.prepare_output_folder(output, options["overwrite"])
@@ -122,7 +134,11 @@ def command(**options: Any) -> None:
         try:
             _remove_outputs(output)
             _write_repeatable_options(output, options, target)
-            recorder = Recorder(output, source, options, target, start, tracker)
+            made = output, source, options, target, start, tracker
+            if births is None:
+                recorder = Recorder(*made, None if options["tracker"] else setup.filter.check_first)
+            else:
+                recorder = PopulationRecorder(*made, births)
             with announced_stop("Finishing: what was tracked is being written."), recorder:
                 recorder.start(options["start"], first)
                 recorder.follow(jax.random.key(options["seed"]), frames)
@@ -151,7 +167,7 @@ class _Setup(NamedTuple):
     filter_options: Any
 
 
-def _setup(options: dict[str, Any], target: Target) -> _Setup:
+def _setup(options: dict[str, Any], target: Target, births: births_of.Births | None) -> _Setup:
     """Check the options, and fill in those that were not given."""
     known = filters.filters()
     if options["filter_"] and options["filter_"] not in known:
@@ -159,6 +175,8 @@ def _setup(options: dict[str, Any], target: Target) -> _Setup:
             f"--filter {options['filter_']!r} is unknown; choose one of {', '.join(known)}."
         )
     its = known[options["filter_"]] if options["filter_"] else None
+    if births is not None and its is None and not options["method"]:
+        its = next(one for one in known.values() if one.opens)
     method = options["method"] or (target.defaults.get("method") if its is None else None)
     if its is not None and method and method not in its.methods:
         raise InputError(
@@ -167,12 +185,19 @@ def _setup(options: dict[str, Any], target: Target) -> _Setup:
         )
     if its is None:
         its = filters.filter_of(method) if method else next(iter(known.values()))
+    if births is not None and not its.opens:
+        able = ", ".join(name for name, one in known.items() if one.opens)
+        raise InputError(
+            f"--births needs a filter whose objects may come and go, and {its.name} is not one; "
+            f"use --filter {able}."
+        )
     refuse_others(options, target.options, its.options)
-    defaults = target.defaults
+    of_filter, of_target = births_of.defaults_of(births, target)
+    defaults = {**target.defaults, **of_filter}
     if defaults.get("method") not in its.methods:
         defaults = {name: value for name, value in defaults.items() if name != "method"}
     filter_options = picked(options, its.options, defaults)
-    model = picked(options, target.options)
+    model = picked(options, target.options, of_target)
     for one in (filter_options, model):
         for name, option in options_of(one).items():
             value = getattr(one, name)
@@ -227,13 +252,14 @@ def _check_options(options: dict[str, Any], target: Target) -> None:
             )
 
 
-def _read_truth(options: dict[str, Any], ids: np.ndarray) -> Any:
-    """The table of --truth, which must say something about this run."""
+def _read_truth(options: dict[str, Any], ids: np.ndarray | None) -> Any:
+    """The table of --truth, which must say something about this run; of all ids where None."""
     if options["truth"] is None:
         return None
     from jaxpf.files.tracks import read_boxes
 
     truth = read_boxes(options["truth"], empty_boxes="absent")
+    ids = np.unique(truth.id) if ids is None else ids
     names = ", ".join(map(str, ids))
     ours = np.isin(truth.id, ids)
     if not ours.any():

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -68,7 +68,7 @@ def read_boxes(path: str | os.PathLike[str], empty_boxes: str = "error") -> BoxT
     path = Path(path)
     rows: list[tuple[float, ...]] = []
     line_of: dict[tuple[int, int], int] = {}
-    for line, row in _parsed_lines(path):
+    for line, row in parsed_lines(path):
         frame, identity, _, _, width, height = row[:6]
         place = f"line {line} of '{path}'"
         key = (int(frame), int(identity))
@@ -93,6 +93,11 @@ def read_boxes(path: str | os.PathLike[str], empty_boxes: str = "error") -> BoxT
         rows.append(row)
     if not line_of:
         raise InputError(f"'{path}' holds no boxes; expected {_FORMATS}")
+    return table_of(rows, path)
+
+
+def table_of(rows: Sequence[tuple[float, ...]], path: str | os.PathLike[str]) -> BoxTable:
+    """The table of rows from ``parsed_lines``."""
     columns = np.array(rows, np.float64).reshape(-1, 8)
     return BoxTable(
         frame=columns[:, 0].astype(np.int64),
@@ -104,7 +109,7 @@ def read_boxes(path: str | os.PathLike[str], empty_boxes: str = "error") -> BoxT
     )
 
 
-def _parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
+def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
     """Yield (line number, (frame, id, x, y, w, h, occlusion, confidence)), counting from 0."""
     header: str | None = None
     seen_content = False

@@ -27,6 +27,7 @@ class Filter:
         options: class of its options (``jaxpf.options``), ``method`` and ``particles`` among them.
         varied: names of its options that ``variants`` varies, and that no grid has.
         by_default: whether an evaluation that names no methods compares them.
+        opens: whether partitions may come and go while it runs, see ``Model.is_open``.
         nanoseconds: of one core per particle, partition and frame, the likelihood excluded.
     """
 
@@ -35,6 +36,7 @@ class Filter:
     options: type
     varied: tuple[str, ...] = ("method",)
     by_default: bool = False
+    opens: bool = False
     nanoseconds: float = 160.0
 
     def tracker(self, model: Model, options: Any) -> Any:
@@ -54,6 +56,17 @@ class Filter:
 
         Raises:
             InputError: the sentence says which.
+        """
+
+    def check_first(self, summary: Any, ids: Sequence[Any]) -> None:
+        """Refuse a start that the first frame shows to be hopeless.
+
+        Args:
+            summary: of the first frame.
+            ids: what the partitions are called.
+
+        Raises:
+            InputError: the sentence says who cannot start.
         """
 
     def variants(

@@ -72,7 +72,7 @@ def tracking_scores(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
             f"boxes of the shapes {list(estimate.shape)} and {list(truth.shape)} cannot be "
             "compared; give [T, P, 4] and [T, Q, 4] of the same T frames"
         )
-    metrics = _import_trackeval().metrics
+    metrics = import_trackeval().metrics
     data = _trackeval_data(estimate, truth)
     quiet = {"PRINT_CONFIG": False}
     found = metrics.HOTA().eval_sequence(data)
@@ -125,16 +125,12 @@ def distance_precision(estimate: ArrayLike, truth: ArrayLike) -> Array:
     return precision_curve(estimate, truth)[..., _REPORTED_DISTANCE]
 
 
-# Helpers
+def import_trackeval() -> ModuleType:
+    """TrackEval, or how to get it: ask before work that ends in scores.
 
-
-def _share_of_frames(hits: Array, truth: ArrayLike) -> Array:
-    """The mean of ``hits [..., T, P, K]`` over the frames with truth: ``[..., P, K]``."""
-    counts = jnp.broadcast_to(has_truth(truth)[..., None], hits.shape)
-    return masked_mean(hits, counts, -3)
-
-
-def _import_trackeval() -> ModuleType:
+    Raises:
+        InputError: it is not installed.
+    """
     try:
         # It prints about benchmarks whose packages it lacks; none is needed here.
         with contextlib.redirect_stdout(io.StringIO()):
@@ -144,6 +140,15 @@ def _import_trackeval() -> ModuleType:
             f"CLEAR-MOT, IDF1 and HOTA need TrackEval ({error}); install it with pip install "
             "'jaxpf[scores]' and then pip install --no-deps trackeval."
         ) from error
+
+
+# Helpers
+
+
+def _share_of_frames(hits: Array, truth: ArrayLike) -> Array:
+    """The mean of ``hits [..., T, P, K]`` over the frames with truth: ``[..., P, K]``."""
+    counts = jnp.broadcast_to(has_truth(truth)[..., None], hits.shape)
+    return masked_mean(hits, counts, -3)
 
 
 def _trackeval_data(estimate: np.ndarray, truth: np.ndarray) -> dict:

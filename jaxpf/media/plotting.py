@@ -50,7 +50,7 @@ def diagnostics(
     ess: np.ndarray,
     uniqueness: np.ndarray,
     log_evidence: np.ndarray,
-    ids: Sequence[int],
+    ids: Sequence[Any],
     num_particles: int,
 ) -> Any:
     """Effective sample size, uniqueness per object and evidence over time.
@@ -68,7 +68,8 @@ def diagnostics(
     upper.plot(frames, ess, color="black")
     upper.set(ylabel=f"effective sample size\n(of {num_particles})", ylim=(0, None))
     for column, (name, colour) in enumerate(zip(ids, colours(len(ids)), strict=True)):
-        middle.plot(frames, 100 * uniqueness[:, column], color=colour, label=f"object {name}")
+        label = name if isinstance(name, str) else f"object {name}"
+        middle.plot(frames, 100 * uniqueness[:, column], color=colour, label=label)
     middle.set(ylabel="uniqueness (%)", ylim=(0, 102))
     middle.legend(ncols=min(len(ids), 7), fontsize="small", loc="upper right")
     possible = np.isfinite(log_evidence)

@@ -52,6 +52,8 @@ class Boxes(Target):
     name = "boxes"
     noun = "object"
     options = Options
+    # A detector says where somebody is, which the picture has only to refine.
+    open_defaults: Mapping[str, Any] = {"sharpness": 1.0, "scale": (6.0, 4.0, 0.02)}
     has_boxes = True
     track_suffix = ".txt"
     tuned_by_default = ("likelihood.sharpness", "dynamics.scale[0]", "dynamics.scale[1]")
@@ -63,6 +65,11 @@ class Boxes(Target):
             "frame,id,x,y,w,h (from 0).",
         },
         "ids": {"type": [int], "help": "Objects of --boxes, such as 1,2,5."},
+        "births": {
+            "type": Path,
+            "help": "Objects come and go by detections: a MOT det.txt, sorted by frame.  A line "
+            "with an id in the place of -1 starts that object there, detected or not.",
+        },
     }
 
     def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
@@ -79,6 +86,8 @@ class Boxes(Target):
         elif given["box"]:
             boxes = np.stack([tracks.parse_box(text) for text in given["box"]])
             ids = np.arange(1, len(boxes) + 1)
+        elif given.get("births"):
+            return _start(np.zeros(0, int), np.zeros((0, 4)))
         else:
             raise InputError(
                 "no start box: give --box x,y,w,h for every object, or --boxes FILE.csv "
@@ -135,6 +144,23 @@ class Boxes(Target):
             background_frames=frames,
         )
         return self._model(likelihood, options, start)
+
+    def open_model(
+        self, options: Options, capacity: int, typical_size: tuple[float, float], looks: Looks
+    ) -> Model:
+        """See ``Target``."""
+        from jaxpf.targets.populations import open_box_model
+
+        return open_box_model(
+            looks.frame_shape,
+            capacity,
+            typical_size=typical_size,
+            scale=options.scale,
+            sharpness=options.sharpness,
+            bands=options.bands,
+            likelihood=options.likelihood,
+            num_particles=looks.num_particles,
+        )
 
     def _model(self, likelihood: Any, options: Options, start: Start) -> Model:
         return box_model(likelihood, start.shapes, options.scale)
@@ -245,8 +271,9 @@ class _MotWriter:
     def __exit__(self, *exception: Any) -> Any:
         return self._writer.__exit__(*exception)
 
-    def append(self, frame: int, shapes: Any, lost: Any) -> None:
-        self._writer.append(frame, self._ids, shapes, np.where(lost, 0.0, 1.0))
+    def append(self, frame: int, shapes: Any, lost: Any, ids: Any = None) -> None:
+        ids = self._ids if ids is None else ids
+        self._writer.append(frame, ids, shapes, np.where(lost, 0.0, 1.0))
 
 
 def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCALE) -> Model:

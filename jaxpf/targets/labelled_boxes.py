@@ -11,8 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
+from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
 from jaxpf.targets.boxes import DEFAULT_SCALE, box_model
+
+__all__ = ["check_in_frame", "check_started", "labelled_box_tracker"]
 
 
 def labelled_box_tracker(
@@ -94,22 +97,3 @@ def check_in_frame(
                 f"target {name} has the box {x:g},{y:g},{w:g},{h:g}, which lies outside the frame "
                 f"of {width} x {height} pixels; leave it out or start where it is in view."
             )
-
-
-def check_started(summary: Any, ids: Sequence[Any] | None = None) -> None:
-    """Refuse a start at which some target fits nothing.
-
-    Args:
-        summary: of the first frame, from ``step``.
-        ids: what the targets are called; by default their numbers.
-
-    Raises:
-        InputError: all weights of a target were zero.
-    """
-    lost = np.flatnonzero(np.asarray(summary.lost)).tolist()
-    if lost:
-        names = ", ".join(str(number if ids is None else ids[number]) for number in lost)
-        raise InputError(
-            f"in the first frame no particle of target {names} has any likelihood; check its box, "
-            "or widen the noise of position and size."
-        )

@@ -71,6 +71,7 @@ class Target:
         start_flags: option of ``jaxpf track`` -> (arguments of ``click.option``), which say where
             it starts; ``read_start`` is given their values.
         defaults: of a filter's options, where the target's differ.
+        open_defaults: of its own options, where objects come and go by detections.
         has_boxes: whether its shapes are boxes x, y, w, h, as in MOT files and standard scores.
         outlines_of_estimates: function of estimates ``[..., P, D]`` and sizes ``[P, 2]`` that gives
             outlines ``[..., P, V, 2]``, differentiable; None where shapes are boxes.
@@ -83,6 +84,7 @@ class Target:
     options: type
     start_flags: Mapping[str, Mapping[str, Any]] = {}
     defaults: Mapping[str, Any] = {}
+    open_defaults: Mapping[str, Any] = {}
     has_boxes: bool = False
     track_suffix: str = ".csv"
     tuned_by_default: tuple[str, ...] = ()
@@ -124,6 +126,19 @@ class Target:
             InputError: an option out of range, or an object too small to be seen.
         """
         raise TypeError(f"{type(self).__name__} must define model")
+
+    def open_model(
+        self, options: Any, capacity: int, typical_size: tuple[float, float], looks: Looks
+    ) -> Model:
+        """The model of as many objects as there may be at once, of whom none is there yet.
+
+        Args:
+            options: as for ``model``.
+            capacity: P.
+            typical_size: width and height of an object, pixels.
+            looks: its ``frame_shape`` and number of particles count.
+        """
+        raise InputError(f"{self.name} cannot come and go; leave --births out.")
 
     def training_model(self, options: Any, start: Start, looks: Looks, frames: Any) -> Model:
         """A model that is differentiable in its parameters and in the state, and whose evidence
@@ -187,7 +202,10 @@ class Target:
         return measure_outlines(self.outlines(start, shapes), self.outlines(start, truth))
 
     def track_writer(self, path: Any, start: Start) -> Any:
-        """A writer with ``append(frame, shapes, lost)``, and ``close`` as a context manager."""
+        """A writer with ``append(frame, shapes, lost, ids=None)``, which closes as a context does.
+
+        ``ids`` are those of the start, unless objects come and go.
+        """
         raise TypeError(f"{type(self).__name__} must define track_writer")
 
     def draw(

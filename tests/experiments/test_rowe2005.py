@@ -7,7 +7,7 @@ import jaxpf
 import scenes
 from jaxpf.experiments import comparison_table, rowe2005
 from jaxpf.experiments.claims import CANNOT_RESOLVE, CONTRADICTS, SUPPORTS
-from jaxpf.experiments.rowe2005 import distracter, judgements, published, synthetic, tables
+from jaxpf.experiments.rowe2005 import births, distracter, judgements, published, synthetic, tables
 
 SCENES, RUNS, FRAMES, TARGETS = 12, synthetic.RUNS_PER_SCENE, 20, 2
 
@@ -100,6 +100,32 @@ def test_errors_are_told_apart_by_place():
     found = found._replace(error=error)
     np.testing.assert_allclose(tables.error_by_place(found, "both", strip=True), 0.4)
     np.testing.assert_allclose(tables.error_by_place(found, "both", strip=False), 0.1)
+
+
+@pytest.mark.slow
+def test_who_comes_and_goes_is_measured_beside_the_iou_tracker(data_folder):
+    """The real clip, one seed: what the table must show, and its form."""
+    pytest.importorskip("trackeval")
+    clip = births.read(data_folder)
+    found = births.measure(clip, [0])
+    hota = {name: scores[0, births.SCORES.index("HOTA")] for name, scores in found.items()}
+    print(hota)
+    assert hota[births.OURS] > 0.5
+    table = births.births_table({name: np.tile(one, (2, 1)) for name, one in found.items()})
+    labels = [label for label, _ in table.rows]
+    assert labels[0] == births.BASELINE
+    assert len(labels) == 2 + 2 * len(births.VARIANTS)
+    with pytest.raises(jaxpf.InputError, match="there is no such folder"):
+        births.read(data_folder / "nowhere")
+
+
+def test_differences_of_who_comes_and_goes_are_paired():
+    rng = np.random.default_rng(0)
+    base = rng.normal(0.5, 0.1, (12, len(births.SCORES)))
+    table = births.births_table({births.BASELINE: base, "ours": base + 0.01})
+    cell = table.rows[2][1][0].measured
+    assert cell.value == pytest.approx(1.0)
+    assert cell.high - cell.low < 1e-6
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from pathlib import Path
 from jaxpf.experiments.comparison_table import Comparison, Table, scene_seeds
 from jaxpf.experiments.rowe2005 import (
     bias,
+    births,
     distracter,
     figures,
     judgements,
@@ -55,11 +56,13 @@ def run(
     """Repeat the paper; see ``jaxpf.experiments.comparison_table`` for the arguments.
 
     Raises:
-        InputError: ``runs`` is not a multiple of ``RUNS_PER_SCENE``.
+        InputError: ``runs`` is not a multiple of ``RUNS_PER_SCENE``; the clip is missing.
     """
     if runs is None:
         runs = _QUICK_SCENES * RUNS_PER_SCENE if quick else RUNS
     seeds = scene_seeds(runs, seed, RUNS_PER_SCENE)
+    # A mistake is told before the work begins.
+    clip = births.read(data, births.QUICK_FRAMES if quick else None) if data is not None else None
     report(f"{len(seeds)} scenes with {RUNS_PER_SCENE} runs of every variant each")
     outcome = measure(seeds, progress=lambda done: report(f"  scene {done} of {len(seeds)} done"))
     report("Targets that cross: mean against product")
@@ -68,6 +71,13 @@ def run(
     number = _QUICK_COMPARED if quick else _COMPARED
     report(f"Distracter: {number} scenes with {distracter.RUNS_PER_SCENE} runs of every method")
     compared = distracter.measure(range(seed, seed + number))
+    beyond = [distracter.table(compared)]
+    if clip is None:
+        report(f"No --data: people who come and go, {births.CLIP}, are left out")
+    else:
+        drawn = range(seed, seed + (births.QUICK_SEEDS if quick else births.SEEDS))
+        report(f"People who come and go: {len(drawn)} seeds on {births.CLIP}")
+        beyond.append(births.births_table(births.measure(clip, drawn, report)))
     return Comparison(
         paper="rowe2005",
         title="rowe2005 repeated: labelled particles with equal shares and speed feedback",
@@ -77,7 +87,7 @@ def run(
             tables.likelihood_table(outcome, crossing),
             tables.size_table(outcome),
             bias.bias_table(_QUICK_BIAS_RUNS if quick else bias.RUNS, seed),
-            distracter.table(compared),
+            *beyond,
         ],
         claims=judgements.claims(outcome, crossing),
         figures={

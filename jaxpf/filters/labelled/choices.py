@@ -6,5 +6,7 @@ WEIGHTS = ("equal_share", "plain", "corrected")
 SCOPES = ("across", "within")
 #: Whose speed moves the particles (rowe2005, eq. 5).
 FEEDBACKS = ("none", "estimate")
+#: Whether targets come and go.
+POPULATIONS = ("fixed", "open")
 #: What resampling passes on to a derivative.
 GRADIENTS = ("none", "stop_gradient")

@@ -221,10 +221,11 @@ def report(
             tracker.regularise,
         )
     ess_parts = jnp.where(present, 1.0 / jnp.where(present, squares, 1.0), 0.0)
-    lost = state.lost
+    lost = state.lost if state.alive is None else state.lost & state.alive
+    empty = jnp.zeros_like(lost) if state.alive is None else ~state.alive
     status = (
         STATUS_INVALID_LIKELIHOOD * (num_invalid > 0)
-        + STATUS_IMPOSSIBLE * jnp.all(lost)
+        + STATUS_IMPOSSIBLE * (jnp.all(lost | empty) & ~jnp.all(empty))
         + STATUS_LOST * jnp.any(lost)
     ).astype(jnp.int32)
     holders = by_label.counts(labels, num_targets).astype(log_weights.dtype)
@@ -240,8 +241,22 @@ def report(
         ess_parts=ess_parts,
         label_log_evidence=label_log_evidence,
     )
-    return dataclasses.replace(state, estimate=estimate, velocity=velocity), computed_before(
-        summary
+    state = dataclasses.replace(state, estimate=estimate, velocity=velocity, lost=lost)
+    return state, computed_before(
+        summary if state.alive is None else _of_living(state.alive, summary)
+    )
+
+
+def _of_living(alive: Any, summary: Any) -> LabelledSummary:
+    """What an open population reports: nothing of the slots that are empty."""
+    smallest = jnp.min(jnp.where(alive, summary.ess_parts, jnp.inf))
+    return dataclasses.replace(
+        summary,
+        estimate=jnp.where(alive[:, None], summary.estimate, jnp.nan),
+        spread=jnp.where(alive[:, None], summary.spread, jnp.nan),
+        ess=jnp.where(jnp.any(alive), smallest, 0.0),
+        log_evidence=jnp.where(jnp.any(alive), summary.log_evidence, 0.0),
+        alive=alive,
     )
 
 

@@ -67,6 +67,7 @@ class LabelledFilter(Filter):
     name = "labelled"
     methods = METHODS
     options = Options
+    opens = True
 
     def tracker(self, model: Model, options: Options) -> Any:
         """See ``Filter``."""
@@ -86,6 +87,7 @@ class LabelledFilter(Filter):
             weights=options.weights,
             scope=options.scope,
             feedback=options.feedback,
+            population="open" if model.is_open else "fixed",
             regularise=None if rates is None else np.asarray(rates, np.float32),
         )
 
@@ -105,6 +107,12 @@ class LabelledFilter(Filter):
                 f"particles = {options.particles} is fewer than the {len(parents)} objects that "
                 "share them; give at least one each, better some fifty."
             )
+
+    def check_first(self, summary: Any, ids: Sequence[Any]) -> None:
+        """See ``Filter``."""
+        from jaxpf.filters.labelled.refusals import check_started
+
+        check_started(summary, ids)
 
 
 LABELLED = LabelledFilter()

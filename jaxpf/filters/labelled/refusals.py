@@ -7,7 +7,7 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.errors import InputError
 from jaxpf.filters import resampling
-from jaxpf.filters.labelled.choices import FEEDBACKS, GRADIENTS, SCOPES, WEIGHTS
+from jaxpf.filters.labelled.choices import FEEDBACKS, GRADIENTS, POPULATIONS, SCOPES, WEIGHTS
 from jaxpf.names import MOTION_GRADIENTS
 from jaxpf.pytree import is_concrete
 
@@ -26,6 +26,7 @@ def check_tracker(tracker: Any) -> None:
         ("scope", SCOPES),
         ("weights", WEIGHTS),
         ("feedback", FEEDBACKS),
+        ("population", POPULATIONS),
         ("gradient", GRADIENTS),
         ("motion_gradient", MOTION_GRADIENTS),
     ):
@@ -34,6 +35,8 @@ def check_tracker(tracker: Any) -> None:
                 f"{name}={getattr(tracker, name)!r} is unknown; choose one of {', '.join(known)}."
             )
     _check_targets(tracker)
+    if tracker.population == "open":
+        _check_open(tracker)
     _check_coordinates(tracker)
     _check_rates(tracker)
     if contract.has_log_joint(tracker.likelihood):
@@ -64,6 +67,19 @@ def _check_targets(tracker: Any) -> None:
         raise InputError(
             f"num_particles={tracker.num_particles} is fewer than the {num_targets} targets that "
             "share them; use at least one particle per target, better some fifty."
+        )
+
+
+def _check_open(tracker: Any) -> None:
+    if callable(tracker.initial):
+        raise InputError(
+            "population='open' starts from an array [L, D] whose rows of NaN are empty slots; give "
+            "that in place of the initial sampler."
+        )
+    if tracker.weights != "equal_share":
+        raise InputError(
+            f"population='open' gives whoever comes an equal share, and "
+            f"weights={tracker.weights!r} has none to give; use weights='equal_share'."
         )
 
 
@@ -124,4 +140,23 @@ def _check_score(tracker: Any) -> None:
             f"motion_gradient='score' needs the method log_density of the dynamics, and "
             f"{type(tracker.dynamics).__name__} has none; write it (see jaxpf.contract.Dynamics) "
             "or use motion_gradient='pathwise'."
+        )
+
+
+def check_started(summary: Any, ids: Any = None) -> None:
+    """Refuse a start at which some target fits nothing.
+
+    Args:
+        summary: of the first frame, from ``step``.
+        ids: what the targets are called; by default their numbers.
+
+    Raises:
+        InputError: all weights of a target were zero.
+    """
+    lost = np.flatnonzero(np.asarray(summary.lost)).tolist()
+    if lost:
+        names = ", ".join(str(number if ids is None else ids[number]) for number in lost)
+        raise InputError(
+            f"in the first frame no particle of target {names} has any likelihood; check its box, "
+            "or widen the noise of position and size."
         )

@@ -1,5 +1,7 @@
 """What the labelled filter carries from frame to frame, and what it reports beyond others."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 
@@ -21,6 +23,9 @@ class LabelledState:
         velocity: ``[E, L]``, the targets' estimated speed per frame, of E position coordinates.
         lost: ``[L]`` bool, as last reported; these labels are given particles again by ``reseed``.
         weighted: ``[]`` bool, false only for a set that was drawn and never weighed.
+        alive: ``[L]`` bool, which slots of an open population hold a target; None in a fixed one.
+        newborn: ``[L]`` bool, targets that get their first particles in the next frame; None in a
+            fixed population.
     """
 
     lagged: jax.Array
@@ -31,6 +36,8 @@ class LabelledState:
     velocity: jax.Array
     lost: jax.Array
     weighted: jax.Array
+    alive: Any = None
+    newborn: Any = None
 
     @property
     def substates(self) -> jax.Array:
@@ -52,7 +59,10 @@ class LabelledSummary(Summary):
         ess_parts: ``[L]``, effective sample size of each label's particles; 0 without weight.
         label_log_evidence: ``[L]``, log of the frame's factor in an estimate of each target's
             own ``p(y_1:T)``; ``log_evidence`` is that of the mixture ``(1/L) sum_l``.
+        alive: ``[L]`` bool, which slots of an open population hold a target; an empty slot's
+            estimate and spread are NaN, and with none ``log_evidence`` is 0.  None in a fixed one.
     """
 
     ess_parts: jax.Array | None = None
     label_log_evidence: jax.Array | None = None
+    alive: jax.Array | None = None

@@ -1,5 +1,6 @@
 """The labelled particle filter as a tracker: ``init`` and ``step``, and what it refuses."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,11 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
-from jaxpf.filters.labelled import by_label, kernel
+from jaxpf.filters.labelled import by_label, kernel, population
+from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_tracker
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
 from jaxpf.lowering.threefry import written_out
 from jaxpf.pytree import as_array, pytree_dataclass, static_field
+
+__all__ = ["Labelled", "LabelledState", "LabelledSummary", "born", "ended"]
 
 
 @pytree_dataclass
@@ -30,6 +34,7 @@ class Labelled(Tracker):
             every frame.
         initial: ``[L, D]`` array, or a sampler ``key -> [L, D]`` registered as a pytree, of
             which a particle takes its own target's row: the state just before the first frame.
+            In an open population an array, in which a row of NaN is an empty slot.
         regularise: rates (a_x, a_u) in (0, 1] of position and speed in eq. 6; None does not
             regularise.  It changes what is reported and, with feedback, how particles move.
         reseed: standard deviations ``[D]`` or ``[L, D]``; a target that was lost is given its
@@ -44,6 +49,9 @@ class Labelled(Tracker):
             ``"corrected"``, which selects by eq. 4 and keeps the weights.
         feedback: static, one of ``choices.FEEDBACKS``: ``"estimate"`` moves the particles at the
             speed of the regularised estimate (eq. 5), ``"none"`` at their own.
+        population: static, one of ``choices.POPULATIONS``: in an ``"open"`` one targets come and
+            go between frames by ``jaxpf.labelled.born`` and ``ended``, and ``num_targets`` is how
+            many there can be at once.
         position: static, the coordinates of a position.
         speed: static, the coordinates of the speed per frame, one for each of ``position``;
             None for dynamics that take it from ``current - previous``.
@@ -65,6 +73,7 @@ class Labelled(Tracker):
     scope: str = static_field(default="across")
     weights: str = static_field(default="equal_share")
     feedback: str = static_field(default="none")
+    population: str = static_field(default="fixed")
     position: Sequence[int] = static_field(default=(0, 1))
     speed: Sequence[int] | None = static_field(default=None)
     gradient: str = static_field(default="none")
@@ -90,6 +99,8 @@ class Labelled(Tracker):
 
     def init(self, key: jax.Array) -> LabelledState:
         """Draw the state just before the first frame; every target has 1/L of the weight."""
+        if self.population == "open":
+            return population.first_state(self)
         key, labels = written_out(key), kernel.first_labels(self.num_particles, self.num_targets)
         if callable(self.initial):
             drawn = jax.vmap(self.initial)(jax.random.split(key, self.num_particles))
@@ -130,16 +141,27 @@ class Labelled(Tracker):
         resample_key, reseed_key = jax.random.split(begin_key)
         propagate_key = jax.random.split(jax.random.fold_in(stages_key, 0), 4)[0]
         state = kernel.select(self, resample_key, state)
-        if self.reseed is not None:
-            homes = self._homes()
-            state = kernel.reseeded(state, reseed_key, state.lost, homes, self.reseed)
+        if self.population == "open" or self.reseed is not None:
+            state = self._given_particles(reseed_key, state)
         state, left = kernel.move(self, propagate_key, state)
         log_prob, num_invalid = kernel.weigh(self, state, left, observation)
         state, log_evidence, label_log_evidence = kernel.share_out(self, state, log_prob)
         return kernel.report(self, state, log_evidence, label_log_evidence, num_invalid)
 
-    def _homes(self) -> jax.Array:
-        """``[N]``: which label may take a slot; across labels, every L-th, so that all give."""
+    def _given_particles(self, key: jax.Array, state: LabelledState) -> LabelledState:
+        """Newborn targets get their first particles, and lost ones others, if they are to."""
+        which, scale = state.lost, self.reseed
+        if self.population == "open":
+            which = state.newborn if scale is None else state.newborn | state.lost
+            scale = jnp.zeros((), state.lagged.dtype) if scale is None else jnp.asarray(scale)
+            scale = jnp.where(state.newborn[:, None], 0.0, scale)
+            state = dataclasses.replace(state, newborn=jnp.zeros_like(state.newborn))
+        return kernel.reseeded(state, key, which, self._homes(state), scale)
+
+    def _homes(self, state: LabelledState) -> jax.Array:
+        """``[N]``: which label may take a slot; across labels, in turn, so that all give."""
         if self.scope == "within":
             return jnp.asarray(kernel.first_labels(self.num_particles, self.num_targets))
+        if self.population == "open":
+            return population.homes(state.alive, self.num_particles)
         return jnp.arange(self.num_particles, dtype=jnp.int32) % self.num_targets

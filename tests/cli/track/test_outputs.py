@@ -123,11 +123,14 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     from jaxpf.filters import filter_of
     from jaxpf.options import options_of
     from jaxpf.targets import find_target, targets
+    from jaxpf.targets.lifetimes import Rules
 
     own = options_of(filter_of("dps").options, find_target("boxes").options)
     others = {name for name in all_options() if name not in own}
     starts = {flag for one in targets().values() for flag in one.start_flags} - {"box"}
-    unset = others | starts | {"frames", "order", "ess_threshold", "tracker"}
+    unset = (
+        others | starts | set(options_of(Rules)) | {"frames", "order", "ess_threshold", "tracker"}
+    )
     elsewhere = {"output", "overwrite", "config", "filter_"}
     assert set(options) == {param.name for param in command.params} - unset - elsewhere
 

@@ -1,0 +1,65 @@
+"""``jaxpf detections``: a detector's file for a video whose truth is known."""
+
+from pathlib import Path
+
+import click
+
+from jaxpf.errors import InputError
+
+
+@click.command("detections")
+@click.argument("video", type=click.Path(path_type=Path))
+@click.argument("truth", type=click.Path(path_type=Path))
+@click.option("--misses", default=0.2, show_default=True, help="Share of the objects not found.")
+@click.option("--false-alarms", default=0.5, show_default=True, help="Mean number, per frame.")
+@click.option(
+    "--jitter", default=0.05, show_default=True, help="Error of place and size, as a share of it."
+)
+@click.option("--seed", default=0, show_default=True, help="Random seed: same seed, same file.")
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(path_type=Path),
+    default=Path("det.txt"),
+    show_default=True,
+    help="The file to write.",
+)
+@click.option("--overwrite", is_flag=True, help="Replace the file if it is there.")
+def command(
+    video: Path,
+    truth: Path,
+    misses: float,
+    false_alarms: float,
+    jitter: float,
+    seed: int,
+    output: Path,
+    overwrite: bool,
+) -> None:
+    """Simulate detections of the boxes in TRUTH, a CSV as for `jaxpf track --boxes`.
+
+    For `jaxpf track --births`, on clips that ship no detections.  Errors are independent from
+    frame to frame, as a real detector's are not: compare trackers on the same file, and put no
+    score beside a published one.
+    """
+    from jaxpf.baselines.simulated_detections import simulated_detections
+    from jaxpf.files.detections import write_detections
+    from jaxpf.files.tracks import dense, read_boxes
+    from jaxpf.media.video import open_frames
+
+    if not 0 <= seed < 2**32:
+        raise InputError(f"--seed {seed} must be between 0 and {2**32 - 1}.")
+    if output.exists() and not overwrite:
+        raise InputError(f"'{output}' is there already; choose another --output or --overwrite.")
+    source, table = open_frames(video), read_boxes(truth, empty_boxes="absent")
+    num_frames = source.num_frames or sum(1 for _ in source)
+    boxes = dense(table, sorted(set(table.id.tolist())), num_frames)
+    found = simulated_detections(
+        boxes,
+        (source.height, source.width),
+        misses=misses,
+        false_alarms=false_alarms,
+        jitter=jitter,
+        seed=seed,
+    )
+    write_detections(output, found)
+    click.echo(f"{output}: {sum(map(len, found))} detections in {num_frames} frames")

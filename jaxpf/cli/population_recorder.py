@@ -1,0 +1,137 @@
+"""What `jaxpf track --births` leaves behind, where objects come and go."""
+
+import dataclasses
+import itertools
+from typing import Any
+
+import click
+import numpy as np
+
+from jaxpf.cli import common
+from jaxpf.cli.births import Births, by_frame
+from jaxpf.cli.recorder import Recorder, counted
+from jaxpf.targets.lifetimes import EMPTY
+
+_SCORES = ("HOTA", "DetA", "AssA", "IDF1", "MOTA", "MOTP")
+_COUNTS = ("FP", "FN", "IDSW", "Frag")
+
+
+class PopulationRecorder(Recorder):
+    """A recorder of slots, which hold now one object and now another, or none."""
+
+    def __init__(self, output, source, options, target, start, tracker, births: Births):
+        slots = np.array([f"slot_{number}" for number in range(1, births.rules.capacity + 1)])
+        super().__init__(
+            output, source, options, target, dataclasses.replace(start, ids=slots), tracker
+        )
+        self.births, self.start_boxes = births, start
+        self.frames_outside.clear()
+        self.frames_without_likelihood.clear()
+        self.born: list[dict] = []
+        self.ended: list[dict] = []
+        self.refused: list[dict] = []
+
+    def start(self, number, frame):
+        """The start frame is one of those that ``follow`` goes through."""
+        self._first = frame
+
+    def _stream(self, key, frames):
+        from jaxpf.targets.populations import follow
+
+        number = self.options["start"]
+        detections, named = by_frame(self.births, self.start_boxes, number)
+        frames = itertools.chain([self._first], frames)
+        rules = self.births.rules
+        for tracked in follow(self.tracker, key, frames, detections, named=named, rules=rules):
+            self._note(number + tracked.time, tracked.changes)
+            if tracked.time == 0:
+                self._write(number, tracked)
+            else:
+                yield tracked._replace(time=tracked.time - 1)
+
+    def _note(self, number, changes):
+        for birth in changes.births:
+            self.born.append({"id": birth.id, "frame": number, "box": birth.box.tolist()})
+        for death in changes.deaths:
+            self.ended.append({"id": death.id, "frame": number, "reason": death.reason})
+        for refusal in changes.refused:
+            name = None if refusal.id == EMPTY else refusal.id
+            box, reason = refusal.box.tolist(), refusal.reason
+            self.refused.append({"id": name, "frame": number, "box": box, "reason": reason})
+
+    def _record(self, number, tracked):
+        summary = tracked.summary
+        for name in tracked.ids[tracked.lost]:
+            self.frames_without_likelihood.setdefault(str(name), []).append(number)
+        log_evidence = float(summary.log_evidence)
+        self.num_invalid += int(summary.num_invalid)
+        self.num_impossible += int(np.isneginf(log_evidence))
+        values = [float(summary.ess), log_evidence, *summary.uniqueness]
+        self._diagnose([str(number), *(f"{value:.6g}" for value in values)])
+        self._write(number, tracked)
+        self.num_tracked += 1
+
+    def _write(self, number, tracked):
+        from jaxpf.media.overlay import draw_particles, object_colours
+
+        living = tracked.ids != EMPTY
+        ids, boxes, lost = tracked.ids[living], tracked.boxes[living], tracked.lost[living]
+        self.tracks.append(number, boxes, lost, ids)
+        if self.video is None:
+            return
+        # An object keeps its colour, whatever slot it has.
+        colours = object_colours(int(max(ids, default=0)) + 1)[ids]
+        frame = tracked.frame
+        if tracked.summary is not None:
+            cloud = np.swapaxes(np.asarray(tracked.state.substates)[..., :2], 0, 1)[living]
+            frame = draw_particles(frame, cloud, colours)
+        start = dataclasses.replace(self.start_at, ids=ids)
+        self.video.write(self.target.draw(frame, start, boxes, colours, lost))
+
+    def _content(self):
+        return {
+            "ids": [birth["id"] for birth in self.born],
+            "births": self.born,
+            "deaths": self.ended,
+            "refused": self.refused,
+        }
+
+    def _tell(self, rate):
+        super()._tell(rate)
+        click.echo(f"{len(self.born)} objects came, {len(self.ended)} went")
+        if self.refused:
+            one = self.refused[0]
+            click.echo(
+                f"Refused: {len(self.refused)} that could not start, first in frame "
+                f"{one['frame']}: {one['reason']}",
+                err=True,
+            )
+
+    def _report_truth(self, truth: Any) -> None:
+        """Scores of the frames after the start, which judge identities."""
+        from jaxpf.files import tracks
+        from jaxpf.files.writing import atomic_write
+        from jaxpf.measures.scores import tracking_scores
+
+        estimated = tracks.read_boxes(self.output / "tracks.csv", empty_boxes="absent")
+        first = self.options["start"] + 1
+        last = first + self.num_tracked
+        found, true = (
+            tracks.dense(table, sorted(set(table.id.tolist())), last)[first:]
+            for table in (estimated, truth)
+        )
+        scores = tracking_scores(found, true)
+        common.print_table(
+            f"Against the truth, {counted(len(true))}",
+            ["", *_SCORES, *_COUNTS],
+            [
+                [
+                    "all",
+                    *(f"{scores[name]:.3f}" for name in _SCORES),
+                    *(f"{scores[name]:.0f}" for name in _COUNTS),
+                ]
+            ],
+        )
+        with atomic_write(self.output / "metrics.csv") as file:
+            file.write(",".join(scores) + "\n")
+            file.write(",".join(f"{value:.6g}" for value in scores.values()) + "\n")

@@ -1,0 +1,132 @@
+"""Targets that come and go: the slots of an open population, filled and emptied between frames.
+
+A tracker with ``population="open"`` has a fixed number L of slots, its capacity, so that whatever
+comes and goes nothing is compiled anew.  ``LabelledState.alive`` says which slots hold a target; an
+empty one has no weight, no share of eq. 4, no part in the mixture, and after the next resampling
+no particles: those that live share all N.
+
+A target that is born gets its particles in the next frame, after the resampling, when weights
+within a label are equal and every other label gives as many: ``N / living``, its fair share.  They
+start where it was born, as those of ``initial`` do.
+
+Its mass in the mixture is 1 / living, and the others' shrink in proportion: who has just come has
+no evidence of its own, and the mixture has no other reason to prefer or to neglect it.
+"""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from jaxpf.errors import InputError
+from jaxpf.filters.labelled import by_label, kernel
+from jaxpf.filters.labelled.state import LabelledState
+
+
+def born(state: LabelledState, slot: jax.Array, substate: jax.Array) -> LabelledState:
+    """The state in which a target has come; its particles follow in the next frame.
+
+    Args:
+        state: of an open population, between two frames.
+        slot: ``[]`` int, a slot that is empty; of one that is not, the target is put elsewhere.
+        substate: ``[D]``, where it is in the frame that ``state`` has seen.
+
+    Raises:
+        InputError: the population is fixed.
+    """
+    _check_open(state)
+    return _born(state, slot, substate)
+
+
+def ended(state: LabelledState, slot: jax.Array) -> LabelledState:
+    """The state from which a target has gone; the other labels' particles stay as they are.
+
+    Args:
+        state: of an open population, between two frames.
+        slot: ``[]`` int.
+
+    Raises:
+        InputError: the population is fixed.
+    """
+    _check_open(state)
+    return _ended(state, slot)
+
+
+@jax.jit
+def _born(state, slot, substate):
+    alive = state.alive.at[slot].set(True)
+    living = jnp.sum(alive).astype(state.log_mass.dtype)
+    others = _normalised(state.log_mass.at[slot].set(-jnp.inf)) + jnp.log1p(-1 / living)
+    return dataclasses.replace(
+        state,
+        alive=alive,
+        newborn=state.newborn.at[slot].set(True),
+        lost=state.lost.at[slot].set(False),
+        estimate=state.estimate.at[:, slot].set(jnp.asarray(substate, state.estimate.dtype)),
+        velocity=state.velocity.at[:, slot].set(0.0),
+        log_mass=others.at[slot].set(-jnp.log(living)),
+    )
+
+
+@jax.jit
+def _ended(state, slot):
+    weights = jnp.where(state.labels == slot, -jnp.inf, state.log_weights)
+    return dataclasses.replace(
+        state,
+        alive=state.alive.at[slot].set(False),
+        newborn=state.newborn.at[slot].set(False),
+        lost=state.lost.at[slot].set(False),
+        log_weights=_normalised(weights),
+        log_mass=_normalised(state.log_mass.at[slot].set(-jnp.inf)),
+    )
+
+
+def first_state(tracker: Any) -> LabelledState:
+    """The state just before the first frame: a row of ``initial`` that is NaN is an empty slot."""
+    initial, num_particles = tracker.initial.T, tracker.num_particles
+    alive = jnp.all(jnp.isfinite(initial), axis=0)
+    place = jnp.where(alive, initial, 0.0)
+    if tracker.scope == "within":
+        labels = jnp.asarray(kernel.first_labels(num_particles, tracker.num_targets))
+    else:
+        labels = jnp.sort(homes(alive, num_particles))
+    sizes = by_label.counts(labels, tracker.num_targets).astype(place.dtype)
+    mass = jnp.where(alive, -jnp.log(jnp.maximum(jnp.sum(alive), 1).astype(place.dtype)), -jnp.inf)
+    values = by_label.spread(place, labels)
+    velocity = jnp.zeros((len(tracker.position), tracker.num_targets), place.dtype)
+    if tracker.speed is not None:
+        velocity = place[jnp.array(tracker.speed)]
+    return LabelledState(
+        lagged=jnp.stack([values, values]),
+        labels=labels,
+        log_weights=by_label.spread(mass - jnp.log(jnp.maximum(sizes, 1)), labels),
+        log_mass=mass,
+        estimate=place,
+        velocity=velocity,
+        lost=jnp.zeros_like(alive),
+        weighted=jnp.zeros((), bool),
+        alive=alive,
+        newborn=jnp.zeros_like(alive),
+    )
+
+
+def homes(alive: jax.Array, num_particles: int) -> jax.Array:
+    """``[N]`` int32: the labels that live, in turn; which of them may take each slot of the set."""
+    living_first = jnp.argsort(~alive).astype(jnp.int32)
+    number = jnp.maximum(jnp.sum(alive), 1)
+    return living_first[jnp.arange(num_particles, dtype=jnp.int32) % number]
+
+
+def _normalised(log_values: jax.Array) -> jax.Array:
+    """Shifted so that the exponentials sum to one; left alone where all are -inf."""
+    total = jax.nn.logsumexp(log_values)
+    return log_values - jnp.where(jnp.isneginf(total), 0.0, total)
+
+
+def _check_open(state: LabelledState) -> None:
+    if state.alive is None:
+        raise InputError(
+            "this state is of a fixed population, in which no target comes or goes; make the "
+            "tracker with population='open'."
+        )

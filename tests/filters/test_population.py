@@ -1,0 +1,222 @@
+"""An open population: who comes gets a fair share, who goes leaves the others alone."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.scipy.stats import multivariate_normal
+
+import jaxpf
+from jaxpf.filters.labelled.tracker import born, ended
+from jaxpf.models.dynamics import AR2, IndependentGaussian
+from jaxpf.models.likelihoods import Gaussian
+
+FRAMES = np.random.default_rng(0).normal(size=(6, 4, 2)).astype(np.float32).cumsum(axis=0)
+EMPTY = np.full((4, 2), np.nan, np.float32)
+NOISE = 0.5
+
+
+def tracker(initial=EMPTY, **settings):
+    likelihood = Gaussian(noise=np.tile(NOISE * np.eye(2, dtype=np.float32), (4, 1, 1)))
+    defaults = {"num_particles": 60, "population": "open"}
+    dynamics = AR2(scale=np.full(2, settings.pop("scale", 1.0), np.float32))
+    return jaxpf.Labelled(dynamics, likelihood, initial, **(defaults | settings))
+
+
+def some(*slots):
+    """Initial states in which these slots hold a target."""
+    initial = EMPTY.copy()
+    initial[list(slots)] = np.arange(8, dtype=np.float32).reshape(4, 2)[list(slots)]
+    return initial
+
+
+@jax.jit
+def step(chosen, key, state, frame):
+    return chosen.step(key, state, frame)
+
+
+@jax.jit
+def start(chosen):
+    return chosen.init(jax.random.key(0))
+
+
+def after_frames(chosen, number=2):
+    """State and summary, in NumPy arrays, after some frames."""
+    state = start(chosen)
+    for time in range(number):
+        state, summary = step(chosen, jax.random.key(time), state, FRAMES[time])
+    return state, jax.tree.map(np.asarray, summary)
+
+
+def weight_of(state):
+    weights = np.exp(np.asarray(state.log_weights))
+    return np.bincount(np.asarray(state.labels), weights, minlength=4)
+
+
+SCOPES = pytest.mark.parametrize(
+    "scope", ["across", pytest.param("within", marks=pytest.mark.slow)]
+)
+
+
+@SCOPES
+def test_with_all_slots_taken_it_is_the_fixed_population_bit_for_bit(scope):
+    initial = some(0, 1, 2, 3)
+    one, other = (
+        after_frames(tracker(initial, scope=scope, population=name), 4)[1]
+        for name in ("open", "fixed")
+    )
+    for name in ("estimate", "log_evidence", "ess_parts", "label_log_evidence", "lost", "status"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+@SCOPES
+def test_empty_slots_have_no_weight_and_report_nothing(scope):
+    state, summary = after_frames(tracker(some(1, 3), scope=scope))
+    np.testing.assert_allclose(weight_of(state), [0, 0.5, 0, 0.5], atol=1e-5)
+    assert summary.alive.tolist() == [False, True, False, True]
+    assert np.isnan(summary.estimate[[0, 2]]).all()
+    assert np.isfinite(summary.estimate[[1, 3]]).all()
+    assert not summary.lost.any()
+    assert summary.status == 0
+    assert summary.ess >= 1
+    assert np.isfinite(summary.log_evidence)
+    if scope == "across":
+        np.testing.assert_allclose(summary.uniqueness, [0, 0.5, 0, 0.5], atol=0.05)
+
+
+def test_who_ends_leaves_the_others_their_particles_and_then_his_own():
+    chosen = tracker(some(0, 1, 2))
+    state, _ = after_frames(chosen)
+    after = ended(state, 1)
+    np.testing.assert_array_equal(after.lagged, state.lagged)
+    np.testing.assert_array_equal(after.labels, state.labels)
+    others = np.asarray(state.labels) != 1
+    # The rest is one again, each particle of it in proportion.
+    gain = np.asarray(after.log_weights - state.log_weights)[others]
+    np.testing.assert_allclose(gain, np.log(1.5), rtol=1e-5)
+    assert np.isneginf(np.asarray(after.log_weights)[~others]).all()
+    np.testing.assert_allclose(np.exp(after.log_mass).sum(), 1, rtol=1e-5)
+    later, summary = step(chosen, jax.random.key(9), after, FRAMES[2])
+    assert not np.any(np.asarray(later.labels) == 1)
+    np.testing.assert_allclose(summary.uniqueness, [0.5, 0, 0.5, 0], atol=0.04)
+
+
+@SCOPES
+def test_who_is_born_starts_in_his_place_with_a_fair_share(scope):
+    chosen = tracker(some(0, 2), scope=scope, scale=0.0)
+    state, _ = after_frames(chosen)
+    place = np.array([30.0, -7.0], np.float32)
+    after = born(state, 3, place)
+    for name in ("lagged", "labels", "log_weights"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(state, name))
+    np.testing.assert_allclose(np.exp(after.log_mass)[3], 1 / 3, rtol=1e-5)
+    np.testing.assert_allclose(np.exp(after.log_mass).sum(), 1, rtol=1e-5)
+    later, summary = step(chosen, jax.random.key(9), after, FRAMES[2])
+    np.testing.assert_allclose(summary.estimate[3], place, rtol=1e-6)
+    np.testing.assert_allclose(weight_of(later), [1 / 3, 0, 1 / 3, 1 / 3], rtol=1e-4)
+    assert not later.newborn.any()
+    if scope == "across":
+        # A third of the particles at once, taken from both.
+        assert np.bincount(later.labels, minlength=4).tolist() == [20, 0, 20, 20]
+    # The others are where they would have been.
+    alone, _ = step(chosen, jax.random.key(9), state, FRAMES[2])
+    kept = np.asarray(later.labels) != 3
+    np.testing.assert_array_equal(later.lagged[..., kept], alone.lagged[..., kept])
+
+
+@pytest.mark.slow
+def test_the_evidence_of_a_newborn_and_of_the_others_is_unbiased():
+    """One frame after a birth, against the exact answer; 4000 runs."""
+    chosen = tracker(some(0, 2), num_particles=12, resampling="multinomial")
+    place, frame = np.array([1.0, 2.0], np.float32), FRAMES[0]
+
+    def run(key):
+        first, second = jax.random.split(key)
+        state, _ = chosen.step(first, chosen.init(key), FRAMES[1])
+        _, summary = chosen.step(second, born(state, 1, place), frame)
+        return summary.label_log_evidence[1], summary.log_evidence
+
+    own, mixture = jax.jit(jax.vmap(run))(jax.random.split(jax.random.key(0), 4000))
+    exact = np.exp(multivariate_normal.logpdf(frame[1], place, (1 + NOISE**2) * jnp.eye(2)))
+    ratio = np.exp(np.asarray(own, float)) / exact
+    assert abs(ratio.mean() - 1) < 4.5 * ratio.std() / 4000**0.5
+    assert ratio.std() < 2
+    assert np.isfinite(mixture).all()
+
+
+def test_an_empty_population_waits_and_its_first_target_gets_everything():
+    chosen = tracker()
+    state, summary = after_frames(chosen)
+    assert summary.log_evidence == 0
+    assert summary.status == 0
+    assert summary.ess == 0
+    state, summary = step(chosen, jax.random.key(3), born(state, 2, [1.0, 1.0]), FRAMES[2])
+    np.testing.assert_allclose(weight_of(state), [0, 0, 1, 0], atol=1e-6)
+    assert summary.uniqueness[2] == 1
+    assert np.isfinite(summary.log_evidence)
+    emptied, summary = step(chosen, jax.random.key(4), ended(state, 2), FRAMES[3])
+    assert not np.isnan(emptied.log_weights).any()
+    assert not summary.alive.any()
+    # A slot is used again in the frame in which it was left.
+    again = born(ended(state, 2), 2, [5.0, 5.0])
+    _, summary = step(chosen, jax.random.key(4), again, FRAMES[3])
+    assert np.abs(summary.estimate[2] - 5).max() < 5
+
+
+def test_births_and_deaths_compile_nothing_anew():
+    traces = []
+
+    class Counting(Gaussian):
+        def log_prob_all(self, *arguments):
+            traces.append(1)
+            return super().log_prob_all(*arguments)
+
+    likelihood = jaxpf.pytree_dataclass(Counting)(noise=tracker().likelihood.noise)
+    chosen = dataclasses.replace(tracker(), likelihood=likelihood)
+    state, _ = step(chosen, jax.random.key(1), start(chosen), FRAMES[0])
+    once = len(traces)
+    for slot in (2, 0, 1, 3):
+        state = born(state, slot, FRAMES[0, slot])
+        state, _ = step(chosen, jax.random.key(slot), state, FRAMES[1])
+        state = ended(state, slot) if slot else state
+    assert once == len(traces) == 1
+
+
+@pytest.mark.slow
+def test_a_lost_target_is_given_particles_again_where_that_is_asked_and_a_newborn_first_ones():
+    chosen = tracker(some(0, 1), reseed=(0.0, 0.0), feedback="estimate", regularise=(0.8, 0.5))
+    state, _ = after_frames(chosen)
+    frame = FRAMES[2].copy()
+    frame[1] = 1e20
+    state, summary = step(chosen, jax.random.key(5), state, frame)
+    assert summary.lost.tolist() == [False, True, False, False]
+    state, summary = step(chosen, jax.random.key(6), born(state, 3, FRAMES[3, 3]), FRAMES[3])
+    assert not summary.lost.any()
+    # The lost one has those that he kept, besides.
+    np.testing.assert_allclose(summary.uniqueness, [1 / 6, 1 / 2, 0, 1 / 3], atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"population": "closed"}, "choose one of fixed, open"),
+        ({"weights": "plain"}, "equal share"),
+        (
+            {"initial": IndependentGaussian(np.zeros((4, 2)), 1.0), "num_targets": 4},
+            "rows of NaN are empty",
+        ),
+        ({"num_particles": 3}, "fewer than the 4 targets"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(settings, sentence):
+    with pytest.raises(jaxpf.InputError, match=sentence):
+        tracker(**settings)
+
+
+def test_nobody_comes_or_goes_in_a_fixed_population():
+    state = start(tracker(some(0, 1, 2, 3), population="fixed"))
+    for change in (lambda: born(state, 0, [0.0, 0.0]), lambda: ended(state, 0)):
+        with pytest.raises(jaxpf.InputError, match="population='open'"):
+            change()

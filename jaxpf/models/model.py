@@ -16,8 +16,6 @@ class Model(NamedTuple):
         parents: the part tree, -1 for a root.
         initial_label: ``[L]``, probabilities of a particle's discrete label at the start, for
             filters whose particles carry one; None: there is none.
-        orders_of_labels: for each label the order in which partitioned sampling goes through the
-            partitions; None where labels say nothing of it.
     """
 
     dynamics: Any
@@ -25,7 +23,6 @@ class Model(NamedTuple):
     initial: Any
     parents: tuple[int, ...]
     initial_label: Any = None
-    orders_of_labels: tuple[tuple[int, ...], ...] | None = None
 
     @property
     def num_partitions(self) -> int:

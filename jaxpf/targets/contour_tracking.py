@@ -100,7 +100,6 @@ def contours_model(
     return model._replace(
         dynamics=WithOcclusion(dynamics, likelihood, flip),
         initial_label=np.full(2, 0.5, np.float32),
-        orders_of_labels=((0, 1), (1, 0)),
     )
 
 

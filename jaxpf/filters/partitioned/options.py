@@ -78,8 +78,9 @@ class PartitionedFilter(Filter):
         from jaxpf.filters.partitioned.tracker import Partitioned
 
         self.check(options, model.parents)
-        if options.method == "ps" and options.order is None and model.orders_of_labels is not None:
-            ordering = branched(model.orders_of_labels)
+        orders = getattr(model.likelihood, "orders_of_labels", None)
+        if options.method == "ps" and options.order is None and orders is not None:
+            ordering = branched(orders)
         else:
             ordering = named(options.method, model.parents, order=options.order, swap=options.swap)
         return Partitioned(

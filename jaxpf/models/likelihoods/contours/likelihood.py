@@ -214,6 +214,9 @@ class OpaqueContours(ExclusiveContours):
     target's boundary lies inside the nearer one's outline is hidden, and is not counted.
     """
 
+    #: For each label the order of partitioned sampling: the nearer target first (figure 8).
+    orders_of_labels = ((0, 1), (1, 0))
+
     def log_joint(self, observation, substates, log_probs):
         """The mean over both labels, for a filter that carries none."""
         both = jnp.stack(

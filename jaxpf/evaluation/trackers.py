@@ -18,10 +18,14 @@ from jaxpf.options import chosen
 from jaxpf.running import RUNS_PER_BATCH
 from jaxpf.targets.target import Looks, Start, Target
 
+#: Every so manieth frame of a scene is shown as typical.
+_EVERY = 8
+
 
 def looks_of(scene: Any, num_particles: int, num_runs: int = RUNS_PER_BATCH) -> Looks:
-    """A scene's reference patches."""
-    return Looks(None, scene.patches, scene.frames.shape[1:3], num_particles, num_runs)
+    """A scene's reference patches, and some of its frames."""
+    some = scene.frames[::_EVERY]
+    return Looks(None, scene.patches, scene.frames.shape[1:3], num_particles, num_runs, some)
 
 
 def built_in_tracker(scene: Any, target: Target, configuration: Configuration) -> Any:
@@ -66,7 +70,7 @@ def shapes_of(tracker: Any, target: Target, start: Start, estimate: Any) -> np.n
     """Shapes ``[..., P, S]`` of estimates, as the tracker or else the target reads them."""
     if target.has_boxes and hasattr(tracker, "boxes"):
         return np.asarray(tracker.boxes(estimate))
-    return target.shapes(start, np.asarray(estimate))
+    return target.shapes_of(tracker, start, np.asarray(estimate))
 
 
 def tracker_of(

@@ -9,8 +9,8 @@ The map, downwards: a file imports from its own room and from rooms below it, ne
 ``evaluation/``, ``tuning/``
     Many runs compared, with intervals, resumed where interrupted; parameters found by gradient.
 ``targets/``
-    What a substate means, one file per target: boxes, parts, points.  A target says where it
-    starts, which model follows, and what it reports.
+    What a substate means, one file per target: boxes, parts, points, contours.  A target says
+    where it starts, which model follows, and what it reports.
 ``baselines/``
     Trackers of other kinds to compare with: optical flow, SPOT, IoU; simulated detections.
 ``files/``, ``media/``, ``measures/``
@@ -22,7 +22,7 @@ The map, downwards: a file imports from its own room and from rooms below it, ne
     knows the other.
 ``models/``
     How a substate moves (``dynamics``, ``joints``) and explains a frame (``likelihoods``).
-``checks``, ``contract``, ``state``, ``running``, ``streaming``
+``checks``, ``contract``, ``state``, ``running``, ``chunks``, ``streaming``
     What a tracker, a dynamics and a likelihood are; what a frame reports; over the frames.
 ``lowering/``
     What is written for the compiler's sake, and nothing else.
@@ -45,6 +45,8 @@ __version__ = "0.1.0"
 _MODULES = {
     "articulated": "targets.articulated",
     "boxes": "targets.boxes",
+    "chunks": "chunks",
+    "contours": "targets.contour_tracking",
     "contract": "contract",
     "dynamics": "models.dynamics",
     "errors": "errors",
@@ -66,6 +68,9 @@ _MODULES = {
     "resampling": "filters.resampling",
     "running": "running",
     "scores": "measures.scores",
+    "shape_learning": "models.shape_learning",
+    "shapes": "models.shapes",
+    "splines": "models.splines",
     "state": "state",
     "streaming": "streaming",
     "track_matching": "measures.track_matching",
@@ -91,6 +96,7 @@ _NAMES = {
 
 if TYPE_CHECKING:
     from jaxpf import (  # noqa: F401
+        chunks,
         contract,
         errors,
         evaluation,
@@ -110,11 +116,20 @@ if TYPE_CHECKING:
     from jaxpf.filters.partitioned.tracker import Partitioned
     from jaxpf.measures import intervals, metrics, scores, track_matching  # noqa: F401
     from jaxpf.media import overlay, plotting, video, video_writer  # noqa: F401
-    from jaxpf.models import dynamics, geometry, joints, likelihoods  # noqa: F401
+    from jaxpf.models import (  # noqa: F401
+        dynamics,
+        geometry,
+        joints,
+        likelihoods,
+        shape_learning,
+        shapes,
+        splines,
+    )
     from jaxpf.pytree import pytree_dataclass
     from jaxpf.running import monte_carlo, run
     from jaxpf.state import ParticleState, Summary
     from jaxpf.targets import articulated, boxes, populations  # noqa: F401
+    from jaxpf.targets import contour_tracking as contours  # noqa: F401
     from jaxpf.tuning import objectives, tune  # noqa: F401
 
 __all__ = [

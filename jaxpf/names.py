@@ -21,3 +21,12 @@ GRADIENTS = ("none", "stop_gradient", "soft", "transport")
 MOTION_GRADIENTS = ("pathwise", "score")
 #: What tuning makes large or small.
 OBJECTIVES = ("evidence", "position", "overlap")
+#: Shape spaces of contours that need no examples.
+SHAPE_SPACES = ("translation", "similarity", "affine")
+#: How contours exclude one another: as wire frames, as opaque bodies, or not at all.
+EXCLUSIONS = ("wires", "opaque", "none")
+#: What an annotator marks of a contour.
+ANNOTATIONS = ("masks", "outlines", "centrelines")
+#: What of the past may act on a coordinate, in dynamics that are learned: its own last steps; its
+#: own past, with a place to which it returns; or every coordinate's past.
+COEFFICIENTS = ("steps", "own", "all")

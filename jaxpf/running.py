@@ -12,15 +12,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jax.sharding import Mesh, PartitionSpec
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from jaxpf import contract
 from jaxpf.checks import check_frames, check_run
+from jaxpf.chunks import come_one_by_one, in_chunks
 from jaxpf.errors import InputError
 
 #: Runs per compiled batch of ``monte_carlo``.
 RUNS_PER_BATCH = 25
 _AXIS = "runs"
+#: What several devices share: all have everything, or each its batches, or its frame of a group.
+_REPLICATED, _OF_BATCHES = PartitionSpec(), PartitionSpec(_AXIS)
+_OF_GROUPS = PartitionSpec(None, _AXIS)
 
 
 def summary_only(state: Any, summary: Any) -> Any:
@@ -44,9 +48,14 @@ def run(
         The final state, and what ``record`` kept, with a leading axis T.
 
     Raises:
-        InputError: no frames, or arrays with different numbers of frames; see also
-            ``jaxpf.checks.check_run``.
+        InputError: no frames, arrays with different numbers of frames, or frames that come one by
+            one; see also ``jaxpf.checks.check_run``.
     """
+    if come_one_by_one(frames):
+        raise InputError(
+            "frames come one by one, and run needs them all at once; use jaxpf.streaming.stream or "
+            "jaxpf.monte_carlo, which keep few of them, or give np.stack(list(frames))."
+        )
     check_frames(frames)
     num_frames(frames)
     check_run(tracker, frames)
@@ -60,14 +69,17 @@ def monte_carlo(
     record: Callable[[Any, Any], Any] = summary_only,
     batch_size: int = RUNS_PER_BATCH,
     devices: Sequence[jax.Device] | None = None,
+    frames_per_chunk: int | None = None,
 ) -> Any:
     """Track one sequence many times, independently.
 
     Runs are processed in batches of one fixed width, the last one padded, so that a run's
     result depends on its key alone, bit for bit, and not on how many other runs or devices
     there are.  What depends on a frame alone (``tracker.observe``) is computed once per
-    frame for all runs, and on one device only.  Memory does not grow with T, but for what
-    ``record`` keeps.
+    frame for all runs, and on one device only.
+
+    Frames travel to the devices in chunks, and states are carried from chunk to chunk: results
+    are the same bit for bit, and memory does not grow with T, but for what ``record`` keeps.
 
     On a CPU one device uses little more than one core.  More host devices use the others:
     ``jax.config.update("jax_num_cpu_devices", 2)`` before JAX is first used.
@@ -75,21 +87,26 @@ def monte_carlo(
     Args:
         tracker: as for ``run``.
         keys: ``[R]`` keys, one per run.
-        frames: as for ``run``.
+        frames: as for ``run``; or an iterable of single frames, such as a generator, of which
+            those of two chunks are kept at a time.
         record: as for ``run``.
         batch_size: runs that are vectorised together.  Results are reproducible bit for
             bit only among calls with the same ``batch_size``.
         devices: the batches are dealt out to them; default all of ``jax.local_devices()``.
+        frames_per_chunk: rounded up to a multiple of the devices, and to two for each of them.
+            By default as many as ``jaxpf.chunks.CHUNK_BYTES`` hold; and all of them, if they are
+            on a device already.
 
     Returns:
         What ``record`` kept, with leading axes ``[R, T]``.
 
     Raises:
-        InputError: as for ``run``; no keys; ``batch_size`` < 1; no devices.
+        InputError: as for ``run``; no keys; ``batch_size`` or ``frames_per_chunk`` < 1; no
+            devices; frames that differ in shape.
     """
-    check_frames(frames)
-    num_frames(frames)
-    check_run(tracker, frames)
+    if not come_one_by_one(frames):
+        check_frames(frames)
+        num_frames(frames)
     keys = as_keys(keys)
     if batch_size < 1:
         raise InputError(f"batch_size={batch_size} must be at least 1.")
@@ -101,8 +118,25 @@ def monte_carlo(
     padding = -num_runs % (batch_size * len(used))
     padded = keys[jnp.minimum(jnp.arange(num_runs + padding), num_runs - 1)]
     batches = padded.reshape(-1, batch_size)
-    recorded = batches_compiled(tracker, batches, frames, record, used)
-    return jax.tree.map(lambda x: x.reshape(num_runs + padding, *x.shape[2:])[:num_runs], recorded)
+
+    states, kept, length = None, [], 0
+    for first, count, chunk in in_chunks(frames, frames_per_chunk, len(used)):
+        if states is None:
+            check_run(tracker, chunk)
+            states = _begin_compiled(tracker, batches, used)
+        else:
+            # One chunk is computed while the next one is read, and no more are waiting.
+            jax.block_until_ready(kept[-1])
+        times, groups = in_groups(first, chunk, used)
+        states, recorded = _advance_compiled(tracker, batches, states, times, groups, record, used)
+        kept.append(recorded)
+        length = first + count
+
+    def joined(*parts: jax.Array) -> jax.Array:
+        whole = parts[0] if len(parts) == 1 else jnp.concatenate(parts, axis=2)
+        return whole.reshape(num_runs + padding, *whole.shape[2:])[:num_runs, :length]
+
+    return jax.tree.map(joined, *kept)
 
 
 def frame_key(key: jax.Array, time: Any) -> jax.Array:
@@ -202,36 +236,91 @@ def run_compiled(tracker: Any, key: jax.Array, frames: Any, record: Callable) ->
     return lax.scan(one_run(tracker, key, record), init(tracker, key), (times, frames))
 
 
-def run_batches(
-    tracker: Any, keys: jax.Array, frames: Any, record: Callable, devices: tuple = ()
-) -> Any:
-    """What ``monte_carlo`` compiles: ``keys`` ``[B, W]``, the runs of a batch together.
+def in_groups(first: int, frames: Any, devices: tuple) -> tuple[np.ndarray, Any]:
+    """Times ``[G, D]`` and frames ``[G, D, ...]``: in groups of as many as there are devices.
+
+    Each device is given the frames that it observes, and no others.
+
+    Args:
+        first: time of the first frame.
+        frames: ``[G D, ...]``.
+        devices: D of them, or none for the only one.
+    """
+    length, count = num_frames(frames), max(len(devices), 1)
+    times = np.arange(first, first + length, dtype=np.int32).reshape(-1, count)
+    groups = jax.tree.map(lambda x: x.reshape(-1, count, *x.shape[1:]), frames)
+    if count > 1:
+        groups = jax.device_put(groups, NamedSharding(_mesh(devices), _OF_GROUPS))
+    return times, groups
+
+
+def begin_batches(tracker: Any, keys: jax.Array, devices: tuple = ()) -> Any:
+    """States ``[B, W, ...]`` of runs with keys ``[B, W]``, just before the first frame."""
+
+    def begin(tracker, keys):
+        return lax.map(jax.vmap(lambda key: init(tracker, key)), keys)
+
+    if len(devices) > 1:
+        begin = _on_devices(begin, devices, (_REPLICATED, _OF_BATCHES))
+    return begin(tracker, keys)
+
+
+def advance_batches(
+    tracker: Any,
+    keys: jax.Array,
+    states: Any,
+    times: Any,
+    groups: Any,
+    record: Callable,
+    devices: tuple = (),
+) -> tuple[Any, Any]:
+    """What ``monte_carlo`` compiles: states ``[B, W, ...]`` carried through a chunk of frames.
 
     Batches come one after another.  Several devices share them.  Of each group of as many frames,
     every device observes one and receives the others' observations.
+
+    Args:
+        tracker: as for ``run``.
+        keys: ``[B, W]``, the runs of a batch together.
+        states: before the chunk.
+        times: ``[G, D]``, see ``in_groups``; one device has groups of one frame.
+        groups: ``[G, D, ...]``.
+        record: as for ``run``.
+        devices: D of them, or none for the only one.
+
+    Returns:
+        The states after the chunk, and what was kept, ``[B, W, G D, ...]``.
     """
-    if len(devices) <= 1:
-        return _batches_of_one_device(tracker, keys, frames, record, 1)
-    replicated, sharded = PartitionSpec(), PartitionSpec(_AXIS)
+    advance: Callable = partial(
+        _advance_on_one_device, record=record, num_devices=max(len(devices), 1)
+    )
+    if len(devices) > 1:
+        places = (_REPLICATED, _OF_BATCHES, _OF_BATCHES, _REPLICATED, _OF_GROUPS)
+        advance = _on_devices(advance, devices, places)
+    return advance(tracker, keys, states, times, groups)
+
+
+_begin_compiled = partial(jax.jit, static_argnames="devices")(begin_batches)
+_advance_compiled = partial(jax.jit, static_argnames=("record", "devices"))(advance_batches)
+
+
+def _mesh(devices: tuple) -> Mesh:
+    return Mesh(np.asarray(devices), (_AXIS,))
+
+
+def _on_devices(function: Callable, devices: tuple, places: tuple) -> Callable:
     return jax.shard_map(
-        partial(_batches_of_one_device, record=record, num_devices=len(devices)),
-        mesh=Mesh(np.asarray(devices), (_AXIS,)),
-        in_specs=(replicated, sharded, replicated),
-        out_specs=sharded,
-        check_vma=False,
-    )(tracker, keys, frames)
+        function, mesh=_mesh(devices), in_specs=places, out_specs=_OF_BATCHES, check_vma=False
+    )
 
 
-batches_compiled = partial(jax.jit, static_argnames=("record", "devices"))(run_batches)
-
-
-def _batches_of_one_device(tracker, keys, frames, record, num_devices):
+def _advance_on_one_device(tracker, keys, states, times, groups, record, num_devices):
     observe = contract.observed_apart(tracker)[0]
 
     def observe_group(group):
+        mine = observe(jax.tree.map(lambda x: x[0], group))
         if num_devices == 1:
-            return jax.tree.map(lambda x: x[None], observe(jax.tree.map(lambda x: x[0], group)))
-        mine = observe(jax.tree.map(lambda x: x[lax.axis_index(_AXIS)], group))
+            return jax.tree.map(lambda x: x[None], mine)
         return jax.tree.map(lambda x: lax.all_gather(x, _AXIS), mine)
 
     def of_every_run(advance, states):
@@ -249,17 +338,9 @@ def _batches_of_one_device(tracker, keys, frames, record, num_devices):
             frame_step(find, of_every_run, record), states, (times, jnp.arange(num_devices))
         )
 
-    length = num_frames(frames)
-    num_groups = -(-length // num_devices)
-    # The last group is filled up with its last frame; what comes of it is dropped.
-    times = jnp.minimum(jnp.arange(num_groups * num_devices), length - 1)
-    if length % num_devices:
-        frames = jax.tree.map(lambda x: jnp.asarray(x)[times], frames)
-    groups = jax.tree.map(lambda x: x.reshape(num_groups, num_devices, *x.shape[1:]), frames)
-    states = lax.map(jax.vmap(lambda key: init(tracker, key)), keys)
-    _, recorded = lax.scan(group_step, states, (times.reshape(num_groups, num_devices), groups))
+    states, recorded = lax.scan(group_step, states, (times, groups))
 
     def by_run(x):
-        return jnp.moveaxis(x.reshape(num_groups * num_devices, *x.shape[2:])[:length], 0, 2)
+        return jnp.moveaxis(x.reshape(times.size, *x.shape[2:]), 0, 2)
 
-    return jax.tree.map(by_run, recorded)
+    return states, jax.tree.map(by_run, recorded)

@@ -18,6 +18,7 @@ from scenes.distracter import distracter_scene
 from scenes.distracter_parameters import DistracterParameters
 from scenes.face import FaceParameters, face_scene
 from scenes.fish import FishParameters, fish_scene
+from scenes.frames import LazyFrames
 from scenes.leaves import LeavesParameters, leaves_scene
 from scenes.projectiles import ProjectilesParameters, projectiles_scene
 from scenes.scene import Scene, SceneError
@@ -39,6 +40,7 @@ __all__ = [
     "DistracterParameters",
     "FaceParameters",
     "FishParameters",
+    "LazyFrames",
     "LeavesParameters",
     "ProjectilesParameters",
     "Scene",

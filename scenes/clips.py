@@ -22,6 +22,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from scenes.frames import LazyFrames
 from scenes.scene import Scene, SceneError, shown
 
 NOT_ANNOTATED = -1
@@ -72,22 +73,29 @@ class Clip:
 
         By default all of them.
         """
-        stop = self.num_frames if stop is None else stop
+        return self.pictures(range(start, self.num_frames if stop is None else stop))
+
+    def pictures(self, numbers: Sequence[int]) -> Iterator[np.ndarray]:
+        """The pictures ``[H, W, 3]`` uint8, RGB, of the frames of those numbers, ascending.
+
+        Raises:
+            SceneError: a picture is missing or of another size; the video is shorter.
+        """
         read = self._read_pictures if "%" in self.source else self._read_video
-        count = start
-        for picture in read(start, stop):
+        found = read(numbers)
+        for number in numbers:
+            picture = next(found, None)
+            if picture is None:
+                raise SceneError(
+                    f"{self.folder / self.source} ends before frame {number}, but "
+                    f"{self.description} says that there are {self.num_frames}"
+                )
             if picture.shape != (self.height, self.width, 3):
                 raise SceneError(
-                    f"{self.folder / self.source}: frame {count} measures {picture.shape[1]} x "
+                    f"{self.folder / self.source}: frame {number} measures {picture.shape[1]} x "
                     f"{picture.shape[0]}, but {self.description} says {self.width} x {self.height}"
                 )
             yield np.ascontiguousarray(picture[..., ::-1])  # OpenCV decodes to BGR
-            count += 1
-        if count < stop:
-            raise SceneError(
-                f"{self.folder / self.source} ends after {count} frames, but {self.description} "
-                f"says that there are {self.num_frames}"
-            )
 
     def load(self, ids: Sequence[int] | None = None) -> Scene:
         """Decode the whole clip.
@@ -108,7 +116,7 @@ class Clip:
                 f"{', '.join(map(str, self.ids))}"
             )
         columns = [self.ids.index(number) for number in kept]
-        frames = np.stack(list(self.frames()))
+        frames = np.asarray(LazyFrames(self, range(self.num_frames)))
         boxes = self.boxes[:, columns]
         return Scene(
             name=self.name,
@@ -120,25 +128,27 @@ class Clip:
             extras={"ids": np.array(kept, dtype=int), "occlusion": self.occlusion[:, columns]},
         )
 
-    def _read_pictures(self, start: int, stop: int) -> Iterator[np.ndarray]:
-        for frame in range(start, stop):
+    def _read_pictures(self, numbers: Sequence[int]) -> Iterator[np.ndarray]:
+        for frame in numbers:
             path = self.folder / (self.source % (self.first_number + frame))
             picture = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
             if picture is None:
                 raise SceneError(f"{path}: frame {frame} is missing or is not a picture")
             yield picture
 
-    def _read_video(self, start: int, stop: int) -> Iterator[np.ndarray]:
+    def _read_video(self, numbers: Sequence[int]) -> Iterator[np.ndarray]:
         video = cv2.VideoCapture(str(self.folder / self.source))
+        position = 0
         try:
-            for frame in range(stop):
-                if not video.grab():
-                    return
-                if frame >= start:
-                    is_read, picture = video.retrieve()
-                    if not is_read:
+            for frame in numbers:
+                while position <= frame:
+                    if not video.grab():
                         return
-                    yield picture
+                    position += 1
+                is_read, picture = video.retrieve()
+                if not is_read:
+                    return
+                yield picture
         finally:
             video.release()
 

@@ -23,7 +23,7 @@ class Scene:
 
     Attributes:
         name: what the scene is called.
-        frames: ``[T, H, W, 3]`` uint8, RGB.
+        frames: ``[T, H, W, 3]`` uint8, RGB; an array, or of a long recording ``LazyFrames``.
         boxes: ``[T, P, 4]`` float, the true boxes (x, y, w, h) in pixels, (x, y) the top left
             corner.  A pixel in column c covers c <= x < c + 1.  NaN where an object is absent.
         patches: one reference patch ``[h, w, 3]`` per object, uint8, RGB, from which a tracker
@@ -34,7 +34,7 @@ class Scene:
     """
 
     name: str
-    frames: np.ndarray
+    frames: Any
     boxes: np.ndarray
     patches: list[np.ndarray]
     fps: float

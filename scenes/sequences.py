@@ -16,12 +16,16 @@ import numpy as np
 
 from scenes.benchmark_clips import read_mot, read_otb
 from scenes.clips import Clip, cut_patch, read_clip
+from scenes.frames import LazyFrames
 from scenes.scene import Scene, SceneError
 
 _FORMATS = (
     "meta.json and gt.csv, or seqinfo.ini, gt/gt.txt and img1/ (MOTChallenge), or "
     "groundtruth_rect.txt and img/ (OTB)"
 )
+
+#: Bytes of pictures that are read once and kept; those of a longer sequence are read as needed.
+MOST_KEPT = 512 * 2**20
 
 #: Letters of another's error message that ours repeat.
 _LONGEST_CAUSE = 300
@@ -56,7 +60,10 @@ def start_scene(
     start_frame: int | None = None,
     num_frames: int | None = None,
 ) -> Scene:
-    """Decode a part of a clip that starts where all its objects are in view.
+    """A part of a clip that starts where all its objects are in view.
+
+    Its frames are an array where they take at most ``MOST_KEPT`` bytes, and else ``LazyFrames``,
+    which are decoded whenever they are gone through.
 
     A box counts as in view when it covers at least one pixel of the picture.  Boxes are kept
     whole even where they reach beyond the picture; of such a box the reference patch is the part
@@ -110,15 +117,15 @@ def start_scene(
             f"in 1..{rest}, not {length}"
         )
     stop = start + length
-    frames = np.empty((length, clip.height, clip.width, 3), np.uint8)
-    for index, picture in enumerate(clip.frames(start, stop)):
-        frames[index] = picture
+    lazy = LazyFrames(clip, range(start, stop))
+    frames = np.asarray(lazy) if lazy.nbytes <= MOST_KEPT else lazy
+    first = frames[0]
     chosen = tuple(clip.ids[column] for column in columns)
     return Scene(
         name=clip.name,
         frames=frames,
         boxes=clip.boxes[start:stop, columns],
-        patches=[cut_patch(frames[0], clip.boxes[start, column]) for column in columns],
+        patches=[cut_patch(first, clip.boxes[start, column]) for column in columns],
         fps=clip.fps,
         parameters={
             "source": str(clip.folder),

@@ -145,9 +145,14 @@ def test_complex_frames_are_refused():
     ],
 )
 def test_an_initial_state_that_is_no_finite_array_is_refused(initial, sentence):
-    with pytest.raises(InputError) as caught:
-        tracker(initial=initial)
-    assert sentence in str(caught.value)
+    for make in (
+        lambda: tracker(initial=initial),
+        lambda: jaxpf.Labelled(Drift(), Near(), initial),
+        lambda: jaxpf.PFFL(Drift(), Near(), initial),
+    ):
+        with pytest.raises(InputError) as caught:
+            make()
+        assert sentence in str(caught.value)
 
 
 @pytest.mark.parametrize("order", ["10", [0.5, 1], 3, None, ["1", "0"]])

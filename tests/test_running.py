@@ -283,7 +283,10 @@ alone, two, all_ = (
     for devices in (jax.devices()[:1], jax.devices()[:2], None)
 )
 assert len(all_.estimate.devices()) == 3
-for results in (two, all_):
+# Chunks of 6 frames and of 1, which are written to the devices that observe them.
+chunked = jaxpf.monte_carlo(tracker, keys, iter(np.asarray(frames)), batch_size=4,
+                            frames_per_chunk=1)
+for results in (two, all_, chunked):
     jax.tree.map(np.testing.assert_array_equal, alone, results)
 print(np.asarray(alone.estimate).shape)
 

@@ -13,8 +13,9 @@ from jaxpf import __version__
 
 # Name -> (module, one-line help).  Written out so that `jaxpf --help` imports no command.
 _COMMANDS = {
-    "track": ("jaxpf.cli.track", "Track boxes through a video; write tracks, video and plots."),
+    "track": ("jaxpf.cli.track", "Track objects through a video; write tracks, video and plots."),
     "frame": ("jaxpf.cli.frame", "Save one frame with a pixel grid, to read boxes off."),
+    "contour": ("jaxpf.cli.contour", "Learn what contours look like and how they move."),
     "detections": ("jaxpf.cli.detections", "Simulate a detector on a video with known truth."),
     "evaluate": ("jaxpf.cli.evaluate", "Compare methods over many runs on a scene or a clip."),
     "tune": ("jaxpf.cli.tune", "Tune parameters by gradient descent; compare on unseen data."),

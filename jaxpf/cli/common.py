@@ -205,8 +205,10 @@ def use_compile_cache() -> None:
 #: Beyond this, whole numbers are no longer told apart once they are real ones.
 _LARGEST_WHOLE = 2**53
 
-#: What a table's words mean: a line under each table explains those that it uses.
+#: What a table's words mean, by how they begin; a line under each table explains those it uses.
 _TERMS = {
+    "success at": "frames whose overlap is above that",
+    "success area": "area under the curve of such frames over every overlap",
     "success": "tracked in every frame",
     "recover": "tracked in the last frame with truth",
     "unique": "particles that carry different draws of the object",
@@ -238,9 +240,12 @@ def _terms(names: Iterable[str]) -> str:
     used: dict[str, str] = {}
     for name in names:
         word = name.partition(",")[0].partition(" (")[0]
-        for term, meaning in _TERMS.items():
-            if word.lower().startswith(term) and term not in used:
-                used[term] = f"{word}: {meaning}"
+        known = (
+            term for term in _TERMS if word.lower().removeprefix("smith2004 ").startswith(term)
+        )
+        term = next(known, None)
+        if term and term not in used:
+            used[term] = f"{word}: {_TERMS[term]}"
     if not used:
         return ""
     tracked = "tracked: overlapping the truth at all"

@@ -17,7 +17,7 @@ import click
     help="PNG file to write.  [default: NAME-frame-NUMBER.png]",
 )
 def command(video: Path, number: int, step: int | None, output: Path | None) -> None:
-    """Save one frame of VIDEO with a pixel grid, to read boxes off.
+    """Save one frame of VIDEO with a pixel grid, to read boxes, points and contours off.
 
     A box is x,y,w,h: the pixel of its top left corner, its width and its height.
     """

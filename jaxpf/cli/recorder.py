@@ -126,10 +126,7 @@ class Recorder:
         values = [ess, log_evidence, *np.asarray(getattr(summary, "uniqueness", unknown))]
         self._diagnose([str(number), *(f"{value:.6g}" for value in values)])
         self.num_tracked += 1
-        cloud = None
-        if self.video is not None and hasattr(tracked.state, "substates"):
-            cloud = np.swapaxes(np.asarray(tracked.state.substates)[..., :2], 0, 1)
-        self._draw(tracked.frame, found, lost, cloud)
+        self._draw(tracked.frame, found, lost, tracked.state)
 
     def _diagnose(self, fields):
         """Append one line to diagnostics.csv: all of it or nothing."""
@@ -152,13 +149,13 @@ class Recorder:
         inside = np.all((lowest < size) & (highest > 0), axis=1)
         return ~inside  # an outline of NaN compares false everywhere, so it counts as lost
 
-    def _draw(self, frame, found, lost, cloud):
-        from jaxpf.media.overlay import draw_particles
-
+    def _draw(self, frame, found, lost, state):
         if self.video is None:
             return
-        if cloud is not None:
-            frame = draw_particles(frame, cloud, self.colours)
+        if state is not None:
+            frame = self.target.draw_particles(
+                frame, self.start_at, self.tracker, state, self.colours
+            )
         self.past.append(found)
         past = np.stack(self.past)
         self.video.write(self.target.draw(frame, self.start_at, found, self.colours, lost, past))
@@ -178,6 +175,7 @@ class Recorder:
             "error": str(stopped) if isinstance(stopped, InputError) else None,
             "video_truncated": self.source.truncated,
             "video_note": self.source.note,
+            "remarks": list(self.start_at.remarks),
             "frames_outside": self.frames_outside,
             "frames_without_likelihood": self.frames_without_likelihood,
             "impossible_frames": self.num_impossible,

@@ -89,11 +89,12 @@ def command(**options: Any) -> None:
     """Track objects through VIDEO, a video file or a folder of images.
 
     The start boxes come from --box (repeated) or from --boxes with --ids, the parts of an
-    articulated object from --parts-file; with --births boxes start and end by a file of
-    detections, and need no start box.  Filtering begins with the frame after the start
-    frame.  The output folder receives tracks.csv (MOT format; of parts, in the columns
-    frame,part,x,y,w,h,angle), overlay.mp4, diagnostics.csv and .png, summary.json, and
-    run.toml, which repeats the run: `jaxpf track --config run.toml -o ANOTHER`.
+    articulated object from --parts-file, contours from --contours; with --births boxes start and
+    end by a file of detections, and need no start box.  Filtering begins with the frame after the
+    start frame.  The output folder receives tracks.csv (MOT format; of parts, in the columns
+    frame,part,x,y,w,h,angle; of contours frame,contour,kind,point,x,y), overlay.mp4,
+    diagnostics.csv and .png, summary.json, and run.toml, which repeats the run:
+    `jaxpf track --config run.toml -o ANOTHER`.
 
     Example: jaxpf track clip.mp4 --box 120,80,40,90 --box 300,85,42,88
     """
@@ -109,6 +110,8 @@ def command(**options: Any) -> None:
     frames = source.frames(options["start"])
     first = next(frames)
     start = target.read_start(options, options["start"], source)
+    for remark in start.remarks:
+        click.echo(f"Note: {remark}", err=True)
     if births is not None:
         births_of.check_births(births, start, options["start"], source)
     truth = _read_truth(options, None if births is not None else start.ids)
@@ -295,7 +298,8 @@ def _build_tracker(
             options["tracker"], start_scene(source.name, first, start.shapes, source.fps)
         )
     setup.filter.check(setup.filter_options, start.parents)
-    looks = Looks(first, None, first.shape[:2], options["particles"] or _PARTICLES)
+    particles = options["particles"] or _PARTICLES
+    looks = Looks(first, None, first.shape[:2], particles, typical=first[None])
     return setup.filter.tracker(target.model(setup.model, start, looks), setup.filter_options)
 
 

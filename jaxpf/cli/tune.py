@@ -129,6 +129,10 @@ def command(**options: Any) -> None:
     with report_os_errors("write into the output folder", output):
         continues = (output / NAME).is_file()
     train, unseen = divided_scenes(options)
+    # A gradient goes back through all frames: they are in memory here and on the device.
+    of_frames = 2 * sum(scene.frames.nbytes for scene in train)
+    remedy = "ask for fewer particles (-n), --runs or --frames"
+    check_memory(of_frames, remedy)
     common.start_jax()
     from jaxpf import tuning
     from jaxpf.tuning.sequences import training_sequence
@@ -145,10 +149,7 @@ def command(**options: Any) -> None:
     ]
     _check_parameters(sequences[0].tracker, before.of, wanted)
     longest = max(len(sequence.frames) for sequence in sequences)
-    check_memory(
-        needed_by(sequences[0].tracker, settings.runs, longest),
-        "ask for fewer particles (-n), --runs or --frames",
-    )
+    check_memory(of_frames + needed_by(sequences[0].tracker, settings.runs, longest), remedy)
     if not continues:
         prepare_output_folder(output)
     try:

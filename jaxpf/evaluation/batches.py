@@ -4,6 +4,9 @@ import contextlib
 import dataclasses
 import os
 import re
+import tokenize
+import zipfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,6 +17,11 @@ from jaxpf.errors import InputError
 from jaxpf.files.writing import atomic_write
 
 FOLDER = "batches"
+#: What a truncated or altered archive of arrays raises, depending on where it was hit.
+_DAMAGE = (
+    *(OSError, EOFError, KeyError, ValueError, RuntimeError, SyntaxError),
+    *(zipfile.BadZipFile, zlib.error, tokenize.TokenError),
+)
 _NAME = re.compile(r"\d+-\d+\.npz")
 
 
@@ -123,8 +131,7 @@ def _opened(path: Path) -> Iterator[Any]:
     try:
         with np.load(path, allow_pickle=False) as content:
             yield content
-    # What a truncated or altered file raises depends on where it was hit.
-    except Exception:
+    except _DAMAGE:
         raise InputError(
             f"the batch '{path}' is damaged; evaluate again, which repeats its runs alone."
         ) from None

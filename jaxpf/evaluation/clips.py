@@ -2,7 +2,7 @@
 
 import tempfile
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -37,54 +37,78 @@ class Clip(NamedTuple):
     rate: float
 
 
+class Pictures(NamedTuple):
+    """The frames that a clip shows, in its size: few and small, however long the sequence is.
+
+    Attributes:
+        numbers: of the frames, in the sequence.
+        pictures: uint8 RGB ``[h, w, 3]`` each.
+        factors: width and height of a picture in terms of a frame's.
+    """
+
+    numbers: range
+    pictures: list[np.ndarray]
+    factors: tuple[float, float]
+
+
+def read_pictures(frames: Any, size: tuple[int, int] = SIZES[0]) -> Pictures:
+    """Read and resize the frames that a clip shows, and no others.
+
+    Args:
+        frames: uint8 RGB ``[T, H, W, 3]``, or lazy ones (``scenes.LazyFrames``).
+        size: one of ``SIZES``.
+    """
+    side, most_frames = size
+    numbers = range(0, len(frames), -(-len(frames) // most_frames))
+    height, width = frames.shape[1:3]
+    # Even sizes, which the codecs need; the same in both directions to within a pixel.
+    scale = side / max(width, height)
+    width, height = (2 * max(1, round(scale * side / 2)) for side in (width, height))
+    kind = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+    pictures = [
+        cv2.resize(frame, (width, height), interpolation=kind) for frame in frames[:: numbers.step]
+    ]
+    return Pictures(numbers, pictures, (width / frames.shape[2], height / frames.shape[1]))
+
+
 def make_clip(
-    frames: np.ndarray,
+    pictures: Pictures,
     truth: np.ndarray,
     shown: ShownRun,
     target: Target,
     start: Start,
     first_frame: int,
     fps: float,
-    size: tuple[int, int] = SIZES[0],
 ) -> Clip:
     """Draw a run and encode it.
 
     Args:
-        frames: uint8 RGB ``[T, H, W, 3]``.
-        truth: ``[T, P, S]`` shapes, whose outlines are drawn thin and white.
+        pictures: see ``read_pictures``.
+        truth: ``[T, P, S]`` true shapes, drawn in white; NaN is not drawn.
         shown: the run; its shapes are drawn in the colours of the objects.
         target: what the objects are.
         start: where they were at first.
         first_frame: number of the first frame, from 0; the others follow.
         fps: frames per second of the source.
-        size: one of ``SIZES``.
 
     Raises:
         InputError: no encoder, or no space for temporary files.
     """
-    side, most_frames = size
-    step = -(-len(frames) // most_frames)
-    chosen = range(0, len(frames), step)
-    rate = min(max(len(chosen) / _SECONDS, _SLOWEST), max(fps / step, _SLOWEST))
-    height, width = frames.shape[1:3]
-    # Even sizes, which the codecs need; the same in both directions to within a pixel.
-    scale = side / max(width, height)
-    width, height = (2 * max(1, round(scale * side / 2)) for side in (width, height))
-    factors = width / frames.shape[2], height / frames.shape[1]
+    numbers = pictures.numbers
+    rate = min(max(len(numbers) / _SECONDS, _SLOWEST), max(fps / numbers.step, _SLOWEST))
+    height, width = pictures.pictures[0].shape[:2]
     colours = object_colours(start.num_partitions)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "clip.webm"
         with VideoWriter(path, width, height, rate) as video:
-            for index in chosen:
-                kind = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
-                picture = cv2.resize(frames[index], (width, height), interpolation=kind)
-                there, shapes = target.scaled(start, truth[index], factors)
+            for index, picture in zip(numbers, pictures.pictures, strict=True):
+                there, shapes = target.scaled(start, truth[index], pictures.factors)
                 picture = _draw_truth(picture, np.asarray(target.outlines(there, shapes)))
-                there, shapes = target.scaled(start, shown.shapes[index], factors)
+                there, shapes = target.scaled(start, shown.shapes[index], pictures.factors)
                 picture = target.draw(picture, there, shapes, colours, shown.lost[index])
                 video.write(_number(picture, first_frame + index))
         data = path.read_bytes()
-    return Clip(data, width, height, step, rate)
+    return Clip(data, width, height, numbers.step, rate)
 
 
 def _draw_truth(picture: np.ndarray, outlines: np.ndarray) -> np.ndarray:

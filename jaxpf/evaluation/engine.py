@@ -188,11 +188,20 @@ def carry_out(
             write_batch(folder, work.index, batch)
             if progress is not None:
                 progress(work.num_runs)
-    return _opened(prepared.plan, folder)
+    digest = prepared.settings["scene"]["digest"]
+    return Results.open(folder, functools.partial(_remembered, digest, prepared.plan.scene))
 
 
 def _opened(plan: Plan, folder: Path) -> Results:
     return Results.open(folder, functools.partial(_open, plan.scene))
+
+
+def _remembered(digest: str, scene: Any) -> Any:
+    """The scene, which this process may have open, so that there are no two copies of it."""
+    from jaxpf.evaluation.worker import remembered_scene
+
+    found = remembered_scene(digest)
+    return _open(scene) if found is None else found
 
 
 def _open(scene: Any) -> Any:

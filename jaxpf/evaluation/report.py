@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.evaluation.clips import SIZES, make_clip
+from jaxpf.evaluation.clips import SIZES, make_clip, read_pictures
 from jaxpf.evaluation.figures import Figure, write_figures
 from jaxpf.evaluation.layout import (
     NOTES,
@@ -159,25 +159,28 @@ def _clips(results: Results, tables: Tables) -> tuple[list[dict[str, Any]], str]
     """Clips by configuration, and what to know about them."""
     if not tables.summaries:
         return [], "No run is finished."
+    sizes = list(SIZES)
     try:
         frames = results.scene().frames[1:]
+        if len(frames) != len(results.truth):
+            return [], "Without clips: the scene has changed since the evaluation."
+        pictures = read_pictures(frames, sizes[0])
     except ValueError as error:  # the scene's folder may be gone since the runs were made
         return [], f"Without clips: {error}"
-    if len(frames) != len(results.truth):
-        return [], "Without clips: the scene has changed since the evaluation."
     groups: list[dict[str, Any]] = []
-    total, step, chosen, sizes = 0, 1, _chosen(tables), list(SIZES)
+    total, step, chosen = 0, 1, _chosen(tables)
     number = sum(len(summary.shown) for summary in chosen)
     for summary in chosen:
         clips: list[dict[str, Any]] = []
         for shown in summary.shown:
-            given = (frames, results.truth, shown, results.target, results.start)
+            given = (results.truth, shown, results.target, results.start)
             while True:
-                clip = make_clip(*given, results.start_frame + 1, results.fps, sizes[0])
+                clip = make_clip(pictures, *given, results.start_frame + 1, results.fps)
                 # The first clip tells what all of them will take.
                 if len(sizes) == 1 or groups or clips or number * len(clip.data) <= CLIP_BYTES:
                     break
                 sizes.pop(0)
+                pictures = read_pictures(frames, sizes[0])
             total, step = total + len(clip.data), clip.step
             clips.append(
                 {

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import filters
+from jaxpf.chunks import chunk_length
 from jaxpf.evaluation.execution import num_cores
 from jaxpf.evaluation.plan import Limits, Plan
 from jaxpf.evaluation.results import BUILT_IN, Configuration
@@ -20,10 +21,16 @@ from jaxpf.targets.target import Target
 
 #: Seconds that a batch takes about, at most: what a kill can cost.
 SECONDS_PER_BATCH = 15.0
-#: Bytes of JAX, its libraries and a compiled kernel.
-_BASE_MEMORY = 450 * 2**20
+#: Of the memory of a batch, what a chunk of frames may take.
+_SHARE_OF_FRAMES = 1 / 4
+#: Chunks in memory at once: one that is computed, here and on the devices, and one that is read.
+_CHUNKS = 3
+#: Bytes of JAX, its libraries and the compiling of a kernel, measured.
+_BASE_MEMORY = 800 * 2**20
 #: What a core adds to the speed, where there are several.
 _SHARE_OF_CORE = 0.75
+#: Seconds to decode a pixel of a long recording, which every batch reads anew.
+_READ = 5e-9
 #: Seconds to compile one kernel.
 _COMPILE = 9.0
 
@@ -35,11 +42,13 @@ class Costs(NamedTuple):
         seconds_per_batch: for what a batch of any size needs: the frames' tables.
         seconds_per_run: on top of that.
         bytes_per_run: of memory while a run's batch is computed.
+        bytes_per_frame: of what is kept of a frame while runs are moved on to it.
     """
 
     seconds_per_batch: float
     seconds_per_run: float
     bytes_per_run: int
+    bytes_per_frame: int
 
 
 def batches(
@@ -61,10 +70,13 @@ def batches(
     ours = [index for index, c in enumerate(configurations) if not c.is_imported]
     missing = sum(int(np.sum(~done[index])) for index in ours)
     share = max(1, math.ceil(missing / limits.workers))
-    unit = RUNS_PER_BATCH * (limits.devices or jax.local_device_count())
+    devices = limits.devices or jax.local_device_count()
+    unit = RUNS_PER_BATCH * devices
     known: dict[Any, Costs | None] = {}
     shapes = set()
     work, seconds, largest = [], 0.0, 0
+    one = math.prod(scene.frames.shape[1:])
+    length = chunk_length(len(scene.frames) - 1, one, int(_SHARE_OF_FRAMES * limits.memory))
     for index in ours:
         configuration = configurations[index]
         if done[index].all():
@@ -83,6 +95,7 @@ def batches(
                     first_run=first,
                     num_runs=count,
                     width=width,
+                    frames_per_chunk=length,
                     seed=plan.seed,
                     float64=double_precision(),
                     scene=plan.scene,
@@ -94,9 +107,15 @@ def batches(
             shapes.add((shape, width))
             if cost:
                 seconds += cost.seconds_per_batch + width * cost.seconds_per_run
-                largest = max(largest, width * cost.bytes_per_run)
-    # Two copies of the frames: the scene's, and the device's.
-    memory = _BASE_MEMORY + 2 * scene.frames.nbytes + largest
+                # Of a group of frames every device has what all devices made of theirs.
+                shared = devices * min(devices, math.ceil(width / RUNS_PER_BATCH))
+                takes = width * cost.bytes_per_run + shared * cost.bytes_per_frame
+                largest = max(largest, takes)
+    kept = scene.frames.nbytes
+    if not isinstance(scene.frames, np.ndarray):
+        seconds += len(work) * _READ * kept / 3
+        kept = 0
+    memory = _BASE_MEMORY + kept + _CHUNKS * length * one + largest
     return work, seconds + _COMPILE * len(shapes), memory
 
 
@@ -114,15 +133,18 @@ def costs(configuration: Configuration, scene: Any, target: Target) -> Costs | N
     if estimate is None:
         return None
     num_frames = len(scene.frames) - 1
-    state = jax.eval_shape(tracker.init, jax.random.key(0))
+    size = _bytes(jax.eval_shape(tracker.init, jax.random.key(0)))
+    frame = jax.ShapeDtypeStruct(scene.frames.shape[1:], scene.frames.dtype)
+    bytes_per_frame = _bytes(jax.eval_shape(tracker.observe, frame))
     recorded = 4 * num_frames * (tracker.num_partitions * 8 + 2)
-    size = sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in _arrays(state))
     bytes_per_run = 3 * size + 4 * recorded
     queries = tracker.num_partitions * configuration.parameters["particles"]
     fixed, per_query = estimate(scene.frames.shape[1:3])
     kernel = filters.filter_of(configuration.variant["method"]).nanoseconds
     seconds = 1e-9 * num_frames / max(1.0, _SHARE_OF_CORE * num_cores())
-    return Costs(fixed * seconds, (per_query + kernel) * queries * seconds, bytes_per_run)
+    return Costs(
+        fixed * seconds, (per_query + kernel) * queries * seconds, bytes_per_run, bytes_per_frame
+    )
 
 
 def most_runs(cost: Costs, memory: int, unit: int) -> int:
@@ -150,8 +172,10 @@ def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, int]]:
             yield first, min(width, stop - first), width
 
 
-def _arrays(state: Any) -> list[Any]:
-    return [leaf for leaf in jax.tree.leaves(state) if hasattr(leaf, "shape")]
+def _bytes(tree: Any) -> int:
+    """Of the arrays of a tree of shapes."""
+    arrays = [leaf for leaf in jax.tree.leaves(tree) if hasattr(leaf, "shape")]
+    return sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in arrays)
 
 
 def _shape_of(configuration: Configuration, target: Target) -> tuple[Any, ...]:

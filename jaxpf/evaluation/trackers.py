@@ -18,10 +18,13 @@ from jaxpf.options import chosen
 from jaxpf.running import RUNS_PER_BATCH
 from jaxpf.targets.target import Looks, Start, Target, looks_of_scene
 
+#: Every so manieth frame of a scene is shown as typical.
+_EVERY = 8
+
 
 def looks_of(scene: Any, num_particles: int, num_runs: int = RUNS_PER_BATCH) -> Looks:
     """How a scene's objects look, for as many runs as are computed together."""
-    return looks_of_scene(scene, num_particles, num_runs)
+    return looks_of_scene(scene, num_particles, num_runs, scene.frames[::_EVERY])
 
 
 def built_in_tracker(scene: Any, target: Target, configuration: Configuration) -> Any:
@@ -66,7 +69,7 @@ def shapes_of(tracker: Any, target: Target, start: Start, estimate: Any) -> np.n
     """Shapes ``[..., P, S]`` of estimates, as the tracker or else the target reads them."""
     if target.has_boxes and hasattr(tracker, "boxes"):
         return np.asarray(tracker.boxes(estimate))
-    return target.shapes(start, np.asarray(estimate))
+    return target.shapes_of(tracker, start, np.asarray(estimate))
 
 
 def tracker_of(

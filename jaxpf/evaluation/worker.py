@@ -26,6 +26,7 @@ class Work:
         first_run: number of the first run.
         num_runs: R.
         width: runs that are computed, padding included: one shape for many batches.
+        frames_per_chunk: that travel to the devices together.
         seed: of the evaluation.
         float64: whether JAX computes in double precision.
         scene: the scene, or a picklable function without arguments that opens it.
@@ -39,6 +40,7 @@ class Work:
     first_run: int
     num_runs: int
     width: int
+    frames_per_chunk: int
     seed: int
     float64: bool
     scene: Any
@@ -63,15 +65,16 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
         InputError: the scene cannot be opened here, or is not the one that was planned.
     """
     with jax.enable_x64(work.float64):
-        scene, frames = _opened(work)
+        scene = _opened(work)
         of = find_target(work.target)
         start, tracker = of.scene_start(scene), _tracker(scene, work)
         recorded = monte_carlo(
             tracker,
             run_keys(work.seed, work.first_run, work.width),
-            frames,
+            scene.frames[1:],
             record=keep_measures,
             batch_size=RUNS_PER_BATCH,
+            frames_per_chunk=work.frames_per_chunk,
         )
     kept = {
         name: np.asarray(value[: work.num_runs], bool if name == "lost" else np.float32)
@@ -139,13 +142,19 @@ def scene_digest(scene: Any) -> str:
     digest = hashlib.sha256()
     for array in (scene.frames, scene.boxes, *scene.patches):
         digest.update(f"{array.shape}{array.dtype}".encode())
-        digest.update(np.ascontiguousarray(array).data)
+        for row in array:  # one after another: they need not all be in memory
+            digest.update(np.ascontiguousarray(row).data)
     return digest.hexdigest()
 
 
 def remember_scene(scene: Any, digest: str) -> None:
     """Spare ``run_batch`` in this process from opening a scene that is open already."""
-    _last_scene[:] = [(digest, scene, jnp.asarray(scene.frames[1:]))]
+    _last_scene[:] = [(digest, scene)]
+
+
+def remembered_scene(digest: str) -> Any:
+    """The scene of that digest if this process has it open, or None."""
+    return next((scene for known, scene in list(_last_scene) if known == digest), None)
 
 
 def _tracker(scene: Any, work: Work) -> Any:
@@ -162,13 +171,13 @@ def _tracker(scene: Any, work: Work) -> Any:
 #: The user's tracker that this process made last, and for what.
 _own_tracker: dict[str, Any] = {}
 
-#: The scene that this process worked on last, as (digest, scene, frames on the device).
-_last_scene: list[tuple[str, Any, jax.Array]] = []
+#: The scene that this process worked on last, as (digest, scene).
+_last_scene: list[tuple[str, Any]] = []
 
 
-def _opened(work: Work) -> tuple[Any, jax.Array]:
-    known = list(_last_scene)  # another thread may replace it
-    if not known or known[0][0] != work.digest:
+def _opened(work: Work) -> Any:
+    scene = remembered_scene(work.digest)
+    if scene is None:
         scene = open_scene(work.scene)
         found = scene_digest(scene)
         if found != work.digest:
@@ -178,5 +187,4 @@ def _opened(work: Work) -> tuple[Any, jax.Array]:
                 "the same versions of the libraries that decode them."
             )
         remember_scene(scene, found)
-        known = list(_last_scene)
-    return known[0][1], known[0][2]
+    return scene

@@ -1,5 +1,6 @@
 """Opening scenes for evaluations: the one place where both are known."""
 
+import dataclasses
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -24,7 +25,7 @@ def load_scene(
         InputError: the scene cannot be opened; the sentence is that of ``scenes``.
     """
     try:
-        return scenes.open_scene(
+        scene = scenes.open_scene(
             source,
             seed=seed,
             ids=ids,
@@ -33,7 +34,11 @@ def load_scene(
             parameters=parameters,
         )
     except scenes.SceneError as error:
-        raise InputError(_sentence(str(error))) from error
+        raise _as_input_error(error) from error
+    if isinstance(scene.frames, scenes.LazyFrames):
+        # Not all of them were read yet.
+        scene = dataclasses.replace(scene, frames=scene.frames.with_fault(_as_input_error))
+    return scene
 
 
 class OwnTracker:
@@ -67,7 +72,7 @@ class OwnTracker:
         try:
             function = scenes.function_of_text(self.text, self.path, self.function)
         except scenes.SceneError as error:
-            raise InputError(_sentence(str(error))) from error
+            raise _as_input_error(error) from error
         try:
             return function(scene)
         except InputError:
@@ -104,5 +109,6 @@ def start_scene(name: str, frame: Any, boxes: Any, fps: float) -> scenes.Scene:
     )
 
 
-def _sentence(text: str) -> str:
-    return text if text.endswith(".") else f"{text}."
+def _as_input_error(error: scenes.SceneError) -> InputError:
+    text = str(error)
+    return InputError(text if text.endswith(".") else f"{text}.")

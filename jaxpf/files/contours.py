@@ -1,4 +1,4 @@
-"""Files of contours: where targets that are told by their outlines start.
+"""Files of contours: where targets that are told by their outlines start, and their tracks.
 
 JSON, written by hand or from a mask::
 
@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.writing import LineWriter, atomic_write
 from jaxpf.models.splines import CUBIC, check_order, crosses_itself, points_on
 
+TRACK_HEADER = "frame,contour,kind,point,x,y"
 _KEYS = {"closed", "contours", "degree", "width"}
 _EXAMPLE = '{"closed": true, "contours": {"leaf": [[10, 20], [30, 18], [32, 40], [12, 38]]}}'
 #: Points at which a contour is looked at, to see whether it crosses itself.
@@ -115,6 +116,51 @@ def write_contours(path: str | os.PathLike[str], contours: Contours) -> None:
     start = json.dumps(head)[:-1]
     with atomic_write(path) as file:
         file.write(start + ', "contours": {\n' + ",\n".join(lines) + "\n}}\n")
+
+
+class ContourTrackWriter(LineWriter):
+    """Append tracks of contours, frame by frame; after every frame the file holds whole lines only.
+
+    CSV with the header ``frame,contour,kind,point,x,y``: of every contour the points of kind
+    ``control``, which a file of contours takes, and those of kind ``outline``, to draw.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]):
+        """Create the file and write its header.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        super().__init__(path)
+        self.write_lines(f"{TRACK_HEADER}\n")
+
+    def append(self, frame: int, names: Any, control: Any, outlines: Any) -> None:
+        """Write the contours of one frame.
+
+        Args:
+            frame: counting from 0.
+            names: ``[P]``.
+            control: control points ``[P, K, 2]``, pixels; K is 0 where there are none.
+            outlines: ``[P, V, 2]``; a target with a point that is not finite is left out.
+
+        Raises:
+            InputError: the disk is full or the file cannot be written.
+        """
+        lines = [
+            f"{int(frame)},{_field(name)},{kind},{number},{x:.3f},{y:.3f}\n"
+            for target, name in enumerate(names)
+            if np.isfinite(outlines[target]).all()
+            for kind, points in (("control", control), ("outline", outlines))
+            for number, (x, y) in enumerate(points[target])
+        ]
+        self.write_lines("".join(lines))
+
+
+def _field(name: Any) -> str:
+    """A name as a field of CSV."""
+    text = str(name)
+    needs_quotes = any(mark in text for mark in ',"\r\n')
+    return '"' + text.replace('"', '""') + '"' if needs_quotes else text
 
 
 def _content(path: Path) -> dict[str, Any]:

@@ -58,7 +58,7 @@ def draw_boxes(
     frame = frame.copy()
     boxes = np.asarray(boxes, np.float64).reshape(-1, 4)
     colours = object_colours(len(boxes)) if colours is None else np.asarray(colours)
-    thickness = _thickness(frame)
+    thickness = line_thickness(frame)
     rim = 2 if min(frame.shape[:2]) >= 240 else 1
     labels = []
     for index, box in enumerate(boxes):
@@ -76,7 +76,7 @@ def draw_boxes(
         labels.append((f"{ids[index]} lost" if is_lost else f"{ids[index]}", left, top, colour))
     # Labels come last so that no box crosses one.
     for text, left, top, colour in labels:
-        _label(frame, text, left, top, colour)
+        label_at(frame, text, left, top, colour)
     return frame
 
 
@@ -100,7 +100,7 @@ def draw_rectangles(
     frame = frame.copy()
     corners = np.asarray(corners, np.float64).reshape(-1, 4, 2)
     colours = object_colours(len(corners)) if colours is None else np.asarray(colours)
-    thickness = _thickness(frame)
+    thickness = line_thickness(frame)
     rim = 2 if min(frame.shape[:2]) >= 240 else 1
     size = np.array(frame.shape[1::-1])
     labels = []
@@ -121,7 +121,7 @@ def draw_rectangles(
         name = f"{names[index]} lost" if is_lost else f"{names[index]}"
         labels.append((name, int(left), int(top), colour))
     for text, left, top, colour in labels:
-        _label(frame, text, left, top, colour)
+        label_at(frame, text, left, top, colour)
     return frame
 
 
@@ -183,7 +183,7 @@ def draw_pixel_grid(frame: np.ndarray, step: int | None = None) -> np.ndarray:
         raise ValueError(f"the step of the grid is at least one pixel, not {step}")
     size = (width * enlargement, height * enlargement)
     picture = cv2.resize(frame, size, interpolation=cv2.INTER_NEAREST)
-    line = _thickness(picture)
+    line = line_thickness(picture)
     for values, draws_rows in (
         (range(step, width, step), False),
         (range(step, height, step), True),
@@ -208,7 +208,8 @@ def _blend(pixels: np.ndarray, grey: int) -> None:
     pixels[...] = (0.4 * pixels + 0.6 * grey).astype(np.uint8)
 
 
-def _thickness(frame: np.ndarray) -> int:
+def line_thickness(frame: np.ndarray) -> int:
+    """Pixels of a line that is seen on a frame of this size."""
     return max(1, round(min(frame.shape[:2]) / 300))
 
 
@@ -255,7 +256,7 @@ def _dashed_rectangle(
     colour: tuple[int, int, int],
     thickness: int,
 ) -> None:
-    dash = 4 * _thickness(frame) + 2
+    dash = 4 * line_thickness(frame) + 2
     (left, top), (right, bottom) = first, last
     for x in range(left, right + 1, 2 * dash):
         for y in (top, bottom):
@@ -265,11 +266,13 @@ def _dashed_rectangle(
             cv2.line(frame, (x, y), (x, min(y + dash, bottom)), colour, thickness)
 
 
-def _label(frame: np.ndarray, text: str, left: int, top: int, colour: tuple[int, int, int]) -> None:
+def label_at(
+    frame: np.ndarray, text: str, left: int, top: int, colour: tuple[int, int, int]
+) -> None:
     """A filled tag above the corner (left, top), moved into the frame where it sticks out."""
     height, width = frame.shape[:2]
     text_width, text_height = _text_size(frame, text)
-    pad = 2 + _thickness(frame) if min(frame.shape[:2]) >= 240 else 1
+    pad = 2 + line_thickness(frame) if min(frame.shape[:2]) >= 240 else 1
     tag_width, tag_height = text_width + 2 * pad, text_height + 2 * pad
     x = min(max(left, 0), max(width - tag_width, 0))
     y = top - tag_height if top >= tag_height else max(top, 0)
@@ -284,7 +287,7 @@ def _label(frame: np.ndarray, text: str, left: int, top: int, colour: tuple[int,
 def _text(frame: np.ndarray, text: str, left: int, top: int) -> None:
     """White text on a dark plate; (left, top) is the plate's upper left corner."""
     width, height = _text_size(frame, text)
-    pad = 1 + _thickness(frame)
+    pad = 1 + line_thickness(frame)
     last = (left + width + 2 * pad - 1, top + height + 2 * pad - 1)
     cv2.rectangle(frame, (left, top), last, _DARK, cv2.FILLED)
     origin = (left + pad, top + pad + height)

@@ -12,14 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
+from jaxpf.names import COEFFICIENTS
 from jaxpf.pytree import as_array
 
 if TYPE_CHECKING:
     from jaxpf.models.dynamics import LinearGaussian
-
-#: What of the past may act on a coordinate: its own last steps; its own past, with a place to
-#: which it returns; or every coordinate's past.
-COEFFICIENTS = ("steps", "own", "all")
 
 
 def fit(

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from jaxpf.errors import InputError
 from jaxpf.models.shapes import ShapeSpace, key_frame_space
 from jaxpf.models.splines import fit_spline, resampled
+from jaxpf.names import ANNOTATIONS
 
-KINDS = ("masks", "outlines", "centrelines")
 #: Points per control point at which examples are compared.
 _FINENESS = 16
 
@@ -35,7 +35,7 @@ def learn_shape_space(
         examples: by ``kind``: ``"masks"``, pictures ``[H, W]`` that are not 0 on the target,
             whose largest piece is taken; ``"outlines"``, closed polylines ``[S, 2]``;
             ``"centrelines"``, open polylines ``[S, 2]``; pixels.  Lengths may differ.
-        kind: one of ``KINDS``.
+        kind: one of ``ANNOTATIONS``.
         num_points: K, control points of each contour.
         dimension: D, see ``key_frame_space``.
         ordered: the examples' points correspond already, and are not turned round.
@@ -47,8 +47,8 @@ def learn_shape_space(
     Raises:
         InputError: an unknown kind, no examples or too few, an empty mask.
     """
-    if kind not in KINDS:
-        raise InputError(f"kind {kind!r} is unknown; choose one of {', '.join(KINDS)}.")
+    if kind not in ANNOTATIONS:
+        raise InputError(f"kind {kind!r} is unknown; choose one of {', '.join(ANNOTATIONS)}.")
     closed = kind != "centrelines"
     lines = (
         [outline_of(mask, k) for k, mask in enumerate(examples)] if kind == "masks" else examples

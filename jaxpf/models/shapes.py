@@ -16,10 +16,8 @@ from jax.typing import ArrayLike
 
 from jaxpf.errors import InputError
 from jaxpf.models.splines import CUBIC, check_order
+from jaxpf.names import SHAPE_SPACES
 from jaxpf.pytree import as_array, pytree_dataclass, static_field
-
-#: The spaces that ``space_of`` knows, which need no examples.
-SPACES = ("translation", "similarity", "affine")
 
 
 @pytree_dataclass
@@ -44,6 +42,11 @@ class ShapeSpace:
     def dimension(self) -> int:
         """D, the number of coordinates."""
         return self.modes.shape[1]  # type: ignore[union-attr]
+
+    @property
+    def num_points(self) -> int:
+        """K, control points of a contour."""
+        return np.shape(self.template)[1]
 
     def control_points(self, substates):
         """Control points ``[..., P, K, 2]`` of substates ``[..., P, D]``, in pixels."""
@@ -74,8 +77,8 @@ def space_of(
     """Translations, similarities or affine maps of given contours.
 
     Args:
-        name: one of ``SPACES``; they have 2, 4 and 6 dimensions.  The coordinates are, in this
-            order: shift in x and in y; and about the middle of the control points, for a
+        name: one of ``SHAPE_SPACES``; they have 2, 4 and 6 dimensions.  The coordinates are, in
+            this order: shift in x and in y; and about the middle of the control points, for a
             similarity growth and turn (clockwise in the image, to first order), for an affine
             map what x adds to x, y to x, x to y and y to y.
         contours: control points in pixels, ``[P, K, 2]``, the substate 0 of each target.
@@ -85,8 +88,10 @@ def space_of(
     Raises:
         InputError: an unknown name, or contours that are none.
     """
-    if name not in SPACES:
-        raise InputError(f"shape space {name!r} is unknown; choose one of {', '.join(SPACES)}.")
+    if name not in SHAPE_SPACES:
+        raise InputError(
+            f"shape space {name!r} is unknown; choose one of {', '.join(SHAPE_SPACES)}."
+        )
     contours = check_contours(contours, degree)
     return _scaled(contours, [_linear_modes(name, contour) for contour in contours], closed, degree)
 

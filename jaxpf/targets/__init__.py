@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 _TARGETS = {
     "points": "jaxpf.targets.points:POINTS",
     "parts": "jaxpf.targets.parts:PARTS",
+    "contours": "jaxpf.targets.contours:CONTOURS",
     "boxes": "jaxpf.targets.boxes:BOXES",
 }
 #: What is tracked where nothing tells.

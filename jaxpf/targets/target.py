@@ -25,12 +25,14 @@ class Start:
         shapes: float64 ``[P, S]``.
         sizes: float64 ``[P, 2]``, width and height in pixels of the objects as they start.
         parents: the part tree, -1 for a root.
+        remarks: sentences on what was accepted but may be a mistake.
     """
 
     ids: np.ndarray
     shapes: np.ndarray
     sizes: np.ndarray
     parents: tuple[int, ...]
+    remarks: tuple[str, ...] = dataclasses.field(default=(), kw_only=True)
 
     @property
     def num_partitions(self) -> int:
@@ -47,6 +49,8 @@ class Looks(NamedTuple):
         frame_shape: height and width of all frames.
         num_particles: of one run, where cost decides what is chosen.
         num_runs: runs that share a frame's work, likewise.
+        typical: uint8 RGB ``[n, H, W, 3]``, frames of the kind that is tracked, from which a
+            background is learned.
         surroundings: uint8 RGB ``[H, W, 3]``, the start frame, where patches tell how objects look.
         is_filmed: whether frames come from a camera, and not from a synthetic scene.
     """
@@ -56,6 +60,7 @@ class Looks(NamedTuple):
     frame_shape: tuple[int, int]
     num_particles: int
     num_runs: int = 1
+    typical: Any = None
     surroundings: Any = None
     is_filmed: bool = True
 
@@ -65,7 +70,7 @@ class Looks(NamedTuple):
         return self.surroundings if self.frame is None else self.frame
 
 
-def looks_of_scene(scene: Any, num_particles: int, num_runs: int = 1) -> Looks:
+def looks_of_scene(scene: Any, num_particles: int, num_runs: int = 1, typical: Any = None) -> Looks:
     """A scene's reference patches, and its first frame; clips from folders were filmed."""
     return Looks(
         frame=None,
@@ -73,6 +78,7 @@ def looks_of_scene(scene: Any, num_particles: int, num_runs: int = 1) -> Looks:
         frame_shape=scene.frames.shape[1:3],
         num_particles=num_particles,
         num_runs=num_runs,
+        typical=typical,
         surroundings=scene.frames[0],
         is_filmed=is_filmed(scene),
     )
@@ -209,6 +215,10 @@ class Target:
         """Shapes ``[..., P, S]`` of estimates ``[..., P, D]``."""
         raise TypeError(f"{type(self).__name__} must define shapes")
 
+    def shapes_of(self, tracker: Any, start: Start, estimate: Any) -> np.ndarray:
+        """Shapes ``[..., P, S]`` of a tracker's estimates, where its model tells more than they."""
+        return self.shapes(start, estimate)
+
     def outlines(self, start: Start, shapes: Any) -> Any:
         """Corners ``[..., P, V, 2]`` of convex polygons, in order, pixels."""
         raise TypeError(f"{type(self).__name__} must define outlines")
@@ -246,3 +256,14 @@ class Target:
             past: ``[L, P, S]``, shapes of the frames before, the latest last, for trails.
         """
         raise TypeError(f"{type(self).__name__} must define draw")
+
+    def draw_particles(
+        self, frame: Any, start: Start, tracker: Any, state: Any, colours: Any
+    ) -> np.ndarray:
+        """The frame with a tracker's particles drawn on it: by default a dot for each."""
+        from jaxpf.media.overlay import draw_particles
+
+        if not hasattr(state, "substates"):
+            return frame
+        centres = np.swapaxes(np.asarray(state.substates)[..., :2], 0, 1)
+        return draw_particles(frame, centres, colours)

@@ -33,7 +33,7 @@ class HeldOut:
     Attributes:
         before: tracker with the values before tuning; starts just before the first frame.
         after: the same with the tuned values.
-        frames: ``[T, H, W, 3]``.
+        frames: ``[T, H, W, 3]``, or lazy ones, see ``jaxpf.monte_carlo``.
         truth: ``[T, P, S]`` shapes, NaN where there is none.
         target: what the objects are.
         start: where they are just before the first frame.

@@ -179,7 +179,7 @@ def observed(sequence: TrainingSequence) -> TrainingSequence:
     likelihood = getattr(tracker, "likelihood", None)
     if not getattr(likelihood, "fixed_observation", False):
         return sequence
-    frames = jnp.asarray(sequence.frames)
+    frames = jax.device_put(sequence.frames)
     one = jax.eval_shape(tracker.observe, frames[0])
     size = sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in jax.tree.leaves(one))
     if size * len(frames) > _KEPT_OBSERVATIONS:

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+import jax
 import numpy as np
 
 from jaxpf import filters
@@ -120,7 +121,7 @@ def training_sequence(
     truth = np.asarray(of.positions(start, shapes)) if objective == "position" else shapes
     return TrainingSequence(
         tracker=tracker,
-        frames=np.asarray(scene.frames[1:]),
+        frames=_at_hand(scene.frames[1:]),
         truth=None if objective == "evidence" else truth,
         sizes=start.sizes.astype(np.float32),
         name=scene.name,
@@ -141,11 +142,16 @@ def held_out(scene: Any, before: Recipe, after: Recipe, runs: int) -> HeldOut:
     return HeldOut(
         before=tracker(before),
         after=tracker(after),
-        frames=np.asarray(scene.frames[1:]),
+        frames=scene.frames[1:],
         truth=of.scene_shapes(scene)[1:],
         target=of,
         start=start,
     )
+
+
+def _at_hand(frames: Any) -> Any:
+    """All frames, since a gradient goes back through them; lazy ones are read to the device."""
+    return frames if isinstance(frames, np.ndarray) else jax.device_put(np.asarray(frames))
 
 
 def _filter_of(values: Mapping[str, Any]) -> Any:

@@ -26,6 +26,10 @@ def test_a_table_explains_the_terms_that_it_uses_and_no_others(capsys):
     assert ":" not in capsys.readouterr().out
     common.print_table("C", ["", "before"], [["success", "4"]])
     assert "success: tracked in every frame; tracked: " in capsys.readouterr().out
+    common.print_table("D", ["", "success at .5", "smith2004 success"], [["DPS", "1", "2"]])
+    shown = capsys.readouterr().out
+    assert "success at .5: frames whose overlap is above that" in shown
+    assert "smith2004 success: tracked in every frame" in shown
 
 
 def test_names_in_a_table_are_no_markup(capsys):

@@ -46,11 +46,13 @@ def test_quantiles_are_within_a_hundredth():
     errors = random.lognormal(1, 1.5, (400, 3, 2))
     errors[:, 0, 0] = math.nan
     errors[5, 1, 1] = math.nan
-    counted = ErrorQuantiles(3, 2)
-    counted.add(errors[:150])
-    counted.add(errors[150:])
+    counted = ErrorQuantiles(300, 2)
+    many = np.tile(errors, (1, 100, 1))
+    counted.add(many[:150])
+    counted.add(many[150:])
     levels = (0.05, 0.25, 0.5, 0.75, 0.95)
     got = counted.quantiles(levels)
+    np.testing.assert_array_equal(got, np.tile(got[:, :3], (1, 100, 1)))
     assert np.isnan(got[:, 0, 0]).all()
     for place, values in ((0, errors[:, :, 0]), (1, errors[:, :, 1])):
         for frame in (1, 2):

@@ -13,7 +13,7 @@ import pytest
 from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make, walks
 
 from jaxpf.evaluation import figures, report
-from jaxpf.evaluation.clips import make_clip
+from jaxpf.evaluation.clips import make_clip, read_pictures
 from jaxpf.evaluation.collection import ShownRun
 from jaxpf.evaluation.figures import write_figures
 from jaxpf.evaluation.report import write_report
@@ -172,7 +172,7 @@ def test_a_clip_shows_truth_and_estimate_where_they_are(tmp_path):
     truth = np.array([[[10.0, 10, 20, 20]]] * 3)
     boxes = np.array([[[60.0, 20, 20, 20]]] * 3)
     shown = ShownRun("best", 0, 0.0, boxes, np.zeros((3, 1), bool))
-    clip = make_clip(frames, truth, shown, *one_box(truth), first_frame=4, fps=25.0)
+    clip = make_clip(read_pictures(frames), truth, shown, *one_box(truth), 4, fps=25.0)
     assert (clip.width, clip.height, clip.step) == (400, 200, 1)
     assert clip.rate == 4
     picture = decoded(clip.data, tmp_path)[1].astype(int)
@@ -187,7 +187,7 @@ def test_long_and_large_scenes_make_short_and_small_clips(tmp_path):
     frames = np.zeros((130, 60, 900, 3), np.uint8)
     boxes = np.broadcast_to([10.0, 10, 100, 20], (130, 1, 4))
     shown = ShownRun("best", 0, 1.0, boxes, np.zeros((130, 1), bool))
-    clip = make_clip(frames, boxes, shown, *one_box(boxes), 1, fps=30.0, size=(300, 25))
+    clip = make_clip(read_pictures(frames, (300, 25)), boxes, shown, *one_box(boxes), 1, 30.0)
     assert (clip.width, clip.height, clip.step) == (300, 20, 6)
     assert len(decoded(clip.data, tmp_path)) == 22
 

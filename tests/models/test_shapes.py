@@ -6,7 +6,8 @@ import pytest
 
 from jaxpf.errors import InputError
 from jaxpf.models.shape_learning import learn_shape_space, outline_of
-from jaxpf.models.shapes import SPACES, explained_share, key_frame_space, space_of
+from jaxpf.models.shapes import explained_share, key_frame_space, space_of
+from jaxpf.names import SHAPE_SPACES
 
 RNG = np.random.default_rng(0)
 CONTOURS = RNG.normal(size=(2, 8, 2)) * [40, 25] + [[[100, 60]], [[30, 90]]]
@@ -19,7 +20,7 @@ def moved(space, substate):
     return np.asarray(space.control_points(substates))[1]
 
 
-@pytest.mark.parametrize("name", SPACES)
+@pytest.mark.parametrize("name", SHAPE_SPACES)
 def test_projection_finds_the_substate_of_a_contour(name):
     space = space_of(name, CONTOURS)
     substates = RNG.normal(size=(5, 2, space.dimension)) * 4
@@ -33,7 +34,7 @@ def test_the_substate_zero_is_the_template_and_shifts_are_pixels():
     np.testing.assert_allclose(moved(space, [3, -5]), CONTOURS[1] + [3, -5], rtol=1e-4)
 
 
-@pytest.mark.parametrize("name", SPACES)
+@pytest.mark.parametrize("name", SHAPE_SPACES)
 def test_one_unit_of_every_coordinate_moves_the_contour_by_one_pixel(name):
     space = space_of(name, CONTOURS)
     for unit in np.eye(space.dimension):

@@ -152,7 +152,7 @@ def test_a_video_that_ends_early_is_refused(folder):
     meta |= {"frames": "video.avi", "width": 64, "height": 48}
     (folder / "meta.json").write_text(json.dumps(meta))
     clip = scenes.read_clip(folder)
-    with pytest.raises(SceneError, match="ends after 2 frames"):
+    with pytest.raises(SceneError, match="ends before frame 2"):
         list(clip.frames())
     (folder / "meta.json").write_text(json.dumps(meta | {"n_frames": 2}))
     (folder / "gt.csv").write_text(HEADER + "0,2,1,2,3,4,0\n")

@@ -158,7 +158,7 @@ def test_a_video_is_opened_at_its_start_frame(tmp_path, drawn):
     np.testing.assert_array_equal(part.frames, whole.frames[3:5])
     np.testing.assert_array_equal(part.boxes, boxes[3:5, :1])
     (tmp_path / "meta.json").write_text(json.dumps(meta | {"fps": 10, "n_frames": 9}))
-    assert "ends after 8 frames" in complaint_of(tmp_path)
+    assert "ends before frame 8" in complaint_of(tmp_path)
     (tmp_path / "meta.json").unlink()
     assert "meta.json is missing" in complaint_of(tmp_path)
 

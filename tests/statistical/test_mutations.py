@@ -39,7 +39,8 @@ def mutant_scores(exact, order, **settings):
     """``exact.scores`` through a kernel that is traced now."""
 
     def monte_carlo(tracker, keys, frames):
-        return running.run_batches(tracker, keys, frames, moments)
+        states, groups = running.begin_batches(tracker, keys), running.in_groups(0, frames, ())
+        return running.advance_batches(tracker, keys, states, *groups, moments)[1]
 
     keys = jax.random.split(jax.random.key(1), RUNS).reshape(-1, BATCH)
     tracker = exact.tracker(order, **settings)

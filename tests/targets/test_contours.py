@@ -10,10 +10,14 @@ import pytest
 import jaxpf
 import scenes
 from jaxpf.errors import InputError
-from jaxpf.files.contours import Contours
+from jaxpf.files.contours import Contours, ContourTrackWriter
+from jaxpf.filters.partitioned.options import PARTITIONED
+from jaxpf.filters.partitioned.options import Options as FilterOptions
 from jaxpf.models.likelihoods.contours import EdgeDetector
 from jaxpf.models.splines import fit_spline
-from jaxpf.targets.contours import ContourTrackWriter, contours_tracker, outlines
+from jaxpf.targets.contour_tracking import contours_tracker, outlines
+from jaxpf.targets.contours import CONTOURS, Options
+from jaxpf.targets.target import Looks, Start
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +48,11 @@ def test_tracks_hold_control_points_and_outlines(tmp_path, tracked):
     tracker, estimates = tracked
     broken = estimates[1].copy()
     broken[1] = np.nan
+    space = tracker.likelihood.space
     with ContourTrackWriter(tmp_path / "tracks.csv") as writer:
-        writer.append(0, ("left", "right"), tracker, estimates[0])
-        writer.append(1, ("left", "right"), tracker, broken)
+        for frame, estimate in enumerate((estimates[0], broken)):
+            control = np.asarray(space.control_points(estimate))
+            writer.append(frame, ("left", "right"), control, outlines(tracker, estimate))
     rows = list(csv.DictReader((tmp_path / "tracks.csv").open()))
     assert len(rows) == 3 * (8 + 32)
     control = [
@@ -85,3 +91,37 @@ def test_opaque_targets_are_branched_and_labelled(wires):
 def test_what_cannot_be_tracked_is_refused(wires, options, message):
     with pytest.raises(InputError, match=message):
         contours_tracker(wires[1], wires[0].frames, **{"clutter": 0.5, **options})
+
+
+def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, wires, tracked):
+    scene, _ = wires
+    start, truth = CONTOURS.scene_start(scene), CONTOURS.scene_shapes(scene)
+    assert start.contours.width == scene.parameters["wire_width"]
+    found = CONTOURS.shapes_of(tracked[0], start, tracked[1])
+    measured = CONTOURS.measures(start, found, truth[1:])
+    assert np.asarray(measured["overlap"])[-1].min() > 0.5
+    assert np.asarray(measured["corner_error"])[-1].max() < 5
+    # A stored evaluation knows of shapes, and of no splines.
+    stored = Start(start.ids, start.shapes, start.sizes, start.parents)
+    with CONTOURS.track_writer(tmp_path / "tracks.csv", stored) as writer:
+        writer.append(3, found[0], None)
+    rows = list(csv.DictReader((tmp_path / "tracks.csv").open()))
+    assert {(row["contour"], row["kind"]) for row in rows} == {("1", "outline"), ("2", "outline")}
+    _, doubled = CONTOURS.scaled(stored, found, (2.0, 1.0))
+    wide, plain = (np.asarray(CONTOURS.outlines(stored, shapes)) for shapes in (doubled, found))
+    np.testing.assert_allclose(wide, plain * (2, 1))
+
+
+def test_a_closed_contour_ends_where_it_begins():
+    scene = scenes.make("leaves", seed=0, num_frames=2)
+    shapes = CONTOURS.scene_shapes(scene)
+    np.testing.assert_array_equal(shapes[..., :2], shapes[..., -2:])
+    start = CONTOURS.scene_start(scene)
+    np.testing.assert_array_equal(start.shapes[:, :2], start.shapes[:, -2:])
+    assert np.asarray(CONTOURS.measures(start, start.shapes, shapes[0])["corner_error"]).max() < 1
+    model = CONTOURS.model(
+        Options(exclusion="opaque", clutter=1.0), start, Looks(None, None, (9, 9), 9)
+    )
+    tracker = PARTITIONED.tracker(model, FilterOptions(method="ps", particles=9))
+    assert tracker.ordering.keeps_components
+    assert tracker.initial_label is not None

@@ -25,6 +25,10 @@ NOTES = (
     "A drawn or filmed wire shows two edges, so each line of a wire counts two crossings per "
     "target, and up to four of both; the probabilities for more than two boundaries, which the "
     "paper does not give, are beta-binomial and agree with its own for two.",
+    "Measurement lines lie near to one another and see the same edges: each line across a wire "
+    "or a leaf counts as .3 of an independent one, each across a worm as .2, so that the "
+    "particles' weights do not collapse. The paper counts each in full. A leaf keeps .95 of its "
+    "speed from frame to frame, hidden or not.",
     "The width of a boundary's law is 2 pixels for wires, 3 for worms, 5 for leaves and 7, the "
     "paper's, for walkers.",
     "Opaque targets carry a label that says which is in front; it is kept while shapes overlap, "

@@ -13,8 +13,9 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.errors import InputError
+from jaxpf.filters import initial as filters_initial
 from jaxpf.filters import resampling
-from jaxpf.pytree import as_array, is_concrete, pytree_dataclass
+from jaxpf.pytree import pytree_dataclass
 from jaxpf.state import STATUS_IMPOSSIBLE, STATUS_INVALID_LIKELIHOOD, STATUS_LOST, Summary
 
 
@@ -49,23 +50,17 @@ class FactoredState:
 
 
 def checked_initial(initial: Any) -> Any:
-    """``initial`` as an array of floats, or the sampler that it is.
+    """``initial`` as an array of floats ``[P, D]``, or the sampler that it is.
 
     Raises:
-        InputError: an array that is not ``[P, D]``.
+        InputError: an array of another shape; see also ``jaxpf.filters.initial``.
     """
-    if callable(initial):
-        return initial
-    initial = as_array(initial)
-    if initial.ndim != 2 or 0 in initial.shape:
+    initial = filters_initial.checked_initial(initial)
+    if not callable(initial) and (initial.ndim != 2 or 0 in initial.shape):
         raise InputError(
             f"initial has shape {list(initial.shape)}; give [P, D], a row for each partition, or a "
             "sampler key -> [P, D]."
         )
-    if not jnp.issubdtype(initial.dtype, jnp.floating):
-        initial = initial.astype(jnp.result_type(float))
-    if is_concrete(initial) and not np.isfinite(np.asarray(initial)).all():
-        raise InputError("initial holds a number that is not finite; say where every point starts.")
     return initial
 
 

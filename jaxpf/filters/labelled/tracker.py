@@ -10,12 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
+from jaxpf.filters.initial import checked_initial
 from jaxpf.filters.labelled import by_label, kernel, population
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_tracker
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
 from jaxpf.lowering.threefry import written_out
-from jaxpf.pytree import as_array, pytree_dataclass, static_field
+from jaxpf.pytree import pytree_dataclass, static_field
 
 __all__ = ["Labelled", "LabelledState", "LabelledSummary", "born", "ended"]
 
@@ -59,7 +60,7 @@ class Labelled(Tracker):
         motion_gradient: static, one of ``jaxpf.gradients.MOTION_GRADIENTS``.
 
     Raises:
-        InputError: see ``check_tracker``.
+        InputError: see ``check_tracker`` and ``jaxpf.filters.initial``.
     """
 
     dynamics: Any
@@ -80,13 +81,10 @@ class Labelled(Tracker):
     motion_gradient: str = static_field(default="pathwise")
 
     def __post_init__(self):
-        if not callable(self.initial):
-            initial = as_array(self.initial)
-            if not jnp.issubdtype(initial.dtype, jnp.floating):
-                initial = initial.astype(jnp.result_type(float))
-            object.__setattr__(self, "initial", initial)
-            if self.num_targets is None and initial.ndim == 2:
-                object.__setattr__(self, "num_targets", initial.shape[0])
+        initial = checked_initial(self.initial, may_be_empty=self.population != "fixed")
+        object.__setattr__(self, "initial", initial)
+        if self.num_targets is None and not callable(initial) and initial.ndim == 2:
+            object.__setattr__(self, "num_targets", initial.shape[0])
         for name in ("position", "speed"):
             value = getattr(self, name)
             object.__setattr__(self, name, None if value is None else tuple(map(int, value)))

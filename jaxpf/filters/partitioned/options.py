@@ -74,15 +74,21 @@ class PartitionedFilter(Filter):
 
     def tracker(self, model: Model, options: Options) -> Any:
         """See ``Filter``."""
-        from jaxpf.filters.partitioned.ordering import named
+        from jaxpf.filters.partitioned.ordering import branched, named
         from jaxpf.filters.partitioned.tracker import Partitioned
 
         self.check(options, model.parents)
+        orders = getattr(model.likelihood, "orders_of_labels", None)
+        if options.method == "ps" and options.order is None and orders is not None:
+            ordering = branched(orders)
+        else:
+            ordering = named(options.method, model.parents, order=options.order, swap=options.swap)
         return Partitioned(
             dynamics=model.dynamics,
             likelihood=model.likelihood,
-            ordering=named(options.method, model.parents, order=options.order, swap=options.swap),
+            ordering=ordering,
             initial=model.initial,
+            initial_label=model.initial_label,
             parents=model.parents,
             num_particles=options.particles,
             resampling=options.resampling,

@@ -3,7 +3,6 @@
 import importlib.util
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
@@ -136,33 +135,6 @@ def check_look_ahead(tracker: Any) -> None:
     ):
         if used:
             raise InputError(f"look_ahead does not go with {what}; leave one of them out.")
-
-
-def check_initial(initial: Any) -> None:
-    """Refuse an initial state that is no array of finite, real numbers.
-
-    Raises:
-        InputError: what it is, and where.
-    """
-    if not is_concrete(initial):
-        return
-    try:
-        values = np.asarray(initial)
-    except ValueError:  # rows of different lengths
-        values = np.asarray(None)
-    if jnp.issubdtype(values.dtype, jnp.complexfloating):
-        raise InputError("initial holds complex numbers; give real ones.")
-    if not (jnp.issubdtype(values.dtype, jnp.number) or values.dtype == bool):
-        raise InputError(
-            f"initial is {type(initial).__name__}, no array of numbers; give [P, D], or a sampler "
-            "key -> [P, D]."
-        )
-    wrong = np.argwhere(~np.isfinite(np.asarray(values, float)))
-    if len(wrong):
-        raise InputError(
-            f"initial holds {len(wrong)} value(s) that are not finite, the first at "
-            f"{wrong[0].tolist()}; give finite numbers."
-        )
 
 
 def check_exchange(tracker: Any) -> None:

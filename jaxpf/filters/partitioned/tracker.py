@@ -8,11 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
+from jaxpf.filters.initial import checked_initial
 from jaxpf.filters.partitioned import kernel
 from jaxpf.filters.partitioned.ordering import Ordering, check_tree
-from jaxpf.filters.partitioned.refusals import check_initial, check_tracker
+from jaxpf.filters.partitioned.refusals import check_tracker
 from jaxpf.lowering.threefry import written_out
-from jaxpf.pytree import as_array, pytree_dataclass, static_field
+from jaxpf.pytree import pytree_dataclass, static_field
 from jaxpf.state import ParticleState, Summary
 
 
@@ -51,7 +52,7 @@ class Partitioned(Tracker):
             ``jaxpf.gradients.MOTION_GRADIENTS``.
 
     Raises:
-        InputError: see ``refusals.check_tracker``.
+        InputError: see ``refusals.check_tracker`` and ``jaxpf.filters.initial``.
     """
 
     dynamics: Any
@@ -73,12 +74,7 @@ class Partitioned(Tracker):
     def __post_init__(self):
         tree = (-1,) * self.ordering.num_partitions if self.parents is None else self.parents
         object.__setattr__(self, "parents", check_tree(tree))
-        if not callable(self.initial):
-            check_initial(self.initial)
-            initial = as_array(self.initial)
-            if not jnp.issubdtype(initial.dtype, jnp.floating):
-                initial = initial.astype(jnp.result_type(float))
-            object.__setattr__(self, "initial", initial)
+        object.__setattr__(self, "initial", checked_initial(self.initial))
         check_tracker(self)
 
     @property

@@ -18,6 +18,7 @@ from jaxpf.models.likelihoods.contours.line_model import (
     detection_probabilities,
 )
 from jaxpf.models.shapes import ShapeSpace
+from jaxpf.names import EXCLUSIONS
 from jaxpf.pytree import as_array
 
 _KINDS = {
@@ -25,8 +26,6 @@ _KINDS = {
     "wires": ExclusiveContours,
     "opaque": OpaqueContours,
 }
-#: How targets exclude one another: not at all, as wire frames, or as opaque bodies.
-EXCLUSIONS = tuple(_KINDS)
 #: Subsets of so many crossings are still summed in a moment.
 _MOST_CROSSINGS = 8
 
@@ -41,6 +40,7 @@ def contours(
     detector: EdgeDetector | None = None,
     detection: Any = None,
     sigma: float = SIGMA,
+    independence: float = 1.0,
     width: float | None = None,
     num_lines: int = 32,
     crossings: int | None = None,
@@ -58,6 +58,8 @@ def contours(
         detection: probabilities that k of c boundaries are detected, ``[c, k]`` for c = 0 to
             ``num_targets * crossings``; default ``detection_probabilities``.
         sigma: width of the law of a boundary's feature, pixels.
+        independence: share of its log-ratio that each line counts, above 0 to 1; less than 1 where
+            lines lie so near to each other that they see the same.
         width: of a wire both of whose edges are seen, pixels; None: the contour is one edge.
         num_lines: M, lines per contour.
         crossings: at most so many crossings of one contour with one line count; default 1, or 2
@@ -69,7 +71,7 @@ def contours(
     detector = EdgeDetector() if detector is None else detector
     edges = 1 if width is None else 2
     crossings = edges if crossings is None else crossings
-    _check(space, num_targets, exclusion, sigma, width, num_lines, crossings, edges)
+    _check(space, num_targets, exclusion, sigma, independence, width, num_lines, crossings, edges)
     if width is not None and width >= detector.length:
         raise InputError(
             f"width {width:g} does not fit on lines of {detector.length} pixels; give the detector "
@@ -95,6 +97,7 @@ def contours(
         clutter=check_clutter(clutter, detector.max_features),
         detection=as_array(detection, float),
         sigma=sigma,
+        independence=independence,
         width=0.0 if width is None else width,
         edges=edges,
         num_lines=num_lines,
@@ -102,12 +105,16 @@ def contours(
     )
 
 
-def _check(space, num_targets, exclusion, sigma, width, num_lines, crossings, edges) -> None:
+def _check(
+    space, num_targets, exclusion, sigma, independence, width, num_lines, crossings, edges
+) -> None:
     if exclusion not in _KINDS:
         raise InputError(f"exclusion {exclusion!r} is unknown; choose one of {list(EXCLUSIONS)}.")
     for name, value in (("sigma", sigma), ("width", 1.0 if width is None else width)):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} {value} must be a number of pixels above 0.")
+    if not 0 < independence <= 1:
+        raise InputError(f"independence {independence} must be above 0 and at most 1.")
     if num_lines < 4:
         raise InputError(f"num_lines {num_lines} must be 4 or more.")
     if edges == 2 and space.closed:

@@ -33,6 +33,9 @@ class IndependentContours(Likelihood):
         clutter: b(n), ``[max_features + 1]``.
         detection: ``q_kc`` at ``[c, k]``; its size bounds c.
         sigma: width of the law of a boundary's feature, pixels.
+        independence: share of its log-ratio that each line counts.  Neighbouring lines see the
+            same blurred edge, and err alike where the shape space does; counted in full, they make
+            one particle's weight exceed all others'.
         width: of a wire with two edges, pixels; what the spline draws is its middle.  Not used
             with one edge.
         edges: static, 1 where the spline is itself the boundary, 2 for both edges of a wire.
@@ -46,6 +49,7 @@ class IndependentContours(Likelihood):
     clutter: Any
     detection: Any
     sigma: Any = 7.0
+    independence: Any = 1.0
     width: Any = 0.0
     edges: int = static_field(default=1)
     num_lines: int = static_field(default=32)
@@ -133,13 +137,13 @@ class IndependentContours(Likelihood):
         return (x >= 0) & (x < width) & (y >= 0) & (y < height)
 
     def _judged(self, observation, lines, boundaries, crossed):
-        """Sum over lines ``[M, ...]`` of ``log(p~_c / p_0)``."""
+        """Sum over lines ``[M, ...]`` of ``log(p~_c / p_0)``, each by what it counts."""
         features: Features = self.detector.find(observation, lines)
         detector, dtype = self.detector, lines.x.dtype
         weights = line_weights(self.clutter, self.detection, detector.length)
         sigma = jnp.asarray(self.sigma, dtype)
         every = log_ratio(weights, features, boundaries, crossed, sigma, detector.reach)
-        return jnp.sum(every, axis=0)
+        return jnp.sum(every, axis=0) * jnp.asarray(self.independence, dtype)
 
 
 @pytree_dataclass
@@ -209,6 +213,9 @@ class OpaqueContours(ExclusiveContours):
     The label 0 says that the first target is nearer the camera, 1 the second.  What of the other
     target's boundary lies inside the nearer one's outline is hidden, and is not counted.
     """
+
+    #: For each label the order of partitioned sampling: the nearer target first (figure 8).
+    orders_of_labels = ((0, 1), (1, 0))
 
     def log_joint(self, observation, substates, log_probs):
         """The mean over both labels, for a filter that carries none."""

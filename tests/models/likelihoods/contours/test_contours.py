@@ -82,6 +82,14 @@ def shifts(*pairs):
 REST, AWAY = (0.0, 0.0), (80.0, 0.0)
 
 
+def test_lines_may_count_for_less_than_independent_ones():
+    moved = shifts((REST, REST), (AWAY, REST), ((4.0, 3.0), (-5.0, 1.0)))
+    less = dataclasses.replace(WIRES, independence=0.25)
+    for function in (alone, together):
+        whole, share = function(WIRES, BOTH, moved), function(less, BOTH, moved)
+        np.testing.assert_allclose(share, 0.25 * np.asarray(whole), rtol=1e-5)
+
+
 def test_a_line_finds_the_edges_it_crosses():
     lines = Lines(*(jnp.array([v]) for v in (60.0, 50.0, 0.0, 1.0)))
     found = DETECTOR.find(DETECTOR.observe(BOTH), lines)
@@ -241,6 +249,7 @@ def test_clutter_is_learned_and_what_was_not_seen_is_smoothed():
         ({"crossings": 5}, "crossings 5"),
         ({"detection": np.eye(2)}, "at most 1 boundaries"),
         ({"num_lines": 2}, "num_lines 2"),
+        ({"independence": 0.0}, "independence 0.0 must be above 0"),
         ({"clutter": -0.5}, "clutter of mean -0.5"),
         ({"clutter": np.ones(3)}, "clutter has shape"),
         ({"clutter": None}, "either frames"),

@@ -1,0 +1,100 @@
+"""``jaxpf contour learn``: shape space and dynamics of contours, from annotations."""
+
+from pathlib import Path
+
+import click
+
+from jaxpf.cli import common
+from jaxpf.names import ANNOTATIONS, COEFFICIENTS
+
+
+@click.group("contour")
+def command() -> None:
+    """Learn what contours look like and how they move."""
+
+
+@command.command("learn")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "--kind",
+    type=click.Choice(ANNOTATIONS),
+    help="What FOLDER holds: masks (a folder of pictures, or its folder masks), outlines "
+    "(outlines.csv) or centrelines (centrelines.csv).  [default: what is there]",
+)
+@click.option("--object", "value", type=int, help="Of masks, the grey level that marks the target.")
+@click.option("--first", default=0, show_default=True, help="First frame to learn from, from 0.")
+@click.option("--last", type=int, help="Last frame to learn from.  [default: the last there is]")
+@click.option("--dimension", "-d", default=8, show_default=True, help="Of the shape space.")
+@click.option("--points", default=12, show_default=True, help="Control points of a contour.")
+@click.option(
+    "--turns",
+    type=click.IntRange(0, 360),
+    default=0,
+    show_default=True,
+    help="Of centrelines, show them in so many directions, in a mirror and from the other end too: "
+    "for bodies that bend to either side, whichever way they lie.",
+)
+@click.option(
+    "--order",
+    type=click.IntRange(0, 2),
+    default=2,
+    show_default=True,
+    help="Frames of the past that the dynamics know; 0 learns none.",
+)
+@click.option(
+    "--coefficients",
+    type=click.Choice(COEFFICIENTS),
+    default=COEFFICIENTS[0],
+    show_default=True,
+    help="What of the past acts on a coordinate: its own steps, its own past and a place to which "
+    "it returns, or all coordinates' past.",
+)
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(path_type=Path),
+    default=Path("learned.json"),
+    show_default=True,
+    help="File for `jaxpf track --learned`.",
+)
+def learn(
+    folder: Path,
+    kind: str | None,
+    value: int | None,
+    first: int,
+    last: int | None,
+    dimension: int,
+    points: int,
+    turns: int,
+    order: int,
+    coefficients: str,
+    output: Path,
+) -> None:
+    """Learn a shape space and dynamics from the contours in FOLDER.
+
+    A CSV file has the header frame,id,k,x,y: the k-th point of a target's outline or centreline
+    in a frame, in pixels.  Frames need not all be annotated; all targets are learned as one kind.
+
+    Example: jaxpf contour learn worms --turns 36 -d 10 --points 8 --last 40 -o worm.json
+    """
+    from jaxpf.files.annotated_contours import read_annotated
+    from jaxpf.files.learned_contours import write_learned
+    from jaxpf.files.writing import check_output_file
+
+    check_output_file(output)
+    annotated = read_annotated(folder, kind, value=value, first=first, last=last)
+    common.use_compile_cache()
+    from jaxpf.targets.contour_learning import learn_contours
+
+    learned, report = learn_contours(
+        annotated,
+        dimension=dimension,
+        num_points=points,
+        order=order,
+        coefficients=coefficients,
+        turns=turns,
+    )
+    write_learned(output, learned)
+    for line in report:
+        click.echo(line)
+    click.echo(f"{output}: for `jaxpf track VIDEO --contours FILE.json --learned {output}`")

@@ -1,0 +1,53 @@
+"""The state just before the first frame, as every filter takes it."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.errors import InputError
+from jaxpf.pytree import as_array, is_concrete
+
+
+def checked_initial(initial: Any, may_be_empty: bool = False) -> Any:
+    """An initial state as an array of floats, or the sampler that it is.
+
+    Args:
+        initial: what a user gave.
+        may_be_empty: whether a row of nothing but NaN stands for nobody.
+
+    Raises:
+        InputError: no array of finite, real numbers; what it is, and where.
+    """
+    if callable(initial):
+        return initial
+    if is_concrete(initial):
+        _check(initial, may_be_empty)
+    initial = as_array(initial)
+    if not jnp.issubdtype(initial.dtype, jnp.floating):
+        initial = initial.astype(jnp.result_type(float))
+    return initial
+
+
+def _check(initial: Any, may_be_empty: bool) -> None:
+    try:
+        values = np.asarray(initial)
+    except ValueError:  # rows of different lengths
+        values = np.asarray(None)
+    if jnp.issubdtype(values.dtype, jnp.complexfloating):
+        raise InputError("initial holds complex numbers; give real ones.")
+    if not (jnp.issubdtype(values.dtype, jnp.number) or values.dtype == bool):
+        raise InputError(
+            f"initial is {type(initial).__name__}, no array of numbers; give [P, D], or a sampler "
+            "key -> [P, D]."
+        )
+    values = np.asarray(values, float)
+    is_wrong = ~np.isfinite(values)
+    if may_be_empty and values.ndim:
+        is_wrong &= ~np.isnan(values).all(axis=-1, keepdims=True)
+    wrong = np.argwhere(is_wrong)
+    if len(wrong):
+        raise InputError(
+            f"initial holds {len(wrong)} value(s) that are not finite, the first at "
+            f"{wrong[0].tolist()}; give finite numbers."
+        )

@@ -1,0 +1,69 @@
+"""Measures of contours: how far they lie from the true ones, and how much of them is found.
+
+A contour is a polyline ``[..., V, 2]`` in pixels; a closed one's last point is its first.  A point
+of one contour is matched where it lies within ``REACH`` pixels of the other (Martin, Fowlkes and
+Malik, 2004, who call precision and recall what is called so here).
+"""
+
+import jax.numpy as jnp
+from jax import Array, lax
+from jax.typing import ArrayLike
+
+#: Pixels within which a point of a contour counts as found.
+REACH = 5.0
+
+
+def measure_polylines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]:
+    """How well contours fit the true ones, frame by frame.
+
+    Args:
+        estimate: ``[..., V, 2]``, points at equal distances or nearly so.
+        truth: ``[..., V, 2]``, likewise; the leading axes broadcast.
+
+    Returns:
+        ``[...]`` each: ``present`` (there is truth), ``tracked`` (a point is matched),
+        ``precision`` and ``recall`` (shares p and r of the estimate's and of the true points that
+        are matched), ``overlap`` (matched over all, ``p r / (p + r - p r)``), ``centre_error``
+        (distance of the points' means, pixels), and ``corner_error`` (mean distance of either's
+        points from the other contour, the larger of the two).  Shares are 0 for an estimate that
+        is not finite; all but the first two are NaN without truth.
+    """
+    estimate, truth = jnp.broadcast_arrays(jnp.asarray(estimate), jnp.asarray(truth))
+    present = jnp.all(jnp.isfinite(truth), axis=(-2, -1))
+    known = jnp.all(jnp.isfinite(estimate), axis=(-2, -1)) & present
+    ours, theirs = (jnp.where(known[..., None, None], x, 0.0) for x in (estimate, truth))
+    to_truth, to_estimate = distances(ours, theirs), distances(theirs, ours)
+    precision, recall = (
+        jnp.where(known, jnp.mean(gaps <= REACH, axis=-1), 0.0) for gaps in (to_truth, to_estimate)
+    )
+    both = precision * recall
+    either = precision + recall - both
+    overlap = jnp.where(either > 0, both / jnp.where(either > 0, either, 1.0), 0.0)
+    centres = jnp.linalg.norm(jnp.mean(ours[..., 1:, :] - theirs[..., 1:, :], axis=-2), axis=-1)
+    apart = jnp.maximum(jnp.mean(to_truth, axis=-1), jnp.mean(to_estimate, axis=-1))
+    found = {"precision": precision, "recall": recall, "overlap": overlap}
+    found = {name: jnp.where(present, value, jnp.nan) for name, value in found.items()}
+    found |= {
+        name: jnp.where(known, value, jnp.nan)
+        for name, value in (("centre_error", centres), ("corner_error", apart))
+    }
+    return {"present": present, "tracked": precision > 0, **found}
+
+
+def distances(points: ArrayLike, line: ArrayLike) -> Array:
+    """Distances ``[..., S]`` of points ``[..., S, 2]`` from polylines ``[..., V, 2]``, pixels."""
+    points, line = jnp.asarray(points), jnp.asarray(line)
+
+    def nearer(least, ends):
+        start, end = (x[..., None, :] for x in ends)
+        along, offset = end - start, points - start
+        square = jnp.sum(along**2, axis=-1)
+        place = jnp.sum(offset * along, axis=-1) / jnp.where(square > 0, square, 1.0)
+        gap = offset - jnp.clip(place, 0, 1)[..., None] * along
+        return jnp.minimum(least, jnp.sum(gap**2, axis=-1)), None
+
+    sides = jnp.moveaxis(line, -2, 0)
+    shape = jnp.broadcast_shapes(points.shape[:-1], (*line.shape[:-2], points.shape[-2]))
+    begin = jnp.full(shape, jnp.inf, points.dtype)
+    least, _ = lax.scan(nearer, begin, (sides[:-1], sides[1:]))
+    return jnp.sqrt(least)

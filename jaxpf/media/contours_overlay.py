@@ -1,0 +1,110 @@
+"""Drawing contours: where they are, and what particles believe, hidden parts dark and dashed."""
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.media.overlay import label_at, line_thickness, object_colours
+
+_SHIFT = 4  # bits of a fraction of a pixel, for OpenCV
+_DARK = (20, 20, 20)
+#: Particles are this much of the picture where they are drawn.
+_OPACITY = 0.6
+#: Particles of a smaller share of the largest weight are not drawn.
+_LEAST = 0.02
+#: Widest line of a particle, in widths of the thinnest.
+_WIDEST = 4
+
+
+def draw_contours(
+    frame: np.ndarray,
+    lines: ArrayLike,
+    names: ArrayLike,
+    colours: np.ndarray | None = None,
+    lost: ArrayLike | None = None,
+) -> np.ndarray:
+    """A copy of a frame with labelled contours on it.
+
+    Args:
+        frame: uint8 RGB ``[H, W, 3]``.
+        lines: ``[P, V, 2]``, points in pixels; a closed contour's last is its first.  A contour
+            that is not finite is skipped.
+        names: ``[P]``.
+        colours: uint8 RGB ``[P, 3]``; ``object_colours(P)`` by default.
+        lost: bool ``[P]``; a lost target's contour is dashed and its label says so.
+    """
+    frame = np.ascontiguousarray(frame).copy()
+    lines = np.asarray(lines, float)
+    colours = object_colours(len(lines)) if colours is None else np.asarray(colours)
+    thickness = line_thickness(frame)
+    labels = []
+    for line, name, colour, is_lost in zip(
+        lines,
+        np.asarray(names),
+        colours,
+        np.zeros(len(lines), bool) if lost is None else np.asarray(lost),
+        strict=True,
+    ):
+        if not np.isfinite(line).all():
+            continue
+        dashed = np.full(len(line), bool(is_lost))
+        # A dark rim keeps every colour visible on every background.
+        _draw(frame, line, dashed, _DARK, thickness + 2)
+        _draw(frame, line, dashed, tuple(map(int, colour)), thickness)
+        highest = np.clip(line[line[:, 1].argmin()], 0, frame.shape[1::-1])
+        labels.append((f"{name} lost" if is_lost else f"{name}", highest, colour))
+    for text, (x, y), (red, green, blue) in labels:
+        label_at(frame, text, int(x), int(y) - 2, (int(red), int(green), int(blue)))
+    return frame
+
+
+def draw_contour_particles(
+    frame: np.ndarray,
+    lines: ArrayLike,
+    weights: ArrayLike,
+    hidden: ArrayLike | None = None,
+    colours: np.ndarray | None = None,
+) -> np.ndarray:
+    """A copy of a frame with particles' contours, the likelier the wider.
+
+    Args:
+        frame: uint8 RGB ``[H, W, 3]``.
+        lines: ``[n, P, V, 2]``, see ``draw_contours``.
+        weights: ``[n]``, at least 0.
+        hidden: bool ``[n, P, V]``, points behind another target: dark and dashed.
+        colours: uint8 RGB ``[P, 3]``; ``object_colours(P)`` by default.
+    """
+    frame = np.ascontiguousarray(frame)
+    picture, lines = frame.copy(), np.asarray(lines, float)
+    weights = np.asarray(weights, float)
+    colours = object_colours(lines.shape[1]) if colours is None else np.asarray(colours)
+    shown = np.zeros(lines.shape[:3], bool) if hidden is None else np.asarray(hidden)
+    widths = 1 + (_WIDEST - 1) * weights / max(weights.max(initial=0.0), 1e-30)
+    thinnest = max(line_thickness(frame) // 2, 1)
+    told = np.flatnonzero(weights >= _LEAST * weights.max(initial=0.0))
+    for number in told[np.argsort(weights[told])]:
+        for line, dark, colour in zip(lines[number], shown[number], colours, strict=True):
+            if np.isfinite(line).all():
+                width = round(thinnest * widths[number])
+                _draw(picture, line, dark, tuple(map(int, colour)), width)
+    return cv2.addWeighted(picture, _OPACITY, frame, 1 - _OPACITY, 0)
+
+
+def _draw(picture, line, dashed, colour, thickness) -> None:
+    """Pieces of a line: whole where they are seen; else two of every four, in half the light."""
+    size = np.array(picture.shape[1::-1])
+    # OpenCV counts from the middle of a pixel; far outside it would overflow.
+    points = np.round((np.clip(line, -size, 2 * size) - 0.5) * 2**_SHIFT).astype(np.int32)
+    dark = tuple(level // 2 for level in colour)
+    apart = dashed[:-1] | dashed[1:]
+    begin = 0
+    for end in range(1, len(apart) + 1):
+        if end < len(apart) and apart[end] == apart[begin]:
+            continue
+        if apart[begin]:
+            pieces = [points[k : min(k + 2, end) + 1] for k in range(begin, end, 4)]
+        else:
+            pieces = [points[begin : end + 1]]
+        shade = dark if apart[begin] else colour
+        cv2.polylines(picture, pieces, False, shade, thickness, cv2.LINE_AA, _SHIFT)
+        begin = end

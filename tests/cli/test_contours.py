@@ -1,0 +1,211 @@
+"""``jaxpf track --target contours`` and ``jaxpf contour learn``, on a small drawn clip."""
+
+import csv
+import json
+import re
+import tomllib
+
+import cv2
+import numpy as np
+import pytest
+from command_line import jaxpf
+
+WIDTH, HEIGHT, LENGTH = 120, 90, 6
+#: Every run has these, so that the filter is compiled once.
+FEW = ("-n", "60", "--lines", "8", "--line-length", "21", "--sigma", "3")
+
+
+def wire(side, time):
+    """Middle of a wire, ``[7, 2]``: two upright bows that move towards each other."""
+    along = np.linspace(15, 75, 7)
+    middle = 60 + side * (28 - 1.5 * time)
+    return np.stack([middle + 4 * np.sin(along / 12), along], axis=1)
+
+
+def picture(time, background=150, wires=(-1, 1)):
+    noise = np.random.default_rng(time).normal(0, 2, (HEIGHT, WIDTH))
+    grey = np.clip(background + noise, 0, 255).astype(np.uint8)
+    for side in wires:
+        points = np.round((wire(side, time) - 0.5) * 16).astype(np.int32)
+        cv2.polylines(grey, [points], False, 40, 4, cv2.LINE_AA, 4)
+    return grey
+
+
+def contours(folder, **content):
+    both = {"left": wire(-1, 0).tolist(), "right": wire(1, 0).tolist()}
+    path = folder / "contours.json"
+    path.write_text(json.dumps({"closed": False, "contours": both} | content))
+    return path
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clip")
+    for time in range(LENGTH):
+        # Nothing at all is seen in one frame.
+        shown = picture(time) if time != 3 else np.full((HEIGHT, WIDTH), 150, np.uint8)
+        cv2.imwrite(str(folder / f"{time}.png"), shown)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def start(tmp_path_factory):
+    return contours(tmp_path_factory.mktemp("start"))
+
+
+@pytest.fixture(scope="module")
+def whole_run(clip, start, tmp_path_factory):
+    output = tmp_path_factory.mktemp("run") / "out"
+    return jaxpf("track", clip, "--contours", start, *FEW, "-o", output), output
+
+
+def test_wires_are_followed_also_through_a_frame_without_any_edge(whole_run):
+    outcome, output = whole_run
+    assert outcome.code == 0, outcome.err
+    assert f"{LENGTH - 1} frames tracked" in outcome.out
+    rows = list(csv.DictReader((output / "tracks.csv").open()))
+    assert {row["kind"] for row in rows} == {"control", "outline"}
+    for name, side in (("left", -1), ("right", 1)):
+        last = [
+            (float(row["x"]), float(row["y"]))
+            for row in rows
+            if (row["frame"], row["contour"], row["kind"]) == (f"{LENGTH - 1}", name, "outline")
+        ]
+        gaps = np.linalg.norm(np.array(last)[:, None] - wire(side, LENGTH - 1), axis=-1)
+        assert gaps.min(axis=0).mean() < 5
+
+
+def test_the_run_is_shown_and_can_be_repeated(whole_run, clip, start, tmp_path):
+    _, output = whole_run
+    assert {"overlay.mp4", "summary.json", "diagnostics.png"} <= {p.name for p in output.iterdir()}
+    options = tomllib.loads((output / "run.toml").read_text())["track"]
+    assert (options["target"], options["method"], options["exclusion"]) == (
+        "contours",
+        "ps",
+        "wires",
+    )
+    again = jaxpf("track", clip, "--config", output / "run.toml", "-o", tmp_path / "again")
+    assert again.code == 0, again.err
+    assert (tmp_path / "again" / "tracks.csv").read_bytes() == (output / "tracks.csv").read_bytes()
+
+
+def test_a_contour_that_crosses_itself_is_accepted_and_said(clip, tmp_path):
+    bow = [[30, 30], [90, 60], [90, 30], [30, 60]]
+    start = contours(tmp_path, contours={"bow": bow}, degree=1)
+    # Before anything else is found wrong.
+    options = ("--exclusion", "opaque", "-o", tmp_path / "out")
+    outcome = jaxpf("track", clip, "--contours", start, *options)
+    assert re.match("Note: The contour 'bow' .* crosses itself.*\nError: 1 opaque", outcome.err)
+
+
+LEAF = [[10, 20], [30, 18], [32, 40], [12, 38]]
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "words"),
+    [
+        ({}, ("--exclusion", "opaque"), "2 opaque target.* with open contours"),
+        (
+            {
+                "closed": True,
+                "contours": dict.fromkeys("abc", LEAF),
+            },
+            ("--exclusion", "opaque"),
+            "3 opaque target.* with closed contours.* give two closed contours",
+        ),
+        ({}, ("--independence", "2"), "--independence 2 must be a finite number above 0"),
+        ({"contours": {"short": [[1, 2], [3, 4], [5, 6]]}}, (), "'short': 3 control point"),
+        ({"contours": {"far": [[200, 2], [203, 4], [200, 9], [209, 9]]}}, (), "'far' lies outside"),
+        (
+            {},
+            ("--wire-width", "30", "--clutter", "1"),
+            "width 30 does not fit on lines of 21 pixels",
+        ),
+        ({}, ("--line-length", "20"), "length 20 of the measurement lines must be an odd number"),
+        ({}, ("--edge-threshold", "1000"), "clutter cannot be learned; lower the threshold"),
+        ({}, ("--lines", "3"), "--lines 3 must be a whole number from 4"),
+        ({}, ("--shape-space", "bent"), "'bent' is unknown; choose one of translation, similarity"),
+        ({}, ("--method", "sps"), "swap='combinatorial' needs a likelihood that factors"),
+        ({}, ("--method", "labelled"), "log_joint"),
+        ({}, ("--truth", "gt.csv"), "--truth is about boxes, and contours are tracked"),
+    ],
+)
+def test_every_mistake_has_one_clear_sentence(clip, tmp_path, content, options, words):
+    start, output = contours(tmp_path, **content), tmp_path / "out"
+    outcome = jaxpf("track", clip, "--contours", start, *FEW, *options, "-o", output)
+    assert outcome.code == 2
+    *_, sentence = outcome.err.strip().splitlines()
+    assert sentence.startswith("Error: ")
+    assert re.search(words, sentence), sentence
+    assert "Traceback" not in outcome.err
+    assert not output.exists()
+
+
+@pytest.fixture(scope="module")
+def annotated(tmp_path_factory):
+    """Centrelines of both wires over 30 frames."""
+    folder = tmp_path_factory.mktemp("annotated")
+    rng = np.random.default_rng(0)
+    lines = [
+        f"{time},{side},{k},{x:.2f},{y:.2f}"
+        for time in range(30)
+        for side in (-1, 1)
+        for k, (x, y) in enumerate(wire(side, time / 10) + rng.normal(0, 0.4, (7, 2)))
+    ]
+    (folder / "centrelines.csv").write_text("\n".join(["frame,id,k,x,y", *lines]) + "\n")
+    return folder
+
+
+@pytest.mark.slow
+def test_what_is_learned_is_tracked_with(annotated, clip, start, tmp_path):
+    learned = tmp_path / "learned.json"
+    arguments = ("--turns", "8", "-d", "5", "--points", "7", "-o", learned)
+    outcome = jaxpf("contour", "learn", annotated, *arguments)
+    assert outcome.code == 0, outcome.err
+    assert "60 contour(s) of 2 target(s) in 30 frame(s): 5 dimensions" in outcome.out
+    assert "Dynamics of order 2" in outcome.out
+    given = ("--contours", start, "--learned", learned, *FEW, "--frames", "2", "--no-overlay")
+    outcome = jaxpf("track", clip, *given, "-o", tmp_path / "out")
+    assert outcome.code == 0, outcome.err
+    outcome = jaxpf("track", clip, *given, "--shape-space", "affine", "-o", tmp_path / "other")
+    assert "affine was asked for and a learned one was given" in outcome.err
+
+
+def test_masks_are_learned_from(tmp_path):
+    masks = tmp_path / "masks"
+    masks.mkdir()
+    for number in range(12):
+        mask = np.zeros((60, 80), np.uint8)
+        cv2.ellipse(mask, (30 + number, 30), (14 + number % 3, 9), 5 * number, 0, 360, 255, -1)
+        cv2.imwrite(str(masks / f"{number}.png"), mask)
+    options = ("-d", "4", "--points", "8", "--order", "1", "-o", tmp_path / "learned.json")
+    outcome = jaxpf("contour", "learn", tmp_path, *options)
+    assert outcome.code == 0, outcome.err
+    kept = float(re.search(r"hold them to ([\d.]+) pixels", outcome.out)[1])
+    assert kept < 1.5
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--first", "50"), "no centrelines in the frames from 50 on"),
+        (("--last", "0", "-d", "5"), "2 key frame.* are fewer than the 5 dimensions"),
+        (("--last", "3", "-d", "5"), "are too few to learn"),
+        (("-d", "1"), "dimension 1 must be"),
+        (("--points", "3"), "3 control point.* are fewer than the 4"),
+        (("-o", "none/learned.json"), "cannot write 'none/learned.json'"),
+    ],
+)
+def test_what_cannot_be_learned_is_refused(annotated, tmp_path, monkeypatch, options, words):
+    monkeypatch.chdir(tmp_path)
+    outcome = jaxpf("contour", "learn", annotated, "--points", "7", *options)
+    assert outcome.code == 2
+    assert re.search(words, outcome.err), outcome.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_closed_contours_are_not_turned(annotated, tmp_path):
+    (tmp_path / "outlines.csv").write_text((annotated / "centrelines.csv").read_text())
+    outcome = jaxpf("contour", "learn", tmp_path, "--turns", "8", "-o", tmp_path / "x.json")
+    assert outcome.code == 2
+    assert "turns 8 are of centrelines, and outlines were given" in outcome.err

@@ -1,0 +1,131 @@
+"""Clips that are longer than memory: read in chunks, to the same bits."""
+
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from small_evaluation import ONE, RUNS, TWICE, assert_equal_bits, content, names, small_plan
+from small_sequence_folder import write_sequence
+
+import scenes
+from jaxpf import InputError
+from jaxpf.evaluation import Limits, evaluate, prepare
+from jaxpf.experiments.sources import load_scene
+from scenes import sequences
+
+#: Chunks of two frames, and one batch per file.
+TINY = Limits(memory=1, runs_per_batch=RUNS)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return write_sequence(tmp_path / "two")
+
+
+def plan(folder, **given):
+    return small_plan(lambda: load_scene(str(folder)), **given)
+
+
+@pytest.mark.slow
+def test_a_clip_in_chunks_gives_the_same_bits_also_after_an_interruption(
+    folder, tmp_path, monkeypatch
+):
+    whole = evaluate(plan(folder, runs=TWICE), tmp_path / "whole", limits=ONE)
+    monkeypatch.setattr(sequences, "MOST_KEPT", 0)
+    pictures = scenes.Clip.pictures
+
+    # The power fails while the second batch is half-way through the clip: 10 frames of the
+    # digest, 9 of the first batch.
+    budget = iter(range(1 + 10 + 9 + 5))
+
+    def until_then(clip, numbers):
+        for picture in pictures(clip, numbers):
+            if next(budget, None) is None:
+                raise KeyboardInterrupt
+            yield picture
+
+    monkeypatch.setattr(scenes.Clip, "pictures", until_then)
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(plan(folder, runs=TWICE), tmp_path / "part", limits=TINY)
+    assert len(names(tmp_path / "part")) == 1
+    monkeypatch.setattr(scenes.Clip, "pictures", pictures)
+    continued = evaluate(plan(folder, runs=TWICE), tmp_path / "part", limits=TINY)
+    assert_equal_bits(content(continued), content(whole))
+
+
+def test_the_plan_counts_a_chunk_in_the_place_of_a_long_clip(folder, tmp_path, monkeypatch):
+    size = 10 * 30 * 40 * 3
+    limits = Limits(memory=8 * 3 * 30 * 40 * 3)  # of which a chunk of 3 frames has a quarter
+    short = prepare(plan(folder), tmp_path / "out", limits)
+    assert {work.frames_per_chunk for work in short.work} == {5}
+    monkeypatch.setattr(sequences, "MOST_KEPT", 0)
+    assert short.memory - prepare(plan(folder), tmp_path / "out", limits).memory == size
+
+
+def test_a_picture_that_is_missing_is_told_in_one_sentence(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(sequences, "MOST_KEPT", 0)
+    (folder / "0007.png").unlink()
+    with pytest.raises(InputError, match=r"0007\.png: frame 7 is missing or is not a picture\."):
+        evaluate(plan(folder), tmp_path / "out")
+
+
+#: Evaluates 36 frames, allows itself so many more bytes than it has by then, and evaluates all.
+UNDER_A_LIMIT = """
+import functools, pathlib, resource, sys
+from jaxpf.cli.common import use_compile_cache
+use_compile_cache()
+import numpy as np
+from jaxpf.evaluation import Limits, Plan, evaluate
+from jaxpf.experiments.sources import load_scene
+
+def evaluated(name, num_frames):
+    load = functools.partial(load_scene, source=sys.argv[1], num_frames=num_frames)
+    plan = Plan(load, methods=["sir"], runs=1, grid={"particles": (20,)})
+    return evaluate(plan, pathlib.Path(sys.argv[1]) / name, limits=Limits(memory=64 * 2**20))
+
+evaluated("short", 37)
+status = pathlib.Path("/proc/self/status").read_text()
+now = int(status.partition("VmData:")[2].split()[0]) * 1024
+resource.setrlimit(resource.RLIMIT_DATA, (now + int(sys.argv[2]), -1))
+frames = load_scene(sys.argv[1]).frames
+try:
+    np.empty(frames.shape, np.uint8)
+    sys.exit("all frames fit")
+except MemoryError:
+    pass
+results = evaluated("long", None)
+(batch,) = results.batches(results.configurations[0])
+print(batch.shapes.shape[1])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="limits and /proc are Linux's")
+def test_a_clip_that_does_not_fit_into_memory_is_evaluated(tmp_path):
+    length, allowed = 18 * 39 + 1, 192 * 2**20
+    picture = np.zeros((480, 640, 3), np.uint8)
+    video = cv2.VideoWriter(
+        str(tmp_path / "clip.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 25, (640, 480)
+    )
+    rows = ["frame,id,x,y,w,h,occ"]
+    for number in range(length):
+        shown = picture.copy()
+        shown[200:240, number % 600 :][:, :40] = (40, 90, 220)
+        video.write(shown)
+        rows.append(f"{number},1,{number % 600},200,40,40,0")
+    video.release()
+    (tmp_path / "gt.csv").write_text("\n".join(rows) + "\n")
+    (tmp_path / "meta.json").write_text(
+        f'{{"name": "long", "frames": "clip.mp4", "n_frames": {length}, "width": 640, '
+        '"height": 480, "fps": 25}'
+    )
+    assert length * picture.nbytes > max(3 * allowed, sequences.MOST_KEPT)
+    done = subprocess.run(
+        [sys.executable, "-c", UNDER_A_LIMIT, str(tmp_path), str(allowed)],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) == length - 1

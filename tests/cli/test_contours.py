@@ -59,6 +59,7 @@ def whole_run(clip, start, tmp_path_factory):
     return jaxpf("track", clip, "--contours", start, *FEW, "-o", output), output
 
 
+@pytest.mark.slow
 def test_wires_are_followed_also_through_a_frame_without_any_edge(whole_run):
     outcome, output = whole_run
     assert outcome.code == 0, outcome.err
@@ -75,6 +76,7 @@ def test_wires_are_followed_also_through_a_frame_without_any_edge(whole_run):
         assert gaps.min(axis=0).mean() < 5
 
 
+@pytest.mark.slow
 def test_the_run_is_shown_and_can_be_repeated(whole_run, clip, start, tmp_path):
     _, output = whole_run
     assert {"overlay.mp4", "summary.json", "diagnostics.png"} <= {p.name for p in output.iterdir()}
@@ -89,6 +91,7 @@ def test_the_run_is_shown_and_can_be_repeated(whole_run, clip, start, tmp_path):
     assert (tmp_path / "again" / "tracks.csv").read_bytes() == (output / "tracks.csv").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_contour_that_crosses_itself_is_accepted_and_said(clip, tmp_path):
     bow = [[30, 30], [90, 60], [90, 30], [30, 60]]
     start = contours(tmp_path, contours={"bow": bow}, degree=1)

@@ -21,6 +21,7 @@ def demos(tmp_path_factory):
     return found
 
 
+@pytest.mark.slow
 def test_it_prints_a_table_and_writes_its_files(demos):
     folder, text = demos[0]
     assert re.search(r"SIR.*%.*\[\d+, \d+\]", text)
@@ -35,6 +36,7 @@ def test_it_prints_a_table_and_writes_its_files(demos):
     assert frames == scene.num_frames - 1
 
 
+@pytest.mark.slow
 def test_its_repetition_finds_the_same_results(demos):
     tables = [text[text.index("smith2004's") : text.index("│ SPS")] for _, text in demos]
     assert tables[0] == tables[1]

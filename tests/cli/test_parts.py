@@ -115,6 +115,7 @@ def test_the_configuration_repeats_the_run(whole_run, clip, tmp_path):
     assert one.read_bytes() == other.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [

@@ -30,6 +30,7 @@ def tuned(tmp_path_factory):
     return output, jaxpf(*arguments), arguments
 
 
+@pytest.mark.slow
 def test_it_prints_values_and_a_comparison_and_writes_them(tuned):
     output, outcome, _ = tuned
     assert outcome.code == 0, outcome.err
@@ -58,6 +59,7 @@ def test_it_prints_values_and_a_comparison_and_writes_them(tuned):
         assert abs(difference - float(row["difference"])) < 1e-4
 
 
+@pytest.mark.slow
 def test_the_same_command_continues_and_another_is_refused(tuned):
     output, _, arguments = tuned
     before = (output / "tuned.toml").read_bytes()

@@ -21,6 +21,7 @@ def measured():
     return tracking.measure("smooth", 3, (12,), seeds=(0, 1), num_frames=FRAMES)[12]
 
 
+@pytest.mark.slow
 def test_every_method_is_measured_on_every_sequence_and_run(measured):
     assert set(measured.error) == set(measured.variance) == set(KINDS)
     for values in (*measured.error.values(), *measured.variance.values()):
@@ -32,6 +33,7 @@ def test_every_method_is_measured_on_every_sequence_and_run(measured):
         assert error.mean() < 12 * 8
 
 
+@pytest.mark.slow
 def test_methods_and_dynamics_really_differ_and_runs_do_too(measured):
     errors = [values.ravel() for values in measured.error.values()]
     for first in range(len(errors)):
@@ -41,6 +43,7 @@ def test_methods_and_dynamics_really_differ_and_runs_do_too(measured):
     assert len(np.unique(runs[:, -1])) == len(runs)
 
 
+@pytest.mark.slow
 def test_a_run_depends_on_its_sequence_and_seed_alone(measured):
     swapped = tracking.measure("smooth", 3, (12,), seeds=(1, 0), num_frames=FRAMES)[12]
     for kind in KINDS:

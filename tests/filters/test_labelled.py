@@ -43,7 +43,11 @@ def start(chosen):
 
 @pytest.mark.parametrize(
     ("weights", "scheme"),
-    [("equal_share", "systematic"), ("plain", "multinomial"), ("corrected", "residual")],
+    [
+        ("equal_share", "systematic"),
+        pytest.param("plain", "multinomial", marks=pytest.mark.slow),
+        pytest.param("corrected", "residual", marks=pytest.mark.slow),
+    ],
 )
 def test_one_target_gives_the_particles_of_partitioned_key_for_key(weights, scheme):
     one = tracker(1, initial=IndependentGaussian(np.zeros((1, 2)), 1.0))
@@ -67,6 +71,7 @@ def test_one_target_gives_the_particles_of_partitioned_key_for_key(weights, sche
     np.testing.assert_allclose(found.label_log_evidence[:, 0], expected.log_evidence, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_within_labels_equal_shares_change_nothing():
     key = jax.random.key(0)
     plain = jaxpf.run(tracker(scope="within", weights="plain"), key, FRAMES, everything)[1]
@@ -227,6 +232,7 @@ def test_many_targets_are_weighed_as_few_are(monkeypatch):
     assert np.isneginf(found[2][4:]).all()
 
 
+@pytest.mark.slow
 def test_runs_streams_and_monte_carlo_agree():
     chosen, key = tracker(feedback="estimate", regularise=(0.8, 0.5)), jax.random.key(5)
     alone = jaxpf.run(chosen, key, FRAMES)[1]

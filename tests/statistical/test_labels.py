@@ -107,7 +107,9 @@ def z_score(values, truth):
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("name", ORDERINGS)
+@pytest.mark.parametrize(
+    "name", [pytest.param("sir", marks=pytest.mark.slow), "ps", "dps", "branched"]
+)
 def test_evidence_places_and_labels_are_unbiased(name):
     evidence, posterior = exact()
     log_evidence, places, labels = runs(ORDERINGS[name])

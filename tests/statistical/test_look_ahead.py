@@ -107,7 +107,8 @@ def true_places():
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("name", ["ps", pytest.param("dps", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ps", "dps"])
 def test_evidence_and_places_are_unbiased_and_less_variable(name):
     chosen = {"ps": ordering.ps([0, 1, 2]), "dps": ordering.dps(3)}[name]
     ahead, places = runs(chosen, look_ahead=True)

@@ -86,6 +86,7 @@ def test_kills_rho_normalised_across_components(monkeypatch):
     assert mutant_scores(objects(), ordering.dps(4)).worst > WRONG
 
 
+@pytest.mark.slow
 def test_kills_weights_kept_after_a_resampling(monkeypatch):
     original = selection.resample
 

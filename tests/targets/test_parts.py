@@ -45,7 +45,8 @@ def mean_corner_distance(scene, summary):
     return float(np.mean(np.linalg.norm(corners - scene.extras["corners"][1:], axis=-1)))
 
 
-@pytest.mark.parametrize("dynamics", [pytest.param("relative", marks=pytest.mark.slow), "absolute"])
+@pytest.mark.slow
+@pytest.mark.parametrize("dynamics", ["relative", "absolute"])
 def test_every_ordering_follows_the_object(scene, likelihood, dynamics):
     orderings = {"ps": named("ps", TREE)}
     orderings |= {swap: named("sps", TREE, swap=swap) for swap in SWAPS}
@@ -67,6 +68,7 @@ def test_a_start_without_reach_has_every_particle_at_the_poses(scene, likelihood
         np.testing.assert_allclose(start, expected, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_part_of_fixed_size_is_a_box_of_scale_one(scene, likelihood):
     part = OfFixedSize(likelihood)
     observation = part.observe(scene.frames[0])

@@ -113,6 +113,7 @@ def test_position_error_of_an_exact_estimate_has_a_finite_gradient():
     assert np.isfinite(slope).all()
 
 
+@pytest.mark.slow
 def test_overlap_loss_skips_what_is_not_labelled():
     found, slope = with_gradient(objectives.overlap_loss, tracker(), BOXES, SIZES)
     estimates = boxes_from_substates(SUMMARIES.estimate[:, [1, 4]], SIZES)

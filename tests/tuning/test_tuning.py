@@ -253,6 +253,7 @@ def test_settings_out_of_range_are_refused(change, words):
 # Comparison
 
 
+@pytest.mark.slow
 def test_the_comparison_pairs_runs_and_names_its_unit():
     rng = np.random.default_rng(0)
     centres = np.cumsum(rng.normal(0, 2, (10, 1, 2)), axis=0)

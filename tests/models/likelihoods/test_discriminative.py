@@ -159,6 +159,7 @@ def test_the_score_peaks_where_the_object_went_over_another_background(learned):
         assert score.max() > 0.6 > 0.5 > np.max(score[far])
 
 
+@pytest.mark.slow
 def test_the_gradient_is_that_of_the_value_in_double_precision():
     with jax.enable_x64(True):
         smooth = discriminative(
@@ -204,6 +205,7 @@ def darkness(picture):
     return jnp.stack([1 - picture.mean(axis=-1), picture[..., 0]], axis=-1)
 
 
+@pytest.mark.slow
 def test_features_of_ones_own_are_learned_like_others():
     own = discriminative(FRAME, BOXES, features=["gradients", darkness])
     assert own.colour_weights is None

@@ -144,6 +144,7 @@ def test_black_windows_and_windows_off_the_frame_are_finite(interpolation):
     assert np.isneginf(got[2:]).all()
 
 
+@pytest.mark.slow
 def test_gradients_are_those_of_the_bilinear_window_and_finite():
     frame = noise(4)
     likelihood = patch(frame, POSES, SIZES, interpolation="bilinear", sigma=0.5)

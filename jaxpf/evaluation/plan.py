@@ -23,7 +23,8 @@ from jaxpf.options import Option, check_distinct, chosen, implied, options_of, p
 from jaxpf.targets import DEFAULT, find_target, targets
 from jaxpf.targets.target import Start, Target
 
-_WHOLE = 2**31
+#: Runs of a configuration stay below: planning the batches of more would take minutes.
+_MOST_RUNS = 10**6 + 1
 #: Letters of a tracker's name, which tables and file names hold.
 _LONGEST_NAME = 100
 
@@ -79,7 +80,7 @@ class Plan:
         swaps = options_of(*(one.options for one in filters.filters().values()))["swap"]
         self._keep("swaps", [swaps.checked(value, "swaps:") for value in self.swaps])
         object.__setattr__(self, "grid", self._checked_grid())
-        for name, least, bound in (("runs", 1, _WHOLE), ("seed", 0, 2**32)):
+        for name, least, bound in (("runs", 1, _MOST_RUNS), ("seed", 0, 2**32)):
             self._check_whole(name, least, bound)
         names = [*self.tracks, *self.trackers]
         for name in names:

@@ -18,7 +18,7 @@ from jaxpf.options import chosen
 from jaxpf.running import RUNS_PER_BATCH
 from jaxpf.targets.target import Looks, Start, Target, looks_of_scene
 
-#: Every so manieth frame of a scene is shown as typical.
+#: One frame in so many of a scene is shown as typical.
 _EVERY = 8
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from jaxpf.contract import WrappedLikelihood, log_prob_all
+from jaxpf.contract import Likelihood, WrappedLikelihood, log_prob_all
 from jaxpf.pytree import pytree_dataclass
 
 #: c: beyond three standard deviations a detection hardly counts.
@@ -34,10 +34,8 @@ class Detected(WrappedLikelihood):
     found: Any
     scale: Any
 
-    def log_prob(self, observation, partition, substate):
-        """Log-likelihood ``[]`` of one substate ``[D]``."""
-        partition = jnp.asarray(partition)[None]
-        return self.log_prob_all(observation, partition, substate[:, None])[0]
+    # From ``log_prob_all``, and not the inner likelihood's own.
+    log_prob = Likelihood.log_prob
 
     def log_prob_all(self, observation, partition, substates):
         """Log-likelihoods ``[N]`` of substates ``[D, N]``."""

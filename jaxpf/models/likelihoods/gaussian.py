@@ -4,12 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract import of_partition
+from jaxpf.contract import Likelihood, of_partition
 from jaxpf.pytree import pytree_dataclass
 
 
 @pytree_dataclass
-class Gaussian:
+class Gaussian(Likelihood):
     """``y^p = H x^p + L n`` for each partition; a frame is ``y``, ``[P, E]``.
 
     Attributes:
@@ -26,11 +26,6 @@ class Gaussian:
     def observe(self, frame):
         """The frame itself, ``[P, E]``."""
         return frame
-
-    def log_prob(self, observation, partition, substate):
-        """Log-density ``[]`` of partition p's observation given one substate ``[D]``."""
-        substates = substate[:, None]
-        return self.log_prob_all(observation, jnp.asarray(partition)[None], substates)[0]
 
     def log_prob_all(self, observation, partition, substates):
         """Log-densities ``[N]`` given substates ``[D, N]``."""

@@ -20,6 +20,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.contract import Likelihood
 from jaxpf.errors import InputError
 from jaxpf.models.geometry import cos_sin
 from jaxpf.models.likelihoods._costs import costs_of_frame_and_particle, estimated_costs
@@ -45,7 +46,7 @@ from jaxpf.pytree import as_array, pytree_dataclass, static_field
 
 
 @pytree_dataclass
-class HistogramLikelihood:
+class HistogramLikelihood(Likelihood):
     """Colour-histogram likelihood of P objects; make one with :func:`histogram`.
 
     A substate is (u, v, a): the centre of the box in pixels from the left and the top of
@@ -121,11 +122,6 @@ class HistogramLikelihood:
         if self.method == "sampled":
             return sample_table(bins, self.distance)
         return integral_table(bins, self.references.shape[-1], self.table_dtype)
-
-    def log_prob(self, observation, partition, substate):
-        """Log-likelihood [] of one particle: a traced int partition, a substate [D]."""
-        partition = jnp.asarray(partition)[None]
-        return self.log_prob_all(observation, partition, substate[:, None])[0]
 
     def log_prob_all(self, observation, partition, substates):
         """Log-likelihoods of N particles.

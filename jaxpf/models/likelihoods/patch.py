@@ -18,6 +18,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.contract import Likelihood
 from jaxpf.errors import InputError
 from jaxpf.models.likelihoods._windows import window_colours, words_of
 from jaxpf.models.likelihoods.color import check_frame
@@ -32,7 +33,7 @@ _DARKEST_MEAN = 1.0
 
 
 @pytree_dataclass
-class PatchLikelihood:
+class PatchLikelihood(Likelihood):
     """Patch likelihood of P objects; make one with :func:`patch` or :func:`patch_from_pictures`.
 
     A substate is (u, v, a) or (u, v, a, theta, ...): the window's centre in pixels from the left
@@ -73,11 +74,6 @@ class PatchLikelihood:
         """
         check_frame(frame)
         return words_of(frame)
-
-    def log_prob(self, observation, partition, substate):
-        """Log-likelihood [] of one particle: a traced int partition, a substate [D]."""
-        partition = jnp.asarray(partition)[None]
-        return self.log_prob_all(observation, partition, substate[:, None])[0]
 
     def log_prob_all(self, observation, partition, substates):
         """Log-likelihoods of N particles.

@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.contract import of_partition
+from jaxpf.contract import Likelihood, of_partition
 from jaxpf.errors import InputError
 from jaxpf.models.likelihoods._integral import (
     integral_similarity,
@@ -57,7 +57,7 @@ class Seen(NamedTuple):
 
 
 @pytree_dataclass
-class DiscriminativeLikelihood:
+class DiscriminativeLikelihood(Likelihood):
     """Learned appearance of P objects; make one with :func:`discriminative`.
 
     A substate is (u, v, a): the centre of the box in pixels from the left and the top of the
@@ -132,11 +132,6 @@ class DiscriminativeLikelihood:
             colours = integral_table(stacked(bins, num_bins), num_bins, "uint16")
         maps = tuple(sum_table(stacked([of(p / 255) for p in pictures], 0)) for of in self.maps)
         return Seen(colours, maps)
-
-    def log_prob(self, observation, partition, substate):
-        """Log-likelihood [] of one particle: a traced int partition, a substate [D]."""
-        partition = jnp.asarray(partition)[None]
-        return self.log_prob_all(observation, partition, substate[:, None])[0]
 
     def log_prob_all(self, observation, partition, substates):
         """Log-likelihoods of N particles.

@@ -46,7 +46,7 @@ class Recorder:
                 open(output / "diagnostics.csv", "wb", buffering=0)  # noqa: SIM115
             )
         self._diagnose(["frame", "ess", "log_evidence", *(f"uniqueness_{i}" for i in ids)])
-        self.video = None
+        self.video = self.window = None
         if options["overlay"]:
             self.video = self._stack.enter_context(
                 VideoWriter(
@@ -150,7 +150,7 @@ class Recorder:
         return ~inside  # an outline of NaN compares false everywhere, so it counts as lost
 
     def _draw(self, frame, found, lost, state):
-        if self.video is None:
+        if not self._is_watched():
             return
         if state is not None:
             frame = self.target.draw_particles(
@@ -158,7 +158,17 @@ class Recorder:
             )
         self.past.append(found)
         past = np.stack(self.past)
-        self.video.write(self.target.draw(frame, self.start_at, found, self.colours, lost, past))
+        self._show(self.target.draw(frame, self.start_at, found, self.colours, lost, past))
+
+    def _is_watched(self):
+        """Whether a picture of this frame goes anywhere."""
+        return self.video is not None or (self.window is not None and self.window.is_due)
+
+    def _show(self, picture):
+        if self.video is not None:
+            self.video.write(picture)
+        if self.window is not None and self.window.is_due:
+            self.window.show(picture)
 
     def finish(self, stopped, truth):
         """Write what is known only at the end, and tell the user; ``stopped``: by what, or None."""

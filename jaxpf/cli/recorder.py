@@ -256,7 +256,7 @@ class Recorder:
         """Metrics over the frames after the start that have truth."""
         from jaxpf.files import tracks
         from jaxpf.files.writing import atomic_write
-        from jaxpf.measures import metrics
+        from jaxpf.measures import metrics, scores
 
         output, ids = self.output, self.ids
         estimated = tracks.read_boxes(output / "tracks.csv", empty_boxes="absent")
@@ -265,8 +265,12 @@ class Recorder:
         estimate = tracks.dense(estimated, known, last + 1)[first + 1 :]
         target = tracks.dense(truth, known, last + 1)[first + 1 :]
         measures = metrics.summarise(estimate[None], target)
-        columns = {"frames": np.asarray(metrics.has_truth(target)).sum(axis=0)}
-        for measure in ("tracked", "precision", "recall", "overlap", "centre_error"):
+        columns = {
+            "frames": np.asarray(metrics.has_truth(target)).sum(axis=0),
+            "success at .5": np.asarray(scores.success_at_half(estimate, target)),
+            "success area": np.asarray(scores.success_area(estimate, target)),
+        }
+        for measure in ("overlap", "tracked", "precision", "recall", "centre_error"):
             columns[measure] = np.asarray(measures[measure].value)
         rows = [
             [f"object {name}", f"{columns['frames'][k]:.0f}"]
@@ -275,7 +279,8 @@ class Recorder:
         ]
         common.print_table("Against the truth", ["", *columns], rows)
         with atomic_write(output / "metrics.csv") as file:
-            file.write("id," + ",".join(columns) + "\n")
+            names = [name.replace(" at .5", "_half").replace(" ", "_") for name in columns]
+            file.write("id," + ",".join(names) + "\n")
             for k, name in enumerate(known):
                 file.write(f"{name}," + ",".join(f"{columns[c][k]:.6g}" for c in columns) + "\n")
 

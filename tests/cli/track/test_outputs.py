@@ -137,8 +137,8 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     unset = (
         others | starts | set(options_of(Rules)) | {"frames", "order", "ess_threshold", "tracker"}
     )
-    # Video is tracked by learned appearance and relative motion: the others' options say nothing.
-    unset |= {"sharpness", "bands", "likelihood", "scale"}
+    # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
+    unset |= {"sharpness", "bands", "likelihood", "scale", "swap"}
     elsewhere = {"output", "overwrite", "config", "filter_", "preview"}
     assert set(options) == {param.name for param in command.params} - unset - elsewhere
 

@@ -27,6 +27,8 @@ COMPARED = tuple(
     by_name(name)
     for name in ("success_half", "success_area", "success", "recovered", "centre_error")
 )
+#: An interval below this is one of equal values, but for how they are added.
+_ROUNDING = 1e-6
 #: Below this a difference is marked, after Holm's correction.
 SIGNIFICANT = 0.05
 
@@ -172,7 +174,7 @@ def cells_of(measure: Measure, triples: np.ndarray, sign: str = "") -> list[str]
     """
     triples = triples * (100 if measure.percent else 1)
     reach = (triples[:, 2] - triples[:, 1]) / 2
-    known = reach[np.isfinite(reach) & (reach > 0)]
+    known = reach[np.isfinite(reach) & (reach > _ROUNDING)]
     typical = float(np.median(known)) if len(known) else math.nan
     decimals = 1 if math.isnan(typical) else min(max(-math.floor(math.log10(typical / 3)), 0), 4)
 

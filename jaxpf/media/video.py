@@ -48,6 +48,8 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
     Raises:
         InputError: nothing is there, or it holds no frame that decodes.
     """
+    if path == "":
+        raise InputError("no video is named; give its path, or . for the images in this folder")
     address = live_address(path)
     path = Path(f"{path}")
     if fps is not None and not (math.isfinite(fps) and fps > 0):

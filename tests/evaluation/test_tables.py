@@ -243,6 +243,7 @@ def test_shown_decimals_follow_the_width_of_the_intervals():
     texts = cells_of(measure, np.array([[-0.001, -1, 1], [math.nan] * 3]), sign="+")
     assert texts == ["+0.0 [-1.0, 1.0]", "-"]
     assert cells_of(by_name("success"), np.array([[1, math.nan, math.nan]])) == ["100.0"]
+    assert cells_of(measure, np.array([[0.1 + 0.2, 0.3, 0.1 + 0.2]])) == ["0.3"]
 
 
 def test_scores_of_the_benchmarks_are_means_over_runs(by_hand):

@@ -234,6 +234,10 @@ def test_what_is_no_video_is_refused_with_a_remedy(tmp_path, name, content, expe
     assert expected in message
 
 
+def test_no_name_is_not_the_folder_one_stands_in():
+    assert "no video is named" in message_of(open_frames, "")
+
+
 def test_memory_does_not_grow_with_the_length(tmp_path):
     def peak(num_frames):
         source = open_frames(write_video(tmp_path / "long.avi", num_frames))

@@ -27,6 +27,7 @@ class PopulationRecorder(Recorder):
         self.births, self.start_boxes = births, start
         self.frames_outside.clear()
         self.frames_without_likelihood.clear()
+        self.frames_probably_lost.clear()
         self.born: list[dict] = []
         self.ended: list[dict] = []
         self.refused: list[dict] = []
@@ -73,7 +74,7 @@ class PopulationRecorder(Recorder):
         living = tracked.ids != EMPTY
         ids, boxes, lost = tracked.ids[living], tracked.boxes[living], tracked.lost[living]
         self.tracks.append(number, boxes, lost, ids)
-        if self.video is None:
+        if not self._is_watched():
             return
         # An object keeps its colour, whatever slot it has.
         colours = object_colours(int(max(ids, default=0)) + 1)[ids]
@@ -82,7 +83,7 @@ class PopulationRecorder(Recorder):
             cloud = np.swapaxes(np.asarray(tracked.state.substates)[..., :2], 0, 1)[living]
             frame = draw_particles(frame, cloud, colours)
         start = dataclasses.replace(self.start_at, ids=ids)
-        self.video.write(self.target.draw(frame, start, boxes, colours, lost))
+        self._show(self.target.draw(frame, start, boxes, colours, lost))
 
     def _content(self):
         return {

@@ -48,7 +48,7 @@ class Recorder:
             self.diagnostics = self._stack.enter_context(
                 open(output / "diagnostics.csv", "wb", buffering=0)  # noqa: SIM115
             )
-        self.video = None
+        self.video = self.window = None
         if options["overlay"]:
             self.video = self._stack.enter_context(
                 VideoWriter(
@@ -172,7 +172,7 @@ class Recorder:
         return ~inside  # an outline of NaN compares false everywhere, so it counts as lost
 
     def _draw(self, frame, found, lost, state, confidence=None):
-        if self.video is None:
+        if not self._is_watched():
             return
         if state is not None:
             frame = self.target.draw_particles(
@@ -181,9 +181,19 @@ class Recorder:
         self.past.append(found)
         past = np.stack(self.past)
         doubtful = None if confidence is None else confidence < PROBABLY_LOST
-        self.video.write(
+        self._show(
             self.target.draw(frame, self.start_at, found, self.colours, lost, past, doubtful)
         )
+
+    def _is_watched(self):
+        """Whether a picture of this frame goes anywhere."""
+        return self.video is not None or (self.window is not None and self.window.is_due)
+
+    def _show(self, picture):
+        if self.video is not None:
+            self.video.write(picture)
+        if self.window is not None and self.window.is_due:
+            self.window.show(picture)
 
     def finish(self, stopped, truth):
         """Write what is known only at the end, and tell the user; ``stopped``: by what, or None."""
@@ -289,7 +299,7 @@ class Recorder:
         """Metrics over the frames after the start that have truth."""
         from jaxpf.files import tracks
         from jaxpf.files.writing import atomic_write
-        from jaxpf.measures import metrics
+        from jaxpf.measures import metrics, scores
 
         output, ids = self.output, self.ids
         estimated = tracks.read_boxes(output / "tracks.csv", empty_boxes="absent")
@@ -298,8 +308,12 @@ class Recorder:
         estimate = tracks.dense(estimated, known, last + 1)[first + 1 :]
         target = tracks.dense(truth, known, last + 1)[first + 1 :]
         measures = metrics.summarise(estimate[None], target)
-        columns = {"frames": np.asarray(metrics.has_truth(target)).sum(axis=0)}
-        for measure in ("tracked", "precision", "recall", "overlap", "centre_error"):
+        columns = {
+            "frames": np.asarray(metrics.has_truth(target)).sum(axis=0),
+            "success at .5": np.asarray(scores.success_at_half(estimate, target)),
+            "success area": np.asarray(scores.success_area(estimate, target)),
+        }
+        for measure in ("overlap", "tracked", "precision", "recall", "centre_error"):
             columns[measure] = np.asarray(measures[measure].value)
         rows = [
             [f"object {name}", f"{columns['frames'][k]:.0f}"]
@@ -308,7 +322,8 @@ class Recorder:
         ]
         common.print_table("Against the truth", ["", *columns], rows)
         with atomic_write(output / "metrics.csv") as file:
-            file.write("id," + ",".join(columns) + "\n")
+            names = [name.replace(" at .5", "_half").replace(" ", "_") for name in columns]
+            file.write("id," + ",".join(names) + "\n")
             for k, name in enumerate(known):
                 file.write(f"{name}," + ",".join(f"{columns[c][k]:.6g}" for c in columns) + "\n")
 

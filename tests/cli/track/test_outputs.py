@@ -117,8 +117,14 @@ def test_truth_adds_a_table_over_the_frames_that_have_truth(whole_run):
     assert "Against the truth" in outcome.out
     assert "object 2" in outcome.out
     header, *rows = (output / "metrics.csv").read_text().splitlines()
-    assert header.startswith("id,frames,tracked,precision,recall,overlap")
-    assert [row.split(",")[:3] for row in rows] == [["1", "9", "1"], ["2", "8", "1"]]
+    assert header.startswith("id,frames,success_half,success_area,overlap,tracked,precision")
+    for row, frames in zip(rows, (9, 8), strict=True):
+        values = dict(zip(header.split(","), map(float, row.split(",")), strict=True))
+        assert (values["frames"], values["success_half"], values["tracked"]) == (frames, 1, 1)
+        # The area is the overlap's mean, rounded up to steps of .05, but for the threshold 1.
+        assert 0 <= values["success_area"] - 20 / 21 * values["overlap"] <= 1 / 21
+    table = outcome.out[outcome.out.index("Against the truth") :]
+    assert table.index("success at .5") < table.index("success area") < table.index("tracked")
 
 
 def test_progress_tells_frames_per_second_and_the_time_left(whole_run):
@@ -155,7 +161,7 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     )
     # Video is tracked by learned appearance and relative motion: the others' options say nothing.
     unset |= {"sharpness", "bands", "likelihood", "scale"}
-    elsewhere = {"output", "overwrite", "config", "filter_"}
+    elsewhere = {"output", "overwrite", "config", "filter_", "preview"}
     assert set(options) == {param.name for param in command.params} - unset - elsewhere
 
 

@@ -17,6 +17,7 @@ from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource
 from jaxpf.media.images import IMAGE_SUFFIXES, frames_inside, natural_order, read_image, to_rgb
 from jaxpf.media.live import LiveSource, live_address
 from jaxpf.media.quiet import quiet_opencv
+from jaxpf.media.sizes import SizeWatch
 from jaxpf.media.video_writer import VideoWriter
 
 __all__ = ["DEFAULT_FPS", "FrameSource", "VideoWriter", "open_frames"]
@@ -109,7 +110,7 @@ class _VideoFile(FrameSource):
             return cv2.VideoCapture(str(self.path))
 
     def _frames(self, start: int) -> Generator[np.ndarray]:
-        capture = self._open()
+        capture, watch = self._open(), SizeWatch(self.path, start)
         try:
             for skipped in range(start):
                 with quiet_opencv():
@@ -123,10 +124,9 @@ class _VideoFile(FrameSource):
                     decoded, frame = capture.read()
                 if not decoded:
                     break
-                if frame.shape[:2] != (self.height, self.width):
+                if change := watch.change():
                     raise InputError(
-                        f"video '{self.path}' changes its size at frame {count}, from "
-                        f"{self.width}x{self.height} to {frame.shape[1]}x{frame.shape[0]}; "
+                        f"video '{self.path}' changes its size at frame {count}, from {change}; "
                         "convert it to one size"
                     )
                 last_time = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
@@ -137,6 +137,7 @@ class _VideoFile(FrameSource):
                 raise self._past_the_end(start, count)
             self._reached_end(count, last_time)
         finally:
+            watch.close()
             capture.release()
 
     def _reached_end(self, count: int, last_time: float) -> None:

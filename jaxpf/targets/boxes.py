@@ -21,6 +21,7 @@ from jaxpf.targets.appearance import (
     RELATIVE,
     appearance_option,
     bands_option,
+    check_contrast,
     gain_option,
     likelihood_option,
     motion_option,
@@ -164,6 +165,7 @@ class Boxes(Target):
         }
         with naming([f"the box of object {number}" for number in start.ids]):
             if looks.patches is None:
+                check_contrast(looks.frame, start.shapes)
                 return histogram(looks.frame, start.shapes, **settings)
             return histogram_from_patches(
                 looks.patches, start.sizes, frame_shape=looks.frame_shape, **settings

@@ -35,7 +35,9 @@ class Options:
         least=0,
         places=True,
     )
-    swap: str = option("combinatorial", "How sps exchanges.", choices=SWAPS)
+    swap: str = option(
+        "combinatorial", "How sps exchanges.", choices=SWAPS, implies=("method", "sps")
+    )
     particles: int = option(
         300, "Number of particles.", least=1, most=2**31 - 1, flags=("-n",), compiles=True
     )

@@ -22,6 +22,7 @@ from small_video import (
 )
 
 from jaxpf.files import tracks
+from jaxpf.measures import metrics
 from jaxpf.media.video import open_frames
 
 # What a run writes
@@ -118,11 +119,15 @@ def test_truth_adds_a_table_over_the_frames_that_have_truth(whole_run):
     assert "object 2" in outcome.out
     header, *rows = (output / "metrics.csv").read_text().splitlines()
     assert header.startswith("id,frames,success_half,success_area,overlap,tracked,precision")
-    for row, frames in zip(rows, (9, 8), strict=True):
+    boxes = tracks.dense(tracks.read_boxes(output / "tracks.csv"), [1, 2], LENGTH)[1:]
+    truth = np.array([true_boxes(number) for number in range(1, LENGTH)])
+    overlaps = np.asarray(metrics.overlap(boxes, truth))
+    for row, known in zip(rows, (overlaps[:, 0], overlaps[:-1, 1]), strict=True):
         values = dict(zip(header.split(","), map(float, row.split(",")), strict=True))
-        assert (values["frames"], values["success_half"], values["tracked"]) == (frames, 1, 1)
-        # The area is the overlap's mean, rounded up to steps of .05, but for the threshold 1.
-        assert 0 <= values["success_area"] - 20 / 21 * values["overlap"] <= 1 / 21
+        assert (values["frames"], values["tracked"]) == (len(known), 1)
+        assert values["success_half"] == pytest.approx(np.mean(known > 0.5), rel=1e-5)
+        thresholds = np.arange(21)[:, None] / 20
+        assert values["success_area"] == pytest.approx(np.mean(known > thresholds), rel=1e-5)
     table = outcome.out[outcome.out.index("Against the truth") :]
     assert table.index("success at .5") < table.index("success area") < table.index("tracked")
 
@@ -159,8 +164,8 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     unset = (
         others | starts | set(options_of(Rules)) | {"frames", "order", "ess_threshold", "tracker"}
     )
-    # Video is tracked by learned appearance and relative motion: the others' options say nothing.
-    unset |= {"sharpness", "bands", "likelihood", "scale"}
+    # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
+    unset |= {"sharpness", "bands", "likelihood", "scale", "swap"}
     elsewhere = {"output", "overwrite", "config", "filter_", "preview"}
     assert set(options) == {param.name for param in command.params} - unset - elsewhere
 

@@ -27,6 +27,7 @@ class PopulationRecorder(Recorder):
         self.births, self.start_boxes = births, start
         self.frames_outside.clear()
         self.frames_without_likelihood.clear()
+        self.frames_probably_lost.clear()
         self.born: list[dict] = []
         self.ended: list[dict] = []
         self.refused: list[dict] = []
@@ -63,11 +64,7 @@ class PopulationRecorder(Recorder):
         summary = tracked.summary
         for name in tracked.ids[tracked.lost]:
             self.frames_without_likelihood.setdefault(str(name), []).append(number)
-        log_evidence = float(summary.log_evidence)
-        self.num_invalid += int(summary.num_invalid)
-        self.num_impossible += int(np.isneginf(log_evidence))
-        values = [float(summary.ess), log_evidence, *summary.uniqueness]
-        self._diagnose([str(number), *(f"{value:.6g}" for value in values)])
+        self._note_summary(number, summary)
         self._write(number, tracked)
         self.num_tracked += 1
 

@@ -303,12 +303,19 @@ class Boxes(Target):
         return _MotWriter(path, start)
 
     def draw(
-        self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any, past: Any = None
+        self,
+        frame: Any,
+        start: Start,
+        shapes: Any,
+        colours: Any,
+        lost: Any,
+        past: Any = None,
+        doubtful: Any = None,
     ) -> np.ndarray:
         """See ``Target``."""
         from jaxpf.media.overlay import draw_boxes
 
-        return draw_boxes(frame, shapes, list(start.ids), colours, lost)
+        return draw_boxes(frame, shapes, list(start.ids), colours, lost, doubtful)
 
 
 BOXES = Boxes()
@@ -339,9 +346,11 @@ class _MotWriter:
     def __exit__(self, *exception: Any) -> Any:
         return self._writer.__exit__(*exception)
 
-    def append(self, frame: int, shapes: Any, lost: Any, ids: Any = None) -> None:
+    def append(
+        self, frame: int, shapes: Any, lost: Any, ids: Any = None, confidence: Any = 1.0
+    ) -> None:
         ids = self._ids if ids is None else ids
-        self._writer.append(frame, ids, shapes, np.where(lost, 0.0, 1.0))
+        self._writer.append(frame, ids, shapes, np.where(lost, 0.0, confidence))
 
 
 def scene_tracker(

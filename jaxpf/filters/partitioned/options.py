@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from jaxpf.errors import InputError
 from jaxpf.filters.filter import Filter, Variant
+from jaxpf.filters.looking import relocate_option, relocation_of
 from jaxpf.models.model import Model
 from jaxpf.names import METHODS, SCHEMES, SWAPS
 from jaxpf.options import check_options, option
@@ -56,6 +57,7 @@ class Options:
         "one another, such as contours.",
         compiles=True,
     )
+    relocate: float = relocate_option()
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -95,6 +97,7 @@ class PartitionedFilter(Filter):
             num_particles=options.particles,
             resampling=options.resampling,
             ess_threshold=options.ess_threshold,
+            relocation=relocation_of(model.likelihood, options.relocate),
             look_ahead=options.look_ahead,
         )
 

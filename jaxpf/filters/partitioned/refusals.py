@@ -8,6 +8,7 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.errors import InputError
 from jaxpf.filters import resampling
+from jaxpf.filters.relocation import check_relocation
 from jaxpf.names import GRADIENTS, MOTION_GRADIENTS, SWAPS
 from jaxpf.pytree import is_concrete
 
@@ -50,6 +51,7 @@ def check_tracker(tracker: Any) -> None:
             )
     check_labels(tracker)
     check_look_ahead(tracker)
+    check_relocation(tracker)
     if not is_concrete(ordering) or np.ndim(ordering.order) != 2:
         return
     used = int(np.count_nonzero(np.asarray(ordering.fractions)))

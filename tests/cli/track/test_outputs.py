@@ -47,7 +47,29 @@ def test_tracks_are_mot_rows_whose_first_frame_is_the_given_boxes_counted_from_1
     np.testing.assert_array_equal(rows[:, 0], np.repeat(np.arange(1, LENGTH + 1), 2))
     np.testing.assert_array_equal(rows[:, 1], np.tile([1, 2], LENGTH))
     np.testing.assert_array_equal(rows[:2, 2:6], true_boxes(0) + FROM_1)
-    np.testing.assert_array_equal(rows[:, 6], 1)
+    np.testing.assert_array_equal(rows[:2, 6], 1)
+
+
+def test_the_confidence_is_the_same_in_tracks_diagnostics_and_summary(whole_run):
+    _, output = whole_run
+    confidence = rows_of(output)[2:, 6].reshape(-1, 2)
+    assert np.all((confidence > 0) & (confidence < 1))
+    table = np.loadtxt(output / "diagnostics.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(table[:, 5:], confidence)
+    summary = summary_of(output)
+    mean = [summary["mean_confidence"][name] for name in ("1", "2")]
+    np.testing.assert_allclose(mean, confidence.mean(axis=0), atol=1e-4)
+    for name, values in zip(("1", "2"), confidence.T, strict=True):
+        doubtful = 1 + np.flatnonzero(values < 0.5)
+        assert summary["frames_probably_lost"][name] == doubtful.tolist()
+
+
+def test_colour_cannot_tell_who_is_lost_and_nobody_invents_a_number(track, tmp_path):
+    assert track(*BOXES, "--frames", 2, "--appearance", "colour", "--no-overlay").code == 0
+    output = tmp_path / "out"
+    np.testing.assert_array_equal(rows_of(output)[:, 6], 1)
+    assert "confidence" not in (output / "diagnostics.csv").read_text()
+    assert summary_of(output)["mean_confidence"] is None
 
 
 def test_tracks_follow_the_objects(whole_run):
@@ -84,7 +106,7 @@ def test_the_diagnostics_are_a_plot_and_its_numbers(whole_run):
     plot = cv2.imread(str(output / "diagnostics.png"))
     assert min(plot.shape[:2]) > 300
     header, *rows = (output / "diagnostics.csv").read_text().splitlines()
-    assert header == "frame,ess,log_evidence,uniqueness_1,uniqueness_2"
+    assert header == "frame,ess,log_evidence,uniqueness_1,uniqueness_2,confidence_1,confidence_2"
     numbers = np.array([row.split(",") for row in rows], float)
     np.testing.assert_array_equal(numbers[:, 0], np.arange(1, LENGTH))
     assert np.all((numbers[:, 1] >= 1) & (numbers[:, 1] <= 60))
@@ -196,7 +218,7 @@ def test_every_method_tracks(track, tmp_path, method):
     order = ("--order", "2,1") if method == "ps" else ()
     outcome = track(*BOXES, "--method", method, *order, "--frames", 2, "--no-overlay")
     assert outcome.code == 0, outcome.err
-    np.testing.assert_array_equal(rows_of(tmp_path / "out")[:, 6], 1)
+    assert (rows_of(tmp_path / "out")[:, 6] > 0.5).all()
 
 
 def test_names_with_spaces_and_any_letters_work(track, place, tmp_path):

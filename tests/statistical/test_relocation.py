@@ -10,11 +10,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxpf.filters.partitioned.relocation import Relocation
 
 import jaxpf
 from jaxpf.errors import InputError
 from jaxpf.filters.partitioned import ordering, relocation
-from jaxpf.filters.partitioned.relocation import Relocation
 from jaxpf.pytree import pytree_dataclass
 
 COLUMNS, ROWS, FRAMES, N, RUNS, LIMIT = 4, 3, 4, 12, 20_000, 4.5

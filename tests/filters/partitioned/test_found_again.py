@@ -5,10 +5,10 @@ import functools
 import jax
 import numpy as np
 import pytest
+from jaxpf.filters.partitioned.relocation import relocation_in
 
 import jaxpf
 from jaxpf.filters.partitioned import ordering
-from jaxpf.filters.partitioned.relocation import relocation_in
 from jaxpf.models.likelihoods import discriminative
 from jaxpf.targets.box_models import relative_box_model
 

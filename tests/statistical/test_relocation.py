@@ -4,8 +4,6 @@ Two objects step along the rows of a frame of 4 x 3 pixels.  The exact answer is
 over where an object is and where it was.
 """
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,8 +11,9 @@ import pytest
 
 import jaxpf
 from jaxpf.errors import InputError
-from jaxpf.filters.partitioned import ordering, relocation
-from jaxpf.filters.partitioned.relocation import Relocation
+from jaxpf.filters import relocation
+from jaxpf.filters.partitioned import ordering
+from jaxpf.filters.relocation import Relocation
 from jaxpf.pytree import pytree_dataclass
 
 COLUMNS, ROWS, FRAMES, N, RUNS, LIMIT = 4, 3, 4, 12, 20_000, 4.5
@@ -122,11 +121,10 @@ def z_score(values, truth):
 
 def test_draws_weigh_as_much_as_the_uniform_density():
     made = tracker("ps", num_particles=4000)
-    state = made.init(jax.random.key(0))
-    # The first object is lost, the second is not.
-    state = dataclasses.replace(state, log_odds=jnp.array([-20.0, 3.0]))
+    uniform = jax.random.uniform(jax.random.key(1), (2, 4, 4000), jnp.float32)
+    log_odds = jnp.array([-20.0, 3.0])  # the first object is lost, the second is not
     frame = jnp.asarray(TABLES[0], jnp.float32), jnp.asarray(ODDS[0], jnp.float32)
-    jumps = relocation.drawn(made, jax.random.key(1), state, frame)
+    jumps = relocation.drawn(made, uniform, log_odds, jnp.ones((3, 2), jnp.float32), frame)
     weight = np.exp(np.asarray(jumps.log_weight[0], float))
     assert weight.std() > 0.5
     assert z_score(weight, 1) < LIMIT

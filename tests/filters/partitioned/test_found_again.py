@@ -8,7 +8,7 @@ import pytest
 
 import jaxpf
 from jaxpf.filters.partitioned import ordering
-from jaxpf.filters.partitioned.relocation import relocation_in
+from jaxpf.filters.relocation import relocation_in
 from jaxpf.models.likelihoods import discriminative
 from jaxpf.targets.box_models import relative_box_model
 

@@ -10,11 +10,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxpf.filters.partitioned.relocation import Relocation
 
 import jaxpf
 from jaxpf.errors import InputError
-from jaxpf.filters.partitioned import ordering, relocation
+from jaxpf.filters import relocation
+from jaxpf.filters.partitioned import ordering
+from jaxpf.filters.relocation import Relocation
 from jaxpf.pytree import pytree_dataclass
 
 COLUMNS, ROWS, FRAMES, N, RUNS, LIMIT = 4, 3, 4, 12, 20_000, 4.5
@@ -60,8 +61,8 @@ class Tables:
 
 
 def exact(confidence):
-    """Evidence, and where both objects are in the end ``[2, 2]``, given ``[T, 2]``."""
-    evidence, places = 1.0, []
+    """Evidence of both objects ``[2]``, and where they are in the end ``[2, 2]``."""
+    evidence, places = [], []
     for number, (u, v) in enumerate(START):
         belief = np.zeros((COLUMNS, COLUMNS, ROWS))  # column, column before, row
         belief[u, u, v] = 1
@@ -79,10 +80,10 @@ def exact(confidence):
             moved[rest, rest] += epsilon * belief.sum() / (COLUMNS * ROWS)
             belief = moved * np.exp(TABLES[time, number].T)[:, None]
         total = belief.sum()
-        evidence *= total
+        evidence.append(total)
         columns, rows = belief.sum(axis=(1, 2)), belief.sum(axis=(0, 1))
         places.append([columns @ np.arange(COLUMNS) / total, rows @ np.arange(ROWS) / total])
-    return evidence, np.array(places)
+    return np.array(evidence), np.array(places)
 
 
 def tracker(method, **settings):
@@ -113,7 +114,7 @@ def runs(method, **settings):
     assert (confidence == confidence[0]).all()  # of the frames alone, here
     assert (confidence[0, :3] < 0.3).any(axis=0).all()
     evidence, expected = exact(confidence[0])
-    return np.exp(log_evidence.sum(axis=1)) / evidence, places[:, -1], expected
+    return np.exp(log_evidence.sum(axis=1)) / evidence.prod(), places[:, -1], expected
 
 
 def z_score(values, truth):
@@ -126,7 +127,8 @@ def test_draws_weigh_as_much_as_the_uniform_density():
     # The first object is lost, the second is not.
     state = dataclasses.replace(state, log_odds=jnp.array([-20.0, 3.0]))
     frame = jnp.asarray(TABLES[0], jnp.float32), jnp.asarray(ODDS[0], jnp.float32)
-    jumps = relocation.drawn(made, jax.random.key(1), state, frame)
+    uniform = jax.random.uniform(jax.random.key(1), (2, 4, made.num_particles), np.float32)
+    jumps = relocation.drawn(made, uniform, state.log_odds, state.lagged[0, ..., 0], frame)
     weight = np.exp(np.asarray(jumps.log_weight[0], float))
     assert weight.std() > 0.5
     assert z_score(weight, 1) < LIMIT
@@ -145,6 +147,29 @@ def test_evidence_and_places_of_the_mixture_are_unbiased(method):
     evidence, places, expected = runs(method)
     assert z_score(evidence, 1) < LIMIT
     assert (z_score(evidence[:, None, None] * places, expected) < LIMIT).all()
+
+
+@pytest.mark.statistical
+@pytest.mark.slow
+def test_each_label_has_the_evidence_of_its_own_mixture():
+    labelled = jaxpf.Labelled(
+        dynamics=Steps(),
+        likelihood=Tables(),
+        initial=np.array([[u + 0.5, v + 0.5, 1.0] for u, v in START], np.float32),
+        relocation=Relocation(EPSILON, np.array([4.0, 3.0]), (2, 2)),
+        num_particles=2 * N,
+        scope="within",
+    )
+    keys = jax.random.split(jax.random.key(8), RUNS)
+    frames = jnp.asarray(TABLES, jnp.float32), jnp.asarray(ODDS, jnp.float32)
+
+    def report(state, summary):
+        return summary.label_log_evidence, summary.confidence
+
+    found = jaxpf.monte_carlo(labelled, keys, frames, report, batch_size=2000)
+    log_evidence, confidence = (np.asarray(values, float) for values in found)
+    evidence, _ = exact(confidence[0])
+    assert (z_score(np.exp(log_evidence.sum(axis=1)) / evidence, 1) < LIMIT).all()
 
 
 @pytest.mark.statistical

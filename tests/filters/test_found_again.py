@@ -5,14 +5,10 @@ import functools
 import jax
 import numpy as np
 import pytest
-from jaxpf.filters.partitioned.relocation import relocation_in
 
 import jaxpf
 from jaxpf.filters.partitioned import ordering
-<<<<<<< HEAD:tests/filters/partitioned/test_found_again.py
-=======
 from jaxpf.filters.relocation import relocation_in
->>>>>>> main:tests/filters/test_found_again.py
 from jaxpf.models.likelihoods import discriminative
 from jaxpf.targets.box_models import relative_box_model
 

@@ -17,12 +17,15 @@ from jaxpf.options import OPEN, check_options
 from jaxpf.targets.appearance import (
     COLOUR,
     DISCRIMINATIVE,
+    NONE,
     PIXELS,
     RELATIVE,
     appearance_option,
     bands_option,
+    exclusion_option,
     gain_option,
     likelihood_option,
+    momentum_option,
     motion_option,
     naming,
     scale_option,
@@ -31,9 +34,11 @@ from jaxpf.targets.appearance import (
     three_values,
 )
 from jaxpf.targets.box_models import (
+    DEFAULT_MOMENTUM,
     DEFAULT_SCALE,
     DEFAULT_STEPS,
     box_model,
+    motion_candidates,
     relative_box_model,
 )
 from jaxpf.targets.box_models import box_tracker as box_tracker  # which boxes show as their own
@@ -64,6 +69,8 @@ class Options:
     gain: float = gain_option(2.0)
     motion: str = motion_option()
     relative_scale: tuple[float, ...] = steps_option(DEFAULT_STEPS)
+    momentum: float = momentum_option(DEFAULT_MOMENTUM)
+    exclusion: str = exclusion_option()
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -147,10 +154,11 @@ class Boxes(Target):
         return self._model(self._colour(options, start, looks), options, start)
 
     def _discriminative(self, options: Options, start: Start, looks: Looks, **settings: Any) -> Any:
-        from jaxpf.models.likelihoods.discriminative import discriminative
+        from jaxpf.models.likelihoods.discriminative import discriminative, excluding
 
         with naming([f"the box of object {number}" for number in start.ids]):
-            return discriminative(looks.start_frame, start.shapes, gain=options.gain, **settings)
+            learned = discriminative(looks.start_frame, start.shapes, gain=options.gain, **settings)
+        return learned if options.exclusion == NONE else excluding(learned)
 
     def _colour(self, options: Options, start: Start, looks: Looks) -> Any:
         from jaxpf.models.likelihoods.histogram import histogram, histogram_from_patches
@@ -215,8 +223,13 @@ class Boxes(Target):
 
     def _model(self, likelihood: Any, options: Options, start: Start) -> Model:
         if options.motion == RELATIVE:
-            return relative_box_model(likelihood, start.shapes, options.relative_scale)
+            noise, momentum = options.relative_scale, options.momentum
+            return relative_box_model(likelihood, start.shapes, noise, momentum)
         return box_model(likelihood, start.shapes, options.scale)
+
+    def motion_candidates(self, options: Options) -> list[Options]:
+        """See ``Target``."""
+        return motion_candidates(options)
 
     def settled(self, options: Options, start: Start, looks: Looks) -> Options:
         """See ``Target``."""

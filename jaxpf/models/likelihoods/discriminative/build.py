@@ -15,12 +15,13 @@ from jaxpf.models.likelihoods._references import INTERPOLATIONS, check_parts
 from jaxpf.models.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.models.likelihoods.discriminative.levels import factor_of, shrunk
 from jaxpf.models.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
-from jaxpf.models.likelihoods.discriminative.maps import gradients
+from jaxpf.models.likelihoods.discriminative.maps import gradients, hues
 from jaxpf.models.likelihoods.discriminative.training import RIDGE, ridge, training_boxes
 from jaxpf.pytree import as_array
 
 #: Features by name; others are a user's own functions.
-FEATURES = ("colour", "gradients")
+FEATURES = ("colour", "gradients", "hues")
+_MAPS: dict[str, Callable] = {"gradients": gradients, "hues": hues}
 #: Colour bins that count for an object, its most frequent ones.
 NUM_COLOURS = 36
 #: A share of the labels' spread that the regression must not leave.
@@ -66,7 +67,7 @@ def discriminative(
         [factor_of(width, height) for width, height in boxes[:, 2:]], return_inverse=True
     )
     maps: tuple[Any, ...] = tuple(
-        gradients if one == "gradients" else one for one in features if one != "colour"
+        _MAPS[one] if isinstance(one, str) else one for one in features if one != "colour"
     )
     lookup, own = None, None
     if "colour" in features:
@@ -231,7 +232,7 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
                 f"{width} x {height} pixels; start where more of the object is seen."
             )
     if not features:
-        raise InputError("features is empty: give at least one of colour and gradients.")
+        raise InputError(f"features is empty: give at least one of {', '.join(FEATURES)}.")
     for one in features:
         if isinstance(one, str) and one not in FEATURES:
             raise InputError(

@@ -1,8 +1,6 @@
 import gc
 import os
-import shutil
 import sys
-import tempfile
 from pathlib import Path
 
 import pytest
@@ -11,11 +9,13 @@ _BESIDE_THE_PROJECT = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Share one compile cache: what a test compiles, workers and started programs find again."""
+    """Share one compile cache: what a test compiles, workers and started programs find again.
+
+    So do later runs: the second test command, and the next try (``--cache-clear`` empties it).
+    """
     if hasattr(config, "workerinput"):
         return  # pytest-xdist's workers inherit the environment
-    folder = tempfile.mkdtemp(prefix="jaxpf-tests-")
-    config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+    folder = str(config.cache.mkdir("jaxpf-compiled"))
     os.environ |= {
         "JAXPF_CACHE_DIR": folder,
         "JAX_COMPILATION_CACHE_DIR": folder,

@@ -125,14 +125,7 @@ class ContourTrackWriter(LineWriter):
     ``control``, which a file of contours takes, and those of kind ``outline``, to draw.
     """
 
-    def __init__(self, path: str | os.PathLike[str]):
-        """Create the file and write its header.
-
-        Raises:
-            InputError: it cannot be written.
-        """
-        super().__init__(path)
-        self.write_lines(f"{TRACK_HEADER}\n")
+    header = TRACK_HEADER
 
     def append(self, frame: int, names: Any, control: Any, outlines: Any) -> None:
         """Write the contours of one frame.
@@ -146,21 +139,13 @@ class ContourTrackWriter(LineWriter):
         Raises:
             InputError: the disk is full or the file cannot be written.
         """
-        lines = [
-            f"{int(frame)},{_field(name)},{kind},{number},{x:.3f},{y:.3f}\n"
+        self.write_rows(
+            [int(frame), name, kind, number, f"{x:.3f}", f"{y:.3f}"]
             for target, name in enumerate(names)
             if np.isfinite(outlines[target]).all()
             for kind, points in (("control", control), ("outline", outlines))
             for number, (x, y) in enumerate(points[target])
-        ]
-        self.write_lines("".join(lines))
-
-
-def _field(name: Any) -> str:
-    """A name as a field of CSV."""
-    text = str(name)
-    needs_quotes = any(mark in text for mark in ',"\r\n')
-    return '"' + text.replace('"', '""') + '"' if needs_quotes else text
+        )
 
 
 def _content(path: Path) -> dict[str, Any]:

@@ -7,7 +7,6 @@ frames count from 0.  In memory angles are radians.
 
 import csv
 import dataclasses
-import io
 import math
 import os
 from pathlib import Path
@@ -105,14 +104,7 @@ class PartTrackWriter(LineWriter):
     CSV with the header ``frame,part,x,y,w,h,angle``, in the units of ``read_parts``.
     """
 
-    def __init__(self, path: str | os.PathLike[str]):
-        """Create the file and write its header.
-
-        Raises:
-            InputError: it cannot be written.
-        """
-        super().__init__(path)
-        self.write_lines(f"{TRACK_HEADER}\n")
+    header = TRACK_HEADER
 
     def append(self, frame: int, names: ArrayLike, poses: ArrayLike, sizes: ArrayLike) -> None:
         """Write the parts of one frame.
@@ -127,15 +119,12 @@ class PartTrackWriter(LineWriter):
             InputError: the disk is full or the file cannot be written; it then ends with the
                 last whole frame.
         """
-        buffer = io.StringIO()
-        lines = csv.writer(buffer, lineterminator="\n")
-        for name, pose, size in zip(
-            np.asarray(names), np.asarray(poses), np.asarray(sizes), strict=True
-        ):
-            if np.isfinite(pose).all():
-                values = (*pose[:2], *size, math.degrees(pose[2]))
-                lines.writerow([int(frame), name, *(f"{value:.3f}" for value in values)])
-        self.write_lines(buffer.getvalue())
+        parts = zip(np.asarray(names), np.asarray(poses), np.asarray(sizes), strict=True)
+        there = [(name, *pose, *size) for name, pose, size in parts if np.isfinite(pose).all()]
+        self.write_rows(
+            [int(frame), name, *(f"{value:.3f}" for value in (x, y, w, h, math.degrees(theta)))]
+            for name, x, y, theta, w, h in there
+        )
 
 
 def _lines(path: Path) -> list[tuple[int, list[str]]]:

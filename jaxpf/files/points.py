@@ -6,7 +6,6 @@ from 0.
 
 import csv
 import dataclasses
-import io
 import math
 import os
 from collections.abc import Sequence
@@ -96,14 +95,7 @@ class PointTrackWriter(LineWriter):
     spoke for any of the point's particles, else 0.
     """
 
-    def __init__(self, path: str | os.PathLike[str]):
-        """Create the file and write its header.
-
-        Raises:
-            InputError: it cannot be written.
-        """
-        super().__init__(path)
-        self.write_lines(f"{TRACK_HEADER}\n")
+    header = TRACK_HEADER
 
     def append(self, frame: int, names: Sequence[str], places: ArrayLike, lost: ArrayLike) -> None:
         """Write the points of one frame.
@@ -118,12 +110,12 @@ class PointTrackWriter(LineWriter):
             InputError: the disk is full or the file cannot be written; it then ends with the
                 last whole frame.
         """
-        buffer = io.StringIO()
-        lines = csv.writer(buffer, lineterminator="\n")
-        for name, place, gone in zip(names, np.asarray(places), np.asarray(lost), strict=True):
-            if np.isfinite(place).all():
-                lines.writerow([int(frame), name, *(f"{value:.3f}" for value in place), int(gone)])
-        self.write_lines(buffer.getvalue())
+        points = zip(names, np.asarray(places), np.asarray(lost), strict=True)
+        self.write_rows(
+            [int(frame), name, *(f"{value:.3f}" for value in place), int(gone)]
+            for name, place, gone in points
+            if np.isfinite(place).all()
+        )
 
 
 def _points(rows: list[tuple[str, list[str]]]) -> Points:

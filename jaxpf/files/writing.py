@@ -1,7 +1,9 @@
 """Output folders and files that are either complete or absent."""
 
+import csv
+import io
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -85,10 +87,13 @@ class LineWriter:
 
     Attributes:
         path: the file.
+        header: its first line, or "" for none.
     """
 
+    header: str = ""
+
     def __init__(self, path: str | os.PathLike[str]):
-        """Create or empty the file.
+        """Create or empty the file, and write its header.
 
         Raises:
             InputError: it cannot be written.
@@ -98,6 +103,18 @@ class LineWriter:
             # Unbuffered: one call is one call to the operating system.
             self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115
         self._end = 0
+        if self.header:
+            self.write_lines(f"{self.header}\n")
+
+    def write_rows(self, rows: Iterable[Iterable[Any]]) -> None:
+        """Append lines of CSV, all of them or none.
+
+        Raises:
+            InputError: see ``write_lines``.
+        """
+        buffer = io.StringIO()
+        csv.writer(buffer, lineterminator="\n").writerows(rows)
+        self.write_lines(buffer.getvalue())
 
     def write_lines(self, text: str) -> None:
         """Append lines, all of them or none.

@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
-from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
 from jaxpf.targets.boxes import DEFAULT_SCALE, box_model
 
-__all__ = ["check_in_frame", "check_started", "labelled_box_tracker"]
+__all__ = ["check_in_frame", "labelled_box_tracker"]
 
 
 def labelled_box_tracker(

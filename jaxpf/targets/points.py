@@ -80,7 +80,8 @@ class Points(Target):
         if given["mask_step"] is not None and not given["mask"]:
             raise InputError("--mask-step is about the grid on a --mask, and none was given.")
         if given["mask"]:
-            found = _on_mask(given["mask"], given["mask_step"] or _MASK_STEP, source)
+            step = _MASK_STEP if given["mask_step"] is None else given["mask_step"]
+            found = _on_mask(given["mask"], step, source)
         else:
             found = (
                 read_points(given["points"]) if given["points"] else parse_points(given["point"])

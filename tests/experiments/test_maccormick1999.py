@@ -7,7 +7,15 @@ import pytest
 
 from jaxpf.errors import InputError
 from jaxpf.experiments import contour_costs
-from jaxpf.experiments.maccormick1999 import cases, coalescence, one_line, run, toy, tracking
+from jaxpf.experiments.maccormick1999 import (
+    cases,
+    coalescence,
+    look_ahead,
+    one_line,
+    run,
+    toy,
+    tracking,
+)
 
 
 def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
@@ -69,6 +77,29 @@ def test_claims_follow_from_the_rates(wires):
     reverse = {coalescence.EXCLUSIVE: [bad] * 10, coalescence.NAIVE: [good] * 10}
     first, second = coalescence.claims(meeting._replace(outcomes=reverse))
     assert first.verdict == second.verdict == "contradicts"
+
+
+def test_look_ahead_is_told_by_the_ratio_of_variances():
+    steps = np.random.default_rng(0).normal(size=(10, 5))
+    kept = np.ones((10, 5), bool)
+    plain = look_ahead.Weighting(300, 2.0, 3 * steps, kept)
+    ahead = look_ahead.Weighting(150, 2.2, steps + 7, kept)
+    table = look_ahead.table("wires", {look_ahead.PLAIN: plain, look_ahead.SAME_TIME: ahead})
+    particles, time, _, ratio, _ = table.rows[1][1]
+    assert (particles, time) == ("150", "1.10")
+    np.testing.assert_allclose(ratio.measured, 1 / 9)
+
+
+@pytest.mark.slow
+def test_look_ahead_is_measured_at_equal_time(wires):
+    found = look_ahead.measure([wires], 2, 60, 0)
+    plain, same, as_dear = found.values()
+    assert plain.log_evidence.shape == plain.kept.shape == (2, 5)
+    assert plain.particles == same.particles == 60
+    assert np.isfinite(same.log_evidence).all()
+    assert (same.log_evidence != plain.log_evidence).all()
+    # Look-ahead weighs both contours at both stages, so that it takes longer and gets fewer.
+    assert 2 <= as_dear.particles < 60
 
 
 def test_hidden_shares_follow_the_overlap():

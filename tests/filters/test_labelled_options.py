@@ -7,10 +7,11 @@ import pytest
 
 import jaxpf
 from jaxpf.filters.labelled.options import LABELLED, Options
+from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.models.dynamics import AR2
 from jaxpf.models.likelihoods import Gaussian
 from jaxpf.models.model import Model
-from jaxpf.targets.labelled_boxes import check_in_frame, check_started, labelled_box_tracker
+from jaxpf.targets.labelled_boxes import check_in_frame, labelled_box_tracker
 
 BOXES = np.array([[10.0, 20, 8, 12], [40, 30, 6, 6]])
 

@@ -95,6 +95,8 @@ def test_a_grid_of_points_starts_on_a_mask(tmp_path):
     start = POINTS.read_start(given, 0, _Source)
     np.testing.assert_array_equal(start.shapes, [[50, 30], [70, 30], [50, 50], [70, 50]])
     assert len(POINTS.read_start(given | {"mask_step": 10.0}, 0, _Source).shapes) == 16
+    with pytest.raises(jaxpf.InputError, match="0 pixels"):
+        POINTS.read_start(given | {"mask_step": 0.0}, 0, _Source)
     cv2.imwrite(str(tmp_path / "mask.png"), mask[:50])
     with pytest.raises(jaxpf.InputError, match="has 156 x 50 pixels and the frame 156 x 120"):
         POINTS.read_start(given, 0, _Source)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from jaxpf.errors import InputError
 from jaxpf.experiments.comparison_table import Comparison, scene_seeds
-from jaxpf.experiments.maccormick1999 import cases, coalescence, one_line, opaque, toy
+from jaxpf.experiments.maccormick1999 import cases, coalescence, look_ahead, one_line, opaque, toy
 
 #: Runs of each likelihood in figure 4; of each filter in the others.
 RUNS = 50
@@ -84,6 +84,11 @@ def run(
         tables.append(coalescence.table(meeting))
         claims += coalescence.claims(meeting)
         figures[f"figure_4_{meeting.name}"] = coalescence.figure(meeting)
+        report(f"Look-ahead, {meeting.name}: {runs // RUNS_PER_SCENE} groups of runs")
+        ahead = look_ahead.measure(
+            meeting.cases, runs // RUNS_PER_SCENE, meeting.num_particles, seed
+        )
+        tables.append(look_ahead.table(meeting.name, ahead))
 
     opaque_seeds = seeds[: max(len(seeds) // _OPAQUE_SHARE, 2)]
     leaf_methods = dict(list(opaque.LEAVES.items())[:3]) if quick else opaque.LEAVES

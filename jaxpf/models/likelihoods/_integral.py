@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf.lowering.columns import entries_at, sum_of_rows
+from jaxpf.lowering.tables import sums_above_and_left
 from jaxpf.pytree import pytree_dataclass
 
 # Bins are counted, and similarities summed, in groups of this many, side by side: one or
@@ -54,35 +55,9 @@ def integral_table(bins, num_bins: int, dtype) -> IntegralTable:
     """
     # A first row and column of uncounted pixels make row 0 and column 0 of the table.
     bins = jnp.pad(bins.astype(dtype), ((1, 0), (1, 0)), constant_values=num_bins)
-    cells = jax.lax.platform_dependent(
-        bins,
-        cpu=lambda b: _table_by_rows(b, num_bins),
-        default=lambda b: _table_at_once(b, num_bins),
-    )
-    return IntegralTable(cells, jnp.zeros((), jnp.int32))
-
-
-def _table_by_rows(bins, num_bins):
-    """Two nested scans: on a CPU the running counts of a row stay in registers and cache."""
     levels = jnp.arange(num_bins, dtype=bins.dtype)
-
-    def add_row(above, row):
-        def add_pixel(count, pixel):
-            bin_of_pixel, counts_above = pixel
-            count = count + (bin_of_pixel == levels).astype(bins.dtype)
-            return count, counts_above + count
-
-        _, counts = jax.lax.scan(add_pixel, jnp.zeros(num_bins, bins.dtype), (row, above))
-        return counts, counts
-
-    start = jnp.zeros((bins.shape[1], num_bins), bins.dtype)
-    return jax.lax.scan(add_row, start, bins)[1]
-
-
-def _table_at_once(bins, num_bins):
-    """Two cumulative sums: one big operation each, for a device with many threads."""
-    member = (bins[..., None] == jnp.arange(num_bins, dtype=bins.dtype)).astype(bins.dtype)
-    return jnp.cumsum(jnp.cumsum(member, axis=1, dtype=bins.dtype), axis=0, dtype=bins.dtype)
+    cells = sums_above_and_left(bins, lambda pixel: (pixel[..., None] == levels).astype(dtype))
+    return IntegralTable(cells, jnp.zeros((), jnp.int32))
 
 
 def integral_similarity(table, references, partition, left, top, width, height, region=None):

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.lowering.columns import entries_at, sum_of_rows
+from jaxpf.lowering.tables import sums_above_and_left
 from jaxpf.pytree import pytree_dataclass
 
 #: Whole numbers per unit of a map.
@@ -71,29 +72,8 @@ class SumTable:
 def sum_table(values: jax.Array) -> SumTable:
     """The integral table of a map, float [h, w, C], 0 to 1."""
     whole = jnp.round(jnp.clip(values, 0, 1) * _STEPS).astype(jnp.int32)
-    cells = jax.lax.platform_dependent(whole, cpu=_by_rows, default=_at_once)
-    cells = jnp.pad(cells, ((1, 0), (1, 0), (0, 0)))
+    cells = jnp.pad(sums_above_and_left(whole, lambda pixel: pixel), ((1, 0), (1, 0), (0, 0)))
     return SumTable(cells, cells.sum(axis=-1, dtype=cells.dtype), jnp.zeros((), jnp.int32))
-
-
-def _by_rows(values):
-    """Two nested scans: on a CPU a row's running sums stay in registers and cache."""
-
-    def add_row(above, row):
-        def add_pixel(total, pixel):
-            value, sum_above = pixel
-            total = total + value
-            return total, sum_above + total
-
-        _, sums = jax.lax.scan(add_pixel, jnp.zeros_like(row[0]), (row, above))
-        return sums, sums
-
-    return jax.lax.scan(add_row, jnp.zeros_like(values[0]), values)[1]
-
-
-def _at_once(values):
-    """Two cumulative sums: one big operation each, for a device with many threads."""
-    return jnp.cumsum(jnp.cumsum(values, axis=1, dtype=values.dtype), axis=0, dtype=values.dtype)
 
 
 def cell_features(

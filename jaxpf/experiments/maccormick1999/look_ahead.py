@@ -1,0 +1,122 @@
+"""Beyond the paper: look-ahead weighting against the plain one, at equal time."""
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxpf
+from jaxpf.experiments.claims import Measured, student_interval
+from jaxpf.experiments.comparison_table import Cell, Table
+from jaxpf.experiments.maccormick1999.cases import Case
+from jaxpf.experiments.maccormick1999.coalescence import rate
+from jaxpf.experiments.maccormick1999.tracking import judged, tracker_of
+
+PLAIN, SAME_NUMBER, SAME_TIME = "plain", "look-ahead, N as plain", "look-ahead, time as plain"
+#: Runs that are vectorised together, and whose variance is one unit of the intervals.
+_TOGETHER = 5
+
+
+class Weighting(NamedTuple):
+    """G groups of runs by one way to weigh.
+
+    Attributes:
+        particles: N.
+        seconds: of processor time for all groups.
+        log_evidence: ``[G, runs]``, of all frames.
+        kept: ``[G, runs]`` bool, both contours end on their own targets.
+    """
+
+    particles: int
+    seconds: float
+    log_evidence: np.ndarray
+    kept: np.ndarray
+
+
+def measure(
+    cases: Sequence[Case], groups: int, num_particles: int, seed: int
+) -> dict[str, Weighting]:
+    """Track look-alikes that exclude one another, weighed plainly and with look-ahead.
+
+    Args:
+        cases: sequences of one kind; groups of runs are dealt out among them.
+        groups: G.
+        num_particles: of plain weighting.
+        seed: of the runs.
+    """
+    plain = _run(cases, groups, False, num_particles, seed)
+    ahead = _run(cases, groups, True, num_particles, seed)
+    as_dear = max(round(num_particles * plain.seconds / ahead.seconds), 2)
+    return {
+        PLAIN: plain,
+        SAME_NUMBER: ahead,
+        SAME_TIME: _run(cases, groups, True, as_dear, seed),
+    }
+
+
+def table(name: str, found: dict[str, Weighting]) -> Table:
+    """How much the evidence varies between runs, and who is kept."""
+    plain = found[PLAIN]
+    rows: list[tuple[str, list[Cell | str]]] = []
+    of_plain = plain.log_evidence.var(axis=1, ddof=1)
+    for weighting, one in found.items():
+        variance = one.log_evidence.var(axis=1, ddof=1)
+        ratio = np.log(variance / of_plain)
+        low, high = student_interval(ratio)(0.95)
+        rows.append(
+            (
+                weighting,
+                [
+                    str(one.particles),
+                    f"{one.seconds / plain.seconds:.2f}",
+                    Cell(None, Measured(float(np.sqrt(variance.mean())), np.nan, np.nan), 2),
+                    Cell(None, Measured(*np.exp([ratio.mean(), low, high])), 2),
+                    Cell(None, rate(one.kept)),
+                ],
+            )
+        )
+    groups, runs = plain.kept.shape
+    return Table(
+        f"look_ahead_{name}",
+        f"Beyond the paper: look-ahead weighting on {name}, {groups} groups of {runs} runs",
+        ["", "N", "time / plain", "sd of log evidence", "its variance / plain's", "both kept (%)"],
+        rows,
+        "Exclusion, partitioned sampling.  The ratio of variances is the geometric mean over the "
+        "groups, whose runs are of one sequence.",
+    )
+
+
+def _run(
+    cases: Sequence[Case], groups: int, ahead: bool, num_particles: int, seed: int
+) -> Weighting:
+    trackers = [
+        dataclasses.replace(tracker_of(case, "wires", num_particles), look_ahead=ahead)
+        for case in cases
+    ]
+    _track(cases[0], trackers[0], seed)  # compiles
+    seconds, log_evidence, kept = 0.0, [], []
+    for group in range(groups):
+        case, tracker = cases[group % len(cases)], trackers[group % len(cases)]
+        spent, evidence, estimates = _track(case, tracker, seed + group)
+        seconds += spent
+        log_evidence.append(evidence)
+        outlines = np.asarray(tracker.likelihood.outline_points(jnp.asarray(estimates)))
+        kept.append(judged(case, outlines)[0])
+    return Weighting(num_particles, seconds, np.array(log_evidence), np.array(kept))
+
+
+def _track(case: Case, tracker: Any, seed: int) -> tuple[float, np.ndarray, np.ndarray]:
+    """Seconds, log evidence ``[R]`` and estimates ``[R, T, 2, D]``."""
+    keys = jax.random.split(jax.random.key(seed), _TOGETHER)
+    began = time.process_time()
+    found = jaxpf.monte_carlo(tracker, keys, jnp.asarray(case.frames), _keep, batch_size=_TOGETHER)
+    evidence, estimates = (np.asarray(values) for values in jax.block_until_ready(found))
+    return time.process_time() - began, evidence.sum(axis=1), estimates
+
+
+def _keep(state: Any, summary: Any) -> Any:
+    return summary.log_evidence, summary.estimate

@@ -1,0 +1,47 @@
+"""Integral tables: what lies above and left of every pixel, each device's best way."""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+
+
+def sums_above_and_left(pixels: jax.Array, channels: Callable[[jax.Array], jax.Array]) -> jax.Array:
+    """Running sums over rows and columns, whole numbers that may wrap around.
+
+    Args:
+        pixels: ``[H, W, ...]``.
+        channels: of one pixel or of all, ``[..., C]``: made where they are added, because a picture
+            of them may be tens of times as large as that of the pixels.
+
+    Returns:
+        ``[H, W, C]``, of what lies above and left of a pixel and in it.
+    """
+    return jax.lax.platform_dependent(
+        pixels,
+        cpu=lambda image: _row_by_row(image, channels),
+        default=lambda image: _at_once(image, channels),
+    )
+
+
+def _row_by_row(pixels, channels):
+    """Two nested scans: on a CPU a row's running sums stay in registers and cache."""
+    one = jax.eval_shape(channels, pixels[0, 0])
+
+    def add_row(above, row):
+        def add_pixel(total, pixel):
+            here, sum_above = pixel
+            total = total + channels(here)
+            return total, sum_above + total
+
+        _, sums = jax.lax.scan(add_pixel, jnp.zeros(one.shape, one.dtype), (row, above))
+        return sums, sums
+
+    start = jnp.zeros((pixels.shape[1], *one.shape), one.dtype)
+    return jax.lax.scan(add_row, start, pixels)[1]
+
+
+def _at_once(pixels, channels):
+    """Two cumulative sums: one big operation each, for a device with many threads."""
+    values = channels(pixels)
+    return jnp.cumsum(jnp.cumsum(values, axis=1, dtype=values.dtype), axis=0, dtype=values.dtype)

@@ -1,7 +1,7 @@
 """``jaxpf track --fit-motion``: motion chosen by the evidence of a clip's first frames."""
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import click
@@ -13,6 +13,17 @@ from jaxpf.targets.target import Looks, Start, Target
 
 #: So many frames hold a walk or a throw; fewer leave the evidence undecided.
 LEAST = 5
+
+
+def option() -> Callable:
+    """The flag."""
+    return click.option(
+        "--fit-motion",
+        type=int,
+        metavar="FRAMES",
+        help="Choose the motion's noise and momentum by the evidence of so many frames after the "
+        "start frame, such as 30; run.toml keeps what was found.  [default: as given]",
+    )
 
 
 def check_fit(options: dict[str, Any], target: Target, model: Any, opens: bool) -> None:
@@ -37,8 +48,7 @@ def check_fit(options: dict[str, Any], target: Target, model: Any, opens: bool) 
 
 
 def fitted(
-    count: int,
-    seed: int,
+    options: dict[str, Any],
     target: Target,
     setup: Any,
     start: Start,
@@ -48,8 +58,7 @@ def fitted(
     """The options whose motion makes the first frames likeliest.
 
     Args:
-        count: frames after the start frame to look at; fewer, where the video ends.
-        seed: of the run.
+        options: of the command: how many frames to look at, and the seed.
         target: what is tracked.
         setup: ``filter``, ``model`` and ``filter_options`` of the run.
         start: where it starts.
@@ -63,7 +72,7 @@ def fitted(
 
     from jaxpf.tuning.evidence import log_evidences
 
-    head = list(itertools.islice(frames, count))
+    head = list(itertools.islice(frames, options["fit_motion"]))
     frames = itertools.chain(head, frames)
     if len(head) < LEAST:
         return setup.model, f"{len(head)} frames are too few to fit the motion.", frames
@@ -73,7 +82,7 @@ def fitted(
         for one in candidates
     ]
     # A key that no frame of the run has.
-    key = jax.random.fold_in(jax.random.key(seed), 2**32 - 1)
+    key = jax.random.fold_in(jax.random.key(options["seed"]), 2**32 - 1)
     found = log_evidences(trackers, key, np.stack(head))
     best = int(np.argmax(found))
     return candidates[best], _told(candidates, found, best, len(head)), frames
@@ -92,8 +101,3 @@ def _told(candidates: Sequence[Any], found: np.ndarray, best: int, count: int) -
         f"the motion was fitted to {count} frames: {values}; the log evidence is "
         f"{found[best] - found[0]:.1f} above that of what was given."
     )
-
-
-def tell(sentence: str) -> None:
-    """Show a sentence to the user."""
-    click.echo(f"Note: {sentence}", err=True)

@@ -1,7 +1,6 @@
 """Models and trackers of boxes for any likelihood."""
 
 import dataclasses
-import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np

@@ -194,7 +194,7 @@ def test_the_gradient_is_that_of_the_value_in_double_precision():
             assert gradient[place] == pytest.approx(change / (2 * step), rel=1e-4, abs=1e-6)
         # A ratio of likelihoods: to boxes anywhere, on average.
         usual = np.clip(np.asarray(smooth.background[0]), -0.2, 1.2)
-        trust = 2 / max(float(smooth.residual[0]), 0.03)
+        trust = 4 / max(float(smooth.residual[0]), 0.03)
         at_best = smooth.log_prob(seen, np.int32(0), x[:, 0])
         score = np.clip(smooth.scores_all(seen, numbers[:1], x[:, :1])[0][0], -0.2, 1.2)
         expected = trust * score - np.log(np.mean(np.exp(trust * usual)))

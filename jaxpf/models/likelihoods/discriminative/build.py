@@ -33,7 +33,7 @@ def discriminative(
     boxes,
     *,
     features: Sequence[str | Callable] = FEATURES,
-    gain: float = 2.0,
+    gain: float = 4.0,
     bands: int = 2,
     grid: tuple[int, int] = (4, 4),
     penalty: float = RIDGE,

@@ -33,7 +33,7 @@ FRAME = blocks(0)
 
 @pytest.fixture(scope="module")
 def learned():
-    return discriminative(FRAME, BOXES)
+    return discriminative(FRAME, BOXES, features=["colour", "gradients", "hues"])
 
 
 def substates_of(boxes):

@@ -21,6 +21,8 @@ from jaxpf.pytree import as_array
 
 #: Features by name; others are a user's own functions.
 FEATURES = ("colour", "gradients", "hues")
+#: Those that are used by default.
+USUAL_FEATURES = ("colour", "gradients")
 _MAPS: dict[str, Callable] = {"gradients": gradients, "hues": hues}
 #: Colour bins that count for an object, its most frequent ones.
 NUM_COLOURS = 36
@@ -32,7 +34,7 @@ def discriminative(
     frame,
     boxes,
     *,
-    features: Sequence[str | Callable] = FEATURES,
+    features: Sequence[str | Callable] = USUAL_FEATURES,
     gain: float = 4.0,
     bands: int = 2,
     grid: tuple[int, int] = (4, 4),
@@ -45,9 +47,11 @@ def discriminative(
     Args:
         frame: uint8 RGB [H, W, 3].
         boxes: [P, 4], (x, y, w, h) in pixels.
-        features: of ``FEATURES``, and functions of your own, by name: of a picture, float
+        features: of ``FEATURES``, by name, and functions of your own: of a picture, float
             [h, w, 3] of red, green and blue from 0 to 1, that give maps [h, w, C] from 0 to 1,
-            which are collected in cells as gradients are.
+            which are collected in cells as gradients are.  ``"hues"`` tells where on the object
+            its colours are: better while the object fills its box, worse where much of what is
+            behind it shows in the box.
         gain: how much scores are trusted.
         bands: horizontal bands of the colour histograms.
         grid: rows and columns of cells.

@@ -7,10 +7,9 @@ mean squared residual of the regression::
     log p(y | x) = gain * clip(y, -.2, 1.2) / max(r, .03)
 
 Features are roots of histograms: of two bands' colours (hue, saturation and value, the object's 36
-most frequent bins), and, in 4 x 4 cells, of brightness gradients in eight directions (Dalal and
-Triggs 2005) and of four hues and four greys, which tell where on the object its colours are; each
-of the three has a length of about 1.  They are taken from the frame shrunk so that an object has
-some 18 to 36 pixels.
+most frequent bins), and of brightness gradients in eight directions in 4 x 4 cells (Dalal and
+Triggs 2005); together they have a length of about root 2.  They are taken from the frame shrunk so
+that an object has some 18 to 36 pixels.
 """
 
 from collections.abc import Callable

@@ -18,7 +18,8 @@ likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log
                                                                            ``state_gradient``,
                                                                            ``fixed_observation``,
                                                                            ``form``,
-                                                                           ``expecting``
+                                                                           ``expecting``,
+                                                                           ``log_odds``
 observation   any pytree                                                   ``take_frame``
 sampler       ``__call__(key) -> [P, D]``                                  ``independent``
 ============  ===========================================================  =====================
@@ -207,67 +208,6 @@ class Likelihood:
         return jax.vmap(self.log_prob, in_axes=(None, 0, 1))(observation, partition, substates)
 
 
-def _forwarded(name: str) -> Any:
-    """That of the inner likelihood, or the default; absent where there is neither."""
-
-    def get(self):
-        offers = hasattr(self.likelihood, name)
-        return getattr(self.likelihood if offers else Likelihood, name)
-
-    return property(get)
-
-
-class WrappedLikelihood(Likelihood):
-    """Another likelihood, of translated substates; it can do what that one can, and no more.
-
-    A wrapper is a pytree dataclass with a field ``likelihood`` that defines ``translated``.
-    """
-
-    likelihood: Any
-
-    def translated(self, substates: jax.Array) -> jax.Array:
-        """Substates ``[D, ...]`` as the inner likelihood knows them, ``[D', ...]``."""
-        return substates
-
-    state_gradient = _forwarded("state_gradient")
-    fixed_observation = _forwarded("fixed_observation")
-    form = _forwarded("form")
-    estimated_nanoseconds = _forwarded("estimated_nanoseconds")
-
-    def observe(self, frame):
-        """What the inner likelihood needs of a frame."""
-        return self.likelihood.observe(frame)
-
-    def log_prob(self, observation, partition, substate):
-        """The inner log-likelihood ``[]`` of one substate ``[D]``."""
-        inner = _method(self.likelihood, Likelihood, "log_prob")
-        return inner(observation, partition, self.translated(substate))
-
-    def log_prob_all(self, observation, partition, substates):
-        """The inner log-likelihoods ``[N]`` of substates ``[D, N]``."""
-        return log_prob_all(self.likelihood, observation, partition, self.translated(substates))
-
-    @property
-    def log_joint(self) -> Callable:
-        """The inner ``log_joint``; absent (``hasattr`` says so) where there is none."""
-        inner = self.likelihood.log_joint
-
-        def log_joint(observation, substates, log_probs):
-            return inner(observation, self.translated(substates.T).T, log_probs)
-
-        return log_joint
-
-    @property
-    def log_joint_labelled(self) -> Callable:
-        """The inner ``log_joint_labelled``; absent where there is none."""
-        inner = self.likelihood.log_joint_labelled
-
-        def log_joint_labelled(observation, substates, log_probs, label):
-            return inner(observation, self.translated(substates.T).T, log_probs, label)
-
-        return log_joint_labelled
-
-
 # --- What is optional, asked for -----------------------------------------------------------
 
 
@@ -297,7 +237,7 @@ def frame_of(observations: Any, place: jax.Array) -> Any:
 
 def propagate_all(dynamics, key, partition, current, previous, parent) -> jax.Array:
     """All particles moved, ``[D, N]``, by the batched method if there is one."""
-    method = _method(dynamics, Dynamics, "propagate_all")
+    method = method_of(dynamics, Dynamics, "propagate_all")
     return method(key, partition, current, previous, parent)
 
 
@@ -308,7 +248,7 @@ def has_log_density(dynamics: Any) -> bool:
 
 def log_density_all(dynamics, partition, new, current, previous, parent) -> jax.Array:
     """Log-densities ``[N]`` of moves to ``new`` ``[D, N]``, by the batched method if any."""
-    method = _method(dynamics, DynamicsWithDensity, "log_density_all")
+    method = method_of(dynamics, DynamicsWithDensity, "log_density_all")
     return method(partition, new, current, previous, parent)
 
 
@@ -319,13 +259,13 @@ def has_prediction(dynamics: Any) -> bool:
 
 def predict_all(dynamics, partition, current, previous) -> jax.Array:
     """Substates ``[D, N]`` moved without noise, by the batched method if there is one."""
-    method = _method(dynamics, DynamicsWithPrediction, "predict_all")
+    method = method_of(dynamics, DynamicsWithPrediction, "predict_all")
     return method(partition, current, previous)
 
 
 def log_prob_all(likelihood, observation, partition, substates) -> jax.Array:
     """Log-likelihoods ``[N]`` of substates ``[D, N]``, by the batched method if there is one."""
-    method = _method(likelihood, Likelihood, "log_prob_all")
+    method = method_of(likelihood, Likelihood, "log_prob_all")
     return method(observation, partition, substates)
 
 
@@ -370,6 +310,23 @@ def expecting(likelihood: Any, estimates: jax.Array) -> Any:
     return likelihood.expecting(estimates) if hasattr(likelihood, "expecting") else likelihood
 
 
+def has_log_odds(likelihood: Any) -> bool:
+    """Whether a likelihood can tell how sure it is that an object is where it is reported.
+
+    Its method ``log_odds(observation, partition [], substate [D]) -> []``, or ``log_odds_all`` of
+    ``partition`` ``[N]`` and ``substates`` ``[D, N]``, is asked once a frame, of the estimates, by
+    filters that report a confidence; there is no default.
+    """
+    return hasattr(likelihood, "log_odds") or hasattr(likelihood, "log_odds_all")
+
+
+def log_odds_all(likelihood, observation, partition, substates) -> jax.Array:
+    """Log odds ``[N]`` that objects are where ``[D, N]`` says, by the batched method if any."""
+    if hasattr(likelihood, "log_odds_all"):
+        return likelihood.log_odds_all(observation, partition, substates)
+    return jax.vmap(likelihood.log_odds, in_axes=(None, 0, 1))(observation, partition, substates)
+
+
 def has_state_gradient(likelihood: Any) -> bool:
     """Whether ``log_prob`` changes with the substate otherwise than in steps."""
     return getattr(likelihood, "state_gradient", True)
@@ -389,7 +346,7 @@ def of_partition(values: jax.Array, partition: jax.Array) -> jax.Array:
     return values if values.shape[0] == 1 else values[partition]
 
 
-def _method(part: Any, base: type, name: str) -> Callable:
+def method_of(part: Any, base: type, name: str) -> Callable:
     """A part's own method, or the default of the base class, lent to it."""
     return getattr(part, name, None) or partial(getattr(base, name), part)
 

@@ -1,4 +1,4 @@
-"""Names that people choose by, each in one place and with one meaning.  Imports no JAX."""
+"""Names that people choose by, and a level that several rooms speak of.  Imports no JAX."""
 
 #: Orderings of the partitioned filter that have a name on the command line.
 METHODS = ("sir", "ps", "dps", "sps")
@@ -30,3 +30,6 @@ ANNOTATIONS = ("masks", "outlines", "centrelines")
 #: What of the past may act on a coordinate, in dynamics that are learned: its own last steps; its
 #: own past, with a place to which it returns; or every coordinate's past.
 COEFFICIENTS = ("steps", "own", "all")
+
+#: An object whose confidence (``jaxpf.state.Summary``) is below this is probably lost.
+PROBABLY_LOST = 0.5

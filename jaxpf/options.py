@@ -94,6 +94,8 @@ class Option:
         bounds = ""
         if not math.isinf(self.above):
             bounds = f" above {plain(self.above)}"
+            if not math.isinf(self.most):
+                bounds += f" and at most {plain(self.most)}"
         elif not math.isinf(self.most):
             bounds = f" from {plain(self.least)} to {plain(self.most)}"
         elif not math.isinf(self.least):

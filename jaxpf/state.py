@@ -36,6 +36,8 @@ class ParticleState:
             partition, each along its own lineage (``gradient="stop_gradient"``); else None.
         label: ``[N]`` int32, each particle's discrete label, whatever the ordering; None where
             particles carry none.
+        log_odds: ``[P]``, that each object is where it is reported, smoothed over the frames so
+            far; None where the likelihood cannot tell.
     """
 
     lagged: jax.Array
@@ -45,6 +47,7 @@ class ParticleState:
     weighted: jax.Array
     path_scores: jax.Array | None = None
     label: jax.Array | None = None
+    log_odds: jax.Array | None = None
 
     @property
     def substates(self) -> jax.Array:
@@ -78,6 +81,8 @@ class Summary:
         ess_parts: ``[P]``, every partition's effective sample size, where each has weights of
             its own (``ess`` is then the smallest); else None.
         label_probabilities: ``[L]``, weight of the particles with each label; None without labels.
+        confidence: ``[P]``, 0 to 1, how sure it is that each object is still there, near its
+            estimate; None where the likelihood cannot tell.
     """
 
     estimate: jax.Array
@@ -90,6 +95,7 @@ class Summary:
     num_invalid: jax.Array
     ess_parts: jax.Array | None = None
     label_probabilities: jax.Array | None = None
+    confidence: jax.Array | None = None
 
 
 def summarise(state, log_evidence, status, lost, num_invalid) -> Summary:

@@ -48,6 +48,9 @@ class OfAll:
             jnp.sum(observation[partition].T * substates[:2], 0) + 10 * substates[2] + substates[3]
         )
 
+    def log_odds(self, observation, partition, substate):
+        return partition + substate[0] + substate[3]
+
     def log_joint(self, observation, substates, log_probs):
         return jnp.sum(log_probs) + jnp.sum(substates[:, 2]) - jnp.sum(substates[:, 0])
 
@@ -73,6 +76,9 @@ def test_a_wrapper_has_what_the_wrapped_likelihood_has_and_no_more():
     assert (plain.fixed_observation, plain.form) == (False, None)
     assert (full.fixed_observation, full.form) == (True, "density")
     assert not hasattr(plain, "estimated_nanoseconds")
+    assert not contract.has_log_odds(plain)
+    odds = contract.log_odds_all(full, OBSERVATION, PARTITION, SUBSTATES)
+    np.testing.assert_allclose(odds, [0 + 1 + 0.1, 1 + 5 + 0.2], rtol=1e-6)
     assert full.estimated_nanoseconds((3, 4)) == (3, 4)
     joint = full.log_joint(OBSERVATION, SUBSTATES.T, jnp.array([1.0, 2.0]))
     np.testing.assert_allclose(joint, 3 + 2 - (1 + 5), rtol=1e-6)

@@ -33,17 +33,16 @@ def simulated_detections(
         seed: of the random numbers.
 
     Returns:
-        T arrays ``[M, 4]``, in random order; M differs.
+        T arrays ``[M, 4]``, in random order; M differs.  None lies outside the frame.
 
     Raises:
         InputError: a number out of range, or no box in all the truth.
     """
     truth = np.asarray(truth, float)
-    if not 0 <= misses <= 1 or not 0 <= false_alarms < np.inf or not 0 <= jitter < np.inf:
-        raise InputError(
-            f"misses={misses} must be from 0 to 1, false_alarms={false_alarms} and "
-            f"jitter={jitter} finite and at least 0."
-        )
+    given = {"misses": (misses, 1), "false_alarms": (false_alarms, 1000), "jitter": (jitter, 1)}
+    for name, (value, most) in given.items():
+        if not 0 <= value <= most:
+            raise InputError(f"{name} = {value} must be from 0 to {most}.")
     there = np.isfinite(truth).all(axis=-1)
     if not there.any():
         raise InputError("the truth holds no box; detections are simulated from it.")
@@ -63,5 +62,7 @@ def simulated_detections(
                 np.hstack([rng.random(false.shape) * room, false]),
             ]
         )
-        found.append(rng.permutation(every))
+        every = rng.permutation(every)
+        inside = (every[:, :2] < frame_shape[1::-1]) & (every[:, :2] + every[:, 2:] > 0)
+        found.append(every[inside.all(axis=1)])
     return found

@@ -86,7 +86,9 @@ def check_births(births: Births, start: Start, number: int, source: Any) -> None
             somebody who starts before the start frame, or twice; more start boxes than places.
     """
     table, capacity = births.table, births.rules.capacity
-    if table.frame.max() >= (source.num_frames or source.frames_expected or 0):
+    if not source.is_live and table.frame.max() >= (
+        source.num_frames or source.frames_expected or 0
+    ):
         # A container's word about its length is no proof.
         check_frames(table, source.num_frames or sum(1 for _ in source))
     names = [f"the detection in frame {frame}" for frame in table.frame]

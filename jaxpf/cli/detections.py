@@ -41,17 +41,30 @@ def command(
     frame to frame, as a real detector's are not: compare trackers on the same file, and put no
     score beside a published one.
     """
+    import numpy as np
+
     from jaxpf.baselines.simulated_detections import simulated_detections
     from jaxpf.files.detections import write_detections
     from jaxpf.files.tracks import dense, read_boxes
+    from jaxpf.files.writing import check_output_file
     from jaxpf.media.video import open_frames
 
     if not 0 <= seed < 2**32:
         raise InputError(f"--seed {seed} must be between 0 and {2**32 - 1}.")
+    if output.resolve() in (video.resolve(), truth.resolve()):
+        raise InputError(f"output '{output}' is what is read; choose another --output.")
     if output.exists() and not overwrite:
         raise InputError(f"'{output}' is there already; choose another --output or --overwrite.")
+    check_output_file(output)
     source, table = open_frames(video), read_boxes(truth, empty_boxes="absent")
+    if source.is_live:
+        raise InputError(f"'{video}' is live, and no truth is known of it; record a video first.")
     num_frames = source.num_frames or sum(1 for _ in source)
+    if not np.any(table.frame < num_frames):
+        raise InputError(
+            f"{table.source} has no box in the {num_frames} frames of '{video}', from 0 to "
+            f"{num_frames - 1}; give the truth of this video."
+        )
     boxes = dense(table, sorted(set(table.id.tolist())), num_frames)
     found = simulated_detections(
         boxes,

@@ -270,6 +270,7 @@ def _carry_out(prepared: Any, options: dict[str, Any]) -> Any:
     """Do what is missing behind a progress bar; an interruption says how to go on."""
     from jaxpf.cli.evaluation_output import FINISHED
     from jaxpf.evaluation import carry_out, local_pool
+    from jaxpf.evaluation.speed import measure_speeds
 
     (prepared.folder / FINISHED).unlink(missing_ok=True)  # it tells of fewer runs
     executor = None
@@ -278,9 +279,15 @@ def _carry_out(prepared: Any, options: dict[str, Any]) -> Any:
     try:
         with common.progress_bar("runs") as bar:
             task = bar.add_task(prepared.settings["scene"]["name"], total=prepared.missing_runs)
-            return carry_out(
+            results = carry_out(
                 prepared, executor=executor, progress=lambda runs: bar.advance(task, runs)
             )
+        measure_speeds(
+            prepared,
+            results,
+            lambda label: click.echo(f"Timing one run alone: {label}", err=True),
+        )
+        return results
     except KeyboardInterrupt:
         click.echo(
             f"Finished runs are kept in '{prepared.folder}'; the same command continues.", err=True

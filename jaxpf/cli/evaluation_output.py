@@ -9,7 +9,8 @@ import click
 from jaxpf.cli import common
 from jaxpf.evaluation.results import OWN
 from jaxpf.files.writing import atomic_write
-from jaxpf.options import plain
+from jaxpf.options import chosen, counting, plain
+from jaxpf.targets import find_target
 
 #: What a finished evaluation prints again; written last, once tables and report are.
 FINISHED = "finished.json"
@@ -44,12 +45,15 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
 
 def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, str]]:
     """One row per method; and the parameters that all configurations have in common."""
+    of = find_target(prepared.settings["scene"]["target"])
     by_method: dict[str, list[int]] = {}
     values: dict[str, dict[str, None]] = {}
     for index, configuration in enumerate(prepared.configurations):
         by_method.setdefault(configuration.method, []).append(index)
+        counts = counting(chosen(of.options, configuration.parameters))
         for name, value in configuration.parameters.items():
-            values.setdefault(name, {})[plain(value)] = None
+            if counts.get(name, True):
+                values.setdefault(name, {})[plain(value)] = None
     varied = [name for name, found in values.items() if len(found) > 1]
     rows = []
     for method, indices in by_method.items():

@@ -6,7 +6,7 @@ import click
 
 
 @click.command("frame")
-@click.argument("video", type=click.Path(path_type=Path))
+@click.argument("video")
 @click.option("--number", "-n", default=0, show_default=True, help="Frame, counting from 0.")
 @click.option("--step", type=int, default=None, help="Pixels between grid lines.  [default: auto]")
 @click.option(
@@ -16,10 +16,11 @@ import click
     default=None,
     help="PNG file to write.  [default: NAME-frame-NUMBER.png]",
 )
-def command(video: Path, number: int, step: int | None, output: Path | None) -> None:
+def command(video: str, number: int, step: int | None, output: Path | None) -> None:
     """Save one frame of VIDEO with a pixel grid, to read boxes, points and contours off.
 
-    A box is x,y,w,h: the pixel of its top left corner, its width and its height.
+    A box is x,y,w,h: the pixel of its top left corner, its width and its height.  VIDEO may be
+    live, as for `jaxpf track`: `jaxpf frame 0 -n 30` waits for camera 0 to get used to the light.
     """
     import cv2
 
@@ -36,9 +37,10 @@ def command(video: Path, number: int, step: int | None, output: Path | None) -> 
         raise InputError(f"output '{output}' must end in .png; rename it.")
     source = open_frames(video)
     output = output or Path(f"{source.name}-frame-{number}.png")
-    if output.parent.resolve() == video.resolve():
+    if isinstance(source.path, Path) and output.parent.resolve() == source.path.resolve():
         raise InputError(
-            f"output '{output}' would lie among the frames of '{video}'; choose another --output."
+            f"output '{output}' would lie among the frames of '{source.path}'; choose another "
+            "--output."
         )
     try:
         frame = next(source.frames(number))
@@ -51,4 +53,6 @@ def command(video: Path, number: int, step: int | None, output: Path | None) -> 
         raise RuntimeError("OpenCV could not encode a PNG image")
     with atomic_write(output, "wb") as file:
         file.write(encoded.tobytes())
-    click.echo(f"{output}: frame {number} of '{video}', {source.width}x{source.height} pixels")
+    click.echo(
+        f"{output}: frame {number} of '{source.path}', {source.width}x{source.height} pixels"
+    )

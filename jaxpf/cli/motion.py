@@ -1,7 +1,7 @@
 """``jaxpf track --fit-motion``: motion chosen by the evidence of a clip's first frames."""
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import Any
 
 import click
@@ -54,7 +54,7 @@ def fitted(
     start: Start,
     looks: Looks,
     frames: Iterator[np.ndarray],
-) -> tuple[Any, str, Iterator[np.ndarray]]:
+) -> tuple[Any, str, Generator[np.ndarray, None, None]]:
     """The options whose motion makes the first frames likeliest.
 
     Args:
@@ -73,9 +73,9 @@ def fitted(
     from jaxpf.tuning.evidence import log_evidences
 
     head = list(itertools.islice(frames, options["fit_motion"]))
-    frames = itertools.chain(head, frames)
+    again = _again(head, frames)
     if len(head) < LEAST:
-        return setup.model, f"{len(head)} frames are too few to fit the motion.", frames
+        return setup.model, f"{len(head)} frames are too few to fit the motion.", again
     candidates = target.motion_candidates(setup.model)
     trackers = [
         setup.filter.tracker(target.model(one, start, looks), setup.filter_options)
@@ -85,7 +85,15 @@ def fitted(
     key = jax.random.fold_in(jax.random.key(options["seed"]), 2**32 - 1)
     found = log_evidences(trackers, key, np.stack(head))
     best = int(np.argmax(found))
-    return candidates[best], _told(candidates, found, best, len(head)), frames
+    return candidates[best], _told(candidates, found, best, len(head)), again
+
+
+def _again(
+    head: list[np.ndarray], frames: Iterator[np.ndarray]
+) -> Generator[np.ndarray, None, None]:
+    """All frames from the first; a generator, which closes the source with it."""
+    yield from head
+    yield from frames
 
 
 def _told(candidates: Sequence[Any], found: np.ndarray, best: int, count: int) -> str:

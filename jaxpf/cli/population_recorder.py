@@ -27,6 +27,7 @@ class PopulationRecorder(Recorder):
         self.births, self.start_boxes = births, start
         self.frames_outside.clear()
         self.frames_without_likelihood.clear()
+        self.frames_probably_lost.clear()
         self.born: list[dict] = []
         self.ended: list[dict] = []
         self.refused: list[dict] = []
@@ -63,11 +64,7 @@ class PopulationRecorder(Recorder):
         summary = tracked.summary
         for name in tracked.ids[tracked.lost]:
             self.frames_without_likelihood.setdefault(str(name), []).append(number)
-        log_evidence = float(summary.log_evidence)
-        self.num_invalid += int(summary.num_invalid)
-        self.num_impossible += int(np.isneginf(log_evidence))
-        values = [float(summary.ess), log_evidence, *summary.uniqueness]
-        self._diagnose([str(number), *(f"{value:.6g}" for value in values)])
+        self._note_summary(number, summary)
         self._write(number, tracked)
         self.num_tracked += 1
 
@@ -77,7 +74,7 @@ class PopulationRecorder(Recorder):
         living = tracked.ids != EMPTY
         ids, boxes, lost = tracked.ids[living], tracked.boxes[living], tracked.lost[living]
         self.tracks.append(number, boxes, lost, ids)
-        if self.video is None:
+        if not self._is_watched():
             return
         # An object keeps its colour, whatever slot it has.
         colours = object_colours(int(max(ids, default=0)) + 1)[ids]
@@ -86,7 +83,7 @@ class PopulationRecorder(Recorder):
             cloud = np.swapaxes(np.asarray(tracked.state.substates)[..., :2], 0, 1)[living]
             frame = draw_particles(frame, cloud, colours)
         start = dataclasses.replace(self.start_at, ids=ids)
-        self.video.write(self.target.draw(frame, start, boxes, colours, lost))
+        self._show(self.target.draw(frame, start, boxes, colours, lost))
 
     def _content(self):
         return {

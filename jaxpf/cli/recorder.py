@@ -15,6 +15,7 @@ import numpy as np
 from jaxpf.cli import common
 from jaxpf.errors import InputError
 from jaxpf.files.versions import versions
+from jaxpf.names import PROBABLY_LOST
 
 #: Frames over which a trail reaches back.
 _TRAIL = 20
@@ -35,6 +36,8 @@ class Recorder:
         self.colours = object_colours(len(ids))
         self.frames_outside: dict[str, list[int]] = {str(i): [] for i in ids}
         self.frames_without_likelihood: dict[str, list[int]] = {str(i): [] for i in ids}
+        self.frames_probably_lost: dict[str, list[int]] = {str(i): [] for i in ids}
+        self.total_confidence: Any = None
         self.past: collections.deque[np.ndarray] = collections.deque(maxlen=_TRAIL)
         self.num_tracked = self.num_invalid = self.num_impossible = 0
         self.seconds_first = self.seconds_rest = 0.0
@@ -45,8 +48,7 @@ class Recorder:
             self.diagnostics = self._stack.enter_context(
                 open(output / "diagnostics.csv", "wb", buffering=0)  # noqa: SIM115
             )
-        self._diagnose(["frame", "ess", "log_evidence", *(f"uniqueness_{i}" for i in ids)])
-        self.video = None
+        self.video = self.window = None
         if options["overlay"]:
             self.video = self._stack.enter_context(
                 VideoWriter(
@@ -117,16 +119,36 @@ class Recorder:
             for name in self.ids[summary.lost]:
                 self.frames_without_likelihood[str(name)].append(number)
             lost = lost | summary.lost
-        # A user's tracker may report less than ours do.
+        confidence = getattr(summary, "confidence", None)
+        self._note_summary(number, summary)
+        self._note_confidence(number, confidence, lost)
+        told = {} if confidence is None else {"confidence": confidence}
+        self.tracks.append(number, found, lost, **told)
+        self.num_tracked += 1
+        self._draw(tracked.frame, found, lost, tracked.state, confidence)
+
+    def _note_summary(self, number, summary):
+        """A line of diagnostics; a user's tracker may report less than ours do."""
         unknown = np.full(len(self.ids), np.nan)
         ess, log_evidence = (float(getattr(summary, n, np.nan)) for n in ("ess", "log_evidence"))
         self.num_invalid += int(getattr(summary, "num_invalid", 0))
         self.num_impossible += int(np.isneginf(log_evidence))
-        self.tracks.append(number, found, lost)
-        values = [ess, log_evidence, *np.asarray(getattr(summary, "uniqueness", unknown))]
+        columns = {"uniqueness": getattr(summary, "uniqueness", unknown)}
+        if getattr(summary, "confidence", None) is not None:
+            columns["confidence"] = summary.confidence
+        if self.num_tracked == 0:
+            names = [f"{name}_{i}" for name in columns for i in self.ids]
+            self._diagnose(["frame", "ess", "log_evidence", *names])
+        values = [ess, log_evidence, *np.concatenate([*columns.values()])]
         self._diagnose([str(number), *(f"{value:.6g}" for value in values)])
-        self.num_tracked += 1
-        self._draw(tracked.frame, found, lost, tracked.state)
+
+    def _note_confidence(self, number, confidence, lost):
+        if confidence is None:
+            return
+        for name in self.ids[(confidence < PROBABLY_LOST) & ~lost]:
+            self.frames_probably_lost[str(name)].append(number)
+        known = 0.0 if self.total_confidence is None else self.total_confidence
+        self.total_confidence = known + np.where(lost, 0.0, confidence)
 
     def _diagnose(self, fields):
         """Append one line to diagnostics.csv: all of it or nothing."""
@@ -149,8 +171,8 @@ class Recorder:
         inside = np.all((lowest < size) & (highest > 0), axis=1)
         return ~inside  # an outline of NaN compares false everywhere, so it counts as lost
 
-    def _draw(self, frame, found, lost, state):
-        if self.video is None:
+    def _draw(self, frame, found, lost, state, confidence=None):
+        if not self._is_watched():
             return
         if state is not None:
             frame = self.target.draw_particles(
@@ -158,7 +180,20 @@ class Recorder:
             )
         self.past.append(found)
         past = np.stack(self.past)
-        self.video.write(self.target.draw(frame, self.start_at, found, self.colours, lost, past))
+        doubtful = None if confidence is None else confidence < PROBABLY_LOST
+        self._show(
+            self.target.draw(frame, self.start_at, found, self.colours, lost, past, doubtful)
+        )
+
+    def _is_watched(self):
+        """Whether a picture of this frame goes anywhere."""
+        return self.video is not None or (self.window is not None and self.window.is_due)
+
+    def _show(self, picture):
+        if self.video is not None:
+            self.video.write(picture)
+        if self.window is not None and self.window.is_due:
+            self.window.show(picture)
 
     def finish(self, stopped, truth):
         """Write what is known only at the end, and tell the user; ``stopped``: by what, or None."""
@@ -178,6 +213,8 @@ class Recorder:
             "remarks": list(self.start_at.remarks),
             "frames_outside": self.frames_outside,
             "frames_without_likelihood": self.frames_without_likelihood,
+            "frames_probably_lost": self.frames_probably_lost,
+            "mean_confidence": self._mean_confidence(),
             "impossible_frames": self.num_impossible,
             "invalid_likelihoods": self.num_invalid,
             "seconds_first_frame": round(self.seconds_first, 3),
@@ -190,18 +227,27 @@ class Recorder:
             file.write("\n")
         if self.num_tracked:
             table = np.loadtxt(self.output / "diagnostics.csv", delimiter=",", skiprows=1, ndmin=2)
+            last = 3 + len(self.ids)
             figure = plotting.diagnostics(
                 table[:, 0],
                 table[:, 1],
-                table[:, 3:],
+                table[:, 3:last],
                 table[:, 2],
                 self.ids.tolist(),
                 int(getattr(self.tracker, "num_particles", 0) or np.nanmax(table[:, 1], initial=1)),
+                table[:, last:] if table.shape[1] > last else None,
             )
             plotting.save_figure(figure, self.output / "diagnostics.png")
         self._tell(rate)
         if truth is not None and self.num_tracked:
             self._report_truth(truth)
+
+    def _mean_confidence(self):
+        """Of each object over the frames tracked; None where the likelihood cannot tell."""
+        if self.total_confidence is None:
+            return None
+        mean = self.total_confidence / self.num_tracked
+        return {str(name): round(float(m), 4) for name, m in zip(self.ids, mean, strict=True)}
 
     def _content(self):
         """What the summary says of the objects."""
@@ -230,6 +276,13 @@ class Recorder:
                         f"{frames[0]}.",
                         err=True,
                     )
+        for name, frames in self.frames_probably_lost.items():
+            if frames:
+                click.echo(
+                    f"Probably lost: object {name} in {counted(len(frames))}, first in frame "
+                    f"{frames[0]} (confidence below {PROBABLY_LOST:g}).",
+                    err=True,
+                )
         if self.num_impossible:
             click.echo(
                 f"Warning: {counted(self.num_impossible)} had no likelihood for any particle; "
@@ -246,7 +299,7 @@ class Recorder:
         """Metrics over the frames after the start that have truth."""
         from jaxpf.files import tracks
         from jaxpf.files.writing import atomic_write
-        from jaxpf.measures import metrics
+        from jaxpf.measures import metrics, scores
 
         output, ids = self.output, self.ids
         estimated = tracks.read_boxes(output / "tracks.csv", empty_boxes="absent")
@@ -255,8 +308,12 @@ class Recorder:
         estimate = tracks.dense(estimated, known, last + 1)[first + 1 :]
         target = tracks.dense(truth, known, last + 1)[first + 1 :]
         measures = metrics.summarise(estimate[None], target)
-        columns = {"frames": np.asarray(metrics.has_truth(target)).sum(axis=0)}
-        for measure in ("tracked", "precision", "recall", "overlap", "centre_error"):
+        columns = {
+            "frames": np.asarray(metrics.has_truth(target)).sum(axis=0),
+            "success at .5": np.asarray(scores.success_at_half(estimate, target)),
+            "success area": np.asarray(scores.success_area(estimate, target)),
+        }
+        for measure in ("overlap", "tracked", "precision", "recall", "centre_error"):
             columns[measure] = np.asarray(measures[measure].value)
         rows = [
             [f"object {name}", f"{columns['frames'][k]:.0f}"]
@@ -265,7 +322,8 @@ class Recorder:
         ]
         common.print_table("Against the truth", ["", *columns], rows)
         with atomic_write(output / "metrics.csv") as file:
-            file.write("id," + ",".join(columns) + "\n")
+            names = [name.replace(" at .5", "_half").replace(" ", "_") for name in columns]
+            file.write("id," + ",".join(names) + "\n")
             for k, name in enumerate(known):
                 file.write(f"{name}," + ",".join(f"{columns[c][k]:.6g}" for c in columns) + "\n")
 

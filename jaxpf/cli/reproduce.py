@@ -55,9 +55,11 @@ def command(
     """Repeat a paper's experiment; print its figures beside ours, and judge its claims.
 
     Published figures stand left of ours, which have 95 % intervals.  A claim is supported,
-    contradicted, or cannot be resolved at this number of runs.
+    contradicted, or cannot be resolved at this number of runs.  After an interruption the same
+    command goes on where it was.
     """
     from jaxpf.errors import InputError
+    from jaxpf.experiments import parts
     from jaxpf.files.writing import prepare_output_folder
 
     if runs is not None and runs < 1:
@@ -65,7 +67,11 @@ def command(
     if not 0 <= seed < 2**20:
         raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
     data = _data_folder(data)
-    folder = prepare_output_folder(output or Path(f"jaxpf-{paper}"), overwrite)
+    options = {"paper": paper, "runs": runs, "seed": seed, "quick": quick, "data": data}
+    settings = options | {"data": data and str(data.resolve())}
+    output = output or Path(f"jaxpf-{paper}")
+    goes_on = not calibrate and parts.can_go_on(output, settings)
+    folder = prepare_output_folder(output, overwrite or goes_on)
     common.start_jax()
     from jaxpf.experiments import comparison_table
     from jaxpf.experiments.claims import RULE
@@ -75,7 +81,11 @@ def command(
     if calibrate:
         _calibrate(experiment, paper, folder)
         return
-    comparison = experiment.run(runs=runs, seed=seed, quick=quick, data=data, report=click.echo)
+    if goes_on:
+        click.echo(f"Going on with what '{folder}' holds.")
+    with parts.keeping(folder, settings):
+        comparison = experiment.run(runs=runs, seed=seed, quick=quick, data=data, report=click.echo)
+        written = comparison_table.write(comparison, folder)
     for table in comparison.tables:
         common.print_table(table.title, table.columns, table.texts())
         if table.note:
@@ -87,9 +97,7 @@ def command(
         click.echo(RULE)
     for note in comparison.notes:
         click.echo(f"- {note}")
-    options = {"paper": paper, "runs": runs, "seed": seed, "quick": quick, "data": data}
     common.write_config(folder / "run.toml", "reproduce", options)
-    written = comparison_table.write(comparison, folder)
     seconds = time.perf_counter() - began
     click.echo(f"{folder}/: {', '.join([*written, 'run.toml'])} ({seconds:.0f} s)")
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import functools
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 from jaxpf import filters
 from jaxpf.cli import births as births_of
 from jaxpf.cli import common, motion
+from jaxpf.cli.live import check_live, open_window, start_when_compiled, used_to_the_light
 from jaxpf.cli.memory import check_memory, needed_by
 from jaxpf.cli.options import (
     all_options,
@@ -34,6 +36,8 @@ from jaxpf.targets.target import Looks, Start, Target
 
 #: Where a method has a number of its own, by which histograms choose their way.
 _PARTICLES = 300
+#: Options that run.toml leaves out; --method tells the filter.
+_NOT_REPEATED = ("config", "output", "overwrite", "filter_", "preview", "fit_motion")
 #: Everything that a run may leave in its output folder.
 _OUTPUTS = (
     "tracks.csv",
@@ -48,7 +52,7 @@ _OUTPUTS = (
 
 
 @click.command("track")
-@click.argument("video", type=click.Path(path_type=Path))
+@click.argument("video")
 @start_options()
 @click.option("--target", help=f"What is tracked: {', '.join(targets())}.  [default: by its start]")
 @click.option(
@@ -86,9 +90,20 @@ _OUTPUTS = (
     show_default=True,
     help="Of the overlay: h264 (overlay.mp4), or vp9 (overlay.webm, smaller and slower to write).",
 )
+@click.option(
+    "--preview",
+    is_flag=True,
+    help="Show the overlay in a window while it is made, where there is a screen.",
+)
 @common.config_option()
 def command(**options: Any) -> None:
-    """Track objects through VIDEO, a video file or a folder of images.
+    """Track objects through VIDEO: a video file, a folder of images, or what is live.
+
+    Live are the index of a camera (0 is the first), the address of a stream that OpenCV opens
+    (http://, rtsp://, ...) and a pipe: they are tracked until they end or Ctrl-C is pressed, which
+    keeps all results.  A stream's start frame is its first one.  A camera's is taken once
+    everything is compiled: the objects must be at their boxes until a line says that tracking
+    begins.  `jaxpf frame 0 -n 30` shows what camera 0 sees.
 
     The start boxes come from --box (repeated) or from --boxes with --ids, the parts of an
     articulated object from --parts-file, contours from --contours; with --births boxes start and
@@ -110,8 +125,12 @@ def command(**options: Any) -> None:
     from jaxpf.media.video import open_frames
 
     source = open_frames(options["video"])
+    options["video"] = source.path  # without a password, since results are passed on
     frames = source.frames(options["start"])
-    first = next(frames)
+    click.get_current_context().call_on_close(frames.close)
+    check_live(options, source)
+    window = open_window(source) if options["preview"] else None
+    first = used_to_the_light(frames) if source.is_camera else next(frames)
     start = target.read_start(options, options["start"], source)
     for remark in start.remarks:
         click.echo(f"Note: {remark}", err=True)
@@ -119,14 +138,15 @@ def command(**options: Any) -> None:
         births_of.check_births(births, start, options["start"], source)
     truth = _read_truth(options, None if births is not None else start.ids)
     output = options["output"] or Path(f"jaxpf-{source.name}")
-    _check_output(output, source.path)
+    if isinstance(source.path, Path):
+        _check_output(output, source.path)
     common.use_compile_cache()
     import jax
 
     if births is not None:
         tracker = births_of.open_tracker(births, target, *setup, first)
     else:
-        tracker = _build_tracker(options, target, setup, start, first, source)
+        tracker = _build_tracker(options, target, setup, start, source, first)
     check_memory(needed_by(tracker), "ask for fewer particles (-n)")
     if options["fit_motion"] is not None:
         looks = _looks(options, first)
@@ -135,7 +155,7 @@ def command(**options: Any) -> None:
         _fill_in(options, model)  # run.toml and summary.json tell what was found
         setup = setup._replace(model=model)
         start = dataclasses.replace(start, remarks=(*start.remarks, told))
-        tracker = _build_tracker(options, target, setup, start, first, source)
+        tracker = _build_tracker(options, target, setup, start, source, first)
     existed = output.is_dir()
     writing.prepare_output_folder(output, options["overwrite"])
 
@@ -145,12 +165,17 @@ def command(**options: Any) -> None:
         try:
             _remove_outputs(output)
             _write_repeatable_options(output, options, target)
+            if source.is_camera:
+                make = functools.partial(_build_tracker, options, target, setup, start, source)
+                tracker, first = start_when_compiled(make, tracker, first, frames, source)
             made = output, source, options, target, start, tracker
             if births is None:
                 recorder = Recorder(*made, None if options["tracker"] else setup.filter.check_first)
             else:
                 recorder = PopulationRecorder(*made, births)
-            with announced_stop("Finishing: what was tracked is being written."), recorder:
+            recorder.window = window
+            saying = "Finishing: what was tracked is being written."
+            with announced_stop(saying), recorder, contextlib.closing(frames):
                 recorder.start(options["start"], first)
                 recorder.follow(jax.random.key(options["seed"]), frames)
         except (KeyboardInterrupt, InputError) as error:
@@ -303,8 +328,8 @@ def _build_tracker(
     target: Target,
     setup: _Setup,
     start: Start,
-    first: np.ndarray,
     source: Any,
+    first: np.ndarray,
 ) -> Any:
     """The built-in method's tracker, which learns from the start frame, or the user's own."""
     if options["tracker"]:
@@ -346,11 +371,7 @@ def _remove_outputs(output: Path) -> None:
 def _write_repeatable_options(output: Path, options: dict[str, Any], target: Target) -> None:
     # In the order of the help: the same run writes the same file, however it was typed.
     names = [str(param.name) for param in click.get_current_context().command.params]
-    repeatable = {
-        name: options[name]
-        for name in names
-        if name not in ("config", "output", "overwrite", "filter_", "fit_motion")
-    }
+    repeatable = {name: options[name] for name in names if name not in _NOT_REPEATED}
     repeatable["target"] = target.name
     repeatable = {
         name: value.resolve() if isinstance(value, Path) else value

@@ -10,8 +10,10 @@ MIL draws samples, which OpenCV seeds by the clock: an evaluation keeps the boxe
 another one gets others.
 """
 
+import dataclasses
 import functools
-from collections.abc import Callable, Iterable, Sequence
+import time
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import cv2
@@ -22,39 +24,48 @@ from jaxpf.errors import InputError
 _SHIFTS = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.5)
 
 
-def baselines(names: Iterable[str]) -> dict[str, Callable[[Any], np.ndarray]]:
-    """Baselines by name, fit for ``Plan(trackers=...)`` and for worker processes.
+@dataclasses.dataclass(frozen=True)
+class Baseline:
+    """A baseline by name: a function of the scene, fit for worker processes."""
+
+    name: str
+
+    def __call__(self, scene: Any) -> np.ndarray:
+        """Its boxes ``[T, P, 4]``, the start frame's included.
+
+        Raises:
+            InputError: this OpenCV lacks the tracker, or it fails.
+        """
+        return _followed(scene, self.name)[0].copy()
+
+    def seconds(self, scene: Any) -> float:
+        """How long it took to find them."""
+        return _followed(scene, self.name)[1]
+
+
+def baselines(names: Collection[str]) -> dict[str, Baseline]:
+    """Baselines by name, fit for ``Plan(trackers=...)``.
 
     Raises:
         InputError: there is no such baseline.
     """
-    found: dict[str, Callable[[Any], np.ndarray]] = {}
     for name in names:
         if name not in BASELINES:
             raise InputError(f"baseline {name!r} is unknown; choose from {', '.join(BASELINES)}.")
-        found[name] = functools.partial(boxes_of, baseline=name)
-    return found
+    return {name: Baseline(name) for name in names}
 
 
-def boxes_of(scene: Any, baseline: str) -> np.ndarray:
-    """The boxes of a baseline, ``[T, P, 4]``, the start frame's included.
-
-    Raises:
-        InputError: this OpenCV lacks the tracker, or it fails.
-    """
-    return _followed(scene, baseline).copy()
-
-
-# An evaluation asks twice: what kind of tracker it is, and for its boxes.
+# An evaluation asks several times: what kind of tracker it is, for its boxes, and how long it took.
 @functools.lru_cache(maxsize=8)
-def _followed(scene: Any, baseline: str) -> np.ndarray:
+def _followed(scene: Any, baseline: str) -> tuple[np.ndarray, float]:
     follow = BASELINES[baseline]
+    began = time.perf_counter()
     try:
         tracks = [follow(scene.frames, box) for box in scene.boxes[0]]
     except cv2.error as error:
         reason = " ".join(str(error).split())
         raise InputError(f"the baseline {baseline!r} fails on this scene: {reason}.") from error
-    return np.stack(tracks, axis=1)
+    return np.stack(tracks, axis=1), time.perf_counter() - began
 
 
 def _still(frames: np.ndarray, box: np.ndarray) -> np.ndarray:

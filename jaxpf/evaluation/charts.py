@@ -24,8 +24,18 @@ MOST_OBJECTS = 8
 MOST_LINES = 8
 
 
+def overlaps(results: Results, tables: Tables) -> Any:
+    """Frames whose overlap exceeds .5, and the area under the success curve."""
+    return _per_object(results, tables, ("success_half", "success_area"), "% of frames")
+
+
 def rates(results: Results, tables: Tables) -> Any:
-    """Success and recovery, a panel per object, all objects first."""
+    """Success and recovery of smith2004."""
+    return _per_object(results, tables, ("success", "recovered"), "% of runs")
+
+
+def _per_object(results: Results, tables: Tables, names: Sequence[str], unit: str) -> Any:
+    """Two measures, a panel per object, all objects first."""
     summaries, ids = tables.summaries, results.object_ids
     places = list(range(len(ids)))
     if len(ids) > MOST_OBJECTS:
@@ -35,15 +45,13 @@ def rates(results: Results, tables: Tables) -> Any:
         places = [len(ids), *places]
     figure, axes = _forest(summaries, len(places), 1.25 if len(places) > 1 else 4)
     for axis, place in zip(axes, places, strict=True):
-        for name, colour, marker, shift in (
-            ("success", COLOURS[0], "o", -0.17),
-            ("recovered", COLOURS[1], "D", 0.17),
-        ):
+        for index, name in enumerate(names):
             found = [summary.estimates[name] for summary in summaries]
             triples = [[100 * x[place] for x in (e.value, e.lower, e.upper)] for e in found]
-            _points(axis, triples, shift, colour, marker, by_name(name).title)
+            label, shift = by_name(name).title, 0.34 * index - 0.17
+            _points(axis, triples, shift, COLOURS[index], "oD"[index], label)
         axis.set(title=object_name(ids, place), xlim=(-4, 104), xticks=(0, 50, 100))
-        axis.set_xlabel("% of runs")
+        axis.set_xlabel(unit)
     _legend(figure, axes[0])
     return figure
 

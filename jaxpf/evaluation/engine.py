@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import os
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from pathlib import Path
@@ -38,6 +39,7 @@ class Prepared:
         done: runs per configuration that are on disk.
         work: batches that are missing.
         imports: imported tracks that are missing, as (index of the configuration, batch).
+        import_seconds: how long it took to make those of them that were made here.
         damaged: batch files that are damaged; their runs are among the missing.
         seconds: about how long the missing work takes on this machine.
         memory: about how many bytes a working process takes.
@@ -52,6 +54,7 @@ class Prepared:
     done: list[int]
     work: list["Work"]
     imports: list[tuple[int, Batch]]
+    import_seconds: dict[int, float]
     damaged: list[Path]
     seconds: float
     memory: int
@@ -147,6 +150,7 @@ def prepare(
     work, seconds, memory = schedule.batches(
         plan, scene, target, digest, configurations, done, limits
     )
+    imports = list(_missing_imports(plan, scene, target, configurations, done))
     return Prepared(
         plan=plan,
         folder=folder,
@@ -156,7 +160,8 @@ def prepare(
         configurations=configurations,
         done=[int(runs.sum()) for runs in done],
         work=work,
-        imports=list(_missing_imports(plan, scene, target, configurations, done)),
+        imports=[(index, batch) for index, batch, _ in imports],
+        import_seconds={index: seconds for index, _, seconds in imports if seconds is not None},
         damaged=damaged,
         seconds=seconds,
         memory=memory,
@@ -225,7 +230,8 @@ def _missing_imports(
     target: Target,
     configurations: list[Configuration],
     done: list[np.ndarray],
-) -> Iterator[tuple[int, Batch]]:
+) -> Iterator[tuple[int, Batch, float | None]]:
+    """Index, boxes, and how long it took to make them, of tracks that are not on disk yet."""
     from jaxpf.evaluation.settings import object_ids, start_frame
     from jaxpf.evaluation.trackers import own_tracker
     from jaxpf.evaluation.worker import imported_batch
@@ -239,12 +245,18 @@ def _missing_imports(
                 f"{name!r} gives boxes, but the objects of {scene.name!r} are {target.name}; "
                 "leave it out."
             )
+        seconds: float | None = None
         if name in plan.trackers:
-            boxes = own_tracker(name, plan.trackers[name], scene)
+            function: Any = plan.trackers[name]
+            began = time.perf_counter()
+            boxes = own_tracker(name, function, scene)
+            seconds = time.perf_counter() - began
+            if hasattr(function, "seconds"):  # a baseline remembers its boxes
+                seconds = function.seconds(scene)
         else:
             from jaxpf.measures.track_matching import read_tracks
 
             boxes = read_tracks(
                 plan.tracks[name], scene.boxes, object_ids(scene), start_frame(scene)
             )
-        yield index, imported_batch(boxes[1:], plan.seed)
+        yield index, imported_batch(boxes[1:], plan.seed), seconds

@@ -88,16 +88,24 @@ def _plans(results: Results, tables: Tables) -> list[_Plan]:
     several = len(ids) > 1
     # The objects of most interest: all together, and the one that was recovered least.
     places = [len(ids), tables.hardest] if several else [0]
+    of_many = f" Of {len(ids)} objects, those recovered least."
+    of_many = of_many if len(ids) > charts.MOST_OBJECTS else ""
     plans = [
         _Plan(
+            "overlaps",
+            "Success at an overlap of .5, and the area under the success curve",
+            "Dots: share of the frames whose overlap with the truth exceeds .5, and the mean of "
+            "that share over all thresholds (wu2013). Bars: 95 % intervals over runs." + of_many,
+            lambda: charts.overlaps(results, tables),
+        ),
+        _Plan(
             "rates",
-            "Success and recovery",
-            "Dots: share of the runs. Bars: 95 % intervals; Wilson's for one object, and for all "
-            "objects at the effective number of trials, because objects of a run are alike."
-            + f" Of {len(ids)} objects, those recovered least."
-            * (len(ids) > charts.MOST_OBJECTS),
+            "Success and recovery of smith2004",
+            "Dots: share of the runs; a shared pixel is enough. Bars: 95 % intervals; Wilson's for "
+            "one object, and for all objects at the effective number of trials, because objects of "
+            "a run are alike." + of_many,
             lambda: charts.rates(results, tables),
-        )
+        ),
     ]
     if any(summary.reference is not None for summary in summaries):
         plans.append(

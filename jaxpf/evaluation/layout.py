@@ -46,6 +46,9 @@ NOTES = (
     "those of means have Student's interval and test of the runs' differences. A star marks "
     f"p < {SIGNIFICANT} after Holm's correction over the comparisons in its column. Points are "
     "percentage points.",
+    "Frames/s: of one run alone on this machine, from a frame in memory to its estimate, compiling "
+    "left out; the median over some frames, and of what gave boxes at once, the mean over all. "
+    "Settings that are compiled alike share the figure.",
 )
 
 
@@ -71,11 +74,13 @@ def estimate_tables(
         places: indices of objects; P stands for all of them.
         measures: the columns.
     """
-    return [
-        _estimates(object_name(object_ids, place), summaries, place, measures)
-        for place in _distinct(object_ids, places)
-        if summaries
-    ]
+    tables = []
+    for place in _distinct(object_ids, places) if summaries else ():
+        table = _estimates(object_name(object_ids, place), summaries, place, measures)
+        if place == len(object_ids) or len(object_ids) == 1:
+            _add_speed(table, summaries)
+        tables.append(table)
+    return tables
 
 
 def score_tables(summaries: Sequence["Summary"], num_objects: int) -> list[Table]:
@@ -122,6 +127,14 @@ def _estimates(
             for row, text in zip(cells, cells_of(measure, triples), strict=True):
                 row.append(text)
     return Table(title, columns, cells)
+
+
+def _add_speed(table: Table, summaries: Sequence["Summary"]) -> None:
+    speeds = [summary.frames_per_second for summary in summaries]
+    if np.isfinite(speeds).any():
+        table.columns.append("frames/s")
+        for row, speed in zip(table.rows, speeds, strict=True):
+            row.append(f"{speed:.{1 if speed < 99.5 else 0}f}" if np.isfinite(speed) else "-")
 
 
 def _differences(title: str, summaries: Sequence["Summary"], place: int) -> Table:

@@ -107,20 +107,20 @@ def _content(results: Results, tables: Tables, figures: Sequence[Figure]) -> dic
 
 
 def _finding(results: Results, tables: Tables) -> str:
-    """How often the hardest object was recovered: the span over the configurations."""
+    """How well the hardest object was followed: the span over the configurations."""
     ours = [s for s in tables.summaries if not s.configuration.is_imported]
-    rates = [s.estimates["recovered"].value[tables.hardest] for s in ours]
-    if len(ours) < 2 or not np.isfinite(rates).all():
+    shares = [s.estimates["success_half"].value[tables.hardest] for s in ours]
+    if len(ours) < 2 or not np.isfinite(shares).all():
         return ""
-    low, high = int(np.argmin(rates)), int(np.argmax(rates))
-    if rates[low] == rates[high]:
+    low, high = int(np.argmin(shares)), int(np.argmax(shares))
+    if shares[low] == shares[high]:
         return ""
     which = object_name(results.object_ids, tables.hardest)
     which = f"{which}, recovered least of all objects," if len(results.object_ids) > 1 else which
     return (
-        f"Over the configurations, {which} was tracked in the end in "
-        f"{100 * rates[low]:.0f}\u00a0% ({ours[low].name}) to "
-        f"{100 * rates[high]:.0f}\u00a0% ({ours[high].name}) of the runs. The "
+        f"Over the configurations, the overlap of {which} exceeded .5 in "
+        f"{100 * shares[low]:.0f}\u00a0% ({ours[low].name}) to "
+        f"{100 * shares[high]:.0f}\u00a0% ({ours[high].name}) of the frames. The "
         "paired differences below tell which of such differences chance explains."
     )
 
@@ -130,7 +130,8 @@ def _sections(figures: Sequence[Figure], differences: list[Table]) -> Iterator[_
     embedded = {figure.name: _embedded(figure) for figure in figures}
     over_time = [embedded[name] for name in embedded if name.startswith("error-over-time")]
     for name, title in (
-        ("rates", "Success and recovery"),
+        ("overlaps", "Success at .5 and success area"),
+        ("rates", "Success and recovery of smith2004"),
         ("differences", "Paired differences"),
         ("diversity", "Uniqueness and effective dynamics"),
         ("error-over-time", "Centre error over time"),
@@ -214,10 +215,7 @@ def _chosen(tables: Tables) -> list[Summary]:
     summaries = tables.summaries
     if len(summaries) <= _MOST_SHOWN:
         return summaries
-    quality = [
-        (s.estimates["recovered"].value[tables.hardest], s.estimates["overlap"].value[-1])
-        for s in summaries
-    ]
+    quality = [s.estimates["success_area"].value[-1] for s in summaries]
     order = sorted(range(len(summaries)), key=lambda index: quality[index])
     wanted = [order[-1], order[0]]
     for index, summary in enumerate(summaries):

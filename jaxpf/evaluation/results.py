@@ -159,10 +159,16 @@ class Results:
 
     @property
     def varied(self) -> tuple[str, ...]:
-        """Names of the parameters that differ between configurations."""
+        """Names of the parameters that differ between configurations.
+
+        Those of which one value was asked differ only by what others make of it, such as the
+        motion that goes with an appearance, and are left out.
+        """
         ours = [c.parameters for c in self.configurations if c.kind == BUILT_IN]
         names = dict.fromkeys(name for parameters in ours for name in parameters)
-        return tuple(n for n in names if len({repr(p[n]) for p in ours if n in p}) > 1)
+        asked = self.settings["asked"].get("grid", {})
+        named = [name for name in names if len(asked.get(name, ())) != 1]
+        return tuple(n for n in named if len({repr(p[n]) for p in ours if n in p}) > 1)
 
     def noise_scale(self, configuration: Configuration) -> np.ndarray:
         """``[3]``: process noise of the first coordinates; NaN where it is not known."""

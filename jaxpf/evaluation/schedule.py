@@ -81,7 +81,7 @@ def batches(
         configuration = configurations[index]
         if done[index].all():
             continue
-        shape = _shape_of(configuration, target)
+        shape = shape_of(configuration, target)
         function = plan.trackers.get(configuration.method)
         if shape not in known:
             known[shape] = costs(configuration, scene, target)
@@ -178,7 +178,7 @@ def _bytes(tree: Any) -> int:
     return sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in arrays)
 
 
-def _shape_of(configuration: Configuration, target: Target) -> tuple[Any, ...]:
+def shape_of(configuration: Configuration, target: Target) -> tuple[Any, ...]:
     """What a kernel is compiled for."""
     if configuration.kind != BUILT_IN:
         return (configuration.method,)

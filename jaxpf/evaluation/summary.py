@@ -19,6 +19,7 @@ from jaxpf.evaluation.estimates import (
 )
 from jaxpf.evaluation.measures import MEASURES, SCORES, Measure
 from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.evaluation.speed import read_speeds
 from jaxpf.options import plain
 
 
@@ -38,6 +39,7 @@ class Summary:
         quantiles: of the centre error, ``[5, T, P + 1]``.
         curve: success curves.
         shown: the best, the median and the worst run.
+        frames_per_second: of one run alone; NaN where nobody measured it, see ``speed``.
     """
 
     configuration: Configuration
@@ -50,6 +52,7 @@ class Summary:
     quantiles: np.ndarray
     curve: Curve
     shown: list[ShownRun]
+    frames_per_second: float
 
 
 def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]:
@@ -72,6 +75,8 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
             family = np.stack([holm(column) for column in p.T], axis=1)
             for index, row in zip(compared, family, strict=True):
                 adjusted[index][measure.name] = row
+    every = results.configurations
+    speeds = read_speeds(results.folder, len(every))
     return [
         Summary(
             configuration=entry.configuration,
@@ -84,6 +89,7 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
             quantiles=entry.quantiles,
             curve=entry.curve,
             shown=entry.shown,
+            frames_per_second=speeds[every.index(entry.configuration)],
         )
         for index, entry in enumerate(collected)
     ]

@@ -187,6 +187,9 @@ def _write_summary(results: Results, summaries: Iterable[Summary]) -> None:
                     rows.writerow(
                         [*_keys(results, summary.configuration), identity, measure, *numbers]
                     )
+            if np.isfinite(speed := summary.frames_per_second):
+                row = [*_keys(results, summary.configuration), "all", "frames_per_second", 1]
+                rows.writerow([*row, _number(speed), "", "", ""])
 
 
 def _write_differences(results: Results, summaries: Sequence[Summary]) -> None:

@@ -54,7 +54,8 @@ def read_annotated(
     if not folder.is_dir():
         raise InputError(f"there is no folder at '{folder}'; check the path.")
     if first < 0 or (last is not None and last < first):
-        raise InputError(f"the frames from {first} to {last} are none; count from 0, upwards.")
+        end = "on" if last is None else f"to {last}"
+        raise InputError(f"there are no frames from {first} {end}; count from 0, upwards.")
     if kind is None:
         there = [name for name in ANNOTATIONS[1:] if (folder / f"{name}.csv").is_file()]
         kind = there[-1] if there else "masks"

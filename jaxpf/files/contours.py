@@ -64,7 +64,8 @@ def read_contours(path: str | os.PathLike[str]) -> Contours:
     content = _content(path)
     closed = content.get("closed")
     if not isinstance(closed, bool):
-        raise InputError(f"'{path}': \"closed\" is {json.dumps(closed)}; give true or false.")
+        said = f'"closed" is {json.dumps(closed)}' if "closed" in content else '"closed" is missing'
+        raise InputError(f"'{path}': {said}; give true or false.")
     degree = content.get("degree", CUBIC)
     if not isinstance(degree, int) or isinstance(degree, bool):
         raise InputError(f"'{path}': \"degree\" is {json.dumps(degree)}; give a whole number.")

@@ -154,11 +154,13 @@ def check_output_file(path: str | os.PathLike[str]) -> None:
     """Find out now, rather than after the work, whether a file can be written.
 
     Raises:
-        InputError: it is a folder, or its folder is missing or cannot be written.
+        InputError: it is no file that may be replaced, or its folder is missing or cannot be
+            written.
     """
     path = Path(path)
-    if path.is_dir():
-        raise InputError(f"output file '{path}' is a folder; choose another --output")
+    if path.exists() and not path.is_file():
+        what = "a folder" if path.is_dir() else "a device or a pipe"
+        raise InputError(f"output file '{path}' is {what}; choose another --output")
     probe = temporary_sibling(path)
     with report_os_errors("write", path):
         probe.touch()

@@ -26,6 +26,7 @@ __all__ = [
     "distance_precision",
     "precision_curve",
     "success_area",
+    "success_at_half",
     "success_curve",
     "tracking_scores",
 ]
@@ -105,6 +106,11 @@ def success_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
 def success_area(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[..., P]``: area under ``success_curve``, the mean of its 21 values (wu2013)."""
     return jnp.mean(success_curve(estimate, truth), axis=-1)
+
+
+def success_at_half(estimate: ArrayLike, truth: ArrayLike) -> Array:
+    """``[..., P]``: share of the frames whose overlap exceeds .5, see ``success_curve``."""
+    return success_curve(estimate, truth)[..., len(OVERLAP_THRESHOLDS) // 2]
 
 
 def precision_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:

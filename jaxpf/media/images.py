@@ -53,7 +53,7 @@ def read_image(path: Path) -> np.ndarray:
     return to_rgb(image, path)
 
 
-def to_rgb(image: np.ndarray, path: Path) -> np.ndarray:
+def to_rgb(image: np.ndarray, path: Path | str) -> np.ndarray:
     """From OpenCV's BGR [H, W, 3] or grey [H, W], 8 or 16 bits, to uint8 RGB [H, W, 3].
 
     Raises:

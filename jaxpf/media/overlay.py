@@ -10,6 +10,8 @@ import numpy as np
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _DARK = (20, 20, 20)
 _LIGHT = (255, 255, 255)
+#: How much of a faint line is seen.
+_FAINT = 0.5
 
 # Okabe and Ito, "Color universal design" (2008), without black; the order keeps neighbours far
 # apart for every common kind of colour vision.
@@ -45,6 +47,7 @@ def draw_boxes(
     ids: np.ndarray | list[int],
     colours: np.ndarray | None = None,
     lost: np.ndarray | None = None,
+    doubtful: np.ndarray | None = None,
 ) -> np.ndarray:
     """Draw labelled boxes.
 
@@ -54,30 +57,41 @@ def draw_boxes(
         ids: the labels [P].
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
         lost: bool [P]; a lost object's box is dashed and its label says so.
+        doubtful: bool [P]; the box of an object that is probably lost is dashed and faint, and its
+            label has a question mark.
     """
     frame = frame.copy()
     boxes = np.asarray(boxes, np.float64).reshape(-1, 4)
     colours = object_colours(len(boxes)) if colours is None else np.asarray(colours)
+    nobody = np.zeros(len(boxes), bool)
+    lost = nobody if lost is None else np.asarray(lost, bool)
+    doubtful = nobody if doubtful is None else np.asarray(doubtful, bool) & ~lost
+    shown = np.isfinite(boxes).all(axis=1)
+    if (shown & doubtful).any():
+        faint = frame.copy()
+        for index in np.flatnonzero(shown & doubtful):
+            _draw_box(faint, boxes[index], colours[index], True)
+        cv2.addWeighted(faint, _FAINT, frame, 1 - _FAINT, 0, dst=frame)
+    for index in np.flatnonzero(shown & ~doubtful):
+        _draw_box(frame, boxes[index], colours[index], lost[index])
+    # Labels come last so that no box crosses one.
+    for index in np.flatnonzero(shown):
+        left, top, _, _ = _corners(boxes[index], frame)
+        word = " lost" if lost[index] else " ?" if doubtful[index] else ""
+        label_at(frame, f"{ids[index]}{word}", left, top, _as_colour(colours[index]))
+    return frame
+
+
+def _draw_box(frame: np.ndarray, box: np.ndarray, colour: np.ndarray, dashed: bool) -> None:
+    left, top, right, bottom = _corners(box, frame)
     thickness = line_thickness(frame)
     rim = 2 if min(frame.shape[:2]) >= 240 else 1
-    labels = []
-    for index, box in enumerate(boxes):
-        if not np.isfinite(box).all():
-            continue
-        left, top, right, bottom = _corners(box, frame)
-        colour = _as_colour(colours[index])
-        is_lost = lost is not None and bool(lost[index])
-        # A dark rim keeps every colour visible on every background.
-        for line, width in ((_DARK, thickness + rim), (colour, thickness)):
-            if is_lost:
-                _dashed_rectangle(frame, (left, top), (right, bottom), line, width)
-            else:
-                cv2.rectangle(frame, (left, top), (right, bottom), line, width)
-        labels.append((f"{ids[index]} lost" if is_lost else f"{ids[index]}", left, top, colour))
-    # Labels come last so that no box crosses one.
-    for text, left, top, colour in labels:
-        label_at(frame, text, left, top, colour)
-    return frame
+    # A dark rim keeps every colour visible on every background.
+    for line, width in ((_DARK, thickness + rim), (_as_colour(colour), thickness)):
+        if dashed:
+            _dashed_rectangle(frame, (left, top), (right, bottom), line, width)
+        else:
+            cv2.rectangle(frame, (left, top), (right, bottom), line, width)
 
 
 def draw_rectangles(

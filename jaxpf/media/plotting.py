@@ -8,6 +8,7 @@ import numpy as np
 
 from jaxpf.files.writing import atomic_write
 from jaxpf.media.overlay import object_colours
+from jaxpf.names import PROBABLY_LOST
 
 #: Of sRGB, about; and how much each primary adds to the luminance, of which white has 1.
 _GAMMA = 2.2
@@ -52,8 +53,9 @@ def diagnostics(
     log_evidence: np.ndarray,
     ids: Sequence[Any],
     num_particles: int,
+    confidence: np.ndarray | None = None,
 ) -> Any:
-    """Effective sample size, uniqueness per object and evidence over time.
+    """Effective sample size, uniqueness and confidence per object, and evidence over time.
 
     Args:
         frames: frame numbers ``[T]``.
@@ -62,9 +64,11 @@ def diagnostics(
         log_evidence: increments ``[T]``; ``-inf`` is marked, not drawn.
         ids: the objects' names ``[P]``.
         num_particles: N.
+        confidence: ``[T, P]``, or None where nobody can tell.
     """
-    figure, axes = new_figure(3, 1, figsize=(9, 8), share_x=True)
-    upper, middle, lower = axes[:, 0]
+    rows = 3 if confidence is None else 4
+    figure, axes = new_figure(rows, 1, figsize=(9, 2 + 2 * rows), share_x=True)
+    upper, middle, *between, lower = axes[:, 0]
     upper.plot(frames, ess, color="black")
     upper.set(ylabel=f"effective sample size\n(of {num_particles})", ylim=(0, None))
     for column, (name, colour) in enumerate(zip(ids, colours(len(ids)), strict=True)):
@@ -72,6 +76,11 @@ def diagnostics(
         middle.plot(frames, 100 * uniqueness[:, column], color=colour, label=label)
     middle.set(ylabel="uniqueness (%)", ylim=(0, 102))
     middle.legend(ncols=min(len(ids), 7), fontsize="small", loc="upper right")
+    for axis in between:
+        for column, colour in enumerate(colours(len(ids))):
+            axis.plot(frames, np.asarray(confidence)[:, column], color=colour)
+        axis.axhline(PROBABLY_LOST, color="black", linestyle="dotted")
+        axis.set(ylabel="confidence", ylim=(-0.02, 1.02))
     possible = np.isfinite(log_evidence)
     lower.plot(frames[possible], log_evidence[possible], color="black")
     for frame in frames[~possible]:

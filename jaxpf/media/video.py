@@ -1,97 +1,33 @@
-"""Reading frames: video files and folders of images, one frame at a time.
+"""Reading frames: video files, folders of images and live sources, one frame at a time.
 
-Frames are uint8 RGB arrays [H, W, 3].  ``VideoWriter`` lives in :mod:`jaxpf.video_writer` and
-drawing in :mod:`jaxpf.overlay`.
+Frames are uint8 RGB arrays [H, W, 3].  Live sources are those of :mod:`jaxpf.media.live`;
+``VideoWriter`` lives in :mod:`jaxpf.video_writer` and drawing in :mod:`jaxpf.overlay`.
 """
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource
 from jaxpf.media.images import IMAGE_SUFFIXES, frames_inside, natural_order, read_image, to_rgb
+from jaxpf.media.live import LiveSource, live_address
 from jaxpf.media.quiet import quiet_opencv
+from jaxpf.media.sizes import SizeWatch
 from jaxpf.media.video_writer import VideoWriter
 
 __all__ = ["DEFAULT_FPS", "FrameSource", "VideoWriter", "open_frames"]
-
-DEFAULT_FPS = 25.0
 
 # How the commonest containers begin; used only to tell "damaged" from "not a video".
 _CONTAINERS = ((4, b"ftyp", "MP4"), (8, b"AVI ", "AVI"), (0, b"\x1a\x45\xdf\xa3", "WebM or MKV"))
 
 
-class FrameSource:
-    """Frames of one video, read as they are asked for; any number of times.
-
-    Iterating decodes from the beginning and keeps no frame: memory does not grow with the
-    length.
-
-    Attributes:
-        path: the file or folder.
-        name: the file name without suffix, or the name of the folder.
-        width: of every frame, pixels.
-        height: of every frame, pixels.
-        fps: frames per second; 25 if the container does not say, and for folders.
-        frames_expected: how many frames the container announces.  An estimate: containers
-            round, guess and lie.  None if it does not say.
-        num_frames: the exact number of frames; None until it is known.  Folders know it at
-            once, videos after a pass to the end.
-        truncated: True once a pass has shown that the video is cut off or damaged: every
-            frame that decodes was yielded, and ``note`` says what is missing.
-        note: one sentence that is worth telling the user, or None.
-    """
-
-    def __init__(self, path: Path, fps: float | None):
-        self.path = path
-        self.name = path.resolve().name if path.is_dir() else path.stem
-        self.width = 0
-        self.height = 0
-        self.fps = DEFAULT_FPS if fps is None else fps
-        self.frames_expected: int | None = None
-        self.num_frames: int | None = None
-        self.truncated = False
-        self.note: str | None = None
-
-    def frames(self, start: int = 0) -> Iterator[np.ndarray]:
-        """Yield the frames from number ``start`` (counting from 0) to the end.
-
-        Frames before ``start`` are decoded and dropped: jumping by time stamps lands on the
-        wrong frame in many videos.
-
-        Yields:
-            uint8 RGB [H, W, 3]; each is a fresh array.
-
-        Raises:
-            InputError: ``start`` is negative or past the end, or a frame cannot be used.
-        """
-        if start < 0:
-            raise InputError(
-                f"start frame {start} of '{self.path}' is negative; frames count from 0"
-            )
-        if self.num_frames is not None and start >= self.num_frames:
-            raise self._past_the_end(start, self.num_frames)
-        return self._frames(start)
-
-    def __iter__(self) -> Iterator[np.ndarray]:
-        return self.frames()
-
-    def _frames(self, start: int) -> Iterator[np.ndarray]:
-        raise NotImplementedError
-
-    def _past_the_end(self, start: int, count: int) -> InputError:
-        return InputError(
-            f"start frame {start} is past the end of '{self.path}', which has {count} frame(s); "
-            f"choose one from 0 to {count - 1}"
-        )
-
-
-def open_frames(path: str | os.PathLike[str], fps: float | None = None) -> FrameSource:
-    """Open a video, or a folder of images, for reading.
+def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) -> FrameSource:
+    """Open a video, a folder of images or a live source for reading.
 
     A folder's images (png, jpg, jpeg, bmp, tif, tiff, webp) are the frames, in natural order
     (``img2.png`` before ``img10.png``); hidden files are skipped.  Grey becomes RGB with three
@@ -99,8 +35,11 @@ def open_frames(path: str | os.PathLike[str], fps: float | None = None) -> Frame
     transparent.  16 bits per channel are scaled to 8, full range to full range.  Rotation marks
     of cameras (EXIF, video metadata) are applied.
 
+    Live are a camera by its index (from 0, unless a file has that name) or device, a stream by its
+    address (``http://``, ``rtsp://``, ...) and a pipe, where OpenCV opens them.
+
     Args:
-        path: a video in any format that OpenCV decodes, or a folder.
+        path: a video in any format that OpenCV decodes, a folder, or what is live.
         fps: frames per second, in place of what the container says.
 
     Returns:
@@ -109,9 +48,12 @@ def open_frames(path: str | os.PathLike[str], fps: float | None = None) -> Frame
     Raises:
         InputError: nothing is there, or it holds no frame that decodes.
     """
-    path = Path(path)
+    address = live_address(path)
+    path = Path(f"{path}")
     if fps is not None and not (math.isfinite(fps) and fps > 0):
         raise InputError(f"fps {fps} for '{path}' is not a positive number; give one such as 25")
+    if address is not None:
+        return LiveSource(address, fps)
     if path.is_dir():
         return _ImageFolder(path, fps)
     if not path.exists():
@@ -141,7 +83,7 @@ class _VideoFile(FrameSource):
     """A file that OpenCV decodes."""
 
     def __init__(self, path: Path, fps: float | None, beginning: bytes):
-        super().__init__(path, fps)
+        super().__init__(path, path.stem, fps)
         capture, frame = self._open(), None
         try:
             with quiet_opencv():
@@ -167,8 +109,8 @@ class _VideoFile(FrameSource):
         with quiet_opencv():
             return cv2.VideoCapture(str(self.path))
 
-    def _frames(self, start: int) -> Iterator[np.ndarray]:
-        capture = self._open()
+    def _frames(self, start: int) -> Generator[np.ndarray]:
+        capture, watch = self._open(), SizeWatch(self.path, start)
         try:
             for skipped in range(start):
                 with quiet_opencv():
@@ -182,10 +124,9 @@ class _VideoFile(FrameSource):
                     decoded, frame = capture.read()
                 if not decoded:
                     break
-                if frame.shape[:2] != (self.height, self.width):
+                if change := watch.change():
                     raise InputError(
-                        f"video '{self.path}' changes its size at frame {count}, from "
-                        f"{self.width}x{self.height} to {frame.shape[1]}x{frame.shape[0]}; "
+                        f"video '{self.path}' changes its size at frame {count}, from {change}; "
                         "convert it to one size"
                     )
                 last_time = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
@@ -196,6 +137,7 @@ class _VideoFile(FrameSource):
                 raise self._past_the_end(start, count)
             self._reached_end(count, last_time)
         finally:
+            watch.close()
             capture.release()
 
     def _reached_end(self, count: int, last_time: float) -> None:
@@ -228,7 +170,7 @@ class _ImageFolder(FrameSource):
     """A folder whose images are the frames."""
 
     def __init__(self, path: Path, fps: float | None):
-        super().__init__(path, fps)
+        super().__init__(path, path.resolve().name, fps)
         files = [
             entry
             for entry in path.iterdir()
@@ -250,7 +192,7 @@ class _ImageFolder(FrameSource):
         if len(files) == 1:
             self.note = f"folder '{path}' holds {found}"
 
-    def _frames(self, start: int) -> Iterator[np.ndarray]:
+    def _frames(self, start: int) -> Generator[np.ndarray]:
         for file in self._files[start:]:
             frame = read_image(file)
             if frame.shape[:2] != (self.height, self.width):

@@ -5,6 +5,8 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import numpy as np
+
 from jaxpf.errors import InputError
 from jaxpf.options import OPEN, option
 
@@ -13,6 +15,8 @@ COLOUR, DISCRIMINATIVE = "colour", "discriminative"
 PIXELS, RELATIVE = "pixels", "relative"
 NONE, BOXES = "none", "boxes"
 _OF_COLOUR = ("appearance", COLOUR)
+#: Grey levels by which the pixels of one colour differ at most.
+_ONE_COLOUR = 2
 
 
 def appearance_option() -> Any:
@@ -130,6 +134,27 @@ def likelihood_option(*choices: str) -> Any:
         compiles=True,
         implies=_OF_COLOUR,
     )
+
+
+def check_contrast(frame: Any, boxes: np.ndarray) -> None:
+    """Refuse boxes on one colour, in front of the same.
+
+    Args:
+        frame: uint8 RGB ``[H, W, 3]``.
+        boxes: x, y, w, h in pixels, ``[P, 4]``.
+
+    Raises:
+        InputError: which.
+    """
+    pixels = np.asarray(frame)
+    for index, (x, y, width, height) in enumerate(boxes):
+        left, top = (max(int(at - size / 2), 0) for at, size in ((x, width), (y, height)))
+        around = pixels[top : int(y + 1.5 * height) + 1, left : int(x + 1.5 * width) + 1]
+        if around.size and np.ptp(around, axis=(0, 1)).max() <= _ONE_COLOUR:
+            raise InputError(
+                f"boxes[{index}] lies on one colour, and so does what is around it, so that "
+                "nothing tells where it is; give a box whose edges show, or another start frame."
+            )
 
 
 @contextlib.contextmanager

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract import WrappedLikelihood
 from jaxpf.errors import InputError
 from jaxpf.filters.partitioned.ordering import Ordering, check_tree
 from jaxpf.filters.partitioned.tracker import Partitioned
@@ -23,6 +22,7 @@ from jaxpf.models.joints import (
     joints_between,
     substates_at,
 )
+from jaxpf.models.likelihoods.wrapped import WrappedLikelihood
 from jaxpf.models.model import Model
 from jaxpf.pytree import pytree_dataclass
 

@@ -22,6 +22,7 @@ from jaxpf.targets.appearance import (
     RELATIVE,
     appearance_option,
     bands_option,
+    check_contrast,
     exclusion_option,
     gain_option,
     likelihood_option,
@@ -157,8 +158,8 @@ class Boxes(Target):
         from jaxpf.models.likelihoods.discriminative import discriminative, excluding
 
         with naming([f"the box of object {number}" for number in start.ids]):
-            learned = discriminative(looks.start_frame, start.shapes, gain=options.gain, **settings)
-        return learned if options.exclusion == NONE else excluding(learned)
+            found = discriminative(looks.start_frame, start.shapes, gain=options.gain, **settings)
+        return found if options.exclusion == NONE else excluding(found)
 
     def _colour(self, options: Options, start: Start, looks: Looks) -> Any:
         from jaxpf.models.likelihoods.histogram import histogram, histogram_from_patches
@@ -172,6 +173,7 @@ class Boxes(Target):
         }
         with naming([f"the box of object {number}" for number in start.ids]):
             if looks.patches is None:
+                check_contrast(looks.frame, start.shapes)
                 return histogram(looks.frame, start.shapes, **settings)
             return histogram_from_patches(
                 looks.patches, start.sizes, frame_shape=looks.frame_shape, **settings
@@ -184,8 +186,9 @@ class Boxes(Target):
         options = self.resolved(options, looks.is_filmed)
         if options.appearance == DISCRIMINATIVE:
             settings = {"interpolation": "bilinear", "background_frames": frames}
-            likelihood: Any = self._discriminative(options, start, looks, **settings)
-            return self._model(likelihood, options, start)
+            return self._model(
+                self._discriminative(options, start, looks, **settings), options, start
+            )
         likelihood = histogram_from_patches(
             looks.patches,
             start.sizes,
@@ -223,8 +226,8 @@ class Boxes(Target):
 
     def _model(self, likelihood: Any, options: Options, start: Start) -> Model:
         if options.motion == RELATIVE:
-            noise, momentum = options.relative_scale, options.momentum
-            return relative_box_model(likelihood, start.shapes, noise, momentum)
+            noise = options.relative_scale, options.momentum
+            return relative_box_model(likelihood, start.shapes, *noise)
         return box_model(likelihood, start.shapes, options.scale)
 
     def motion_candidates(self, options: Options) -> list[Options]:
@@ -314,12 +317,19 @@ class Boxes(Target):
         return _MotWriter(path, start)
 
     def draw(
-        self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any, past: Any = None
+        self,
+        frame: Any,
+        start: Start,
+        shapes: Any,
+        colours: Any,
+        lost: Any,
+        past: Any = None,
+        doubtful: Any = None,
     ) -> np.ndarray:
         """See ``Target``."""
         from jaxpf.media.overlay import draw_boxes
 
-        return draw_boxes(frame, shapes, list(start.ids), colours, lost)
+        return draw_boxes(frame, shapes, list(start.ids), colours, lost, doubtful)
 
 
 BOXES = Boxes()
@@ -350,9 +360,11 @@ class _MotWriter:
     def __exit__(self, *exception: Any) -> Any:
         return self._writer.__exit__(*exception)
 
-    def append(self, frame: int, shapes: Any, lost: Any, ids: Any = None) -> None:
+    def append(
+        self, frame: int, shapes: Any, lost: Any, ids: Any = None, confidence: Any = 1.0
+    ) -> None:
         ids = self._ids if ids is None else ids
-        self._writer.append(frame, ids, shapes, np.where(lost, 0.0, 1.0))
+        self._writer.append(frame, ids, shapes, np.where(lost, 0.0, confidence))
 
 
 def scene_tracker(

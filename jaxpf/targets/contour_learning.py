@@ -14,6 +14,8 @@ from jaxpf.models.splines import points_on
 
 #: Points at which contours are compared.
 _POINTS = 64
+#: Control points of a contour: memory and time grow with their square.
+_MOST_POINTS = 500
 
 
 def learn_contours(
@@ -40,9 +42,13 @@ def learn_contours(
         What was learned, and sentences on how well.
 
     Raises:
-        InputError: too few contours for the dimension, too few frames for the dynamics, or
-            turns of closed contours.
+        InputError: too few contours for the dimension, too few frames for the dynamics, too many
+            control points, or turns of closed contours.
     """
+    if num_points > _MOST_POINTS:
+        raise InputError(
+            f"{num_points} control points are too many to learn from; give {_MOST_POINTS} at most."
+        )
     found, control = learn_shape_space(
         list(annotated.lines.values()),
         annotated.kind,

@@ -297,7 +297,14 @@ class ContourTarget(Target):
         return _Writer(path, start)
 
     def draw(
-        self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any, past: Any = None
+        self,
+        frame: Any,
+        start: Start,
+        shapes: Any,
+        colours: Any,
+        lost: Any,
+        past: Any = None,
+        doubtful: Any = None,
     ) -> np.ndarray:
         """See ``Target``."""
         from jaxpf.media.contours_overlay import draw_contours

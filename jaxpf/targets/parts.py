@@ -228,7 +228,14 @@ class Parts(Target):
         return _PartWriter(path, start)
 
     def draw(
-        self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any, past: Any = None
+        self,
+        frame: Any,
+        start: Start,
+        shapes: Any,
+        colours: Any,
+        lost: Any,
+        past: Any = None,
+        doubtful: Any = None,
     ) -> np.ndarray:
         """See ``Target``."""
         from jaxpf.media.overlay import draw_rectangles

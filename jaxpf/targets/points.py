@@ -182,7 +182,14 @@ class Points(Target):
         return _Writer(path, start)
 
     def draw(
-        self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any, past: Any = None
+        self,
+        frame: Any,
+        start: Start,
+        shapes: Any,
+        colours: Any,
+        lost: Any,
+        past: Any = None,
+        doubtful: Any = None,
     ) -> np.ndarray:
         """See ``Target``; lost points are hollow."""
         from jaxpf.media.points_overlay import draw_points
@@ -225,7 +232,11 @@ def _on_mask(path: Path, step: float, source: Any) -> Any:
     from jaxpf.files.points import grid_points
     from jaxpf.media.images import read_image
 
+    if not path.is_file():
+        raise InputError(f"there is no mask at '{path}'; give a picture that is 0 off the body.")
     mask = read_image(path).any(axis=-1)
+    if not mask.any():
+        raise InputError(f"the mask '{path}' is 0 everywhere; mark the body in it.")
     if mask.shape != (source.height, source.width):
         raise InputError(
             f"the mask '{path}' has {mask.shape[1]} x {mask.shape[0]} pixels and the frame "

@@ -245,14 +245,22 @@ class Target:
         return measure_outlines(self.outlines(start, shapes), self.outlines(start, truth))
 
     def track_writer(self, path: Any, start: Start) -> Any:
-        """A writer with ``append(frame, shapes, lost, ids=None)``, which closes as a context does.
+        """A writer with ``append(frame, shapes, lost)``, which closes as a context does.
 
-        ``ids`` are those of the start, unless objects come and go.
+        Where objects come and go, ``append`` also takes ``ids``; where a likelihood can tell,
+        ``confidence`` ``[P]``.
         """
         raise TypeError(f"{type(self).__name__} must define track_writer")
 
     def draw(
-        self, frame: Any, start: Start, shapes: Any, colours: Any, lost: Any, past: Any = None
+        self,
+        frame: Any,
+        start: Start,
+        shapes: Any,
+        colours: Any,
+        lost: Any,
+        past: Any = None,
+        doubtful: Any = None,
     ) -> np.ndarray:
         """The frame with the shapes drawn on it.
 
@@ -263,6 +271,7 @@ class Target:
             colours: uint8 RGB ``[P, 3]``.
             lost: bool ``[P]``.
             past: ``[L, P, S]``, shapes of the frames before, the latest last, for trails.
+            doubtful: bool ``[P]``, probably lost; None where nobody can tell.
         """
         raise TypeError(f"{type(self).__name__} must define draw")
 

@@ -105,8 +105,8 @@ def test_a_seed_gives_the_same_detections_and_another_seed_others(truth):
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"misses": 1.5}, "misses=1.5"),
-        ({"jitter": -1}, "jitter=-1"),
+        ({"misses": 1.5}, "misses = 1.5"),
+        ({"jitter": -1}, "jitter = -1"),
         ({"false_alarms": np.inf}, "inf"),
     ],
 )

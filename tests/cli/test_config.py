@@ -15,7 +15,9 @@ def images(tmp_path):
     folder = tmp_path / "images"
     folder.mkdir()
     for number in range(2):
-        cv2.imwrite(str(folder / f"{number}.png"), np.full((48, 64, 3), 100, np.uint8))
+        frame = np.full((48, 64, 3), 100, np.uint8)
+        frame[:8, :8] = 200
+        cv2.imwrite(str(folder / f"{number}.png"), frame)
     return folder
 
 

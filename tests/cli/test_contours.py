@@ -196,6 +196,8 @@ def test_masks_are_learned_from(tmp_path):
         (("--last", "3", "-d", "5"), "are too few to learn"),
         (("-d", "1"), "dimension 1 must be"),
         (("--points", "3"), "3 control point.* are fewer than the 4"),
+        (("--points", "100000"), "100000 control points are too many .* 500 at most"),
+        (("--first", "-1"), "there are no frames from -1 on"),
         (("-o", "none/learned.json"), "cannot write 'none/learned.json'"),
     ],
 )

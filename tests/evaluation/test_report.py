@@ -130,7 +130,14 @@ def test_tables_say_what_the_summary_says(written):
             for cell in row:
                 assert cell in text
     assert "one track, the same for every seed" in text
-    for name in ("rates", "differences", "diversity", "error-over-time", "success-curves"):
+    for name in (
+        "overlaps",
+        "rates",
+        "differences",
+        "diversity",
+        "error-over-time",
+        "success-curves",
+    ):
         assert name in page.ids
 
 
@@ -139,8 +146,8 @@ def test_figures_are_embedded_as_they_are_on_disk(written):
     paths = sorted((results.folder / "figures").glob("*.png"))
     assert [path.stem for path in paths] == [
         *("differences", "diversity", "error-over-time-all"),
-        *(f"error-over-time-object-{1 + write_tables(results).hardest}", "rates"),
-        "success-curves",
+        f"error-over-time-object-{1 + write_tables(results).hardest}",
+        *("overlaps", "rates", "success-curves"),
     ]
     for path in paths:
         assert base64.b64encode(path.read_bytes()).decode() in source
@@ -280,7 +287,7 @@ def test_forty_configurations(tmp_path, monkeypatch):
     pictures = np.zeros((7, 40, 60, 3), np.uint8)
     results = make(tmp_path / "results", batches, truth, frames=pictures)
     write_figures(results, write_tables(results))
-    assert len(sizes) == 6
+    assert len(sizes) == 7
     for name, (width, height) in sizes.items():
         assert width < 16, name
         assert height < 18, name

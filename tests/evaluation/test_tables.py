@@ -7,14 +7,18 @@ import os
 import numpy as np
 import pytest
 from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make, walks
+from small_evaluation import small_scene
 from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers, rows_of
 
 from jaxpf.errors import InputError
-from jaxpf.evaluation import collection, tables
+from jaxpf.evaluation import Plan, Results, collection, tables
 from jaxpf.evaluation.results import Configuration
+from jaxpf.evaluation.settings import new_settings
+from jaxpf.evaluation.summary import configuration_name
 from jaxpf.evaluation.tables import write_tables
 from jaxpf.measures import metrics
 from jaxpf.measures.intervals import wilson_interval
+from jaxpf.targets import find_target
 
 
 @pytest.fixture(scope="module")
@@ -176,6 +180,17 @@ def test_methods_are_compared_on_common_runs_at_equal_parameters(tmp_path):
     assert any("PS 21, sharpness 20: 12 of 16" in remark for remark in made.remarks)
     row = rows_of(results.folder / "differences.csv")[0]
     assert (row["method"], row["reference"]) == ("PS", "SIR, sharpness 20")
+
+
+def test_labels_leave_out_what_follows_from_an_appearance(tmp_path):
+    scene, target = small_scene(), find_target("boxes")
+    plan = Plan(small_scene, methods=("sir",), grid={"appearance": ("colour", "discriminative")})
+    settings = new_settings(plan, scene, target, target.scene_start(scene))
+    results = Results(tmp_path, settings, scene.boxes[1:], target.scene_start(scene))
+    names = [configuration_name(results, one) for one in results.configurations]
+    assert names == ["SIR, appearance colour", "SIR, appearance discriminative"]
+    motions = [one.parameters["motion"] for one in results.configurations]
+    assert motions == ["pixels", "relative"]
 
 
 def test_an_object_that_is_never_there_has_no_measures(tmp_path):

@@ -41,7 +41,7 @@ def test_masks_are_read_in_the_order_of_their_names(tmp_path):
         (["0,a,0,1,inf"], {}, "line 2"),
         (["0.5,a,0,1,2"], {}, "line 2"),
         (["0,a,0,1,2"], {"first": 3}, "no centrelines in the frames from 3 on"),
-        (["0,a,0,1,2"], {"first": 3, "last": 1}, "the frames from 3 to 1 are none"),
+        (["0,a,0,1,2"], {"first": 3, "last": 1}, "there are no frames from 3 to 1"),
         (["0,a,0,1,2"], {"value": 1}, "object 1 is of masks"),
         (["0,a,0,1,2"], {"kind": "outlines"}, "there is no .*outlines.csv"),
         (["0,a,0,1,2"], {"kind": "masks"}, "holds no masks"),

@@ -30,6 +30,17 @@ def test_a_box_is_drawn_on_the_pixels_it_covers():
     assert (frame == 128).all(), "the given frame is left alone"
 
 
+def test_a_box_that_is_probably_lost_is_dashed_and_faint():
+    boxes, doubtful = np.array([[20.0, 30, 60, 45]]), np.array([True])
+    lost = draw_boxes(grey(), boxes, [1], lost=doubtful)[74]
+    faint = draw_boxes(grey(), boxes, [1], doubtful=doubtful)[74]
+    # Half of what a lost box's line is; in the gaps between dashes there is nothing.
+    np.testing.assert_allclose(faint, (lost.astype(float) + 128) / 2, atol=1)
+    assert (faint[20:80] == 128).all(-1).any()
+    both = draw_boxes(grey(), boxes, [1], lost=doubtful, doubtful=doubtful)
+    np.testing.assert_array_equal(both[74], lost)
+
+
 @pytest.mark.parametrize("box", [[np.nan] * 4, [1, 2, np.inf, 4]])
 def test_a_box_that_is_not_finite_is_skipped(box):
     frame = grey()

@@ -3,6 +3,7 @@ import subprocess
 import sys
 import tracemalloc
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -180,6 +181,37 @@ def test_damage_in_the_middle_of_a_video_is_reported(tmp_path):
     count = len(list(source))
     assert count > 0
     assert (source.note is not None) == (count < 40)
+
+
+def test_a_size_that_changes_on_the_way_is_refused_where_it_does(tmp_path):
+    """OpenCV would bring all frames to the first size."""
+    parts = []
+    for size in ((64, 48), (96, 64)):
+        path = tmp_path / f"{size[0]}.ts"
+        with av.open(str(path), "w", format="mpegts") as container:
+            stream: av.VideoStream = container.add_stream("mpeg2video", rate=25)
+            (stream.width, stream.height), stream.pix_fmt = size, "yuv420p"
+            for number in range(20):
+                picture = np.full((*size[::-1], 3), 10 * number, np.uint8)
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, "rgb24")))
+            container.mux(stream.encode(None))
+        parts.append(path.read_bytes())
+    both = tmp_path / "both.ts"
+    both.write_bytes(b"".join(parts))
+    frames = open_frames(both).frames()
+    assert [next(frames).shape for _ in range(20)] == 20 * [(48, 64, 3)]
+    message = message_of(next, frames)
+    assert f"'{both}' changes its size at frame 20, from 64x48 to 96x64; convert it" in message
+
+
+def test_a_codec_that_is_missing_is_named_as_a_cause(tmp_path):
+    path = tmp_path / "walk.mp4"
+    with VideoWriter(path, 64, 48, 25) as video:
+        video.write(numbered_frame(0))
+    path.write_bytes(path.read_bytes().replace(b"avc1", b"none").replace(b"avcC", b"nonC"))
+    assert "in a codec that OpenCV lacks; copy it again or convert it" in message_of(
+        open_frames, path
+    )
 
 
 @pytest.mark.parametrize(

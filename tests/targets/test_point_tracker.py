@@ -100,6 +100,11 @@ def test_a_grid_of_points_starts_on_a_mask(tmp_path):
     cv2.imwrite(str(tmp_path / "mask.png"), mask[:50])
     with pytest.raises(jaxpf.InputError, match="has 156 x 50 pixels and the frame 156 x 120"):
         POINTS.read_start(given, 0, _Source)
+    cv2.imwrite(str(tmp_path / "mask.png"), 0 * mask)
+    with pytest.raises(jaxpf.InputError, match="is 0 everywhere; mark the body"):
+        POINTS.read_start(given, 0, _Source)
+    with pytest.raises(jaxpf.InputError, match="there is no mask at"):
+        POINTS.read_start(given | {"mask": tmp_path / "none.png"}, 0, _Source)
 
 
 def test_the_target_starts_from_a_scene():

@@ -14,6 +14,7 @@ from jaxpf.experiments.claims import Measured, student_interval, wilson
 from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.eskil2014 import methods
 from jaxpf.experiments.eskil2014.tracking import track
+from jaxpf.experiments.parts import part
 from jaxpf.measures import points as measures
 from scenes import SceneError, read_clip
 from scenes.keypoints import read_keypoints
@@ -40,7 +41,7 @@ class Marked(NamedTuple):
         truth: ``[T + 1, P, 2]``, NaN where nothing is marked.
         visible: ``[T + 1, P]`` bool.
         marked: ``[T + 1]`` bool.
-        left_out: points that are hidden at the start.
+        left_out: points that are hidden at the start, or lie where another one does.
         length: the largest distance between two points at the start, pixels.
     """
 
@@ -90,7 +91,7 @@ def read(folder: Path) -> Marked:
         frames = np.stack(list(clip.frames(0, stop)))[start:]
     except SceneError as error:
         raise InputError(f"{error}.") from error
-    kept = visible[start]
+    kept = visible[start] & ~_repeated(truth[start])
     if kept.sum() < 2:
         raise InputError(f"fewer than two points of '{folder}' are in view in frame {start}.")
     # A pixel's middle lies half a pixel from its number.
@@ -108,6 +109,12 @@ def read(folder: Path) -> Marked:
     )
 
 
+def _repeated(places: np.ndarray) -> np.ndarray:
+    """Which points ``[P]`` lie where an earlier one does, so that nothing tells them apart."""
+    same = (places[:, None] == places[None]).all(axis=-1)
+    return np.triu(same, 1).any(axis=0)
+
+
 def measure(
     clip: Marked, runs: int, quick: bool, report: Callable[[str], None]
 ) -> dict[str, np.ndarray]:
@@ -115,7 +122,10 @@ def measure(
     filters = methods.QUICK if quick else methods.FILTERS
     others = methods.OTHERS[1:] if quick else methods.OTHERS
     report(f"  {clip.name}: {len(clip.names)} points, {len(clip.frames) - 1} frames")
-    found = track(clip.frames, clip.truth[0], SCALE, filters, others, runs, seed=0)
+    found = part(
+        clip.name,
+        lambda: track(clip.frames, clip.truth[0], SCALE, filters, others, runs, seed=0),
+    )
     return {name: measures.distances(places, clip.truth[1:]) for name, places in found.items()}
 
 
@@ -136,8 +146,9 @@ def table(clip: Marked, found: dict[str, np.ndarray]) -> Table:
         cells.append(_recovered(clip, distance))
         rows.append((method, cells))
     listed = ", ".join(f"{clip.names[point]} (mark {at})" for point, _, at in back) or "none"
-    left_out = f"  Hidden at the start and left out: {', '.join(clip.left_out)}." * bool(
-        clip.left_out
+    left_out = (
+        f"  Hidden at the start, or where another is, and left out: {', '.join(clip.left_out)}."
+        * bool(clip.left_out)
     )
     truth = "a network's" if clip.name == CLIPS[2] else "made by hand"
     return Table(

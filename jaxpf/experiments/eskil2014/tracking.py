@@ -1,5 +1,6 @@
 """The runs behind the tables: all methods on a set of scenes, or on one clip."""
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import scenes
 from jaxpf.baselines.optical_flow import follow_points
 from jaxpf.baselines.spot import spot
 from jaxpf.experiments.eskil2014 import methods
+from jaxpf.experiments.parts import part
 from jaxpf.measures import points as measures
 from jaxpf.running import monte_carlo
 
@@ -67,7 +69,10 @@ def measure(
         drawn = scenes.make(scene, seed=seed, **parameters)
         truth, names = drawn.extras["points"], drawn.extras["point_names"]
         here = [name for name in others if name != methods.SPOT or done <= SPOT_SCENES]
-        found = track(drawn.frames, truth[0], scale, filters, here, runs, seed)
+        found = part(
+            f"{scene}-{seed}",
+            functools.partial(track, drawn.frames, truth[0], scale, filters, here, runs, seed),
+        )
         for method, places in found.items():
             distance = measures.distances(places, truth[1:], drawn.extras["body_length"][1:])
             errors.setdefault(method, []).append(distance)

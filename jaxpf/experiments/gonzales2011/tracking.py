@@ -11,13 +11,13 @@ import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 import scenes
-from jaxpf.contract import WrappedLikelihood
 from jaxpf.experiments.gonzales2011.published import SHARPNESS
 from jaxpf.filters.partitioned.ordering import named
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.measures import metrics
 from jaxpf.models.geometry import corners_from_poses
 from jaxpf.models.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
+from jaxpf.models.likelihoods.wrapped import WrappedLikelihood
 from jaxpf.pytree import pytree_dataclass
 from jaxpf.running import run
 from jaxpf.targets.articulated import OfFixedSize, parts_tracker

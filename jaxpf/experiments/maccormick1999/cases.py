@@ -32,6 +32,9 @@ _INDEPENDENCE, _INDEPENDENCE_OF_WORMS = 0.3, 0.2
 #: Share of its speed that a leaf keeps, and the noise of its shift per frame, pixels; likewise.
 #: A second order fitted to the truth has too little noise to find the speed that no start tells.
 _MOMENTUM, _SPEED_NOISE = 0.95, 0.5
+#: Noise of a walker's shape per frame, in standard deviations of the examples; likewise.  A pixel
+#: for every component is several of the smaller ones', and a hidden outline shrinks to a strip.
+_SHAPE_NOISE = 0.2
 #: Points at which outlines are compared.
 _POINTS = 32
 _SEED_TO_LEARN_FROM = 10_000
@@ -92,7 +95,8 @@ def walkers(seed: int, num_frames: int = 60) -> Case:
     detector = EdgeDetector(threshold=10.0, length=41, smoothing=1.5)
     # Brownian motion "with an amplitude matched to the speed of a walking person".
     speed = np.abs(np.diff(scene.extras["outlines"].mean(axis=2), axis=0)).mean(axis=(0, 1))
-    scale = np.concatenate([1.5 * speed, np.full(6, 1.0)])
+    shapes = space.project(np.array(control)[:, None])[:, 0, 2:].std(axis=0)
+    scale = np.concatenate([1.5 * speed, _SHAPE_NOISE * shapes])
     options = {"detector": detector, "num_lines": 40}
     return _case("walkers", scene, space, RandomWalk(scale=scale), options, on_target=10.0)
 

@@ -17,7 +17,7 @@ from jaxpf.experiments.claims import (
 )
 from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.maccormick1999.cases import Case
-from jaxpf.experiments.maccormick1999.tracking import Outcome, track, tracker_of
+from jaxpf.experiments.maccormick1999.tracking import Outcome, track_once, tracker_of
 from jaxpf.media import plotting
 
 #: Name of a likelihood -> how its targets exclude one another.
@@ -66,7 +66,8 @@ def measure(
     for number, case in enumerate(cases):
         for name, exclusion in LIKELIHOODS.items():
             tracker = tracker_of(case, exclusion, num_particles)
-            outcomes[name].append(track(case, tracker, runs, seed + number))
+            kept = f"{case.name}-{exclusion}-{seed + number}"
+            outcomes[name].append(track_once(kept, case, tracker, runs, seed + number))
         report(f"  {case.name}: sequence {number + 1} of {len(cases)} done")
     return Meeting(cases, outcomes, num_particles)
 

@@ -15,6 +15,7 @@ from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.maccormick1999.cases import Case
 from jaxpf.experiments.maccormick1999.coalescence import rate
 from jaxpf.experiments.maccormick1999.tracking import judged, tracker_of
+from jaxpf.experiments.parts import part
 
 PLAIN, SAME_NUMBER, SAME_TIME = "plain", "look-ahead, N as plain", "look-ahead, time as plain"
 #: Runs that are vectorised together, and whose variance is one unit of the intervals.
@@ -48,13 +49,14 @@ def measure(
         num_particles: of plain weighting.
         seed: of the runs.
     """
-    plain = _run(cases, groups, False, num_particles, seed)
-    ahead = _run(cases, groups, True, num_particles, seed)
+    name = f"look_ahead-{cases[0].name}"
+    plain = _run(f"{name}-plain", cases, groups, False, num_particles, seed)
+    ahead = _run(f"{name}-same_number", cases, groups, True, num_particles, seed)
     as_dear = max(round(num_particles * plain.seconds / ahead.seconds), 2)
     return {
         PLAIN: plain,
         SAME_NUMBER: ahead,
-        SAME_TIME: _run(cases, groups, True, as_dear, seed),
+        SAME_TIME: _run(f"{name}-same_time", cases, groups, True, as_dear, seed),
     }
 
 
@@ -90,7 +92,13 @@ def table(name: str, found: dict[str, Weighting]) -> Table:
     )
 
 
-def _run(
+def _run(name: str, *args: Any) -> Weighting:
+    found = part(name, lambda: _measured(*args)._asdict())
+    number, seconds = int(found["particles"]), float(found["seconds"])
+    return Weighting(number, seconds, found["log_evidence"], found["kept"])
+
+
+def _measured(
     cases: Sequence[Case], groups: int, ahead: bool, num_particles: int, seed: int
 ) -> Weighting:
     trackers = [

@@ -16,7 +16,7 @@ from jaxpf.experiments.claims import (
 from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.maccormick1999.cases import Case
 from jaxpf.experiments.maccormick1999.coalescence import draw_contours, rate
-from jaxpf.experiments.maccormick1999.tracking import Outcome, track, tracker_of
+from jaxpf.experiments.maccormick1999.tracking import Outcome, track_once, tracker_of
 from jaxpf.media import plotting
 
 
@@ -89,7 +89,8 @@ def measure(
         cases.append(case)
         for name, method in methods.items():
             tracker = tracker_of(case, method.exclusion, method.num_particles, method.ordering)
-            outcomes[name].append(track(case, tracker, runs, seed))
+            kept = f"{case.name}-{name}-{seed}"
+            outcomes[name].append(track_once(kept, case, tracker, runs, seed))
         report(f"  {case.name}: sequence {number + 1} of {len(seeds)} done")
     return Passing(cases, outcomes)
 
@@ -178,5 +179,5 @@ def figure(passing: Passing, methods: Sequence[str], num_runs: int = 5) -> Any:
         for axis, time in zip(row, times, strict=True):
             draw_contours(axis, case.frames[time], outlines[:, time], case.space.closed)
             axis.set_title(f"{name}: frame {time}", fontsize=9)
-    drawing.suptitle(f"{case.name}: {num_runs} runs, A and B by colour")
+    drawing.suptitle(f"{case.name}: {len(outlines)} run(s), A and B by colour")
     return drawing

@@ -8,6 +8,7 @@ import numpy as np
 
 import jaxpf
 from jaxpf.experiments.maccormick1999.cases import Case, distances
+from jaxpf.experiments.parts import part
 from jaxpf.filters.partitioned import ordering as orderings
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.models.likelihoods.contours import contours
@@ -72,6 +73,11 @@ def track(case: Case, tracker: Partitioned, runs: int, seed: int) -> Outcome:
     outlines = np.asarray(tracker.likelihood.outline_points(jnp.asarray(estimates)))
     kept, coalesced = judged(case, outlines)
     return Outcome(outlines, ess, np.sqrt((spread**2).sum(axis=-1)), kept, coalesced)
+
+
+def track_once(name: str, case: Case, tracker: Partitioned, runs: int, seed: int) -> Outcome:
+    """As ``track``, but for what was kept under that name; see ``jaxpf.experiments.parts``."""
+    return Outcome(**part(name, lambda: track(case, tracker, runs, seed)._asdict()))
 
 
 def judged(case: Case, outlines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -24,7 +24,14 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.filters import resampling
-from jaxpf.filters.partitioned import ending, levels, look_ahead, selection
+from jaxpf.filters.partitioned import (
+    confidence,
+    ending,
+    levels,
+    look_ahead,
+    relocation,
+    selection,
+)
 from jaxpf.filters.partitioned import exchange as rules
 from jaxpf.filters.partitioned.carry import Carry
 from jaxpf.filters.resampling import Components
@@ -42,12 +49,14 @@ class Shared(NamedTuple):
         state: the weighted set of the frame before.
         observation: what the likelihood saw of the frame.
         components: how the particles divide in this frame.
+        jumps: of objects that are probably lost; None where nothing is ever relocated.
     """
 
     tracker: Any
     state: ParticleState
     observation: Any
     components: Components
+    jumps: relocation.Jumps | None
 
 
 class Keys(NamedTuple):
@@ -68,12 +77,14 @@ class Drawn(NamedTuple):
         substates: ``[D, N]``.
         conditions: three of ``[D, N]``: what these were drawn given, the substates of the two
             frames before and the parent's of this one.
+        log_weight: ``[N]``, of the target density over that of the draw; None where they are one.
     """
 
     partition: jax.Array
     source: jax.Array
     substates: jax.Array
     conditions: tuple[jax.Array, jax.Array, jax.Array]
+    log_weight: jax.Array | None = None
 
 
 def step(
@@ -81,8 +92,10 @@ def step(
 ) -> tuple[ParticleState, Summary]:
     """One frame, from the weighted set of the frame before to that of this one."""
     begin_key, stages_key = jax.random.split(key)
+    jump_key = jax.random.fold_in(stages_key, tracker.num_partitions + 1)
+    jumps = relocation.drawn(tracker, jump_key, state, observation)
     state, components, carry = begin(tracker, begin_key, state)
-    shared = Shared(tracker, state, observation, components)
+    shared = Shared(tracker, state, observation, components, jumps)
     # Before the loop, for all stages: on a CPU a key costs as much as a gather per particle.
     keys = jax.vmap(lambda stage: jax.random.split(jax.random.fold_in(stages_key, stage), 4))(
         jnp.arange(tracker.num_partitions)
@@ -97,7 +110,8 @@ def step(
 
     carry = lax.fori_loop(0, tracker.num_partitions, take_turn, carry)
     label_key = jax.random.fold_in(stages_key, tracker.num_partitions)
-    return ending.finish(tracker, label_key, observation, components, carry)
+    found = ending.finish(tracker, label_key, observation, components, carry)
+    return confidence.reported(tracker, state, *found, observation)
 
 
 def begin(
@@ -179,7 +193,10 @@ def move(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry) -> Draw
     )
     if tracker.motion_gradient == "score":
         substates = lax.stop_gradient(substates)
-    return Drawn(partition, source, substates, conditions)
+    if shared.jumps is None:
+        return Drawn(partition, source, substates, conditions)
+    substates, before, log_weight = relocation.taken(shared.jumps, partition, substates, left[0])
+    return Drawn(partition, source, substates, (before, *conditions[1:]), log_weight)
 
 
 def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn: Drawn) -> Carry:
@@ -195,7 +212,10 @@ def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn:
     log_prob = log_prob.astype(dtype)
     chex.assert_shape(log_prob, (tracker.num_particles,))
     invalid = jnp.isnan(log_prob) | jnp.isposinf(log_prob)
-    log_prob = computed_before(jnp.where(invalid, -jnp.inf, log_prob))
+    log_prob = jnp.where(invalid, -jnp.inf, log_prob)
+    if drawn.log_weight is not None:
+        log_prob = log_prob + drawn.log_weight
+    log_prob = computed_before(log_prob)
     if tracker.motion_gradient == "score":
         log_density = contract.log_density_all(
             tracker.dynamics, partition, substates, *drawn.conditions

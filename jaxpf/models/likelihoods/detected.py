@@ -13,7 +13,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from jaxpf.contract import Likelihood, WrappedLikelihood, log_prob_all
+from jaxpf.contract import Likelihood, log_prob_all
+from jaxpf.models.likelihoods.wrapped import WrappedLikelihood
 from jaxpf.pytree import pytree_dataclass
 
 #: c: beyond three standard deviations a detection hardly counts.

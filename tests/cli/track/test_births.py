@@ -1,5 +1,7 @@
 """``jaxpf track --births``: objects that come and go, and what is refused."""
 
+import os
+
 import numpy as np
 import pytest
 from command_line import jaxpf
@@ -110,7 +112,19 @@ def test_a_user_can_simulate_a_detector(place, tmp_path):
     truth = {tuple(box) for box in true_boxes(LENGTH - 1) + FROM_1}
     assert {tuple(row[2:6]) for row in rows if row[0] == LENGTH} == truth
     assert "is there already" in jaxpf(*arguments).err
-    assert jaxpf(*arguments, "--overwrite", "--misses", "2").code == 2
+    for more, sentence in (
+        (("--misses", "2"), "misses = 2.0 must be from 0 to 1"),
+        (("-o", place / "clip.avi"), "is what is read; choose another --output"),
+        (("-o", place / "gt.csv"), "is what is read; choose another --output"),
+        (("-o", os.devnull), "is a device or a pipe; choose another --output"),
+    ):
+        outcome = jaxpf(*arguments, "--overwrite", *more)
+        assert outcome.code == 2
+        assert sentence in outcome.err
+    late = tmp_path / "late.csv"
+    late.write_text(f"{LENGTH + 1},1,6,8,12,16\n")
+    outcome = jaxpf("detections", place / "clip.avi", late, "-o", tmp_path / "late.txt")
+    assert f"has no box in the {LENGTH} frames of" in outcome.err
 
 
 def test_a_start_at_which_an_object_fits_nothing_is_refused_in_its_first_frame(refuse):

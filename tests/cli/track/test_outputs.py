@@ -23,6 +23,7 @@ from small_video import (
 )
 
 from jaxpf.files import tracks
+from jaxpf.measures import metrics
 from jaxpf.media.video import open_frames
 
 # What a run writes
@@ -47,7 +48,29 @@ def test_tracks_are_mot_rows_whose_first_frame_is_the_given_boxes_counted_from_1
     np.testing.assert_array_equal(rows[:, 0], np.repeat(np.arange(1, LENGTH + 1), 2))
     np.testing.assert_array_equal(rows[:, 1], np.tile([1, 2], LENGTH))
     np.testing.assert_array_equal(rows[:2, 2:6], true_boxes(0) + FROM_1)
-    np.testing.assert_array_equal(rows[:, 6], 1)
+    np.testing.assert_array_equal(rows[:2, 6], 1)
+
+
+def test_the_confidence_is_the_same_in_tracks_diagnostics_and_summary(whole_run):
+    _, output = whole_run
+    confidence = rows_of(output)[2:, 6].reshape(-1, 2)
+    assert np.all((confidence > 0) & (confidence < 1))
+    table = np.loadtxt(output / "diagnostics.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(table[:, 5:], confidence)
+    summary = summary_of(output)
+    mean = [summary["mean_confidence"][name] for name in ("1", "2")]
+    np.testing.assert_allclose(mean, confidence.mean(axis=0), atol=1e-4)
+    for name, values in zip(("1", "2"), confidence.T, strict=True):
+        doubtful = 1 + np.flatnonzero(values < 0.5)
+        assert summary["frames_probably_lost"][name] == doubtful.tolist()
+
+
+def test_colour_cannot_tell_who_is_lost_and_nobody_invents_a_number(track, tmp_path):
+    assert track(*BOXES, "--frames", 2, "--appearance", "colour", "--no-overlay").code == 0
+    output = tmp_path / "out"
+    np.testing.assert_array_equal(rows_of(output)[:, 6], 1)
+    assert "confidence" not in (output / "diagnostics.csv").read_text()
+    assert summary_of(output)["mean_confidence"] is None
 
 
 def test_tracks_follow_the_objects(whole_run):
@@ -84,7 +107,7 @@ def test_the_diagnostics_are_a_plot_and_its_numbers(whole_run):
     plot = cv2.imread(str(output / "diagnostics.png"))
     assert min(plot.shape[:2]) > 300
     header, *rows = (output / "diagnostics.csv").read_text().splitlines()
-    assert header == "frame,ess,log_evidence,uniqueness_1,uniqueness_2"
+    assert header == "frame,ess,log_evidence,uniqueness_1,uniqueness_2,confidence_1,confidence_2"
     numbers = np.array([row.split(",") for row in rows], float)
     np.testing.assert_array_equal(numbers[:, 0], np.arange(1, LENGTH))
     assert np.all((numbers[:, 1] >= 1) & (numbers[:, 1] <= 60))
@@ -96,8 +119,18 @@ def test_truth_adds_a_table_over_the_frames_that_have_truth(whole_run):
     assert "Against the truth" in outcome.out
     assert "object 2" in outcome.out
     header, *rows = (output / "metrics.csv").read_text().splitlines()
-    assert header.startswith("id,frames,tracked,precision,recall,overlap")
-    assert [row.split(",")[:3] for row in rows] == [["1", "9", "1"], ["2", "8", "1"]]
+    assert header.startswith("id,frames,success_half,success_area,overlap,tracked,precision")
+    boxes = tracks.dense(tracks.read_boxes(output / "tracks.csv"), [1, 2], LENGTH)[1:]
+    truth = np.array([true_boxes(number) for number in range(1, LENGTH)])
+    overlaps = np.asarray(metrics.overlap(boxes, truth))
+    for row, known in zip(rows, (overlaps[:, 0], overlaps[:-1, 1]), strict=True):
+        values = dict(zip(header.split(","), map(float, row.split(",")), strict=True))
+        assert (values["frames"], values["tracked"]) == (len(known), 1)
+        assert values["success_half"] == pytest.approx(np.mean(known > 0.5), rel=1e-5)
+        thresholds = np.arange(21)[:, None] / 20
+        assert values["success_area"] == pytest.approx(np.mean(known > thresholds), rel=1e-5)
+    table = outcome.out[outcome.out.index("Against the truth") :]
+    assert table.index("success at .5") < table.index("success area") < table.index("tracked")
 
 
 def test_progress_tells_frames_per_second_and_the_time_left(whole_run):
@@ -132,9 +165,9 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     unset = (
         others | starts | set(options_of(Rules)) | {"frames", "order", "ess_threshold", "tracker"}
     )
-    # Video is tracked by learned appearance and relative motion: the others' options say nothing.
-    unset |= {"sharpness", "bands", "likelihood", "scale"}
-    elsewhere = {"output", "overwrite", "config", "filter_", "fit_motion"}
+    # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
+    unset |= {"sharpness", "bands", "likelihood", "scale", "swap"}
+    elsewhere = {"output", "overwrite", "config", "filter_", "preview", "fit_motion"}
     assert set(options) == {param.name for param in command.params} - unset - elsewhere
 
 
@@ -204,7 +237,7 @@ def test_every_method_tracks(track, tmp_path, method):
     order = ("--order", "2,1") if method == "ps" else ()
     outcome = track(*BOXES, "--method", method, *order, "--frames", 2, "--no-overlay")
     assert outcome.code == 0, outcome.err
-    np.testing.assert_array_equal(rows_of(tmp_path / "out")[:, 6], 1)
+    assert (rows_of(tmp_path / "out")[:, 6] > 0.5).all()
 
 
 def test_names_with_spaces_and_any_letters_work(track, place, tmp_path):

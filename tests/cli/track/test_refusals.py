@@ -1,10 +1,27 @@
 """``jaxpf track``: what it says to a user who made a mistake."""
 
+import numpy as np
 import pytest
 from command_line import jaxpf
 from small_video import BOXES, PARTICLES, picture, write_images, write_truth
 
 # Bad input
+
+
+@pytest.mark.parametrize(
+    ("box", "arguments", "message"),
+    [
+        ("6,8,3,16", (), "the box of object 1 is 3 pixels wide and 16 high"),
+        ("2,2,60,40", (), "it covers more than half of the frame of 64 x 48 pixels"),
+        ("20,20,12,16", ("--appearance", "colour"), "the box of object 1 lies on one colour"),
+    ],
+)
+def test_a_start_from_which_nothing_can_be_learned_is_refused(
+    refuse, tmp_path, box, arguments, message
+):
+    frames = [np.full((48, 64, 3), 110, np.uint8)] * 2
+    video = write_images(tmp_path / "flat", frames)
+    assert message in refuse("--box", box, *arguments, video=video)
 
 
 def test_a_missing_video_is_named_with_the_current_folder(refuse, tmp_path):
@@ -65,6 +82,7 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
         ((*BOXES, "--resampling", "foo"), "choose one of systematic, stratified"),
         ((*BOXES, "--likelihood", "foo"), "choose one of auto, integral, sampled"),
         ((*BOXES, "--codec", "foo"), "choose one of h264, vp9"),
+        ((*BOXES, "--method", "sir", "--swap", "sorted"), "--swap goes with --method sps, and sir"),
         ((*BOXES, "--order", "2,1"), "method 'dps' has none; use method 'ps'"),
         ((*BOXES, "--method", "ps", "--order", "0,0"), "--order 0,0 counts from 1"),
         (

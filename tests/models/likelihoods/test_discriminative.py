@@ -19,6 +19,7 @@ HEIGHT, WIDTH = 70, 91  # odd, so that the shrunk frame is filled up
 BOXES = np.array([[20.0, 12.0, 44.0, 40.0], [60.0, 40.0, 14.0, 22.0]])
 _OBSERVE = jax.jit(DiscriminativeLikelihood.observe)
 _LOG_PROBS = jax.jit(DiscriminativeLikelihood.log_prob_all)
+_LOG_ODDS = jax.jit(DiscriminativeLikelihood.log_odds_all)
 _SCORES = jax.jit(lambda *args: DiscriminativeLikelihood.scores_all(*args)[0])
 
 
@@ -199,6 +200,31 @@ def test_the_gradient_is_that_of_the_value_in_double_precision():
         score = np.clip(smooth.scores_all(seen, numbers[:1], x[:, :1])[0][0], -0.2, 1.2)
         expected = trust * score - np.log(np.mean(np.exp(trust * usual)))
         assert float(at_best) == pytest.approx(float(expected), rel=1e-6)
+
+
+def test_log_odds_fall_off_the_object_and_where_another_place_looks_better(learned):
+    def odds(frame, substates):
+        return np.asarray(
+            _LOG_ODDS(learned, _OBSERVE(learned, frame), np.arange(2), substates.astype(np.float32))
+        )
+
+    centres = np.column_stack([BOXES[:, :2] + BOXES[:, 2:] / 2, np.ones(2)]).T
+    here = odds(FRAME, centres)
+    assert (here > 3).all()
+    other = blocks(7)
+    assert (odds(other, centres) < -1).all()
+    # The second object once more in the frame, where the grid has a box.
+    twice, (x, y, w, h) = FRAME.copy(), BOXES[1].astype(int)
+    left, top = round(2.5 * WIDTH / 12) - w // 2, round(2.5 * HEIGHT / 12) - h // 2
+    twice[top : top + h, left : left + w] = FRAME[y : y + h, x : x + w]
+    again = odds(twice, centres)[1]
+    seen = _OBSERVE(learned, twice)
+    place = np.array([[2.5 * WIDTH / 12], [2.5 * HEIGHT / 12], [1.0]], np.float32)
+    best = float(_SCORES(learned, seen, np.array([1]), place)[0])
+    own = float(_SCORES(learned, seen, np.array([1]), centres[:, 1:].astype(np.float32))[0])
+    assert best > 0.4
+    assert again == pytest.approx(23 * (own - best / 2 - 0.18), abs=1e-3)
+    assert again < here[1] - 2
 
 
 def test_boxes_that_are_none_have_no_likelihood(learned):

@@ -14,7 +14,10 @@ from jaxpf.models.likelihoods._integral import LANES
 from jaxpf.models.likelihoods._references import INTERPOLATIONS, check_parts
 from jaxpf.models.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.models.likelihoods.discriminative.levels import factor_of, shrunk
-from jaxpf.models.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
+from jaxpf.models.likelihoods.discriminative.likelihood import (
+    DiscriminativeLikelihood,
+    grid_places,
+)
 from jaxpf.models.likelihoods.discriminative.maps import gradients, hues
 from jaxpf.models.likelihoods.discriminative.training import RIDGE, ridge, training_boxes
 from jaxpf.pytree import as_array
@@ -156,11 +159,8 @@ def _trained(likelihood, frame, boxes, penalty):
 @jax.jit
 def _background(likelihood, frames):
     """Scores [P, n] of boxes of every object's size, evenly spread over frames [n, H, W, 3]."""
-    rows, columns = likelihood.frame_shape
-    places = (jnp.arange(12) + 0.5) / 12
-    v, u = jnp.meshgrid(places * rows, places * columns, indexing="ij")
-    dtype = likelihood.sizes.dtype
-    substates = jnp.stack([u.ravel(), v.ravel(), jnp.ones(u.size)]).astype(dtype)
+    places = grid_places(likelihood.frame_shape, likelihood.sizes.dtype)
+    substates = jnp.concatenate([places, jnp.ones_like(places[:1])])
 
     def of_frame(frame):
         seen = likelihood.observe(frame)

@@ -40,6 +40,10 @@ from jaxpf.pytree import pytree_dataclass, static_field
 _LOWEST, _HIGHEST = -0.2, 1.2
 #: A residual below this is taken for luck: the training boxes are few.
 _LEAST_RESIDUAL = 0.03
+#: Of the log odds: slope, and score that is even where nothing else is seen.
+_ODDS = 23.0, 0.18
+#: Rows and columns of the grid of boxes elsewhere.
+_PLACES = 12
 #: Scale of a box whose pixels can still be counted, see ``levels.LARGEST_SIDE``.
 _LARGEST = 8.0
 
@@ -54,6 +58,13 @@ class Seen(NamedTuple):
 
     colours: Any
     maps: tuple[Any, ...]
+
+
+def grid_places(frame_shape: tuple[int, int], dtype: Any) -> jax.Array:
+    """Centres u and v of boxes that are evenly spread over a frame, pixels, [2, 144]."""
+    places = (jnp.arange(_PLACES, dtype=dtype) + 0.5) / _PLACES
+    v, u = jnp.meshgrid(places * frame_shape[0], places * frame_shape[1], indexing="ij")
+    return jnp.stack([u.ravel(), v.ravel()])
 
 
 @pytree_dataclass
@@ -189,6 +200,42 @@ class DiscriminativeLikelihood(Likelihood):
             else:
                 score += cell_score(table, weights, partition, boxes)
         return score, valid
+
+    def log_odds_all(self, observation, partition, substates):
+        """Log odds that objects are where they are reported.
+
+        An object that is lost scores low where it is thought to be, and often better elsewhere.
+        With y its score and e the best score of boxes of its size elsewhere in the frame, on a
+        coarse grid::
+
+            log odds = 23 (y - e / 2 - .18)
+
+        Fitted by logistic regression to "overlap with the truth at least .1" on four clips of
+        people, in such a way that lost and tracked frames count the same, and every clip.  Nothing
+        tells a look-alike from the object.
+
+        Args:
+            observation: as for :meth:`log_prob_all`, like the others.
+            partition: see there.
+            substates: see there, of estimates.
+
+        Returns:
+            [N].
+        """
+        places = grid_places(self.frame_shape, substates.dtype)[:, None]
+        centres = jnp.broadcast_to(places, (2, len(partition), places.shape[-1]))
+        shape = (len(substates), len(partition), places.shape[-1])
+        elsewhere = jnp.broadcast_to(substates[:, :, None], shape).at[:2].set(centres)
+        every = jnp.concatenate([substates[:, :, None], elsewhere], axis=-1)
+        numbers = jnp.repeat(partition, every.shape[-1])
+        score, _ = self.scores_all(observation, numbers, every.reshape(len(substates), -1))
+        score = jnp.clip(score.reshape(len(partition), -1), _LOWEST, _HIGHEST)
+        size = jnp.asarray(self.sizes, substates.dtype)[partition].T * substates[2]
+        away = jnp.abs(elsewhere[:2] - substates[:2, :, None])
+        beside = jnp.any(away > size[:, :, None], axis=0)
+        best = jnp.max(jnp.where(beside, score[:, 1:], 0.0), axis=1)
+        slope, level = _ODDS
+        return slope * (score[:, 0] - best / 2 - level)
 
     def features_all(self, observation, partition, substates):
         """What scores are linear in, [N, F]: colours first, then the maps' cells.

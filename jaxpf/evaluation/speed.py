@@ -1,0 +1,90 @@
+"""How fast one run goes: frames per second of every configuration, on the machine that asks.
+
+Apart from the results, which are the same bits wherever they are computed.
+"""
+
+import contextlib
+import json
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf.evaluation.engine import Prepared
+from jaxpf.evaluation.results import Results
+from jaxpf.files.writing import atomic_write
+
+NAME = "speed.json"
+#: A run is timed for so many frames at most, and for about so many seconds.
+_FRAMES, _SECONDS = 60, 3.0
+
+
+def read_speeds(folder: Path, count: int) -> list[float]:
+    """Frames per second by configuration; NaN where they were not measured."""
+    kept: Any = []
+    with contextlib.suppress(OSError, ValueError, RecursionError):
+        kept = json.loads((folder / NAME).read_text(encoding="utf-8"))
+    kept = kept if isinstance(kept, list) else []
+    known = [float(x) if isinstance(x, int | float) and x > 0 else np.nan for x in kept[:count]]
+    return known + [np.nan] * (count - len(known))
+
+
+def measure_speeds(
+    prepared: Prepared, results: Results, on_begin: Callable[[str], None] = lambda label: None
+) -> None:
+    """Time one run of each method alone, as ``jaxpf track`` goes, and keep it in the folder.
+
+    From a frame in memory to its estimate, compiling left out; the median over frames.  Settings
+    that share a compiled kernel share the figure.  Of baselines, and of functions that give boxes,
+    it is the whole clip's time.  What was measured before is not measured again.
+
+    Args:
+        prepared: the evaluation.
+        results: what came of it.
+        on_begin: called with the label of what is timed next.
+
+    Raises:
+        InputError: a tracker cannot be made, or the file not be written.
+    """
+    import jax
+
+    from jaxpf.evaluation.schedule import shape_of
+    from jaxpf.evaluation.trackers import tracker_of
+
+    configurations = results.configurations
+    speeds = read_speeds(results.folder, len(configurations))
+    for index, seconds in prepared.import_seconds.items():
+        speeds[index] = len(results.truth) / max(seconds, 1e-9)
+    known: dict[Any, float] = {}
+    for index, one in enumerate(configurations):
+        if one.is_imported or np.isfinite(speeds[index]):
+            continue
+        kind = one.method, shape_of(one, results.target)
+        if kind not in known:
+            on_begin(one.label)
+            scene, function = results.scene(), prepared.plan.trackers.get(one.method)
+            tracker = tracker_of(scene, results.target, one, function)
+            frames = scene.frames[1 : 2 + _FRAMES]
+            known[kind] = _frames_per_second(tracker, jax.random.key(results.seed), frames)
+        speeds[index] = known[kind]
+    with atomic_write(results.folder / NAME) as file:
+        json.dump([round(x, 4) if np.isfinite(x) else None for x in speeds], file)
+
+
+def _frames_per_second(tracker: Any, key: Any, frames: Sequence[np.ndarray]) -> float:
+    """Of a run alone; NaN where there is no second frame to time."""
+    from jaxpf.streaming import stream
+
+    seconds, clock, until = [], time.perf_counter(), np.inf
+    for tracked in stream(tracker, key, frames):
+        now = time.perf_counter()
+        if tracked.time == 0:  # compiled in it
+            until = now + _SECONDS
+        else:
+            seconds.append(now - clock)
+        clock = now
+        if now > until:
+            break
+    return float(1 / np.median(seconds)) if seconds else np.nan

@@ -1,0 +1,169 @@
+"""Relocation: an object that is probably lost may be anywhere in the frame.
+
+The motion of a partition whose confidence is low is a mixture: with probability 1 - epsilon it
+moves as its dynamics say, and with probability epsilon its centre, the substate's first two
+coordinates, is uniform over the frame and at rest, while all else moves as ever.  Epsilon depends
+on the past alone: on the confidence before the frame.
+
+To propose places uniformly would find nothing.  Draws come from a density that is constant in each
+cell of a coarse grid over the frame, and there in proportion to the likelihood at the cell's
+centre, tempered, and mixed with the uniform density.  A draw has the weight uniform / density,
+which stands beside its likelihood: of the mixture, given its epsilons, every weight is proper, and
+the evidence unbiased.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxpf import contract
+from jaxpf.lowering.prefix import running_sum
+from jaxpf.names import PROBABLY_LOST
+from jaxpf.pytree import pytree_dataclass, static_field
+from jaxpf.state import ParticleState
+
+#: Of the grid, about.
+_CELLS = 800
+#: Power of the likelihood to which cells are proposed: centres of cells miss its peaks.
+_TEMPER = 0.5
+#: Share of the uniform density in what is proposed, which bounds the weights.
+_UNIFORM = 0.1
+
+
+@pytree_dataclass
+class Relocation:
+    """Where objects that are probably lost may be, and how likely that is.
+
+    Attributes:
+        epsilon: probability per frame that a particle of an object that is lost for certain is
+            anywhere, ``[]`` or ``[P]``; it falls to 0 as the confidence rises to one half.
+        extent: width and height of the frame, ``[2]``, pixels.
+        grid: static, rows and columns of cells.
+    """
+
+    epsilon: Any
+    extent: Any
+    grid: tuple[int, int] = static_field(default=(24, 32))
+
+    def epsilon_at(self, confidence: jax.Array) -> jax.Array:
+        """Epsilon of every partition, ``[P]``, given the confidence before the frame."""
+        doubt = jnp.clip(1 - confidence / PROBABLY_LOST, 0, 1)
+        return jnp.asarray(self.epsilon, confidence.dtype) * doubt
+
+
+def relocation_in(frame_shape: tuple[int, int], epsilon: Any) -> Relocation:
+    """Relocation in a frame of that height and width, on some 800 cells that are about square."""
+    height, width = frame_shape
+    rows = max(round(np.sqrt(_CELLS * height / width)), 1)
+    extent = np.array([width, height], np.float32)
+    return Relocation(epsilon, extent, (rows, max(round(_CELLS / rows), 1)))
+
+
+class Jumps(NamedTuple):
+    """What is drawn for a frame, whether a particle needs it or not.
+
+    Attributes:
+        happens: bool ``[P, N]``.
+        position: ``[2, P, N]``.
+        log_weight: ``[P, N]``, log of uniform over proposed density.
+    """
+
+    happens: jax.Array
+    position: jax.Array
+    log_weight: jax.Array
+
+
+def drawn(tracker: Any, key: jax.Array, state: ParticleState, observation: Any) -> Jumps | None:
+    """The jumps of all partitions and particles; None where nothing is ever relocated.
+
+    Partitions that do not jump cost nothing.
+    """
+    its, dtype = tracker.relocation, state.log_weights.dtype
+    if its is None:
+        return None
+    shape = (tracker.num_partitions, tracker.num_particles)
+    weights = jnp.exp(state.log_weights)
+    estimate = jnp.where(weights > 0, state.lagged[0], 0.0) @ weights  # [D, P]
+    epsilon = its.epsilon_at(jax.nn.sigmoid(jnp.asarray(state.log_odds))).astype(dtype)
+
+    def of_partition(item):
+        partition, epsilon, estimate, uniform = item
+
+        def drawn():
+            return _drawn(tracker, partition, epsilon, estimate, uniform, observation)
+
+        def none():
+            nobody = jnp.zeros(shape[1:], dtype)
+            return Jumps(nobody > 0, jnp.stack([nobody, nobody]), nobody)
+
+        return lax.cond(epsilon > 0, drawn, none)
+
+    # All at once: a generator of random numbers takes long to compile.
+    uniform = jax.random.uniform(key, (shape[0], 4, shape[1]), dtype)
+    jumps = lax.map(of_partition, (jnp.arange(shape[0]), epsilon, estimate.T, uniform))
+    return jumps._replace(position=jnp.swapaxes(jumps.position, 0, 1))
+
+
+def taken(
+    jumps: Jumps, partition: jax.Array, substates: jax.Array, left: jax.Array
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Substates ``[D, N]`` of which some have jumped, those that they left, and log-weights.
+
+    Args:
+        jumps: of the frame.
+        partition: int ``[N]``, whose turn it is in each particle.
+        substates: ``[D, N]``, moved.
+        left: ``[D, N]``, where they moved from; who jumped is at rest.
+    """
+    slot = jnp.arange(partition.shape[0])
+    happens, position = jumps.happens[partition, slot], jumps.position[:, partition, slot]
+
+    def put(substates):
+        return jnp.concatenate([jnp.where(happens, position, substates[:2]), substates[2:]])
+
+    log_weight = jnp.where(happens, jumps.log_weight[partition, slot], 0.0)
+    return put(substates), put(left), log_weight
+
+
+def _drawn(tracker, partition, epsilon, estimate, uniform, observation) -> Jumps:
+    """The jumps of one partition: entries ``[N]``, positions ``[2, N]``, of ``uniform [4, N]``."""
+    its, dtype = tracker.relocation, estimate.dtype
+    rows, columns = its.grid
+    extent = jnp.asarray(its.extent, dtype)
+    size = extent / jnp.array([columns, rows], dtype)
+    centres = (jnp.stack(jnp.divmod(jnp.arange(rows * columns), columns)[::-1]) + 0.5) * size[
+        :, None
+    ]
+    places = jnp.broadcast_to(estimate[:, None], (len(estimate), rows * columns))
+    log_prob = contract.log_prob_all(
+        tracker.likelihood,
+        observation,
+        jnp.full(rows * columns, partition),
+        jnp.concatenate([centres.astype(dtype), places[2:]]),
+    )
+    share = _shares(log_prob.astype(dtype))
+    below = running_sum(share)
+    cell = jnp.searchsorted(below, uniform[1] * below[-1], side="right")
+    cell = jnp.minimum(cell, rows * columns - 1)
+    corner = jnp.stack(jnp.divmod(cell, columns)[::-1]).astype(dtype)
+    return Jumps(
+        happens=uniform[0] < epsilon,
+        position=(corner + uniform[2:]) * size[:, None],
+        log_weight=-jnp.log(share[cell]) - math.log(rows * columns),
+    )
+
+
+def _shares(log_prob: jax.Array) -> jax.Array:
+    """With what probability each cell is proposed, given log-likelihoods at their centres."""
+    known = jnp.isfinite(log_prob)
+    tempered = jnp.where(known, _TEMPER * jnp.where(known, log_prob, 0.0), -jnp.inf)
+    largest = jnp.where(jnp.any(known), jnp.max(tempered), 0.0)
+    raw = jnp.exp(tempered - largest)
+    total = jnp.sum(raw)
+    uniform = 1.0 / log_prob.shape[0]
+    by_likelihood = jnp.where(total > 0, raw / jnp.where(total > 0, total, 1.0), uniform)
+    return (1 - _UNIFORM) * by_likelihood + _UNIFORM * uniform

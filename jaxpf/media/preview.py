@@ -1,0 +1,83 @@
+"""A window that shows pictures while they are made, where there is a screen.
+
+Tk draws it, which comes with Python: OpenCV's own windows are in another package than the headless
+one, and the two overwrite each other's files.
+"""
+
+import time
+from typing import Any
+
+import cv2
+import numpy as np
+
+from jaxpf.errors import InputError
+
+#: Seconds between two pictures at least: more are not seen, and cost time.
+_INTERVAL = 1 / 30
+#: Of the screen's width and height, what a window takes at most.
+_SHARE = 0.9
+
+
+class Preview:
+    """A window; closing it ends the showing, and nothing else."""
+
+    def __init__(self, title: str):
+        """Open the window.
+
+        Raises:
+            InputError: there is no screen, or no Tk.
+        """
+        try:
+            import tkinter
+        except ModuleNotFoundError:
+            raise InputError(
+                "a preview needs Tk, which this Python lacks; install it (python3-tk on Debian and "
+                "Ubuntu), or leave --preview out"
+            ) from None
+        try:
+            self._root = tkinter.Tk()
+        except tkinter.TclError as error:
+            raise InputError(
+                f"a preview needs a screen, and there is none here ({error}); leave --preview out"
+            ) from None
+        self._root.title(title)
+        self._root.protocol("WM_DELETE_WINDOW", self.close)
+        self._photo = tkinter.PhotoImage(master=self._root)
+        tkinter.Label(self._root, image=self._photo, borderwidth=0).pack()
+        self._most = _SHARE * np.array(
+            [self._root.winfo_screenwidth(), self._root.winfo_screenheight()]
+        )
+        self._shown_at = -np.inf
+        self.is_open = True
+
+    @property
+    def is_due(self) -> bool:
+        """Whether the window is open, and the last picture has been there for long enough."""
+        return self.is_open and time.monotonic() - self._shown_at >= _INTERVAL
+
+    def show(self, picture: np.ndarray) -> None:
+        """Show a picture, uint8 RGB [H, W, 3], made smaller where the screen is."""
+        if not self.is_open:
+            return
+        height, width = picture.shape[:2]
+        factor = float(np.min(self._most / (width, height)))
+        if factor < 1:
+            size = max(1, int(factor * width)), max(1, int(factor * height))
+            picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+            height, width = picture.shape[:2]
+        header = f"P6 {width} {height} 255 ".encode("ascii")
+        self._photo.configure(data=header + picture.tobytes(), format="ppm")
+        self._root.update()
+        self._shown_at = time.monotonic()
+
+    def close(self) -> None:
+        """Close the window; further calls do nothing."""
+        if self.is_open:
+            self.is_open = False
+            self._root.destroy()
+
+    def __enter__(self) -> "Preview":
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        self.close()

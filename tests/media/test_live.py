@@ -1,0 +1,114 @@
+"""Cameras, streams and pipes."""
+
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+from live_sources import put_camera, served
+from small_video import LENGTH, picture, write_lossless_video
+
+from jaxpf.errors import InputError
+from jaxpf.media.video import open_frames
+
+
+@pytest.fixture
+def clip(tmp_path):
+    return write_lossless_video(tmp_path / "clip.avi", map(picture, range(LENGTH)))
+
+
+def message_of(address):
+    with pytest.raises(InputError) as caught:
+        open_frames(address)
+    return str(caught.value)
+
+
+def test_a_stream_and_a_pipe_give_every_frame_once_and_in_order(clip, tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    threading.Thread(target=lambda: pipe.write_bytes(clip.read_bytes()), daemon=True).start()
+    with served(tmp_path) as server:
+        for source in (open_frames(f"{server}/clip.avi"), open_frames(pipe)):
+            assert (source.width, source.height, source.fps) == (64, 48, 25)
+            assert source.is_live
+            assert not source.is_camera
+            expected = list(open_frames(clip).frames(2))
+            np.testing.assert_array_equal(list(source.frames(2)), expected)
+            assert (source.num_frames, source.note) == (LENGTH, None)
+            with pytest.raises(InputError, match="come once; open it again"):
+                next(source.frames())
+
+
+def test_a_stream_that_breaks_off_says_so(clip, tmp_path):
+    data = clip.read_bytes()
+    (tmp_path / "cut.avi").write_bytes(data[: len(data) // 2])
+    with served(tmp_path) as server:
+        source = open_frames(f"{server}/cut.avi")
+        count = len(list(source))
+    assert 0 < count < LENGTH
+    assert source.truncated
+    assert f"announces {LENGTH} frames, and {count} came: it broke off" in source.note
+
+
+def test_a_camera_gives_its_latest_frame_and_counts_those_left_out(monkeypatch):
+    put_camera(monkeypatch, lambda n: np.full((4, 6, 3), n, np.uint8) if n < 50 else None, 0.01)
+    source = open_frames("0")
+    assert (source.name, source.path, source.fps) == ("camera-0", "0", 30)
+    frames = source.frames()
+    assert next(frames)[0, 0, 0] == 0
+    time.sleep(0.15)
+    later = [int(frame[0, 0, 0]) for frame in frames]
+    assert later[0] > 3
+    assert later == sorted(set(later))
+    assert later[-1] == 49
+    assert source.num_left_out == 50 - 1 - len(later)
+    assert f"{source.num_left_out} frames of camera '0' came while others were" in source.note
+
+
+def test_what_does_not_open_or_gives_nothing_is_one_sentence(tmp_path, monkeypatch):
+    assert "camera '63' does not open; check that it is plugged in" in message_of("63")
+    (tmp_path / "noise.mp4").write_bytes(bytes(range(256)) * 20)
+    with served(tmp_path) as server:
+        for name in ("gone.mp4", "noise.mp4"):
+            assert f"stream '{server}/{name}' does not open" in message_of(f"{server}/{name}")
+    message = message_of("rtsp://me:secret@127.0.0.1:1/door")
+    assert "stream 'rtsp://me:***@127.0.0.1:1/door' does not open" in message
+    assert "is no address of a stream" in message_of("http://[::1/door")
+    put_camera(monkeypatch, lambda number: None)
+    assert "camera '0' opens but gives no picture" in message_of(0)
+
+
+def test_a_size_that_changes_is_refused_naming_both(monkeypatch):
+    put_camera(monkeypatch, lambda number: np.zeros((4, 6 + 2 * (number > 0), 3), np.uint8))
+    with pytest.raises(InputError, match="at frame 1, from 6x4 to 8x4; send one size"):
+        list(open_frames(0))
+
+
+def test_a_file_named_by_a_number_is_no_camera(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_lossless_video(tmp_path / "7.avi", [picture(0)]).rename("7")
+    assert not open_frames("7").is_live
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_ctrl_c_is_answered_while_a_source_is_silent(monkeypatch):
+    silent = threading.Event()
+    put_camera(monkeypatch, picture, before_read=lambda number: number and silent.wait(60))
+    frames = open_frames(0).frames()
+    next(frames)
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 0.2)
+    began = time.monotonic()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            next(frames)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+        silent.set()
+    assert time.monotonic() - began < 5

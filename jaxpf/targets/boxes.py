@@ -1,7 +1,6 @@
 """Boxes: upright rectangles of free size, known by their colours.
 
-A box is a partition with substate (u, v, a): centre in pixels and scale relative to the
-size it started with (smith2004, section 2).
+A substate is (u, v, a): centre in pixels and scale relative to the start (smith2004, section 2).
 """
 
 import dataclasses
@@ -186,9 +185,8 @@ class Boxes(Target):
         options = self.resolved(options, looks.is_filmed)
         if options.appearance == DISCRIMINATIVE:
             settings = {"interpolation": "bilinear", "background_frames": frames}
-            return self._model(
-                self._discriminative(options, start, looks, **settings), options, start
-            )
+            learned = self._discriminative(options, start, looks, **settings)
+            return self._model(learned, options, start)
         likelihood = histogram_from_patches(
             looks.patches,
             start.sizes,

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 #: Noise of centre (pixels) and scale per frame: wide enough for people walking in video.
 DEFAULT_SCALE = (4.0, 2.0, 0.003)
 #: The same relative to the size: usual steps, long ones, and the logarithm of the size.
-DEFAULT_STEPS = (0.03, 0.2, 0.015)
+DEFAULT_STEPS = (0.03, 0.12, 0.015)
 #: Share of the last displacement that is repeated.
-DEFAULT_MOMENTUM = 0.6
+DEFAULT_MOMENTUM = 0.3
 
 
 def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCALE) -> Model:

@@ -68,8 +68,8 @@ def test_configurations_are_methods_times_orderings_times_grid():
         "appearance": "colour",  # which a sharpness says
         "gain": 4.0,
         "motion": "auto",
-        "relative_scale": (0.03, 0.2, 0.015),
-        "momentum": 0.6,
+        "relative_scale": (0.03, 0.12, 0.015),
+        "momentum": 0.3,
         "exclusion": "none",
         "particles": 100,
         "resampling": "systematic",

@@ -63,6 +63,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
         "scale": (4.0, 2.0, 0.003),
         "ess_threshold": None,
         "look_ahead": False,
+        "relocate": 0.0,
         "bands": 2,
         "likelihood": "integral",
         "appearance": "colour",  # which a sharpness says

@@ -33,7 +33,7 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.filters import resampling
+from jaxpf.filters import relocation, resampling
 from jaxpf.filters.labelled import by_label, estimation
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
 from jaxpf.lowering.branches import computed_before
@@ -116,6 +116,25 @@ def move(tracker: Any, key: jax.Array, state: LabelledState) -> tuple[LabelledSt
     if tracker.motion_gradient == "score":
         moved = lax.stop_gradient(moved)
     return dataclasses.replace(state, lagged=jnp.stack([moved, left[0]])), left
+
+
+def relocated(
+    tracker: Any, key: jax.Array, state: LabelledState, observation: Any
+) -> tuple[LabelledState, jax.Array]:
+    """Particles of targets that are probably lost may be anywhere; the moved state and log-weights.
+
+    Args:
+        tracker: with ``relocation``; see ``jaxpf.filters.relocation``.
+        key: a random key.
+        state: after ``move``.
+        observation: of the frame.
+    """
+    # A particle holds one target, and needs no numbers for others.
+    uniform = jax.random.uniform(key, (4, tracker.num_particles), state.lagged.dtype)
+    uniform = jnp.broadcast_to(uniform, (tracker.num_targets, *uniform.shape))
+    jumps = relocation.drawn(tracker, uniform, state.log_odds, state.estimate, observation)
+    moved, left, log_weight = relocation.taken(jumps, state.labels, *state.lagged)
+    return dataclasses.replace(state, lagged=jnp.stack([moved, left])), log_weight
 
 
 def weigh(

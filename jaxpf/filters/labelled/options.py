@@ -7,6 +7,7 @@ from typing import Any
 from jaxpf.errors import InputError
 from jaxpf.filters.filter import Filter
 from jaxpf.filters.labelled.choices import FEEDBACKS, SCOPES, WEIGHTS
+from jaxpf.filters.looking import relocate_option, relocation_of
 from jaxpf.models.model import Model
 from jaxpf.names import SCHEMES
 from jaxpf.options import check_options, option
@@ -56,6 +57,7 @@ class Options:
         most=1,
         path="regularise",
     )
+    relocate: float = relocate_option()
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -87,6 +89,7 @@ class LabelledFilter(Filter):
             weights=options.weights,
             scope=options.scope,
             feedback=options.feedback,
+            relocation=relocation_of(model.likelihood, options.relocate),
             population="open" if model.is_open else "fixed",
             regularise=None if rates is None else np.asarray(rates, np.float32),
         )

@@ -8,6 +8,7 @@ from jaxpf import contract
 from jaxpf.errors import InputError
 from jaxpf.filters import resampling
 from jaxpf.filters.labelled.choices import FEEDBACKS, GRADIENTS, POPULATIONS, SCOPES, WEIGHTS
+from jaxpf.filters.relocation import check_relocation
 from jaxpf.names import MOTION_GRADIENTS
 from jaxpf.pytree import is_concrete
 
@@ -46,6 +47,7 @@ def check_tracker(tracker: Any) -> None:
         )
     if tracker.motion_gradient == "score":
         _check_score(tracker)
+    check_relocation(tracker)
 
 
 def _check_targets(tracker: Any) -> None:

@@ -26,6 +26,8 @@ class LabelledState:
         alive: ``[L]`` bool, which slots of an open population hold a target; None in a fixed one.
         newborn: ``[L]`` bool, targets that get their first particles in the next frame; None in a
             fixed population.
+        log_odds: ``[L]``, that the targets were where they were reported, smoothed over the past;
+            None where the likelihood cannot tell, and in an open population.
     """
 
     lagged: jax.Array
@@ -38,6 +40,7 @@ class LabelledState:
     weighted: jax.Array
     alive: Any = None
     newborn: Any = None
+    log_odds: Any = None
 
     @property
     def substates(self) -> jax.Array:

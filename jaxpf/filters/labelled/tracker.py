@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
+from jaxpf.filters import confidence
 from jaxpf.filters.initial import checked_initial
 from jaxpf.filters.labelled import by_label, kernel, population
 from jaxpf.filters.labelled.population import born, ended
@@ -38,6 +39,8 @@ class Labelled(Tracker):
             In an open population an array, in which a row of NaN is an empty slot.
         regularise: rates (a_x, a_u) in (0, 1] of position and speed in eq. 6; None does not
             regularise.  It changes what is reported and, with feedback, how particles move.
+        relocation: where targets that are probably lost may be, a
+            ``jaxpf.filters.relocation.Relocation``; None: they move as ever.
         reseed: standard deviations ``[D]`` or ``[L, D]``; a target that was lost is given its
             share of the particles again in the next frame, around its last estimate.  None
             (default) leaves lost targets to themselves.
@@ -68,6 +71,7 @@ class Labelled(Tracker):
     initial: Any
     regularise: Any = None
     reseed: Any = None
+    relocation: Any = None
     num_targets: Any = static_field(default=None)
     num_particles: int = static_field(default=300)
     resampling: str = static_field(default="systematic")
@@ -122,6 +126,7 @@ class Labelled(Tracker):
             velocity=velocity,
             lost=jnp.zeros((self.num_targets,), bool),
             weighted=jnp.zeros((), bool),
+            log_odds=confidence.at_start(self.likelihood, self.num_targets, values.dtype),
         )
 
     def observe(self, frame: Any) -> Any:
@@ -138,13 +143,21 @@ class Labelled(Tracker):
         begin_key, stages_key = jax.random.split(written_out(key))
         resample_key, reseed_key = jax.random.split(begin_key)
         propagate_key = jax.random.split(jax.random.fold_in(stages_key, 0), 4)[0]
+        before = state
         state = kernel.select(self, resample_key, state)
         if self.population == "open" or self.reseed is not None:
             state = self._given_particles(reseed_key, state)
         state, left = kernel.move(self, propagate_key, state)
+        log_weight = None
+        if self.relocation is not None:
+            jump_key = jax.random.fold_in(stages_key, 1)
+            state, log_weight = kernel.relocated(self, jump_key, state, observation)
         log_prob, num_invalid = kernel.weigh(self, state, left, observation)
+        if log_weight is not None:
+            log_prob = log_prob + log_weight
         state, log_evidence, label_log_evidence = kernel.share_out(self, state, log_prob)
-        return kernel.report(self, state, log_evidence, label_log_evidence, num_invalid)
+        found = kernel.report(self, state, log_evidence, label_log_evidence, num_invalid)
+        return confidence.reported(self.likelihood, before, *found, observation)
 
     def _given_particles(self, key: jax.Array, state: LabelledState) -> LabelledState:
         """Newborn targets get their first particles, and lost ones others, if they are to."""

@@ -23,15 +23,8 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.filters import resampling
-from jaxpf.filters.partitioned import (
-    confidence,
-    ending,
-    levels,
-    look_ahead,
-    relocation,
-    selection,
-)
+from jaxpf.filters import confidence, relocation, resampling
+from jaxpf.filters.partitioned import ending, levels, look_ahead, selection
 from jaxpf.filters.partitioned import exchange as rules
 from jaxpf.filters.partitioned.carry import Carry
 from jaxpf.filters.resampling import Components
@@ -92,8 +85,16 @@ def step(
 ) -> tuple[ParticleState, Summary]:
     """One frame, from the weighted set of the frame before to that of this one."""
     begin_key, stages_key = jax.random.split(key)
-    jump_key = jax.random.fold_in(stages_key, tracker.num_partitions + 1)
-    jumps = relocation.drawn(tracker, jump_key, state, observation)
+    jumps = None
+    if tracker.relocation is not None:
+        jump_key = jax.random.fold_in(stages_key, tracker.num_partitions + 1)
+        weights = jnp.exp(state.log_weights)
+        estimate = jnp.where(weights > 0, state.lagged[0], 0.0) @ weights  # [D, P]
+        # All at once: a generator of random numbers takes long to compile.
+        shape = (tracker.num_partitions, 4, tracker.num_particles)
+        uniform = jax.random.uniform(jump_key, shape, estimate.dtype)
+        log_odds = jnp.asarray(state.log_odds)
+        jumps = relocation.drawn(tracker, uniform, log_odds, estimate, observation)
     state, components, carry = begin(tracker, begin_key, state)
     shared = Shared(tracker, state, observation, components, jumps)
     # Before the loop, for all stages: on a CPU a key costs as much as a gather per particle.
@@ -111,7 +112,7 @@ def step(
     carry = lax.fori_loop(0, tracker.num_partitions, take_turn, carry)
     label_key = jax.random.fold_in(stages_key, tracker.num_partitions)
     found = ending.finish(tracker, label_key, observation, components, carry)
-    return confidence.reported(tracker, state, *found, observation)
+    return confidence.reported(tracker.likelihood, state, *found, observation)
 
 
 def begin(

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from jaxpf.errors import InputError
 from jaxpf.filters.filter import Filter, Variant
+from jaxpf.filters.looking import relocate_option, relocation_of
 from jaxpf.models.model import Model
 from jaxpf.names import METHODS, SCHEMES, SWAPS
-from jaxpf.options import check_options, option, plain
+from jaxpf.options import check_options, option
 
 if TYPE_CHECKING:
     pass
@@ -56,14 +57,7 @@ class Options:
         "one another, such as contours.",
         compiles=True,
     )
-    relocate: float = option(
-        0.0,
-        "Probability per frame that an object that is lost for certain is anywhere in the frame; "
-        "0 for never.  Of likelihoods that tell who is lost, such as discriminative appearance.",
-        least=0,
-        most=1,
-        compiles=True,
-    )
+    relocate: float = relocate_option()
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -88,9 +82,6 @@ class PartitionedFilter(Filter):
         from jaxpf.filters.partitioned.tracker import Partitioned
 
         self.check(options, model.parents)
-        relocation = None
-        if options.relocate > 0:
-            relocation = _relocation(model.likelihood, options.relocate)
         orders = getattr(model.likelihood, "orders_of_labels", None)
         if options.method == "ps" and options.order is None and orders is not None:
             ordering = branched(orders)
@@ -106,7 +97,7 @@ class PartitionedFilter(Filter):
             num_particles=options.particles,
             resampling=options.resampling,
             ess_threshold=options.ess_threshold,
-            relocation=relocation,
+            relocation=relocation_of(model.likelihood, options.relocate),
             look_ahead=options.look_ahead,
         )
 
@@ -142,23 +133,6 @@ class PartitionedFilter(Filter):
 
 
 PARTITIONED = PartitionedFilter()
-
-
-def _relocation(likelihood: Any, epsilon: float) -> Any:
-    """The settings for the frames that a likelihood knows.
-
-    Raises:
-        InputError: it cannot tell who is lost.
-    """
-    from jaxpf.contract import has_log_odds
-    from jaxpf.filters.partitioned.relocation import relocation_in
-
-    if not has_log_odds(likelihood) or not hasattr(likelihood, "frame_shape"):
-        raise InputError(
-            f"--relocate {plain(epsilon)} looks for objects that are lost, and this likelihood "
-            "cannot tell who is; choose the appearance discriminative, or leave it out."
-        )
-    return relocation_in(likelihood.frame_shape, epsilon)
 
 
 def order_label(order: Sequence[int]) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.errors import InputError
 from jaxpf.filters import resampling
+from jaxpf.filters.relocation import check_relocation
 from jaxpf.names import GRADIENTS, MOTION_GRADIENTS, SWAPS
 from jaxpf.pytree import is_concrete
 
@@ -136,37 +137,6 @@ def check_look_ahead(tracker: Any) -> None:
     ):
         if used:
             raise InputError(f"look_ahead does not go with {what}; leave one of them out.")
-
-
-def check_relocation(tracker: Any) -> None:
-    """Refuse to relocate where nobody tells who is lost, or where it would be wrong.
-
-    Raises:
-        InputError: the sentence says what is missing.
-    """
-    its, likelihood = tracker.relocation, tracker.likelihood
-    if its is None:
-        return
-    if not contract.has_log_odds(likelihood):
-        raise InputError(
-            f"relocation needs a likelihood that tells who is lost, and "
-            f"{type(likelihood).__name__} has no log_odds; leave relocation out, or use a "
-            "discriminative one."
-        )
-    for used, what in (
-        (any(parent >= 0 for parent in tracker.parents), "a part tree"),
-        (contract.has_log_joint(likelihood), "a likelihood that has log_joint"),
-        (tracker.gradient != "none", f"gradient={tracker.gradient!r}"),
-        (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
-    ):
-        if used:
-            raise InputError(f"relocation does not go with {what}; leave one of them out.")
-    for name, least, most in (("epsilon", 0, 1), ("extent", 1, np.inf)):
-        value = getattr(its, name)
-        if is_concrete(value) and not np.all(
-            (np.asarray(value) >= least) & (np.asarray(value) <= most)
-        ):
-            raise InputError(f"relocation's {name} {value} must be from {least} to {most}.")
 
 
 def check_exchange(tracker: Any) -> None:

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
+from jaxpf.filters import confidence
 from jaxpf.filters.initial import checked_initial
-from jaxpf.filters.partitioned import confidence, kernel
+from jaxpf.filters.partitioned import kernel
 from jaxpf.filters.partitioned.ordering import Ordering, check_tree
 from jaxpf.filters.partitioned.refusals import check_tracker
 from jaxpf.lowering.threefry import written_out
@@ -43,8 +44,8 @@ class Partitioned(Tracker):
         look_ahead: static, whether each stage weighs by the joint likelihood, with the partitions
             to come where ``dynamics.predict`` expects them, instead of by ``log_prob``; see
             ``jaxpf.filters.partitioned.look_ahead``.
-        relocation: where objects that are probably lost may be, a ``relocation.Relocation``; None:
-            they move as ever.
+        relocation: where objects that are probably lost may be, a
+            ``jaxpf.filters.relocation.Relocation``; None: they move as ever.
         parents: static, the part tree of the model, -1 for a root; default all roots.
         num_particles: static, N.
         resampling: static, one of ``jaxpf.resampling.SCHEMES``.
@@ -113,7 +114,7 @@ class Partitioned(Tracker):
             if self.gradient == "stop_gradient"
             else None,
             label=label,
-            log_odds=confidence.at_start(self, values.dtype),
+            log_odds=confidence.at_start(self.likelihood, self.num_partitions, values.dtype),
         )
 
     def observe(self, frame: Any) -> Any:

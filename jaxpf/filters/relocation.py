@@ -21,10 +21,10 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.errors import InputError
 from jaxpf.lowering.prefix import running_sum
 from jaxpf.names import PROBABLY_LOST
-from jaxpf.pytree import pytree_dataclass, static_field
-from jaxpf.state import ParticleState
+from jaxpf.pytree import is_concrete, pytree_dataclass, static_field
 
 #: Of the grid, about.
 _CELLS = 800
@@ -63,6 +63,38 @@ def relocation_in(frame_shape: tuple[int, int], epsilon: Any) -> Relocation:
     return Relocation(epsilon, extent, (rows, max(round(_CELLS / rows), 1)))
 
 
+def check_relocation(tracker: Any) -> None:
+    """Refuse to relocate where nobody tells who is lost, or where it would be wrong.
+
+    Raises:
+        InputError: the sentence says what is missing.
+    """
+    its, likelihood = tracker.relocation, tracker.likelihood
+    if its is None:
+        return
+    if not contract.has_log_odds(likelihood):
+        raise InputError(
+            f"relocation needs a likelihood that tells who is lost, and "
+            f"{type(likelihood).__name__} has no log_odds; leave relocation out, or use a "
+            "discriminative one."
+        )
+    for used, what in (
+        (any(parent >= 0 for parent in getattr(tracker, "parents", ())), "a part tree"),
+        (getattr(tracker, "population", "fixed") == "open", "an open population"),
+        (contract.has_log_joint(likelihood), "a likelihood that has log_joint"),
+        (tracker.gradient != "none", f"gradient={tracker.gradient!r}"),
+        (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
+    ):
+        if used:
+            raise InputError(f"relocation does not go with {what}; leave one of them out.")
+    for name, least, most in (("epsilon", 0, 1), ("extent", 1, np.inf)):
+        value = getattr(its, name)
+        if is_concrete(value) and not np.all(
+            (np.asarray(value) >= least) & (np.asarray(value) <= most)
+        ):
+            raise InputError(f"relocation's {name} {value} must be from {least} to {most}.")
+
+
 class Jumps(NamedTuple):
     """What is drawn for a frame, whether a particle needs it or not.
 
@@ -77,18 +109,20 @@ class Jumps(NamedTuple):
     log_weight: jax.Array
 
 
-def drawn(tracker: Any, key: jax.Array, state: ParticleState, observation: Any) -> Jumps | None:
-    """The jumps of all partitions and particles; None where nothing is ever relocated.
+def drawn(
+    tracker: Any, uniform: jax.Array, log_odds: jax.Array, estimate: jax.Array, observation: Any
+) -> Jumps:
+    """The jumps of all partitions and particles; partitions that do not jump cost nothing.
 
-    Partitions that do not jump cost nothing.
+    Args:
+        tracker: with ``relocation``.
+        uniform: random numbers in [0, 1), ``[P, 4, N]``.
+        log_odds: ``[P]``, that objects were there in the frame before.
+        estimate: ``[D, P]``, of the frame before: how large they are, say.
+        observation: of this frame.
     """
-    its, dtype = tracker.relocation, state.log_weights.dtype
-    if its is None:
-        return None
-    shape = (tracker.num_partitions, tracker.num_particles)
-    weights = jnp.exp(state.log_weights)
-    estimate = jnp.where(weights > 0, state.lagged[0], 0.0) @ weights  # [D, P]
-    epsilon = its.epsilon_at(jax.nn.sigmoid(jnp.asarray(state.log_odds))).astype(dtype)
+    its, dtype = tracker.relocation, estimate.dtype
+    epsilon = its.epsilon_at(jax.nn.sigmoid(log_odds)).astype(dtype)
 
     def of_partition(item):
         partition, epsilon, estimate, uniform = item
@@ -97,14 +131,13 @@ def drawn(tracker: Any, key: jax.Array, state: ParticleState, observation: Any) 
             return _drawn(tracker, partition, epsilon, estimate, uniform, observation)
 
         def none():
-            nobody = jnp.zeros(shape[1:], dtype)
+            nobody = jnp.zeros(tracker.num_particles, dtype)
             return Jumps(nobody > 0, jnp.stack([nobody, nobody]), nobody)
 
         return lax.cond(epsilon > 0, drawn, none)
 
-    # All at once: a generator of random numbers takes long to compile.
-    uniform = jax.random.uniform(key, (shape[0], 4, shape[1]), dtype)
-    jumps = lax.map(of_partition, (jnp.arange(shape[0]), epsilon, estimate.T, uniform))
+    partitions = jnp.arange(tracker.num_partitions)
+    jumps = lax.map(of_partition, (partitions, epsilon, estimate.T, uniform))
     return jumps._replace(position=jnp.swapaxes(jumps.position, 0, 1))
 
 

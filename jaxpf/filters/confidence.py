@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.state import ParticleState, Summary
+from jaxpf.state import Summary
 
 #: Share of the frames before.
 _MEMORY = 0.5
@@ -23,21 +23,21 @@ _AT_START = 3.0
 _MOST = 6.0
 
 
-def at_start(tracker: Any, dtype: Any) -> jax.Array | None:
+def at_start(likelihood: Any, num_partitions: int, dtype: Any) -> jax.Array | None:
     """Log odds ``[P]`` just before the first frame; None where the likelihood cannot tell."""
-    if not contract.has_log_odds(tracker.likelihood):
+    if not contract.has_log_odds(likelihood):
         return None
-    return jnp.full((tracker.num_partitions,), _AT_START, dtype)
+    return jnp.full((num_partitions,), _AT_START, dtype)
 
 
 def reported(
-    tracker: Any, before: ParticleState, state: ParticleState, summary: Summary, observation: Any
-) -> tuple[ParticleState, Summary]:
+    likelihood: Any, before: Any, state: Any, summary: Summary, observation: Any
+) -> tuple[Any, Any]:
     """A frame's state and summary, with the confidence in its estimate.
 
     Args:
-        tracker: whose likelihood is asked.
-        before: the state of the frame before.
+        likelihood: which is asked.
+        before: the state of the frame before; states have ``log_odds``.
         state: of this frame.
         summary: of this frame.
         observation: of this frame.
@@ -46,8 +46,8 @@ def reported(
         return state, summary
     # Reported and looked at, but nothing to learn from: it has no derivative.
     estimate = lax.stop_gradient(summary.estimate)
-    partitions = jnp.arange(tracker.num_partitions)
-    now = contract.log_odds_all(tracker.likelihood, observation, partitions, estimate.T)
+    partitions = jnp.arange(estimate.shape[0])
+    now = contract.log_odds_all(likelihood, observation, partitions, estimate.T)
     now = lax.stop_gradient(now.astype(before.log_odds.dtype))
     now = jnp.where(jnp.isnan(now), -_MOST, jnp.clip(now, -_MOST, _MOST))
     smooth = _MEMORY * before.log_odds + (1 - _MEMORY) * now

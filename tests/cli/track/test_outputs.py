@@ -171,6 +171,7 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     assert set(options) == {param.name for param in command.params} - unset - elsewhere
 
 
+@pytest.mark.slow
 def test_fitted_motion_is_kept_and_run_toml_repeats_it(track, tmp_path):
     outcome = track(*BOXES, "--fit-motion", 5, "--no-overlay")
     assert outcome.code == 0, outcome.err

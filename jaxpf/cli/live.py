@@ -22,11 +22,11 @@ def check_live(options: dict[str, Any], source: Any) -> None:
     Raises:
         InputError: which option.
     """
-    for name in ("truth", "births"):
+    for name in ("truth", "births", "fit_motion"):
         if source.is_camera and options[name] is not None:
             raise InputError(
-                f"--{name} is about frames that are known beforehand, and camera '{source.path}' "
-                "is live; leave it out, or record a video first."
+                f"--{name.replace('_', '-')} is about frames that are known beforehand, and camera "
+                f"'{source.path}' is live; leave it out, or record a video first."
             )
 
 

@@ -1,6 +1,7 @@
 """``jaxpf track``: objects through a video, to tracks on disk."""
 
 import contextlib
+import dataclasses
 import functools
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,7 +11,7 @@ import numpy as np
 
 from jaxpf import filters
 from jaxpf.cli import births as births_of
-from jaxpf.cli import common
+from jaxpf.cli import common, motion
 from jaxpf.cli.live import check_live, open_window, start_when_compiled, used_to_the_light
 from jaxpf.cli.memory import check_memory, needed_by
 from jaxpf.cli.options import (
@@ -36,7 +37,7 @@ from jaxpf.targets.target import Looks, Start, Target
 #: Where a method has a number of its own, by which histograms choose their way.
 _PARTICLES = 300
 #: Options that run.toml leaves out; --method tells the filter.
-_NOT_REPEATED = ("config", "output", "overwrite", "filter_", "preview")
+_NOT_REPEATED = ("config", "output", "overwrite", "filter_", "preview", "fit_motion")
 #: Everything that a run may leave in its output folder.
 _OUTPUTS = (
     "tracks.csv",
@@ -68,6 +69,7 @@ _OUTPUTS = (
     metavar="FILE.py:FUNCTION",
     help="A tracker of your own: a function of the scene, here the start frame and its boxes.",
 )
+@motion.option()
 @click.option("--seed", default=0, show_default=True, help="Random seed: same seed, same tracks.")
 @click.option(
     "--truth", type=click.Path(path_type=Path), help="CSV as for --boxes: adds a metrics table."
@@ -118,6 +120,7 @@ def command(**options: Any) -> None:
     births = births_of.read_births(options)
     setup = _setup(options, target, births)
     _check_options(options, target)
+    motion.check_fit(options, target, setup.model, births is not None)
     from jaxpf.files import writing
     from jaxpf.media.video import open_frames
 
@@ -145,6 +148,14 @@ def command(**options: Any) -> None:
     else:
         tracker = _build_tracker(options, target, setup, start, source, first)
     check_memory(needed_by(tracker), "ask for fewer particles (-n)")
+    if options["fit_motion"] is not None:
+        looks = _looks(options, first)
+        model, told, frames = motion.fitted(options, target, setup, start, looks, frames)
+        click.echo(f"Note: {told}", err=True)
+        _fill_in(options, model)  # run.toml and summary.json tell what was found
+        setup = setup._replace(model=model)
+        start = dataclasses.replace(start, remarks=(*start.remarks, told))
+        tracker = _build_tracker(options, target, setup, start, source, first)
     existed = output.is_dir()
     writing.prepare_output_folder(output, options["overwrite"])
 
@@ -224,14 +235,19 @@ def _setup(options: dict[str, Any], target: Target, births: births_of.Births | N
     filter_options = picked(options, its.options, defaults)
     # Who comes later is not in the start frame: nothing can be learned there.
     model = target.resolved(picked(options, target.options, of_target), is_filmed=births is None)
-    for one in (filter_options, model):
+    _fill_in(options, filter_options, model)
+    return _Setup(its, model, filter_options)
+
+
+def _fill_in(options: dict[str, Any], *chosen: Any) -> None:
+    """Write what was chosen into the options, as people write it; None where it does not count."""
+    for one in chosen:
         counts = counting(one)
         for name, option in options_of(one).items():
             value: Any = getattr(one, name) if counts[name] else None
             # As people write it, for the file that repeats the run.
             places = option.places and value is not None
             options[name] = [place + 1 for place in value] if places else value
-    return _Setup(its, model, filter_options)
 
 
 def _prefer_command_line(options: dict[str, Any]) -> None:
@@ -323,9 +339,14 @@ def _build_tracker(
             options["tracker"], start_scene(source.name, first, start.shapes, source.fps)
         )
     setup.filter.check(setup.filter_options, start.parents)
+    model = target.model(setup.model, start, _looks(options, first))
+    return setup.filter.tracker(model, setup.filter_options)
+
+
+def _looks(options: dict[str, Any], first: np.ndarray) -> Looks:
+    """What likelihoods are learned from: the start frame."""
     particles = options["particles"] or _PARTICLES
-    looks = Looks(first, None, first.shape[:2], particles, typical=first[None])
-    return setup.filter.tracker(target.model(setup.model, start, looks), setup.filter_options)
+    return Looks(first, None, first.shape[:2], particles, typical=first[None])
 
 
 def _check_output(output: Path, video: Path) -> None:

@@ -1,4 +1,4 @@
-"""Options of colour histograms, which several targets have, each with defaults of its own."""
+"""Options of appearance and motion, which several targets have, each with its own defaults."""
 
 import contextlib
 import re
@@ -13,6 +13,7 @@ from jaxpf.options import OPEN, option
 #: How boxes are known, and by what they move.
 COLOUR, DISCRIMINATIVE = "colour", "discriminative"
 PIXELS, RELATIVE = "pixels", "relative"
+NONE, BOXES = "none", "boxes"
 _OF_COLOUR = ("appearance", COLOUR)
 #: Grey levels by which the pixels of one colour differ at most.
 _ONE_COLOUR = 2
@@ -61,6 +62,29 @@ def steps_option(default: tuple[float, float, float]) -> Any:
         least=0,
         path="dynamics.steps",
         implies=("motion", RELATIVE),
+    )
+
+
+def momentum_option(default: float) -> Any:
+    """How much of its last step an object repeats."""
+    return option(
+        default,
+        "Of relative motion: share of the last displacement that is repeated.",
+        least=0,
+        most=1,
+        implies=("motion", RELATIVE),
+    )
+
+
+def exclusion_option() -> Any:
+    """Whether two boxes may be explained by the same pixels."""
+    return option(
+        NONE,
+        "Of discriminative appearance: none, or boxes, where what one box covers does not count "
+        "for another; for look-alikes that meet.",
+        choices=(NONE, BOXES),
+        compiles=True,
+        implies=("appearance", DISCRIMINATIVE),
     )
 
 

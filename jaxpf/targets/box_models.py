@@ -1,5 +1,6 @@
 """Models and trackers of boxes for any likelihood."""
 
+import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
 from jaxpf.models.model import Model
+from jaxpf.targets.appearance import RELATIVE
 
 if TYPE_CHECKING:
     from jaxpf.filters.partitioned.ordering import Ordering
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
 DEFAULT_SCALE = (4.0, 2.0, 0.003)
 #: The same relative to the size: usual steps, long ones, and the logarithm of the size.
 DEFAULT_STEPS = (0.03, 0.12, 0.015)
+#: Share of the last displacement that is repeated.
+DEFAULT_MOMENTUM = 0.3
 
 
 def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCALE) -> Model:
@@ -48,7 +52,10 @@ def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCAL
 
 
 def relative_box_model(
-    likelihood: Any, boxes: ArrayLike, steps: ArrayLike = DEFAULT_STEPS
+    likelihood: Any,
+    boxes: ArrayLike,
+    steps: ArrayLike = DEFAULT_STEPS,
+    momentum: ArrayLike = DEFAULT_MOMENTUM,
 ) -> Model:
     """Boxes that start where they are and move by steps relative to their size.
 
@@ -56,6 +63,7 @@ def relative_box_model(
         likelihood: see ``box_model``, like the next one.
         boxes: see there.
         steps: see ``jaxpf.dynamics.RelativeMotion``, ``[3]`` or ``[P, 3]``.
+        momentum: see there, ``[]`` or ``[P]``.
 
     Raises:
         InputError: noise that is negative or not finite.
@@ -70,7 +78,28 @@ def relative_box_model(
             "as shares of the size, and the noise of its logarithm, such as 0.03,0.12,0.015."
         )
     model = box_model(likelihood, boxes)
-    return model._replace(dynamics=RelativeMotion(sizes=boxes[:, 2:], steps=steps))
+    momentum = np.asarray(momentum, np.float32)
+    motion = RelativeMotion(sizes=boxes[:, 2:], steps=steps, momentum=momentum)
+    return model._replace(dynamics=motion)
+
+
+def motion_candidates(options: Any) -> list[Any]:
+    """Options that differ in the motion: half and double steps, and, if relative, other momenta.
+
+    Args:
+        options: of boxes, what depends on the pictures being settled; they are the first.
+    """
+    found = [options]
+    for factor in (0.5, 1.0, 2.0):
+        if options.motion == RELATIVE:
+            usual, far, of_size = options.relative_scale
+            noise = {"relative_scale": (factor * usual, factor * far, of_size)}
+            momenta = [{"momentum": momentum} for momentum in (0.0, 0.3, 0.6, 0.9)]
+        else:
+            x, y, of_size = options.scale
+            noise, momenta = {"scale": (factor * x, factor * y, of_size)}, [{}]
+        found += [dataclasses.replace(options, **noise, **momentum) for momentum in momenta]
+    return list(dict.fromkeys(found))
 
 
 def box_tracker(

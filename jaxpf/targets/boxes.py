@@ -1,7 +1,6 @@
 """Boxes: upright rectangles of free size, known by their colours.
 
-A box is a partition with substate (u, v, a): centre in pixels and scale relative to the
-size it started with (smith2004, section 2).
+A substate is (u, v, a): centre in pixels and scale relative to the start (smith2004, section 2).
 """
 
 import dataclasses
@@ -17,13 +16,16 @@ from jaxpf.options import OPEN, check_options
 from jaxpf.targets.appearance import (
     COLOUR,
     DISCRIMINATIVE,
+    NONE,
     PIXELS,
     RELATIVE,
     appearance_option,
     bands_option,
     check_contrast,
+    exclusion_option,
     gain_option,
     likelihood_option,
+    momentum_option,
     motion_option,
     naming,
     scale_option,
@@ -32,9 +34,11 @@ from jaxpf.targets.appearance import (
     three_values,
 )
 from jaxpf.targets.box_models import (
+    DEFAULT_MOMENTUM,
     DEFAULT_SCALE,
     DEFAULT_STEPS,
     box_model,
+    motion_candidates,
     relative_box_model,
 )
 from jaxpf.targets.box_models import box_tracker as box_tracker  # which boxes show as their own
@@ -62,9 +66,11 @@ class Options:
     bands: int = bands_option(2)
     likelihood: str = likelihood_option("auto", "integral", "sampled")
     appearance: str = appearance_option()
-    gain: float = gain_option(2.0)
+    gain: float = gain_option(4.0)
     motion: str = motion_option()
     relative_scale: tuple[float, ...] = steps_option(DEFAULT_STEPS)
+    momentum: float = momentum_option(DEFAULT_MOMENTUM)
+    exclusion: str = exclusion_option()
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -148,10 +154,11 @@ class Boxes(Target):
         return self._model(self._colour(options, start, looks), options, start)
 
     def _discriminative(self, options: Options, start: Start, looks: Looks, **settings: Any) -> Any:
-        from jaxpf.models.likelihoods.discriminative import discriminative
+        from jaxpf.models.likelihoods.discriminative import discriminative, excluding
 
         with naming([f"the box of object {number}" for number in start.ids]):
-            return discriminative(looks.start_frame, start.shapes, gain=options.gain, **settings)
+            found = discriminative(looks.start_frame, start.shapes, gain=options.gain, **settings)
+        return found if options.exclusion == NONE else excluding(found)
 
     def _colour(self, options: Options, start: Start, looks: Looks) -> Any:
         from jaxpf.models.likelihoods.histogram import histogram, histogram_from_patches
@@ -178,8 +185,8 @@ class Boxes(Target):
         options = self.resolved(options, looks.is_filmed)
         if options.appearance == DISCRIMINATIVE:
             settings = {"interpolation": "bilinear", "background_frames": frames}
-            likelihood: Any = self._discriminative(options, start, looks, **settings)
-            return self._model(likelihood, options, start)
+            learned = self._discriminative(options, start, looks, **settings)
+            return self._model(learned, options, start)
         likelihood = histogram_from_patches(
             looks.patches,
             start.sizes,
@@ -217,8 +224,13 @@ class Boxes(Target):
 
     def _model(self, likelihood: Any, options: Options, start: Start) -> Model:
         if options.motion == RELATIVE:
-            return relative_box_model(likelihood, start.shapes, options.relative_scale)
+            noise = options.relative_scale, options.momentum
+            return relative_box_model(likelihood, start.shapes, *noise)
         return box_model(likelihood, start.shapes, options.scale)
+
+    def motion_candidates(self, options: Options) -> list[Options]:
+        """See ``Target``."""
+        return motion_candidates(options)
 
     def settled(self, options: Options, start: Start, looks: Looks) -> Options:
         """See ``Target``."""

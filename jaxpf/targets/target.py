@@ -185,6 +185,15 @@ class Target:
         """The options with what depends on where pictures come from, see ``Looks``."""
         return options
 
+    def motion_candidates(self, options: Any) -> list[Any]:
+        """Options that differ in the motion alone, among which the evidence of the first frames
+        may choose.
+
+        Raises:
+            InputError: it has none to choose among.
+        """
+        raise InputError(f"{self.name} have no motion to fit; leave --fit-motion out.")
+
     def tuned_by_default(self, options: Any) -> tuple[str, ...]:
         """Tracker paths of what is tuned where nobody says what."""
         return ()

@@ -67,9 +67,11 @@ def test_configurations_are_methods_times_orderings_times_grid():
         "bands": 2,
         "likelihood": "integral",
         "appearance": "colour",  # which a sharpness says
-        "gain": 2.0,
+        "gain": 4.0,
         "motion": "auto",
         "relative_scale": (0.03, 0.12, 0.015),
+        "momentum": 0.3,
+        "exclusion": "none",
         "particles": 100,
         "resampling": "systematic",
     }

@@ -1,6 +1,11 @@
 """Likelihoods: how well a substate explains a frame."""
 
-from jaxpf.models.likelihoods.discriminative import DiscriminativeLikelihood, discriminative
+from jaxpf.models.likelihoods.discriminative import (
+    DiscriminativeLikelihood,
+    ExclusiveAppearance,
+    discriminative,
+    excluding,
+)
 from jaxpf.models.likelihoods.distance_law import learn_background
 from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian, Gaussian
 from jaxpf.models.likelihoods.histogram import (
@@ -15,12 +20,14 @@ from jaxpf.models.likelihoods.windows import WindowLikelihood, windows
 __all__ = [
     "CorrelatedGaussian",
     "DiscriminativeLikelihood",
+    "ExclusiveAppearance",
     "Gaussian",
     "HistogramLikelihood",
     "PatchLikelihood",
     "PixelLikelihood",
     "WindowLikelihood",
     "discriminative",
+    "excluding",
     "histogram",
     "histogram_from_patches",
     "learn_background",

@@ -1,5 +1,6 @@
 """``jaxpf track``: what it writes, and that it repeats."""
 
+import json
 import tomllib
 
 import cv2
@@ -166,8 +167,27 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     )
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
     unset |= {"sharpness", "bands", "likelihood", "scale", "swap"}
-    elsewhere = {"output", "overwrite", "config", "filter_", "preview"}
+    elsewhere = {"output", "overwrite", "config", "filter_", "preview", "fit_motion"}
     assert set(options) == {param.name for param in command.params} - unset - elsewhere
+
+
+@pytest.mark.slow
+def test_fitted_motion_is_kept_and_run_toml_repeats_it(track, tmp_path):
+    outcome = track(*BOXES, "--fit-motion", 5, "--no-overlay")
+    assert outcome.code == 0, outcome.err
+    kept = tomllib.loads((tmp_path / "out" / "run.toml").read_text())["track"]
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    told = summary["remarks"][-1]
+    assert told in outcome.err.replace("\n", " ")
+    assert "fitted to 5 frames" in told
+    assert f"--momentum {kept['momentum']:g}" in told
+    assert summary["parameters"]["momentum"] == kept["momentum"]
+    # Those of half, the usual and double noise.
+    assert kept["relative_scale"][0] in (0.015, 0.03, 0.06)
+    again = jaxpf("track", "--config", tmp_path / "out" / "run.toml", "-o", tmp_path / "again")
+    assert again.code == 0, again.err
+    tracks = [(tmp_path / name / "tracks.csv").read_bytes() for name in ("out", "again")]
+    assert tracks[0] == tracks[1]
 
 
 def test_another_seed_gives_other_tracks(whole_run, track, tmp_path):

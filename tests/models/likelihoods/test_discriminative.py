@@ -34,7 +34,7 @@ FRAME = blocks(0)
 
 @pytest.fixture(scope="module")
 def learned():
-    return discriminative(FRAME, BOXES)
+    return discriminative(FRAME, BOXES, features=["colour", "gradients", "hues"])
 
 
 def substates_of(boxes):
@@ -47,7 +47,7 @@ def substates_of(boxes):
 
 
 def numpy_features(frame, box, factor, bins_kept, lookup):
-    """Colours [2, 110] and cells [4, 4, 8] of one box, by OpenCV and loops."""
+    """Colours [2, 110] and cells [2, 4, 4, 8] of one box, by OpenCV and loops."""
     padded = cv2.copyMakeBorder(
         frame, 0, -HEIGHT % factor, 0, -WIDTH % factor, cv2.BORDER_REPLICATE
     )
@@ -64,6 +64,14 @@ def numpy_features(frame, box, factor, bins_kept, lookup):
     for direction in range(8):
         away = np.abs((turns - direction + 4) % 8 - 4)
         votes[..., direction] = np.hypot(across, down) ** 0.5 * np.maximum(1 - away, 0)
+    # OpenCV's hue is in degrees; without chroma it is 0, and counts for nothing.
+    hue, saturation, value = cv2.split(cv2.cvtColor(small / 255, cv2.COLOR_RGB2HSV))
+    shares = np.zeros((*grey.shape, 8))
+    for k in range(4):
+        away = np.abs((hue / 90 - k + 2) % 4 - 2)
+        shares[..., k] = np.maximum(1 - away, 0) * saturation * value
+        near = np.maximum(1 - np.abs(3 * value - k), 0)
+        shares[..., 4 + k] = near * (1 - saturation * value)
     x, y, w, h = np.asarray(box) / factor
 
     def inside(picture, top, bottom, left, right):
@@ -77,11 +85,12 @@ def numpy_features(frame, box, factor, bins_kept, lookup):
         counts = np.bincount(inside(bins, top, bottom, x, x + w).ravel(), minlength=110)
         sides = np.floor(np.array([[x, x + w], [top, bottom]]) + 0.5)
         colours[band] = np.sqrt(counts / np.diff(sides).prod() / 2)
-    cells = np.zeros((4, 4, 8))
-    for i, j in np.ndindex(4, 4):
-        cell = inside(votes, y + h * i / 4, y + h * (i + 1) / 4, x + w * j / 4, x + w * (j + 1) / 4)
-        mean = cell.sum(axis=(0, 1)) / (w * h / 16)
-        cells[i, j] = np.sqrt(mean / (mean.sum() + 0.03)) / 4
+    cells = np.zeros((2, 4, 4, 8))
+    for k, i, j in np.ndindex(2, 4, 4):
+        picture = (votes, shares)[k]
+        sides = y + h * i / 4, y + h * (i + 1) / 4, x + w * j / 4, x + w * (j + 1) / 4
+        mean = inside(picture, *sides).sum(axis=(0, 1)) / (w * h / 16)
+        cells[k, i, j] = np.sqrt(mean / (mean.sum() + 0.03)) / 4
     return colours, cells
 
 
@@ -104,7 +113,8 @@ def test_scores_are_linear_in_features_of_opencv(learned, box):
     weights = np.asarray(learned.colour_weights)[number[0]]
     weights = np.append(weights, np.zeros((2, 1)), axis=1)[:, np.minimum(lookup, weights.shape[1])]
     expected = np.asarray(learned.offset)[number[0]] + (weights * colours).sum()
-    expected += (np.asarray(learned.map_weights[0])[number[0]] * cells).sum()
+    for weights, mean in zip(learned.map_weights, cells, strict=True):
+        expected += (np.asarray(weights)[number[0]] * mean).sum()
     seen = _OBSERVE(learned, FRAME)
     score = _SCORES(learned, seen, number, substate)
     # Votes are rounded to 1 / 255, and weights are some tenths.
@@ -185,7 +195,7 @@ def test_the_gradient_is_that_of_the_value_in_double_precision():
             assert gradient[place] == pytest.approx(change / (2 * step), rel=1e-4, abs=1e-6)
         # A ratio of likelihoods: to boxes anywhere, on average.
         usual = np.clip(np.asarray(smooth.background[0]), -0.2, 1.2)
-        trust = 2 / max(float(smooth.residual[0]), 0.03)
+        trust = 4 / max(float(smooth.residual[0]), 0.03)
         at_best = smooth.log_prob(seen, np.int32(0), x[:, 0])
         score = np.clip(smooth.scores_all(seen, numbers[:1], x[:, :1])[0][0], -0.2, 1.2)
         expected = trust * score - np.log(np.mean(np.exp(trust * usual)))

@@ -18,12 +18,15 @@ from jaxpf.models.likelihoods.discriminative.likelihood import (
     DiscriminativeLikelihood,
     grid_places,
 )
-from jaxpf.models.likelihoods.discriminative.maps import gradients
+from jaxpf.models.likelihoods.discriminative.maps import gradients, hues
 from jaxpf.models.likelihoods.discriminative.training import RIDGE, ridge, training_boxes
 from jaxpf.pytree import as_array
 
 #: Features by name; others are a user's own functions.
-FEATURES = ("colour", "gradients")
+FEATURES = ("colour", "gradients", "hues")
+#: Those that are used by default.
+USUAL_FEATURES = ("colour", "gradients")
+_MAPS: dict[str, Callable] = {"gradients": gradients, "hues": hues}
 #: Colour bins that count for an object, its most frequent ones.
 NUM_COLOURS = 36
 #: A share of the labels' spread that the regression must not leave.
@@ -34,8 +37,8 @@ def discriminative(
     frame,
     boxes,
     *,
-    features: Sequence[str | Callable] = FEATURES,
-    gain: float = 2.0,
+    features: Sequence[str | Callable] = USUAL_FEATURES,
+    gain: float = 4.0,
     bands: int = 2,
     grid: tuple[int, int] = (4, 4),
     penalty: float = RIDGE,
@@ -47,9 +50,11 @@ def discriminative(
     Args:
         frame: uint8 RGB [H, W, 3].
         boxes: [P, 4], (x, y, w, h) in pixels.
-        features: of ``FEATURES``, and functions of your own, by name: of a picture, float
+        features: of ``FEATURES``, by name, and functions of your own: of a picture, float
             [h, w, 3] of red, green and blue from 0 to 1, that give maps [h, w, C] from 0 to 1,
-            which are collected in cells as gradients are.
+            which are collected in cells as gradients are.  ``"hues"`` tells where on the object
+            its colours are: better while the object fills its box, worse where much of what is
+            behind it shows in the box.
         gain: how much scores are trusted.
         bands: horizontal bands of the colour histograms.
         grid: rows and columns of cells.
@@ -69,7 +74,7 @@ def discriminative(
         [factor_of(width, height) for width, height in boxes[:, 2:]], return_inverse=True
     )
     maps: tuple[Any, ...] = tuple(
-        gradients if one == "gradients" else one for one in features if one != "colour"
+        _MAPS[one] if isinstance(one, str) else one for one in features if one != "colour"
     )
     lookup, own = None, None
     if "colour" in features:
@@ -231,7 +236,7 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
                 f"{width} x {height} pixels; start where more of the object is seen."
             )
     if not features:
-        raise InputError("features is empty: give at least one of colour and gradients.")
+        raise InputError(f"features is empty: give at least one of {', '.join(FEATURES)}.")
     for one in features:
         if isinstance(one, str) and one not in FEATURES:
             raise InputError(

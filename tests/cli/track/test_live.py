@@ -2,6 +2,7 @@
 
 import _thread
 import contextlib
+import signal
 import sys
 
 import numpy as np
@@ -41,15 +42,29 @@ def test_a_stream_is_tracked_as_its_file_is_and_shown(
     assert {picture.shape for picture in pictures} == {(48, 64, 3)}
 
 
-def test_a_camera_is_tracked_until_ctrl_c_which_keeps_all_results(track, tmp_path, monkeypatch):
+@pytest.fixture
+def ctrl_c():
+    """Ctrl-C works, also where the tests were started to ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield _thread.interrupt_main
+    signal.signal(signal.SIGINT, before)
+
+
+def test_a_camera_is_tracked_until_ctrl_c_which_keeps_all_results(
+    track, tmp_path, monkeypatch, ctrl_c
+):
     # Nothing is to be seen in its first picture.
     def press(number):
         with contextlib.suppress(FileNotFoundError):
             if (tmp_path / "out" / "tracks.csv").read_text().count("\n") > 40:
-                _thread.interrupt_main()
+                ctrl_c()
 
-    grey = np.full((HEIGHT, WIDTH, 3), 110, np.uint8)
-    put_camera(monkeypatch, lambda n: picture(0) if n else grey, 0.002, press)
+    def seen(number):
+        if number == 100_000:
+            return None  # minutes later: a Ctrl-C that is not answered fails the test
+        return picture(0) if number else np.full((HEIGHT, WIDTH, 3), 110, np.uint8)
+
+    put_camera(monkeypatch, seen, 0.002, press)
     outcome = track(*BOXES, video="0")
     assert outcome.code == 130, outcome.err
     assert "Tracking begins: the start frame is taken" in outcome.err

@@ -11,6 +11,7 @@ from jaxpf.cli import common
 from jaxpf.cli.births import Births, by_frame
 from jaxpf.cli.recorder import Recorder, counted
 from jaxpf.targets.lifetimes import EMPTY
+from jaxpf.targets.target import Marks
 
 _SCORES = ("HOTA", "DetA", "AssA", "IDF1", "MOTA", "MOTP")
 _COUNTS = ("FP", "FN", "IDSW", "Frag")
@@ -83,7 +84,7 @@ class PopulationRecorder(Recorder):
             cloud = np.swapaxes(np.asarray(tracked.state.substates)[..., :2], 0, 1)[living]
             frame = draw_particles(frame, cloud, colours)
         start = dataclasses.replace(self.start_at, ids=ids)
-        self._show(self.target.draw(frame, start, boxes, colours, lost))
+        self._show(self.target.draw(frame, start, boxes, Marks(colours, lost)))
 
     def _content(self):
         return {

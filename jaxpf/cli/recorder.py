@@ -16,6 +16,7 @@ from jaxpf.cli import common
 from jaxpf.errors import InputError
 from jaxpf.files.versions import versions
 from jaxpf.names import PROBABLY_LOST
+from jaxpf.targets.target import Marks
 
 #: Frames over which a trail reaches back.
 _TRAIL = 20
@@ -181,9 +182,8 @@ class Recorder:
         self.past.append(found)
         past = np.stack(self.past)
         doubtful = None if confidence is None else confidence < PROBABLY_LOST
-        self._show(
-            self.target.draw(frame, self.start_at, found, self.colours, lost, past, doubtful)
-        )
+        marks = Marks(self.colours, lost, past, doubtful)
+        self._show(self.target.draw(frame, self.start_at, found, marks))
 
     def _is_watched(self):
         """Whether a picture of this frame goes anywhere."""

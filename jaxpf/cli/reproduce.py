@@ -55,8 +55,8 @@ def command(
     """Repeat a paper's experiment; print its figures beside ours, and judge its claims.
 
     Published figures stand left of ours, which have 95 % intervals.  A claim is supported,
-    contradicted, or cannot be resolved at this number of runs.  After an interruption the same
-    command goes on where it was.
+    contradicted, or cannot be resolved at this number of runs.  Interrupted, eskil2014 and
+    maccormick1999 go on where they were by the same command.
     """
     from jaxpf.errors import InputError
     from jaxpf.experiments import parts

@@ -10,7 +10,7 @@ import numpy as np
 from jaxpf.evaluation.collection import ShownRun
 from jaxpf.media.overlay import object_colours
 from jaxpf.media.video_writer import VideoWriter
-from jaxpf.targets.target import Start, Target
+from jaxpf.targets.target import Marks, Start, Target
 
 #: Sizes of a clip, large ones first: its longer side in pixels, to which frames are enlarged or
 #: reduced, and its frames at most, of which a longer run shows every second, or third, and so on.
@@ -105,7 +105,7 @@ def make_clip(
                 there, shapes = target.scaled(start, truth[index], pictures.factors)
                 picture = _draw_truth(picture, np.asarray(target.outlines(there, shapes)))
                 there, shapes = target.scaled(start, shown.shapes[index], pictures.factors)
-                picture = target.draw(picture, there, shapes, colours, shown.lost[index])
+                picture = target.draw(picture, there, shapes, Marks(colours, shown.lost[index]))
                 video.write(_number(picture, first_frame + index))
         data = path.read_bytes()
     return Clip(data, width, height, numbers.step, rate)

@@ -58,7 +58,7 @@ def can_go_on(output: Path, settings: Mapping[str, Any]) -> bool:
 
 @contextlib.contextmanager
 def keeping(output: Path, settings: Mapping[str, Any]) -> Iterator[None]:
-    """Keep parts in an output folder until the block ends well.
+    """Keep parts in an output folder until the block ends well, or with none measured.
 
     Args:
         output: an existing folder.
@@ -74,12 +74,14 @@ def keeping(output: Path, settings: Mapping[str, Any]) -> Iterator[None]:
             folder.mkdir()
         with atomic_write(folder / _SETTINGS) as file:
             json.dump(_described(settings), file)
-    token = _folder.set(folder)
+    token, done = _folder.set(folder), False
     try:
         yield
+        done = True
     finally:
         _folder.reset(token)
-    shutil.rmtree(folder, ignore_errors=True)
+        if done or not any(folder.glob("*.npz")):
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _described(settings: Mapping[str, Any]) -> dict[str, Any]:

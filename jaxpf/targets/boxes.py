@@ -42,7 +42,7 @@ from jaxpf.targets.box_models import (
     relative_box_model,
 )
 from jaxpf.targets.box_models import box_tracker as box_tracker  # which boxes show as their own
-from jaxpf.targets.target import Looks, Start, Target, looks_of_scene
+from jaxpf.targets.target import Looks, Marks, Start, Target, looks_of_scene
 
 if TYPE_CHECKING:
     from jaxpf.filters.partitioned.ordering import Ordering
@@ -314,20 +314,11 @@ class Boxes(Target):
         """See ``Target``: MOT format."""
         return _MotWriter(path, start)
 
-    def draw(
-        self,
-        frame: Any,
-        start: Start,
-        shapes: Any,
-        colours: Any,
-        lost: Any,
-        past: Any = None,
-        doubtful: Any = None,
-    ) -> np.ndarray:
+    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
         """See ``Target``."""
         from jaxpf.media.overlay import draw_boxes
 
-        return draw_boxes(frame, shapes, list(start.ids), colours, lost, doubtful)
+        return draw_boxes(frame, shapes, list(start.ids), marks.colours, marks.lost, marks.doubtful)
 
 
 BOXES = Boxes()

@@ -17,7 +17,7 @@ from jaxpf.models.model import Model
 from jaxpf.models.splines import basis, even_places, fit_spline, points_on, resampled
 from jaxpf.names import EXCLUSIONS, SHAPE_SPACES
 from jaxpf.options import check_options, option
-from jaxpf.targets.target import Looks, Start, Target
+from jaxpf.targets.target import Looks, Marks, Start, Target
 
 #: Noise of every coordinate per frame, pixels: the shift's, and that of the shape.
 DEFAULT_SCALE = (3.0, 1.0)
@@ -296,20 +296,13 @@ class ContourTarget(Target):
         """See ``Target``: CSV with the header ``frame,contour,kind,point,x,y``."""
         return _Writer(path, start)
 
-    def draw(
-        self,
-        frame: Any,
-        start: Start,
-        shapes: Any,
-        colours: Any,
-        lost: Any,
-        past: Any = None,
-        doubtful: Any = None,
-    ) -> np.ndarray:
+    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
         """See ``Target``."""
         from jaxpf.media.contours_overlay import draw_contours
 
-        return draw_contours(frame, _lines(np.asarray(shapes)), start.ids, colours, lost)
+        return draw_contours(
+            frame, _lines(np.asarray(shapes)), start.ids, marks.colours, marks.lost
+        )
 
     def draw_particles(
         self, frame: Any, start: Start, tracker: Any, state: Any, colours: Any

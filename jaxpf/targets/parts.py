@@ -23,7 +23,7 @@ from jaxpf.targets.appearance import (
     sharpness_option,
     three_values,
 )
-from jaxpf.targets.target import Looks, Start, Target
+from jaxpf.targets.target import Looks, Marks, Start, Target
 
 # Samples per side of a part: its likelihood is then off by .017 sharpness, see
 # jaxpf.models.likelihoods._sampled.
@@ -227,21 +227,12 @@ class Parts(Target):
         """See ``Target``: CSV with the header ``frame,part,x,y,w,h,angle``."""
         return _PartWriter(path, start)
 
-    def draw(
-        self,
-        frame: Any,
-        start: Start,
-        shapes: Any,
-        colours: Any,
-        lost: Any,
-        past: Any = None,
-        doubtful: Any = None,
-    ) -> np.ndarray:
+    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
         """See ``Target``."""
         from jaxpf.media.overlay import draw_rectangles
 
         corners = np.asarray(self.outlines(start, np.asarray(shapes)), float)
-        return draw_rectangles(frame, corners, list(start.ids), colours, lost)
+        return draw_rectangles(frame, corners, list(start.ids), marks.colours, marks.lost)
 
 
 PARTS = Parts()

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from jaxpf.errors import InputError
 from jaxpf.models.model import Model
 from jaxpf.options import check_options, chosen, option, options_of
-from jaxpf.targets.target import Looks, Start, Target
+from jaxpf.targets.target import Looks, Marks, Start, Target
 
 #: Particles of filters whose particles are common to all points.
 _PARTICLES = 300
@@ -181,21 +181,17 @@ class Points(Target):
         """See ``Target``."""
         return _Writer(path, start)
 
-    def draw(
-        self,
-        frame: Any,
-        start: Start,
-        shapes: Any,
-        colours: Any,
-        lost: Any,
-        past: Any = None,
-        doubtful: Any = None,
-    ) -> np.ndarray:
+    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
         """See ``Target``; lost points are hollow."""
         from jaxpf.media.points_overlay import draw_points
 
         return draw_points(
-            frame, shapes, trails=past, hidden=lost, colours=colours, names=start.ids.tolist()
+            frame,
+            shapes,
+            trails=marks.past,
+            hidden=marks.lost,
+            colours=marks.colours,
+            names=start.ids.tolist(),
         )
 
 

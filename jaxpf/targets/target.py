@@ -89,6 +89,22 @@ def is_filmed(scene: Any) -> bool:
     return "source" in scene.extras
 
 
+class Marks(NamedTuple):
+    """How P shapes are drawn on a frame; a target takes what it can show.
+
+    Attributes:
+        colours: uint8 RGB ``[P, 3]``.
+        lost: bool ``[P]``.
+        past: ``[L, P, S]``, shapes of the frames before, the latest last, for trails.
+        doubtful: bool ``[P]``, probably lost; None where nobody can tell.
+    """
+
+    colours: Any
+    lost: Any
+    past: Any = None
+    doubtful: Any = None
+
+
 class Target:
     """What a substate means.
 
@@ -252,26 +268,14 @@ class Target:
         """
         raise TypeError(f"{type(self).__name__} must define track_writer")
 
-    def draw(
-        self,
-        frame: Any,
-        start: Start,
-        shapes: Any,
-        colours: Any,
-        lost: Any,
-        past: Any = None,
-        doubtful: Any = None,
-    ) -> np.ndarray:
+    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
         """The frame with the shapes drawn on it.
 
         Args:
             frame: uint8 RGB ``[H, W, 3]``.
             start: where tracking started.
             shapes: ``[P, S]``.
-            colours: uint8 RGB ``[P, 3]``.
-            lost: bool ``[P]``.
-            past: ``[L, P, S]``, shapes of the frames before, the latest last, for trails.
-            doubtful: bool ``[P]``, probably lost; None where nobody can tell.
+            marks: how each is drawn.
         """
         raise TypeError(f"{type(self).__name__} must define draw")
 

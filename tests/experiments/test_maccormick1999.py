@@ -67,7 +67,9 @@ def test_who_ended_where_is_judged_by_the_truth(wires):
 def test_claims_follow_from_the_rates(wires):
     outlines = np.stack([wires.truth] * 20)
     kept, none = np.ones(20, bool), np.zeros(20, bool)
-    good = tracking.Outcome(outlines, np.ones((20, 2)), np.ones((20, 2, 2)), kept, none)
+    good = tracking.Outcome(
+        outlines, np.ones((20, 2)), np.ones((20, 2, 2)), kept, none, np.zeros(20)
+    )
     bad = good._replace(kept=none, coalesced=kept)
     outcomes = {coalescence.EXCLUSIVE: [good] * 10, coalescence.NAIVE: [bad] * 10}
     meeting = coalescence.Meeting([wires] * 10, outcomes, 300)

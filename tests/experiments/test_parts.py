@@ -54,6 +54,12 @@ def test_what_was_measured_before_a_stop_is_not_measured_again(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_mistake_before_anything_is_measured_leaves_nothing(tmp_path):
+    with contextlib.suppress(InputError), keeping(tmp_path, {"runs": 7}):
+        raise InputError("--runs 7 must be a multiple of 5.")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_other_settings_begin_anew(tmp_path):
     measured = Measured()
     for seed in (1, 2):

@@ -5,16 +5,13 @@ import time
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
-import jaxpf
 from jaxpf.experiments.claims import Measured, student_interval
 from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.maccormick1999.cases import Case
 from jaxpf.experiments.maccormick1999.coalescence import rate
-from jaxpf.experiments.maccormick1999.tracking import judged, tracker_of
+from jaxpf.experiments.maccormick1999.tracking import track, tracker_of
 from jaxpf.experiments.parts import part
 
 PLAIN, SAME_NUMBER, SAME_TIME = "plain", "look-ahead, N as plain", "look-ahead, time as plain"
@@ -105,26 +102,14 @@ def _measured(
         dataclasses.replace(tracker_of(case, "wires", num_particles), look_ahead=ahead)
         for case in cases
     ]
-    _track(cases[0], trackers[0], seed)  # compiles
-    seconds, log_evidence, kept = 0.0, [], []
+    track(cases[0], trackers[0], _TOGETHER, seed)  # compiles
+    began, found = time.process_time(), []
     for group in range(groups):
-        case, tracker = cases[group % len(cases)], trackers[group % len(cases)]
-        spent, evidence, estimates = _track(case, tracker, seed + group)
-        seconds += spent
-        log_evidence.append(evidence)
-        outlines = np.asarray(tracker.likelihood.outline_points(jnp.asarray(estimates)))
-        kept.append(judged(case, outlines)[0])
-    return Weighting(num_particles, seconds, np.array(log_evidence), np.array(kept))
-
-
-def _track(case: Case, tracker: Any, seed: int) -> tuple[float, np.ndarray, np.ndarray]:
-    """Seconds, log evidence ``[R]`` and estimates ``[R, T, 2, D]``."""
-    keys = jax.random.split(jax.random.key(seed), _TOGETHER)
-    began = time.process_time()
-    found = jaxpf.monte_carlo(tracker, keys, jnp.asarray(case.frames), _keep, batch_size=_TOGETHER)
-    evidence, estimates = (np.asarray(values) for values in jax.block_until_ready(found))
-    return time.process_time() - began, evidence.sum(axis=1), estimates
-
-
-def _keep(state: Any, summary: Any) -> Any:
-    return summary.log_evidence, summary.estimate
+        number = group % len(cases)
+        found.append(track(cases[number], trackers[number], _TOGETHER, seed + group))
+    return Weighting(
+        num_particles,
+        time.process_time() - began,
+        np.array([outcome.log_evidence for outcome in found]),
+        np.array([outcome.kept for outcome in found]),
+    )

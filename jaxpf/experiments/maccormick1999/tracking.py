@@ -27,6 +27,7 @@ class Outcome(NamedTuple):
         spread: ``[R, T, 2]``, of each target's contour, pixels, root mean square.
         kept: ``[R]`` bool, both contours end on their own targets.
         coalesced: ``[R]`` bool, both end on one.
+        log_evidence: ``[R]``, of all frames.
     """
 
     outlines: np.ndarray
@@ -34,6 +35,7 @@ class Outcome(NamedTuple):
     spread: np.ndarray
     kept: np.ndarray
     coalesced: np.ndarray
+    log_evidence: np.ndarray
 
 
 def tracker_of(case: Case, exclusion: str, num_particles: int, method: str = "ps") -> Partitioned:
@@ -69,10 +71,11 @@ def track(case: Case, tracker: Partitioned, runs: int, seed: int) -> Outcome:
     keys = jax.random.split(jax.random.key(seed), runs)
     frames = jnp.asarray(case.frames)
     found = jaxpf.monte_carlo(tracker, keys, frames, _keep, batch_size=min(runs, _BATCH))
-    estimates, ess, spread = (np.asarray(values) for values in found)
+    estimates, ess, spread, log_evidence = (np.asarray(values) for values in found)
     outlines = np.asarray(tracker.likelihood.outline_points(jnp.asarray(estimates)))
     kept, coalesced = judged(case, outlines)
-    return Outcome(outlines, ess, np.sqrt((spread**2).sum(axis=-1)), kept, coalesced)
+    spread = np.sqrt((spread**2).sum(axis=-1))
+    return Outcome(outlines, ess, spread, kept, coalesced, log_evidence.sum(axis=1))
 
 
 def track_once(name: str, case: Case, tracker: Partitioned, runs: int, seed: int) -> Outcome:
@@ -98,4 +101,4 @@ def judged(case: Case, outlines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _keep(state: Any, summary: Any) -> Any:
-    return summary.estimate, summary.ess, summary.spread
+    return summary.estimate, summary.ess, summary.spread, summary.log_evidence

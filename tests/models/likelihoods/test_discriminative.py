@@ -211,8 +211,9 @@ def test_log_odds_fall_off_the_object_and_where_another_place_looks_better(learn
     centres = np.column_stack([BOXES[:, :2] + BOXES[:, 2:] / 2, np.ones(2)]).T
     here = odds(FRAME, centres)
     assert (here > 3).all()
-    other = blocks(7)
-    assert (odds(other, centres) < -1).all()
+    # Other blocks of the same colours still resemble the object that covers a quarter of it.
+    assert (odds(blocks(7), centres) < here - 8).all()
+    assert (odds(np.full_like(FRAME, 128), centres) < -1).all()
     # The second object once more in the frame, where the grid has a box.
     twice, (x, y, w, h) = FRAME.copy(), BOXES[1].astype(int)
     left, top = round(2.5 * WIDTH / 12) - w // 2, round(2.5 * HEIGHT / 12) - h // 2

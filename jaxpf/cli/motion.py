@@ -77,8 +77,9 @@ def fitted(
     if len(head) < LEAST:
         return setup.model, f"{len(head)} frames are too few to fit the motion.", again
     candidates = target.motion_candidates(setup.model)
+    model = target.model(setup.model, start, looks)
     trackers = [
-        setup.filter.tracker(target.model(one, start, looks), setup.filter_options)
+        setup.filter.tracker(target.with_motion(model, one, start), setup.filter_options)
         for one in candidates
     ]
     # A key that no frame of the run has.

@@ -4,10 +4,9 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.media.overlay import label_at, line_thickness, object_colours
+from jaxpf.media.overlay import DARK, label_at, line_thickness, object_colours
 
 _SHIFT = 4  # bits of a fraction of a pixel, for OpenCV
-_DARK = (20, 20, 20)
 #: Particles are this much of the picture where they are drawn.
 _OPACITY = 0.6
 #: Particles of a smaller share of the largest weight are not drawn.
@@ -49,7 +48,7 @@ def draw_contours(
             continue
         dashed = np.full(len(line), bool(is_lost))
         # A dark rim keeps every colour visible on every background.
-        _draw(frame, line, dashed, _DARK, thickness + 2)
+        _draw(frame, line, dashed, DARK, thickness + 2)
         _draw(frame, line, dashed, tuple(map(int, colour)), thickness)
         highest = np.clip(line[line[:, 1].argmin()], 0, frame.shape[1::-1])
         labels.append((f"{name} lost" if is_lost else f"{name}", highest, colour))

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
-_DARK = (20, 20, 20)
+#: Of rims, which show lines on whatever is behind them.
+DARK = (20, 20, 20)
 _LIGHT = (255, 255, 255)
 #: How much of a faint line is seen.
 _FAINT = 0.5
@@ -87,7 +88,7 @@ def _draw_box(frame: np.ndarray, box: np.ndarray, colour: np.ndarray, dashed: bo
     thickness = line_thickness(frame)
     rim = 2 if min(frame.shape[:2]) >= 240 else 1
     # A dark rim keeps every colour visible on every background.
-    for line, width in ((_DARK, thickness + rim), (_as_colour(colour), thickness)):
+    for line, width in ((DARK, thickness + rim), (_as_colour(colour), thickness)):
         if dashed:
             _dashed_rectangle(frame, (left, top), (right, bottom), line, width)
         else:
@@ -125,7 +126,7 @@ def draw_rectangles(
         points = ((np.clip(quad, -size, 2 * size) - 0.5) * 16).round().astype(np.int32)
         colour = _as_colour(colours[index])
         is_lost = lost is not None and bool(lost[index])
-        for line, width in ((_DARK, thickness + rim), (colour, thickness)):
+        for line, width in ((DARK, thickness + rim), (colour, thickness)):
             if is_lost:
                 for point in points // 16:
                     cv2.circle(frame, (int(point[0]), int(point[1])), width, line, cv2.FILLED)
@@ -293,7 +294,7 @@ def label_at(
     y = min(y, max(height - tag_height, 0))
     cv2.rectangle(frame, (x, y), (x + tag_width - 1, y + tag_height - 1), colour, cv2.FILLED)
     luminance = 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]
-    ink = _DARK if luminance > 110 else _LIGHT
+    ink = DARK if luminance > 110 else _LIGHT
     origin = (x + pad, y + pad + text_height)
     cv2.putText(frame, text, origin, _FONT, _font_scale(frame), ink, _stroke(frame), cv2.LINE_AA)
 
@@ -303,7 +304,7 @@ def _text(frame: np.ndarray, text: str, left: int, top: int) -> None:
     width, height = _text_size(frame, text)
     pad = 1 + line_thickness(frame)
     last = (left + width + 2 * pad - 1, top + height + 2 * pad - 1)
-    cv2.rectangle(frame, (left, top), last, _DARK, cv2.FILLED)
+    cv2.rectangle(frame, (left, top), last, DARK, cv2.FILLED)
     origin = (left + pad, top + pad + height)
     scale, stroke = _font_scale(frame), _stroke(frame)
     cv2.putText(frame, text, origin, _FONT, scale, _LIGHT, stroke, cv2.LINE_AA)

@@ -6,10 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.media.overlay import object_colours
+from jaxpf.media.overlay import DARK, object_colours
 
 _SHIFT = 3  # bits of a fraction of a pixel, for OpenCV
-_DARK = (20, 20, 20)
 
 
 def draw_points(
@@ -59,7 +58,7 @@ def draw_points(
             continue
         size, at = round(radius * 2**_SHIFT), _centre(x, y)
         # A dark rim keeps every colour visible on every background and on its own particles.
-        cv2.circle(picture, at, size, _DARK, 3 * line, cv2.LINE_AA, _SHIFT)
+        cv2.circle(picture, at, size, DARK, 3 * line, cv2.LINE_AA, _SHIFT)
         cv2.circle(picture, at, size, colour, line if hollow[point] else -1, cv2.LINE_AA, _SHIFT)
         if names is not None:
             _write(picture, names[point], x + 1.5 * radius, y - radius, radius, colour)
@@ -69,7 +68,7 @@ def draw_points(
 def _write(picture: np.ndarray, text: str, x: float, y: float, radius: float, colour) -> None:
     """A name on a dark rim, its lower left corner at (x, y)."""
     at = (int(np.clip(x, -1e4, 1e4)), int(np.clip(y, -1e4, 1e4)))
-    for shade, thickness in ((_DARK, 2), (colour, 1)):
+    for shade, thickness in ((DARK, 2), (colour, 1)):
         cv2.putText(
             picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, radius / 10, shade, thickness, cv2.LINE_AA
         )

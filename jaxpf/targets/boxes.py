@@ -232,6 +232,10 @@ class Boxes(Target):
         """See ``Target``."""
         return motion_candidates(options)
 
+    def with_motion(self, model: Model, options: Options, start: Start) -> Model:
+        """See ``Target``."""
+        return self._model(model.likelihood, options, start)
+
     def settled(self, options: Options, start: Start, looks: Looks) -> Options:
         """See ``Target``."""
         options = self.resolved(options, looks.is_filmed)
@@ -243,9 +247,12 @@ class Boxes(Target):
     def noise(self, options: Options, start: Start) -> np.ndarray:
         """See ``Target``."""
         if options.motion == RELATIVE:
+            from jaxpf.models.relative_motion import RelativeMotion
+
             size = np.sqrt(np.prod(start.sizes, axis=1)).mean()
             usual, far, of_size = options.relative_scale
-            step = size * np.sqrt(0.6 * usual**2 + 0.4 * far**2)
+            long = RelativeMotion.long
+            step = size * np.sqrt((1 - long) * usual**2 + long * far**2)
             return np.array([step, step, of_size])
         return np.array(options.scale)
 

@@ -210,6 +210,10 @@ class Target:
         """
         raise InputError(f"{self.name} have no motion to fit; leave --fit-motion out.")
 
+    def with_motion(self, model: Model, options: Any, start: Start) -> Model:
+        """A model of one candidate with the motion of another: what it learned it keeps."""
+        raise TypeError(f"{type(self).__name__} must define with_motion")
+
     def tuned_by_default(self, options: Any) -> tuple[str, ...]:
         """Tracker paths of what is tuned where nobody says what."""
         return ()

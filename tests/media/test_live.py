@@ -81,9 +81,16 @@ def test_what_does_not_open_or_gives_nothing_is_one_sentence(tmp_path, monkeypat
 
 
 def test_a_size_that_changes_is_refused_naming_both(monkeypatch):
-    put_camera(monkeypatch, lambda number: np.zeros((4, 6 + 2 * (number > 0), 3), np.uint8))
+    taken = threading.Event()
+    put_camera(
+        monkeypatch,
+        lambda number: np.zeros((4, 6 + 2 * (number > 0), 3), np.uint8),
+        before_read=lambda number: number and taken.wait(60),
+    )
+    source = open_frames(0)
+    taken.set()  # not before: a camera's frames do not wait
     with pytest.raises(InputError, match="at frame 1, from 6x4 to 8x4; send one size"):
-        list(open_frames(0))
+        list(source)
 
 
 def test_a_file_named_by_a_number_is_no_camera(tmp_path, monkeypatch):

@@ -53,8 +53,15 @@ def test_a_stream_that_breaks_off_says_so(clip, tmp_path):
 
 
 def test_a_camera_gives_its_latest_frame_and_counts_those_left_out(monkeypatch):
-    put_camera(monkeypatch, lambda n: np.full((4, 6, 3), n, np.uint8) if n < 50 else None, 0.01)
+    taken = threading.Event()
+    put_camera(
+        monkeypatch,
+        lambda number: np.full((4, 6, 3), number, np.uint8) if number < 50 else None,
+        pause=0.01,
+        before_read=lambda number: number and taken.wait(60),
+    )
     source = open_frames("0")
+    taken.set()  # not before: a camera's frames do not wait
     assert (source.name, source.path, source.fps) == ("camera-0", "0", 30)
     frames = source.frames()
     assert next(frames)[0, 0, 0] == 0
@@ -88,7 +95,7 @@ def test_a_size_that_changes_is_refused_naming_both(monkeypatch):
         before_read=lambda number: number and taken.wait(60),
     )
     source = open_frames(0)
-    taken.set()  # not before: a camera's frames do not wait
+    taken.set()
     with pytest.raises(InputError, match="at frame 1, from 6x4 to 8x4; send one size"):
         list(source)
 

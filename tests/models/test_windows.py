@@ -1,6 +1,6 @@
 """The window likelihood of points against a plain computation, and what it refuses."""
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 import pytest
 
@@ -11,6 +11,25 @@ RNG = np.random.default_rng(0)
 FRAME = RNG.integers(20, 256, (40, 60, 3), dtype=np.uint8)
 OTHER = RNG.integers(20, 256, (40, 60, 3), dtype=np.uint8)
 POINTS = np.array([[20.3, 15.9], [5.0, 38.5]])  # the second one's window leaves the frame
+COUNT = 17 * 16
+
+
+@jax.jit
+def log_prob_all(likelihood, frame, points, places):
+    return likelihood.log_prob_all(likelihood.observe(frame), points, places)
+
+
+@jax.jit
+def log_prob_of_one(likelihood, frame, point, place):
+    return likelihood.log_prob(likelihood.observe(frame), point, place)
+
+
+def log_prob(likelihood, frame, places, points=0):
+    """Log-likelihoods of places [N, 2], filled up to 272: tests then share a program."""
+    more = COUNT - len(places)
+    points = np.pad(np.broadcast_to(points, len(places)), (0, more), mode="edge")
+    filled = np.pad(np.asarray(places, np.float32), ((0, more), (0, 0)), mode="edge")
+    return np.asarray(log_prob_all(likelihood, frame, points, filled.T))[: len(places)]
 
 
 def cut(frame, x, y, reach):
@@ -23,31 +42,28 @@ def cut(frame, x, y, reach):
 @pytest.mark.parametrize("places", [[[25.0, 20.0], [30.9, 19.1]], [[0.2, 3.0], [59.9, 39.9]]])
 def test_it_is_equation_7(norm, places):
     likelihood = windows(FRAME, POINTS, sigma=0.3, window=(9, 9), norm=norm)
-    observation = likelihood.observe(OTHER)
-    found = likelihood.log_prob_all(observation, jnp.arange(2), jnp.asarray(places).T)
+    found = log_prob(likelihood, OTHER, places, np.arange(2))
     for point, place, value in zip(POINTS, places, found, strict=True):
         reference, seen = cut(FRAME, *point, 4), cut(OTHER, *place, 4)
         squares = (reference / reference.mean() - seen / seen.mean()) ** 2
         expected = -(squares.mean() if norm == "mean" else squares.sum()) / 0.09
         np.testing.assert_allclose(value, expected, rtol=2e-4)
-    one = likelihood.log_prob(observation, 1, jnp.asarray(places[1]))
+    one = log_prob_of_one(likelihood, OTHER, 1, np.array(places[1]))
     np.testing.assert_allclose(one, found[1], rtol=1e-5)
 
 
 def test_brightness_does_not_matter_and_the_place_does():
-    likelihood = windows(FRAME, POINTS[:1])
+    likelihood = windows(FRAME, POINTS, window=(9, 9))
     darker = (FRAME // 2).astype(np.uint8)
     around = np.stack(np.meshgrid(np.arange(12, 29), np.arange(11, 27)), -1).reshape(-1, 2) + 0.5
-    zeros = jnp.zeros(len(around), int)
-    found = likelihood.log_prob_all(likelihood.observe(darker), zeros, jnp.asarray(around.T))
+    found = log_prob(likelihood, darker, around)
     np.testing.assert_array_equal(np.floor(around[int(np.argmax(found))]), [20, 15])
     assert np.max(found) > -0.05
 
 
 def test_places_that_are_no_numbers_or_far_away_are_told():
-    likelihood = windows(FRAME, POINTS[:1])
-    places = jnp.array([[np.nan, 1e30, 20.0], [3.0, -1e30, np.inf]])
-    found = likelihood.log_prob_all(likelihood.observe(FRAME), jnp.zeros(3, int), places)
+    likelihood = windows(FRAME, POINTS, window=(9, 9))
+    found = log_prob(likelihood, FRAME, [[np.nan, 3.0], [1e30, -1e30], [20.0, np.inf]])
     np.testing.assert_array_equal(np.isnan(found), [True, False, True])
 
 
@@ -67,4 +83,4 @@ def test_places_that_are_no_numbers_or_far_away_are_told():
 )
 def test_bad_input_is_refused(settings, message):
     with pytest.raises(jaxpf.InputError, match=message):
-        windows(**({"frame": FRAME, "points": POINTS} | settings))
+        windows(**({"frame": FRAME, "points": POINTS, "window": (9, 9)} | settings))

@@ -2,11 +2,7 @@
 
 import numpy as np
 import pytest
-from histograms import HEIGHT, WIDTH, dyadic, noise
-
-from jaxpf.models.likelihoods.histogram import (
-    histogram,
-)
+from histograms import HEIGHT, NUM_BOXES, WIDTH, dyadic
 
 
 @pytest.fixture(scope="session")
@@ -15,14 +11,9 @@ def boxes():
 
 
 @pytest.fixture(scope="session")
-def likelihood(boxes):
-    return histogram(noise(), boxes, method="integral")
-
-
-@pytest.fixture(scope="session")
 def substates():
     """Boxes all over the frame and beyond its borders."""
     rng = np.random.default_rng(1)
-    count = 300
+    count = NUM_BOXES
     u, v = rng.uniform(-15, WIDTH + 15, count), rng.uniform(-15, HEIGHT + 15, count)
     return np.stack([dyadic(u), dyadic(v), rng.choice([0.5, 0.75, 1, 1.25, 2], count)])

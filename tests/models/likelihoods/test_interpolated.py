@@ -18,6 +18,7 @@ from jaxpf.models.likelihoods import (
     patch,
 )
 from jaxpf.models.likelihoods.distance_law import (
+    FORMS,
     compressed,
     learn_background,
     log_density,
@@ -58,8 +59,15 @@ def observe(likelihood, frame):
 
 
 @jax.jit
-def squared_distance(likelihood, observation, partition, substates):
-    return likelihood.squared_distance_all(observation, partition, substates)[0]
+def value_and_gradient(likelihood, observation, partition, substates):
+    """Log-likelihoods [N], and the gradient [D, N] of the finite ones in the substates."""
+
+    def total(substates):
+        value = likelihood.log_prob_all(observation, partition, substates)
+        return jnp.sum(jnp.where(jnp.isfinite(value), value, 0)), value
+
+    gradient, value = jax.grad(total, has_aux=True)(substates)
+    return value, gradient
 
 
 def poses(count, dimension, seed=1):
@@ -74,6 +82,8 @@ def poses(count, dimension, seed=1):
     return rng.integers(0, 2, count), np.stack(columns[:dimension])
 
 
+#: Particles of the tests in float64 and in float32: one program each for all tests of a case.
+MANY, SOME = 3001, 300
 CASES = [("integral", 3), ("sampled", 3), ("sampled", 4), ("patch", 3), ("patch", 4)]
 
 
@@ -85,18 +95,17 @@ def test_the_gradient_in_position_scale_and_angle_matches_finite_differences(kin
     with jax.enable_x64(True):
         likelihood = made(kind, **({} if kind == "patch" else {"form": form}))
         observation = observe(likelihood, picture(2))
-        partition, substates = poses(400, dimension)
+        partition, substates = poses(MANY, dimension)
 
-        @jax.jit
         def value(substates):
-            return likelihood.log_prob_all(observation, jnp.asarray(partition), substates)
+            return np.asarray(value_and_gradient(likelihood, observation, partition, substates)[0])
 
-        gradient = np.asarray(jax.jit(jax.grad(lambda x: value(x).sum()))(substates))
+        gradient = np.asarray(value_and_gradient(likelihood, observation, partition, substates)[1])
         assert np.isfinite(gradient).all()
         step = 1e-6
         for axis in range(dimension):
             shift = step * np.eye(dimension)[:, [axis]]
-            difference = np.asarray(value(substates + shift) - value(substates - shift)) / 2 / step
+            difference = (value(substates + shift) - value(substates - shift)) / 2 / step
             # A place that crosses a pixel's edge within the step has no derivative there: rare.
             close = np.isclose(gradient[axis], difference, rtol=1e-4, atol=1e-4)
             assert close.mean() > 0.99, (axis, gradient[axis][~close], difference[~close])
@@ -108,91 +117,101 @@ def test_the_value_is_continuous_where_whole_pixels_jump(kind, dimension):
     with jax.enable_x64(True):
         likelihood = made(kind)
         observation = observe(likelihood, picture(2))
-        steps = np.linspace(0, 3, 3001)
-        value_at = jax.jit(lambda x: likelihood.log_prob_all(observation, jnp.zeros(3001, int), x))
+        steps = np.linspace(0, 3, MANY)
+        first = np.zeros(MANY, int)
         along = np.repeat([[31.3], [27.9], [1.1], [0.4]][:dimension], len(steps), axis=1)
         for axis in range(dimension):
             line = along.copy()
             line[axis] += steps * (0.1 if axis > 1 else 1.0)
-            value = value_at(line)
+            value, _ = value_and_gradient(likelihood, observation, first, line)
             assert np.max(np.abs(np.diff(value))) < 0.02 * np.ptp(value)
 
 
 @pytest.mark.parametrize("method", ["integral", "sampled"])
 def test_it_agrees_with_whole_pixels(method):
+    sharpness = 3.0
     smooth = made(method)
-    partition, substates = poses(300, 3)
-    substates = jnp.asarray(substates, jnp.float32)
-    exact = histogram(picture(), BOXES, method="integral", sharpness=3.0)
-    seen, seen_exactly = observe(smooth, picture(2)), observe(exact, picture(2))
-    squared = squared_distance(smooth, seen, partition, substates)
-    truth = squared_distance(exact, seen_exactly, partition, substates)
-    difference = np.abs(squared - truth)
-    assert np.mean(difference) < 0.05
+    exact = histogram(picture(), BOXES, method="integral", sharpness=sharpness)
+    partition, substates = poses(SOME, 3)
+    substates = substates.astype(np.float32)
+
+    def squared_distance(likelihood, substates):
+        seen = observe(likelihood, picture(2))
+        value, _ = value_and_gradient(likelihood, seen, partition, substates)
+        return np.asarray(value) / -sharpness
+
+    squared, truth = squared_distance(smooth, substates), squared_distance(exact, substates)
+    assert np.mean(np.abs(squared - truth)) < 0.05
     assert np.corrcoef(squared, truth)[0, 1] > 0.985
     if method == "integral":  # on whole pixels the same boxes, but for the rounded root
-        whole = jnp.stack([jnp.array([20.0, 41, 8]), jnp.array([30.0, 18, 7]), jnp.ones(3)])
-        first = jnp.zeros(3, int)
-        a = squared_distance(smooth, seen, first, whole)
-        b = squared_distance(exact, seen_exactly, first, whole)
+        partition[:3] = 0
+        substates[:, :3] = [20, 41, 8], [30, 18, 7], [1, 1, 1]
+        a, b = (squared_distance(one, substates)[:3] for one in (smooth, exact))
         np.testing.assert_allclose(a, b, atol=0.02)
 
 
 @pytest.mark.parametrize("method", ["integral", "sampled"])
 def test_boxes_without_a_pixel_and_numbers_that_are_none_keep_finite_gradients(method):
     likelihood = made(method)
-    observation = observe(likelihood, picture(2))
-    substates = jnp.array(
-        [[20.0, 5000.0, -4000.0, 20.0], [20.0, 20.0, -900.0, 20.0], [1.0, 1.0, 1.0, 0.01]]
+    partition, substates = poses(SOME, 3)
+    partition[:4] = 0
+    substates[:, :4] = [20, 5000, -4000, 20], [20, 20, -900, 20], [1, 1, 1, 0.01]
+    value, gradient = map(
+        np.asarray,
+        value_and_gradient(
+            likelihood, observe(likelihood, picture(2)), partition, substates.astype(np.float32)
+        ),
     )
-
-    def total(substates):
-        value = likelihood.log_prob_all(observation, jnp.zeros(4, int), substates)
-        return jnp.sum(jnp.where(jnp.isfinite(value), value, 0)), value
-
-    gradient, value = jax.jit(jax.grad(total, has_aux=True))(substates)
     np.testing.assert_allclose(value[1:3], -3.0 * 2, rtol=1e-5)
     assert value[3] == -np.inf
     assert np.isfinite(gradient).all()
-    assert (gradient[:, 1:] == 0).all()
+    assert (gradient[:, 1:4] == 0).all()
 
 
 def test_every_likelihood_says_whether_it_is_differentiable_in_the_state():
+    with jax.enable_x64(True):
+        of_patches = made("patch")
     assert made("integral").state_gradient
     assert made("sampled").state_gradient
-    assert made("patch").state_gradient
-    assert Gaussian(noise=jnp.ones((1, 1, 1))).state_gradient
-    assert CorrelatedGaussian(covariance=jnp.eye(2)).state_gradient
+    assert of_patches.state_gradient
+    assert Gaussian(noise=np.ones((1, 1, 1))).state_gradient
+    assert CorrelatedGaussian(covariance=np.eye(2)).state_gradient
     whole = histogram(picture(), BOXES)
     assert not whole.state_gradient
-    assert not dataclasses.replace(made("patch"), interpolation="nearest").state_gradient
+    assert not dataclasses.replace(of_patches, interpolation="nearest").state_gradient
     observation = observe(whole, picture(2))
     gradient = jax.jit(jax.grad(lambda x: whole.log_prob(observation, 0, x)))(
-        jnp.array([18.3, 24.2, 1.0])
+        np.array([18.3, 24.2, 1.0], np.float32)
     )
     np.testing.assert_array_equal(gradient[:2], 0)
 
 
 def test_runs_side_by_side_are_the_runs_one_by_one():
-    likelihood = made("sampled")
-    observation = observe(likelihood, picture(2))
-    partition, substates = poses(12, 4)
-    substates = jnp.asarray(substates, jnp.float32).reshape(4, 3, 4).transpose(1, 0, 2)
-    partition = jnp.asarray(partition).reshape(3, 4)
-
-    @jax.jit
-    def gradient(partition, substates):
-        return jax.grad(lambda x: likelihood.log_prob_all(observation, partition, x).sum())(
-            substates
-        )
-
-    together = jax.jit(jax.vmap(gradient))(partition, substates)
-    for run in range(3):
-        one = gradient(partition[run], substates[run])
-        np.testing.assert_allclose(together[run], one, rtol=1e-4, atol=1e-4)
+    with jax.enable_x64(True):
+        likelihood = made("sampled")
+        observation = observe(likelihood, picture(2))
+        partition, substates = poses(3 * MANY, 4)
+        partition = partition.reshape(3, MANY)
+        substates = substates.reshape(4, 3, MANY).swapaxes(0, 1)
+        side_by_side = jax.jit(jax.vmap(value_and_gradient, in_axes=(None, None, 0, 0)))
+        _, together = side_by_side(likelihood, observation, partition, substates)
+        for run in range(3):
+            _, one = value_and_gradient(likelihood, observation, partition[run], substates[run])
+            np.testing.assert_allclose(together[run], one, rtol=1e-8, atol=1e-8)
 
 
 # Forms
+
+
+@jax.jit
+def of_all_forms(sharpness, parts, background, squared):
+    """Every form's log of the first object's values."""
+    first = jnp.zeros(len(squared), int)
+    return {form: log_density(form, sharpness, parts, background, first, squared) for form in FORMS}
+
+
+#: A background for the forms that need none.
+NONE = np.zeros((1, 2, 1))
 
 
 @pytest.mark.parametrize("sharpness", [1e-3, 0.5, 4.0, 20.0, 500.0])
@@ -200,10 +219,11 @@ def test_runs_side_by_side_are_the_runs_one_by_one():
 def test_the_density_of_the_distance_integrates_to_one(sharpness, parts):
     with jax.enable_x64(True):
         grid = np.linspace(0, parts, 400_001)
-        log_f = log_density("density", sharpness, parts, None, np.zeros(1, int), grid)
+        values = of_all_forms(sharpness, parts, NONE, grid)
+        log_f, plain = np.asarray(values["density"]), np.asarray(values["exponential"])
         assert abs(np.trapezoid(np.exp(log_f), grid) - 1) < 1e-5
-        plain = log_density("exponential", sharpness, parts, None, np.zeros(1, int), grid)
-        np.testing.assert_allclose(plain - log_f, log_normaliser(sharpness, parts), rtol=1e-8)
+        normaliser = jax.jit(log_normaliser)(sharpness, parts)
+        np.testing.assert_allclose(plain - log_f, normaliser, rtol=1e-8)
         assert abs(np.trapezoid(np.exp(plain), grid) - 1) > 1e-4
 
 
@@ -215,22 +235,22 @@ def test_the_ratio_times_the_background_integrates_to_one(sharpness):
         background = 30 * (grid / 2) ** 4 * (1 - grid / 2) / 2  # Beta(5, 2) on [0, 2]
         samples = np.random.default_rng(0).beta(5, 2, 400_000) * 2
         samples = np.stack([samples, np.full(samples.size, -np.log(samples.size))])[None]
-        ratio = log_density("ratio", sharpness, 2, samples, np.zeros(len(grid), int), grid)
+        ratio = np.asarray(of_all_forms(sharpness, 2, samples, grid)["ratio"])
         exact = np.trapezoid(background * np.exp(-sharpness * grid), grid)
         # Relative standard error of the mean of exp(-S s) over the samples.
         error = np.std(np.exp(-sharpness * samples[0, 0])) / exact / np.sqrt(samples.size / 2)
         assert abs(np.trapezoid(np.exp(ratio) * background, grid) - 1) < 4 * error + 1e-6
-        assert abs(np.exp(log_tilt(sharpness, samples[0])) / exact - 1) < 4 * error + 1e-6
+        tilt = np.exp(jax.jit(log_tilt)(sharpness, samples[0]))
+        assert abs(tilt / exact - 1) < 4 * error + 1e-6
 
 
 def test_forms_differ_in_a_constant_only():
     squared = np.linspace(0, 2, 9)
-    partition = np.zeros(9, int)
     background = np.log(np.random.default_rng(0).uniform(1, 2, (1, 2, 100)))
-    plain = log_density("exponential", 7.0, 2, None, partition, squared)
+    values = jax.device_get(of_all_forms(7.0, 2, background, squared))
     for form in ("density", "ratio"):
-        other = log_density(form, 7.0, 2, background, partition, squared)
-        np.testing.assert_allclose(other - plain, (other - plain)[0], rtol=1e-5)
+        difference = values[form] - values["exponential"]
+        np.testing.assert_allclose(difference, difference[0], rtol=1e-5)
 
 
 def evidence_of(scene, form, sharpness):
@@ -292,7 +312,7 @@ def test_groups_of_boxes_stand_for_their_members():
     with jax.enable_x64(True):
         for sharpness in (0.1, 5.0, 50.0, 500.0):
             exact = np.log(np.mean(np.exp(-sharpness * squared)))
-            found = log_tilt(sharpness, np.stack([values, log_share]))
+            found = jax.jit(log_tilt)(sharpness, np.stack([values, log_share]))
             assert abs(found - exact) < 0.01
 
 
@@ -312,6 +332,6 @@ def test_a_wrong_choice_is_refused(options, words):
 def test_a_background_needs_boxes_that_fit():
     likelihood = histogram(picture(), BOXES)
     with pytest.raises(InputError, match="larger than the frame of 10 x 10"):
-        learn_background(likelihood, picture()[:10, :10])
+        jax.eval_shape(lambda: learn_background(likelihood, picture()[:10, :10]))
     with pytest.raises(InputError, match="num_boxes is 0"):
         learn_background(likelihood, picture(), num_boxes=0)

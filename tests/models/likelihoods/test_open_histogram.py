@@ -17,9 +17,13 @@ SUBSTATES = np.array([[20.0, 25, 1], [23, 24, 1.1], [47, 31, 1], [50, 29, 0.9]],
 LABELS = np.array([0, 0, 1, 1])
 
 
+@jax.jit
+def log_probs(likelihood, frame, labels):
+    return log_prob_all(likelihood, likelihood.observe(frame), labels, SUBSTATES)
+
+
 def values(likelihood, labels=LABELS):
-    observe = jax.jit(lambda one, frame: one.observe(frame))
-    return log_prob_all(likelihood, observe(likelihood, FRAME), labels, SUBSTATES)
+    return np.asarray(log_probs(likelihood, FRAME, labels))
 
 
 @pytest.mark.parametrize("method", ["integral", "sampled"])

@@ -6,13 +6,28 @@ import numpy as np
 import pytest
 
 from jaxpf.errors import InputError
-from jaxpf.models.likelihoods import PatchLikelihood, patch, patch_from_pictures
+from jaxpf.models.likelihoods import patch, patch_from_pictures
 
 HEIGHT, WIDTH = 50, 70
 POSES = np.array([[20.0, 20.0, 0.3], [45.0, 25.0, -1.2]])
 SIZES = np.array([[14.0, 10.0], [9.0, 16.0]])
-observe = jax.jit(PatchLikelihood.observe)
-log_prob_all = jax.jit(PatchLikelihood.log_prob_all)
+#: Of the windows learned from a frame; pictures are of PICTURE's shape and not resampled.
+WINDOW = (5, 4)
+PICTURE = np.full((22, 22, 3), 100, np.uint8)
+COUNT = 51
+
+
+@jax.jit
+def seen_at(likelihood, frame, partition, substates):
+    return likelihood.log_prob_all(likelihood.observe(frame), partition, substates)
+
+
+def values(likelihood, frame, partition, *substates):
+    """Log-likelihoods of up to 51 substates, filled up to 51: tests then share one program."""
+    more = COUNT - len(substates)
+    partition = np.pad(np.broadcast_to(partition, len(substates)), (0, more), mode="edge")
+    columns = np.pad(np.array(substates, np.float32), ((0, more), (0, 0)), mode="edge").T
+    return np.asarray(seen_at(likelihood, frame, partition, columns))[: len(substates)]
 
 
 def noise(seed=0):
@@ -20,10 +35,6 @@ def noise(seed=0):
     for axis in (0, 1):  # smooth, as pictures are
         frame = (np.roll(frame, 1, axis) + 2 * frame + np.roll(frame, -1, axis)) / 4
     return frame.astype(np.uint8)
-
-
-def at(*substates):
-    return jnp.array(substates, jnp.float32).T
 
 
 def pixel(frame, row, column):
@@ -56,15 +67,16 @@ def seen_one_by_one(frame, substate, size, window, interpolation):
     return np.array(colours)
 
 
-@pytest.mark.parametrize("norm", ["mean", "sum"])
-@pytest.mark.parametrize("interpolation", ["nearest", "bilinear"])
-def test_it_is_the_papers_formula_place_by_place(norm, interpolation):
-    window, sigma, rng = (5, 4), 0.3, np.random.default_rng(1)
+@pytest.mark.parametrize(
+    ("interpolation", "norm"), [("nearest", "sum"), ("nearest", "mean"), ("bilinear", "mean")]
+)
+def test_it_is_the_papers_formula_place_by_place(interpolation, norm):
+    window, sigma, rng = WINDOW, 0.3, np.random.default_rng(1)
     frame, other = noise(1), noise(2)
     likelihood = patch(
         frame, POSES, SIZES, sigma=sigma, window=window, norm=norm, interpolation=interpolation
     )
-    count = 30
+    count = COUNT
     substates = np.stack([
         rng.uniform(-5, WIDTH + 5, count), rng.uniform(-5, HEIGHT + 5, count),
         rng.uniform(0.5, 2, count), rng.uniform(-4, 4, count),
@@ -79,67 +91,59 @@ def test_it_is_the_papers_formula_place_by_place(norm, interpolation):
         d = r / r.mean() - o / max(o.mean(), 1)
         squares = (d**2).mean() if norm == "mean" else (d**2).sum()
         expected.append(-squares / sigma**2)
-    got = log_prob_all(likelihood, observe(likelihood, other), jnp.array(partition), at(*substates))
+    got = values(likelihood, other, partition, *substates)
     close = np.isclose(got, expected, rtol=1e-3, atol=1e-3)
     # In float32 a place on the edge of a pixel may fall to its other side.
     assert close.all() if interpolation == "bilinear" else close.mean() > 0.9
 
 
 def test_five_per_cent_off_is_the_figure_of_the_design():
-    # 21 x 21 x 3 = 1323 entries, each off by 5 % of the mean, half up and half down.
-    picture = np.full((21, 22, 3), 100, np.uint8)
-    frame = picture.copy()
-    frame[:, ::2], frame[:, 1::2] = 95, 105
-    for norm, expected in (("sum", -1386 * 0.0025 / 0.01), ("mean", -0.25)):
-        likelihood = patch_from_pictures([picture], window=(22, 21), norm=norm)
-        got = likelihood.log_prob(likelihood.observe(frame), 0, jnp.array([11.0, 10.5, 1]))
+    # 22 x 22 x 3 = 1452 entries, each off by 5 % of the mean, half up and half down.
+    frame = noise()
+    frame[:22, 0:22:2], frame[:22, 1:22:2] = 95, 105
+    for norm, expected in (("sum", -1452 * 0.0025 / 0.01), ("mean", -0.25)):
+        likelihood = patch_from_pictures([PICTURE], window=(22, 22), norm=norm)
+        got = values(likelihood, frame, 0, (11, 11, 1, 0))
         np.testing.assert_allclose(got, expected, rtol=1e-4)
 
 
 @pytest.mark.parametrize("interpolation", ["nearest", "bilinear"])
 def test_brightness_does_not_matter_and_the_start_is_the_best_place(interpolation):
     frame = noise() // 2
-    likelihood = patch(frame, POSES, SIZES, interpolation=interpolation)
+    likelihood = patch(frame, POSES, SIZES, window=WINDOW, interpolation=interpolation)
     rng = np.random.default_rng(0)
     others = np.insert(POSES[0] + rng.normal(size=(50, 3)) * [3, 3, 0.3], 2, 1, axis=1)
-    substates = at((POSES[0, 0], POSES[0, 1], 1, POSES[0, 2]), *others)
-    partition = jnp.zeros(51, jnp.int32)
-    same = log_prob_all(likelihood, observe(likelihood, frame), partition, substates)
-    double = log_prob_all(likelihood, observe(likelihood, frame * 2), partition, substates)
+    substates = (POSES[0, 0], POSES[0, 1], 1, POSES[0, 2]), *others
+    same = values(likelihood, frame, 0, *substates)
+    double = values(likelihood, frame * 2, 0, *substates)
     np.testing.assert_allclose(same[0], 0, atol=1e-6)
     assert np.argmax(same) == 0
     np.testing.assert_allclose(same, double, rtol=1e-4, atol=1e-4)
 
 
 def test_rotation_is_clockwise_in_the_image():
-    picture = np.zeros((16, 16, 3), np.uint8)
-    picture[:8, :, 0], picture[8:, :, 2] = 255, 255  # red over blue: turned, red is right
-    likelihood = patch_from_pictures([picture], window=(8, 8))
+    picture = np.zeros_like(PICTURE)
+    picture[:11, :, 0], picture[11:, :, 2] = 255, 255  # red over blue: turned, red is right
+    likelihood = patch_from_pictures([picture], window=(22, 22))
     frame = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     frame[:, 20:, 0], frame[:, :20, 2] = 255, 255
-    right, wrong = log_prob_all(
-        likelihood,
-        observe(likelihood, frame),
-        jnp.zeros(2, jnp.int32),
-        at((20, 20, 1, np.pi / 2), (20, 20, 1, -np.pi / 2)),
-    )
+    turned = (20, 20, 1, np.pi / 2), (20, 20, 1, -np.pi / 2)
+    right, wrong = values(likelihood, frame, 0, *turned)
     np.testing.assert_allclose(right, 0, atol=1e-5)
     assert wrong < -100
 
 
 @pytest.mark.parametrize("interpolation", ["nearest", "bilinear"])
 def test_black_windows_and_windows_off_the_frame_are_finite(interpolation):
-    likelihood = patch(noise(), POSES, SIZES, interpolation=interpolation)
-    substates = at((20, 20, 1, 0), (-1000, 20, 1, 0), (1e9, 20, 1, 2), (20, 3e30, 1, 0))
-    partition = jnp.zeros(4, jnp.int32)
-    dark = log_prob_all(likelihood, observe(likelihood, 0 * noise()), partition, substates)
-    reference = np.asarray(likelihood.references[0], float)
+    likelihood = patch(noise(), POSES, SIZES, window=WINDOW, interpolation=interpolation)
+    substates = (20, 20, 1, 0), (-1000, 20, 1, 0), (1e9, 20, 1, 2), (20, 3e30, 1, 0)
+    dark = values(likelihood, 0 * noise(), 0, *substates)
+    reference = np.asarray(likelihood.references, float)[0]
     np.testing.assert_allclose(dark, -np.mean(reference**2) / 0.01, rtol=1e-5)
-    dim = log_prob_all(likelihood, observe(likelihood, noise() // 250), partition, substates)
-    assert np.isfinite(dim).all()
+    assert np.isfinite(values(likelihood, noise() // 250, 0, *substates)).all()
     nan, inf = np.nan, np.inf
-    bad = at((nan, 20, 1, 0), (20, 20, 1, inf), (20, 20, 0.01, 0), (20, 20, -1, 0))
-    got = np.asarray(log_prob_all(likelihood, observe(likelihood, noise()), partition, bad))
+    bad = (nan, 20, 1, 0), (20, 20, 1, inf), (20, 20, 0.01, 0), (20, 20, -1, 0)
+    got = values(likelihood, noise(), 0, *bad)
     assert np.isnan(got[:2]).all()
     assert np.isneginf(got[2:]).all()
 
@@ -148,7 +152,7 @@ def test_black_windows_and_windows_off_the_frame_are_finite(interpolation):
 def test_gradients_are_those_of_the_bilinear_window_and_finite():
     frame = noise(4)
     likelihood = patch(frame, POSES, SIZES, interpolation="bilinear", sigma=0.5)
-    observation = observe(likelihood, noise(5))
+    observation = likelihood.observe(noise(5))
 
     def value(substate):
         return likelihood.log_prob(observation, 0, substate)
@@ -187,18 +191,15 @@ def test_one_particle_agrees_with_all_in_either_precision():
 
 
 def test_the_frame_is_prepared_once_for_all_runs():
-    likelihood = patch(noise(), POSES, SIZES, window=(4, 4))
-    partition, frame = jnp.zeros(3, jnp.int32), noise(3)
+    likelihood = patch(noise(), POSES, SIZES, window=WINDOW)
+    partition, frame = np.zeros(3, int), noise(3)
 
     def step(substates, frame):
         return likelihood.log_prob_all(likelihood.observe(frame), partition, substates)
 
-    many = jnp.ones((7, 4, 3)) * 20
+    many = np.full((7, 4, 3), 20, np.float32)
     text = str(jax.make_jaxpr(jax.vmap(step, in_axes=(0, None)))(many, frame))
     assert f"[7,{HEIGHT + 2},{WIDTH + 2}" not in text
-
-
-BLACK = np.zeros((10, 10, 3), np.uint8)
 
 
 @pytest.mark.parametrize(
@@ -213,12 +214,20 @@ BLACK = np.zeros((10, 10, 3), np.uint8)
         (lambda: patch(noise(), POSES, SIZES, window=(0, 3)), r"window is \(0, 3\)"),
         (lambda: patch(noise(), POSES, SIZES, norm="max"), "norm is 'max': choose one of 'mean'"),
         (lambda: patch(noise(), POSES, SIZES, interpolation="cubic"), "interpolation is 'cubic'"),
-        (lambda: patch(noise(), POSES + 500, SIZES), "the window of object 0 is black"),
-        (lambda: patch_from_pictures([noise(), BLACK]), r"pictures\[1\] is black"),
+        (
+            lambda: patch(noise(), POSES + 500, SIZES, window=WINDOW),
+            "the window of object 0 is black",
+        ),
+        (
+            lambda: patch_from_pictures([PICTURE, 0 * PICTURE], window=(22, 22)),
+            r"pictures\[1\] is black",
+        ),
         (lambda: patch_from_pictures([]), "pictures is empty"),
         (lambda: patch_from_pictures([noise()[..., 0]]), r"pictures\[0\] is uint8 \[50, 70\]"),
         (
-            lambda: patch(noise(), POSES, SIZES).log_prob(jnp.zeros((9, 9), int), 0, jnp.ones(2)),
+            lambda: patch(noise(), POSES, SIZES, window=WINDOW).log_prob(
+                np.zeros((9, 9), int), 0, np.ones(2)
+            ),
             "a substate has 2 values",
         ),
     ],

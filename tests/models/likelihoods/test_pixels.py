@@ -4,12 +4,11 @@ import dataclasses
 import math
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.models.likelihoods import pixels
+from jaxpf.models.likelihoods import PixelLikelihood, pixels
 
 SIGMA = 10.0
 
@@ -30,10 +29,20 @@ def likelihood(**settings):
     return pixels([picture(0), picture(1)], **({"sigma": SIGMA, "window": (8, 8)} | settings))
 
 
+@jax.jit
+def log_prob_all(model, frame, labels, substates):
+    return model.log_prob_all(model.observe(frame), labels, substates)
+
+
+expecting = jax.jit(PixelLikelihood.expecting)
+
+
 def log_prob(model, frame, *substates, target=0):
-    columns = np.array(substates, np.float32).T
-    labels = jnp.full(columns.shape[1], target)
-    return np.asarray(model.log_prob_all(model.observe(frame), labels, columns))
+    """Log-likelihoods of up to four substates, filled up to four: tests then share a program."""
+    filled = [*substates, *substates[-1:] * (4 - len(substates))]
+    columns = np.array(filled, np.float32).T
+    found = log_prob_all(model, frame, np.full(len(filled), target), columns)
+    return np.asarray(found)[: len(substates)]
 
 
 TRUE = (28.0, 42.0, 16.0, 24.0)  # centre and sides of the patch in frame_with
@@ -91,21 +100,22 @@ def test_the_power_makes_a_shift_cost_what_was_asked_for():
     slope = 0.5
     cells = np.random.default_rng(0).choice([0, 255], (8, 8, 1)).astype(np.uint8)
     patch = np.repeat(cells.repeat(3, 0).repeat(2, 1), 3, axis=-1)
-    model = pixels([patch], sigma=SIGMA, window=(8, 8), min_slope=slope)
+    model = pixels([patch, picture(1)], sigma=SIGMA, window=(8, 8), min_slope=slope)
     plain = dataclasses.replace(model, min_slope=None)
     frame = frame_with(patch)
     shifted = (30.0, 42.0, 16.0, 24.0)
     change = np.diff(log_prob(model, frame, TRUE, shifted))
     plain_change = np.diff(log_prob(plain, frame, TRUE, shifted))
     np.testing.assert_allclose(change, slope * 24 * plain_change, rtol=1e-3)
-    small = model.expecting(jnp.array([[28.0, 42.0, 1.0, 1.5]]))
+    small = expecting(model, np.array([[28.0, 42.0, 1.0, 1.5]] * 2))
     np.testing.assert_allclose(log_prob(small, frame, TRUE), log_prob(plain, frame, TRUE))
 
 
 def test_the_power_does_not_depend_on_the_units_of_intensity():
     frame, dark = frame_with(picture(0) // 2 * 2), frame_with(picture(0) // 2, level=64)
-    model = pixels([picture(0) // 2 * 2], sigma=20.0, window=(8, 8), min_slope=1.0)
-    other = pixels([picture(0) // 2], sigma=10.0, window=(8, 8), min_slope=1.0)
+    pictures = [picture(0) // 2, picture(1) // 2]
+    model = pixels([2 * x for x in pictures], sigma=20.0, window=(8, 8), min_slope=1.0)
+    other = pixels(pictures, sigma=10.0, window=(8, 8), min_slope=1.0)
     shifted = (29.0, 44.0, 16.0, 24.0)
     first, second = log_prob(model, frame, TRUE, shifted), log_prob(other, dark, TRUE, shifted)
     np.testing.assert_allclose(np.diff(first), np.diff(second), rtol=1e-4)
@@ -117,7 +127,7 @@ def test_the_size_term_favours_larger_boxes_by_area_over_expected_area():
     boxes = [TRUE, (28.0, 42.0, 32.0, 24.0), (28.0, 42.0, 8.0, 12.0)]
     added = log_prob(model, frame, *boxes) - log_prob(plain, frame, *boxes)
     np.testing.assert_allclose(added, 2 * np.log([1, 2, 0.25]), atol=1e-4)
-    told = model.expecting(jnp.array([[28.0, 42.0, 32.0, 24.0], [0, 0, 1, 1]]))
+    told = expecting(model, np.array([[28.0, 42.0, 32.0, 24.0], [0, 0, 1, 1]]))
     added = log_prob(told, frame, *boxes) - log_prob(plain, frame, *boxes)
     np.testing.assert_allclose(added, 2 * np.log([0.5, 1, 0.125]), atol=1e-4)
 
@@ -130,7 +140,7 @@ def test_scale_and_sides_describe_the_same_box():
         log_prob(scale, frame, (28.0, 42.0, 1.5)),
         rtol=1e-5,
     )
-    expected = scale.expecting(jnp.array([[0, 0, 2.0], [0, 0, 0.5]])).expected
+    expected = expecting(scale, np.array([[0, 0, 2.0], [0, 0, 0.5]])).expected
     np.testing.assert_allclose(expected, [[32, 48], [8, 12]])
 
 
@@ -147,8 +157,13 @@ def test_grey_compares_brightness_alone():
 
 def test_bilinear_pixels_have_a_gradient_in_the_box():
     model, frame = likelihood(interpolation="bilinear"), frame_with(picture(0))
-    observation = model.observe(frame)
-    slope = jax.grad(lambda x: model.log_prob(observation, 0, x))(jnp.array([28.6, 42.7, 17, 25]))
+
+    @jax.jit
+    @jax.grad
+    def gradient(substate):
+        return model.log_prob(model.observe(frame), 0, substate)
+
+    slope = gradient(np.array([28.6, 42.7, 17, 25]))
     assert np.all(np.isfinite(slope))
     assert np.all(np.abs(slope[:2]) > 1e-3)
     assert model.state_gradient

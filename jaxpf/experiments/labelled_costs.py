@@ -3,6 +3,7 @@
 Times are of the CPU, on one device: they do not count what else runs on the machine.
 """
 
+import dataclasses
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -22,13 +23,13 @@ from jaxpf.experiments.speed import (
     keep_estimate,
     keep_report,
 )
+from jaxpf.filters.labelled.options import LABELLED, Options
 from jaxpf.filters.partitioned import ordering as orderings
 from jaxpf.models.dynamics import LinearGaussian
 from jaxpf.models.likelihoods.gaussian import Gaussian
 from jaxpf.models.likelihoods.histogram import histogram
 from jaxpf.running import init
-from jaxpf.targets.boxes import box_tracker
-from jaxpf.targets.labelled_boxes import labelled_box_tracker
+from jaxpf.targets.box_models import box_model, box_tracker
 
 RUNS, PARTICLES = 10, 2100
 #: Targets of the growth table, each with so many particles.
@@ -46,13 +47,16 @@ def rows(
     frames = jnp.stack([jnp.asarray(frame)] * num_frames)
     keys = jax.random.split(jax.random.key(0), num_runs)
     likelihood = histogram(frame, boxes, method="integral")
-    settings: dict[str, Any] = {"scale": (2, 2, 0.001), "num_particles": num_particles}
+    scale = (2, 2, 0.001)
+    model = box_model(likelihood, boxes, scale)
+    plain = Options(particles=num_particles)
+    fed_back = dataclasses.replace(plain, feedback="estimate", regularise=(0.9, 0.5))
     trackers = {
-        "SIR, one box": box_tracker(likelihood, boxes[:1], orderings.sir(1), **settings),
-        "labelled, 7 boxes": labelled_box_tracker(likelihood, boxes, **settings),
-        "the same, feedback": labelled_box_tracker(
-            likelihood, boxes, feedback="estimate", regularise=(0.9, 0.5), **settings
+        "SIR, one box": box_tracker(
+            likelihood, boxes[:1], orderings.sir(1), scale=scale, num_particles=num_particles
         ),
+        "labelled, 7 boxes": LABELLED.tracker(model, plain),
+        "the same, feedback": LABELLED.tracker(model, fed_back),
     }
     candidates: dict[str, Callable[[], Any]] = {
         name: partial(

@@ -53,8 +53,15 @@ def test_a_stream_that_breaks_off_says_so(clip, tmp_path):
 
 
 def test_a_camera_gives_its_latest_frame_and_counts_those_left_out(monkeypatch):
-    put_camera(monkeypatch, lambda n: np.full((4, 6, 3), n, np.uint8) if n < 50 else None, 0.01)
+    taken = threading.Event()
+    put_camera(
+        monkeypatch,
+        lambda number: np.full((4, 6, 3), number, np.uint8) if number < 50 else None,
+        pause=0.01,
+        before_read=lambda number: number and taken.wait(60),
+    )
     source = open_frames("0")
+    taken.set()  # not before: a camera's frames do not wait
     assert (source.name, source.path, source.fps) == ("camera-0", "0", 30)
     frames = source.frames()
     assert next(frames)[0, 0, 0] == 0
@@ -81,9 +88,16 @@ def test_what_does_not_open_or_gives_nothing_is_one_sentence(tmp_path, monkeypat
 
 
 def test_a_size_that_changes_is_refused_naming_both(monkeypatch):
-    put_camera(monkeypatch, lambda number: np.zeros((4, 6 + 2 * (number > 0), 3), np.uint8))
+    taken = threading.Event()
+    put_camera(
+        monkeypatch,
+        lambda number: np.zeros((4, 6 + 2 * (number > 0), 3), np.uint8),
+        before_read=lambda number: number and taken.wait(60),
+    )
+    source = open_frames(0)
+    taken.set()
     with pytest.raises(InputError, match="at frame 1, from 6x4 to 8x4; send one size"):
-        list(open_frames(0))
+        list(source)
 
 
 def test_a_file_named_by_a_number_is_no_camera(tmp_path, monkeypatch):

@@ -12,42 +12,40 @@ SIZES = (100, 400, 1600, 6400)
 RUNS = 250
 
 
-@pytest.fixture(scope="module")
-def last_frames():
-    """For each method, means and second moments of the last frame, ``[R, P]`` at each N."""
-    exact = objects()
-    orderings = {
-        "ps": ordering.ps([2, 0, 3, 1]),
-        "dps": ordering.dps(4),
-        "sps": ordering.sps(OBJECTS),
-    }
-    found = {name: [] for name in orderings}
+ORDERINGS = {
+    "ps": ordering.ps([2, 0, 3, 1]),
+    "dps": ordering.dps(4),
+    "sps": ordering.sps(OBJECTS),
+}
+
+
+@pytest.fixture(scope="module", params=ORDERINGS)
+def last_frames(request):
+    """The exact answer, and means and second moments of the last frame, ``[R, P]`` at each N."""
+    exact, found = objects(), []
     for size in SIZES:
-        for name, order in orderings.items():
-            recorded = record_runs(exact, order, seed=7, runs=RUNS, batch=50, num_particles=size)
-            found[name].append([np.asarray(part)[:, -1] for part in recorded[1:3]])
+        order = ORDERINGS[request.param]
+        recorded = record_runs(exact, order, seed=7, runs=RUNS, batch=50, num_particles=size)
+        found.append([np.asarray(part)[:, -1] for part in recorded[1:3]])
     return exact, found
 
 
-@pytest.mark.parametrize("method", ["ps", "dps", "sps"])
-def test_error_falls_with_the_root_of_the_number_of_particles(last_frames, method):
+def test_error_falls_with_the_root_of_the_number_of_particles(last_frames):
     exact, found = last_frames
-    rmse = [np.sqrt(np.mean((mean - exact.mean[-1]) ** 2)) for mean, _ in found[method]]
+    rmse = [np.sqrt(np.mean((mean - exact.mean[-1]) ** 2)) for mean, _ in found]
     slope = np.polyfit(np.log(SIZES), np.log(rmse), 1)[0]
     assert slope == pytest.approx(-0.5, abs=0.1)
 
 
-@pytest.mark.parametrize("method", ["ps", "dps", "sps"])
-def test_many_particles_leave_no_visible_bias(last_frames, method):
+def test_many_particles_leave_no_visible_bias(last_frames):
     exact, found = last_frames
-    mean, _ = found[method][-1]
+    mean, _ = found[-1]
     errors = mean - exact.mean[-1]
     assert (np.abs(errors.mean(0)) < 4 * errors.std(0) / RUNS**0.5).all()
 
 
-@pytest.mark.parametrize("method", ["ps", "dps", "sps"])
-def test_many_particles_have_the_posterior_variance(last_frames, method):
+def test_many_particles_have_the_posterior_variance(last_frames):
     exact, found = last_frames
-    mean, second = found[method][-1]
+    mean, second = found[-1]
     ratio = (second - mean**2).mean(0) / exact.variance[-1]
     np.testing.assert_allclose(ratio, 1.0, atol=0.03)

@@ -5,7 +5,6 @@ of particles.  A z-score is the distance of their mean over many runs from the e
 in standard errors of that mean: for a correct filter |z| is a draw from |N(0, 1)|.
 """
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -168,16 +167,20 @@ COMPILER_OPTIONS = {
 }
 
 
-@partial(jax.jit, static_argnames="batch", compiler_options=COMPILER_OPTIONS)
-def _monte_carlo(tracker, keys, frames, batch):
-    return jaxpf.monte_carlo(tracker, keys, frames, moments, batch_size=batch)
+#: ``jaxpf.run`` and ``jaxpf.monte_carlo``; pass ``record`` and ``batch_size`` by name.
+run = jax.jit(jaxpf.run, static_argnames="record", compiler_options=COMPILER_OPTIONS)
+monte_carlo = jax.jit(
+    jaxpf.monte_carlo,
+    static_argnames=("record", "batch_size"),
+    compiler_options=COMPILER_OPTIONS,
+)
 
 
 def record_runs(exact: Problem, ordering, *, seed=1, runs=RUNS, batch=BATCH, **settings):
     """``moments`` of many runs of a filter on a problem, leading axes ``[R, T]``."""
     tracker = exact.tracker(ordering, **settings)
     keys = jax.random.split(jax.random.key(seed), runs)
-    return _monte_carlo(tracker, keys, exact.frames, batch)
+    return monte_carlo(tracker, keys, exact.frames, record=moments, batch_size=batch)
 
 
 def scores(exact: Problem, ordering, **settings) -> Scores:

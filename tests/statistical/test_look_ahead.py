@@ -8,6 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from exact import monte_carlo
+from exact import run as run_once
 
 import jaxpf
 from jaxpf.errors import InputError
@@ -91,7 +93,8 @@ def runs(chosen, **options):
     """Evidence over the exact one ``[R]``, and places ``[R, 3]`` in the last frame."""
     keys = jax.random.split(jax.random.key(7), RUNS)
     frames = jnp.asarray(WEIGHTING), jnp.asarray(JOINT)
-    found = jaxpf.monte_carlo(tracker(chosen, **options), keys, frames, report, batch_size=2000)
+    made = tracker(chosen, **options)
+    found = monte_carlo(made, keys, frames, record=report, batch_size=2000)
     log_evidence, places = (np.asarray(values, float) for values in found)
     return np.exp(log_evidence.sum(axis=1)) / exact()[0], places[:, -1]
 
@@ -164,7 +167,7 @@ def test_of_two_partitions_only_what_is_expected_of_the_other_makes_a_difference
             num_particles=50,
             **options,
         )
-        _, summary = jaxpf.run(two, jax.random.key(1), jnp.asarray(WEIGHTING[:, :2]))
+        _, summary = run_once(two, jax.random.key(1), jnp.asarray(WEIGHTING[:, :2]))
         return summary
 
     plain = run(dynamics=Steps())

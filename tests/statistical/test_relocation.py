@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from exact import monte_carlo, run
 
 import jaxpf
 from jaxpf.errors import InputError
@@ -108,7 +109,8 @@ def runs(method, **settings):
     """Evidence over the exact one ``[R]``, places ``[R, 2, 2]`` in the end, and exact ones."""
     keys = jax.random.split(jax.random.key(7), RUNS)
     frames = jnp.asarray(TABLES, jnp.float32), jnp.asarray(ODDS, jnp.float32)
-    found = jaxpf.monte_carlo(tracker(method, **settings), keys, frames, report, batch_size=2000)
+    made = tracker(method, **settings)
+    found = monte_carlo(made, keys, frames, record=report, batch_size=2000)
     log_evidence, places, confidence, sizes = (np.asarray(values, float) for values in found)
     assert (sizes[:, -1] == 2**FRAMES).all()  # which moves as ever
     assert (confidence == confidence[0]).all()  # of the frames alone, here
@@ -166,7 +168,7 @@ def test_each_label_has_the_evidence_of_its_own_mixture():
     def report(state, summary):
         return summary.label_log_evidence, summary.confidence
 
-    found = jaxpf.monte_carlo(labelled, keys, frames, report, batch_size=2000)
+    found = monte_carlo(labelled, keys, frames, record=report, batch_size=2000)
     log_evidence, confidence = (np.asarray(values, float) for values in found)
     evidence, _ = exact(confidence[0])
     assert (z_score(np.exp(log_evidence.sum(axis=1)) / evidence, 1) < LIMIT).all()
@@ -200,7 +202,7 @@ def whole(state, summary):
 def test_nothing_changes_while_nobody_is_lost():
     frames = jnp.asarray(TABLES, jnp.float32), jnp.full(ODDS.shape, 4.0)
     with_it, without = (
-        jaxpf.run(tracker("dps", **settings), jax.random.key(3), frames, whole)[1]
+        run(tracker("dps", **settings), jax.random.key(3), frames, record=whole)[1]
         for settings in ({}, {"relocation": None})
     )
     assert (with_it[1].confidence > 0.5).all()

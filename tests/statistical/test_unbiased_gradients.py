@@ -1,7 +1,7 @@
 """The expected gradient of the evidence against that of the Kalman filter.
 
-``stop_gradient`` must agree at any number of particles, for every method; how far the other
-variations are off is printed, and recorded with the test's result.
+``stop_gradient`` must agree at any number of particles, for every method, and without any
+gradient of the choices it must not; how far is printed, and recorded with the test's result.
 """
 
 from typing import Any
@@ -69,14 +69,11 @@ class CorrectedAtTheEnd:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", ["adaptive and tempered", "log_joint"])
-def test_stop_gradient_is_unbiased_where_weights_stay_unequal(part, record_property):
-    exact, settings = problem(TREE), {}
-    if part == "log_joint":
-        exact = exact._replace(likelihood=CorrectedAtTheEnd(noise=exact.likelihood.noise))
-    else:
-        settings = {"ess_threshold": 0.5, "tempering": 0.5}
-    method = ordering.dps(orders=[[0, 1, 2], [0, 2, 1]])
+def test_stop_gradient_is_unbiased_where_weights_stay_unequal(record_property):
+    """Not always resampled, by tempered weights, and corrected by ``log_joint`` in the end."""
+    exact = problem(TREE)
+    exact = exact._replace(likelihood=CorrectedAtTheEnd(noise=exact.likelihood.noise))
+    method, settings = METHODS["dps"], {"ess_threshold": 0.5, "tempering": 0.5}
     found = gradients(exact, method, gradient="stop_gradient", **settings)
     record_property("gradient", str(found))
     print(found)
@@ -87,27 +84,24 @@ VARIATIONS = {
     "stop_gradient": ({"gradient": "stop_gradient"}, True),
     "stop_gradient, score": ({"gradient": "stop_gradient", "motion_gradient": "score"}, True),
     "none": ({"gradient": "none"}, False),
-    "soft": ({"gradient": "soft"}, False),
-    "transport": ({"gradient": "transport", "runs": 800, "batch": 100}, False),
 }
 
 
 @pytest.mark.parametrize(
     "variation",
     [
-        name if name in ("stop_gradient", "none") else pytest.param(name, marks=pytest.mark.slow)
-        for name in VARIATIONS
+        "stop_gradient",
+        pytest.param("stop_gradient, score", marks=pytest.mark.slow),
+        "none",
     ],
 )
 def test_bias_of_every_variation_on_one_partition(variation, record_property):
     settings, unbiased = VARIATIONS[variation]
-    if variation == "transport":
-        pytest.importorskip("ott", reason="needs jaxpf[transport]")
     found = gradients(problem((-1,)), ordering.ps([0]), **settings)
     record_property("gradient", str(found))
     print(found)
     if unbiased:
         assert found.worst < LIMIT
-    elif variation == "none":
+    else:
         assert np.abs(found.z).max() > 2 * WRONG  # so the test can tell
     assert np.isfinite(found.gradient).all()

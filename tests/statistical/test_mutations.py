@@ -12,13 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import (
-    BATCH,
-    COMPILER_OPTIONS,
     DEEP_TREE,
     FOREST,
     LIMIT,
     OBJECTS,
-    RUNS,
     TREE,
     WRONG,
     moments,
@@ -27,12 +24,16 @@ from exact import (
     scores,
     scores_of,
 )
+from quick_compiling import quick
 
 from jaxpf import running
 from jaxpf.filters import resampling
 from jaxpf.filters.partitioned import ending, exchange, ordering, selection
 
 pytestmark = pytest.mark.statistical
+
+#: Enough to throw every fault out; the exactness tests have four times as many.
+RUNS, BATCH = 5_000, 1_000
 
 
 def mutant_scores(exact, order, **settings):
@@ -44,7 +45,7 @@ def mutant_scores(exact, order, **settings):
 
     keys = jax.random.split(jax.random.key(1), RUNS).reshape(-1, BATCH)
     tracker = exact.tracker(order, **settings)
-    recorded = jax.jit(monte_carlo, compiler_options=COMPILER_OPTIONS)(tracker, keys, exact.frames)
+    recorded = quick(monte_carlo)(tracker, keys, exact.frames)
     return scores_of(jax.tree.map(lambda x: x.reshape(RUNS, *x.shape[2:]), recorded), exact)
 
 

@@ -33,6 +33,7 @@ def everything(state, summary):
 
 
 _run = quick(jaxpf.run, static_argnames="record")
+monte_carlo = quick(jaxpf.monte_carlo)
 
 
 def run(*arguments):
@@ -108,7 +109,7 @@ def test_shares_are_fair_under_equal_share_and_drift_without():
     frames = FRAMES.copy()
     frames[:, 2] += 2.5  # less likely than the others
     share = {
-        weights: np.asarray(jaxpf.monte_carlo(tracker(weights=weights), keys, frames).uniqueness)
+        weights: np.asarray(monte_carlo(tracker(weights=weights), keys, frames).uniqueness)
         for weights in ("equal_share", "plain")
     }
     assert np.all(np.abs(share["equal_share"] - 1 / 3) <= 1.01 / 60)
@@ -246,7 +247,7 @@ def test_many_targets_are_weighed_as_few_are(monkeypatch):
 def test_runs_streams_and_monte_carlo_agree():
     chosen, key = tracker(feedback="estimate", regularise=(0.8, 0.5)), jax.random.key(5)
     alone = run(chosen, key, FRAMES)[1]
-    many = jaxpf.monte_carlo(chosen, jnp.stack([key, jax.random.key(6)]), FRAMES)
+    many = monte_carlo(chosen, jnp.stack([key, jax.random.key(6)]), FRAMES)
     np.testing.assert_allclose(many.estimate[0], alone.estimate, rtol=1e-3, atol=1e-4)
     streamed = [tracked.summary.estimate for tracked in stream(chosen, key, FRAMES)]
     np.testing.assert_allclose(streamed, alone.estimate, rtol=1e-3, atol=1e-4)
@@ -263,7 +264,7 @@ def test_the_evidence_has_a_gradient(motion):
         keys = jax.random.split(jax.random.key(0), 4)
         return jnp.mean(jaxpf.objectives.log_evidence(changed, keys, FRAMES))
 
-    slope = jax.grad(loss)(jnp.array([1.0, 1.0]))
+    slope = quick(jax.grad(loss))(jnp.array([1.0, 1.0]))
     assert np.all(np.isfinite(slope))
     assert np.all(np.abs(slope) > 1e-3)
 

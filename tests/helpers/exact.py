@@ -167,8 +167,7 @@ COMPILER_OPTIONS = {
 }
 
 
-#: ``jaxpf.run`` and ``jaxpf.monte_carlo``; pass ``record`` and ``batch_size`` by name.
-run = jax.jit(jaxpf.run, static_argnames="record", compiler_options=COMPILER_OPTIONS)
+#: ``jaxpf.monte_carlo``; pass ``record`` and ``batch_size`` by name.
 monte_carlo = jax.jit(
     jaxpf.monte_carlo,
     static_argnames=("record", "batch_size"),

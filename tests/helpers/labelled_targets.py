@@ -4,13 +4,12 @@ Target l has its own evidence Z_l.  The labelled filter is one of a mixture whos
 the targets, each with probability 1/L.
 """
 
-from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from exact import COMPILER_OPTIONS, objects
+from exact import monte_carlo, objects
 
 import jaxpf
 from jaxpf.models.likelihoods.gaussian import kalman
@@ -59,15 +58,11 @@ def moments(state, summary):
     return summary.log_evidence, summary.label_log_evidence, sums, holds.sum(-1), summary.lost
 
 
-@partial(jax.jit, static_argnames="batch", compiler_options=COMPILER_OPTIONS)
-def _monte_carlo(tracker, keys, frames, batch):
-    return jaxpf.monte_carlo(tracker, keys, frames, moments, batch_size=batch)
-
-
 def recorded(exact: Targets, *, seed=1, runs=RUNS, batch=BATCH, **settings):
     """``moments`` of many runs, leading axes ``[R, T]``."""
     keys = jax.random.split(jax.random.key(seed), runs)
-    found = _monte_carlo(exact.tracker(**settings), keys, exact.problem.frames, batch)
+    tracker = exact.tracker(**settings)
+    found = monte_carlo(tracker, keys, exact.problem.frames, record=moments, batch_size=batch)
     found = jax.tree.map(np.asarray, found)
     assert found[0].dtype == np.float64
     return found

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from exact import LIMIT
+from exact import LIMIT, monte_carlo
 
 import jaxpf
 from jaxpf.filters.partitioned import ordering
@@ -87,7 +87,7 @@ def test_evidence_places_and_labels_are_unbiased(name):
         num_particles=N,
     )
     keys = jax.random.split(jax.random.key(2), RUNS)
-    found = jaxpf.monte_carlo(tracker, keys, jnp.asarray(SEEN), report, batch_size=2000)
+    found = monte_carlo(tracker, keys, jnp.asarray(SEEN), record=report, batch_size=2000)
     log_evidence, places, is_one = (np.asarray(values, float) for values in found)
     evidence, true_label, true_places = exact()
     scale = np.exp(log_evidence.sum(axis=1)) / evidence

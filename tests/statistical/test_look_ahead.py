@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import monte_carlo
-from exact import run as run_once
+from quick_compiling import quick
 
 import jaxpf
 from jaxpf.errors import InputError
@@ -167,7 +167,7 @@ def test_of_two_partitions_only_what_is_expected_of_the_other_makes_a_difference
             num_particles=50,
             **options,
         )
-        _, summary = run_once(two, jax.random.key(1), jnp.asarray(WEIGHTING[:, :2]))
+        _, summary = quick(jaxpf.run)(two, jax.random.key(1), jnp.asarray(WEIGHTING[:, :2]))
         return summary
 
     plain = run(dynamics=Steps())

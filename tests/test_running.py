@@ -259,9 +259,6 @@ def test_an_empty_batch_is_refused():
 def test_devices_share_the_runs_bit_for_bit():
     # In a process of its own: the number of host devices is fixed when JAX is first used.
     program = """
-import subprocess
-import sys
-
 import jax
 jax.config.update("jax_num_cpu_devices", 3)
 import jax.numpy as jnp, numpy as np, jaxpf
@@ -280,15 +277,15 @@ tracker = jaxpf.Partitioned(
 )
 frames = jnp.asarray(np.random.default_rng(0).normal(size=(7, 1, 1)), jnp.float32)
 keys = jax.random.split(jax.random.key(0), 13)
-alone, two, all_ = (
+alone, all_ = (
     jaxpf.monte_carlo(tracker, keys, frames, batch_size=4, devices=devices)
-    for devices in (jax.devices()[:1], jax.devices()[:2], None)
+    for devices in (jax.devices()[:1], None)
 )
 assert len(all_.estimate.devices()) == 3
 # Chunks of 6 frames and of 1, which are written to the devices that observe them.
 chunked = jaxpf.monte_carlo(tracker, keys, iter(np.asarray(frames)), batch_size=4,
                             frames_per_chunk=1)
-for results in (two, all_, chunked):
+for results in (all_, chunked):
     jax.tree.map(np.testing.assert_array_equal, alone, results)
 print(np.asarray(alone.estimate).shape)
 

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError
@@ -39,12 +40,12 @@ def trees_equal(one, other):
 
 def test_run_is_a_fold_of_steps_with_the_documented_keys():
     made, key = tracker(), jax.random.key(3)
-    state = made.init(jax.random.fold_in(key, 0))
-    step = jax.jit(lambda key, state, frame: made.step(key, state, frame))
+    state = quick(lambda key: made.init(jax.random.fold_in(key, 0)))(key)
+    step = quick(lambda key, time, state, x: made.step(jax.random.fold_in(key, time), state, x))
     total = 0.0
     for time, frame in enumerate(FRAMES):
-        state, summary = step(jax.random.fold_in(key, time + 1), state, frame)
-        total += summary.log_evidence
+        state, summary = step(key, time + 1, state, frame)
+        total += float(summary.log_evidence)
     last, summaries = jaxpf.run(made, key, FRAMES)
     np.testing.assert_allclose(last.substates, state.substates, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(np.sum(summaries.log_evidence), total, rtol=1e-5)
@@ -62,7 +63,7 @@ def test_a_longer_sequence_begins_like_a_shorter_one():
     made = tracker()
     whole = jaxpf.run(made, jax.random.key(0), FRAMES)[1]
     part = jaxpf.run(made, jax.random.key(0), FRAMES[:2])[1]
-    np.testing.assert_array_equal(whole.estimate[:2], part.estimate)
+    np.testing.assert_array_equal(np.asarray(whole.estimate)[:2], part.estimate)
 
 
 @pytest.mark.slow
@@ -83,23 +84,23 @@ def test_a_run_does_not_depend_on_how_many_runs_share_its_batch(float64):
 
 def test_monte_carlo_agrees_with_single_runs():
     made, keys = tracker(), jax.random.split(jax.random.key(5), 3)
-    together = jaxpf.monte_carlo(made, keys, FRAMES)
+    together = jax.device_get(jaxpf.monte_carlo(made, keys, FRAMES))
     for number, key in enumerate(keys):
         alone = jaxpf.run(made, key, FRAMES)[1]
         np.testing.assert_allclose(together.estimate[number], alone.estimate, atol=1e-4)
 
 
 def test_monte_carlo_puts_runs_before_frames():
-    made, keys = tracker(), jax.random.split(jax.random.key(5), 13)
+    made, keys = tracker(), jax.random.split(jax.random.key(5), 3)
     summaries = jaxpf.monte_carlo(made, keys, FRAMES)
-    assert summaries.estimate.shape == (13, 4, 3, 1)
-    assert summaries.log_evidence.shape == (13, 4)
-    assert summaries.uniqueness.shape == (13, 4, 3)
+    assert summaries.estimate.shape == (3, 4, 3, 1)
+    assert summaries.log_evidence.shape == (3, 4)
+    assert summaries.uniqueness.shape == (3, 4, 3)
 
 
 def test_raw_keys_are_taken_as_typed_ones_are():
     made = tracker()
-    typed = jax.random.split(jax.random.key(5), 2)
+    typed = jax.random.split(jax.random.key(5), 3)
     raw = jaxpf.monte_carlo(made, jax.random.key_data(typed), FRAMES)
     trees_equal(raw, jaxpf.monte_carlo(made, typed, FRAMES))
 
@@ -118,7 +119,7 @@ traced: list[int] = []
 
 def test_changing_the_ordering_compiles_nothing_new():
     key = jax.random.key(0)
-    keys = jax.random.split(key, 2)
+    keys = jax.random.split(key, 3)
     walk = TracedWalk(np.float64(1.0))
     jaxpf.run(tracker(ordering.sir(3), dynamics=walk), key, FRAMES)
     jaxpf.monte_carlo(tracker(ordering.sir(3), dynamics=walk), keys, FRAMES)
@@ -192,6 +193,9 @@ def test_memory_does_not_grow_with_the_number_of_frames():
     assert many - few < 1000 * 10 * 50 * 3 * 4  # less than keeping one substate of all
 
 
+SPEEDS = {"speed": np.float32([1.0, 2.0, 3.0])}
+
+
 @pytree_dataclass
 class Accumulator:
     """The least that is a tracker: no particles, no ``observe``."""
@@ -206,21 +210,19 @@ class Accumulator:
 
 
 def test_any_object_with_init_and_step_can_be_run():
-    frames = {"speed": jnp.array([1.0, 2.0, 3.0])}
-    final, before = jaxpf.run(Accumulator(np.float32(0.0)), jax.random.key(0), frames)
+    final, before = jaxpf.run(Accumulator(np.float32(0.0)), jax.random.key(0), SPEEDS)
     assert final == 6.0
     np.testing.assert_array_equal(before, [0.0, 1.0, 3.0])
     keys = jax.random.split(jax.random.key(0), 11)
-    many = jaxpf.monte_carlo(Accumulator(np.float32(0.0)), keys, frames)
+    many = jaxpf.monte_carlo(Accumulator(np.float32(0.0)), keys, SPEEDS)
     np.testing.assert_array_equal(many, np.tile([0.0, 1.0, 3.0], (11, 1)))
 
 
 def test_record_picks_what_is_kept():
-    frames = {"speed": jnp.array([1.0, 2.0, 3.0])}
     made, keys = Accumulator(np.float32(0.0)), jax.random.split(jax.random.key(0), 2)
-    _, kept = jaxpf.run(made, keys[0], frames, record=twice_the_state)
+    _, kept = jaxpf.run(made, keys[0], SPEEDS, record=twice_the_state)
     np.testing.assert_array_equal(kept["state"], [2.0, 6.0, 12.0])
-    many = jaxpf.monte_carlo(made, keys, frames, record=twice_the_state)
+    many = jaxpf.monte_carlo(made, keys, SPEEDS, record=twice_the_state)
     np.testing.assert_array_equal(many["state"], [[2.0, 6.0, 12.0]] * 2)
 
 

@@ -1,11 +1,8 @@
 """How sure a filter is that its objects are there."""
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from tagged_walk import Breakable, P, T, frames, tracked, tracker
+from tagged_walk import Breakable, P, T, frames, track, tracked
 
-import jaxpf
 from jaxpf.filters.partitioned import ordering
 from jaxpf.pytree import pytree_dataclass
 
@@ -18,13 +15,17 @@ class Telling(Breakable):
         return observation[partition, 1]
 
 
+def told(observed=None):
+    """The summary of a run of which the likelihood tells."""
+    return track(ordering.dps(P), observed, likelihood=Telling(np.float32(0.7)))[1]
+
+
 def test_log_odds_are_smoothed_over_the_past_and_bounded():
     observed = frames()
     said = np.array([[1.0, -4.0, np.nan], [2.0, 50.0, 1.0], [-0.5, 0.0, -np.inf]], np.float32)
     assert said.shape == (T, P)
     observed[:, :, 1] = said
-    telling = tracker(ordering.dps(P), likelihood=Telling(np.float32(0.7)))
-    _, summary = jaxpf.run(telling, jax.random.key(0), observed)
+    summary = told(observed)
     expected, known = [], np.full(P, 3.0)
     for frame in np.clip(np.nan_to_num(said, nan=-6.0, neginf=-6.0), -6, 6):
         known = (known + frame) / 2
@@ -39,10 +40,7 @@ def test_a_likelihood_that_cannot_tell_is_not_asked():
 
 
 def test_what_is_said_changes_no_particle():
-    observed = frames()
-    _, plain = jaxpf.run(tracker(ordering.dps(P)), jax.random.key(0), observed)
-    telling = tracker(ordering.dps(P), likelihood=Telling(np.float32(0.7)))
-    _, told = jaxpf.run(telling, jax.random.key(0), observed)
-    assert jnp.isfinite(told.confidence).all()
+    (_, plain), telling = tracked("dps"), told()
+    assert np.isfinite(telling.confidence).all()
     for name in ("estimate", "log_evidence", "spread"):
-        np.testing.assert_array_equal(getattr(plain, name), getattr(told, name))
+        np.testing.assert_array_equal(getattr(plain, name), getattr(telling, name))

@@ -4,16 +4,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick_compiling import quick
 
 import jaxpf
 from jaxpf.models.dynamics import RandomWalk
 from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian
 from jaxpf.streaming import stream
 
-#: Half the time to compile; the arithmetic is the same.
-FAST = {"xla_llvm_disable_expensive_passes": True}
-run = jax.jit(jaxpf.run, compiler_options=FAST)
-monte_carlo = jax.jit(jaxpf.monte_carlo, compiler_options=FAST)
+run, monte_carlo = quick(jaxpf.run), quick(jaxpf.monte_carlo)
 
 START = np.array([[0.0, 0.0], [20.0, 0.0], [0.0, 20.0]])
 
@@ -151,7 +149,7 @@ def test_one_point_with_one_particle_stays_finite_and_so_do_gradients():
         (jaxpf.Eskil(RandomWalk(1.0), Seen(when_hidden=-np.inf), START), hidden),
         (jaxpf.Eskil(RandomWalk(1.0), Seen(), START), shown),
     ]
-    differentiated = jax.jit(jax.value_and_grad(total), compiler_options=FAST)
+    differentiated = quick(jax.value_and_grad(total))
     for tracker, frames in cases:
         value, gradient = differentiated(tracker, frames)
         assert np.isfinite(value)

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick_compiling import quick
 
 import jaxpf
 from jaxpf.filters.partitioned import ordering
@@ -78,11 +79,16 @@ def everything(state, summary):
     return state, summary
 
 
+@quick
+def _run(made, key, observed):
+    return jaxpf.run(made, key, observed, everything)[1]
+
+
 def track(order, observed=None, seed=0, **settings):
     """States and summaries of a run, leading axis T."""
     observed = frames() if observed is None else observed
     made = tracker(order, **settings)
-    return jax.device_get(jaxpf.run(made, jax.random.key(seed), observed, everything)[1])
+    return jax.device_get(_run(made, jax.random.key(seed), observed))
 
 
 def assert_equal(one, other):
@@ -101,6 +107,12 @@ METHODS = {
     "sps-combinatorial": lambda: ordering.sps(num_partitions=P),
 }
 every_method = pytest.mark.parametrize("method", METHODS)
+
+
+@quick
+def start(made, key):
+    """The state before the first frame."""
+    return made.init(key)
 
 
 @functools.cache

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError
@@ -33,7 +34,9 @@ def tracker(**settings):
     return jaxpf.Partitioned(**(defaults | settings))
 
 
-SUMMARIES = jaxpf.monte_carlo(tracker(), KEYS, FRAMES)
+@pytest.fixture(scope="module")
+def summaries():
+    return jax.device_get(quick(jaxpf.monte_carlo)(tracker(), KEYS, FRAMES))
 
 
 TRUTH = np.full((T, 1, 2), np.nan, np.float32)
@@ -56,11 +59,7 @@ class Never:
         return jnp.where(substate[0] < jnp.inf, -jnp.inf, self.noise)
 
 
-#: Halves the time to compile; the arithmetic is the same.
-COMPILER_OPTIONS = {"xla_llvm_disable_expensive_passes": True}
-
-
-@partial(jax.jit, static_argnames=("objective", "checkpoint"), compiler_options=COMPILER_OPTIONS)
+@partial(quick, static_argnames=("objective", "checkpoint"))
 def with_gradient(objective, made, *labels, checkpoint=False):
     """An objective's values, and the gradient of their mean in the motion's scale."""
 
@@ -72,9 +71,9 @@ def with_gradient(objective, made, *labels, checkpoint=False):
     return values, gradient.dynamics.scale
 
 
-def test_log_evidence_is_that_of_the_runs_and_is_averaged_before_the_log():
+def test_log_evidence_is_that_of_the_runs_and_is_averaged_before_the_log(summaries):
     found, _ = with_gradient(objectives.log_evidence, tracker())
-    np.testing.assert_allclose(found, SUMMARIES.log_evidence.sum(1), rtol=1e-5)
+    np.testing.assert_allclose(found, summaries.log_evidence.sum(1), rtol=1e-5)
     mean, slope = with_gradient(objectives.log_mean_evidence, tracker())
     np.testing.assert_allclose(mean, np.log(np.mean(np.exp(np.float64(found)))), rtol=1e-5)
     assert np.abs(slope).min() > 1e-3
@@ -96,9 +95,9 @@ def test_an_evidence_of_zero_has_a_finite_gradient():
     assert np.isfinite(slope).all()
 
 
-def test_position_error_skips_what_is_not_labelled():
+def test_position_error_skips_what_is_not_labelled(summaries):
     found, slope = with_gradient(objectives.position_error, tracker(), TRUTH)
-    estimates = np.asarray(SUMMARIES.estimate)[:, [2, 5], 0, :2]
+    estimates = np.asarray(summaries.estimate)[:, [2, 5], 0, :2]
     expected = np.linalg.norm(estimates - TRUTH[[2, 5], 0], axis=-1).mean(1)
     np.testing.assert_allclose(found, expected, rtol=1e-4)
     assert np.isfinite(slope).all()
@@ -114,9 +113,9 @@ def test_position_error_of_an_exact_estimate_has_a_finite_gradient():
 
 
 @pytest.mark.slow
-def test_overlap_loss_skips_what_is_not_labelled():
+def test_overlap_loss_skips_what_is_not_labelled(summaries):
     found, slope = with_gradient(objectives.overlap_loss, tracker(), BOXES, SIZES)
-    estimates = boxes_from_substates(SUMMARIES.estimate[:, [1, 4]], SIZES)
+    estimates = boxes_from_substates(summaries.estimate[:, [1, 4]], SIZES)
     overlap = metrics.overlap(estimates, BOXES[[1, 4]])
     assert (overlap[:, 1] == 0).all()
     np.testing.assert_allclose(found, (1 - overlap).mean((1, 2)), rtol=1e-4)

@@ -27,9 +27,12 @@ from jaxpf.media.video import open_frames
 
 # What is reported rather than silent
 
+#: One appearance and kind of motion, so that the filter is compiled once.
+COLOUR = ("--appearance", "colour")
+
 
 def test_a_lost_object_is_reported_marked_and_listed(track, tmp_path):
-    outcome = track(*BOXES, "--scale", "1e4,1e4,0", "--frames", 3)  # thrown off the frame
+    outcome = track(*BOXES, *COLOUR, "--scale", "1e4,1e4,0", "--frames", 3)  # thrown off the frame
     assert outcome.code == 0
     assert "Lost: object 1 was outside the picture in 3 frames, first in frame 1." in outcome.err
     assert summary_of(tmp_path / "out")["frames_outside"]["1"] == [1, 2, 3]
@@ -40,7 +43,7 @@ def test_a_lost_object_is_reported_marked_and_listed(track, tmp_path):
 def test_a_frame_that_no_particle_explains_is_left_out_and_counted(track, tmp_path):
     # Off the frame, 3e38 times the distance is more than float32 holds: -inf for everyone.
     scale = ("--scale", "1e4,1e4,0", "--sharpness", "3e38")
-    outcome = track(*BOXES, *scale, "--frames", 2, "--no-overlay")
+    outcome = track(*BOXES, *COLOUR, *scale, "--frames", 2, "--no-overlay")
     assert outcome.code == 0
     assert "Warning: 2 frames had no likelihood for any particle" in outcome.err
     summary = summary_of(tmp_path / "out")
@@ -50,7 +53,7 @@ def test_a_frame_that_no_particle_explains_is_left_out_and_counted(track, tmp_pa
 
 
 def test_likelihoods_that_are_no_number_are_counted(track, tmp_path):
-    outcome = track(*BOXES, "--scale", "2e38,2e38,1", "--frames", 3, "--no-overlay")
+    outcome = track(*BOXES, *COLOUR, "--scale", "2e38,2e38,1", "--frames", 3, "--no-overlay")
     assert outcome.code == 0
     assert "likelihood(s) were not a number and counted as zero" in outcome.err
     assert summary_of(tmp_path / "out")["invalid_likelihoods"] > 0

@@ -66,7 +66,6 @@ def test_a_lost_object_is_named_and_the_others_are_tracked_on(method):
 
 def test_objects_of_dead_particles_may_be_anything():
     """A dead particle that holds NaN does not spoil the estimate."""
-
     state, summary = track(
         ordering.sir(P), frames(0.3, np.nan), dynamics=NanBeyond(np.float32(1.0))
     )

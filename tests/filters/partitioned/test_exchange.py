@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick_compiling import quick
 
 from jaxpf.filters.partitioned import exchange, ordering
 from jaxpf.lowering.threefry import written_out
@@ -15,7 +16,7 @@ ANCESTORS = np.array([6, 0, 1, 0, 3, 0, 5, 4])
 DRAWS = 40_000
 #: Of some hundred frequencies none is off by more, but once in ten thousand times.
 SIGMAS = 5.0
-COMBINATORIAL = jnp.int32(ordering.SWAPS.index("combinatorial"))
+COMBINATORIAL = np.int32(ordering.SWAPS.index("combinatorial"))
 
 
 def layout(group):
@@ -24,7 +25,7 @@ def layout(group):
     ordered, places = group[order], np.arange(len(group))
     return exchange.Groups(
         *(
-            jnp.asarray(row, jnp.int32)
+            row.astype(np.int32)
             for row in (
                 order,
                 np.argsort(order),
@@ -35,11 +36,14 @@ def layout(group):
     )
 
 
+@quick
 def weigh(log_probs, groups, is_root=False):
     """Factors ``[N]`` of the combinatorial rule, and the offer that a draw needs."""
     key, lineage = jax.random.key(0), groups.order  # which the other rules use
-    log_probs = jnp.asarray(log_probs)
     return exchange.weigh(key, COMBINATORIAL, log_probs, groups, lineage, jnp.bool_(is_root))
+
+
+families = quick(exchange.families)
 
 
 def draw(key, offer, groups, slots, is_root=False):
@@ -47,16 +51,24 @@ def draw(key, offer, groups, slots, is_root=False):
     return exchange.draw(key, COMBINATORIAL, offer, groups, slots, jnp.bool_(is_root))
 
 
-def draws(likelihood=LIKELIHOOD, group=GROUP, ancestors=ANCESTORS, count=DRAWS, seed=0):
-    """Givers ``[count, N]`` and groups of as many draws of one part, and the slots' order."""
+one_draw = quick(draw)
+
+
+def draw_many(keys, offer, groups, slots, is_root=False):
+    return jax.vmap(lambda key: draw(key, offer, groups, slots, is_root))(keys)
+
+
+many_draws = quick(draw_many)
+
+
+def draws(likelihood=LIKELIHOOD, group=GROUP, seed=0, many=many_draws):
+    """Givers ``[DRAWS, N]`` and groups of as many draws of one part, and the slots' order."""
     with np.errstate(divide="ignore"):
         log_probs = np.log(likelihood)
-    groups, slots = layout(np.asarray(group)), exchange.families(jnp.asarray(ancestors))
+    groups, slots = layout(group), families(ANCESTORS)
     _, offer = weigh(log_probs, groups)
-    # Compiled as one, and anew each time: one test changes what is called.
-    many = jax.jit(jax.vmap(lambda key: draw(key, offer, groups, slots)))
-    giver, shared = many(jax.random.split(jax.random.key(seed), count))
-    return np.asarray(giver), jax.tree.map(np.asarray, shared), np.asarray(slots.ancestors)
+    giver, shared = many(jax.random.split(jax.random.key(seed), DRAWS), offer, groups, slots)
+    return jax.device_get((giver, shared, slots.ancestors))
 
 
 def law(likelihood, group):
@@ -123,14 +135,15 @@ def test_the_offset_is_what_makes_them_so(monkeypatch):
         return original(key, shape, dtype).at[1].set(0)
 
     monkeypatch.setattr(jax.random, "bits", without_offset)
-    giver, _, ancestors = draws()
+    anew = quick(lambda *given: draw_many(*given))
+    giver, _, ancestors = draws(many=anew)
     hits = (giver[..., None] == np.arange(8)).mean(axis=0)
     assert worst_score(hits, law(LIKELIHOOD, GROUP)[ancestors]) > 4 * SIGMAS
 
 
 def test_who_draws_the_same_part_forms_a_group():
-    giver, shared, _ = draws(count=50)
-    for taken, *rows in zip(giver, *shared, strict=True):
+    giver, shared, _ = draws()
+    for taken, *rows in zip(giver[:50], *(rows[:50] for rows in shared), strict=True):
         order, position, rank, last = rows
         np.testing.assert_array_equal(order[position], np.arange(8))
         ordered, places = taken[order], np.arange(8)
@@ -144,20 +157,19 @@ def test_who_draws_the_same_part_forms_a_group():
 def test_every_slot_takes_another_place_of_its_group(num_particles):
     """Equal parts are given away once each, also where small primes divide the group's size."""
     numbers = np.arange(num_particles)
-    groups, slots = layout(np.zeros(num_particles, int)), exchange.families(jnp.asarray(numbers))
+    groups, slots = layout(np.zeros(num_particles, int)), families(numbers)
     _, offer = weigh(np.zeros(num_particles, np.float32), groups)
-    one = jax.jit(lambda key: draw(key, offer, groups, slots))
     for key in jax.random.split(jax.random.key(0), 40):
-        giver, shared = one(key)
+        giver, shared = one_draw(key, offer, groups, slots)
         np.testing.assert_array_equal(np.sort(giver), numbers)
         np.testing.assert_array_equal(np.sort(shared.position), numbers)
 
 
 def test_families_bring_ancestors_in_order():
-    families = exchange.families(jnp.asarray(ANCESTORS))
-    np.testing.assert_array_equal(families.ancestors, np.sort(ANCESTORS))
-    np.testing.assert_array_equal(families.size, np.bincount(ANCESTORS, minlength=8))
-    groups = families.groups()
+    found = families(ANCESTORS)
+    np.testing.assert_array_equal(found.ancestors, np.sort(ANCESTORS))
+    np.testing.assert_array_equal(found.size, np.bincount(ANCESTORS, minlength=8))
+    groups = quick(exchange.Families.groups)(found)
     np.testing.assert_array_equal(groups.order, np.arange(8))
     np.testing.assert_array_equal(groups.rank, [0, 1, 2, 0, 0, 0, 0, 0])
     np.testing.assert_array_equal(groups.last, [2, 2, 2, 3, 4, 5, 6, 7])
@@ -167,13 +179,9 @@ def test_roots_are_one_group_of_all():
     """The short way for roots gives what the general one gives for a single group."""
     log_probs = np.log(LIKELIHOOD + 0.1)
     everyone = layout(np.zeros(8, int))
-    slots = exchange.families(jnp.asarray(ANCESTORS))
+    slots = families(ANCESTORS)
     found, expected = (weigh(log_probs, everyone, is_root=root) for root in (True, False))
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-6), found, expected)
-    keys = jax.random.split(jax.random.key(0), 20)
-    offer = found[1]
-    short, general = (
-        jax.jit(jax.vmap(lambda key, root=root: draw(key, offer, everyone, slots, root)))(keys)
-        for root in (True, False)
-    )
+    keys = jax.random.split(jax.random.key(0), DRAWS)
+    short, general = (many_draws(keys, found[1], everyone, slots, root) for root in (True, False))
     jax.tree.map(np.testing.assert_array_equal, short, general)

@@ -16,10 +16,10 @@ from fenced_trackers import (
     METHODS,
     P,
     frames,
-    quick,
     tracker,
     value_and_gradient,
 )
+from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError

@@ -15,6 +15,12 @@ HEIGHT, WIDTH = 60, 80
 observe = jax.jit(HistogramLikelihood.observe)
 log_prob = jax.jit(HistogramLikelihood.log_prob)
 log_prob_all = jax.jit(HistogramLikelihood.log_prob_all)
+#: Observation and likelihood in one, for what is asked once of a frame.
+log_prob_in_frame = jax.jit(
+    lambda likelihood, frame, partition, substates: likelihood.log_prob_all(
+        likelihood.observe(frame), partition, substates
+    )
+)
 observe_all = jax.jit(jax.vmap(HistogramLikelihood.observe, in_axes=(None, 0)))
 
 NUM_BOXES = 300

@@ -21,6 +21,15 @@ _OBSERVE = jax.jit(DiscriminativeLikelihood.observe)
 _LOG_PROBS = jax.jit(DiscriminativeLikelihood.log_prob_all)
 _LOG_ODDS = jax.jit(DiscriminativeLikelihood.log_odds_all)
 _SCORES = jax.jit(lambda *args: DiscriminativeLikelihood.scores_all(*args)[0])
+#: Places of a grid of shifts; fewer are filled up to as many, so that tests share a program.
+_NUM_PLACES = 625
+
+
+def scores(likelihood, seen, number, substates):
+    more = _NUM_PLACES - substates.shape[1]
+    number = np.pad(np.broadcast_to(number, substates.shape[1]), (0, more), mode="edge")
+    filled = np.pad(substates.astype(np.float32), ((0, 0), (0, more)), mode="edge")
+    return np.asarray(_SCORES(likelihood, seen, number, filled))[: substates.shape[1]]
 
 
 def blocks(seed, shape=(HEIGHT, WIDTH), side=5):
@@ -116,7 +125,7 @@ def test_scores_are_linear_in_features_of_opencv(learned, box):
     for weights, mean in zip(learned.map_weights, cells, strict=True):
         expected += (np.asarray(weights)[number[0]] * mean).sum()
     seen = _OBSERVE(learned, FRAME)
-    score = _SCORES(learned, seen, number, substate)
+    score = scores(learned, seen, number, substate)
     # Votes are rounded to 1 / 255, and weights are some tenths.
     np.testing.assert_allclose(score, expected, atol=0.01)
     smooth = dataclasses.replace(learned, interpolation="bilinear")
@@ -133,7 +142,7 @@ def test_ridge_is_the_solution_of_the_normal_equations():
     rng = np.random.default_rng(1)
     features, labels = rng.normal(size=(40, 70)), rng.normal(size=40)
     with jax.enable_x64(True):
-        weights, offset, residual = map(np.asarray, ridge(jnp.array(features), jnp.array(labels)))
+        weights, offset, residual = map(np.asarray, jax.jit(ridge)(features, labels))
     # With a free offset: features and labels less their means.
     centred = features - features.mean(axis=0)
     expected = np.linalg.solve(centred.T @ centred + 0.5 * np.eye(70), centred.T @ labels)
@@ -149,7 +158,7 @@ def test_labels_are_overlaps():
     assert labels.max() == labels[np.all(boxes == [0, 0, 1, 1], axis=1)] == 1
     ours = np.column_stack([boxes[:, :2] - boxes[:, 2:] / 2, boxes[:, 2:]])
     truth = np.broadcast_to([-0.5, -0.5, 1, 1], ours.shape)
-    np.testing.assert_allclose(labels, jaxpf.metrics.overlap(ours, truth), atol=1e-6)
+    np.testing.assert_allclose(labels, jax.jit(jaxpf.metrics.overlap)(ours, truth), atol=1e-6)
 
 
 def test_the_score_peaks_where_the_object_went_over_another_background(learned):
@@ -163,8 +172,7 @@ def test_the_score_peaks_where_the_object_went_over_another_background(learned):
     for number, (place, box) in enumerate(zip(moved, BOXES, strict=True)):
         shifts = np.stack(np.meshgrid(*[np.arange(-24, 25, 2)] * 2), -1).reshape(-1, 2)
         centres = place + box[2:] / 2 + shifts
-        substates = np.column_stack([centres, np.ones(len(shifts))]).T.astype(np.float32)
-        score = _SCORES(learned, seen, np.full(len(shifts), number), substates)
+        score = scores(learned, seen, number, np.column_stack([centres, np.ones(len(shifts))]).T)
         np.testing.assert_allclose(shifts[np.argmax(score)], 0, atol=2)
         far = np.abs(shifts).max(axis=1) > 20
         assert score.max() > 0.6 > 0.5 > np.max(score[far])
@@ -220,9 +228,8 @@ def test_log_odds_fall_off_the_object_and_where_another_place_looks_better(learn
     twice[top : top + h, left : left + w] = FRAME[y : y + h, x : x + w]
     again = odds(twice, centres)[1]
     seen = _OBSERVE(learned, twice)
-    place = np.array([[2.5 * WIDTH / 12], [2.5 * HEIGHT / 12], [1.0]], np.float32)
-    best = float(_SCORES(learned, seen, np.array([1]), place)[0])
-    own = float(_SCORES(learned, seen, np.array([1]), centres[:, 1:].astype(np.float32))[0])
+    place = np.array([[2.5 * WIDTH / 12], [2.5 * HEIGHT / 12], [1.0]])
+    best, own = scores(learned, seen, 1, np.hstack([place, centres[:, 1:]]))
     assert best > 0.4
     assert again == pytest.approx(23 * (own - best / 2 - 0.18), abs=1e-3)
     assert again < here[1] - 2
@@ -286,7 +293,7 @@ FLAT = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
         (FRAME, (1, 1, 80, 60), {}, "covers more than half of the frame of 91 x 70 pixels"),
         (FRAME, (80, 60, 40, 40), {}, "less than a quarter of it lies in the frame"),
         (FRAME, (np.nan, 1, 8, 6), {}, "every number must be finite"),
-        (FLAT, (30, 20, 20, 20), {}, "looks like what is around it"),
+        (FLAT, (30, 20, 20, 20), {"features": ["gradients"]}, "looks like what is around it"),
         (FRAME, BOXES[0], {"features": []}, "features is empty"),
         (FRAME, BOXES[0], {"features": ["color"]}, "feature 'color' is unknown; choose of colour"),
         (FRAME, BOXES[0], {"features": [jnp.mean]}, "the feature mean makes [] of a picture"),

@@ -1,5 +1,6 @@
 """Boxes that exclude one another: the joint likelihood, counted in the plainest way."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -29,11 +30,12 @@ def test_what_the_one_in_front_covers_counts_as_background(exclusive):
     boxes = OBJECTS + np.append(rng.uniform(-12, 12, (3, 2)), np.zeros((3, 2)), axis=1)
     expected = own.sum()
     for i, j in ((0, 1), (0, 2), (1, 2)):
-        of_i, of_j = float(precision(boxes[i], boxes[j])), float(precision(boxes[j], boxes[i]))
+        of_i, of_j = np.asarray(jax.jit(precision)(boxes[[i, j]], boxes[[j, i]]), float)
         in_front = [own[i] + (1 - of_j) * own[j], (1 - of_i) * own[i] + own[j]]
         expected += np.log(np.mean(np.exp(in_front))) - own[i] - own[j]
     assert abs(expected - own.sum()) > 1
-    joint = exclusive.log_joint(None, substates_of(boxes).astype(np.float32), own)
+    log_joint = jax.jit(type(exclusive).log_joint)
+    joint = log_joint(exclusive, None, substates_of(boxes).astype(np.float32), own)
     assert float(joint) == pytest.approx(expected, abs=1e-3)
 
 
@@ -45,7 +47,8 @@ def test_who_is_hidden_costs_nothing_and_boxes_apart_are_judged_alone(exclusive)
     every[1, 2, :2] = every[1, 0, :2]  # or, in the second particle, in the place of the first
     every[2, :, 0] += [0, 900, 1900]  # or, in the third, all apart
     substates = np.moveaxis(every, 0, -1).astype(np.float32)
-    joint = exclusive.log_joint_all(None, substates, np.repeat(own[:, None], 3, axis=1))
+    log_joint_all = jax.jit(type(exclusive).log_joint_all)
+    joint = log_joint_all(exclusive, None, substates, np.repeat(own[:, None], 3, axis=1))
     assert float(joint[0]) == pytest.approx(60 + 30 - np.log(2), abs=1e-3)
     # Of two in one place the better counts; and in front of the second either may be.
     assert float(joint[1]) == pytest.approx(60 + 9 - 2 * np.log(2) - np.log(2), abs=0.1)

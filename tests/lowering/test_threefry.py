@@ -19,7 +19,6 @@ DRAWS = {
         lambda key: jax.random.gamma(key, 2.0, (50,)),
         compiler_options={
             "xla_backend_optimization_level": 3,
-            "xla_cpu_use_fusion_emitters": True,
             "xla_llvm_disable_expensive_passes": False,
         },
     ),

@@ -73,7 +73,7 @@ def test_a_run_does_not_depend_on_how_many_runs_share_its_batch(float64):
     with jax.enable_x64(float64):
         made = tracker(ordering.dps(3))
         keys = jax.random.split(jax.random.key(5), 20)
-        all_runs = jaxpf.monte_carlo(made, keys, FRAMES)
+        all_runs = jax.device_get(jaxpf.monte_carlo(made, keys, FRAMES))
         assert all_runs.estimate.dtype == (np.float64 if float64 else np.float32)
         for count in (1, 3, 7):
             fewer = jaxpf.monte_carlo(made, keys[:count], FRAMES)

@@ -51,6 +51,20 @@ def few_programs():
             gc.collect()
 
 
+@pytest.fixture(scope="module")
+def compiled_quickly():
+    """Compile as the first test command does, for slow tests at sizes where compiling is the work.
+
+    Not for what is compared bit by bit with another process.
+    """
+    import jax
+
+    jax.config.update("jax_disable_most_optimizations", True)
+    yield
+    jax.config.update("jax_disable_most_optimizations", False)
+    jax.clear_caches()  # other modules' programs are optimised
+
+
 @pytest.fixture(scope="session")
 def data_folder() -> Path:
     """Where the annotated real clips lie; tests that need them are skipped without them."""

@@ -163,7 +163,6 @@ def scores_of(recorded, exact: Problem) -> Scores:
 #: Half the time to compile, and no longer to run many times; the arithmetic is the same.
 COMPILER_OPTIONS = {
     "xla_backend_optimization_level": 1,
-    "xla_cpu_use_fusion_emitters": False,
     "xla_llvm_disable_expensive_passes": True,
 }
 

@@ -7,7 +7,6 @@ import jax
 #: A fraction of the time to compile; the arithmetic is the same, but for the last bits.
 QUICKLY = {
     "xla_backend_optimization_level": 0,
-    "xla_cpu_use_fusion_emitters": False,
     "xla_llvm_disable_expensive_passes": True,
 }
 quick = partial(jax.jit, compiler_options=QUICKLY)

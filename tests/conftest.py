@@ -17,7 +17,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
     So do later runs: the next try, and other files' tests (``--cache-clear`` empties it).  The
     first test command runs programs that cost more to compile than to run, and compiles quickly;
-    the second compiles as users do.
+    the second compiles as users do, but for tests that ask for ``compiled_quickly``.
     """
     if hasattr(config, "workerinput"):
         return  # pytest-xdist's workers inherit the environment

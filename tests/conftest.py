@@ -17,7 +17,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
     So do later runs: the next try, and other files' tests (``--cache-clear`` empties it).  The
     first test command runs programs that cost more to compile than to run, and compiles quickly;
-    the second compiles as users do.
+    the second compiles as users do, but for tests that ask for ``compiled_quickly``.
     """
     if hasattr(config, "workerinput"):
         return  # pytest-xdist's workers inherit the environment
@@ -47,6 +47,20 @@ def few_programs():
         if number > _MOST_MAPS:
             sys.modules["jax"].clear_caches()
             gc.collect()
+
+
+@pytest.fixture(scope="module")
+def compiled_quickly():
+    """Compile as the first test command does, for slow tests at sizes where compiling is the work.
+
+    Not for what is compared bit by bit with another process.
+    """
+    import jax
+
+    jax.config.update("jax_disable_most_optimizations", True)
+    yield
+    jax.config.update("jax_disable_most_optimizations", False)
+    jax.clear_caches()  # other modules' programs are optimised
 
 
 @pytest.fixture(scope="session")

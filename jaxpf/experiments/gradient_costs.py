@@ -1,7 +1,7 @@
 """What the gradient of the evidence costs beside its value: time, and memory over many frames."""
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import jax
@@ -55,16 +55,21 @@ def rows(
         yield compared(f"{name}: with gradient", seconds["both"], units, value, of, goal)
 
 
-def memory_rows(num_particles: int = PARTICLES) -> Iterator[tuple[int, list[int]]]:
+def memory_rows(
+    num_particles: int = PARTICLES,
+    lengths: Sequence[int] = FRAMES,
+    ways: Sequence[bool | int] = (False, True, WINDOW),
+) -> Iterator[tuple[int, list[int]]]:
     """Number of frames, and the bytes a gradient needs there in each way of ``checkpoint``.
 
-    Without, with every frame, and with windows of ``WINDOW`` frames; a 1-D model, ``RUNS`` runs.
+    By default without, with every frame, and with windows of ``WINDOW`` frames; a 1-D model,
+    ``RUNS`` runs.
     """
     tracker = line_tracker(num_particles, gradient="stop_gradient")
     keys = jax.random.split(jax.random.key(0), RUNS)
-    for num_frames in FRAMES:
+    for num_frames in lengths:
         sizes = []
-        for checkpoint in (False, True, WINDOW):
+        for checkpoint in ways:
             gradient = jax.jit(jax.grad(_mean_evidence, allow_int=True), static_argnums=3)
             compiled = gradient.lower(
                 tracker, keys, jnp.zeros((num_frames, 1, 1)), checkpoint

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -335,19 +335,19 @@ def cold_reproduction() -> float:
         return time.perf_counter() - began
 
 
-def memory_rows() -> Iterator[tuple[int, int]]:
+def memory_rows(frames: Sequence[int] = (10, 100, 1000)) -> Iterator[tuple[int, int]]:
     """Bytes that a run over T frames needs beyond its input and output, for several T."""
     tracker = line_tracker(10_000)
 
-    def track(key, frames):
+    def track(key, observed):
         def step(state, item):
             state, summary = tracker.step(jax.random.fold_in(key, item[0]), state, item[1])
             return state, summary.log_evidence
 
-        times = jnp.arange(frames.shape[0])
-        return lax.scan(step, init(tracker, key), (times, frames))[1]
+        times = jnp.arange(observed.shape[0])
+        return lax.scan(step, init(tracker, key), (times, observed))[1]
 
-    for num_frames in (10, 100, 1000):
+    for num_frames in frames:
         compiled = jax.jit(track).lower(jax.random.key(0), jnp.zeros((num_frames, 1, 1))).compile()
         analysis: Any = compiled.memory_analysis()
         yield num_frames, int(analysis.temp_size_in_bytes)

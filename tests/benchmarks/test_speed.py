@@ -12,11 +12,11 @@ import pytest
 from jaxpf.experiments import appearance_costs, gradient_costs, labelled_costs, speed
 from jaxpf.experiments.growth import Growth, growth, growth_figure
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_quickly")]
 
 
 def test_memory_does_not_grow_with_the_number_of_frames():
-    sizes = dict(speed.memory_rows())
+    sizes = dict(speed.memory_rows((10, 1000)))
     # What grows is what the record keeps of a frame (4 bytes), not a copy of the particles.
     assert (sizes[1000] - sizes[10]) / 990 < 100
 
@@ -27,14 +27,19 @@ def test_the_generic_kernel_is_timed_against_the_minimal_filter():
     assert rows[0].ratio == 1
 
 
-def test_the_histogram_is_timed_against_opencv():
+def test_the_histogram_is_timed_against_opencv(monkeypatch):
+    monkeypatch.setattr(speed, "RUNS", 2)
+    monkeypatch.setattr(speed, "PARTICLES", 20)
     rows = list(speed.histogram_rows(repeats=1))
     assert [row.what for row in rows[1:]] == ["histogram, integral", "histogram, sampled"]
     assert all(np.isfinite([row.nanoseconds, row.ratio]).all() for row in rows)
 
 
-def test_learned_appearance_is_timed_against_colour():
-    rows = list(appearance_costs.rows(repeats=1, num_runs=2, num_particles=20, num_frames=2))
+def test_learned_appearance_is_timed_against_colour(monkeypatch):
+    assert [x.shape for x in appearance_costs.large_frame()] == [(480, 640, 3), (5, 4)]
+    # Both parts of the table with the same shapes, so that they share programs.
+    monkeypatch.setattr(appearance_costs, "large_frame", speed.crowded_frame)
+    rows = list(appearance_costs.rows(repeats=1, num_runs=1, num_particles=20, num_frames=2))
     assert [row.of for row in rows] == ["", "this / colour"] * 2
     assert all(np.isfinite([row.nanoseconds, row.ratio]).all() for row in rows)
 
@@ -58,9 +63,10 @@ def test_the_gradient_is_timed_against_the_value():
 
 
 def test_windows_bound_the_memory_of_a_gradient():
-    (few, (_, _, window_few)), (many, (whole, frame_by_frame, window_many)) = (
-        gradient_costs.memory_rows(num_particles=100)
-    )
+    few, many = gradient_costs.FRAMES
+    window = gradient_costs.WINDOW
+    ((_, (window_few,)),) = gradient_costs.memory_rows(100, [few], [window])
+    ((_, (whole, frame_by_frame, window_many)),) = gradient_costs.memory_rows(100, [many])
     assert many == 10 * few
     assert window_many < 0.5 * frame_by_frame < 0.5 * whole
     # Windows of k keep T / k sets of particles and k frames: less than 2.5 times as much.

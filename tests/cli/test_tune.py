@@ -21,7 +21,7 @@ QUICK = (
 
 
 @pytest.fixture(scope="module")
-def tuned(tmp_path_factory):
+def tuned(tmp_path_factory, compiled_quickly):
     """A folder with the output of a tuning on the small scene, its outcome and its arguments."""
     output = tmp_path_factory.mktemp("tune") / "out"
     arguments = (
@@ -100,6 +100,7 @@ def test_evaluate_and_track_take_the_values(tuned, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("compiled_quickly")
 def test_a_folder_is_divided_into_frames_to_learn_from_and_the_rest(tmp_path):
     folder = write_sequence(tmp_path / "two")
     outcome = jaxpf(
@@ -184,10 +185,11 @@ def test_help_names_the_command_and_its_example():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("compiled_quickly")
 def test_parts_are_tuned_on_their_outlines(tmp_path):
     """A target without boxes: its own measures are compared, its own options written."""
     outcome = jaxpf(
-        "tune", "articulated", "--set", "num_frames=8", "--set", "num_parts=3", "--method", "sir",
+        "tune", "articulated", "--set", "num_frames=6", "--set", "num_parts=3", "--method", "sir",
         "--likelihood", "patch", "--objective", "overlap", "--parameters", "dynamics.scale",
         "--particles", "20", "--compare-particles", "20", "--runs", "2", "--compare-runs", "2",
         "--repeats", "1", "--window", "2", "--steps", "2", "--train-scenes", "1",

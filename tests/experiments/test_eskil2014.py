@@ -79,6 +79,7 @@ def test_the_quick_version_runs_through():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("compiled_quickly")
 def test_costs_are_measured():
     found = list(costs.rows(repeats=1, height=240, width=320))
     assert len(found) == 5

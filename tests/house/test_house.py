@@ -63,11 +63,12 @@ def only_estimate(state, summary):
 
 
 @pytest.fixture(scope="module")
-def evaluated(tmp_path_factory):
+def evaluated(tmp_path_factory, compiled_quickly):
     """The folder of an evaluation of all three beside a built-in method."""
     folder = tmp_path_factory.mktemp("house") / "out"
     own = [("--tracker", f"{HERE / name}.py:{OWN[name][0]}") for name in OWN]
-    arguments = ["evaluate", "distracter", "--methods", "sir", "--runs", "3", "-n", "60"]
+    small = ["--set", "num_frames=10", "--set", "num_objects=3"]
+    arguments = ["evaluate", "distracter", *small, "--methods", "sir", "--runs", "3", "-n", "60"]
     outcome = command(*arguments, *np.ravel(own), "-o", folder)
     assert outcome.code == 0, outcome.err
     return folder
@@ -103,6 +104,7 @@ def test_one_tracks_a_video(tmp_path, scene):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("compiled_quickly")
 def test_one_is_tuned(scene):
     tracker = function_of("own_likelihood")(scene)
     sequence = tuning.TrainingSequence(tracker, np.asarray(scene.frames[1:4]), name="own")

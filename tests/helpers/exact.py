@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from quick_compiling import QUICKLY
 
 import jaxpf
 from jaxpf.models.dynamics import IndependentGaussian, LinearGaussian
@@ -160,10 +161,7 @@ def scores_of(recorded, exact: Problem) -> Scores:
 
 
 #: Half the time to compile, and no longer to run many times; the arithmetic is the same.
-COMPILER_OPTIONS = {
-    "xla_backend_optimization_level": 1,
-    "xla_llvm_disable_expensive_passes": True,
-}
+COMPILER_OPTIONS = QUICKLY | {"xla_backend_optimization_level": 1}
 
 
 #: ``jaxpf.monte_carlo``; pass ``record`` and ``batch_size`` by name.

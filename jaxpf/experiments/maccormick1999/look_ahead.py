@@ -11,7 +11,7 @@ from jaxpf.experiments.claims import Measured, student_interval
 from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.maccormick1999.cases import Case
 from jaxpf.experiments.maccormick1999.coalescence import rate
-from jaxpf.experiments.maccormick1999.tracking import track, tracker_of
+from jaxpf.experiments.maccormick1999.tracking import filtered, outcome_of, tracker_of
 from jaxpf.experiments.parts import part
 
 PLAIN, SAME_NUMBER, SAME_TIME = "plain", "look-ahead, N as plain", "look-ahead, time as plain"
@@ -102,14 +102,17 @@ def _measured(
         dataclasses.replace(tracker_of(case, "wires", num_particles), look_ahead=ahead)
         for case in cases
     ]
-    track(cases[0], trackers[0], _TOGETHER, seed)  # compiles
-    began, found = time.process_time(), []
+    filtered(cases[0], trackers[0], _TOGETHER, seed)  # compiles
+    seconds, outcomes = 0.0, []
     for group in range(groups):
-        number = group % len(cases)
-        found.append(track(cases[number], trackers[number], _TOGETHER, seed + group))
+        case, tracker = cases[group % len(cases)], trackers[group % len(cases)]
+        began = time.process_time()
+        found = filtered(case, tracker, _TOGETHER, seed + group)
+        seconds += time.process_time() - began
+        outcomes.append(outcome_of(case, tracker, found))
     return Weighting(
         num_particles,
-        time.process_time() - began,
-        np.array([outcome.log_evidence for outcome in found]),
-        np.array([outcome.kept for outcome in found]),
+        seconds,
+        np.array([outcome.log_evidence for outcome in outcomes]),
+        np.array([outcome.kept for outcome in outcomes]),
     )

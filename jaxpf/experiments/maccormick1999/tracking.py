@@ -68,10 +68,20 @@ def tracker_of(case: Case, exclusion: str, num_particles: int, method: str = "ps
 
 def track(case: Case, tracker: Partitioned, runs: int, seed: int) -> Outcome:
     """Track a case in independent runs."""
+    return outcome_of(case, tracker, filtered(case, tracker, runs, seed))
+
+
+def filtered(case: Case, tracker: Partitioned, runs: int, seed: int) -> list[np.ndarray]:
+    """What the filter reports of independent runs, for ``outcome_of``: what is to be timed."""
     keys = jax.random.split(jax.random.key(seed), runs)
     frames = jnp.asarray(case.frames)
     found = jaxpf.monte_carlo(tracker, keys, frames, _keep, batch_size=min(runs, _BATCH))
-    estimates, ess, spread, log_evidence = (np.asarray(values) for values in found)
+    return [np.asarray(values) for values in found]
+
+
+def outcome_of(case: Case, tracker: Partitioned, found: list[np.ndarray]) -> Outcome:
+    """What came of it."""
+    estimates, ess, spread, log_evidence = found
     outlines = np.asarray(tracker.likelihood.outline_points(jnp.asarray(estimates)))
     kept, coalesced = judged(case, outlines)
     spread = np.sqrt((spread**2).sum(axis=-1))

@@ -19,7 +19,13 @@ from jaxpf.models.likelihoods.discriminative.likelihood import (
     grid_places,
 )
 from jaxpf.models.likelihoods.discriminative.maps import gradients, hues
-from jaxpf.models.likelihoods.discriminative.training import RIDGE, ridge, training_boxes
+from jaxpf.models.likelihoods.discriminative.training import (
+    BACKGROUNDS,
+    RIDGE,
+    before_background,
+    ridge,
+    training_boxes,
+)
 from jaxpf.pytree import as_array
 
 #: Features by name; others are a user's own functions.
@@ -58,7 +64,7 @@ def discriminative(
         gain: how much scores are trusted.
         bands: horizontal bands of the colour histograms.
         grid: rows and columns of cells.
-        penalty: of the ridge regression.
+        penalty: of the ridge regression, per background.
         interpolation: ``"nearest"``, or ``"bilinear"`` for gradients with respect to substates.
         background_frames: uint8 RGB [n, H, W, 3]: the likelihood is weighed against that of boxes
             anywhere in them, so that its evidence can choose a gain.  By default it is not.
@@ -130,15 +136,26 @@ def _own_bins(frame, boxes, factors, bands) -> tuple[jax.Array, np.ndarray]:
 @jax.jit
 def _trained(likelihood, frame, boxes, penalty):
     """The likelihood with the coefficients of every object."""
-    shifts, labels = (jnp.asarray(x, boxes.dtype) for x in training_boxes())
-    num_objects, count = len(boxes), len(labels)
-    centres = boxes[:, None, :2] + boxes[:, None, 2:] * (0.5 + shifts[:, :2])
-    scales = jnp.broadcast_to(shifts[:, 2:3], (num_objects, count, 1))
-    substates = jnp.concatenate([centres, scales], axis=-1).reshape(-1, 3).T
-    partition = jnp.repeat(jnp.arange(num_objects), count)
-    seen = likelihood.features_all(likelihood.observe(frame), partition, substates)
-    seen = seen.reshape(num_objects, count, -1)
-    weights, offset, residual = jax.vmap(ridge, in_axes=(0, None, None))(seen, labels, penalty)
+    shifts, overlaps = (jnp.asarray(x, boxes.dtype) for x in training_boxes())
+    behind = jnp.asarray(BACKGROUNDS, boxes.dtype)
+
+    def examples(number):
+        """Features [n, F] of boxes around one object, before one background after the other."""
+        box = boxes[number]
+        centres = box[:2] + box[2:] * (0.5 + shifts[:, :2])
+        substates = jnp.concatenate([centres, shifts[:, 2:3]], axis=1).T
+        partition = jnp.full(len(shifts), number)
+
+        def before(shift):
+            seen = likelihood.observe(before_background(frame, box, shift))
+            return likelihood.features_all(seen, partition, substates)
+
+        return jnp.concatenate(jax.lax.map(before, behind))
+
+    def learned(number):
+        return ridge(examples(number), jnp.tile(overlaps, len(behind)), penalty * len(behind))
+
+    weights, offset, residual = jax.lax.map(learned, jnp.arange(len(boxes)))
     place, colour_weights, map_weights = 0, likelihood.colour_weights, []
     if colour_weights is not None:
         place = math.prod(colour_weights.shape[1:])

@@ -1,8 +1,8 @@
 """Discriminative appearance: a score learned from the start frame, that tells how a box overlaps.
 
 Every object has a linear function of features of a box, found by ridge regression on boxes around
-it in one frame, whose labels are their overlaps with it.  With y the score and r the root of the
-mean squared residual of the regression::
+it in one frame, whose labels are their overlaps with it, before that frame's and other backgrounds
+(``training``).  With y the score and r the root of the mean squared residual of the regression::
 
     log p(y | x) = gain * clip(y, -.2, 1.2) / max(r, .03)
 
@@ -41,7 +41,7 @@ _LOWEST, _HIGHEST = -0.2, 1.2
 #: A residual below this is taken for luck: the training boxes are few.
 _LEAST_RESIDUAL = 0.03
 #: Of the log odds: slope, and score that is even where nothing else is seen.
-_ODDS = 23.0, 0.18
+_ODDS = 11.5, 0.12
 #: Rows and columns of the grid of boxes elsewhere.
 _PLACES = 12
 #: Scale of a box whose pixels can still be counted, see ``levels.LARGEST_SIDE``.
@@ -208,11 +208,10 @@ class DiscriminativeLikelihood(Likelihood):
         With y its score and e the best score of boxes of its size elsewhere in the frame, on a
         coarse grid::
 
-            log odds = 23 (y - e / 2 - .18)
+            log odds = 11.5 (y - e / 2 - .12)
 
         Fitted by logistic regression to "overlap with the truth at least .1" on four clips of
-        people, in such a way that lost and tracked frames count the same, and every clip.  Nothing
-        tells a look-alike from the object.
+        people, every clip counting the same.  Nothing tells a look-alike from the object.
 
         Args:
             observation: as for :meth:`log_prob_all`, like the others.

@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -80,18 +79,15 @@ def test_a_request_to_end_leaves_what_was_tracked_and_is_answered_at_once(tmp_pa
 @posix
 @pytest.mark.slow
 def test_a_disk_that_fills_leaves_no_cut_overlay_under_its_final_name(place, tmp_path):
-    # What a full disk does, a limit of the size of files does too.
+    # What a full disk does, a limit of the size of files does too.  The program sets its own:
+    # `preexec_fn` may hang in a process with threads.
+    small = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)); "
     noise = np.random.default_rng(0).integers(0, 256, (60, 48, 64, 3), dtype=np.uint8)
     clip = write_lossless_video(tmp_path / "noise.avi", noise)
     output = tmp_path / "out"
-    command = [sys.executable, "-c", PROGRAM, "track", clip, *BOXES, *PARTICLES, "-o", output]
-
-    def small_files():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
-
-    done = subprocess.run(
-        list(map(str, command)), preexec_fn=small_files, capture_output=True, text=True, timeout=200
-    )
+    command = [sys.executable, "-c", small + PROGRAM, "track", clip, *BOXES, *PARTICLES]
+    command = [*map(str, command), "-o", str(output)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=200)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert "check the free disk space" in done.stderr

@@ -12,7 +12,7 @@ import numpy as np
 #: Weight of the penalty on the squared coefficients, per background.
 RIDGE = 0.5
 #: How far the frame is shifted behind the object, in widths and heights of its box: not at all, and
-#: so far that an object of less than a fifth of the frame's width is not seen beside itself.
+#: so far that an object of less than a sixth of the frame's width has no copy next to it.
 BACKGROUNDS = ((0.0, 0.0), (3.2, 0.0), (-3.2, 0.0), (4.1, 0.3), (-4.1, -0.3))
 #: Where the object ends and its background begins: an ellipse in its box, with an edge so wide.
 _EDGE = 0.15

@@ -27,6 +27,7 @@ class Option:
         kind: type of the value, or of each of its numbers: ``int``, ``float``, ``str`` or ``bool``.
         help: one sentence.
         length: 0 for a single value, n for a tuple of n numbers, -1 for one of any length.
+        per_object: the tuple may be n numbers for every object, one object after the other.
         choices: the names that are allowed; () for any value.
         least: smallest value that is allowed.
         above: value that must be exceeded.
@@ -44,6 +45,7 @@ class Option:
     kind: type
     help: str
     length: int = 0
+    per_object: bool = False
     choices: tuple[str, ...] = ()
     least: float = -math.inf
     above: float = -math.inf
@@ -78,8 +80,7 @@ class Option:
             )
         many = isinstance(value, Sequence) and not isinstance(value, str)
         values = tuple(value) if many else (value,)
-        fits = many == (self.length != 0) and (self.length <= 0 or len(values) == self.length)
-        if not fits or not all(self._allows(one) for one in values):
+        if not self._fits(values, many) or not all(self._allows(one) for one in values):
             raise InputError(f"{shown} {plain(value)} must be {self.wanted}.")
         values = tuple(self.kind(one) for one in values)
         return values if many else values[0]
@@ -91,6 +92,8 @@ class Option:
         if self.length:
             count = {2: "two ", 3: "three "}.get(self.length, "")
             noun = count + {int: "whole numbers", float: "finite numbers"}[self.kind]
+            if self.per_object:
+                noun += f", or {count.strip()} for every object,"
         bounds = ""
         if not math.isinf(self.above):
             bounds = f" above {plain(self.above)}"
@@ -102,6 +105,12 @@ class Option:
             bounds = f" of at least {plain(self.least)}"
         example = f", such as {plain(self.default)}" if self.length > 0 and self.default else ""
         return f"{noun}{bounds}{example}"
+
+    def _fits(self, values: tuple[Any, ...], many: bool) -> bool:
+        if self.length <= 0 or not many:
+            return many == (self.length != 0)
+        count = len(values) // self.length if self.per_object else 1
+        return len(values) == max(count, 1) * self.length
 
     def _allows(self, value: Any) -> bool:
         if self.kind in (str, bool):

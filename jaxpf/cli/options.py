@@ -166,7 +166,8 @@ def _from_people(one: Option, value: Any) -> Any:
 
 def _click_type(one: Option, grid: bool) -> tuple[Any, bool]:
     if one.length:
-        return NumberList(one.kind, max(one.length, 0) or None), grid
+        counted = one.length > 0 and not one.per_object
+        return NumberList(one.kind, one.length if counted else None), grid
     if not grid or one.kind is bool:
         return one.kind, False
     return (str if one.kind is str else NumberList(one.kind)), False

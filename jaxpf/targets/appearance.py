@@ -58,8 +58,9 @@ def steps_option(default: tuple[float, float, float]) -> Any:
     return option(
         default,
         "Of relative motion, noise per frame: of usual steps and of long ones, as shares of the "
-        "object's size, and of the size's logarithm.",
+        "object's size, and of the size's logarithm; for all objects, or three numbers for each.",
         least=0,
+        per_object=True,
         path="dynamics.steps",
         implies=("motion", RELATIVE),
     )

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 #: Noise of centre (pixels) and scale per frame: wide enough for people walking in video.
 DEFAULT_SCALE = (4.0, 2.0, 0.003)
 #: The same relative to the size: usual steps, long ones, and the logarithm of the size.
-DEFAULT_STEPS = (0.03, 0.12, 0.015)
+DEFAULT_STEPS = (0.045, 0.18, 0.02)
 #: Share of the last displacement that is repeated.
 DEFAULT_MOMENTUM = 0.3
 
@@ -75,7 +75,7 @@ def relative_box_model(
     if steps.shape[-1:] != (3,) or not np.all(np.isfinite(steps)) or np.any(steps < 0):
         raise InputError(
             f"steps {steps.tolist()} must be three finite numbers >= 0: usual steps and long ones "
-            "as shares of the size, and the noise of its logarithm, such as 0.03,0.12,0.015."
+            "as shares of the size, and the noise of its logarithm, such as 0.045,0.18,0.02."
         )
     model = box_model(likelihood, boxes)
     momentum = np.asarray(momentum, np.float32)
@@ -92,8 +92,8 @@ def motion_candidates(options: Any) -> list[Any]:
     found = [options]
     for factor in (0.5, 1.0, 2.0):
         if options.motion == RELATIVE:
-            usual, far, of_size = options.relative_scale
-            noise = {"relative_scale": (factor * usual, factor * far, of_size)}
+            scaled = np.reshape(options.relative_scale, (-1, 3)) * [factor, factor, 1]
+            noise = {"relative_scale": tuple(scaled.ravel().tolist())}
             momenta = [{"momentum": momentum} for momentum in (0.0, 0.3, 0.6, 0.9)]
         else:
             x, y, of_size = options.scale

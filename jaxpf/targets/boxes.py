@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxpf.errors import InputError
 from jaxpf.models.model import Model
-from jaxpf.options import OPEN, check_options
+from jaxpf.options import OPEN, check_options, plain
 from jaxpf.targets.appearance import (
     COLOUR,
     DISCRIMINATIVE,
@@ -183,6 +183,11 @@ class Boxes(Target):
         from jaxpf.models.likelihoods.histogram import histogram_from_patches
 
         options = self.resolved(options, looks.is_filmed)
+        if len(options.relative_scale) > 3:
+            raise InputError(
+                f"relative_scale {plain(options.relative_scale)} differs between objects, and "
+                "tuning finds one motion for all; give three numbers."
+            )
         if options.appearance == DISCRIMINATIVE:
             settings = {"interpolation": "bilinear", "background_frames": frames}
             learned = self._discriminative(options, start, looks, **settings)
@@ -224,8 +229,8 @@ class Boxes(Target):
 
     def _model(self, likelihood: Any, options: Options, start: Start) -> Model:
         if options.motion == RELATIVE:
-            noise = options.relative_scale, options.momentum
-            return relative_box_model(likelihood, start.shapes, *noise)
+            steps = _steps(options, start)
+            return relative_box_model(likelihood, start.shapes, steps, options.momentum)
         return box_model(likelihood, start.shapes, options.scale)
 
     def motion_candidates(self, options: Options) -> list[Options]:
@@ -249,11 +254,11 @@ class Boxes(Target):
         if options.motion == RELATIVE:
             from jaxpf.models.relative_motion import RelativeMotion
 
-            size = np.sqrt(np.prod(start.sizes, axis=1)).mean()
-            usual, far, of_size = options.relative_scale
+            size = np.sqrt(np.prod(start.sizes, axis=1))
+            usual, far, of_size = _steps(options, start).T
             long = RelativeMotion.long
-            step = size * np.sqrt((1 - long) * usual**2 + long * far**2)
-            return np.array([step, step, of_size])
+            step = np.mean(size * np.sqrt((1 - long) * usual**2 + long * far**2))
+            return np.array([step, step, of_size.mean()])
         return np.array(options.scale)
 
     def tuned_by_default(self, options: Options) -> tuple[str, ...]:
@@ -329,6 +334,21 @@ class Boxes(Target):
 
 
 BOXES = Boxes()
+
+
+def _steps(options: Options, start: Start) -> np.ndarray:
+    """Noise of relative motion, ``[3]`` for all objects or ``[P, 3]``.
+
+    Raises:
+        InputError: it is for another number of objects.
+    """
+    steps, count = np.reshape(options.relative_scale, (-1, 3)), len(start.shapes)
+    if len(steps) not in (1, count):
+        raise InputError(
+            f"relative_scale {plain(options.relative_scale)} is for {len(steps)} objects, and there "
+            f"are {count}; give three numbers for all, or three for every object."
+        )
+    return steps if len(steps) > 1 else steps[0]
 
 
 def _start(ids: Any, boxes: np.ndarray) -> Start:

@@ -69,7 +69,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
         "appearance": "colour",  # which a sharpness says
         "gain": 4.0,
         "motion": "auto",
-        "relative_scale": (0.03, 0.12, 0.015),
+        "relative_scale": (0.045, 0.18, 0.02),
         "momentum": 0.3,
         "exclusion": "none",
         "particles": 100,

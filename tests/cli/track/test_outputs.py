@@ -183,11 +183,20 @@ def test_fitted_motion_is_kept_and_run_toml_repeats_it(track, tmp_path):
     assert f"--momentum {kept['momentum']:g}" in told
     assert summary["parameters"]["momentum"] == kept["momentum"]
     # Those of half, the usual and double noise.
-    assert kept["relative_scale"][0] in (0.015, 0.03, 0.06)
+    assert kept["relative_scale"][0] in (0.0225, 0.045, 0.09)
     again = jaxpf("track", "--config", tmp_path / "out" / "run.toml", "-o", tmp_path / "again")
     assert again.code == 0, again.err
     tracks = [(tmp_path / name / "tracks.csv").read_bytes() for name in ("out", "again")]
     assert tracks[0] == tracks[1]
+
+
+def test_every_object_may_have_a_noise_of_its_own(track, tmp_path):
+    still = ("--relative-scale", ".045,.18,.02,0,0,0")
+    assert track(*BOXES, *still, "--no-overlay").code == 0
+    lines = np.loadtxt(tmp_path / "out" / "tracks.csv", delimiter=",")
+    boxes = {number: lines[lines[:, 1] == number, 2:6] for number in (1, 2)}
+    assert np.ptp(boxes[1][1:], axis=0).min() > 0
+    assert np.ptp(boxes[2], axis=0).max() == 0
 
 
 def test_another_seed_gives_other_tracks(whole_run, track, tmp_path):

@@ -24,14 +24,15 @@ def substates_of(boxes):
     return np.column_stack([boxes[:, :2] + boxes[:, 2:] / 2, np.ones(len(boxes))])
 
 
-def test_what_the_one_in_front_covers_counts_as_background(exclusive):
+def test_what_the_one_in_front_takes_counts_as_background(exclusive):
     rng = np.random.default_rng(0)
-    own = rng.normal(0, 8, 3)
-    boxes = OBJECTS + np.append(rng.uniform(-12, 12, (3, 2)), np.zeros((3, 2)), axis=1)
+    own = rng.normal(10, 8, 3)
+    boxes = OBJECTS + np.append(rng.uniform(-3, 3, (3, 2)), np.zeros((3, 2)), axis=1)
     expected = own.sum()
     for i, j in ((0, 1), (0, 2), (1, 2)):
         of_i, of_j = np.asarray(jax.jit(precision)(boxes[[i, j]], boxes[[j, i]]), float)
-        in_front = [own[i] + (1 - of_j) * own[j], (1 - of_i) * own[i] + own[j]]
+        hidden = [min(max((of - 0.7) / 0.25, 0), 1) for of in (of_i, of_j)]
+        in_front = [own[i] + (1 - hidden[1]) * own[j], (1 - hidden[0]) * own[i] + own[j]]
         expected += np.log(np.mean(np.exp(in_front))) - own[i] - own[j]
     assert abs(expected - own.sum()) > 1
     log_joint = jax.jit(type(exclusive).log_joint)

@@ -4,13 +4,15 @@ Look-alikes attract one another's boxes, because a likelihood that factors lets 
 speak for all of them.  Here, of every two objects either is in front, with probability one half,
 and what its box covers of the other's shows the one in front and not the other: there the other
 explains no more than the background does.  With l the log-likelihood of an object alone, relative
-to background, and c_ij the share of box j that box i covers::
+to background, and c_ij the share of box j that box i takes::
 
     log p(y | x) = sum_i l_i + sum_(i<j) log((exp(-c_ij l_j) + exp(-c_ji l_i)) / 2)
 
-Boxes that share no pixel are judged as without exclusion.  Of two boxes in one place only the one
-that looks more like its object counts, so that who is hidden costs nothing, and who sits on a
-look-alike's image wins nothing.  For two objects this is a mixture of two normalised densities
+A box is larger than its object, and who is half hidden still shows the other half: box i takes
+nothing of box j while it covers less than seven tenths of it, all from 95 % on, and in between in
+proportion.  Boxes beside one another are judged as without exclusion.  Of two boxes in one place
+only the one that looks more like its object counts, so that who is hidden costs nothing, and who
+sits on a look-alike's image wins nothing.  For two objects this is a mixture of two normalised densities
 wherever ``exp(l)`` is a ratio of densities; for more it is the product over pairs.
 """
 
@@ -22,6 +24,9 @@ import numpy as np
 from jaxpf.models.geometry import area, intersection_area
 from jaxpf.models.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.pytree import pytree_dataclass
+
+#: Shares of a box that another one covers: up to the first it takes nothing, from the second all.
+_TAKEN = 0.7, 0.95
 
 
 @pytree_dataclass
@@ -41,9 +46,11 @@ class ExclusiveAppearance(DiscriminativeLikelihood):
         boxes = self._frame_boxes(substates)
         shared = intersection_area(boxes[:, None], boxes[None])
         covered = shared / jnp.maximum(area(boxes), 1e-6)[None]  # [i, j, N]: of j, by i
+        least, most = _TAKEN
+        taken = jnp.clip((covered - least) / (most - least), 0, 1)
         # A box that cannot be has no share in this; the kernel takes care of its zero.
         own = jnp.where(jnp.isneginf(log_probs), 0.0, log_probs)
-        lost = covered * own[None]
+        lost = taken * own[None]
         either = jnp.logaddexp(-lost, -jnp.swapaxes(lost, 0, 1)) - np.log(2.0)
         is_pair = np.triu(np.ones(shared.shape[:2], bool), 1)
         pairs = jnp.sum(jnp.where(is_pair[..., None], either, 0.0), axis=(0, 1))

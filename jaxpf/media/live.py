@@ -5,6 +5,7 @@ import math
 import os
 import re
 import threading
+import time
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -74,7 +75,7 @@ class LiveSource(FrameSource):
         self.num_left_out = 0
         self._waiting: collections.deque[np.ndarray] = collections.deque()
         self._news = threading.Condition()
-        self._opened = self._ended = self._closed = self._begun = False
+        self._opened = self._ended = self._closed = self._begun = self._silent = False
         self._error: Exception | None = None
         # A daemon: a source that has fallen silent must not keep the program from ending.
         threading.Thread(target=self._read_all, daemon=True).start()
@@ -132,6 +133,11 @@ class LiveSource(FrameSource):
                 f"stream '{self.path}' announces {expected} frames, and {count} came: it broke "
                 f"off after frame {count - 1}"
             )
+        elif self._silent:
+            self.note = (
+                f"stream '{self.path}' sent nothing for {_PATIENCE / 1000:g} s after frame "
+                f"{count - 1}, and was taken to have ended"
+            )
 
     def _next(self) -> np.ndarray | None:
         """The next frame, or None after the last one."""
@@ -176,8 +182,12 @@ class LiveSource(FrameSource):
 
     def _read_frames(self, capture: Any) -> None:
         while not self._closed:
+            asked = time.monotonic()
             with quiet_opencv():
                 decoded, frame = capture.read()
+            patient = time.monotonic() - asked > 0.9 * _PATIENCE / 1000
+            # A last frame that came in part is decoded when patience is over, and the end follows.
+            self._silent = patient or (self._silent and not decoded)
             if not decoded:
                 return
             frame = to_rgb(frame, self.path)

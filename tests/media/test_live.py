@@ -1,7 +1,9 @@
 """Cameras, streams and pipes."""
 
+import contextlib
 import os
 import signal
+import socket
 import threading
 import time
 
@@ -50,6 +52,26 @@ def test_a_stream_that_breaks_off_says_so(clip, tmp_path):
     assert 0 < count < LENGTH
     assert source.truncated
     assert f"announces {LENGTH} frames, and {count} came: it broke off" in source.note
+
+
+@pytest.mark.slow
+def test_a_stream_that_falls_silent_ends_and_says_so(clip):
+    answer = b"HTTP/1.1 200 OK\r\nContent-Type: video/x-msvideo\r\n\r\n"
+    with socket.create_server(("127.0.0.1", 0)) as server, contextlib.ExitStack() as held:
+
+        def answer_all():
+            with contextlib.suppress(OSError):
+                while True:
+                    connection, _ = server.accept()
+                    held.enter_context(connection)
+                    connection.recv(4096)
+                    connection.sendall(answer + clip.read_bytes()[:-2000])
+
+        threading.Thread(target=answer_all, daemon=True).start()
+        source = open_frames(f"http://127.0.0.1:{server.getsockname()[1]}/clip.avi")
+        frames = list(source)
+    assert frames
+    assert f"sent nothing for 10 s after frame {len(frames) - 1}" in source.note
 
 
 def test_a_camera_gives_its_latest_frame_and_counts_those_left_out(monkeypatch):

@@ -71,7 +71,6 @@ def test_a_camera_is_tracked_until_ctrl_c_which_keeps_all_results(
     summary = summary_of(tmp_path / "out")
     assert summary["interrupted"] is True
     assert summary["parameters"]["video"] == "0"
-    assert summary["seconds_first_frame"] < 1  # compiled before
     rows = rows_of(tmp_path / "out")
     assert len(rows) > 40
     assert abs(len(rows) / 2 - 1 - summary["frames_tracked"]) <= 1

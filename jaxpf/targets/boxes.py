@@ -345,8 +345,8 @@ def _steps(options: Options, start: Start) -> np.ndarray:
     steps, count = np.reshape(options.relative_scale, (-1, 3)), len(start.shapes)
     if len(steps) not in (1, count):
         raise InputError(
-            f"relative_scale {plain(options.relative_scale)} is for {len(steps)} objects, and there "
-            f"are {count}; give three numbers for all, or three for every object."
+            f"relative_scale {plain(options.relative_scale)} is for {len(steps)} objects, and "
+            f"there are {count}; give three numbers for all, or three for every object."
         )
     return steps if len(steps) > 1 else steps[0]
 

@@ -100,7 +100,10 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
         ((*BOXES, "--parts", "17"), "the box of object 1 is 12.0 pixels wide and 16.0 high"),
         ((*BOXES, "--scale", "1,2"), "holds 2 number(s); give 3 of them"),
         ((*BOXES, "--scale", "1,2,-1"), "must be three finite numbers of at least 0"),
-        ((*BOXES, "--relative-scale", "1,2,3,4"), "three finite numbers, or three for every object"),
+        (
+            (*BOXES, "--relative-scale", "1,2,3,4"),
+            "three finite numbers, or three for every object",
+        ),
         ((*BOXES, "--relative-scale", ",".join("1" * 9)), "is for 3 objects, and there are 2"),
         ((*BOXES, "--ess-threshold", "2"), "must be a finite number from 0 to 1"),
         ((*BOXES, "--bogus"), "No such option"),

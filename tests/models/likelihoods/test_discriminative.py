@@ -14,6 +14,7 @@ import jaxpf
 from jaxpf import InputError
 from jaxpf.models.likelihoods import DiscriminativeLikelihood, discriminative
 from jaxpf.models.likelihoods.discriminative.training import (
+    BACKGROUNDS,
     before_background,
     ridge,
     training_boxes,
@@ -184,9 +185,15 @@ def test_the_score_peaks_where_the_object_went_over_another_background(learned):
         assert score.max() > 0.6 > 0.5 > np.max(score[far])
 
 
+def composed_of(frame, box, shift):
+    """The whole frame, with the object before another part of it."""
+    corner, shape = np.zeros(2, int), frame.shape[:2]
+    return quick(before_background, static_argnums=4)(frame, box, shift, corner, shape)
+
+
 def test_an_object_stays_before_another_background():
     box, shift = np.array([20.0, 12.0, 44.0, 40.0]), np.array([0.5, -0.25])
-    composed = quick(before_background)(FRAME, box, shift)
+    composed = composed_of(FRAME, box, shift)
     behind = np.roll(FRAME, (-10, 22), axis=(0, 1))
     rows, columns = np.mgrid[:HEIGHT, :WIDTH] + 0.5
     away = np.hypot((columns - 42) / 22, (rows - 32) / 20)  # 1 on the ellipse
@@ -195,7 +202,31 @@ def test_an_object_stays_before_another_background():
     between = (away > 0.9) & (away < 1.1)
     low, high = np.minimum(FRAME, behind), np.maximum(FRAME, behind)
     assert ((low <= composed) & (composed <= high))[between].all()
-    np.testing.assert_array_equal(quick(before_background)(FRAME, box, np.zeros(2)), FRAME)
+    np.testing.assert_array_equal(composed_of(FRAME, box, np.zeros(2)), FRAME)
+    window = quick(before_background, static_argnums=4)(
+        FRAME, box, shift, np.array([7, 9]), (30, 40)
+    )
+    np.testing.assert_array_equal(window, composed[9:39, 7:47])
+
+
+def test_what_is_learned_in_windows_is_the_regression_on_whole_frames():
+    frame = blocks(3, (200, 300))
+    # No edge of a cell lies half way between two lines, where it might fall on either.
+    boxes = np.array([[281.13, 171.07, 14.31, 22.43], [100.17, 61.09, 44.29, 40.37]])
+    learned = discriminative(frame, boxes)
+    shifts, labels = training_boxes()
+    for number, box in enumerate(boxes):
+        centres = box[:2] + box[2:] * (0.5 + shifts[:, :2])
+        substates = np.column_stack([centres, shifts[:, 2]]).T
+        left = [
+            labels
+            - scores(learned, _OBSERVE(learned, composed_of(frame, box, shift)), number, substates)
+            for shift in np.array(BACKGROUNDS)
+        ]
+        assert np.mean(left) == pytest.approx(0, abs=1e-5)
+        assert np.sqrt(np.mean(np.square(left))) == pytest.approx(
+            float(learned.residual[number]), rel=1e-4
+        )
 
 
 def test_the_score_follows_the_object_and_does_not_stay_with_the_wall_behind_it():

@@ -19,13 +19,7 @@ from jaxpf.models.likelihoods.discriminative.likelihood import (
     grid_places,
 )
 from jaxpf.models.likelihoods.discriminative.maps import gradients, hues
-from jaxpf.models.likelihoods.discriminative.training import (
-    BACKGROUNDS,
-    RIDGE,
-    before_background,
-    ridge,
-    training_boxes,
-)
+from jaxpf.models.likelihoods.discriminative.training import RIDGE, trained, training_boxes
 from jaxpf.pytree import as_array
 
 #: Features by name; others are a user's own functions.
@@ -57,10 +51,10 @@ def discriminative(
         frame: uint8 RGB [H, W, 3].
         boxes: [P, 4], (x, y, w, h) in pixels.
         features: of ``FEATURES``, by name, and functions of your own: of a picture, float
-            [h, w, 3] of red, green and blue from 0 to 1, that give maps [h, w, C] from 0 to 1,
-            which are collected in cells as gradients are.  ``"hues"`` tells where on the object
-            its colours are: better while the object fills its box, worse where much of what is
-            behind it shows in the box.
+            [h, w, 3] of red, green and blue from 0 to 1, that give maps [h, w, C] from 0 to 1, of
+            what is around each pixel, which are collected in cells as gradients are.  ``"hues"``
+            tells where on the object its colours are: better while the object fills its box, worse
+            where much of what is behind it shows in the box.
         gain: how much scores are trusted.
         bands: horizontal bands of the colour histograms.
         grid: rows and columns of cells.
@@ -101,7 +95,7 @@ def discriminative(
         frame_shape=(int(frame.shape[0]), int(frame.shape[1])),
         interpolation=interpolation,
     )
-    likelihood = _trained(likelihood, frame, as_array(boxes, float), penalty)
+    likelihood = trained(likelihood, frame, boxes, penalty)
     _check_learned(np.asarray(likelihood.residual))
     if background_frames is None:
         return likelihood
@@ -131,46 +125,6 @@ def _own_bins(frame, boxes, factors, bands) -> tuple[jax.Array, np.ndarray]:
     own = np.zeros((len(boxes), bands, num_bins))
     own[:, :, : len(used)] = kept[:, None, used]
     return as_array(lookup), own
-
-
-@jax.jit
-def _trained(likelihood, frame, boxes, penalty):
-    """The likelihood with the coefficients of every object."""
-    shifts, overlaps = (jnp.asarray(x, boxes.dtype) for x in training_boxes())
-    behind = jnp.asarray(BACKGROUNDS, boxes.dtype)
-
-    def examples(number):
-        """Features [n, F] of boxes around one object, before one background after the other."""
-        box = boxes[number]
-        centres = box[:2] + box[2:] * (0.5 + shifts[:, :2])
-        substates = jnp.concatenate([centres, shifts[:, 2:3]], axis=1).T
-        partition = jnp.full(len(shifts), number)
-
-        def before(shift):
-            seen = likelihood.observe(before_background(frame, box, shift))
-            return likelihood.features_all(seen, partition, substates)
-
-        return jnp.concatenate(jax.lax.map(before, behind))
-
-    def learned(number):
-        return ridge(examples(number), jnp.tile(overlaps, len(behind)), penalty * len(behind))
-
-    weights, offset, residual = jax.lax.map(learned, jnp.arange(len(boxes)))
-    place, colour_weights, map_weights = 0, likelihood.colour_weights, []
-    if colour_weights is not None:
-        place = math.prod(colour_weights.shape[1:])
-        colour_weights = weights[:, :place].reshape(colour_weights.shape)
-    for old in likelihood.map_weights:
-        length = math.prod(old.shape[1:])
-        map_weights.append(weights[:, place : place + length].reshape(old.shape))
-        place += length
-    return dataclasses.replace(
-        likelihood,
-        offset=offset,
-        residual=residual,
-        colour_weights=colour_weights,
-        map_weights=tuple(map_weights),
-    )
 
 
 @jax.jit

@@ -127,10 +127,11 @@ def cell_score(
     ]
     least = _least(boxes, grid)
 
-    def start(i):
-        """Where a row's upper edge begins in the table."""
-        place = boxes.top + boxes.height * (jnp.asarray(i, dtype) / grid[0])
-        return (first_row + _line(place, boxes.rows)) * stride
+    edges = [boxes.top + boxes.height * (i / grid[0]) for i in range(grid[0] + 1)]
+    starts = jnp.stack([(first_row + _line(edge, boxes.rows)) * stride for edge in edges])
+    # Computed once: compiled twice with other last bits, an edge half way between two lines would
+    # be one line here and the other there, and sums of cells neither's.
+    starts, columns = jax.lax.optimization_barrier((starts, columns))
 
     def strip(table, start, j):
         """What lies above a row's edge, in a column of cells."""
@@ -138,7 +139,7 @@ def cell_score(
 
     def add_row(i, total):
         # One fused loop over the particles' channels: gather, difference, root, multiply, add.
-        above, below = start(i), start(i + 1)
+        above, below = starts[i], starts[i + 1]
         for j in range(grid[1]):
             here, seen = (strip(t, below, j) - strip(t, above, j) for t in (cells, totals))
             weight = entries_at(weights, (partition * grid[0] + i) * grid[1] + j)

@@ -12,8 +12,8 @@ A box is larger than its object, and who is half hidden still shows the other ha
 nothing of box j while it covers less than seven tenths of it, all from 95 % on, and in between in
 proportion.  Boxes beside one another are judged as without exclusion.  Of two boxes in one place
 only the one that looks more like its object counts, so that who is hidden costs nothing, and who
-sits on a look-alike's image wins nothing.  For two objects this is a mixture of two normalised densities
-wherever ``exp(l)`` is a ratio of densities; for more it is the product over pairs.
+sits on a look-alike's image wins nothing.  For two objects this is a mixture of two normalised
+densities wherever ``exp(l)`` is a ratio of densities; for more it is the product over pairs.
 """
 
 import dataclasses

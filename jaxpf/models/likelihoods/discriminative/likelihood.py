@@ -135,7 +135,10 @@ class DiscriminativeLikelihood(Likelihood):
                 f"a frame of {width} x {height} pixels does not go with the start frame of "
                 f"{columns} x {rows}, from which appearance was learned; bring all to one size."
             )
-        pictures = [shrunk(jnp.asarray(frame), factor) for factor in self.factors]
+        return self.seen_in([shrunk(jnp.asarray(frame), factor) for factor in self.factors])
+
+    def seen_in(self, pictures):
+        """Tables of the frame as it is shrunk for every level, float [h, w, 3] of 0 to 255."""
         colours = None
         if self.colour_weights is not None:
             num_bins = self.colour_weights.shape[-1]

@@ -81,8 +81,8 @@ def exclusion_option() -> Any:
     """Whether two boxes may be explained by the same pixels."""
     return option(
         NONE,
-        "Of discriminative appearance: none, or boxes, where what one box covers does not count "
-        "for another; for look-alikes that meet.",
+        "Of discriminative appearance: none, or boxes, where what one box covers of another, if it "
+        "is most of it, does not count for that; for look-alikes that meet.",
         choices=(NONE, BOXES),
         compiles=True,
         implies=("appearance", DISCRIMINATIVE),

@@ -102,8 +102,8 @@ def before_background(
     share = jnp.clip(0.5 + (1 - away) / _EDGE, 0, 1)[..., None]
 
     def seen(right, lower):
-        across, down = (columns - right) % frame.shape[1], (rows - lower) % frame.shape[0]
-        return frame[down[:, None], across[None, :]]
+        there = (rows - lower) % frame.shape[0], (columns - right) % frame.shape[1]
+        return frame[there[0][:, None], there[1][None, :]]
 
     behind = seen(*jnp.round(shift * box[2:]).astype(jnp.int32))
     return jnp.round(share * seen(0, 0) + (1 - share) * behind).astype(frame.dtype)

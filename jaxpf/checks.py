@@ -61,16 +61,20 @@ def check_pytree(tracker: Any) -> None:
 
 
 def check_frames(frames: Any) -> None:
-    """Refuse frames that are a list, or complex.
+    """Refuse frames that are a list, no numbers, or complex.
 
     Raises:
-        InputError: which of the two.
+        InputError: which of them.
     """
     if isinstance(frames, list):
         raise InputError(
             f"frames is a list of {len(frames)}; give one array [T, ...]: np.stack(frames)."
         )
     for leaf in jax.tree.leaves(frames):
+        if not hasattr(leaf, "dtype"):
+            raise InputError(
+                f"frames hold {_a(type(leaf).__name__)}; give arrays with a leading axis of time."
+            )
         if jnp.issubdtype(jnp.result_type(leaf), jnp.complexfloating):
             raise InputError("frames hold complex numbers; give real ones.")
 

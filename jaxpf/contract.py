@@ -12,7 +12,8 @@ dynamics      ``propagate`` or ``propagate_all``                           ``log
                                                                            ``log_density_all``,
                                                                            ``predict``,
                                                                            ``predict_all``,
-                                                                           ``propagate_label``
+                                                                           ``propagate_label``,
+                                                                           ``log_label``
 likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log_joint``,
                                                                            ``log_joint_labelled``,
                                                                            ``state_gradient``,
@@ -77,6 +78,10 @@ class Dynamics:
     """How a substate moves.  Define ``propagate``, or ``propagate_all``, which is faster.
 
     The latter draws noise for all particles at once, where each else has a key of its own.
+
+    A part moves given its own past and its parent, and nothing else.  The exchanges of
+    ``jaxpf.ordering.sps`` rest on that: a part is traded together with what hangs from it, and
+    whatever else it depended on would stay behind, without a word.
     """
 
     def propagate(
@@ -109,7 +114,7 @@ class Dynamics:
 
 
 class DynamicsWithDensity(Dynamics):
-    """Dynamics whose density is known, for ``motion_gradient="score"`` (``jaxpf.gradients``).
+    """Dynamics whose density is known, for ``jaxpf.smooth`` and ``motion_gradient="score"``.
 
     Define ``log_density`` or ``log_density_all``, whose default the other is.
     """
@@ -184,7 +189,7 @@ class Likelihood:
     state_gradient: Any = True
     #: Whether the observation depends on the frame alone, and on no parameter.
     fixed_observation: Any = False
-    #: The form of a likelihood of distances, ``jaxpf.likelihoods.distance_law``; None of others.
+    #: The form of a likelihood of distances, ``jaxpf.likelihoods.log_density``; None of others.
     form: Any = None
 
     def observe(self, frame: Any) -> Any:
@@ -299,6 +304,22 @@ def propagate_label_all(dynamics, key, label, substates) -> jax.Array:
         keys, label, jnp.swapaxes(substates, 0, 1)
     )
     return moved.astype(label.dtype)
+
+
+def has_log_label(dynamics: Any) -> bool:
+    """Whether the probability of a label's move is known.
+
+    The method ``log_label(new [], label [], substates [P, D]) -> []`` gives the log-probability
+    with which ``propagate_label`` draws; ``jaxpf.smooth`` asks for it.  There is no default.
+    """
+    return hasattr(dynamics, "log_label")
+
+
+def log_label(dynamics, new, label, substates) -> jax.Array:
+    """Log-probability ``[]`` that a label moves so; a label that nobody moves stays."""
+    if not hasattr(dynamics, "propagate_label"):
+        return jnp.where(new == label, 0.0, -jnp.inf)
+    return dynamics.log_label(new, label, substates)
 
 
 def expecting(likelihood: Any, estimates: jax.Array) -> Any:

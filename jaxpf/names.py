@@ -23,8 +23,9 @@ MOTION_GRADIENTS = ("pathwise", "score")
 OBJECTIVES = ("evidence", "position", "overlap")
 #: Shape spaces of contours that need no examples.
 SHAPE_SPACES = ("translation", "similarity", "affine")
-#: How contours exclude one another: as wire frames, as opaque bodies, or not at all.
-EXCLUSIONS = ("wires", "opaque", "none")
+#: How contours exclude one another: as wire frames, as opaque bodies, or not at all; and the first
+#: two as maccormick1999 prints them.
+EXCLUSIONS = ("wires", "opaque", "none", "wires-literal", "opaque-literal")
 #: What an annotator marks of a contour.
 ANNOTATIONS = ("masks", "outlines", "centrelines")
 #: What of the past may act on a coordinate, in dynamics that are learned: its own last steps; its

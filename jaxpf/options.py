@@ -7,7 +7,9 @@ fields; values travel as values.
 
 import dataclasses
 import math
+import typing
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from jaxpf.errors import InputError
@@ -15,6 +17,7 @@ from jaxpf.errors import InputError
 _KEY = "option"
 #: The value of an option that is left open.
 OPEN = "auto"
+_NOUNS = {int: "a whole number", float: "a finite number", str: "a name", Path: "a path"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,7 +27,8 @@ class Option:
     Attributes:
         name: of the field; a flag has hyphens for its underscores.
         default: the value where nobody says another; None leaves it open.
-        kind: type of the value, or of each of its numbers: ``int``, ``float``, ``str`` or ``bool``.
+        kind: type of the value, or of each of its numbers: ``int``, ``float``, ``str``, ``bool`` or
+            ``Path``.
         help: one sentence.
         length: 0 for a single value, n for a tuple of n numbers, -1 for one of any length.
         per_object: the tuple may be n numbers for every object, one object after the other.
@@ -33,7 +37,10 @@ class Option:
         above: value that must be exceeded.
         most: largest value that is allowed.
         flags: further flags, such as ``-n``.
+        common: help of a command shows it first.
         path: where the value stands in a tracker, if tuning may find it: its pytree path.
+        factors: by what its numbers are multiplied there, such as degrees to radians; () for 1.
+        tuned: endings of the path, such as "[0]", of what is tuned where nobody says what.
         compiles: another value compiles another kernel.
         places: the numbers are places of objects, which people count from 1 and programs from 0.
         implies: (name, value) of another option of the same owner: this one counts only there, and
@@ -51,7 +58,10 @@ class Option:
     above: float = -math.inf
     most: float = math.inf
     flags: tuple[str, ...] = ()
+    common: bool = False
     path: str = ""
+    factors: tuple[float, ...] = ()
+    tuned: tuple[str, ...] = ()
     compiles: bool = False
     places: bool = False
     implies: tuple[str, str] | None = None
@@ -88,10 +98,10 @@ class Option:
     @property
     def wanted(self) -> str:
         """What values are allowed, in words."""
-        noun = {int: "a whole number", float: "a finite number", str: "a name"}.get(self.kind, "")
+        noun = _NOUNS.get(self.kind, "")
         if self.length:
             count = {2: "two ", 3: "three "}.get(self.length, "")
-            noun = count + {int: "whole numbers", float: "finite numbers"}[self.kind]
+            noun = count + {int: "whole numbers", float: "finite numbers"}.get(self.kind, "names")
             if self.per_object:
                 noun += f", or {count.strip()} for every object,"
         bounds = ""
@@ -109,11 +119,12 @@ class Option:
     def _fits(self, values: tuple[Any, ...], many: bool) -> bool:
         if self.length <= 0 or not many:
             return many == (self.length != 0)
-        count = len(values) // self.length if self.per_object else 1
-        return len(values) == max(count, 1) * self.length
+        if self.per_object:
+            return len(values) > 0 and len(values) % self.length == 0
+        return len(values) == self.length
 
     def _allows(self, value: Any) -> bool:
-        if self.kind in (str, bool):
+        if self.kind in (str, bool, Path):
             return isinstance(value, self.kind)
         if isinstance(value, bool) or not isinstance(value, int | float):
             return False
@@ -124,11 +135,18 @@ class Option:
 
 def option(default: Any, help: str, **about: Any) -> Any:
     """A field of a class of options; ``about`` are attributes of ``Option``."""
-    sample = default[0] if isinstance(default, tuple) and default else default
-    kind = about.pop("kind", None) or type(sample)
-    length = about.pop("length", len(default) if isinstance(default, tuple) else 0)
-    declared = {"kind": kind, "help": help, "length": length, **about}
+    length = {"length": len(default)} if isinstance(default, tuple) and default else {}
+    declared = {"help": help, **length, **about}
     return dataclasses.field(default=default, metadata={_KEY: declared})
+
+
+def _kind_and_length(annotation: Any) -> tuple[type, int]:
+    """Of one value, and -1 for many, of ``int | None`` or ``tuple[float, ...] | None``."""
+    inner = typing.get_args(annotation)
+    if not inner:
+        return annotation, 0
+    kind, length = _kind_and_length(inner[0])
+    return kind, -1 if typing.get_origin(annotation) is tuple else length
 
 
 def options_of(*owners: Any) -> dict[str, Option]:
@@ -137,7 +155,9 @@ def options_of(*owners: Any) -> dict[str, Option]:
     for owner in owners:
         for field in dataclasses.fields(owner):
             if _KEY in field.metadata:
-                one = Option(field.name, field.default, **field.metadata[_KEY])
+                kind, length = _kind_and_length(field.type)
+                about = {"kind": kind, "length": length, **field.metadata[_KEY]}
+                one = Option(field.name, field.default, **about)
                 found.setdefault(one.name, one)
     return found
 

@@ -23,8 +23,11 @@ def static_field(**kwargs: Any) -> Any:
 
 @dataclass_transform(frozen_default=True, field_specifiers=(static_field, dataclasses.field))
 def pytree_dataclass(cls: type[T]) -> type[T]:
-    """Make ``cls`` a frozen dataclass and register it as a pytree with named keys."""
-    cls = dataclasses.dataclass(frozen=True)(cls)
+    """Make ``cls`` a frozen dataclass and register it as a pytree with named keys.
+
+    Objects are equal if they are the same: arrays are not compared.
+    """
+    cls = dataclasses.dataclass(frozen=True, eq=False)(cls)
     fields = dataclasses.fields(cls)  # type: ignore[arg-type]
     data_names = tuple(f.name for f in fields if not f.metadata.get("static", False))
     static_names = tuple(f.name for f in fields if f.metadata.get("static", False))

@@ -3,6 +3,8 @@
 The state is carried, the summary is reported: every tracker's ``step`` returns both.
 """
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 
@@ -33,11 +35,13 @@ class ParticleState:
         weighted: ``[]`` bool, false only for a set that was drawn and never weighed, which
             must not be resampled.
         path_scores: ``[P, N]`` zeros with a derivative: that of the log-weights, told apart by
-            partition, each along its own lineage (``gradient="stop_gradient"``); else None.
+            partition, each along its own lineage (``jaxpf.gradients.StopGradient``); else None.
         label: ``[N]`` int32, each particle's discrete label, whatever the ordering; None where
             particles carry none.
         log_odds: ``[P]``, that each object is where it is reported, smoothed over the frames so
             far; None where the likelihood cannot tell.
+        sources: ``[P, N]`` int32, which particle of the frame before each draw continues, for
+            ``jaxpf.uncertainty``; None where nobody asks.
     """
 
     lagged: jax.Array
@@ -48,6 +52,7 @@ class ParticleState:
     path_scores: jax.Array | None = None
     label: jax.Array | None = None
     log_odds: jax.Array | None = None
+    sources: jax.Array | None = None
 
     @property
     def substates(self) -> jax.Array:
@@ -98,21 +103,16 @@ class Summary:
     confidence: jax.Array | None = None
 
 
-def summarise(state, log_evidence, status, lost, num_invalid) -> Summary:
-    """Estimate, effective sample size, uniqueness and spread of a weighted set."""
+def summarise(state, log_evidence, status, lost, num_invalid, num_unique) -> Summary:
+    """Estimate, effective sample size and spread of a weighted set, and what is known of it."""
     weights = jnp.exp(state.log_weights)
-    alive = weights > 0
-    values = jnp.where(alive, state.lagged[0], 0.0)  # a dead particle may hold NaN
     # Products with a matrix: a sum over the last axis is ten times slower on CPU.
-    estimate = values @ weights
-    deviation = jnp.where(alive, values - estimate[..., None], 0.0)
-    variance = deviation**2 @ weights
-    spread = jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0)
+    estimate, spread = moments(state.lagged[0], weights, jnp.matmul)
     return Summary(
         estimate=estimate.T,
         log_evidence=log_evidence,
         ess=1.0 / (weights @ weights),
-        uniqueness=count_unique(state.lineage).astype(weights.dtype) / state.lineage.shape[-1],
+        uniqueness=num_unique.astype(weights.dtype) / weights.shape[0],
         spread=spread.T,
         status=status,
         lost=lost,
@@ -120,8 +120,36 @@ def summarise(state, log_evidence, status, lost, num_invalid) -> Summary:
     )
 
 
+def sanitised(log_values: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Log-likelihoods of which NaN and +inf are taken as -inf, and how many were so, ``[]``."""
+    invalid = jnp.isnan(log_values) | jnp.isposinf(log_values)
+    return jnp.where(invalid, -jnp.inf, log_values), jnp.sum(invalid, dtype=jnp.int32)
+
+
+def moments(
+    values: jax.Array,
+    weights: jax.Array,
+    weighted_sum: Callable[[jax.Array, jax.Array], jax.Array],
+    spread: Callable[[jax.Array], jax.Array] = lambda mean: mean[..., None],
+) -> tuple[jax.Array, jax.Array]:
+    """Mean and standard deviation of weighted particles; one without weight may hold NaN.
+
+    Args:
+        values: ``[..., N]``.
+        weights: ``[N]`` or more axes, summing to one in whatever is summed.
+        weighted_sum: of values and weights, over the particles of a set.
+        spread: gives every particle its set's mean.
+    """
+    alive = weights > 0
+    values = jnp.where(alive, values, 0.0)
+    mean = weighted_sum(values, weights)
+    deviation = jnp.where(alive, values - spread(mean), 0.0)
+    variance = weighted_sum(deviation**2, weights)
+    return mean, jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0)
+
+
 def count_unique(lineage: jax.Array) -> jax.Array:
     """``[P]``: the number of distinct ids, each in 0..N-1, in every row of ``[P, N]``."""
     rows = jnp.arange(lineage.shape[0])[:, None]
     present = jnp.zeros(lineage.shape, jnp.int32).at[rows, lineage].set(1)
-    return jnp.sum(present, axis=-1)
+    return jnp.sum(present, axis=-1, dtype=jnp.int32)

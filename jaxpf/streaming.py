@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxpf import running
+from jaxpf import gaps, running
 
 
 class TrackedFrame(NamedTuple):
@@ -25,7 +25,12 @@ class TrackedFrame(NamedTuple):
     summary: Any
 
 
-def stream(tracker: Any, key: jax.Array, frames: Iterable[np.ndarray]) -> Iterator[TrackedFrame]:
+def stream(
+    tracker: Any,
+    key: jax.Array,
+    frames: Iterable[np.ndarray],
+    observed: Iterable[bool] | None = None,
+) -> Iterator[TrackedFrame]:
     """Track frames one by one; gives what ``jaxpf.run`` gives with the same key.
 
     Frames are not kept: memory does not grow with the length of the video.
@@ -34,10 +39,12 @@ def stream(tracker: Any, key: jax.Array, frames: Iterable[np.ndarray]) -> Iterat
         tracker: any tracker.
         key: the run's random key.
         frames: uint8 RGB ``[H, W, 3]``, all of one size.
+        observed: whether each was seen, as for ``jaxpf.run``; a frame that was dropped may hold
+            anything of that size.
     """
     state = jax.jit(running.init)(tracker, key)
-    for time, frame in enumerate(frames):
-        state, summary = step(tracker, key, time, state, frame)
+    for time, (frame, its, taken) in enumerate(gaps.marked_one_by_one(tracker, frames, observed)):
+        state, summary = step(its, key, time, state, taken)
         yield TrackedFrame(time, frame, state, jax.tree.map(np.asarray, summary))
 
 

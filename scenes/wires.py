@@ -52,12 +52,12 @@ class WiresParameters:
     wire_width: int = 3
     bend: float = 22.0
     unlikeness: float = 0.15
-    start_distance: float = 110.0
+    start_distance: float = 92.0
     meeting_distance: float = 7.0
     meeting_frames: int = 12
     wander: float = 3.0
     turning: float = 4.0
-    wander_period: float = 25.0
+    wander_period: float = 30.0
     contrast: float = 90.0
     clutter: float = 12.0
     clutter_grain: float = 3.0
@@ -70,7 +70,7 @@ class WiresParameters:
 
 def wires_scene(parameters: WiresParameters, seed: int) -> Scene:
     """Draw the scene."""
-    outlines, meeting = _draw_paths(parameters, np.random.default_rng([seed, _PATHS]))
+    outlines, meeting = wires_paths(parameters, np.random.default_rng([seed, _PATHS]))
     height, width = parameters.frame_height, parameters.frame_width
     rng = np.random.default_rng([seed, _BACKGROUND])
     ground = 150 + parameters.clutter * drawn.texture(rng, height, width, parameters.clutter_grain)
@@ -93,22 +93,27 @@ def wires_scene(parameters: WiresParameters, seed: int) -> Scene:
     )
 
 
-def _draw_paths(
+def wires_paths(
     parameters: WiresParameters, rng: np.random.Generator
 ) -> tuple[np.ndarray, tuple[int, int]]:
-    """Middles of the wires ``[T, 2, S, 2]``, and when they meet."""
+    """Middles of the wires ``[T, 2, S, 2]``, and when they meet.
+
+    By default no point moves more than 4.8 pixels in a frame, and the second wire stays right of
+    the first.
+    """
     count = parameters.num_frames
     times, middle = np.arange(count), (count - 1) / 2
     half = parameters.meeting_frames / 2
     apart = np.clip((np.abs(times - middle) - half) / max(middle - half, 1), 0, 1)
-    distance = parameters.meeting_distance + (
-        parameters.start_distance - parameters.meeting_distance
-    ) * apart**2 * (3 - 2 * apart)
+    apart_smoothly = _eased(apart)
+    far, near = parameters.start_distance, parameters.meeting_distance
+    distance = near + (far - near) * apart_smoothly
     together = np.flatnonzero(apart == 0)
     meeting = (int(together[0]), int(together[-1])) if len(together) else (count // 2, count // 2)
     along = np.linspace(-0.5, 0.5, _POINTS)
     paths = drawn.wandering(rng, count, 6, parameters.wander_period)
-    paths *= 1 - 0.8 * (apart[:, None] == 0)  # a quiet meeting keeps its distance
+    # A quiet meeting keeps its distance: wandering dies down as the wires come near each other.
+    paths *= 0.2 + 0.8 * apart_smoothly[:, None]
     outlines = np.empty((count, 2, _POINTS, 2))
     for wire in range(2):
         bend = parameters.bend * (1 + wire * parameters.unlikeness)
@@ -133,3 +138,11 @@ def _draw_paths(
             + cosine * shape[:, 1]
         )
     return outlines, meeting
+
+
+def _eased(share: np.ndarray) -> np.ndarray:
+    """From 0 to 1 as ``share`` does: gathering speed for a quarter, steady, and coming to rest."""
+    ramp = 0.25
+    begins, ends = share**2 / (2 * ramp), 1 - ramp - (1 - share) ** 2 / (2 * ramp)
+    steady = share - ramp / 2
+    return np.where(share < ramp, begins, np.where(share > 1 - ramp, ends, steady)) / (1 - ramp)

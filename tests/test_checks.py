@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError
+from jaxpf import InputError, ordering
 from jaxpf.checks import check_run
-from jaxpf.filters.partitioned import ordering
 
 FRAMES = np.zeros((3, 2, 2), np.float32)
+KEYS = jax.random.split(jax.random.key(0))
 
 
 @jaxpf.pytree_dataclass
@@ -165,3 +165,47 @@ def test_a_number_of_partitions_that_is_none_is_refused():
     for count in ("2", 2.5, True):
         with pytest.raises(InputError, match="must be a whole number"):
             ordering.sir(count)
+
+
+@pytest.mark.parametrize("number", ["3", None, True, 2.0])
+def test_a_number_of_particles_is_a_whole_number(number):
+    for make in (
+        lambda: tracker(num_particles=number),
+        lambda: jaxpf.Labelled(Drift(), Near(), np.zeros((2, 2)), num_particles=number),
+        lambda: jaxpf.PFFL(Drift(), Near(), np.zeros((2, 2)), num_particles=number),
+    ):
+        with pytest.raises(InputError, match=f"num_particles={number!r} must be a whole number"):
+            make()
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: jaxpf.run(tracker(), 0, FRAMES), r"key is 0; give a random key, such as jax\."),
+        (lambda: jaxpf.monte_carlo(tracker(), 0, FRAMES), "keys is 0; give one key per run"),
+        (
+            lambda: jaxpf.run(tracker(), KEYS, FRAMES),
+            "key has shape",
+        ),
+        (lambda: jaxpf.run(tracker(), jax.random.key(0), "abc"), "frames hold a str; give arrays"),
+        (lambda: tracker(initial=np.zeros((2, 2), bool)), "initial holds truth values"),
+        (lambda: ordering.sps([1, 0, None]), r"parents \[1, 0, None\] is no list of whole numbers"),
+    ],
+)
+def test_what_is_of_another_kind_is_told_in_one_sentence(call, sentence):
+    with pytest.raises(InputError, match=sentence):
+        call()
+
+
+def test_a_start_of_half_precision_and_a_key_of_the_old_kind_will_do():
+    half = tracker(initial=np.ones((2, 2), np.float16))
+    assert half.initial.dtype == np.float32
+    found = [jaxpf.run(half, key, FRAMES)[1] for key in (jax.random.key(3), jax.random.PRNGKey(3))]
+    np.testing.assert_array_equal(found[0].estimate, found[1].estimate)
+
+
+def test_a_tracker_equals_itself_alone():
+    made = tracker()
+    assert made == made
+    assert made != tracker()
+    assert made in {made}

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError
+from jaxpf import InputError, ordering
 from jaxpf.chunks import chunk_length, in_chunks
-from jaxpf.filters.partitioned import ordering
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.models.likelihoods.gaussian import Gaussian
+from jaxpf.dynamics import RandomWalk
+from jaxpf.likelihoods import Gaussian
 
 T, P, D = 7, 3, 2
 START = np.array([[0.0, 0.0], [20.0, 0.0], [0.0, 20.0]], np.float32)

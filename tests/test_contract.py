@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, contract, pytree_dataclass
-from jaxpf.filters.partitioned import ordering
-from jaxpf.filters.partitioned.refusals import check_motion_gradient
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.targets.articulated import OfFixedSize
+from jaxpf import InputError, contract, ordering, pytree_dataclass
+from jaxpf.dynamics import RandomWalk
+from jaxpf.gradients import check_motion_gradient
+from jaxpf.parts import OfFixedSize
 
 OBSERVATION = jnp.array([[1.0, 2.0], [3.0, 4.0]])
 #: (x, y, theta, joint ...) of two particles.

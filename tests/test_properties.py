@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxpf import InputError
-from jaxpf.cli import common
-from jaxpf.files import tracks
+from jaxpf import InputError, ordering, tracks
+from jaxpf.cli import config
+from jaxpf.cli.flags import NumberList
 from jaxpf.files.parts import HEADER, read_parts
-from jaxpf.filters.partitioned import ordering
 from jaxpf.options import Option
 
 #: The same cases every time, and no more than a glance takes.
@@ -146,8 +145,8 @@ def test_an_option_has_its_type_and_bounds_or_is_refused(value, kind, length):
 @click.option("--runs", type=int)
 @click.option("--share", type=float)
 @click.option("--name", type=str)
-@click.option("--scale", type=common.NumberList(float))
-@common.config_option()
+@click.option("--scale", type=NumberList(float))
+@config.config_option()
 def command(**options):
     return options
 
@@ -161,5 +160,5 @@ def command(**options):
 )
 def test_a_written_configuration_repeats_the_options(file, runs, share, name, scale):
     written = {"runs": runs, "share": share, "name": name, "scale": scale}
-    common.write_config(file, "a", written)
+    config.write_config(file, "a", written)
     assert command.main(["--config", str(file)], standalone_mode=False) == written

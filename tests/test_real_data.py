@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.filters.partitioned.ordering import named
-from jaxpf.measures import metrics
-from jaxpf.models.geometry import boxes_from_substates
-from jaxpf.models.likelihoods import histogram
-from jaxpf.targets.boxes import box_tracker
+from jaxpf import metrics
+from jaxpf.geometry import boxes_from_substates
+from jaxpf.likelihoods import histogram
 from scenes.clips import read_clip
 
 pytestmark = pytest.mark.slow
@@ -31,8 +29,8 @@ LAST_OCCLUSION = 54
 def kept_through_the_occlusions(campus, method):
     """In how many of 20 seeds object 3's box meets the truth in every frame until then."""
     scene, likelihood = campus
-    tracker = box_tracker(
-        likelihood, scene.boxes[0], named(method, [-1] * 5), scale=(4, 2, 0.003), num_particles=300
+    tracker = jaxpf.boxes.tracker(
+        None, scene.boxes[0], likelihood=likelihood, method=method, scale=(4, 2, 0.003)
     )
     keys = jnp.stack([jax.random.key(seed) for seed in range(20)])
     summary = jaxpf.monte_carlo(tracker, keys, jnp.asarray(scene.frames[1:]), batch_size=20)

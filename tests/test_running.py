@@ -10,11 +10,10 @@ import pytest
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf import InputError
-from jaxpf.filters.partitioned import ordering
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.models.likelihoods.gaussian import Gaussian
-from jaxpf.pytree import pytree_dataclass
+from jaxpf import InputError, ordering, pytree_dataclass
+from jaxpf.blocks import WIDE, blocks_of
+from jaxpf.dynamics import RandomWalk
+from jaxpf.likelihoods import Gaussian
 
 FRAMES = np.random.default_rng(0).normal(size=(4, 3, 1))
 
@@ -255,6 +254,35 @@ def test_an_empty_batch_is_refused():
         jaxpf.monte_carlo(tracker(), keys, FRAMES, batch_size=0)
 
 
+def test_few_runs_cost_about_their_share_of_many():
+    """A block costs as much as its runs and .8 of one, see ``jaxpf.evaluation.schedule``."""
+    for count in (*range(1, 200), 750):
+        blocks = blocks_of(count)
+        assert len(blocks) <= 2
+        filled = sum(number * width for number, width in blocks)
+        assert count <= filled <= count + 5
+        share = count * (1 + 0.8 / WIDE)
+        cost = sum(number * (width + 0.8) for number, width in blocks)
+        assert cost <= (1.5 if count >= 4 else 2) * share, count
+
+
+@pytest.mark.parametrize("count", [3, 8, 29])
+def test_runs_are_equal_to_rounding_whatever_the_width_of_their_block(count):
+    keys = jax.random.split(jax.random.key(0), 50)
+    many = jaxpf.monte_carlo(tracker(), keys, FRAMES)
+    few = jaxpf.monte_carlo(tracker(), keys[:count], FRAMES)
+    for one, other in zip(jax.tree.leaves(few), jax.tree.leaves(many), strict=True):
+        np.testing.assert_allclose(one, other[:count], rtol=1e-4, atol=1e-5)
+
+
+def test_runs_that_are_added_leave_the_bits_of_full_blocks():
+    keys = jax.random.split(jax.random.key(0), 75)
+    for few, many in ((10, 20), (25, 75)):
+        fewer, more = (jaxpf.monte_carlo(tracker(), keys[:n], FRAMES) for n in (few, many))
+        for one, other in zip(jax.tree.leaves(fewer), jax.tree.leaves(more), strict=True):
+            np.testing.assert_array_equal(one, other[:few])
+
+
 @pytest.mark.slow
 def test_devices_share_the_runs_bit_for_bit():
     # In a process of its own: the number of host devices is fixed when JAX is first used.
@@ -262,10 +290,9 @@ def test_devices_share_the_runs_bit_for_bit():
 import jax
 jax.config.update("jax_num_cpu_devices", 3)
 import jax.numpy as jnp, numpy as np, jaxpf
-from jaxpf.models.dynamics import LinearGaussian
-from jaxpf.targets.boxes import box_tracker
-from jaxpf.models.likelihoods.gaussian import Gaussian
-from jaxpf.models.likelihoods.histogram import histogram
+from jaxpf.dynamics import LinearGaussian
+from jaxpf.likelihoods import Gaussian
+from jaxpf.likelihoods import histogram
 
 one = jnp.ones((1, 1, 1))
 tracker = jaxpf.Partitioned(
@@ -292,9 +319,8 @@ print(np.asarray(alone.estimate).shape)
 # Tables that stay in their stack; every frame differs.
 video = np.random.default_rng(1).integers(0, 256, (4, 30, 40, 3), np.uint8)
 boxes = np.array([[10.0, 8, 12, 10]])
-tracker = box_tracker(
-    histogram(video[0], boxes, method="integral"), boxes, jaxpf.ordering.ps([0]),
-    scale=(2, 2, 0.01), num_particles=30,
+tracker = jaxpf.boxes.tracker(
+    video[0], boxes, method="ps", likelihood="integral", scale=(2, 2, 0.01), particles=30,
 )
 alone, all_ = (
     jaxpf.monte_carlo(tracker, keys[:6], video, batch_size=2, devices=devices)

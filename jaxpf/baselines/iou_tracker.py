@@ -8,96 +8,11 @@ predicts no motion.
 """
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.measures.track_matching import pairwise_overlap
-
-
-class Rules(NamedTuple):
-    """When a detection continues a track, and when a track counts.
-
-    Attributes:
-        least_overlap: intersection over union from which it does, in (0, 1].
-        least_hits: detections after which a track is reported.
-        most_missed: frames in a row without a detection that a track survives.
-        missed: ``"skip"`` reports a track where it has a detection only, ``"hold"`` its last box
-            also where it has none.
-    """
-
-    least_overlap: float = 0.3
-    least_hits: int = 3
-    most_missed: int = 5
-    missed: str = "skip"
-
-
-class Tracks(NamedTuple):
-    """The tracks that are open after a frame, K of them.
-
-    Attributes:
-        ids: int ``[K]``, from 1, never used twice.
-        boxes: ``[K, 4]``, the last detection of each.
-        hits: int ``[K]``, its detections so far.
-        missed: int ``[K]``, frames since the last.
-        next_id: of the next track.
-    """
-
-    ids: np.ndarray
-    boxes: np.ndarray
-    hits: np.ndarray
-    missed: np.ndarray
-    next_id: int
-
-
-def no_tracks() -> Tracks:
-    """Before the first frame."""
-    none = np.zeros(0, int)
-    return Tracks(none, np.zeros((0, 4)), none, none, 1)
-
-
-def assigned(one: np.ndarray, other: np.ndarray, least_overlap: float) -> np.ndarray:
-    """Which box of ``other`` ``[Q, 4]`` belongs to each of ``one`` ``[P, 4]``, at most one to one.
-
-    The assignment with the largest sum of overlaps among pairs that overlap by ``least_overlap``
-    or more; int ``[P]``, -1 for none.
-    """
-    from scipy.optimize import linear_sum_assignment
-
-    overlap = pairwise_overlap(one, other)
-    overlap[overlap < least_overlap] = 0.0
-    rows, columns = linear_sum_assignment(-overlap)
-    found = np.full(len(overlap), -1)
-    found[rows] = np.where(overlap[rows, columns] > 0, columns, -1)
-    return found
-
-
-def advance(tracks: Tracks, detections: np.ndarray, rules: Rules) -> Tracks:
-    """The tracks after another frame, whose detections are ``[M, 4]``."""
-    detections = np.asarray(detections, float).reshape(-1, 4)
-    mine = assigned(tracks.boxes, detections, rules.least_overlap)
-    seen = mine >= 0
-    boxes = tracks.boxes.copy()
-    boxes[seen] = detections[mine[seen]]
-    missed = np.where(seen, 0, tracks.missed + 1)
-    kept = missed <= rules.most_missed
-    fresh = detections[np.setdiff1d(np.arange(len(detections)), mine)]
-    number = len(fresh)
-    return Tracks(
-        ids=np.concatenate([tracks.ids[kept], tracks.next_id + np.arange(number)]),
-        boxes=np.concatenate([boxes[kept], fresh]),
-        hits=np.concatenate([(tracks.hits + seen)[kept], np.ones(number, int)]),
-        missed=np.concatenate([missed[kept], np.zeros(number, int)]),
-        next_id=tracks.next_id + number,
-    )
-
-
-def without(tracks: Tracks, places: np.ndarray) -> Tracks:
-    """The tracks but for those at some places."""
-    kept = np.setdiff1d(np.arange(len(tracks.ids)), places)
-    ids, boxes, hits, missed = (values[kept] for values in tracks[:4])
-    return Tracks(ids, boxes, hits, missed, tracks.next_id)
+from jaxpf.populations.association import Rules, advance, no_tracks
 
 
 def iou_tracks(detections: Iterable[np.ndarray], rules: Rules | None = None) -> np.ndarray:

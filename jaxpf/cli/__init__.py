@@ -1,6 +1,7 @@
 """The command line.  Each command's module is imported only when it is used."""
 
 import importlib
+import re
 import sys
 from typing import Any
 
@@ -54,10 +55,14 @@ def main(arguments: list[str] | None = None) -> Any:
     """Run the command line; a user's mistake is one sentence and exit code 2."""
     from jaxpf.errors import InputError
 
+    if arguments is None:
+        from jaxpf.cli.stopping import heed_ctrl_c
+
+        heed_ctrl_c()
     try:
         return group.main(arguments, prog_name="jaxpf", standalone_mode=False)
     except InputError as error:
-        click.echo(f"Error: {_cut(str(error), _LONGEST_MESSAGE)}", err=True)
+        click.echo(f"Error: {_cut(_as_typed(str(error)), _LONGEST_MESSAGE)}", err=True)
         sys.exit(2)
     except click.ClickException as error:
         error.show()
@@ -85,6 +90,11 @@ def main(arguments: list[str] | None = None) -> Any:
             err=True,
         )
         sys.exit(2)
+
+
+def _as_typed(text: str) -> str:
+    """A refusal of the library names options as Python does, ``swap='none'``; people type flags."""
+    return re.sub(r"\buse (\w+)='(\w+)'", lambda m: f"use --{m[1].replace('_', '-')} {m[2]}", text)
 
 
 #: Letters of a message that somebody may read.

@@ -1,12 +1,14 @@
 """``jaxpf bench``: the table of costs on the user's machine."""
 
+import importlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import click
 
-from jaxpf.cli import common
+from jaxpf.cli.console import print_table
+from jaxpf.cli.startup import start_jax
 
 
 @click.command("bench")
@@ -37,113 +39,30 @@ def command(repeats: int, scaling: bool, output: Path | None) -> None:
         if scaling and output.suffix == ".png":
             raise InputError(f"--output {output} is where the curves go; name the CSV file.")
         check_output_file(output)
-    common.start_jax()
-    from jaxpf.experiments import (
-        appearance_costs,
-        contour_costs,
-        gradient_costs,
-        labelled_costs,
-        speed,
-    )
-    from jaxpf.experiments.eskil2014 import costs as point_costs
-    from jaxpf.experiments.gonzales2011 import costs
+    start_jax()
+    from jaxpf.benchmarks import SECTIONS
 
     rows: list[Any] = []
-    sections = [
-        ("Histogram likelihood (table excluded)", speed.histogram_rows(repeats)),
-        (
-            f"Contour likelihood: {contour_costs.LINES} lines of {contour_costs.SAMPLES} samples "
-            "(gradient excluded; per hypothesis)",
-            contour_costs.rows(repeats),
-        ),
-        ("Whole kernel: 50 runs, 300 particles, 7 objects, 360x288", speed.kernel_rows(repeats)),
-        (
-            f"Learned appearance: whole kernel, {appearance_costs.PARTICLES} particles",
-            appearance_costs.rows(repeats),
-        ),
-        (
-            f"Turned parts: {costs.RUNS} runs, {costs.PARTICLES} particles; CPU time, one device",
-            costs.rows(repeats),
-        ),
-        (
-            f"Labelled particles: {labelled_costs.RUNS} runs, {labelled_costs.PARTICLES} "
-            "particles; CPU time, one device",
-            labelled_costs.rows(repeats),
-        ),
-        ("Generic kernel: 1-D model, 50 runs, 1000 particles", speed.generic_rows(repeats)),
-        (
-            f"Points: {point_costs.POINTS}, {point_costs.HEIGHT}x{point_costs.WIDTH}, one run; "
-            "decoding left out",
-            point_costs.rows(repeats),
-        ),
-        (f"Gradient of the evidence: {gradient_costs.RUNS} runs", gradient_costs.rows(repeats)),
-    ]
-    for title, section in sections:
-        rows += _show(title, section)
+    for name in SECTIONS:
+        section: Any = importlib.import_module(f"jaxpf.benchmarks.{name}")
+        rows += _show(section.TITLE, section.rows(repeats))
     if scaling:
         rows += _show_growth(output)
-    memory = list(speed.memory_rows())
-    common.print_table(
-        "Memory of a run with 10 000 particles",
-        ["frames", "bytes"],
-        [[str(frames), str(size)] for frames, size in memory],
-    )
-    common.print_table(
-        f"Megabytes of a gradient: {gradient_costs.RUNS} runs, {gradient_costs.PARTICLES} "
-        "particles, one partition",
-        ["frames", "all kept", "each frame again", f"windows of {gradient_costs.WINDOW}"],
-        [
-            [str(frames), *(f"{size / 1e6:.1f}" for size in sizes)]
-            for frames, sizes in gradient_costs.memory_rows()
-        ],
-    )
-    common.print_table(
-        f"Labelled particles, 1-D model, {labelled_costs.PER_TARGET} particles per target "
-        "(constant ns: linear)",
-        ["targets", "ns per particle and frame"],
-        [[str(targets), f"{ns:.1f}"] for targets, ns in labelled_costs.growth()],
-    )
+    _show_memory()
     if output is not None:
-        from jaxpf.files.writing import atomic_write
+        _write(rows, output)
+    from jaxpf.benchmarks.cold_start import cold_reproduction
 
-        with atomic_write(output) as file:
-            file.write(",".join(speed.Row._fields) + "\n")
-            for row in rows:
-                file.write(",".join(f'"{x}"' if isinstance(x, str) else f"{x:.6g}" for x in row))
-                file.write("\n")
-        click.echo(f"{output}: written")
-    common.print_table(
+    print_table(
         "smith2004, tables 1 and 2: 1800 runs from a cold start",
         ["", "seconds", "goal"],
-        [["all, compilation included", f"{speed.cold_reproduction():.1f}", "< 60"]],
+        [["all, compilation included", f"{cold_reproduction():.1f}", "< 60"]],
     )
-
-
-def _show_growth(output: Path | None) -> list[Any]:
-    from jaxpf.experiments import growth, speed
-    from jaxpf.media import plotting
-
-    found = list(growth.growth())
-    common.print_table(
-        "Growth of cost: 1-D model, one device (constant ns: linear)",
-        ["particles", "partitions", "runs", "ns"],
-        [[str(g.particles), str(g.partitions), str(g.runs), f"{g.nanoseconds:.1f}"] for g in found],
-    )
-    if output is not None:
-        picture = output.with_suffix(".png")
-        plotting.save_figure(growth.growth_figure(found), picture)
-        click.echo(f"{picture}: written")
-    no_ratio = (float("nan"),) * 3
-    names = [f"N = {g.particles}, P = {g.partitions}, R = {g.runs}" for g in found]
-    return [
-        speed.Row(name, g.nanoseconds, *no_ratio, "", "")
-        for name, g in zip(names, found, strict=True)
-    ]
 
 
 def _show(title: str, section: Iterable[Any]) -> list[Any]:
     rows = list(section)
-    common.print_table(
+    print_table(
         title,
         ["", "ns", "ratio", "95 % interval", "of", "goal"],
         [
@@ -159,3 +78,61 @@ def _show(title: str, section: Iterable[Any]) -> list[Any]:
         ],
     )
     return rows
+
+
+def _show_growth(output: Path | None) -> list[Any]:
+    from jaxpf.benchmarks.growth import growth, growth_figure
+    from jaxpf.benchmarks.rows import Row
+    from jaxpf.media import plotting
+
+    found = list(growth())
+    print_table(
+        "Growth of cost: 1-D model, one device (constant ns: linear)",
+        ["particles", "partitions", "runs", "ns"],
+        [[str(g.particles), str(g.partitions), str(g.runs), f"{g.nanoseconds:.1f}"] for g in found],
+    )
+    if output is not None:
+        picture = output.with_suffix(".png")
+        plotting.save_figure(growth_figure(found), picture)
+        click.echo(f"{picture}: written")
+    no_ratio = (float("nan"),) * 3
+    names = [f"N = {g.particles}, P = {g.partitions}, R = {g.runs}" for g in found]
+    return [Row(n, g.nanoseconds, *no_ratio, "", "") for n, g in zip(names, found, strict=True)]
+
+
+def _show_memory() -> None:
+    from jaxpf.benchmarks import gradients, growth, memory
+    from jaxpf.benchmarks.problems import line_tracker
+
+    print_table(
+        "Memory of a run with 10 000 particles",
+        ["frames", "bytes"],
+        [[str(frames), str(size)] for frames, size in memory.of_runs(line_tracker(10_000), 1)],
+    )
+    print_table(
+        f"Megabytes of a gradient: {gradients.RUNS} runs, {gradients.PARTICLES} particles, one "
+        "partition",
+        ["frames", "all kept", "each frame again", f"windows of {memory.WINDOW}"],
+        [
+            [str(frames), *(f"{size / 1e6:.1f}" for size in sizes)]
+            for frames, sizes in memory.of_gradients()
+        ],
+    )
+    print_table(
+        f"Labelled particles, 1-D model, {growth.PER_TARGET} particles per target "
+        "(constant ns: linear)",
+        ["targets", "ns per particle and frame"],
+        [[str(targets), f"{ns:.1f}"] for targets, ns in growth.of_targets()],
+    )
+
+
+def _write(rows: Iterable[Any], output: Path) -> None:
+    from jaxpf.benchmarks.rows import Row
+    from jaxpf.files.writing import atomic_write
+
+    with atomic_write(output) as file:
+        file.write(",".join(Row._fields) + "\n")
+        for row in rows:
+            file.write(",".join(f'"{x}"' if isinstance(x, str) else f"{x:.6g}" for x in row))
+            file.write("\n")
+    click.echo(f"{output}: written")

@@ -5,17 +5,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.cli.options import picked
+from jaxpf.cli.flags import picked
 from jaxpf.errors import InputError
 from jaxpf.files.boxes import BoxTable
 from jaxpf.files.detections import DETECTED, check_frames, read_detections
 from jaxpf.files.tracks import check_boxes
 from jaxpf.options import options_of, plain
-from jaxpf.targets.lifetimes import Rules
-from jaxpf.targets.target import Looks, Start, Target
+from jaxpf.populations.lifetimes import Rules
+from jaxpf.targets.target import Start
 
 #: Particles for each place, unless their number is said.
 PARTICLES_EACH = 100
+#: A detector says where somebody is, which the picture has only to refine.
+_GUIDED: Mapping[str, Any] = {"sharpness": 1.0, "scale": (6.0, 4.0, 0.02)}
 
 
 class Births(NamedTuple):
@@ -41,16 +43,16 @@ class Births(NamedTuple):
         return float(width), float(height)
 
 
-def read_births(options: dict[str, Any]) -> Births | None:
-    """The file of ``--births`` and its rules, which the options then hold; None without it.
+def read_births(options: Mapping[str, Any]) -> Births | None:
+    """The file of ``--births`` and its rules; None without it.
 
     Raises:
         InputError: a file that cannot be read, a rule without it, or a truth without TrackEval.
     """
     rules = options_of(Rules)
-    if options["births"] is None:
+    if options.get("births") is None:
         for name, one in rules.items():
-            if options[name] is not None:
+            if options.get(name) is not None:
                 raise InputError(f"{one.flag} is about --births, which was not given.")
         return None
     if options["tracker"]:
@@ -61,21 +63,33 @@ def read_births(options: dict[str, Any]) -> Births | None:
     births = Births(read_detections(options["births"]), picked(options, Rules))
     if not len(births.table):
         raise InputError(f"{births.table.source} holds no boxes; leave --births out.")
+    _check_confidence(births)
     if options["truth"]:
         from jaxpf.measures.scores import import_trackeval
 
         import_trackeval()
-    options |= {name: getattr(births.rules, name) for name in rules}
     return births
 
 
-def defaults_of(births: Births | None, target: Target) -> tuple[dict, Mapping[str, Any]]:
+def _check_confidence(births: Births) -> None:
+    """Detectors count confidence as they like; one that leaves nobody is a mistake all the same."""
+    least = births.rules.birth_confidence
+    known = births.table.confidence[births.table.id == DETECTED]
+    if least is not None and len(known) and known.max() < least:
+        raise InputError(
+            f"--birth-confidence {plain(least)} leaves out every detection of "
+            f"{births.table.source}, whose confidences are from {known.min():g} to "
+            f"{known.max():g}; give a lower one."
+        )
+
+
+def defaults_of(births: Births | None) -> tuple[dict, Mapping[str, Any]]:
     """Defaults of the filter's and of the target's options that differ with births."""
     if births is None:
         return {}, {}
     guided = births.watched and births.rules.detection_scale > 0
     particles = {"particles": PARTICLES_EACH * births.rules.capacity}
-    return particles, target.open_defaults if guided else {}
+    return particles, _GUIDED if guided else {}
 
 
 def check_births(births: Births, start: Start, number: int, source: Any) -> None:
@@ -139,14 +153,3 @@ class Detections(Sequence):
 
     def __len__(self) -> int:
         return int(self._times[-1]) + 1 if len(self._times) else 0
-
-
-def open_tracker(
-    births: Births, target: Target, its: Any, model: Any, filter_options: Any, frame: np.ndarray
-) -> Any:
-    """The tracker with a place for everybody who may come."""
-    capacity = births.rules.capacity
-    its.check(filter_options, (-1,) * capacity)
-    looks = Looks(None, None, frame.shape[:2], filter_options.particles)
-    made = target.open_model(model, capacity, births.typical_size, looks)
-    return its.tracker(made, filter_options)

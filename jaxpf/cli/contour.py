@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli import common
+from jaxpf.cli.startup import use_compile_cache
 from jaxpf.names import ANNOTATIONS, COEFFICIENTS
 
 
@@ -83,7 +83,7 @@ def learn(
 
     check_output_file(output)
     annotated = read_annotated(folder, kind, value=value, first=first, last=last)
-    common.use_compile_cache()
+    use_compile_cache()
     from jaxpf.targets.contour_learning import learn_contours
 
     learned, report = learn_contours(

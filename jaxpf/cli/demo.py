@@ -8,16 +8,22 @@ from typing import Any
 import click
 import numpy as np
 
-from jaxpf.cli import common
-from jaxpf.cli.memory import check_memory, needed_by
-from jaxpf.cli.options import all_options, declared_options
-from jaxpf.options import OPEN
+from jaxpf.cli.config import config_option, write_config
+from jaxpf.cli.console import print_table
+from jaxpf.cli.flags import declared_flags
+from jaxpf.cli.startup import start_jax
+from jaxpf.filters.partitioned.options import Options
+from jaxpf.memory import check_memory, needed_by
+from jaxpf.options import OPEN, options_of
+from jaxpf.targets import boxes
+
+_ALL = options_of(Options, boxes.Options)
+_DECLARED = {name: _ALL[name] for name in ("particles", "sharpness", "appearance")}
 
 
-@click.command("demo")
+@click.command("demo", params=declared_flags(_DECLARED, "Options"))
 @click.option("--runs", default=50, show_default=True, help="Independent runs per method.")
 @click.option("--seed", default=100, show_default=True, help="Seed of the scene; runs follow it.")
-@declared_options(only=("particles", "sharpness", "appearance"))
 @click.option(
     "--output",
     "-o",
@@ -27,7 +33,7 @@ from jaxpf.options import OPEN
     help="Folder for the results.",
 )
 @click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")
-@common.config_option()
+@config_option()
 def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -> None:
     """Compare SIR, PS, DPS and SPS on a synthetic scene, and write a video and plots.
 
@@ -43,16 +49,15 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
         raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
     if runs < 1:
         raise InputError(f"--runs {runs} must be at least 1.")
-    options = all_options()
     for name, value in given.items():
-        one = options[name]
+        one = _DECLARED[name]
         given[name] = one.default if value is None else one.checked(value, one.flag)
     particles, sharpness = given["particles"], given["sharpness"]
     appearance = "colour" if given["appearance"] == OPEN else given["appearance"]
-    common.start_jax()
+    start_jax()
     import scenes
+    from jaxpf.blocks import WIDE
     from jaxpf.experiments.comparison import compare, scene_tracker
-    from jaxpf.running import RUNS_PER_BATCH
 
     scene = scenes.make("distracter", seed=seed)
     methods = _orderings(scene.num_objects)
@@ -62,10 +67,9 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
         methods["SIR"],
         sharpness=sharpness,
         num_particles=particles,
-        num_runs=runs,
         appearance=appearance,
     )
-    check_memory(needed_by(tracker, min(runs, RUNS_PER_BATCH)), "ask for fewer particles (-n)")
+    check_memory(needed_by(tracker, min(runs, WIDE)), "ask for fewer particles (-n)")
     prepare_output_folder(output, overwrite)
     trackers = {name: dataclasses.replace(tracker, ordering=o) for name, o in methods.items()}
     click.echo(
@@ -82,10 +86,10 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
             f"({time.perf_counter() - began:.1f} s)"
         )
         began = time.perf_counter()
-    common.print_table("smith2004's synthetic test", *_table(results))
+    print_table("smith2004's synthetic test", *_table(results))
     _plot(results, output / "demo.png")
     _overlay(scene, trackers["DPS"], results["DPS"], seeds, output / "overlay.mp4")
-    common.write_config(
+    write_config(
         output / "run.toml",
         "demo",
         {

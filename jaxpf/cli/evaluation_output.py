@@ -1,16 +1,17 @@
 """What ``jaxpf evaluate`` says: its plan before, its tables after."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import click
 
-from jaxpf.cli import common
+from jaxpf.adapters import find_adapter
+from jaxpf.cli.console import print_table
 from jaxpf.evaluation.results import OWN
 from jaxpf.files.writing import atomic_write
 from jaxpf.options import chosen, counting, plain
-from jaxpf.targets import find_target
 
 #: What a finished evaluation prints again; written last, once tables and report are.
 FINISHED = "finished.json"
@@ -27,7 +28,7 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
         f"after the start frame {scene['start_frame']}, {scene['width']} x {scene['height']} pixels"
     )
     columns, rows, common_to_all = _plan_table(prepared)
-    common.print_table("Plan", columns, rows)
+    print_table("Plan", columns, rows)
     if common_to_all:
         click.echo(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
     if prepared.damaged:
@@ -37,7 +38,7 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
     if workers > 1:
         place = f"in each of {workers} processes {place}"
     click.echo(
-        f"{prepared.missing_runs} runs to do: about {_duration(prepared.seconds)}, about "
+        f"{prepared.missing_runs} runs to do: {_duration(prepared.seconds)}, about "
         f"{prepared.memory / 2**30:.1f} GB of memory {place}"
         + (", trackers of your own not counted" if has_own else "")
     )
@@ -45,7 +46,7 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
 
 def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, str]]:
     """One row per method; and the parameters that all configurations have in common."""
-    of = find_target(prepared.settings["scene"]["target"])
+    of = find_adapter(prepared.settings["scene"]["target"]).target
     by_method: dict[str, list[int]] = {}
     values: dict[str, dict[str, None]] = {}
     for index, configuration in enumerate(prepared.configurations):
@@ -69,10 +70,12 @@ def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, st
 
 
 def _duration(seconds: float) -> str:
+    if math.isnan(seconds):
+        return "how long, the progress tells"
     for unit, length in (("h", 3600), ("min", 60)):
         if seconds >= 2 * length:
-            return f"{seconds / length:.0f} {unit}"
-    return f"{seconds:.0f} s"
+            return f"about {seconds / length:.0f} {unit}"
+    return f"about {seconds:.0f} s"
 
 
 def print_results(results: Any, tables: Any) -> None:
@@ -106,7 +109,7 @@ def print_again(folder: Path, runs: int) -> bool:
 
 def _print(folder: Path, printed: dict[str, Any]) -> None:
     for table in printed["tables"]:
-        common.print_table(table["title"], table["columns"], table["rows"])
+        print_table(table["title"], table["columns"], table["rows"])
     for remark in printed["remarks"]:
         click.echo(remark)
     click.echo(f"{folder}/: {', '.join(_WRITTEN)}")

@@ -3,12 +3,15 @@
 import collections
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
 from jaxpf.errors import InputError
+
+if TYPE_CHECKING:
+    from jaxpf.cli.request import Request
 
 #: Seconds for which a camera's pictures are passed over.
 _FIRST_SECOND = 1.0
@@ -16,16 +19,21 @@ _FIRST_SECOND = 1.0
 _ATTEMPTS = 3
 
 
-def check_live(options: dict[str, Any], source: Any) -> None:
+def check_live(request: "Request", source: Any) -> None:
     """Refuse what must be known beforehand, and of a camera's frames cannot be.
 
     Raises:
         InputError: which option.
     """
-    for name in ("truth", "births", "fit_motion"):
-        if source.is_camera and options[name] is not None:
+    said = {
+        "--truth": request.run.truth,
+        "--births": request.births,
+        "--fit-motion": request.run.fit_motion,
+    }
+    for flag, value in said.items():
+        if source.is_camera and value is not None:
             raise InputError(
-                f"--{name.replace('_', '-')} is about frames that are known beforehand, and camera "
+                f"{flag} is about frames that are known beforehand, and camera "
                 f"'{source.path}' is live; leave it out, or record a video first."
             )
 

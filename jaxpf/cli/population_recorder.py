@@ -7,11 +7,11 @@ from typing import Any
 import click
 import numpy as np
 
-from jaxpf.cli import common
-from jaxpf.cli.births import Births, by_frame
+from jaxpf.adapters.adapter import Marks
+from jaxpf.cli import console
+from jaxpf.cli.births import by_frame
 from jaxpf.cli.recorder import Recorder, counted
-from jaxpf.targets.lifetimes import EMPTY
-from jaxpf.targets.target import Marks
+from jaxpf.populations.lifetimes import EMPTY
 
 _SCORES = ("HOTA", "DetA", "AssA", "IDF1", "MOTA", "MOTP")
 _COUNTS = ("FP", "FN", "IDSW", "Frag")
@@ -20,12 +20,11 @@ _COUNTS = ("FP", "FN", "IDSW", "Frag")
 class PopulationRecorder(Recorder):
     """A recorder of slots, which hold now one object and now another, or none."""
 
-    def __init__(self, output, source, options, target, start, tracker, births: Births):
-        slots = np.array([f"slot_{number}" for number in range(1, births.rules.capacity + 1)])
-        super().__init__(
-            output, source, options, target, dataclasses.replace(start, ids=slots), tracker
-        )
-        self.births, self.start_boxes = births, start
+    def __init__(self, output, source, request, start, tracker):
+        capacity = request.births.rules.capacity
+        slots = np.array([f"slot_{number}" for number in range(1, capacity + 1)])
+        super().__init__(output, source, request, dataclasses.replace(start, ids=slots), tracker)
+        self.births, self.start_boxes = request.births, start
         self.frames_outside.clear()
         self.frames_without_likelihood.clear()
         self.frames_probably_lost.clear()
@@ -38,9 +37,9 @@ class PopulationRecorder(Recorder):
         self._first = frame
 
     def _stream(self, key, frames):
-        from jaxpf.targets.populations import follow
+        from jaxpf.populations import follow
 
-        number = self.options["start"]
+        number = self.request.run.start
         detections, named = by_frame(self.births, self.start_boxes, number)
         frames = itertools.chain([self._first], frames)
         rules = self.births.rules
@@ -84,7 +83,7 @@ class PopulationRecorder(Recorder):
             cloud = np.swapaxes(np.asarray(tracked.state.substates)[..., :2], 0, 1)[living]
             frame = draw_particles(frame, cloud, colours)
         start = dataclasses.replace(self.start_at, ids=ids)
-        self._show(self.target.draw(frame, start, boxes, Marks(colours, lost)))
+        self._show(self.adapter.draw(frame, start, boxes, Marks(colours, lost)))
 
     def _content(self):
         return {
@@ -96,7 +95,8 @@ class PopulationRecorder(Recorder):
 
     def _tell(self, rate):
         super()._tell(rate)
-        click.echo(f"{len(self.born)} objects came, {len(self.ended)} went")
+        came = counted(len(self.born), "object")
+        click.echo(f"{came} came, {len(self.ended)} went")
         if self.refused:
             one = self.refused[0]
             click.echo(
@@ -112,14 +112,14 @@ class PopulationRecorder(Recorder):
         from jaxpf.measures.scores import tracking_scores
 
         estimated = tracks.read_boxes(self.output / "tracks.csv", empty_boxes="absent")
-        first = self.options["start"] + 1
+        first = self.request.run.start + 1
         last = first + self.num_tracked
         found, true = (
             tracks.dense(table, sorted(set(table.id.tolist())), last)[first:]
             for table in (estimated, truth)
         )
         scores = tracking_scores(found, true)
-        common.print_table(
+        console.print_table(
             f"Against the truth, {counted(len(true))}",
             ["", *_SCORES, *_COUNTS],
             [

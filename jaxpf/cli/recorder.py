@@ -4,7 +4,6 @@ import collections
 import contextlib
 import itertools
 import json
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,11 @@ from typing import Any
 import click
 import numpy as np
 
-from jaxpf.cli import common
+from jaxpf.adapters.adapter import Marks
+from jaxpf.cli import console
 from jaxpf.errors import InputError
 from jaxpf.files.versions import versions
 from jaxpf.names import PROBABLY_LOST
-from jaxpf.targets.target import Marks
 
 #: Frames over which a trail reaches back.
 _TRAIL = 20
@@ -25,14 +24,13 @@ _TRAIL = 20
 class Recorder:
     """Writes everything that a run leaves behind, frame by frame."""
 
-    def __init__(self, output, source, options, target, start, tracker, check_first=None):
+    def __init__(self, output, source, request, start, tracker):
         from jaxpf.files.writing import report_os_errors
         from jaxpf.media.overlay import object_colours
         from jaxpf.media.video_writer import SUFFIXES, VideoWriter
 
-        self.output, self.source, self.options = output, source, options
-        self.target, self.start_at, self.tracker = target, start, tracker
-        self.check_first = check_first
+        self.output, self.source, self.request = output, source, request
+        self.adapter, self.start_at, self.tracker = request.adapter, start, tracker
         self.ids = ids = start.ids
         self.colours = object_colours(len(ids))
         self.frames_outside: dict[str, list[int]] = {str(i): [] for i in ids}
@@ -43,17 +41,19 @@ class Recorder:
         self.num_tracked = self.num_invalid = self.num_impossible = 0
         self.seconds_first = self.seconds_rest = 0.0
         self._stack = contextlib.ExitStack()
-        self.tracks = self._stack.enter_context(target.track_writer(output / "tracks.csv", start))
+        self.tracks = self._stack.enter_context(
+            self.adapter.track_writer(output / "tracks.csv", start)
+        )
         with report_os_errors("write", output / "diagnostics.csv"):
             # Unbuffered, as the tracks are: whole lines, and no surprise when it is closed.
             self.diagnostics = self._stack.enter_context(
                 open(output / "diagnostics.csv", "wb", buffering=0)  # noqa: SIM115
             )
         self.video = self.window = None
-        if options["overlay"]:
+        if request.run.overlay:
             self.video = self._stack.enter_context(
                 VideoWriter(
-                    output / f"overlay{SUFFIXES[options['codec']]}",
+                    output / f"overlay{SUFFIXES[request.run.codec]}",
                     source.width,
                     source.height,
                     source.fps,
@@ -74,14 +74,14 @@ class Recorder:
 
     def follow(self, key, frames):
         """Track the frames after the start frame."""
-        start, limit = self.options["start"], self.options["frames"]
-        frames = itertools.islice(frames, None if limit is None else min(limit, sys.maxsize))
+        start, limit = self.request.run.start, self.request.run.frames
+        frames = itertools.islice(frames, limit)
         expected = self.source.num_frames or self.source.frames_expected
         total = None if expected is None else max(expected - start - 1, 0)
         if limit is not None:
             total = limit if total is None else min(total, limit)
         clock = time.perf_counter()
-        with common.progress_bar("frames") as progress:
+        with console.progress_bar("frames") as progress:
             task = progress.add_task("compiling", total=total)
             for tracked in self._stream(key, frames):
                 self._record(start + 1 + tracked.time, tracked)
@@ -94,10 +94,7 @@ class Recorder:
                     progress.advance(task)
             progress.update(task, total=self.num_tracked)
         if self.num_tracked == 0:
-            raise InputError(
-                f"no frame of '{self.source.path}' follows the start frame {start}, so there is "
-                "nothing to track; give a longer video, or an earlier --start."
-            )
+            raise nothing_follows(self.source, start)
 
     def _stream(self, key, frames):
         from jaxpf.streaming import stream
@@ -108,10 +105,10 @@ class Recorder:
         from jaxpf.evaluation.trackers import shapes_of
 
         summary = tracked.summary
-        if self.num_tracked == 0 and self.check_first is not None:
-            self.check_first(summary, self.ids)
+        if self.num_tracked == 0 and not self.request.run.tracker:
+            self.request.filter.check_first(summary, self.ids)
         found = np.asarray(
-            shapes_of(self.tracker, self.target, self.start_at, summary.estimate), float
+            shapes_of(self.tracker, self.request.target, self.start_at, summary.estimate), float
         )
         lost = self._off_frame(found)
         for name in self.ids[lost]:
@@ -166,7 +163,7 @@ class Recorder:
                 raise
 
     def _off_frame(self, shapes):
-        corners = np.asarray(self.target.outlines(self.start_at, shapes), float)
+        corners = np.asarray(self.request.target.outlines(self.start_at, shapes), float)
         lowest, highest = corners.min(axis=1), corners.max(axis=1)
         size = np.array([self.source.width, self.source.height])
         inside = np.all((lowest < size) & (highest > 0), axis=1)
@@ -176,14 +173,14 @@ class Recorder:
         if not self._is_watched():
             return
         if state is not None:
-            frame = self.target.draw_particles(
+            frame = self.adapter.draw_particles(
                 frame, self.start_at, self.tracker, state, self.colours
             )
         self.past.append(found)
         past = np.stack(self.past)
         doubtful = None if confidence is None else confidence < PROBABLY_LOST
         marks = Marks(self.colours, lost, past, doubtful)
-        self._show(self.target.draw(frame, self.start_at, found, marks))
+        self._show(self.adapter.draw(frame, self.start_at, found, marks))
 
     def _is_watched(self):
         """Whether a picture of this frame goes anywhere."""
@@ -202,7 +199,7 @@ class Recorder:
 
         rate = (self.num_tracked - 1) / self.seconds_rest if self.seconds_rest > 0 else None
         content = {
-            "parameters": {k: _jsonable(v) for k, v in self.options.items()},
+            "parameters": {k: _jsonable(v) for k, v in self.request.table().items()},
             "likelihood_method": self._likelihood_method(),
             **self._content(),
             "frames_tracked": self.num_tracked,
@@ -255,10 +252,10 @@ class Recorder:
 
     def _likelihood_method(self):
         """How the likelihood is computed, where it tells; else what was asked for."""
-        if self.options["tracker"]:
+        if self.request.run.tracker:
             return None
         likelihood = getattr(self.tracker.likelihood, "likelihood", self.tracker.likelihood)
-        return getattr(likelihood, "method", self.options["likelihood"])
+        return getattr(likelihood, "method", getattr(self.request.model, "likelihood", None))
 
     def _tell(self, rate):
         speed = "" if rate is None else f", {rate:.1f} frames/s"
@@ -320,7 +317,7 @@ class Recorder:
             + [f"{columns[c][k]:.3f}" for c in list(columns)[1:]]
             for k, name in enumerate(known)
         ]
-        common.print_table("Against the truth", ["", *columns], rows)
+        console.print_table("Against the truth", ["", *columns], rows)
         with atomic_write(output / "metrics.csv") as file:
             names = [name.replace(" at .5", "_half").replace(" ", "_") for name in columns]
             file.write("id," + ",".join(names) + "\n")
@@ -328,9 +325,17 @@ class Recorder:
                 file.write(f"{name}," + ",".join(f"{columns[c][k]:.6g}" for c in columns) + "\n")
 
 
-def counted(frames: int) -> str:
+def nothing_follows(source: Any, start: int) -> InputError:
+    """The refusal of a video that ends with its start frame."""
+    return InputError(
+        f"no frame of '{source.path}' follows the start frame {start}, so there is nothing to "
+        "track; give a longer video, or an earlier --start."
+    )
+
+
+def counted(count: int, noun: str = "frame") -> str:
     """``1 frame``, ``2 frames``."""
-    return f"{frames} frame{'' if frames == 1 else 's'}"
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _jsonable(value: Any) -> Any:

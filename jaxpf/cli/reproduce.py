@@ -1,6 +1,5 @@
 """``jaxpf reproduce``: a paper's experiment, published and measured side by side."""
 
-import importlib
 import os
 import time
 from pathlib import Path
@@ -8,20 +7,17 @@ from typing import Any
 
 import click
 
-from jaxpf.cli import common
+from jaxpf.cli.cluster import cluster
+from jaxpf.cli.config import config_option, write_config
+from jaxpf.cli.console import print_table
+from jaxpf.cli.startup import start_jax
 
-# Paper -> module with a function `run`; see jaxpf.experiments.comparison_table.
-PAPERS = {
-    "smith2004": "jaxpf.experiments.smith2004",
-    "gonzales2011": "jaxpf.experiments.gonzales2011",
-    "rowe2005": "jaxpf.experiments.rowe2005",
-    "eskil2014": "jaxpf.experiments.eskil2014",
-    "maccormick1999": "jaxpf.experiments.maccormick1999",
-}
+#: As ``jaxpf.experiments.paper.PAPERS``, without importing it.
+PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
 
 
 @click.command("reproduce")
-@click.argument("paper", type=click.Choice(list(PAPERS)))
+@click.argument("paper", type=click.Choice(PAPERS))
 @click.option("--runs", type=int, help="Independent runs per cell.  [default: as in the paper]")
 @click.option("--seed", default=0, show_default=True, help="First seed of the scenes and runs.")
 @click.option("--quick", is_flag=True, help="A much smaller version, to see what it does.")
@@ -35,13 +31,20 @@ PAPERS = {
     "--output",
     "-o",
     type=click.Path(path_type=Path),
-    help="Folder for tables, figures and report.  [default: jaxpf-PAPER]",
+    help="Folder for tables, figures and report.  [default: jaxpf-PAPER, "
+    "with --quick jaxpf-PAPER-quick]",
 )
 @click.option("--overwrite", is_flag=True, help="Accept an output folder that is not empty.")
 @click.option(
     "--calibrate", is_flag=True, help="Repeat the search for unpublished settings instead."
 )
-@common.config_option()
+@click.option(
+    "--dask",
+    metavar="ADDRESS",
+    help="The address of a Dask scheduler whose workers share the runs, such as "
+    "tcp://127.0.0.1:8786; what is timed is timed here.",
+)
+@config_option()
 def command(
     paper: str,
     runs: int | None,
@@ -51,15 +54,15 @@ def command(
     output: Path | None,
     overwrite: bool,
     calibrate: bool,
+    dask: str | None,
 ) -> None:
     """Repeat a paper's experiment; print its figures beside ours, and judge its claims.
 
     Published figures stand left of ours, which have 95 % intervals.  A claim is supported,
-    contradicted, or cannot be resolved at this number of runs.  Interrupted, eskil2014 and
-    maccormick1999 go on where they were by the same command.
+    contradicted, or cannot be resolved at this number of runs.  Interrupted, it goes on where it
+    was by the same command.
     """
     from jaxpf.errors import InputError
-    from jaxpf.experiments import parts
     from jaxpf.files.writing import prepare_output_folder
 
     if runs is not None and runs < 1:
@@ -69,48 +72,56 @@ def command(
     data = _data_folder(data)
     options = {"paper": paper, "runs": runs, "seed": seed, "quick": quick, "data": data}
     settings = options | {"data": data and str(data.resolve())}
-    output = output or Path(f"jaxpf-{paper}")
-    goes_on = not calibrate and parts.can_go_on(output, settings)
-    folder = prepare_output_folder(output, overwrite or goes_on)
-    common.start_jax()
-    from jaxpf.experiments import comparison_table
+    start_jax()
+    from jaxpf.experiments import comparison_table, parts
     from jaxpf.experiments.claims import RULE
+    from jaxpf.experiments.paper import paper_of
 
     began = time.perf_counter()
-    experiment: Any = importlib.import_module(PAPERS[paper])
-    if calibrate:
-        _calibrate(experiment, paper, folder)
+    one = paper_of(paper)
+    if calibrate and one.calibrate is None:
+        raise InputError(f"--calibrate: {paper} has nothing to calibrate; leave it out.")
+    if calibrate and dask:
+        raise InputError("--calibrate searches on this machine alone; leave --dask out.")
+    # A mistake is told before the folder is made.
+    request = one.request(runs, seed, quick, data, click.echo)
+    executor = None
+    if dask:
+        executor = click.get_current_context().with_resource(cluster(dask)).executor
+    output = output or Path(f"jaxpf-{paper}-quick" if quick else f"jaxpf-{paper}")
+    goes_on = not calibrate and parts.can_go_on(output, settings)
+    folder = prepare_output_folder(output, overwrite or goes_on)
+    if one.calibrate is not None and calibrate:
+        _show_calibration(one.calibrate(click.echo), folder)
         return
     if goes_on:
         click.echo(f"Going on with what '{folder}' holds.")
-    with parts.keeping(folder, settings):
-        comparison = experiment.run(runs=runs, seed=seed, quick=quick, data=data, report=click.echo)
+    with parts.keeping(folder, settings), parts.sharing(executor):
+        comparison = one.compare(request)
         written = comparison_table.write(comparison, folder)
     for table in comparison.tables:
-        common.print_table(table.title, table.columns, table.texts())
+        print_table(table.title, table.columns, table.texts())
         if table.note:
             click.echo(f"{table.note}\n")
     if comparison.claims:
-        common.print_table(
-            "Claims", comparison_table.CLAIM_COLUMNS, [list(claim) for claim in comparison.claims]
+        print_table(
+            "Claims",
+            comparison_table.CLAIM_COLUMNS,
+            comparison_table.claim_rows(comparison.claims),
         )
         click.echo(RULE)
     for note in comparison.notes:
         click.echo(f"- {note}")
-    common.write_config(folder / "run.toml", "reproduce", options)
+    write_config(folder / "run.toml", "reproduce", options)
     seconds = time.perf_counter() - began
     click.echo(f"{folder}/: {', '.join([*written, 'run.toml'])} ({seconds:.0f} s)")
 
 
-def _calibrate(experiment: Any, paper: str, folder: Path) -> None:
-    from jaxpf.errors import InputError
+def _show_calibration(table: Any, folder: Path) -> None:
     from jaxpf.experiments.comparison_table import table_csv
     from jaxpf.files.writing import atomic_write
 
-    if not hasattr(experiment, "calibrate"):
-        raise InputError(f"--calibrate: {paper} has nothing to calibrate; leave it out.")
-    table = experiment.calibrate(report=click.echo)
-    common.print_table(table.title, table.columns, table.texts())
+    print_table(table.title, table.columns, table.texts())
     click.echo(table.note)
     with atomic_write(folder / f"{table.name}.csv") as file:
         file.write(table_csv(table))

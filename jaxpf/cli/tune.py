@@ -2,116 +2,114 @@
 
 import dataclasses
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
 from jaxpf import filters
-from jaxpf.cli import common
-from jaxpf.cli.memory import check_memory, needed_by
-from jaxpf.cli.options import declared_options, picked, refuse_others
+from jaxpf.adapters import adapter_of_scene
+from jaxpf.adapters.adapter import is_filmed
+from jaxpf.cli.config import write_config
+from jaxpf.cli.console import progress_bar
+from jaxpf.cli.flags import as_typed, picked, refuse_others
+from jaxpf.cli.scene_options import (
+    SceneCommand,
+    SceneOptions,
+    names_in,
+    resolved_scene,
+    scene_name,
+)
+from jaxpf.cli.startup import start_jax
 from jaxpf.errors import InputError
+from jaxpf.memory import check_memory, needed_by
 from jaxpf.names import GRADIENTS, OBJECTIVES
-from jaxpf.options import OPEN, chosen, counting, options_of
-from jaxpf.targets import targets
-from jaxpf.targets.target import is_filmed
+from jaxpf.options import OPEN, check_options, chosen, option, options_of
 
-_NOT_REPEATED = ("config", "output")
+#: Particles of a run, where nobody says how many: a gradient costs more than a run.
+_PARTICLES = 100
 #: Without a terminal, progress is told so often.
 _STEPS_PER_LINE = 10
 
 
-@click.command("tune")
-@click.argument("scene", metavar="SCENE_OR_FOLDER")
-@click.option(
-    "--parameters",
-    help="Paths in the tracker, each perhaps with bounds: likelihood.sharpness=1:500.  [default: "
-    "the sharpness and the noise of the position]",
-)
-@click.option(
-    "--objective",
-    default="evidence",
-    show_default=True,
-    help="evidence (needs no labels), position or overlap (from the truth).",
-)
-@declared_options(without=("order", "swap", "ess_threshold"), defaults={"particles": 100})
-@click.option(
-    "--target", help=f"What the objects are: {', '.join(targets())}.  [default: by the scene]"
-)
-@click.option(
-    "--gradient",
-    default="stop_gradient",
-    show_default=True,
-    help="Through resampling: stop_gradient (unbiased), none (less noise), soft or transport.",
-)
-@click.option("--steps", default=150, show_default=True, help="At most, per repeat.")
-@click.option("--learning-rate", default=0.1, show_default=True, help="0.1: up to 10 % per step.")
-@click.option("--runs", default=2, show_default=True, help="Runs per sequence and step.")
-@click.option("--sequences-per-step", default=1, show_default=True, help="Scenes per step.")
-@click.option(
-    "--random-numbers",
-    default="fresh",
-    show_default=True,
-    help="fresh at every step, or common to all steps.",
-)
-@click.option("--clip", default=10.0, show_default=True, help="Longest gradient.")
-@click.option("--window", default=20, show_default=True, help="Steps that are averaged.")
-@click.option(
-    "--tolerance",
-    default=0.02,
-    show_default=True,
-    help="Stop when values change by less than this share from window to window.",
-)
-@click.option("--repeats", default=3, show_default=True, help="Descents with seeds of their own.")
-@click.option("--seed", default=0, show_default=True, help="Seed of everything random.")
-@click.option("--scene-seed", default=0, show_default=True, help="First seed of synthetic scenes.")
-@click.option("--train-scenes", default=3, show_default=True, help="Synthetic scenes to tune on.")
-@click.option(
-    "--held-out", default=10, show_default=True, help="Further synthetic scenes to compare on."
-)
-@click.option(
-    "--set", "settings", multiple=True, metavar="NAME=VALUE", help="A parameter of the scenes."
-)
-@click.option("--ids", type=common.NumberList(int), help="Objects of a folder's truth.")
-@click.option("--start-frame", type=int, help="Of a folder, from 0.")
-@click.option(
-    "--frames",
-    type=int,
-    help="Of a folder: frames to tune on, the start frame included; the comparison is on those "
-    "after them.  [default: half]",
-)
-@click.option(
-    "--labels",
-    type=int,
-    help="Labelled frames, evenly spread, for position and overlap.  [default: all]",
-)
-@click.option("--compare-runs", default=20, show_default=True, help="Runs of the comparison.")
-@click.option(
-    "--compare-particles", default=300, show_default=True, help="Particles of the comparison."
-)
-@click.option(
-    "--output",
-    "-o",
-    type=click.Path(path_type=Path),
-    help="Folder for the results, which a second call continues.  [default: jaxpf-tune-NAME]",
-)
-@common.config_option()
-def command(**options: Any) -> None:
-    """Tune parameters on SCENE_OR_FOLDER, and compare before and after on what was not seen.
+@dataclasses.dataclass(frozen=True)
+class Scenes(SceneOptions):
+    """On what is tuned; see the help of each."""
 
-    SCENE_OR_FOLDER is, as for `jaxpf evaluate`, a synthetic scene, a folder with a sequence and
-    its truth, or file.py:function.  Synthetic scenes are tuned on some seeds and compared on
-    others; a folder is tuned on its first frames and compared on the rest, starting there
-    from the truth.
+    train_scenes: int = option(3, "Synthetic scenes to tune on.", least=1)
+    held_out: int = option(10, "Further ones to compare on.", least=1)
+    frames: int | None = option(
+        None,
+        "Of a folder: frames to tune on; by default half.  The start frame is included, and the "
+        "comparison is on those after them.",
+    )
 
-    The output folder receives tuned.toml, which `jaxpf track` and `jaxpf evaluate` take as
-    --config, comparison.csv, tuning.png with the traces, and a checkpoint: the same command
-    continues what was interrupted.
 
-    Example: jaxpf tune distracter --parameters likelihood.sharpness,dynamics.scale
-    """
-    _check(options)
+@dataclasses.dataclass(frozen=True)
+class Tuned:
+    """What is tuned; see the help of each."""
+
+    parameters: str | None = option(
+        None,
+        "Paths in the tracker, each perhaps with bounds: likelihood.sharpness=1:500.  By default "
+        "how much the likelihood is trusted, and the noise of the position.",
+    )
+    objective: str = option(
+        "evidence",
+        "evidence (needs no labels), position or overlap (from the truth).",
+        choices=OBJECTIVES,
+    )
+    labels: int | None = option(
+        None, "Labelled frames, evenly spread, for position and overlap; by default all."
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Descent:
+    """How it is found; see the help of each."""
+
+    gradient: str = option(
+        "stop_gradient",
+        "Through resampling: stop_gradient (unbiased), none (less noise), soft or transport.",
+        choices=GRADIENTS,
+    )
+    steps: int = option(150, "At most, per repeat.")
+    repeats: int = option(3, "Descents with seeds of their own.")
+    learning_rate: float = option(0.1, "0.1: up to 10 % per step.")
+    runs: int = option(2, "Runs per sequence and step.")
+    seed: int = option(0, "Seed of everything random.")
+    sequences_per_step: int = option(1, "Scenes per step.")
+    random_numbers: str = option("fresh", "fresh at every step, or common to all.")
+    clip: float = option(10.0, "Longest gradient.")
+    window: int = option(20, "Steps that are averaged.")
+    tolerance: float = option(
+        0.02, "Stop when values change by less than this share from window to window."
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """How it is judged, and where all goes; see the help of each."""
+
+    compare_runs: int = option(20, "Runs of the comparison.", least=2)
+    compare_particles: int = option(300, "Particles of the comparison.", least=1)
+    output: Path | None = option(  # noqa: RUF009
+        None,
+        "Folder for the results, which a second call continues; jaxpf-tune-NAME by default.",
+        flags=("-o",),
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Options(Outcome, Descent, Tuned, Scenes):
+    """Options of ``jaxpf tune`` whatever is tuned."""
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+
+def _command(**values: Any) -> None:
     from jaxpf.cli.tune_output import (
         COMPARISON,
         TRACES,
@@ -125,27 +123,29 @@ def command(**options: Any) -> None:
     from jaxpf.files.writing import prepare_output_folder, report_os_errors
     from jaxpf.tuning.checkpoint import NAME
 
-    output = options["output"] or Path(f"jaxpf-tune-{common.scene_name(options['scene'])}")
+    options, source = picked(values, Options), resolved_scene(values["scene"])
+    output = options.output or Path(f"jaxpf-tune-{scene_name(source)}")
     with report_os_errors("write into the output folder", output):
         continues = (output / NAME).is_file()
-    train, unseen = divided_scenes(options)
+    train, unseen = divided_scenes(source, options)
     # A gradient goes back through all frames: they are in memory here and on the device.
     of_frames = 2 * sum(scene.frames.nbytes for scene in train)
     remedy = "ask for fewer particles (-n), --runs or --frames"
     check_memory(of_frames, remedy)
-    common.start_jax()
+    start_jax()
     from jaxpf import tuning
+    from jaxpf.tuning.declared import tuned_by_default
     from jaxpf.tuning.sequences import training_sequence
 
-    its = {field.name for field in dataclasses.fields(tuning.Settings)} & set(options)
-    settings = tuning.Settings(**{name: options[name] for name in its})
-    before = _recipe(options, train[0])
-    own = chosen(before.of.options, before.values)
-    usual = before.of.tuned_by_default(own)
-    options["parameters"] = options["parameters"] or ",".join(usual)
-    wanted = [tuning.parameter(text) for text in common.names_in(options["parameters"])]
+    its = {field.name for field in dataclasses.fields(tuning.Settings)} & options_of(options).keys()
+    settings = tuning.Settings(**{name: getattr(options, name) for name in its})
+    before, repeated = _recipe(values, options, train[0])
+    if options.parameters is None:
+        usual = tuned_by_default(chosen(before.of.options, before.values))
+        options = dataclasses.replace(options, parameters=",".join(usual))
+    wanted = [tuning.parameter(text) for text in names_in(options.parameters)]
     sequences = [
-        training_sequence(scene, before, options["objective"], options["labels"]) for scene in train
+        training_sequence(scene, before, options.objective, options.labels) for scene in train
     ]
     _check_parameters(sequences[0].tracker, before.of, wanted)
     longest = max(len(sequence.frames) for sequence in sequences)
@@ -153,7 +153,7 @@ def command(**options: Any) -> None:
     if not continues:
         prepare_output_folder(output)
     try:
-        result = _tune(sequences, wanted, settings, options["objective"], output)
+        result = _tune(sequences, wanted, settings, options.objective, output)
     except tuning.Diverged as error:
         write_tuned(output / TUNED, error.result, error.result.last_good, before)
         raise InputError(f"{error} They are kept in '{output / TUNED}'.") from None
@@ -162,15 +162,54 @@ def command(**options: Any) -> None:
             f"The steps so far are kept in '{output}'; the same command continues.", err=True
         )
         raise
-    # In the order of the help: the same tuning writes the same file, however it was typed.
-    names = [str(param.name) for param in click.get_current_context().command.params]
-    repeated = {name: options[name] for name in names if name not in _NOT_REPEATED}
-    common.write_config(output / "run.toml", "tune", repeated)
+    repeated = {"scene": source, **as_typed(options), **repeated}
+    write_config(output / "run.toml", "tune", repeated | {"output": None})
     write_tuned(output / TUNED, result, result.values, before)
-    write_traces(output / TRACES, result, options["objective"])
+    write_traces(output / TRACES, result, options.objective)
     show(result)
     compare_before_and_after(output, unseen, before, before.with_values(result.values), options)
     click.echo(f"{output}/: {TUNED}, {TRACES}, {COMPARISON}, run.toml")
+
+
+command = SceneCommand(
+    "tune",
+    {
+        "Scene": Scenes,
+        "What is tuned": Tuned,
+        "Descent": Descent,
+        "Output": Outcome,
+    },
+    _command,
+    rare=(
+        "target",
+        "scene_seed",
+        "start_frame",
+        "ids",
+        "labels",
+        "learning_rate",
+        "seed",
+        "sequences_per_step",
+        "random_numbers",
+        "clip",
+        "window",
+        "tolerance",
+        "compare_particles",
+    ),
+    without=("order", "swap", "ess_threshold"),
+    defaults={"particles": _PARTICLES},
+    help="""Tune parameters on SCENE, and compare before and after on what was not seen.
+
+    SCENE is as for `jaxpf evaluate`; `jaxpf tune SCENE --help` shows the options of what is in it.
+    Synthetic scenes are tuned on some seeds and compared on others, a folder on its first frames
+    and on the rest, starting there from the truth.
+
+    The output folder receives tuned.toml (a --config for track and evaluate), tables, a figure and
+    a checkpoint, from which the same command goes on.
+
+    Example, in minutes: jaxpf tune distracter --sharpness 1 --scale 0.5,0.5,0.003 --learning-rate
+    0.2 --window 15 --tolerance 0.1 --repeats 2 --steps 120
+    """,
+)
 
 
 def _tune(
@@ -180,8 +219,10 @@ def _tune(
     from jaxpf import tuning
 
     shows_bars = sys.stderr.isatty()
-    with common.progress_bar("steps") as bar:
-        task = bar.add_task("tuning", total=settings.steps * settings.repeats)
+    with progress_bar("steps") as bar:
+        task = bar.add_task("compiling", total=settings.steps * settings.repeats)
+        if not shows_bars:
+            click.echo("Compiling: the first step follows in a minute or so.", err=True)
 
         def progress(descent: Any) -> None:
             done = settings.steps if descent.stopped else descent.num_steps
@@ -227,43 +268,25 @@ def _check_parameters(tracker: Any, target: Any, wanted: list[Any]) -> None:
             )
 
 
-def _check(options: dict[str, Any]) -> None:
-    for name, valid in (
-        ("gradient", GRADIENTS),
-        ("objective", OBJECTIVES),
-    ):
-        if options[name] not in valid:
-            raise InputError(
-                f"--{name} {options[name]!r} is unknown; choose one of {', '.join(valid)}."
-            )
-    for name in ("compare_particles", "train_scenes", "held_out"):
-        if options[name] < 1:
-            raise InputError(f"--{name.replace('_', '-')} {options[name]} must be at least 1.")
-    if options["compare_runs"] < 2:
-        raise InputError(f"--compare-runs {options['compare_runs']} must be at least 2.")
-    options["scene"] = common.resolved_scene(options["scene"])
-
-
-def _recipe(options: dict[str, Any], scene: Any) -> Any:
-    """What the tracker is made of, before tuning."""
-    from jaxpf.evaluation.settings import target_for
+def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[Any, dict[str, Any]]:
+    """What the tracker is made of before tuning, and how it is typed again."""
     from jaxpf.tuning.sequences import Recipe
 
-    target = target_for(options["target"], scene)
-    method = options["method"] or target.defaults.get("method")
+    target = adapter_of_scene(scene, options.target).target
+    method = values["method"] or target.defaults.get("method")
     its = filters.filter_of(method) if method else next(iter(filters.filters().values()))
-    refuse_others(options, target.options, its.options)
+    own = {n: v for n, v in values.items() if n not in options_of(Options)}
+    refuse_others(own, target, its)
     named = {
-        text.partition("=")[0].partition("[")[0]
-        for text in common.names_in(options["parameters"] or "")
+        text.partition("=")[0].partition("[")[0] for text in names_in(options.parameters or "")
     }
     for one in options_of(target.options).values():
         # Who names a parameter says of what kind the tracker is.
-        if one.path in named and one.implies and options.get(one.implies[0]) in (None, OPEN):
-            options[one.implies[0]] = one.implies[1]
-    model = target.resolved(picked(options, target.options), is_filmed(scene))
-    both = (picked(options, its.options, {"particles": 100, **target.defaults}), model)
-    values = {name: getattr(one, name) for one in both for name in options_of(one)}
-    counts = {name: does for one in both for name, does in counting(one).items()}
-    options |= {name: values[name] if counts[name] else None for name in values if name in options}
-    return Recipe(target.name, values, gradient=options["gradient"])
+        if one.path in named and one.implies and own.get(one.implies[0]) in (None, OPEN):
+            own[one.implies[0]] = one.implies[1]
+    model = target.resolved(picked(own, target.options), is_filmed(scene))
+    filter_options = picked(own, its.options, {"particles": _PARTICLES, **target.defaults})
+    both = (filter_options, model)
+    chosen_values = {name: getattr(one, name) for one in both for name in options_of(one)}
+    typed = {n: v for one in both for n, v in as_typed(one).items() if n in values}
+    return Recipe(target.name, chosen_values, gradient=options.gradient), typed

@@ -7,7 +7,8 @@ from typing import Any
 import click
 import numpy as np
 
-from jaxpf.cli import common
+from jaxpf.adapters import DEFAULT
+from jaxpf.cli.console import print_table
 from jaxpf.files.writing import atomic_write
 from jaxpf.options import options_of
 
@@ -20,11 +21,13 @@ def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) ->
 
     after = before.with_values(values)
     named = {path.partition("[")[0] for path in values}
-    track: dict[str, Any] = {}
+    track: dict[str, Any] = {}  # `jaxpf track` is of boxes, unless the file says otherwise
     for name, option in options_of(after.of.options).items():
         if option.path in named:
             track[name] = _numbers(after.values[name])
     evaluate = {name: [value] for name, value in track.items()}
+    if after.of.name != DEFAULT:
+        track = {"target": after.of.name, **track}
     tuned = {
         name: {"value": _numbers(value), "start": _numbers(result.start[name])}
         for name, value in values.items()
@@ -34,6 +37,8 @@ def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) ->
             tuned[name]["standard_error"] = _numbers(error)
     with atomic_write(path, "wb") as file:
         tomli_w.dump({"track": track, "evaluate": evaluate, "tuned": tuned}, file)
+        for remark in result.remarks:
+            file.write(f"# {remark}\n".encode())
 
 
 def _rounded(value: float) -> float:
@@ -78,7 +83,7 @@ def show(result: Any) -> None:
                     "" if np.isnan(curvature) else f"{100 * curvature:.1f} %",
                 ]
             )
-    common.print_table(
+    print_table(
         "Tuned values",
         ["", "start", "tuned", "95 % interval", "error of repeats", "error of frames"],
         rows,
@@ -86,25 +91,25 @@ def show(result: Any) -> None:
     for descent in result.descents:
         how = {"settled": "settled", "all steps": "stopped before it settled"}[descent.stopped]
         click.echo(f"repeat {descent.repeat + 1}: {how} after {descent.num_steps} steps")
-    if result.no_curvature:
-        click.echo(f"Errors of the frames are left out: {result.no_curvature}.")
+    for remark in result.remarks:
+        click.echo(remark)
 
 
 def compare_before_and_after(
-    output: Path, unseen: list[Any], before: Any, after: Any, options: dict[str, Any]
+    output: Path, unseen: list[Any], before: Any, after: Any, options: Any
 ) -> None:
     """Before and after, printed and written."""
     from jaxpf.tuning.comparison import MEASURES, compare
     from jaxpf.tuning.sequences import held_out
 
-    runs, particles = options["compare_runs"], options["compare_particles"]
+    runs, particles = options.compare_runs, options.compare_particles
     before, after = (
         dataclasses.replace(x, values={**x.values, "particles": particles}) for x in (before, after)
     )
     comparison = compare(
-        [held_out(scene, before, after, runs) for scene in unseen],
+        [held_out(scene, before, after) for scene in unseen],
         runs=runs,
-        seed=options["seed"] + 1,
+        seed=options.seed + 1,
     )
     one = len(unseen) == 1
     what = unseen[0].name if one else f"{len(unseen)} scenes"
@@ -132,7 +137,7 @@ def compare_before_and_after(
             f"{float(change.lower):.6g},{float(change.upper):.6g},{comparison.unit},"
             f"{comparison.count}"
         )
-    common.print_table(
+    print_table(
         f"On {what}, not seen in tuning: {runs} runs each, {particles} particles, 95 % over "
         f"{comparison.count} {comparison.unit}",
         # Runs of one sequence say nothing of others.

@@ -3,43 +3,43 @@
 import dataclasses
 from typing import Any
 
-from jaxpf.cli.evaluate import _pair, _value
+from jaxpf.cli.scene_options import scene_parameters
 from jaxpf.errors import InputError
 
 
-def divided_scenes(options: dict[str, Any]) -> tuple[list[Any], list[Any]]:
+def divided_scenes(source: str, options: Any) -> tuple[list[Any], list[Any]]:
     """Scenes to tune on, and scenes to compare on."""
-    from jaxpf.evaluation.settings import check_scene
+    from jaxpf.evaluation.scene import check_scene
     from jaxpf.experiments.sources import load_scene
 
-    parameters = dict(_pair("--set", text, _value) for text in options["settings"])
+    parameters = scene_parameters(options.set)
     first = load_scene(
-        options["scene"],
-        options["scene_seed"],
-        options["ids"],
-        options["start_frame"],
+        source,
+        options.scene_seed,
+        options.ids,
+        options.start_frame,
         None,
         parameters,
     )
     if "source" not in first.extras:
-        if options["frames"] is not None:
+        if options.frames is not None:
             raise InputError(
-                f"--frames {options['frames']} divides a folder's frames, but "
-                f"{options['scene']!r} is drawn by a function; leave it out."
+                f"--frames {options.frames} divides a folder's frames, but "
+                f"{source!r} is drawn by a function; leave it out."
             )
-        count = options["train_scenes"] + options["held_out"]
+        count = options.train_scenes + options.held_out
         all_ = [first] + [
-            load_scene(options["scene"], options["scene_seed"] + i, parameters=parameters)
+            load_scene(source, options.scene_seed + i, parameters=parameters)
             for i in range(1, count)
         ]
         for i, scene in enumerate(all_):
             check_scene(scene)
             all_[i] = dataclasses.replace(
-                scene, name=f"{scene.name}, seed {options['scene_seed'] + i}"
+                scene, name=f"{scene.name}, seed {options.scene_seed + i}"
             )
-        return all_[: options["train_scenes"]], all_[options["train_scenes"] :]
+        return all_[: options.train_scenes], all_[options.train_scenes :]
     check_scene(first)
-    train, unseen = _divide(first, options["frames"])
+    train, unseen = _divide(first, options.frames)
     return [train], [unseen]
 
 

@@ -1,27 +1,16 @@
 """Finished runs on disk: one file per batch, written whole, checked before it is believed."""
 
-import contextlib
 import dataclasses
 import os
 import re
-import tokenize
-import zipfile
-import zlib
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from jaxpf.errors import InputError
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.store import Damaged, Store
 
 FOLDER = "batches"
-#: What a truncated or altered archive of arrays raises, depending on where it was hit.
-_DAMAGE = (
-    *(OSError, EOFError, KeyError, ValueError, RuntimeError, SyntaxError),
-    *(zipfile.BadZipFile, zlib.error, tokenize.TokenError),
-)
+_REMEDY = "evaluate again, which repeats its runs alone"
 _NAME = re.compile(r"\d+-\d+\.npz")
 
 
@@ -65,11 +54,9 @@ def write_batch(folder: str | os.PathLike[str], configuration: int, batch: Batch
     Raises:
         InputError: it cannot be written, because the disk is full for example.
     """
-    path = Path(folder) / FOLDER / f"{configuration:04d}-{int(batch.runs[0]):08d}.npz"
     arrays = {field.name: getattr(batch, field.name) for field in dataclasses.fields(batch)}
-    with atomic_write(path, "wb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
-    return path
+    name = f"{configuration:04d}-{int(batch.runs[0]):08d}"
+    return Store(Path(folder) / FOLDER).write(name, arrays)
 
 
 def read_batch(path: Path) -> Batch:
@@ -78,7 +65,7 @@ def read_batch(path: Path) -> Batch:
     Raises:
         InputError: the file is damaged.
     """
-    with _opened(path) as content:
+    with Store(path.parent, _REMEDY).opened(path.stem) as content:
         return Batch(**{field.name: content[field.name] for field in dataclasses.fields(Batch)})
 
 
@@ -88,7 +75,7 @@ def read_runs(path: Path) -> np.ndarray:
     Raises:
         InputError: the file is damaged.
     """
-    with _opened(path) as content:
+    with Store(path.parent, _REMEDY).opened(path.stem) as content:
         return content["runs"]
 
 
@@ -116,7 +103,7 @@ def survey(
     for path in batch_files(folder, configuration):
         try:
             batch = read_batch(path)
-        except InputError:
+        except Damaged:
             damaged.append(path)
             continue
         if batch.shapes.shape == (len(batch.runs), *truth_shape):
@@ -124,14 +111,3 @@ def survey(
         else:
             damaged.append(path)
     return done, damaged
-
-
-@contextlib.contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    try:
-        with np.load(path, allow_pickle=False) as content:
-            yield content
-    except _DAMAGE:
-        raise InputError(
-            f"the batch '{path}' is damaged; evaluate again, which repeats its runs alone."
-        ) from None

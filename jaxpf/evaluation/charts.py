@@ -156,7 +156,8 @@ def _diversity_bars(
                 ids, np.nan_to_num(value), yerr=errors, color=COLOURS[0], width=0.7, error_kw=style
             )
             if len(ids) <= 10:
-                labels = [f"{x:.0f}" if x >= 9.95 else f"{x:.1f}" for x in value]
+                # A user's own tracker need not say what noise its objects have.
+                labels = [f"{x:.{x < 9.95:d}f}" if np.isfinite(x) else "" for x in value]
                 axis.bar_label(bars, labels, fontsize=6.5, padding=2)
             axis.set_ylim(0, 1.22 * top)
             if column == 0:
@@ -227,14 +228,16 @@ def error_over_time(results: Results, summaries: Sequence[Summary], place: int) 
 
 def success_curves(results: Results, summaries: Sequence[Summary], places: Sequence[int]) -> Any:
     """Success curves (wu2013) of the objects at ``places``."""
-    figure, axes = new_figure(1, len(places), figsize=(4.6 * len(places), 3.9))
+    size = (4.6 * len(places), 3.9 + 0.17 * min(len(summaries), MOST_LINES))
+    figure, axes = new_figure(1, len(places), figsize=size)
     for axis, place in zip(axes[0], places, strict=True):
         draw = _single_curves if len(summaries) <= MOST_LINES else _grouped_curves
         draw(axis, summaries, place)
         axis.set(title=object_name(results.object_ids, place), xlim=(0, 1), ylim=(0, 102))
         axis.set(xlabel="overlap threshold", ylabel="frames above the threshold (%)")
         axis.grid(alpha=0.3)
-        axis.legend(fontsize=7, loc="lower left" if place == places[0] else "upper right")
+        # Below, where it covers no curve.
+        axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16))
     return figure
 
 

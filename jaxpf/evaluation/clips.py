@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
+from jaxpf.adapters.adapter import Adapter, Marks
 from jaxpf.evaluation.collection import ShownRun
 from jaxpf.media.overlay import object_colours
 from jaxpf.media.video_writer import VideoWriter
-from jaxpf.targets.target import Marks, Start, Target
+from jaxpf.targets.target import Start
 
 #: Sizes of a clip, large ones first: its longer side in pixels, to which frames are enlarged or
 #: reduced, and its frames at most, of which a longer run shows every second, or third, and so on.
@@ -75,7 +76,7 @@ def make_clip(
     pictures: Pictures,
     truth: np.ndarray,
     shown: ShownRun,
-    target: Target,
+    adapter: Adapter,
     start: Start,
     first_frame: int,
     fps: float,
@@ -86,7 +87,7 @@ def make_clip(
         pictures: see ``read_pictures``.
         truth: ``[T, P, S]`` true shapes, drawn in white; NaN is not drawn.
         shown: the run; its shapes are drawn in the colours of the objects.
-        target: what the objects are.
+        adapter: of what the objects are.
         start: where they were at first.
         first_frame: number of the first frame, from 0; the others follow.
         fps: frames per second of the source.
@@ -102,10 +103,10 @@ def make_clip(
         path = Path(folder) / "clip.webm"
         with VideoWriter(path, width, height, rate) as video:
             for index, picture in zip(numbers, pictures.pictures, strict=True):
-                there, shapes = target.scaled(start, truth[index], pictures.factors)
-                picture = _draw_truth(picture, np.asarray(target.outlines(there, shapes)))
-                there, shapes = target.scaled(start, shown.shapes[index], pictures.factors)
-                picture = target.draw(picture, there, shapes, Marks(colours, shown.lost[index]))
+                there, shapes = adapter.scaled(start, truth[index], pictures.factors)
+                picture = _draw_truth(picture, np.asarray(adapter.target.outlines(there, shapes)))
+                there, shapes = adapter.scaled(start, shown.shapes[index], pictures.factors)
+                picture = adapter.draw(picture, there, shapes, Marks(colours, shown.lost[index]))
                 video.write(_number(picture, first_frame + index))
         data = path.read_bytes()
     return Clip(data, width, height, numbers.step, rate)

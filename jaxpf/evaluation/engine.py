@@ -11,13 +11,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from jaxpf.adapters import adapter_of_scene
 from jaxpf.errors import InputError
-from jaxpf.evaluation import store
 from jaxpf.evaluation.batches import Batch, survey, write_batch
 from jaxpf.evaluation.execution import RETRIES, Factory, in_turn
 from jaxpf.evaluation.fingerprint import fingerprint
+from jaxpf.evaluation.folder import (
+    locked,
+    remove_leavings,
+    stored_settings,
+    write_settings,
+)
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
 from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.evaluation.scene import (
+    check_scene,
+    object_ids,
+    open_scene,
+    remember_scene,
+    remembered_scene,
+    start_frame,
+)
 from jaxpf.files.writing import report_os_errors
 from jaxpf.targets.target import Start, Target
 
@@ -41,7 +55,7 @@ class Prepared:
         imports: imported tracks that are missing, as (index of the configuration, batch).
         import_seconds: how long it took to make those of them that were made here.
         damaged: batch files that are damaged; their runs are among the missing.
-        seconds: about how long the missing work takes on this machine.
+        seconds: about how long the missing work takes on this machine; NaN if nobody knows.
         memory: about how many bytes a working process takes.
     """
 
@@ -78,7 +92,8 @@ def evaluate(
 
     The same call again does only what is missing; more ``runs`` may be asked for.  The
     results of a seed are the same, bit for bit, on one machine, whatever the batches, the
-    executor and the number of workers or devices.
+    executor and the number of workers or devices; among other numbers of runs, whose blocks may
+    have other widths (``jaxpf.blocks.blocks_of``), they are equal to rounding.
 
     Args:
         plan: what to run.
@@ -109,7 +124,7 @@ def finished(plan: Plan, folder: str | os.PathLike[str]) -> Results | None:
         InputError: the folder belongs to other settings or another version.
     """
     folder = Path(folder)
-    settings = store.stored_settings(plan, folder)
+    settings = stored_settings(plan, folder)
     if settings is None or settings["runs"] != plan.runs:
         return None
     if settings["scene"].get("files") != fingerprint(plan.scene):
@@ -125,16 +140,15 @@ def prepare(
     """Find out what is to be done, and write nothing; arguments and errors as for ``evaluate``."""
     from jaxpf.evaluation import schedule
     from jaxpf.evaluation import settings as about
-    from jaxpf.evaluation.worker import remember_scene
 
     folder = Path(folder)
-    settings = store.stored_settings(plan, folder)
-    scene = _open(plan.scene)
-    about.check_scene(scene)
-    target = about.target_for(plan.target, scene)
-    start, truth = target.scene_start(scene), target.scene_shapes(scene)[1:]
+    settings = stored_settings(plan, folder)
+    scene = open_scene(plan.scene)
+    check_scene(scene)
+    adapter = adapter_of_scene(scene, plan.target)
+    start, truth = adapter.scene_start(scene), adapter.scene_shapes(scene)[1:]
     if settings is None:
-        settings = about.new_settings(plan, scene, target, start)
+        settings = about.new_settings(plan, scene, adapter.target, start)
         configurations = [Configuration.from_json(entry) for entry in settings["configurations"]]
         done = [np.zeros(1 if c.is_imported else plan.runs, bool) for c in configurations]
         damaged: list[Path] = []
@@ -148,9 +162,9 @@ def prepare(
     digest = settings["scene"]["digest"]
     remember_scene(scene, digest)
     work, seconds, memory = schedule.batches(
-        plan, scene, target, digest, configurations, done, limits
+        plan, scene, adapter, digest, configurations, done, limits
     )
-    imports = list(_missing_imports(plan, scene, target, configurations, done))
+    imports = list(_missing_imports(plan, scene, adapter.target, configurations, done))
     return Prepared(
         plan=plan,
         folder=folder,
@@ -179,12 +193,12 @@ def carry_out(
     from jaxpf.evaluation.worker import run_batch
 
     folder = prepared.folder
-    with store.locked(folder):
-        store.remove_leavings(folder)
+    with locked(folder):
+        remove_leavings(folder)
         for path in prepared.damaged:
             with report_os_errors("replace", path):
                 path.unlink(missing_ok=True)
-        store.write_settings(folder, prepared.settings, prepared.truth, prepared.start)
+        write_settings(folder, prepared.settings, prepared.truth, prepared.start)
         for index, batch in prepared.imports:
             write_batch(folder, index, batch)
             if progress is not None:
@@ -198,19 +212,13 @@ def carry_out(
 
 
 def _opened(plan: Plan, folder: Path) -> Results:
-    return Results.open(folder, functools.partial(_open, plan.scene))
+    return Results.open(folder, functools.partial(open_scene, plan.scene))
 
 
 def _remembered(digest: str, scene: Any) -> Any:
     """The scene, which this process may have open, so that there are no two copies of it."""
-    from jaxpf.evaluation.worker import remembered_scene
-
     found = remembered_scene(digest)
-    return _open(scene) if found is None else found
-
-
-def _open(scene: Any) -> Any:
-    return scene() if callable(scene) else scene
+    return open_scene(scene) if found is None else found
 
 
 def _surveyed(results: Results, num_runs: int) -> tuple[list[np.ndarray], list[Path]]:
@@ -232,7 +240,6 @@ def _missing_imports(
     done: list[np.ndarray],
 ) -> Iterator[tuple[int, Batch, float | None]]:
     """Index, boxes, and how long it took to make them, of tracks that are not on disk yet."""
-    from jaxpf.evaluation.settings import object_ids, start_frame
     from jaxpf.evaluation.trackers import own_tracker
     from jaxpf.evaluation.worker import imported_batch
 

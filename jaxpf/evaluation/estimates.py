@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import bdtr, stdtr, stdtrit
 
-from jaxpf.measures.intervals import Interval, mean_interval, wilson_interval
+from jaxpf.measures.intervals import Interval, mean_interval, newcombe_ends, wilson_interval
 
 #: Confidence of every interval.
 LEVEL = 0.95
@@ -193,11 +193,8 @@ def newcombe_interval(both: int, first: int, second: int, neither: int) -> tuple
     if determinant > 0:  # his correction for continuity
         determinant = max(determinant - total / 2, 0)
     phi = determinant / math.sqrt(product) if product else 0.0
-    below, above = p - lower, upper - p
-    fall = below[0] ** 2 - 2 * phi * below[0] * above[1] + above[1] ** 2
-    rise = above[0] ** 2 - 2 * phi * above[0] * below[1] + below[1] ** 2
-    difference = (first - second) / total
-    return difference - math.sqrt(max(fall, 0)), difference + math.sqrt(max(rise, 0))
+    ours, theirs = np.stack([p, lower, upper], axis=1).tolist()
+    return newcombe_ends(ours, theirs, phi)
 
 
 def mcnemar_p(gained: int, lost: int) -> float:

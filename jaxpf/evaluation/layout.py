@@ -55,7 +55,7 @@ NOTES = (
 
 
 class Table(NamedTuple):
-    """A table of text; ``jaxpf.cli.common.print_table(*table)`` prints it."""
+    """A table of text; ``jaxpf.cli.console.print_table(*table)`` prints it."""
 
     title: str
     columns: list[str]

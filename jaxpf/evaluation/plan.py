@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from jaxpf import filters
+from jaxpf.adapters import DEFAULT, adapters, find_adapter
 from jaxpf.errors import InputError
 from jaxpf.evaluation.results import Configuration
 from jaxpf.files.writing import report_os_errors
 from jaxpf.filters.filter import Filter
-from jaxpf.options import Option, check_distinct, chosen, implied, options_of, plain
-from jaxpf.targets import DEFAULT, find_target, targets
+from jaxpf.options import Option, check_distinct, chosen, implied, options_of
 from jaxpf.targets.target import Start, Target
 
 #: Runs of a configuration stay below: planning the batches of more would take minutes.
@@ -46,7 +46,7 @@ class Plan:
         grid: name of an option -> its values; an option that is left out has its default.  They
             are those of the target (``jaxpf.targets``) and of the methods' filters, such as
             "sharpness", "scale", "particles" and "resampling".
-        target: of ``jaxpf.targets.targets()``; None for that of the scene's truth.
+        target: of ``jaxpf.adapters.adapters()``; None for that of the scene's truth.
         runs: independent runs per configuration.
         seed: of all runs.  Run r of every configuration has the key ``fold_in(key(seed), r)``.
         tracks: other trackers' results, name -> MOT file or CSV with the header
@@ -109,8 +109,9 @@ class Plan:
     def _targets(self) -> list[Target]:
         """Those whose options count, the usual one first, since refusals speak of it."""
         if self.target:
-            return [find_target(self.target)]
-        return sorted(targets().values(), key=lambda one: one.name != DEFAULT)
+            return [find_adapter(self.target).target]
+        every = (one.target for one in adapters().values())
+        return sorted(every, key=lambda one: one.name != DEFAULT)
 
     def _options(self, of: Target) -> dict[str, Option]:
         """Options that a grid may have: those of a target, and those of the methods' filters."""
@@ -134,11 +135,26 @@ class Plan:
         for name, values in self.grid.items():
             having = [options[name] for options in every if name in options]
             if not having:
-                known = ", ".join(dict.fromkeys(n for options in every for n in options))
-                whose = f" of {self.target}" if self.target else ""
-                raise InputError(f"{name} is no option{whose}; the options are {known}.")
+                raise self._unknown(name, dict.fromkeys(n for options in every for n in options))
             found[name] = check_distinct(name, [_allowed(having, value) for value in values])
         return found
+
+    def _unknown(self, name: str, known: Iterable[str]) -> InputError:
+        """What to say of an option of other targets or methods, or of none."""
+        having = [n for n, one in adapters().items() if name in options_of(one.target.options)]
+        whose = f" of {self.target}" if self.target else ""
+        if having:
+            return InputError(
+                f"{name} is no option{whose}, but of {' and '.join(having)}; leave it out."
+            )
+        for one in filters.filters().values():
+            if name in options_of(one.options) and name not in one.varied:
+                return InputError(
+                    f"{name} is an option of {', '.join(one.methods)}, and not of "
+                    f"{', '.join(self.methods or ())}; leave it out, or name one of them among "
+                    "the methods."
+                )
+        return InputError(f"{name} is no option{whose}; the options are {', '.join(known)}.")
 
     def for_target(self, name: str, parents: Sequence[int] | None = None) -> "Plan":
         """The plan with its target, its methods and all values of its grid.
@@ -152,7 +168,7 @@ class Plan:
         """
         methods = self.methods
         if methods is None and parents is not None:
-            own = find_target(self.target or name).defaults.get("method")
+            own = find_adapter(self.target or name).target.defaults.get("method")
             every = filters.filters().values()
             methods = ()
             for one in (one for one in every if one.by_default or own in one.methods):
@@ -160,7 +176,7 @@ class Plan:
                 # The usual methods are orderings of objects: of one object they are all the same.
                 methods += suiting[:1] if one.by_default and len(parents) == 1 else suiting
         plan = dataclasses.replace(self, target=self.target or name, methods=methods)
-        of = find_target(plan.target or name)
+        of = find_adapter(plan.target or name).target
         # What filters have defaults of their own for is left to each.
         filled = [options_of(o) for o in (of.options, *(f.options for f in plan._filters()))]
         defaults = {
@@ -204,7 +220,7 @@ class Plan:
                 with each other.
         """
         assert self.target is not None  # by for_target
-        of = find_target(self.target)
+        of = find_adapter(self.target).target
         asked = {"order": self.orders, "swap": self.swaps}
         settled: dict[Any, Any] = {}
         found: dict[str, Configuration] = {}
@@ -284,18 +300,6 @@ def describe_scene(scene: Any) -> dict[str, Any]:
         name = getattr(scene, "__qualname__", type(scene).__qualname__)
         return {"function": f"{scene.__module__}.{name}"}
     return {"name": scene.name, "parameters": _plain(scene.parameters)}
-
-
-def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterable[str]:
-    """What changed between two ``asked()``, as "name = old, now new"."""
-    for name in dict.fromkeys([*old, *new]):
-        before, after = old.get(name), new.get(name)
-        if before == after:
-            continue
-        if isinstance(before, Mapping) and isinstance(after, Mapping):
-            yield from (f"{name}: {change}" for change in differences(before, after))
-        else:
-            yield f"{name} = {plain(before)}, now {plain(after)}"
 
 
 def _plain(value: Any) -> Any:

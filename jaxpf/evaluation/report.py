@@ -174,7 +174,7 @@ def _clips(results: Results, tables: Tables) -> tuple[list[dict[str, Any]], str]
     for summary in chosen:
         clips: list[dict[str, Any]] = []
         for shown in summary.shown:
-            given = (results.truth, shown, results.target, results.start)
+            given = (results.truth, shown, results.adapter, results.start)
             while True:
                 clip = make_clip(pictures, *given, results.start_frame + 1, results.fps)
                 # The first clip tells what all of them will take.

@@ -1,7 +1,6 @@
 """Reading the results of an evaluation, finished or not."""
 
 import dataclasses
-import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -9,14 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf.adapters import find_adapter
+from jaxpf.adapters.adapter import Adapter
 from jaxpf.errors import InputError
 from jaxpf.evaluation.batches import Batch, batch_files, read_batch, read_runs
+from jaxpf.files.store import SETTINGS, Store
 from jaxpf.options import chosen
-from jaxpf.targets import find_target
 from jaxpf.targets.target import Start, Target
 
-SETTINGS = "settings.json"
-TRUTH = "truth.npz"
+#: The piece that holds the truth.
+TRUTH = "truth"
+_REMEDY = "evaluate into another folder"
 _KEYS = {"versions", "asked", "runs", "float64", "scene", "configurations"}
 #: Kinds of configurations.
 BUILT_IN, OWN, IMPORTED = "built in", "own", "imported"
@@ -101,13 +103,8 @@ class Results:
         """
         folder = Path(folder)
         settings = read_settings(folder)
-        try:
-            with np.load(folder / TRUTH, allow_pickle=False) as content:
-                truth, shapes, sizes = (content[name] for name in ("truth", "start", "sizes"))
-        except Exception:  # there is no end to what a damaged archive raises
-            raise InputError(
-                f"'{folder / TRUTH}' is missing or damaged; evaluate into another folder."
-            ) from None
+        with Store(folder, _REMEDY).opened(TRUTH) as content:
+            truth, shapes, sizes = (content[name] for name in ("truth", "start", "sizes"))
         scene = settings["scene"]
         try:
             start = Start(np.array(scene["object_ids"]), shapes, sizes, tuple(scene["parents"]))
@@ -118,9 +115,14 @@ class Results:
         return cls(folder, settings, truth, start, load_scene)
 
     @property
+    def adapter(self) -> Adapter:
+        """How what the scene's objects are is written and drawn."""
+        return find_adapter(self.settings["scene"]["target"])
+
+    @property
     def target(self) -> Target:
         """What the scene's objects are."""
-        return find_target(self.settings["scene"]["target"])
+        return self.adapter.target
 
     @property
     def scene_name(self) -> str:
@@ -221,14 +223,9 @@ def read_settings(folder: Path) -> dict[str, Any]:
         InputError: it is missing or damaged.
     """
     path = folder / SETTINGS
-    try:
-        settings = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"'{folder}' holds no evaluation: '{path}' is missing.") from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(
-            f"'{path}' cannot be read ({error}); evaluate into another folder."
-        ) from None
+    settings = Store(folder, _REMEDY).settings()
+    if settings is None:
+        raise InputError(f"'{folder}' holds no evaluation: '{path}' is missing.")
     if not isinstance(settings, dict) or not settings.keys() >= _KEYS:
-        raise InputError(f"'{path}' describes no evaluation; evaluate into another folder.")
+        raise InputError(f"'{path}' describes no evaluation; {_REMEDY}.")
     return settings

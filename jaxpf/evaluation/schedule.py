@@ -9,14 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import filters
+from jaxpf.adapters.adapter import Adapter
+from jaxpf.blocks import WIDE, Blocks, blocks_of
 from jaxpf.chunks import chunk_length
-from jaxpf.evaluation.execution import num_cores
 from jaxpf.evaluation.plan import Limits, Plan
 from jaxpf.evaluation.results import BUILT_IN, Configuration
 from jaxpf.evaluation.trackers import tracker_of
 from jaxpf.evaluation.worker import Work
 from jaxpf.options import options_of
-from jaxpf.running import RUNS_PER_BATCH
 from jaxpf.targets.target import Target
 
 #: Seconds that a batch takes about, at most: what a kill can cost.
@@ -31,7 +31,9 @@ _BASE_MEMORY = 800 * 2**20
 _SHARE_OF_CORE = 0.75
 #: Seconds to decode a pixel of a long recording, which every batch reads anew.
 _READ = 5e-9
-#: Seconds to compile one kernel.
+#: What a block costs beside its runs, in terms of a run: 5 runs as 6, one as 2.
+_OF_BLOCK = 0.8
+#: Seconds to compile one kernel for blocks of one width.
 _COMPILE = 9.0
 
 
@@ -39,8 +41,8 @@ class Costs(NamedTuple):
     """What the runs of one configuration cost, about.
 
     Attributes:
-        seconds_per_batch: for what a batch of any size needs: the frames' tables.
-        seconds_per_run: on top of that.
+        seconds_per_batch: on one core, for what a batch of any size needs: the frames' tables.
+        seconds_per_run: on top of that, on one core.
         bytes_per_run: of memory while a run's batch is computed.
         bytes_per_frame: of what is kept of a frame while runs are moved on to it.
     """
@@ -54,7 +56,7 @@ class Costs(NamedTuple):
 def batches(
     plan: Plan,
     scene: Any,
-    target: Target,
+    adapter: Adapter,
     digest: str,
     configurations: list[Configuration],
     done: list[np.ndarray],
@@ -64,16 +66,15 @@ def batches(
 
     Returns:
         The batches, about how many seconds they take on this machine, compiling included, and
-        about how many bytes a process takes.  What a user wrote is not modelled: it goes batch by
-        smallest batch, and the progress tells its time.
+        about how many bytes a process takes.  NaN seconds where nobody knows what a likelihood
+        costs: the progress tells.  A user's tracker is not counted, and goes by smallest batches.
     """
     ours = [index for index, c in enumerate(configurations) if not c.is_imported]
     missing = sum(int(np.sum(~done[index])) for index in ours)
     share = max(1, math.ceil(missing / limits.workers))
     devices = limits.devices or jax.local_device_count()
-    unit = RUNS_PER_BATCH * devices
     known: dict[Any, Costs | None] = {}
-    shapes = set()
+    kernels = set()
     work, seconds, largest = [], 0.0, 0
     one = math.prod(scene.frames.shape[1:])
     length = chunk_length(len(scene.frames) - 1, one, int(_SHARE_OF_FRAMES * limits.memory))
@@ -81,42 +82,50 @@ def batches(
         configuration = configurations[index]
         if done[index].all():
             continue
-        shape = shape_of(configuration, target)
+        shape = shape_of(configuration, adapter.target)
         function = plan.trackers.get(configuration.method)
         if shape not in known:
-            known[shape] = costs(configuration, scene, target)
+            known[shape] = costs(configuration, scene, adapter)
         cost = known[shape]
-        most = limits.runs_per_batch or (most_runs(cost, limits.memory, unit) if cost else unit)
-        for first, count, width in divide(done[index], min(most, share)):
+        most = limits.runs_per_batch or WIDE * devices
+        if cost and not limits.runs_per_batch:
+            most = most_runs(cost, limits.memory, devices)
+        for first, count, blocks in divide(done[index], min(most, share)):
             work.append(
                 Work(
                     index=index,
                     configuration=configuration,
                     first_run=first,
                     num_runs=count,
-                    width=width,
+                    blocks=blocks,
                     frames_per_chunk=length,
                     seed=plan.seed,
                     float64=double_precision(),
                     scene=plan.scene,
                     digest=digest,
-                    target=target.name,
+                    target=adapter.name,
                     function=function,
                 )
             )
-            shapes.add((shape, width))
-            if cost:
-                seconds += cost.seconds_per_batch + width * cost.seconds_per_run
+            kernels |= {(shape, blocks, width) for _, width in blocks}
+            if cost is None and configuration.kind == BUILT_IN:
+                seconds = math.nan
+            elif cost:
+                used = min(devices, max(number for number, _ in blocks))
+                # Devices have a block each at a time, and share the frames' tables.
+                in_turn = sum(math.ceil(n / used) * (width + _OF_BLOCK) for n, width in blocks)
+                takes = cost.seconds_per_batch / used + in_turn * cost.seconds_per_run
+                seconds += takes if used == 1 else takes / _SHARE_OF_CORE
                 # Of a group of frames every device has what all devices made of theirs.
-                shared = devices * min(devices, math.ceil(width / RUNS_PER_BATCH))
-                takes = width * cost.bytes_per_run + shared * cost.bytes_per_frame
-                largest = max(largest, takes)
+                kept = work[-1].width * cost.bytes_per_run + devices * used * cost.bytes_per_frame
+                largest = max(largest, kept)
     kept = scene.frames.nbytes
     if not isinstance(scene.frames, np.ndarray):
         seconds += len(work) * _READ * kept / 3
         kept = 0
     memory = _BASE_MEMORY + kept + _CHUNKS * length * one + largest
-    return work, seconds + _COMPILE * len(shapes), memory
+    at_once = max(1.0, _SHARE_OF_CORE * min(limits.workers, len(work)))
+    return work, seconds / at_once + _COMPILE * len(kernels), memory
 
 
 def double_precision() -> bool:
@@ -124,11 +133,11 @@ def double_precision() -> bool:
     return jnp.zeros(()).dtype == jnp.float64
 
 
-def costs(configuration: Configuration, scene: Any, target: Target) -> Costs | None:
+def costs(configuration: Configuration, scene: Any, adapter: Adapter) -> Costs | None:
     """What the runs of a configuration cost; None where nobody knows: of a user's tracker."""
     if configuration.kind != BUILT_IN:
         return None
-    tracker = tracker_of(scene, target, configuration)
+    tracker = tracker_of(scene, adapter, configuration)
     estimate = getattr(tracker.likelihood, "estimated_nanoseconds", None)
     if estimate is None:
         return None
@@ -141,35 +150,46 @@ def costs(configuration: Configuration, scene: Any, target: Target) -> Costs | N
     queries = tracker.num_partitions * configuration.parameters["particles"]
     fixed, per_query = estimate(scene.frames.shape[1:3])
     kernel = filters.filter_of(configuration.variant["method"]).nanoseconds
-    seconds = 1e-9 * num_frames / max(1.0, _SHARE_OF_CORE * num_cores())
+    seconds = 1e-9 * num_frames
     return Costs(
         fixed * seconds, (per_query + kernel) * queries * seconds, bytes_per_run, bytes_per_frame
     )
 
 
-def most_runs(cost: Costs, memory: int, unit: int) -> int:
+def most_runs(cost: Costs, memory: int, devices: int) -> int:
     """Runs that one batch may hold, by its memory and by what a kill would cost."""
     by_memory = memory / cost.bytes_per_run
-    by_time = SECONDS_PER_BATCH / cost.seconds_per_run
+    by_time = SECONDS_PER_BATCH / cost.seconds_per_run * max(1.0, _SHARE_OF_CORE * devices)
+    unit = WIDE * devices
     return max(1, int(min(by_memory, by_time)) // unit) * unit
 
 
-def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, int]]:
-    """Divide the missing runs into batches of nearly equal size.
+def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, Blocks]]:
+    """Divide the missing runs into batches of whole blocks, nearly equal in size.
+
+    Blocks count from the first run of a gap, so that however a gap is divided, and whatever of
+    its batches a kill leaves, a run has a block of the same width.
 
     Args:
         done: ``[R]`` bool.
-        largest: runs that a batch may hold.
+        largest: runs that a batch may hold, if they fill a block.
 
     Yields:
-        First run, number of runs, and runs to compute: the same for all batches of one gap.
+        First run, number of runs, and blocks to compute.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[True], done, [True]]).astype(np.int8)))
     for start, stop in edges.reshape(-1, 2).tolist():
-        count = math.ceil((stop - start) / largest)
-        width = math.ceil((stop - start) / count / RUNS_PER_BATCH) * RUNS_PER_BATCH
-        for first in range(start, stop, width):
-            yield first, min(width, stop - first), width
+        blocks = blocks_of(stop - start, len(done))
+        if stop - start <= largest:
+            yield start, stop - start, blocks
+            continue
+        for count, width in blocks:
+            batches = math.ceil(count / max(1, largest // width))
+            each = math.ceil(count / batches)
+            end = min(stop, start + count * width)
+            for first in range(start, end, each * width):
+                yield first, min(each * width, end - first), ((each, width),)
+            start = end
 
 
 def _bytes(tree: Any) -> int:

@@ -6,13 +6,12 @@ Apart from the results, which are the same bits wherever they are computed.
 import contextlib
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jaxpf.evaluation.engine import Prepared
 from jaxpf.evaluation.results import Results
 from jaxpf.files.writing import atomic_write
 
@@ -31,18 +30,35 @@ def read_speeds(folder: Path, count: int) -> list[float]:
     return known + [np.nan] * (count - len(known))
 
 
+def keep_speeds(results: Results, seconds: Mapping[int, float]) -> None:
+    """Keep how fast boxes were made, of baselines and of functions that give boxes.
+
+    Args:
+        results: of the evaluation.
+        seconds: that it took for the whole clip, by the configuration's index.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    speeds = read_speeds(results.folder, len(results.configurations))
+    for index, took in seconds.items():
+        speeds[index] = len(results.truth) / max(took, 1e-9)
+    _write(results, speeds)
+
+
 def measure_speeds(
-    prepared: Prepared, results: Results, on_begin: Callable[[str], None] = lambda label: None
+    results: Results,
+    trackers: Mapping[str, Any],
+    on_begin: Callable[[str], None] = lambda label: None,
 ) -> None:
     """Time one run of each method alone, as ``jaxpf track`` goes, and keep it in the folder.
 
     From a frame in memory to its estimate, compiling left out; the median over frames.  Settings
-    that share a compiled kernel share the figure.  Of baselines, and of functions that give boxes,
-    it is the whole clip's time.  What was measured before is not measured again.
+    that share a compiled kernel share the figure.  What was measured before is not measured again.
 
     Args:
-        prepared: the evaluation.
-        results: what came of it.
+        results: of the evaluation.
+        trackers: a user's own, as in the ``Plan``.
         on_begin: called with the label of what is timed next.
 
     Raises:
@@ -55,8 +71,6 @@ def measure_speeds(
 
     configurations = results.configurations
     speeds = read_speeds(results.folder, len(configurations))
-    for index, seconds in prepared.import_seconds.items():
-        speeds[index] = len(results.truth) / max(seconds, 1e-9)
     known: dict[Any, float] = {}
     for index, one in enumerate(configurations):
         if one.is_imported or np.isfinite(speeds[index]):
@@ -64,11 +78,15 @@ def measure_speeds(
         kind = one.method, shape_of(one, results.target)
         if kind not in known:
             on_begin(one.label)
-            scene, function = results.scene(), prepared.plan.trackers.get(one.method)
-            tracker = tracker_of(scene, results.target, one, function)
+            scene, function = results.scene(), trackers.get(one.method)
+            tracker = tracker_of(scene, results.adapter, one, function)
             frames = scene.frames[1 : 2 + _FRAMES]
             known[kind] = _frames_per_second(tracker, jax.random.key(results.seed), frames)
         speeds[index] = known[kind]
+    _write(results, speeds)
+
+
+def _write(results: Results, speeds: Sequence[float]) -> None:
     with atomic_write(results.folder / NAME) as file:
         json.dump([round(x, 4) if np.isfinite(x) else None for x in speeds], file)
 

@@ -168,8 +168,7 @@ def _remarks(results: Results, summaries: Sequence[Summary]) -> list[str]:
         )
     if not has_scores():
         remarks.append(
-            "HOTA, MOTA and IDF1 are left out; pip install 'jaxpf[scores]' and then pip install "
-            "--no-deps trackeval adds them."
+            "HOTA, MOTA and IDF1 are left out; pip install --no-deps trackeval adds them."
         )
     elif any(summary.runs > SCORED_RUNS for summary in summaries):
         remarks.append(f"HOTA, MOTA and IDF1 are of the first {SCORED_RUNS} runs.")
@@ -215,7 +214,7 @@ def _write_tracks(results: Results, summaries: Sequence[Summary]) -> None:
         folder.mkdir(exist_ok=True)
         for path in folder.glob("*-run*.*"):  # other runs may have been best before
             path.unlink()
-    of = results.target
+    of = results.adapter
 
     def write(name: str, shapes: np.ndarray, lost: np.ndarray) -> None:
         with of.track_writer(folder / f"{name}{of.track_suffix}", results.start) as writer:

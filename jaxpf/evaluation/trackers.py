@@ -11,29 +11,29 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf import filters
+from jaxpf import building, filters
+from jaxpf.adapters.adapter import Adapter, looks_of_scene
 from jaxpf.errors import InputError
 from jaxpf.evaluation.results import BUILT_IN, Configuration
 from jaxpf.options import chosen
-from jaxpf.running import RUNS_PER_BATCH
-from jaxpf.targets.target import Looks, Start, Target, looks_of_scene
+from jaxpf.targets.target import Looks, Start, Target
 
 #: One frame in so many of a scene is shown as typical.
 _EVERY = 8
 
 
-def looks_of(scene: Any, num_particles: int, num_runs: int = RUNS_PER_BATCH) -> Looks:
-    """How a scene's objects look, for as many runs as are computed together."""
-    return looks_of_scene(scene, num_particles, num_runs, scene.frames[::_EVERY])
+def looks_of(scene: Any, num_particles: int) -> Looks:
+    """How a scene's objects look."""
+    return looks_of_scene(scene, num_particles, scene.frames[::_EVERY])
 
 
-def built_in_tracker(scene: Any, target: Target, configuration: Configuration) -> Any:
+def built_in_tracker(scene: Any, adapter: Adapter, configuration: Configuration) -> Any:
     """The tracker of one configuration: its filter on the scene's target."""
     values = configuration.parameters | configuration.variant
     its = filters.filter_of(values["method"])
-    start, options = target.scene_start(scene), chosen(its.options, values)
+    target, start, options = adapter.target, adapter.scene_start(scene), chosen(its.options, values)
     looks = looks_of(scene, options.particles)
-    return its.tracker(target.model(chosen(target.options, values), start, looks), options)
+    return building.build(target, chosen(target.options, values), its, options, start, looks)
 
 
 def own_tracker(name: str, function: Any, scene: Any) -> Any:
@@ -69,13 +69,13 @@ def shapes_of(tracker: Any, target: Target, start: Start, estimate: Any) -> np.n
     """Shapes ``[..., P, S]`` of estimates, as the tracker or else the target reads them."""
     if target.has_boxes and hasattr(tracker, "boxes"):
         return np.asarray(tracker.boxes(estimate))
-    return target.shapes_of(tracker, start, np.asarray(estimate))
+    return target.shapes(start, np.asarray(estimate), tracker)
 
 
 def tracker_of(
-    scene: Any, target: Target, configuration: Configuration, function: Any = None
+    scene: Any, adapter: Adapter, configuration: Configuration, function: Any = None
 ) -> Any:
     """The tracker of a configuration, built in or from a user's function."""
     if configuration.kind == BUILT_IN:
-        return built_in_tracker(scene, target, configuration)
+        return built_in_tracker(scene, adapter, configuration)
     return own_tracker(configuration.method, function, scene)

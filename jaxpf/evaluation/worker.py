@@ -1,19 +1,19 @@
 """The work of an evaluation: one batch of runs, in this process or another."""
 
 import dataclasses
-import hashlib
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.adapters import find_adapter
+from jaxpf.blocks import Blocks, run_blocks
 from jaxpf.errors import InputError
 from jaxpf.evaluation.batches import Batch
 from jaxpf.evaluation.results import BUILT_IN, Configuration
+from jaxpf.evaluation.scene import open_scene, remember_scene, remembered_scene, scene_digest
 from jaxpf.evaluation.trackers import shapes_of, tracker_of
-from jaxpf.running import RUNS_PER_BATCH, monte_carlo
-from jaxpf.targets import find_target
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Work:
         configuration: what to run.
         first_run: number of the first run.
         num_runs: R.
-        width: runs that are computed, padding included: one shape for many batches.
+        blocks: in which they are vectorised, filled up: one shape for many batches.
         frames_per_chunk: that travel to the devices together.
         seed: of the evaluation.
         float64: whether JAX computes in double precision.
@@ -39,7 +39,7 @@ class Work:
     configuration: Configuration
     first_run: int
     num_runs: int
-    width: int
+    blocks: Blocks
     frames_per_chunk: int
     seed: int
     float64: bool
@@ -47,6 +47,11 @@ class Work:
     digest: str
     target: str
     function: Any = None
+
+    @property
+    def width(self) -> int:
+        """Runs that are computed, those included that fill up the last block."""
+        return sum(count * width for count, width in self.blocks)
 
     def __str__(self) -> str:
         last = self.first_run + self.num_runs - 1
@@ -66,24 +71,24 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
     """
     with jax.enable_x64(work.float64):
         scene = _opened(work)
-        of = find_target(work.target)
+        of = find_adapter(work.target)
         start, tracker = of.scene_start(scene), _tracker(scene, work)
-        recorded = monte_carlo(
+        recorded = run_blocks(
             tracker,
-            run_keys(work.seed, work.first_run, work.width),
+            run_keys(work.seed, work.first_run, work.num_runs),
             scene.frames[1:],
+            work.blocks,
             record=keep_measures,
-            batch_size=RUNS_PER_BATCH,
             frames_per_chunk=work.frames_per_chunk,
         )
     kept = {
-        name: np.asarray(value[: work.num_runs], bool if name == "lost" else np.float32)
+        name: np.asarray(value, bool if name == "lost" else np.float32)
         for name, value in recorded.items()
     }
     return Batch(
         seeds=np.full(work.num_runs, work.seed, np.int64),
         runs=np.arange(work.first_run, work.first_run + work.num_runs),
-        shapes=shapes_of(tracker, of, start, kept.pop("estimate")).astype(np.float32),
+        shapes=shapes_of(tracker, of.target, start, kept.pop("estimate")).astype(np.float32),
         **kept,
     )
 
@@ -132,47 +137,19 @@ def imported_batch(shapes: np.ndarray, seed: int) -> Batch:
     )
 
 
-def open_scene(scene: Any) -> Any:
-    """The scene that a plan means: itself, or what its function returns."""
-    return scene() if callable(scene) else scene
-
-
-def scene_digest(scene: Any) -> str:
-    """Tells two scenes apart by their pictures, boxes and patches."""
-    digest = hashlib.sha256()
-    for array in (scene.frames, scene.boxes, *scene.patches):
-        digest.update(f"{array.shape}{array.dtype}".encode())
-        for row in array:  # one after another: they need not all be in memory
-            digest.update(np.ascontiguousarray(row).data)
-    return digest.hexdigest()
-
-
-def remember_scene(scene: Any, digest: str) -> None:
-    """Spare ``run_batch`` in this process from opening a scene that is open already."""
-    _last_scene[:] = [(digest, scene)]
-
-
-def remembered_scene(digest: str) -> Any:
-    """The scene of that digest if this process has it open, or None."""
-    return next((scene for known, scene in list(_last_scene) if known == digest), None)
-
-
 def _tracker(scene: Any, work: Work) -> Any:
     """A user's function is called once for a scene; grids of ours make a tracker each."""
     if work.configuration.kind == BUILT_IN:
-        return tracker_of(scene, find_target(work.target), work.configuration)
+        return tracker_of(scene, find_adapter(work.target), work.configuration)
     key = work.digest, work.configuration.method
     if _own_tracker.get("key") != key:
-        made = tracker_of(scene, find_target(work.target), work.configuration, work.function)
+        made = tracker_of(scene, find_adapter(work.target), work.configuration, work.function)
         _own_tracker.update(key=key, tracker=made)
     return _own_tracker["tracker"]
 
 
 #: The user's tracker that this process made last, and for what.
 _own_tracker: dict[str, Any] = {}
-
-#: The scene that this process worked on last, as (digest, scene).
-_last_scene: list[tuple[str, Any]] = []
 
 
 def _opened(work: Work) -> Any:

@@ -9,16 +9,21 @@ parts at the level 95 %:
   the replications on either side.)
 * *contradicts*: some part's interval at the level 1 - .05 / k (Bonferroni: with many parts one
   or another would stray by chance) lies outside its claimed range.
-* *cannot resolve*: all else; more runs would be needed.
+* *cannot resolve*: all else; it is told how many runs would resolve it, if figures stay where they
+  are and intervals shrink with the root of the number of runs.
+
+An interval without a width is what two scenes that agree give, not certainty: it resolves nothing,
+but for a quantity that is computed and has no chance in it (``exact``).
 """
 
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from jaxpf.measures.intervals import student_quantile, wilson_interval
+from jaxpf.measures.intervals import newcombe_ends, student_quantile, wilson_interval
 
 SUPPORTS, CONTRADICTS, CANNOT_RESOLVE = "supports", "contradicts", "cannot resolve"
 
@@ -55,6 +60,11 @@ class Quantity(NamedTuple):
     at_least: float = -math.inf
     at_most: float = math.inf
 
+    @property
+    def is_exact(self) -> bool:
+        """Whether there is no chance in it."""
+        return isinstance(self.interval, _Exact)
+
     def measured(self, level: float = 0.95) -> Measured:
         """The figure with its interval."""
         return Measured(self.value, *self.interval(level))
@@ -69,6 +79,9 @@ class Claim(NamedTuple):
         published: the published figures behind it.
         measured: ours, with intervals.
         verdict: ``SUPPORTS``, ``CONTRADICTS`` or ``CANNOT_RESOLVE``.
+        growth: how many times as much would have to be measured to resolve it; NaN if nobody
+            knows, infinite if nothing would.
+        unit: what more of would resolve it.
     """
 
     statement: str
@@ -76,6 +89,21 @@ class Claim(NamedTuple):
     published: str
     measured: str
     verdict: str
+    growth: float = 1.0
+    unit: str = "runs"
+
+
+def exact(value: float, what: str = "", **claimed: float) -> Quantity:
+    """A part of a claim that is computed."""
+    return Quantity(what, value, _Exact(value), **claimed)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Exact:
+    value: float
+
+    def __call__(self, level: float) -> tuple[float, float]:
+        return self.value, self.value
 
 
 def verdict(parts: Sequence[Quantity], level: float = 0.95) -> str:
@@ -85,24 +113,97 @@ def verdict(parts: Sequence[Quantity], level: float = 0.95) -> str:
     """
     if not parts:
         return CANNOT_RESOLVE
-    corrected = 1 - (1 - level) / len(parts)
-    if any(_lies_outside(part, part.interval(corrected)) for part in parts):
+    corrected = _corrected(parts, level)
+    if any(_clearly(_lies_outside, part, corrected) for part in parts):
         return CONTRADICTS
-    if all(_lies_inside(part, part.interval(level)) for part in parts):
+    if all(_clearly(_lies_inside, part, level) for part in parts):
         return SUPPORTS
     return CANNOT_RESOLVE
+
+
+def growth(parts: Sequence[Quantity], level: float = 0.95) -> float:
+    """How many times as much would have to be measured to resolve a claim.
+
+    If figures stay where they are: where one lies outside its range the claim is resolved once one
+    of those does so clearly; else once all lie clearly inside.
+    """
+    outside = [part for part in parts if not part.at_least <= part.value <= part.at_most]
+    if outside:
+        needed = [_growth(part, _lies_outside, _corrected(parts, level)) for part in outside]
+        return min((each for each in needed if not math.isnan(each)), default=math.nan)
+    needed = [_growth(part, _lies_inside, level) for part in parts]
+    return max(needed, default=math.nan) if not any(map(math.isnan, needed)) else math.nan
+
+
+def _growth(part: Quantity, resolved: Callable[..., bool], level: float) -> float:
+    """As ``growth``, for one part: NaN without an interval, infinite at the very end of a range.
+
+    A score interval from g times as many trials is that at a level whose normal quantile is
+    sqrt(g) times smaller; Student's is so nearly.
+    """
+    from scipy.special import ndtr, ndtri
+
+    low, high = part.interval(level)
+    if not low < high:
+        return math.nan
+    fewest, most = 0.0, math.log(1e8)  # of the logarithm of g
+    if part.value in (part.at_least, part.at_most):
+        return math.inf
+    for _ in range(40):
+        middle = (fewest + most) / 2
+        quantile = ndtri(0.5 + level / 2) * math.exp(-middle / 2)
+        if resolved(part, part.interval(float(2 * ndtr(quantile) - 1))):
+            most = middle
+        else:
+            fewest = middle
+    return math.exp(most)
+
+
+def _corrected(parts: Sequence[Quantity], level: float) -> float:
+    return 1 - (1 - level) / len(parts)
+
+
+def told(claim: Claim, runs: int) -> Claim:
+    """The claim; one that cannot be resolved says what would resolve it.
+
+    Args:
+        claim: judged.
+        runs: those it was judged by.
+    """
+    if claim.verdict != CANNOT_RESOLVE:
+        return claim
+    if math.isnan(claim.growth):
+        remedy = f"too few {claim.unit} to tell how many would resolve it"
+    elif math.isinf(claim.growth):
+        remedy = f"no number of {claim.unit} would resolve it"
+    elif claim.unit == "runs":
+        remedy = f"about {max(math.ceil(claim.growth * runs), runs + 1)} runs would resolve it"
+    else:
+        remedy = f"about {claim.growth:.1f} times as many {claim.unit} would resolve it"
+    return claim._replace(measured=f"{claim.measured}; {remedy}")
 
 
 def judged(
     statement: str,
     source: str,
     published: str,
-    parts: Sequence[Quantity],
-    level: float = 0.95,
+    *parts: Quantity,
     digits: int = 0,
+    unit: str = "runs",
 ) -> Claim:
-    """The claim with its verdict and a sentence of what was measured."""
-    return Claim(statement, source, published, shown(parts, digits), verdict(parts, level))
+    """The claim with its verdict and a sentence of what was measured.
+
+    Args:
+        statement: the claim in one sentence.
+        source: where the paper makes it.
+        published: the published figures behind it.
+        parts: what it speaks of.
+        digits: decimal places to show.
+        unit: what more of would resolve it.
+    """
+    measured, found = shown(parts, digits), verdict(parts)
+    more = growth(parts) if found == CANNOT_RESOLVE else 1.0
+    return Claim(statement, source, published, measured, found, more, unit)
 
 
 def shown(parts: Sequence[Quantity], digits: int = 0) -> str:
@@ -113,6 +214,11 @@ def shown(parts: Sequence[Quantity], digits: int = 0) -> str:
         interval = f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
         pieces.append(f"{part.what}: {interval}" if part.what else interval)
     return "; ".join(pieces)
+
+
+def _clearly(holds: Callable[..., bool], part: Quantity, level: float) -> bool:
+    low, high = part.interval(level)
+    return (low < high or part.is_exact) and holds(part, (low, high))
 
 
 def _lies_inside(part: Quantity, interval: tuple[float, float]) -> bool:
@@ -188,18 +294,12 @@ def newcombe(
 ) -> Callable[[float], tuple[float, float]]:
     """Intervals for the difference of two independent rates, first minus second, in points.
 
-    Newcombe's hybrid score interval (Statistics in Medicine 1998, method 10), which is built
-    from Wilson's intervals of the two rates.
+    See ``jaxpf.measures.intervals.newcombe_ends``.
     """
     first, second = (100 * k / n if n else math.nan for k, n in zip(successes, trials, strict=True))
 
     def interval(level: float) -> tuple[float, float]:
-        low_1, high_1 = wilson(successes[0], trials[0])(level)
-        low_2, high_2 = wilson(successes[1], trials[1])(level)
-        difference = first - second
-        return (
-            difference - math.hypot(first - low_1, high_2 - second),
-            difference + math.hypot(high_1 - first, second - low_2),
-        )
+        ends = (wilson(k, n)(level) for k, n in zip(successes, trials, strict=True))
+        return newcombe_ends((first, *next(ends)), (second, *next(ends)))
 
     return interval

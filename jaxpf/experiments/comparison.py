@@ -6,14 +6,14 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from jaxpf.blocks import monte_carlo
+from jaxpf.boxes import tracker as box_tracker
 from jaxpf.filters.partitioned.ordering import Ordering
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.measures import metrics
 from jaxpf.measures.intervals import Interval
 from jaxpf.models.geometry import boxes_from_substates
-from jaxpf.running import RUNS_PER_BATCH, monte_carlo
 from jaxpf.state import Summary
-from jaxpf.targets import boxes as boxes_of_scenes
 
 #: The tracker of smith2004's synthetic test: noise of u and v in pixels, and of the scale.
 SMITH2004_SCALE = (2.0, 2.0, 0.001)
@@ -46,18 +46,18 @@ def scene_tracker(
     num_particles: int = SMITH2004_PARTICLES,
     scale: tuple[float, ...] = SMITH2004_SCALE,
     resampling: str = "multinomial",
-    num_runs: int = 1,
     appearance: str = "colour",
 ) -> Partitioned:
-    """``jaxpf.targets.boxes.scene_tracker`` with smith2004's settings as defaults."""
-    return boxes_of_scenes.scene_tracker(
-        scene,
-        ordering,
+    """A tracker that knows a scene's patches, with smith2004's settings as defaults."""
+    return box_tracker(
+        scene.frames[0],
+        scene.boxes[0],
+        patches=scene.patches,
+        ordering=ordering,
+        particles=num_particles,
         sharpness=sharpness,
-        num_particles=num_particles,
         scale=scale,
         resampling=resampling,
-        num_runs=num_runs,
         appearance=appearance,
     )
 
@@ -66,7 +66,7 @@ def compare(
     scene: Any,
     trackers: Mapping[str, Partitioned],
     seeds: Iterable[int],
-    batch_size: int = RUNS_PER_BATCH,
+    batch_size: int | None = None,
 ) -> Iterator[Result]:
     """Run every tracker with the same seeds; yields each result as it is done.
 
@@ -74,7 +74,7 @@ def compare(
         scene: see ``scenes.Scene``.
         trackers: name -> tracker; those of one shape share one compiled kernel.
         seeds: one per run.
-        batch_size: runs that are vectorised together.
+        batch_size: see ``jaxpf.monte_carlo``.
     """
     keys = jax.vmap(jax.random.key)(np.array(list(seeds)))
     frames, truth = scene.frames[1:], scene.boxes[1:]

@@ -1,14 +1,7 @@
-"""What an experiment hands back, whichever paper it reproduces, and how it is written.
+"""What repeating a paper gives, published and measured figures side by side, and how it is written.
 
-An experiment is a module with a function that the command line calls as ::
-
-    run(runs=None, seed=0, quick=False, data=None, report=print) -> Comparison
-
-``runs`` per cell (None: the paper's number), ``seed`` of the scenes and runs, ``quick`` for a
-much smaller version that shows what the full one would, ``data`` a folder with real clips or
-None, ``report`` a function that takes a line of progress.  A comparison holds published and
-measured figures side by side, claims with verdicts (``jaxpf.experiments.claims``) and figures;
-the command line prints it and writes it as Markdown, CSV, JSON and PNG.
+A ``Comparison`` holds tables, claims with verdicts (``jaxpf.experiments.claims``) and figures; the
+command line prints it and writes it as Markdown, CSV, JSON and PNG.
 """
 
 import csv
@@ -20,23 +13,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jaxpf.errors import InputError
 from jaxpf.experiments.claims import Claim, Measured
 from jaxpf.files.writing import atomic_write
-
-
-def scene_seeds(runs: int, seed: int, runs_per_scene: int) -> range:
-    """Seeds of the scenes that share the runs, from ``seed`` on.
-
-    Raises:
-        InputError: the runs cannot be shared out evenly.
-    """
-    if runs % runs_per_scene:
-        raise InputError(
-            f"--runs {runs} must be a multiple of {runs_per_scene}: each scene takes "
-            f"{runs_per_scene} runs."
-        )
-    return range(seed, seed + runs // runs_per_scene)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,6 +39,10 @@ class Cell:
         value, low, high = (f"{x:.{self.digits}f}" for x in self.measured)
         interval = "" if math.isnan(self.measured.low) else f" [{low}, {high}]"
         return f"{left} | {value}{interval}"
+
+
+#: A label and a cell, or a text, per column.
+Rows = list[tuple[str, Sequence[Cell | str]]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,6 +95,13 @@ class Comparison:
 
 
 CLAIM_COLUMNS = ("claim", "source", "published", "measured [95 %]", "ours")
+#: Fields of a claim that are written, the columns above.
+CLAIM_FIELDS = Claim._fields[: len(CLAIM_COLUMNS)]
+
+
+def claim_rows(claims: Sequence[Claim]) -> list[list[str]]:
+    """Rows of text, to print and to write."""
+    return [[getattr(claim, field) for field in CLAIM_FIELDS] for claim in claims]
 
 
 def markdown(comparison: Comparison) -> str:
@@ -125,7 +114,12 @@ def markdown(comparison: Comparison) -> str:
         if table.note:
             lines += [table.note, ""]
     if comparison.claims:
-        lines += ["## Claims", "", *_markdown_table(CLAIM_COLUMNS, comparison.claims), ""]
+        lines += [
+            "## Claims",
+            "",
+            *_markdown_table(CLAIM_COLUMNS, claim_rows(comparison.claims)),
+            "",
+        ]
     for stem in comparison.figures:
         lines += [f"![{stem}]({stem}.png)", ""]
     if comparison.notes:
@@ -154,7 +148,7 @@ def write(comparison: Comparison, folder: Path) -> list[str]:
     for table in comparison.tables:
         text(f"{table.name}.csv", table_csv(table))
     if comparison.claims:
-        text("claims.csv", _csv([Claim._fields, *comparison.claims]))
+        text("claims.csv", _csv([CLAIM_FIELDS, *claim_rows(comparison.claims)]))
     for stem, figure in comparison.figures.items():
         plotting.save_figure(figure, folder / f"{stem}.png")
         written.append(f"{stem}.png")
@@ -185,7 +179,9 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "title": comparison.title,
         "settings": dict(comparison.settings),
         "notes": list(comparison.notes),
-        "claims": [claim._asdict() for claim in comparison.claims],
+        "claims": [
+            dict(zip(CLAIM_FIELDS, row, strict=True)) for row in claim_rows(comparison.claims)
+        ],
         "tables": [
             {
                 "name": table.name,

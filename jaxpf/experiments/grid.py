@@ -19,6 +19,7 @@ from jax.sharding import Mesh, PartitionSpec
 from jax.typing import ArrayLike
 
 from jaxpf.experiments.comparison import SMITH2004_PARTICLES, SMITH2004_SCALE
+from jaxpf.experiments.parts import each
 from jaxpf.filters.partitioned.ordering import Ordering
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.models.dynamics import AR2
@@ -35,13 +36,11 @@ class GridResult(NamedTuple):
         boxes: estimated boxes x, y, w, h, ``[O, L, R, T, P, 4]``.
         uniqueness: distinct draws over particles, ``[O, L, R, T, P]``.
         spread: standard deviation of the particle set, ``[O, L, R, T, P, 3]``.
-        ess: effective sample size, ``[O, L, R, T]``.
     """
 
     boxes: np.ndarray
     uniqueness: np.ndarray
     spread: np.ndarray
-    ess: np.ndarray
 
 
 class Work(NamedTuple):
@@ -69,6 +68,7 @@ def run_grid(
     num_particles: int = SMITH2004_PARTICLES,
     scale: Sequence[float] = SMITH2004_SCALE,
     resampling: str = "multinomial",
+    name: str = "grid",
 ) -> Iterator[GridResult]:
     """Track every scene with every ordering and sharpness; yields scene by scene.
 
@@ -84,6 +84,7 @@ def run_grid(
         num_particles: N.
         scale: noise of u, v (pixels) and of the box's scale.
         resampling: scheme; smith2004 names none.
+        name: under which scenes are kept; see ``jaxpf.experiments.parts``.
     """
     learned = [
         histogram_from_patches(
@@ -98,21 +99,33 @@ def run_grid(
     num_bins = max(likelihood.references.shape[-1] for likelihood in learned)
     stacked = jax.tree.map(lambda *rows: jnp.stack(rows), *orderings.values())
     batch = min(jax.local_device_count(), len(scenes))
-    kernel = _sharded(batch, num_particles, resampling)
     settings = stacked, jnp.asarray(sharpness, float), jnp.asarray(scale, float)
-    for first in range(0, len(scenes), batch):
-        chosen = list(range(first, min(first + batch, len(scenes))))
+    track = partial(_track, settings, num_particles, resampling)
+    chosen = [range(i, min(i + batch, len(scenes))) for i in range(0, len(scenes), batch)]
+
+    def works(places: Sequence[int]) -> list[Work]:
+        works = [_work(scenes[i], with_bins(learned[i], num_bins), keys[i]) for i in places]
         # The last batch is padded: another width would compile anew.
-        works = [
-            _work(scenes[i], with_bins(learned[i], num_bins), keys[i])
-            for i in (chosen + [chosen[-1]] * batch)[:batch]
-        ]
-        recorded = kernel(jax.tree.map(lambda *rows: np.stack(rows), *works), *settings)
-        recorded = jax.tree.map(np.asarray, recorded)
-        for place, i in enumerate(chosen):
-            estimate, *others = (array[place] for array in recorded)
+        return (works + works[-1:] * batch)[:batch]
+
+    found = each((f"{name}-{its[0]}-by-{batch}", partial(track, works(its))) for its in chosen)
+    for its, recorded in zip(chosen, found, strict=True):
+        for place, i in enumerate(its):
+            estimate, *others = (np.asarray(recorded[what][place]) for what in _RECORDED)
             boxes = np.asarray(boxes_from_substates(estimate, scenes[i].sizes))
             yield GridResult(boxes, *others)
+
+
+def _track(
+    settings: Any, num_particles: int, resampling: str, works: Sequence[Work]
+) -> dict[str, Any]:
+    """What ``_run_scene`` reports of each work, by its name."""
+    # Elsewhere there may be fewer devices.
+    most = min(jax.local_device_count(), len(works))
+    devices = max(n for n in range(1, most + 1) if len(works) % n == 0)
+    kernel = _sharded(devices, num_particles, resampling)
+    recorded = kernel(jax.tree.map(lambda *rows: np.stack(rows), *works), *settings)
+    return dict(zip(_RECORDED, recorded, strict=True))
 
 
 def run_keys(seed: int, runs: ArrayLike) -> jax.Array:
@@ -144,7 +157,7 @@ def with_bins(likelihood: HistogramLikelihood, num_bins: int) -> HistogramLikeli
 
 @lru_cache
 def _sharded(num_devices: int, num_particles: int, resampling: str) -> Callable:
-    """The compiled kernel for that many scenes at once, one per device."""
+    """The compiled kernel for scenes that so many devices share."""
     one = partial(_run_scene, num_particles=num_particles, resampling=resampling)
 
     def rows(works: Work, *settings: Any) -> Any:
@@ -213,6 +226,9 @@ def _run_scene(
     return jax.tree.map(arranged, recorded)
 
 
+#: All but the boxes as ``GridResult`` has it, and the estimate first.
+_RECORDED = ("estimate", "uniqueness", "spread")
+
+
 def _keep(state: Any, summary: Any) -> Any:
-    """All but the boxes as ``GridResult`` has it, and the estimate first."""
-    return summary.estimate, summary.uniqueness, summary.spread, summary.ess
+    return tuple(getattr(summary, what) for what in _RECORDED)

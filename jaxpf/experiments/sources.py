@@ -1,14 +1,11 @@
 """Opening scenes for evaluations: the one place where both are known."""
 
 import dataclasses
-import hashlib
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import scenes
 from jaxpf.errors import InputError
-from jaxpf.files.writing import report_os_errors
 
 
 def load_scene(
@@ -34,81 +31,14 @@ def load_scene(
             parameters=parameters,
         )
     except scenes.SceneError as error:
-        raise _as_input_error(error) from error
+        raise as_input_error(error) from error
     if isinstance(scene.frames, scenes.LazyFrames):
         # Not all of them were read yet.
-        scene = dataclasses.replace(scene, frames=scene.frames.with_fault(_as_input_error))
+        scene = dataclasses.replace(scene, frames=scene.frames.with_fault(as_input_error))
     return scene
 
 
-class OwnTracker:
-    """A user's function of the scene, from a file: its text travels, and is read once.
-
-    Attributes:
-        place: ``FILE.py:FUNCTION``, the file in full.
-        sha256: digest of the file's text.
-    """
-
-    def __init__(self, place: str):
-        """Read the file.
-
-        Raises:
-            InputError: there is no such file.
-        """
-        path, colon, self.function = place.rpartition(":")
-        if not colon or not path.endswith(".py") or not self.function.isidentifier():
-            raise InputError(
-                f"the tracker {place!r} has another form than FILE.py:FUNCTION; name a function of "
-                "a Python file."
-            )
-        with report_os_errors("read", path):
-            self.text = Path(path).read_text(encoding="utf-8")
-        self.path = str(Path(path).resolve())
-        self.place = f"{self.path}:{self.function}"
-        self.sha256 = hashlib.sha256(self.text.encode()).hexdigest()
-
-    def __call__(self, scene: Any) -> Any:
-        """What the function makes of a scene."""
-        try:
-            function = scenes.function_of_text(self.text, self.path, self.function)
-        except scenes.SceneError as error:
-            raise _as_input_error(error) from error
-        try:
-            return function(scene)
-        except InputError:
-            raise
-        except (Exception, SystemExit) as error:
-            cause = scenes.cause_of(error, self.path)
-            raise InputError(f"the tracker {self.place} failed with {cause}.") from error
-
-
-def own_tracker_of(place: str, scene: scenes.Scene) -> Any:
-    """The tracker that a user's function makes of a scene.
-
-    Raises:
-        InputError: see ``OwnTracker`` and ``jaxpf.evaluation.trackers.own_tracker``; a function
-            that returns boxes, which a video without truth has no use for.
-    """
-    from jaxpf.evaluation.trackers import own_tracker
-
-    made = own_tracker(place, OwnTracker(place), scene)
-    if hasattr(made, "init"):
-        return made
-    raise InputError(f"the tracker {place!r} returned boxes; for a video return a tracker.")
-
-
-def start_scene(name: str, frame: Any, boxes: Any, fps: float) -> scenes.Scene:
-    """A scene of one frame: what is known of a video when tracking starts."""
-    return scenes.Scene(
-        name=name,
-        frames=frame[None],
-        boxes=boxes[None],
-        patches=[scenes.cut_patch(frame, box) for box in boxes],
-        fps=fps,
-        parameters={},
-    )
-
-
-def _as_input_error(error: scenes.SceneError) -> InputError:
+def as_input_error(error: scenes.SceneError) -> InputError:
+    """The refusal of a scene as one of ours, in the same words."""
     text = str(error)
     return InputError(text if text.endswith(".") else f"{text}.")

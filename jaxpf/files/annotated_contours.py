@@ -7,27 +7,16 @@ frame, in the order of their names.
 
 import csv
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from jaxpf.errors import InputError
 from jaxpf.names import ANNOTATIONS
+from jaxpf.targets.contour_data import Annotated
 
+#: Values in a mask: one for each target, and some for soft edges.
+_MOST_VALUES = 64
 _HEADER = ("frame", "id", "k", "x", "y")
-
-
-class Annotated(NamedTuple):
-    """Contours by frame and target.
-
-    Attributes:
-        kind: of ``jaxpf.names.ANNOTATIONS``.
-        lines: (frame from 0, target) -> points ``[S, 2]``, or of masks a picture ``[H, W]`` that
-            is not 0 on the target.
-    """
-
-    kind: str
-    lines: dict[tuple[int, str], np.ndarray]
 
 
 def read_annotated(
@@ -92,11 +81,24 @@ def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.n
         picture = cv2.imread(str(place / name), cv2.IMREAD_UNCHANGED)
         if picture is None:
             raise InputError(f"'{place / name}' is no picture; replace or remove it.")
+        _check_mask(place / name, picture)
         levels = picture if picture.ndim == 2 else picture[..., :3].max(axis=-1)
         marked = levels != 0 if value is None else levels == value
         if marked.any():
             found[number, "1"] = marked
     return found
+
+
+def _check_mask(path: Path, picture: np.ndarray) -> None:
+    """Refuse photographs: a mask has a value for each target, and one where there is none."""
+    values = picture.reshape(len(picture) * picture.shape[1], -1)
+    found = len(np.unique(values, axis=0))
+    if found > _MOST_VALUES:
+        kind = "grey levels" if values.shape[1] == 1 else "colours"
+        raise InputError(
+            f"'{path}' holds {found} {kind}, as a photograph does, and a mask has few; give "
+            "pictures that are 0 but on the target, without loss (PNG, not JPEG)."
+        )
 
 
 def _read_points(path: Path, first, until) -> dict[tuple[int, str], np.ndarray]:

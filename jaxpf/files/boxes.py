@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.files.reading import read_text
 
 HEADERS = ("frame,id,x,y,w,h", "frame,id,x,y,w,h,occ")
 #: A coordinate in pixels, and a frame or an id, beyond which numbers are no longer told apart.
@@ -197,19 +198,7 @@ def _is_header(field: str) -> bool:
 
 
 def _read_lines(path: Path) -> list[str]:
-    if path.is_dir():
-        raise InputError(f"'{path}' is a folder; give a file of boxes, such as its gt.csv")
-    try:
-        # utf-8-sig: spreadsheets put a byte order mark before the header.
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError:
-        raise InputError(f"there is no file of boxes at '{path}'; check the path") from None
-    except UnicodeDecodeError:
-        raise InputError(f"'{path}' is not a text file; expected {_FORMATS}") from None
-    except OSError as error:
-        raise InputError(
-            f"cannot read '{path}': {(error.strerror or str(error)).lower()}; check its permissions"
-        ) from error
+    lines = read_text(path, "boxes", _FORMATS).splitlines()
     if not any(line.strip() for line in lines):
         raise InputError(f"'{path}' is empty; expected {_FORMATS}")
     return lines

@@ -11,7 +11,6 @@ contour shows where.  ``"width"``, optional, makes an open contour the middle of
 pixels whose two edges are seen.
 """
 
-import dataclasses
 import json
 import os
 from pathlib import Path
@@ -20,35 +19,16 @@ from typing import Any
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.files.reading import read_text
 from jaxpf.files.writing import LineWriter, atomic_write
 from jaxpf.models.splines import CUBIC, check_order, crosses_itself, points_on
+from jaxpf.targets.contour_data import Contours
 
 TRACK_HEADER = "frame,contour,kind,point,x,y"
 _KEYS = {"closed", "contours", "degree", "width"}
 _EXAMPLE = '{"closed": true, "contours": {"leaf": [[10, 20], [30, 18], [32, 40], [12, 38]]}}'
 #: Points at which a contour is looked at, to see whether it crosses itself.
 _LOOKED_AT = 200
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Contours:
-    """Contours to start from, in the order of the file.
-
-    Attributes:
-        names: of the P targets.
-        points: float64 ``[P, K, 2]``, control points in pixels.
-        closed: whether they have no ends.
-        degree: of the splines.
-        width: of a wire with two edges, pixels; None for a contour that is one edge.
-        remarks: sentences on what was accepted but may be a mistake.
-    """
-
-    names: tuple[str, ...]
-    points: np.ndarray
-    closed: bool = True
-    degree: int = CUBIC
-    width: float | None = None
-    remarks: tuple[str, ...] = ()
 
 
 def read_contours(path: str | os.PathLike[str]) -> Contours:
@@ -150,25 +130,29 @@ class ContourTrackWriter(LineWriter):
 
 
 def _content(path: Path) -> dict[str, Any]:
-    if path.is_dir():
-        raise InputError(f"'{path}' is a folder; give a file of contours, such as {_EXAMPLE}.")
+    text = read_text(path, "contours", _EXAMPLE)
     try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(f"there is no file of contours at '{path}'; check the path.") from None
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        content = json.loads(text, object_pairs_hook=lambda pairs: _unique(path, pairs))
+    except (json.JSONDecodeError, RecursionError) as error:
         raise InputError(f"'{path}' is no JSON ({error}); write it as {_EXAMPLE}.") from None
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise InputError(f"cannot read '{path}': {reason}; check its permissions.") from error
     if not isinstance(content, dict):
-        raise InputError(f"'{path}' holds a {type(content).__name__}; write it as {_EXAMPLE}.")
+        kind = "list" if isinstance(content, list) else "single value"
+        raise InputError(f"'{path}' holds a {kind}; write it as {_EXAMPLE}.")
     unknown = sorted(set(content) - _KEYS)
     if unknown:
         raise InputError(
             f"'{path}' has the unknown key {unknown[0]!r}; its keys are {', '.join(sorted(_KEYS))}."
         )
     return content
+
+
+def _unique(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object; of two entries of one name, JSON would drop the first without a word."""
+    names = [name for name, _ in pairs]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"'{path}' holds '{name}' twice; give each a name of its own.")
+    return dict(pairs)
 
 
 def _points(path: Path, name: str, rows: Any, degree: int) -> np.ndarray:

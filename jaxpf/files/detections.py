@@ -22,7 +22,7 @@ def read_detections(path: str | os.PathLike[str]) -> BoxTable:
     """Read a ``det.txt``: ``frame,-1,x,y,w,h,conf,...`` in MOT format, sorted by frame.
 
     Args:
-        path: see ``jaxpf.files.boxes.read_boxes``; a header is taken, too.
+        path: see ``jaxpf.tracks.read_boxes``; a header is taken, too.
 
     Raises:
         InputError: naming the line: one that cannot be read, that is in the wrong order, without

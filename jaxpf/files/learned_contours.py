@@ -1,47 +1,24 @@
 """Files of what contours were seen to do: a shape space, and how its coordinates move.
 
 JSON, as ``jaxpf contour learn`` writes it and ``jaxpf track --learned`` reads it.  ``"space"``
-holds the arrays of ``jaxpf.models.shapes.ShapeSpace``, ``"dynamics"``, where it is not null, those
+holds the arrays of ``jaxpf.shapes.ShapeSpace``, ``"dynamics"``, where it is not null, those
 of ``jaxpf.dynamics.LinearGaussian``, both for one target.  All targets of a run share them.
 """
 
 import json
 import os
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.files.reading import read_text
 from jaxpf.files.writing import atomic_write
 from jaxpf.models.dynamics import LinearGaussian
 from jaxpf.models.shapes import ShapeSpace
 from jaxpf.pytree import as_array
-
-_MATRICES = ("transition", "lag", "offset", "noise")
-
-
-class Learned(NamedTuple):
-    """What was learned of one target, or of several like ones together.
-
-    Attributes:
-        space: with one template.
-        dynamics: of one target, or None.
-    """
-
-    space: ShapeSpace
-    dynamics: LinearGaussian | None
-
-    def dynamics_of(self, num_targets: int) -> LinearGaussian | None:
-        """The same dynamics for each of so many targets."""
-        if self.dynamics is None:
-            return None
-        repeated: dict[str, Any] = {
-            name: None if values is None else np.repeat(np.asarray(values)[:1], num_targets, axis=0)
-            for name in _MATRICES
-            for values in [getattr(self.dynamics, name)]
-        }
-        return LinearGaussian(**repeated)
+from jaxpf.targets.contour_data import MATRICES, Learned
 
 
 def write_learned(path: str | os.PathLike[str], learned: Learned) -> None:
@@ -60,7 +37,7 @@ def write_learned(path: str | os.PathLike[str], learned: Learned) -> None:
     moves = learned.dynamics
     dynamics = moves and {
         name: None if getattr(moves, name) is None else _list(getattr(moves, name)[0])
-        for name in _MATRICES
+        for name in MATRICES
     }
     with atomic_write(path) as file:
         json.dump({"space": about, "dynamics": dynamics}, file, indent=1)
@@ -74,14 +51,10 @@ def read_learned(path: str | os.PathLike[str]) -> Learned:
         InputError: no such file, or another content.
     """
     path = Path(path)
+    text = read_text(path, "a learned shape space", "one that `jaxpf contour learn` wrote")
     try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(f"there is no learned shape space at '{path}'; check the path.") from None
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise InputError(f"cannot read '{path}': {reason}; check the path.") from error
-    except (UnicodeDecodeError, ValueError, RecursionError):
+        content = json.loads(text)
+    except (ValueError, RecursionError):
         raise _refusal(path, "it is no JSON") from None
     try:
         space = _space(content["space"])
@@ -117,7 +90,7 @@ def _space(about: dict[str, Any]) -> ShapeSpace:
 def _dynamics(about: dict[str, Any] | None, size: int) -> LinearGaussian | None:
     if about is None:
         return None
-    shapes = {name: (size,) if name == "offset" else (size, size) for name in _MATRICES}
+    shapes = {name: (size,) if name == "offset" else (size, size) for name in MATRICES}
     found: dict[str, Any] = {
         name: None
         if about[name] is None and name in ("lag", "offset")

@@ -1,22 +1,25 @@
 """A lock on a folder, so that two programs do not write into it at the same time."""
 
 import contextlib
-import os
+import errno
 from collections.abc import Iterator
 from pathlib import Path
 
 from jaxpf.errors import InputError
+from jaxpf.files.writing import LOCK as LOCK
 from jaxpf.files.writing import report_os_errors
 
-LOCK = ".lock"
+#: Seconds in which a lock that was just given back, and its file removed, is had in spite of it.
+_PATIENCE = 0.1
+#: What file systems without locks answer: there nothing is kept.
+_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP)
 
 
 @contextlib.contextmanager
 def locked(folder: Path, doing: str, *, keep: bool = True) -> Iterator[None]:
     """Keep other processes from writing into the same folder at the same time.
 
-    The system drops the lock when the process ends, however it ends.  Where there are no such
-    locks nothing is kept.
+    The system drops the lock when the process ends, however it ends.
 
     Args:
         folder: is created.
@@ -26,36 +29,27 @@ def locked(folder: Path, doing: str, *, keep: bool = True) -> Iterator[None]:
     Raises:
         InputError: another process holds the folder, or it cannot be written.
     """
-    path = folder / LOCK
-    while True:
-        with report_os_errors("write into the folder", folder):
-            folder.mkdir(parents=True, exist_ok=True)
-            file = open(path, "w")  # noqa: SIM115 - held open while the lock is
-        with file:
-            try:
-                import fcntl
+    from filelock import FileLock, Timeout
 
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise InputError(
-                    f"another process is {doing} into '{folder}'; wait for it, or choose another "
-                    "output folder."
-                ) from None
-            except (ImportError, OSError):
-                pass
-            if not _is_same(file.fileno(), path):
-                continue  # whoever held the lock until now has removed its file
-            try:
-                yield
-            finally:
-                if not keep:
-                    with contextlib.suppress(OSError):
-                        path.unlink()
-            return
-
-
-def _is_same(descriptor: int, path: Path) -> bool:
+    with report_os_errors("write into the folder", folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        # Each call has a lock of its own: also two threads of a process keep each other out.
+        lock = FileLock(folder / LOCK, timeout=_PATIENCE, poll_interval=_PATIENCE / 5)
+        try:
+            lock.acquire()
+        except Timeout:
+            raise InputError(
+                f"another process is {doing} into '{folder}'; wait for it, or choose another "
+                "output folder."
+            ) from None
+        except OSError as error:
+            if error.errno not in _NO_LOCKS:
+                raise
     try:
-        return os.path.samestat(os.fstat(descriptor), os.stat(path))
-    except OSError:
-        return False
+        yield
+    finally:
+        if not keep:
+            # Before it is given back, or it might be another process's already.
+            with contextlib.suppress(OSError):
+                (folder / LOCK).unlink()
+        lock.release()

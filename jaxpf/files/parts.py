@@ -5,8 +5,6 @@ A part is a rectangle at any angle.  In files, (x, y) is its centre in continuou
 frames count from 0.  In memory angles are radians.
 """
 
-import csv
-import dataclasses
 import math
 import os
 from pathlib import Path
@@ -15,29 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
+from jaxpf.files.reading import read_rows
 from jaxpf.files.writing import LineWriter
+from jaxpf.targets.parts import Parts
 
 HEADER = "part,parent,x,y,w,h,angle"
 #: A number beyond which pixels are no longer told apart, and letters of a name.
 _FARTHEST, _LONGEST_NAME = 1e9, 200
 TRACK_HEADER = "frame,part,x,y,w,h,angle"
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Parts:
-    """The parts of an articulated object, in the order of the file.
-
-    Attributes:
-        names: of the P parts.
-        parents: index of each part's parent, -1 for a root.
-        poses: float64 [P, 3]: x, y of the centre in pixels, and the angle in radians, clockwise.
-        sizes: float64 [P, 2]: width and height in pixels.
-    """
-
-    names: tuple[str, ...]
-    parents: tuple[int, ...]
-    poses: np.ndarray
-    sizes: np.ndarray
 
 
 def read_parts(path: str | os.PathLike[str], *, one_root: bool = True) -> Parts:
@@ -129,31 +112,7 @@ class PartTrackWriter(LineWriter):
 
 def _lines(path: Path) -> list[tuple[int, list[str]]]:
     """Number and fields of every line after the header."""
-    if path.is_dir():
-        raise InputError(f"'{path}' is a folder; give a file of parts with the header {HEADER}")
-    try:
-        # utf-8-sig: spreadsheets put a byte order mark before the header.
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"there is no file of parts at '{path}'; check the path") from None
-    except UnicodeDecodeError:
-        raise InputError(
-            f"'{path}' is not a text file; give CSV with the header {HEADER}"
-        ) from None
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise InputError(f"cannot read '{path}': {reason}; check its permissions") from error
-    reader = csv.reader(text.splitlines(), skipinitialspace=True)
-    try:
-        rows = [
-            (reader.line_num, [field.strip() for field in row])
-            for row in reader
-            if any(field.strip() for field in row)
-        ]
-    except csv.Error as error:
-        raise InputError(
-            f"line {reader.line_num} of '{path}' is no CSV ({error}); correct the line"
-        ) from None
+    rows = read_rows(path, "parts", f"CSV with the header {HEADER}")
     for line, fields in rows:
         for column, field in enumerate(fields, start=1):
             if len(field) > _LONGEST_NAME:

@@ -4,7 +4,6 @@
 from 0.
 """
 
-import csv
 import dataclasses
 import math
 import os
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
+from jaxpf.files.reading import read_rows
 from jaxpf.files.writing import LineWriter
 
 HEADERS = ("x,y", "x,y,name")
@@ -45,7 +45,7 @@ def read_points(path: str | os.PathLike[str]) -> Points:
         InputError: the file cannot be read or a line cannot be used; the sentence says which.
     """
     path = Path(path)
-    rows = _rows(path)
+    rows = read_rows(path, "points", "CSV lines x,y,name")
     if rows and ",".join(rows[0][1]).lower() in HEADERS:
         rows = rows[1:]
     if not rows:
@@ -78,7 +78,7 @@ def grid_points(mask: ArrayLike, step: float) -> Points:
     if mask.ndim != 2:
         raise InputError(f"the mask has shape {list(mask.shape)}; give one channel, [H, W]")
     if not (math.isfinite(step) and step >= 1):
-        raise InputError(f"a grid's step of {step:g} pixels is too small; use at least 1")
+        raise InputError(f"a grid's step of {step:g} pixels must be a number of at least 1")
     height, width = mask.shape
     x, y = np.meshgrid(np.arange(step / 2, width, step), np.arange(step / 2, height, step))
     on = mask[y.astype(int), x.astype(int)] != 0
@@ -143,25 +143,3 @@ def _points(rows: list[tuple[str, list[str]]]) -> Points:
 
 def _fields(text: str) -> list[str]:
     return [field.strip() for field in text.split(",")]
-
-
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Number and fields of every line that is not blank."""
-    if path.is_dir():
-        raise InputError(f"'{path}' is a folder; give a file of points, lines x,y,name")
-    try:
-        # utf-8-sig: spreadsheets put a byte order mark before the header.
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"there is no file of points at '{path}'; check the path") from None
-    except UnicodeDecodeError:
-        raise InputError(f"'{path}' is not a text file; give CSV lines x,y,name") from None
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise InputError(f"cannot read '{path}': {reason}; check its permissions") from error
-    reader = csv.reader(text.splitlines(), skipinitialspace=True)
-    return [
-        (reader.line_num, [field.strip() for field in row])
-        for row in reader
-        if any(field.strip() for field in row)
-    ]

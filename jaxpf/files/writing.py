@@ -30,13 +30,19 @@ def report_os_errors(action: str, path: str | os.PathLike[str]) -> Iterator[None
         ) from error
 
 
+#: In the names of files that are not complete.
+PARTIAL = ".partial"
+#: A folder's lock, see ``jaxpf.files.locking``.
+LOCK = ".lock"
+
+
 def temporary_sibling(path: Path) -> Path:
     """A hidden name in the folder of ``path``, with its suffix and the process id.
 
     Only a rename within one folder is atomic, hence the same folder; libraries that choose
     a format by the suffix see the right one; two processes never share a name.
     """
-    return path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    return path.with_name(f".{path.stem}.{os.getpid()}{PARTIAL}{path.suffix}")
 
 
 @contextmanager
@@ -167,6 +173,11 @@ def check_output_file(path: str | os.PathLike[str]) -> None:
         probe.unlink()
 
 
+def _is_left_over(name: str) -> bool:
+    """Whether a program that was killed left a file of that name: its lock, or half a file."""
+    return name == LOCK or (name.startswith(".") and PARTIAL in name)
+
+
 def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     """Create the folder for a run's results, or refuse to mix them with other files.
 
@@ -192,7 +203,8 @@ def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False)
         )
     with report_os_errors("create the output folder", path):
         path.mkdir(parents=True, exist_ok=True)
-        first = next(iter(sorted(entry.name for entry in path.iterdir())), None)
+        names = sorted(entry.name for entry in path.iterdir())
+        first = next((name for name in names if not _is_left_over(name)), None)
     if first is not None and not overwrite:
         raise InputError(
             f"output folder '{path}' is not empty (it holds '{first}'); choose another --output "

@@ -3,6 +3,11 @@
 What a likelihood says of one frame's estimate is smoothed in the log domain: half of what is known
 is of this frame, a quarter of the one before, and so on.  Nobody waits for frames to come, and a
 blink is not a loss.
+
+Learned appearance can tell.  From the start frames of nine annotated clips, four of which its
+level was calibrated on (8 runs), the area under the ROC curve for "overlap below .1" is .84; of the
+boxes with a confidence below .2 12 % are on their object, from .2 to .8 some 60 %, above .8 88 %.
+It is no certificate: who is taken for a look-alike looks sure.
 """
 
 import dataclasses

@@ -1,4 +1,4 @@
-"""The state just before the first frame, as every filter takes it."""
+"""The state just before the first frame, and numbers of particles, as every filter takes them."""
 
 from typing import Any
 
@@ -25,8 +25,19 @@ def checked_initial(initial: Any, may_be_empty: bool = False) -> Any:
         _check(initial, may_be_empty)
     initial = as_array(initial)
     if not jnp.issubdtype(initial.dtype, jnp.floating):
-        initial = initial.astype(jnp.result_type(float))
-    return initial
+        return initial.astype(jnp.result_type(float))
+    # Half precision tells no two particles apart.
+    return initial.astype(jnp.promote_types(initial.dtype, jnp.float32))
+
+
+def check_count(name: str, value: Any) -> None:
+    """Refuse what is no whole number of at least one.
+
+    Raises:
+        InputError: the sentence names the argument.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise InputError(f"{name}={value!r} must be a whole number, at least 1.")
 
 
 def _check(initial: Any, may_be_empty: bool) -> None:
@@ -36,7 +47,9 @@ def _check(initial: Any, may_be_empty: bool) -> None:
         values = np.asarray(None)
     if jnp.issubdtype(values.dtype, jnp.complexfloating):
         raise InputError("initial holds complex numbers; give real ones.")
-    if not (jnp.issubdtype(values.dtype, jnp.number) or values.dtype == bool):
+    if values.dtype == bool:
+        raise InputError("initial holds truth values; give numbers, [P, D].")
+    if not jnp.issubdtype(values.dtype, jnp.number):
         raise InputError(
             f"initial is {type(initial).__name__}, no array of numbers; give [P, D], or a sampler "
             "key -> [P, D]."

@@ -82,7 +82,6 @@ def check_relocation(tracker: Any) -> None:
         (any(parent >= 0 for parent in getattr(tracker, "parents", ())), "a part tree"),
         (getattr(tracker, "population", "fixed") == "open", "an open population"),
         (contract.has_log_joint(likelihood), "a likelihood that has log_joint"),
-        (tracker.gradient != "none", f"gradient={tracker.gradient!r}"),
         (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
     ):
         if used:

@@ -1,5 +1,6 @@
 """Figures with their uncertainty: rates, means, and the intervals around them."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -56,6 +57,29 @@ def wilson_interval(successes: ArrayLike, trials: ArrayLike, level: ArrayLike = 
         standard_error=jnp.where(any_trials, jnp.sqrt(variance), jnp.nan),
         lower=jnp.where(any_trials, lower, 0.0),
         upper=jnp.where(any_trials, upper, 1.0),
+    )
+
+
+def newcombe_ends(
+    first: Sequence[float], second: Sequence[float], correlation: float = 0.0
+) -> tuple[float, float]:
+    """Ends of the interval of a difference of two rates, first minus second.
+
+    Newcombe's hybrid score interval (1998, Statistics in Medicine 17:2635, method 10).
+
+    Args:
+        first: a rate and the ends of its Wilson interval.
+        second: the other one's, at the same level.
+        correlation: phi of paired trials; 0 for independent ones.
+    """
+    (one, low_1, high_1), (other, low_2, high_2) = first, second
+
+    def reach(a: float, b: float) -> float:
+        return math.sqrt(max(a**2 - 2 * correlation * a * b + b**2, 0))
+
+    return (
+        one - other - reach(one - low_1, high_2 - other),
+        one - other + reach(high_1 - one, other - low_2),
     )
 
 

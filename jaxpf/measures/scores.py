@@ -1,6 +1,6 @@
 """Scores in which others report trackers: CLEAR-MOT, IDF1 and HOTA, and the curves of OTB.
 
-The former come from TrackEval (``pip install 'jaxpf[scores]'``), so that they are the numbers
+The former come from TrackEval (``pip install --no-deps trackeval``), so that they are the numbers
 of the benchmarks.  Boxes are x, y, w, h in pixels; a box that is not finite or has no width or
 height stands for an absent object.
 """
@@ -144,7 +144,7 @@ def import_trackeval() -> ModuleType:
     except ImportError as error:
         raise InputError(
             f"CLEAR-MOT, IDF1 and HOTA need TrackEval ({error}); install it with pip install "
-            "'jaxpf[scores]' and then pip install --no-deps trackeval."
+            "--no-deps trackeval."
         ) from error
 
 

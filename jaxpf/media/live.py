@@ -209,10 +209,11 @@ class LiveSource(FrameSource):
                 f"and that no other program does{index}"
             )
         does = "sends no picture that OpenCV can decode" if self._opened else "does not open"
-        return InputError(
-            f"stream '{self.path}' {does}; check the address, that it is being sent, and that "
-            "OpenCV knows its protocol and codec"
-        )
+        if isinstance(self._address, str) and _URL.match(self._address):
+            check = "check the address, that it is being sent, and that OpenCV knows its protocol"
+        else:
+            check = "check what is written into it: a format that streams, of a known protocol"
+        return InputError(f"stream '{self.path}' {does}; {check} and codec")
 
 
 def _capture(address: str | int) -> Any:
@@ -220,6 +221,9 @@ def _capture(address: str | int) -> Any:
         patience = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _PATIENCE]
         patience += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, _PATIENCE]
         return cv2.VideoCapture(address, cv2.CAP_FFMPEG, patience)
+    if isinstance(address, str) and Path(address).is_fifo():
+        # Another backend would open the pipe again, and wait for a writer who has come and gone.
+        return cv2.VideoCapture(address, cv2.CAP_FFMPEG)
     return cv2.VideoCapture(address)
 
 

@@ -45,7 +45,7 @@ def object_colours(num_objects: int) -> np.ndarray:
 def draw_boxes(
     frame: np.ndarray,
     boxes: np.ndarray,
-    ids: np.ndarray | list[int],
+    ids: np.ndarray | list[int] | None = None,
     colours: np.ndarray | None = None,
     lost: np.ndarray | None = None,
     doubtful: np.ndarray | None = None,
@@ -55,7 +55,7 @@ def draw_boxes(
     Args:
         frame: uint8 RGB [H, W, 3].
         boxes: x, y, w, h in pixels [P, 4]; a box that is not finite is skipped.
-        ids: the labels [P].
+        ids: the labels [P]; by default numbers, from 1.
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
         lost: bool [P]; a lost object's box is dashed and its label says so.
         doubtful: bool [P]; the box of an object that is probably lost is dashed and faint, and its
@@ -63,6 +63,7 @@ def draw_boxes(
     """
     frame = frame.copy()
     boxes = np.asarray(boxes, np.float64).reshape(-1, 4)
+    names = range(1, len(boxes) + 1) if ids is None else ids
     colours = object_colours(len(boxes)) if colours is None else np.asarray(colours)
     nobody = np.zeros(len(boxes), bool)
     lost = nobody if lost is None else np.asarray(lost, bool)
@@ -79,7 +80,7 @@ def draw_boxes(
     for index in np.flatnonzero(shown):
         left, top, _, _ = _corners(boxes[index], frame)
         word = " lost" if lost[index] else " ?" if doubtful[index] else ""
-        label_at(frame, f"{ids[index]}{word}", left, top, _as_colour(colours[index]))
+        label_at(frame, f"{names[index]}{word}", left, top, _as_colour(colours[index]))
     return frame
 
 

@@ -10,19 +10,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction, of_partition
-from jaxpf.models.learned_dynamics import fit
-from jaxpf.models.relative_motion import RelativeMotion
 from jaxpf.pytree import pytree_dataclass, static_field
-
-__all__ = [
-    "AR2",
-    "FirstOrder",
-    "IndependentGaussian",
-    "LinearGaussian",
-    "RandomWalk",
-    "RelativeMotion",
-    "fit",
-]
 
 
 @pytree_dataclass
@@ -43,7 +31,7 @@ class RandomWalk(DynamicsWithDensity, DynamicsWithPrediction):
 
     def log_density_all(self, partition, new, current, previous, parent):
         """Log-densities of all particles, ``[N]``."""
-        return _log_normal(new - current, _per_particle(self.scale, partition, current))
+        return log_normal(new - current, _per_particle(self.scale, partition, current))
 
     def predict_all(self, partition, current, previous):
         """Where all particles are expected, ``[D, N]``: where they are."""
@@ -74,7 +62,7 @@ class AR2(DynamicsWithDensity, DynamicsWithPrediction):
     def log_density_all(self, partition, new, current, previous, parent):
         """Log-densities of all particles, ``[N]``."""
         residual = new - self._drift(current, previous)
-        return _log_normal(residual, _per_particle(self.scale, partition, current))
+        return log_normal(residual, _per_particle(self.scale, partition, current))
 
     def predict_all(self, partition, current, previous):
         """Where all particles are expected, ``[D, N]``."""
@@ -107,9 +95,7 @@ class FirstOrder(DynamicsWithDensity, DynamicsWithPrediction):
 
     def log_density_all(self, partition, new, current, previous, parent):
         """Log-densities of all particles, ``[N]``."""
-        return _log_normal(
-            new - self._drift(current), _per_particle(self.scale, partition, current)
-        )
+        return log_normal(new - self._drift(current), _per_particle(self.scale, partition, current))
 
     def predict_all(self, partition, current, previous):
         """Where all particles are expected, ``[D, N]``."""
@@ -151,7 +137,7 @@ class LinearGaussian(DynamicsWithDensity, DynamicsWithPrediction):
         noise = jnp.asarray(self.noise, current.dtype)
         normal = _apply(jnp.linalg.inv(noise), partition, residual)
         volume = of_partition(jnp.linalg.slogdet(noise)[1], partition)
-        return _log_normal(normal, jnp.ones_like(normal)) - volume
+        return log_normal(normal, jnp.ones_like(normal)) - volume
 
     def predict_all(self, partition, current, previous):
         """Where all particles of a root are expected, ``[D, N]``."""
@@ -190,20 +176,20 @@ class IndependentGaussian:
         return mean + jnp.asarray(self.scale) * jax.random.normal(key, mean.shape, mean.dtype)
 
 
+def log_normal(residual, scale):
+    """Log-densities ``[N]`` of independent normal residuals ``[D, N]``; scale 0 counts as 0."""
+    noisy = scale > 0
+    scale = jnp.where(noisy, scale, 1.0)
+    terms = -0.5 * (residual / scale) ** 2 - jnp.log(scale) - 0.5 * np.log(2 * np.pi)
+    return jnp.sum(jnp.where(noisy, terms, 0.0), axis=0)
+
+
 def _per_particle(scale, partition, like):
     """``[]``, ``[D]`` or ``[P, D]`` parameters, broadcast against substates ``[D, N]``."""
     scale = jnp.asarray(scale, like.dtype)
     if scale.ndim == 2:
         return of_partition(scale, partition).T
     return scale[:, None] if scale.ndim == 1 else scale
-
-
-def _log_normal(residual, scale):
-    """Log-densities ``[N]`` of independent normal residuals ``[D, N]``; scale 0 counts as 0."""
-    noisy = scale > 0
-    scale = jnp.where(noisy, scale, 1.0)
-    terms = -0.5 * (residual / scale) ** 2 - jnp.log(scale) - 0.5 * np.log(2 * np.pi)
-    return jnp.sum(jnp.where(noisy, terms, 0.0), axis=0)
 
 
 def _apply(matrices, partition, vectors):

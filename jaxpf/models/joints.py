@@ -16,14 +16,15 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.contract import Dynamics
+from jaxpf.contract import DynamicsWithDensity
 from jaxpf.lowering.columns import ready_to_mix
+from jaxpf.models.dynamics import log_normal
 from jaxpf.models.geometry import turned
 from jaxpf.pytree import pytree_dataclass, static_field
 
 
 @pytree_dataclass
-class RelativeToParent(Dynamics):
+class RelativeToParent(DynamicsWithDensity):
     """Joints walk at random, and parts follow their parents.
 
     A substate is (x, y, theta, offset_x, offset_y, angle): the pose, absolute in the image, and
@@ -58,22 +59,40 @@ class RelativeToParent(Dynamics):
 
     def propagate_all(self, key, partition, current, previous, parent):
         """Move all particles, ``[6, N]``."""
-        dtype = current.dtype
-        # One gather of what is known of a particle's part; each costs more than it fetches.
+        scale, parent_anchor, part_anchor, alone = self._known(partition, current.dtype)
+        noise = jax.random.normal(key, scale.shape, current.dtype)
+        noise = scale * ready_to_mix(noise)
+        joint = self._expected_joint(current) + noise
+        pose = place(joint, parent, parent_anchor, part_anchor)
+        pose = jnp.where(alone, current[:3] + noise, pose)
+        return jnp.concatenate([pose, jnp.where(alone, 0.0, joint)])
+
+    def log_density_all(self, partition, new, current, previous, parent):
+        """Log-densities of all particles, ``[N]``, in joint coordinates.
+
+        Of a part (offset_x, offset_y, angle) has a density; its pose follows from them and from
+        its parent, and is taken for right.  So the anchors have no derivative here.
+        """
+        scale, _, _, alone = self._known(partition, current.dtype)
+        moved = jnp.where(alone, new[:3] - current[:3], new[3:] - self._expected_joint(current))
+        return log_normal(moved, scale)
+
+    def _expected_joint(self, current):
+        """A part's joint without noise, ``[3, N]``."""
+        memory = jnp.asarray(self.memory, current.dtype)
+        return jnp.stack([memory * current[3], memory * current[4], current[5]])
+
+    def _known(self, partition, dtype):
+        """Of each particle's part: scale ``[3, N]``, both anchors ``[2, N]``, whether it is alone.
+
+        In one gather, as each costs more than it fetches.
+        """
         known = [jnp.asarray(x, dtype) for x in (self.parent_anchor, self.part_anchor)]
         known = [self._scale_by_part(dtype), *known]
         alone = np.array(self.parents) < 0 if self.walks_alone is None else self.walks_alone
         known.append(jnp.asarray(alone, dtype)[:, None])
         of_part = jnp.concatenate(known, axis=1)[partition].T
-        scale, parent_anchor, part_anchor = of_part[:3], of_part[3:5], of_part[5:7]
-        alone = of_part[7] > 0
-        noise = jax.random.normal(key, scale.shape, dtype)
-        noise = scale * ready_to_mix(noise)
-        memory = jnp.asarray(self.memory, dtype)
-        joint = jnp.stack([memory * current[3], memory * current[4], current[5]]) + noise
-        pose = place(joint, parent, parent_anchor, part_anchor)
-        pose = jnp.where(alone, current[:3] + noise, pose)
-        return jnp.concatenate([pose, jnp.where(alone, 0.0, joint)])
+        return of_part[:3], of_part[3:5], of_part[5:7], of_part[7] > 0
 
     def _scale_by_part(self, dtype):
         """``[P, 3]``."""

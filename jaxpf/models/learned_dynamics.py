@@ -6,17 +6,14 @@ equations of Yule and Walker it takes tracks that wander off, as objects in a pi
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
+from jaxpf.models.dynamics import LinearGaussian
 from jaxpf.names import COEFFICIENTS
 from jaxpf.pytree import as_array
-
-if TYPE_CHECKING:
-    from jaxpf.models.dynamics import LinearGaussian
 
 
 def fit(
@@ -25,7 +22,7 @@ def fit(
     *,
     coefficients: str = "steps",
     pooled: bool = False,
-) -> "LinearGaussian":
+) -> LinearGaussian:
     """The autoregression that tracks follow, ``x_t = A x_{t-1} + B x_{t-2} + b + L n``.
 
     Args:
@@ -44,8 +41,6 @@ def fit(
     Raises:
         InputError: an argument out of range, or fewer frames than there are numbers to learn.
     """
-    from jaxpf.models.dynamics import LinearGaussian  # which shows this function as its own
-
     if order not in (1, 2):
         raise InputError(f"order {order} must be 1 or 2.")
     if coefficients not in COEFFICIENTS:

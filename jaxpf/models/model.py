@@ -1,8 +1,12 @@
 """What a target hands to a filter."""
 
+import operator
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from jaxpf.errors import InputError
 
 
 class Model(NamedTuple):
@@ -33,3 +37,36 @@ class Model(NamedTuple):
     def is_open(self) -> bool:
         """Whether partitions come and go."""
         return not callable(self.initial) and bool(np.isnan(self.initial).any())
+
+
+def check_tree(parents: Sequence[int]) -> tuple[int, ...]:
+    """The part tree as a tuple of ints.
+
+    Raises:
+        InputError: no list of whole numbers, a parent that does not exist, or a cycle.
+    """
+    try:
+        tree = tuple(operator.index(parent) for parent in parents)
+    except TypeError:
+        raise InputError(
+            f"parents {parents!r} is no list of whole numbers; give every part's parent by its "
+            "place from 0, and -1 for a root, such as [-1, 0, 0]."
+        ) from None
+    if not tree:
+        raise InputError("parents is empty; give one entry per part, -1 for a root.")
+    for part, parent in enumerate(tree):
+        if not -1 <= parent < len(tree):
+            raise InputError(
+                f"parents[{part}]={parent} is not a part; use 0..{len(tree) - 1}, or -1 for a root."
+            )
+    for part in range(len(tree)):
+        seen, current = {part}, tree[part]
+        while current != -1:
+            if current in seen:
+                raise InputError(
+                    f"parents={list(tree)} has a cycle through part {part}; "
+                    "every part must lead to a root (-1)."
+                )
+            seen.add(current)
+            current = tree[current]
+    return tree

@@ -42,7 +42,20 @@ class WithOcclusion(contract.Dynamics):
             raise AttributeError(f"{type(self.dynamics).__name__} predicts nothing")
         return partial(contract.predict_all, self.dynamics)
 
+    @property
+    def log_density_all(self):
+        """Log-densities of the targets' moves; absent where ``dynamics`` does not say."""
+        if not contract.has_log_density(self.dynamics):
+            raise AttributeError(f"{type(self.dynamics).__name__} has no density")
+        return partial(contract.log_density_all, self.dynamics)
+
     def propagate_label(self, key, label, substates):
         """The new label ``[]``, 0 or 1, given both targets' new substates ``[2, D]``."""
         flips = ~self.shapes.overlap(substates) & (jax.random.uniform(key) < self.flip)
         return jnp.where(flips, 1 - label, label)
+
+    def log_label(self, new, label, substates):
+        """Log-probability ``[]`` of the move from ``label`` to ``new``."""
+        stays = jnp.where(new == label, 0.0, -jnp.inf)
+        apart = jnp.where(new == label, jnp.log1p(-self.flip), jnp.log(self.flip))
+        return jnp.where(self.shapes.overlap(substates), stays, apart)

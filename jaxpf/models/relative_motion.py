@@ -1,4 +1,7 @@
-"""Motion that grows with the object: steps in shares of its size, a few of them long."""
+"""Motion of boxes, which knows their sizes at the start.
+
+In pixels (smith2004), or growing with the object: steps in shares of its size, a few of them long.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -6,7 +9,20 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction, of_partition
+from jaxpf.models.dynamics import AR2
 from jaxpf.pytree import pytree_dataclass
+
+
+@pytree_dataclass
+class PixelMotion(AR2):
+    """``AR2`` of boxes (u, v, a).
+
+    Attributes:
+        sizes: ``[P, 2]``, width and height at the start, pixels; the motion is the same for all,
+            but who reads estimates needs them.
+    """
+
+    sizes: ArrayLike | None = None
 
 
 @pytree_dataclass

@@ -29,7 +29,7 @@ def learn_shape_space(
     dimension: int,
     ordered: bool = False,
 ) -> tuple[ShapeSpace, np.ndarray]:
-    """A space of key frames (``jaxpf.models.shapes.key_frame_space``) from annotations.
+    """A space of key frames (``jaxpf.shapes.key_frame_space``) from annotations.
 
     Args:
         examples: by ``kind``: ``"masks"``, pictures ``[H, W]`` that are not 0 on the target,

@@ -29,6 +29,8 @@ def basis(
     Raises:
         InputError: fewer control points than the order, ``degree + 1``.
     """
+    from scipy.interpolate import BSpline  # a third of a second, which few programs need to spend
+
     check_order(num_points, degree)
     places = np.atleast_1d(np.asarray(places, float))
     if closed:
@@ -40,14 +42,8 @@ def basis(
         knots = np.concatenate([np.zeros(degree), inner, np.full(degree, float(spans))])
         at = places * spans
     at = np.clip(at, 0, np.nextafter(spans, 0))
-    if derivative == 0:
-        values = _cox_de_boor(knots, degree, at)
-    else:
-        lower = _cox_de_boor(knots, degree - 1, at)
-        count = len(knots) - degree - 1
-        rise = knots[degree : degree + count + 1] - knots[: count + 1]
-        slope = np.divide(degree, rise, out=np.zeros_like(rise), where=rise > 0)
-        values = spans * (slope[:-1] * lower[:, :-1] - slope[1:] * lower[:, 1:])
+    each = np.eye(len(knots) - degree - 1)
+    values = spans**derivative * BSpline(knots, each, degree)(at, nu=derivative)
     if not closed:
         return values
     folded = np.zeros((len(at), num_points))
@@ -141,17 +137,3 @@ def check_order(num_points: int, degree: int = CUBIC) -> None:
             f"{num_points} control point(s) are fewer than the {degree + 1} that a spline of "
             f"degree {degree} needs; give {degree + 1} or more, or a lower degree."
         )
-
-
-def _cox_de_boor(knots: np.ndarray, degree: int, at: np.ndarray) -> np.ndarray:
-    """All basis functions of a degree at places between the knots, ``[M, count]``."""
-    at = at[:, None]
-    values = ((knots[:-1] <= at) & (at < knots[1:])).astype(float)
-    for order in range(1, degree + 1):
-        count = len(knots) - order - 1
-        rise = knots[order : order + count + 1] - knots[: count + 1]
-        safe = np.where(rise > 0, rise, 1.0)
-        up = (at - knots[:count]) / safe[:count] * (rise[:count] > 0)
-        down = (knots[order + 1 :] - at) / safe[1:] * (rise[1:] > 0)
-        values = up * values[:, :-1] + down * values[:, 1:]
-    return values

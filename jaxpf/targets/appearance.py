@@ -23,10 +23,11 @@ def appearance_option() -> Any:
     """By what boxes are known."""
     return option(
         OPEN,
-        "Of boxes: colour (histograms), or discriminative, which learns in the start frame to tell "
-        "each object from what is around it, by colours and gradients; auto for discriminative in "
-        "video and colour in synthetic scenes.",
+        "How objects are known: colour (histograms), discriminative or auto.  Discriminative "
+        "learns in the start frame to tell each object from what is around it, by colours and "
+        "gradients; auto is that in video, and colour in synthetic scenes.",
         choices=(OPEN, COLOUR, DISCRIMINATIVE),
+        common=True,
         compiles=True,
     )
 
@@ -38,6 +39,7 @@ def gain_option(default: float) -> Any:
         "Of discriminative appearance: larger trusts its score more.",
         above=0,
         path="likelihood.gain",
+        tuned=("",),
         implies=("appearance", DISCRIMINATIVE),
     )
 
@@ -46,9 +48,10 @@ def motion_option() -> Any:
     """In what motion is measured."""
     return option(
         OPEN,
-        "Of boxes: noise in pixels (--scale), or relative to the object's size and heavy-tailed "
-        "(--relative-scale); auto for relative with discriminative appearance.",
+        "Noise in pixels (--scale), relative to the size (--relative-scale) or auto.  Relative "
+        "noise is heavy-tailed; auto is relative with discriminative appearance.",
         choices=(OPEN, PIXELS, RELATIVE),
+        common=True,
         compiles=True,
     )
 
@@ -62,6 +65,7 @@ def steps_option(default: tuple[float, float, float]) -> Any:
         least=0,
         per_object=True,
         path="dynamics.steps",
+        tuned=("[0]", "[1]"),
         implies=("motion", RELATIVE),
     )
 
@@ -96,12 +100,13 @@ def sharpness_option(default: float, path: str) -> Any:
         "Likelihood exp(-S d^2) of the colour distance d: larger trusts colours more.",
         above=0,
         path=path,
+        tuned=("",),
         implies=_OF_COLOUR,
     )
 
 
-def scale_option(default: tuple[float, float, float]) -> Any:
-    """How far objects move from frame to frame."""
+def scale_option(default: tuple[float, float, float], **about: Any) -> Any:
+    """How far objects move from frame to frame; ``about`` see ``jaxpf.options.Option``."""
     return option(
         default,
         "Noise per frame: x and y in pixels, and the relative size; of parts, x, y and degrees of "
@@ -109,6 +114,7 @@ def scale_option(default: tuple[float, float, float]) -> Any:
         least=0,
         path="dynamics.scale",
         implies=("motion", PIXELS),
+        **about,
     )
 
 
@@ -170,21 +176,3 @@ def naming(names: Sequence[str]) -> Iterator[None]:
             str(error),
         )
         raise InputError(named) from None
-
-
-def three_values(values: Any, name: str, value: Any) -> tuple[float, float, float]:
-    """Three numbers with a tuned value in their place.
-
-    Args:
-        values: the three numbers.
-        name: of the parameter, such as ``dynamics.scale[0]`` or, for all, ``dynamics.scale``.
-        value: the tuned value, or values.
-    """
-    _, bracket, index = name.partition("[")
-    numbers = [float(x) for x in values]
-    if bracket:
-        numbers[int(index.rstrip("]"))] = float(value)
-    else:
-        numbers = [float(x) for x in value]
-    first, second, third = numbers
-    return first, second, third

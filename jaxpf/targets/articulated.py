@@ -12,8 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
-from jaxpf.filters.partitioned.ordering import Ordering, check_tree
-from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.models.dynamics import RandomWalk
 from jaxpf.models.joints import (
     RelativeToParent,
@@ -23,7 +21,7 @@ from jaxpf.models.joints import (
     substates_at,
 )
 from jaxpf.models.likelihoods.wrapped import WrappedLikelihood
-from jaxpf.models.model import Model
+from jaxpf.models.model import Model, check_tree
 from jaxpf.pytree import pytree_dataclass
 
 DYNAMICS = ("relative", "absolute")
@@ -89,7 +87,7 @@ def parts_model(
     if dynamics not in DYNAMICS:
         raise InputError(f"dynamics {dynamics!r} is unknown; choose one of {', '.join(DYNAMICS)}.")
     scale = _noise("scale", scale, len(tree))
-    reach = _noise("reach", reach, len(tree))
+    reach = np.broadcast_to(_noise("reach", reach, len(tree)), (len(tree), 3))
     moves: Any
     initial: Any
     if dynamics == "absolute":
@@ -106,47 +104,6 @@ def parts_model(
         )
         initial = UniformJoints(moves, poses, reach) if reach.any() else substates_at(moves, poses)
     return Model(moves, OfFixedSize(likelihood), initial, tree)
-
-
-def parts_tracker(
-    likelihood: Any,
-    poses: ArrayLike,
-    sizes: ArrayLike,
-    ordering: Ordering,
-    parents: Sequence[int],
-    *,
-    num_particles: int = 300,
-    resampling: str = "systematic",
-    ess_threshold: float | None = None,
-    **model: Any,
-) -> Partitioned:
-    """A partitioned filter of articulated objects, for any likelihood and ordering.
-
-    Args:
-        likelihood: see ``parts_model``.
-        poses: see there.
-        sizes: see there.
-        ordering: from ``jaxpf.ordering``.
-        parents: the part tree, -1 for a root.
-        num_particles: N, at least 2.
-        resampling: a scheme of ``jaxpf.resampling.SCHEMES``.
-        ess_threshold: see ``Partitioned``.
-        model: further arguments of ``parts_model``.
-
-    Raises:
-        InputError: an argument is out of range; and see ``check_tracker``.
-    """
-    if num_particles < 2:
-        raise InputError(
-            f"num_particles={num_particles} leaves nothing to choose from; use 2 particles or more."
-        )
-    return Partitioned(
-        **parts_model(likelihood, poses, sizes, parents, **model)._asdict(),
-        ordering=ordering,
-        num_particles=num_particles,
-        resampling=resampling,
-        ess_threshold=ess_threshold,
-    )
 
 
 def cut_pictures(frame: Any, poses: ArrayLike, sizes: ArrayLike) -> list[np.ndarray]:
@@ -207,7 +164,7 @@ def check_parts(
 
 
 def _noise(name: str, values: ArrayLike, num_parts: int) -> np.ndarray:
-    """Standard deviations or ranges, broadcast to ``[P, 3]``."""
+    """Standard deviations or ranges, of the shape in which they were given."""
     values = np.asarray(values, np.float32)
     fits = values.shape in ((), (3,), (num_parts, 3))
     if not fits or not np.isfinite(values).all() or (values < 0).any():
@@ -215,4 +172,4 @@ def _noise(name: str, values: ArrayLike, num_parts: int) -> np.ndarray:
             f"{name} {values.tolist()} must be three finite numbers >= 0, of x and y in pixels "
             "and of the angle in radians, such as 3,3,0.06, or such a row for every part."
         )
-    return np.broadcast_to(values, (num_parts, 3))
+    return values

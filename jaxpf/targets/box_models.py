@@ -1,18 +1,16 @@
 """Models and trackers of boxes for any likelihood."""
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
 from jaxpf.models.model import Model
+from jaxpf.options import plain
 from jaxpf.targets.appearance import RELATIVE
-
-if TYPE_CHECKING:
-    from jaxpf.filters.partitioned.ordering import Ordering
-    from jaxpf.filters.partitioned.tracker import Partitioned
 
 #: Noise of centre (pixels) and scale per frame: wide enough for people walking in video.
 DEFAULT_SCALE = (4.0, 2.0, 0.003)
@@ -33,7 +31,7 @@ def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCAL
     Raises:
         InputError: noise that is negative or not finite.
     """
-    from jaxpf.models.dynamics import AR2
+    from jaxpf.models.relative_motion import PixelMotion
 
     boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
     scale = np.asarray(scale, np.float32)
@@ -44,7 +42,7 @@ def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCAL
         )
     centres = boxes[:, :2] + boxes[:, 2:] / 2
     return Model(
-        dynamics=AR2(scale=scale),
+        dynamics=PixelMotion(scale=scale, sizes=boxes[:, 2:]),
         likelihood=likelihood,
         initial=np.concatenate([centres, np.ones((len(boxes), 1), np.float32)], axis=1),
         parents=(-1,) * len(boxes),
@@ -83,6 +81,43 @@ def relative_box_model(
     return model._replace(dynamics=motion)
 
 
+def relative_steps(values: Sequence[float], count: int) -> np.ndarray:
+    """Noise of relative motion as people give it: ``[3]`` for all objects, or ``[P, 3]``.
+
+    Args:
+        values: three numbers, or three for every object, one object after the other.
+        count: P.
+
+    Raises:
+        InputError: they are for another number of objects.
+    """
+    steps = np.reshape(values, (-1, 3))
+    if len(steps) not in (1, count):
+        raise InputError(
+            f"relative_scale {plain(values)} is for {len(steps)} objects, and there are {count}; "
+            "give three numbers for all, or three for every object."
+        )
+    return steps if len(steps) > 1 else steps[0]
+
+
+def usual_noise(steps: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """What relative motion adds to u and v (pixels) and to log a per frame, all steps together.
+
+    Args:
+        steps: ``[3]`` or ``[P, 3]``.
+        sizes: ``[P, 2]``, width and height at the start, pixels.
+
+    Returns:
+        Standard deviations ``[3]``, means over the objects.
+    """
+    from jaxpf.models.relative_motion import RelativeMotion
+
+    usual, far, of_size = steps.T
+    long, side = RelativeMotion.long, np.sqrt(np.prod(sizes, axis=1))
+    step = np.mean(side * np.sqrt((1 - long) * usual**2 + long * far**2))
+    return np.array([step, step, of_size.mean()])
+
+
 def motion_candidates(options: Any) -> list[Any]:
     """Options that differ in the motion: half and double steps, and, if relative, other momenta.
 
@@ -102,36 +137,14 @@ def motion_candidates(options: Any) -> list[Any]:
     return list(dict.fromkeys(found))
 
 
-def box_tracker(
-    likelihood: Any,
-    boxes: ArrayLike,
-    ordering: "Ordering",
-    *,
-    scale: ArrayLike = DEFAULT_SCALE,
-    num_particles: int = 300,
-    resampling: str = "systematic",
-    ess_threshold: float | None = None,
-) -> "Partitioned":
-    """A partitioned filter of boxes, for any likelihood and ordering.
+def boxes_at(estimate: Any, sizes: ArrayLike) -> np.ndarray:
+    """Boxes x, y, w, h ``[..., P, 4]`` of substates (u, v, a); in NumPy: one arithmetic wherever it
+    is done.
 
     Args:
-        likelihood: see ``box_model``, like the next one and ``scale``.
-        boxes: see there.
-        ordering: from ``jaxpf.ordering``.
-        scale: see there.
-        num_particles: N.
-        resampling: a scheme of ``jaxpf.resampling.SCHEMES``.
-        ess_threshold: see ``Partitioned``.
-
-    Raises:
-        InputError: see ``box_model`` and ``check_tracker``.
+        estimate: ``[..., P, D]``.
+        sizes: ``[P, 2]``, width and height at scale 1, pixels.
     """
-    from jaxpf.filters.partitioned.tracker import Partitioned
-
-    return Partitioned(
-        **box_model(likelihood, boxes, scale)._asdict(),
-        ordering=ordering,
-        num_particles=num_particles,
-        resampling=resampling,
-        ess_threshold=ess_threshold,
-    )
+    estimate = np.asarray(estimate)
+    extent = estimate[..., 2:3] * np.asarray(sizes).astype(estimate.dtype)
+    return np.concatenate([estimate[..., :2] - extent / 2, extent], axis=-1)

@@ -5,12 +5,11 @@ from typing import Any
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.files.annotated_contours import Annotated
-from jaxpf.files.learned_contours import Learned
 from jaxpf.models.learned_dynamics import fit
 from jaxpf.models.shape_learning import learn_shape_space, varied
 from jaxpf.models.shapes import ShapeSpace, key_frame_space
 from jaxpf.models.splines import points_on
+from jaxpf.targets.contour_data import Annotated, Learned
 
 #: Points at which contours are compared.
 _POINTS = 64
@@ -36,7 +35,7 @@ def learn_contours(
         order: of the dynamics, 1 or 2; 0 learns none.
         coefficients: see ``jaxpf.dynamics.fit``.
         turns: of centrelines, in how many directions they are shown, and in a mirror and from the
-            other end too (``jaxpf.shape_learning.varied``); 0 shows them as they are.
+            other end too (``jaxpf.shapes.varied``); 0 shows them as they are.
 
     Returns:
         What was learned, and sentences on how well.

@@ -6,27 +6,20 @@ has; all coordinates are in pixels.
 
 import dataclasses
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.files.contours import Contours, ContourTrackWriter, read_contours
 from jaxpf.models.model import Model
-from jaxpf.models.splines import basis, even_places, fit_spline, points_on, resampled
+from jaxpf.models.splines import basis, even_places, points_on
 from jaxpf.names import EXCLUSIONS, SHAPE_SPACES
 from jaxpf.options import check_options, option
-from jaxpf.targets.target import Looks, Marks, Start, Target
+from jaxpf.targets.contour_data import DEFAULT_SCALE, Contours, Learned
+from jaxpf.targets.target import Looks, Start, Target
 
-#: Noise of every coordinate per frame, pixels: the shift's, and that of the shape.
-DEFAULT_SCALE = (3.0, 1.0)
 #: Pieces of the polyline that a contour is reported as.
-_PIECES = 64
-#: Control points of the contours of scenes, closed and open.
-_SCENE_POINTS = {True: 16, False: 8}
-#: So many particles' contours are drawn, the likeliest.
-_DRAWN = 20
+PIECES = 64
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,10 +28,11 @@ class Options:
 
     shape_space: str | None = option(
         None,
-        "Of contours, how they may differ from their start: translation, similarity (also turned "
-        "and scaled; the default) or affine; other shapes are learned, see --learned.",
+        "How shapes may differ from their start: translation, similarity or affine.  Similarity, "
+        "the default, turns and scales, too; other shapes are learned, see --learned.",
         kind=str,
         choices=SHAPE_SPACES,
+        common=True,
         compiles=True,
     )
     shift_noise: float | None = option(
@@ -57,10 +51,12 @@ class Options:
     )
     exclusion: str = option(
         "wires",
-        "Of contours, how they exclude one another: wires (no edge serves two), opaque (the "
-        "same, of two closed contours, the nearer of which hides the other), none (an edge may "
-        "serve several: the product of independent likelihoods, which lets look-alikes coalesce).",
+        "How contours exclude one another: wires, opaque or none.  Of wires no edge serves two; "
+        "opaque is the same of two closed contours, the nearer of which hides the other; with "
+        "none an edge may serve several, which lets look-alikes coalesce.  wires-literal and "
+        "opaque-literal are as published: an edge counts again on every contour near it.",
         choices=EXCLUSIONS,
+        common=True,
         compiles=True,
     )
     wire_width: float | None = option(
@@ -126,11 +122,11 @@ class ContourStart(Start):
 
     Attributes:
         contours: their control points.
-        learned: shape space and dynamics (``jaxpf.files.learned_contours.Learned``), or None.
+        learned: shape space and dynamics (``jaxpf.contours.Learned``), or None.
     """
 
     contours: Contours
-    learned: Any = None
+    learned: Learned | None = None
 
 
 class ContourTarget(Target):
@@ -140,113 +136,64 @@ class ContourTarget(Target):
     """
 
     name = "contours"
-    noun = "contour"
     options = Options
     defaults: Mapping[str, Any] = {"method": "ps", "particles": 500}
-    start_flags: Mapping[str, Mapping[str, Any]] = {
-        "contours": {
-            "type": Path,
-            "help": 'JSON of start contours, control points of splines in pixels: {"closed": true, '
-            '"contours": {"leaf": [[10, 20], [30, 18], [32, 40], [12, 38]]}}; for wires "closed": '
-            'false and "width": their width.',
-        },
-        "learned": {
-            "type": Path,
-            "help": "Shape space and dynamics of contours, from `jaxpf contour learn`.",
-        },
-    }
 
-    def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
+    def start(self, given: Contours, names: Any = None) -> ContourStart:
         """See ``Target``."""
-        if not given["contours"]:
-            raise InputError(
-                "no start contour: give --contours FILE.json with control points "
-                f"(`jaxpf frame {source.path}` saves a frame with a pixel grid to read them off)."
-            )
-        found = read_contours(given["contours"])
-        learned = None
-        if given["learned"]:
-            from jaxpf.files.learned_contours import read_learned
+        if names is not None:
+            given = dataclasses.replace(given, names=tuple(names))
+        return contour_start(given)
 
-            learned = read_learned(given["learned"])
-        start = _start(found, learned)
-        for name, line in zip(found.names, _lines(start.shapes), strict=True):
-            seen = (line >= 0) & (line < (source.width, source.height))
-            if not seen.all(axis=1).any():
-                raise InputError(
-                    f"contour '{name}' lies outside the frame of {source.width} x {source.height} "
-                    "pixels: move it inside, or leave it out."
-                )
-        return start
-
-    def fits_scene(self, scene: Any) -> bool:
-        """Whether the truth has outlines."""
-        return {"outlines", "closed"} <= set(scene.extras)
-
-    def scene_shapes(self, scene: Any) -> np.ndarray:
-        """See ``Target``."""
-        closed = bool(scene.extras["closed"])
-        outlines = np.asarray(scene.extras["outlines"], float)
-        lines = [_polyline(line, closed) for pair in outlines for line in pair]
-        return np.reshape(lines, (*outlines.shape[:2], -1))
-
-    def scene_start(self, scene: Any) -> Start:
-        """See ``Target``: splines nearest to the outlines of the first frame."""
-        closed = bool(scene.extras["closed"])
-        outlines = scene.extras["outlines"][0]
-        points = [fit_spline(line, _SCENE_POINTS[closed], closed=closed) for line in outlines]
-        names = scene.extras.get("ids", range(1, len(outlines) + 1))
-        width = None if closed else scene.parameters.get("wire_width")
-        return _start(
-            Contours(tuple(map(str, names)), np.array(points), closed=closed, width=width)
-        )
-
-    def model(self, options: Options, start: Start, looks: Looks) -> Model:
-        """See ``Target``; clutter is learned from ``looks.typical``.
-
-        Raises:
-            InputError: options that do not go with what was learned; see ``contours_model``.
-        """
-        from jaxpf.models.likelihoods.contours import EdgeDetector
-        from jaxpf.targets.contour_tracking import contours_model
+    def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
+        """See ``Target``; clutter is learned from ``looks.typical``."""
+        from jaxpf.models.likelihoods.contours import EdgeDetector, contours
 
         assert isinstance(start, ContourStart)
-        learned = start.learned
-        if learned is not None and options.shape_space is not None:
-            raise InputError(
-                f"the shape space {options.shape_space} was asked for and a learned one was given; "
-                "leave one of them out."
-            )
-        noise = options.shift_noise, options.bend_noise
-        dynamics = None if learned is None else learned.dynamics_of(start.num_partitions)
-        if dynamics is not None and noise != (None, None):
-            raise InputError(
-                "noise was given, but the learned file has dynamics of its own; leave one of them "
-                "out, or learn again with --order 0."
-            )
-        contours = start.contours
-        if options.wire_width is not None:
-            contours = dataclasses.replace(contours, width=options.wire_width)
-        return contours_model(
-            contours,
-            looks.typical,
-            space=(options.shape_space or "similarity") if learned is None else learned.space,
+        width = options.wire_width
+        return contours(
+            _space(options, start),
+            start.num_partitions,
             exclusion=options.exclusion,
-            dynamics=dynamics,
-            scale=[
-                default if value is None else value
-                for value, default in zip(noise, DEFAULT_SCALE, strict=True)
-            ],
+            frames=looks.typical if options.clutter is None else None,
+            clutter=options.clutter,
             detector=EdgeDetector(
                 threshold=options.edge_threshold,
                 length=options.line_length,
                 smoothing=options.edge_smoothing,
             ),
-            clutter=options.clutter,
             sigma=options.sigma,
             independence=options.independence,
+            width=start.contours.width if width is None else width,
             num_lines=options.lines,
-            flip=options.flip,
+        )
+
+    def model(self, options: Options, start: Start, likelihood: Any) -> Model:
+        """See ``Target``; substates are those of a shape space.
+
+        Raises:
+            InputError: options that do not go with what was learned.
+        """
+        from jaxpf.targets.contour_models import contours_model
+
+        assert isinstance(start, ContourStart)
+        noise = options.shift_noise, options.bend_noise
+        dynamics = start.learned and start.learned.dynamics_of(start.num_partitions)
+        if dynamics is not None and noise != (None, None):
+            raise InputError(
+                "noise was given, but the learned file has dynamics of its own; leave one of them "
+                "out, or learn again with --order 0."
+            )
+        return contours_model(
+            likelihood,
+            start.contours,
+            _space(options, start),
+            dynamics=dynamics,
+            scale=[
+                default if value is None else value
+                for value, default in zip(noise, DEFAULT_SCALE, strict=True)
+            ],
+            flip=options.flip if options.exclusion.startswith("opaque") else None,
         )
 
     def noise(self, options: Options, start: Start) -> np.ndarray:
@@ -254,19 +201,9 @@ class ContourTarget(Target):
         shift = DEFAULT_SCALE[0] if options.shift_noise is None else options.shift_noise
         return np.array([shift, shift, np.nan])
 
-    def positions(self, start: Start, shapes: Any) -> Any:
+    def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
         """See ``Target``."""
-        return _lines(np.asarray(shapes)).mean(axis=-2)
-
-    def shapes_of(self, tracker: Any, start: Start, estimate: Any) -> np.ndarray:
-        """See ``Target``: as the tracker's shape space draws them."""
-        space = tracker.likelihood.space
-        kind: dict[str, Any] = {"closed": space.closed, "degree": space.degree}
-        matrix = basis(even_places(_PIECES + 1, closed=False), space.num_points, **kind)
-        lines = matrix @ np.asarray(space.control_points(np.asarray(estimate)), float)
-        if space.closed:
-            lines[..., -1, :] = lines[..., 0, :]
-        return lines.reshape(*lines.shape[:-2], -1)
+        return shapes_of(tracker, estimate)
 
     def outlines(self, start: Start, shapes: Any) -> Any:
         """See ``Target``: there and back again, so that what joins the ends is no line of its own.
@@ -275,14 +212,8 @@ class ContourTarget(Target):
         """
         import jax.numpy as jnp
 
-        lines = _lines(jnp.asarray(shapes))
+        lines = polylines(jnp.asarray(shapes))
         return jnp.concatenate([lines, jnp.flip(lines, axis=-2)], axis=-2)
-
-    def scaled(
-        self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
-    ) -> tuple[Start, np.ndarray]:
-        """See ``Target``."""
-        return start, shapes * np.tile(factors, shapes.shape[-1] // 2)
 
     def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
         """See ``Target``."""
@@ -290,66 +221,16 @@ class ContourTarget(Target):
 
         from jaxpf.measures.polylines import measure_polylines
 
-        return measure_polylines(_lines(jnp.asarray(shapes)), _lines(jnp.asarray(truth)))
-
-    def track_writer(self, path: Any, start: Start) -> Any:
-        """See ``Target``: CSV with the header ``frame,contour,kind,point,x,y``."""
-        return _Writer(path, start)
-
-    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
-        """See ``Target``."""
-        from jaxpf.media.contours_overlay import draw_contours
-
-        return draw_contours(
-            frame, _lines(np.asarray(shapes)), start.ids, marks.colours, marks.lost
-        )
-
-    def draw_particles(
-        self, frame: Any, start: Start, tracker: Any, state: Any, colours: Any
-    ) -> np.ndarray:
-        """See ``Target``: the likeliest particles' contours, what is hidden dark and dashed."""
-        from jaxpf.media.contours_overlay import draw_contour_particles
-
-        log_weights = np.asarray(state.log_weights)
-        best = np.argsort(log_weights)[::-1][:_DRAWN]
-        lines = _lines(self.shapes_of(tracker, start, np.asarray(state.substates)[best]))
-        hidden = None
-        if getattr(state, "label", None) is not None and lines.shape[1] == 2:
-            hidden = _hidden(lines, np.asarray(state.label)[best])
-        return draw_contour_particles(frame, lines, np.exp(log_weights[best]), hidden, colours)
+        return measure_polylines(polylines(jnp.asarray(shapes)), polylines(jnp.asarray(truth)))
 
 
 CONTOURS = ContourTarget()
 
 
-class _Writer:
-    """Contours of one run, frame by frame."""
-
-    def __init__(self, path: Any, start: Start):
-        self._names, self._writer = start.ids, ContourTrackWriter(path)
-        contours = getattr(start, "contours", None)
-        self._inverse = np.zeros((0, _PIECES + 1))  # without splines there is nothing to control
-        if contours is not None:
-            places = even_places(_PIECES + 1, closed=False)
-            kind: dict[str, Any] = {"closed": contours.closed, "degree": contours.degree}
-            # A spline's points tell its control points: there are more of them.
-            self._inverse = np.linalg.pinv(basis(places, contours.points.shape[1], **kind))
-
-    def __enter__(self) -> "_Writer":
-        self._writer.__enter__()
-        return self
-
-    def __exit__(self, *exception: Any) -> Any:
-        return self._writer.__exit__(*exception)
-
-    def append(self, frame: int, shapes: Any, lost: Any) -> None:
-        lines = _lines(np.asarray(shapes, float))
-        self._writer.append(frame, self._names, self._inverse @ lines, lines)
-
-
-def _start(contours: Contours, learned: Any = None) -> ContourStart:
+def contour_start(contours: Contours, learned: Learned | None = None) -> ContourStart:
+    """Where contours start, and what was learned of their kind."""
     kind: dict[str, Any] = {"closed": contours.closed, "degree": contours.degree}
-    lines = points_on(contours.points, _PIECES + (not contours.closed), **kind)
+    lines = points_on(contours.points, PIECES + (not contours.closed), **kind)
     if contours.closed:
         lines = np.concatenate([lines, lines[:, :1]], axis=1)
     count = len(lines)
@@ -365,29 +246,39 @@ def _start(contours: Contours, learned: Any = None) -> ContourStart:
     )
 
 
-def _lines(shapes: Any) -> Any:
+def shapes_of(tracker: Any, estimate: Any) -> np.ndarray:
+    """Shapes ``[..., P, S]`` of estimates, as the tracker's shape space draws them.
+
+    Raises:
+        InputError: a user's likelihood that tells no shape space.
+    """
+    space = getattr(tracker.likelihood, "space", None)
+    if space is None:
+        raise InputError(
+            "this tracker's likelihood does not tell the shape space; give it an attribute "
+            "`space`, such as jaxpf.shapes.space_of makes."
+        )
+    kind: dict[str, Any] = {"closed": space.closed, "degree": space.degree}
+    matrix = basis(even_places(PIECES + 1, closed=False), space.num_points, **kind)
+    lines = matrix @ np.asarray(space.control_points(np.asarray(estimate)), float)
+    if space.closed:
+        lines[..., -1, :] = lines[..., 0, :]
+    return lines.reshape(*lines.shape[:-2], -1)
+
+
+def _space(options: Options, start: ContourStart) -> Any:
+    """The shape space that was learned, or the one that was asked for."""
+    from jaxpf.targets.contour_models import start_space
+
+    if start.learned is not None and options.shape_space is not None:
+        raise InputError(
+            f"the shape space {options.shape_space} was asked for and a learned one was given; "
+            "leave one of them out."
+        )
+    space = options.shape_space or "similarity"
+    return start_space(start.contours, start.learned.space if start.learned else space)
+
+
+def polylines(shapes: Any) -> Any:
     """Shapes ``[..., P, 2 V]`` as polylines ``[..., P, V, 2]``."""
     return shapes.reshape(*shapes.shape[:-1], -1, 2)
-
-
-def _polyline(outline: np.ndarray, closed: bool) -> np.ndarray:
-    """A shape ``[2 V]`` from an outline ``[S, 2]``; NaN where it is not finite."""
-    if not np.isfinite(outline).all():
-        return np.full(2 * (_PIECES + 1), np.nan)
-    even = resampled(outline, _PIECES + (not closed), closed=closed)
-    return np.concatenate([even, even[:1]] if closed else [even]).ravel()
-
-
-def _hidden(lines: np.ndarray, labels: np.ndarray) -> np.ndarray:
-    """Which points of ``[n, 2, V, 2]`` lie inside the contour that a label says is in front."""
-    import cv2
-
-    found = np.zeros(lines.shape[:3], bool)
-    for number, (pair, front) in enumerate(zip(lines, labels, strict=True)):
-        if np.isfinite(pair).all():
-            outline = pair[front].astype(np.float32)[:, None]
-            found[number, 1 - front] = [
-                cv2.pointPolygonTest(outline, (float(x), float(y)), False) > 0
-                for x, y in pair[1 - front]
-            ]
-    return found

@@ -4,6 +4,7 @@ A target is what a substate means.  Its module imports no JAX until a tracker is
 the command line can show its options in a moment.
 """
 
+import abc
 import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -48,7 +49,6 @@ class Looks(NamedTuple):
         patches: P pictures, uint8 RGB ``[h, w, 3]``, upright.
         frame_shape: height and width of all frames.
         num_particles: of one run, where cost decides what is chosen.
-        num_runs: runs that share a frame's work, likewise.
         typical: uint8 RGB ``[n, H, W, 3]``, frames of the kind that is tracked, from which a
             background is learned.
         surroundings: uint8 RGB ``[H, W, 3]``, the start frame, where patches tell how objects look.
@@ -59,7 +59,6 @@ class Looks(NamedTuple):
     patches: Any
     frame_shape: tuple[int, int]
     num_particles: int
-    num_runs: int = 1
     typical: Any = None
     surroundings: Any = None
     is_filmed: bool = True
@@ -70,124 +69,64 @@ class Looks(NamedTuple):
         return self.surroundings if self.frame is None else self.frame
 
 
-def looks_of_scene(scene: Any, num_particles: int, num_runs: int = 1, typical: Any = None) -> Looks:
-    """A scene's reference patches, and its first frame; clips from folders were filmed."""
-    return Looks(
-        frame=None,
-        patches=scene.patches,
-        frame_shape=scene.frames.shape[1:3],
-        num_particles=num_particles,
-        num_runs=num_runs,
-        typical=typical,
-        surroundings=scene.frames[0],
-        is_filmed=is_filmed(scene),
-    )
-
-
-def is_filmed(scene: Any) -> bool:
-    """Whether a scene comes from a folder, and so from a camera."""
-    return "source" in scene.extras
-
-
-class Marks(NamedTuple):
-    """How P shapes are drawn on a frame; a target takes what it can show.
-
-    Attributes:
-        colours: uint8 RGB ``[P, 3]``.
-        lost: bool ``[P]``.
-        past: ``[L, P, S]``, shapes of the frames before, the latest last, for trails.
-        doubtful: bool ``[P]``, probably lost; None where nobody can tell.
-    """
-
-    colours: Any
-    lost: Any
-    past: Any = None
-    doubtful: Any = None
-
-
-class Target:
+class Target(abc.ABC):
     """What a substate means.
 
+    What a target must define: ``name``, ``options``, ``start``, ``likelihood``, ``model``,
+    ``shapes`` and ``outlines``; one that lacks a method cannot be made.  The rest has defaults,
+    some of which refuse with a sentence.  Its dynamics and its likelihood may stand in its own
+    file, as a user's own do.
+
     Attributes:
-        name: by which the registry in ``jaxpf.targets`` knows it.
-        noun: what one of them is called.
+        name: by which the registry in ``jaxpf.adapters`` knows it.
         options: class of the options of its model (``jaxpf.options``).
-        start_flags: option of ``jaxpf track`` -> (arguments of ``click.option``), which say where
-            it starts; ``read_start`` is given their values.
         defaults: of a filter's options, where the target's differ.
-        open_defaults: of its own options, where objects come and go by detections.
         has_boxes: whether its shapes are boxes x, y, w, h, as in MOT files and standard scores.
         outlines_of_estimates: function of estimates ``[..., P, D]`` and sizes ``[P, 2]`` that gives
             outlines ``[..., P, V, 2]``, differentiable; None where shapes are boxes.
-        track_suffix: of the files that ``track_writer`` writes.
     """
 
     name: str
-    noun: str
     options: type
-    start_flags: Mapping[str, Mapping[str, Any]] = {}
     defaults: Mapping[str, Any] = {}
-    open_defaults: Mapping[str, Any] = {}
     has_boxes: bool = False
-    track_suffix: str = ".csv"
     outlines_of_estimates: Callable[[Any, Any], Any] | None = None
 
-    # Where it starts.
-
-    def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
-        """Where a user says that it starts.
+    @abc.abstractmethod
+    def start(self, given: Any, names: Any = None) -> Start:
+        """Where objects start, from what the target's public factory takes.
 
         Args:
-            given: values of ``start_flags``.
-            number: the start frame, from 0.
-            source: has ``width``, ``height`` and ``path``.
+            given: such as boxes ``[P, 4]``.
+            names: of the objects; by default their numbers.
 
         Raises:
-            InputError: nothing was said, a file cannot be read, or an object is not in the frame.
+            InputError: it is no such thing.
         """
-        raise TypeError(f"{type(self).__name__} must define read_start")
 
-    def fits_scene(self, scene: Any) -> bool:
-        """Whether a scene's truth is of this kind."""
-        raise TypeError(f"{type(self).__name__} must define fits_scene")
+    @abc.abstractmethod
+    def likelihood(self, options: Any, start: Start, looks: Looks) -> Any:
+        """How its looks explain a frame.
 
-    def scene_shapes(self, scene: Any) -> np.ndarray:
-        """A scene's truth ``[T, P, S]``, NaN where an object is absent."""
-        raise TypeError(f"{type(self).__name__} must define scene_shapes")
-
-    def scene_start(self, scene: Any) -> Start:
-        """Where the objects are in a scene's first frame."""
-        raise TypeError(f"{type(self).__name__} must define scene_start")
-
-    # Its model.
-
-    def model(self, options: Any, start: Start, looks: Looks) -> Model:
-        """The model that follows from where it starts and how it looks.
+        Args:
+            options: with nothing left open, see ``resolved``; like the next for all methods.
+            start: where it starts.
+            looks: from what it is learned.
 
         Raises:
             InputError: an option out of range, or an object too small to be seen.
         """
-        raise TypeError(f"{type(self).__name__} must define model")
 
-    def open_model(
-        self, options: Any, capacity: int, typical_size: tuple[float, float], looks: Looks
-    ) -> Model:
-        """The model of as many objects as there may be at once, of whom none is there yet.
+    @abc.abstractmethod
+    def model(self, options: Any, start: Start, likelihood: Any) -> Model:
+        """Its motion and its start, with that likelihood or one of a user's own."""
 
-        Args:
-            options: as for ``model``.
-            capacity: P.
-            typical_size: width and height of an object, pixels.
-            looks: its ``frame_shape`` and number of particles count.
-        """
-        raise InputError(f"{self.name} cannot come and go; leave --births out.")
-
-    def training_model(self, options: Any, start: Start, looks: Looks, frames: Any) -> Model:
-        """A model that is differentiable in its parameters and in the state, and whose evidence
-        may choose among them: a normalised likelihood.
+    def training_likelihood(self, options: Any, start: Start, looks: Looks, frames: Any) -> Any:
+        """A likelihood that is differentiable in its parameters and in the state, and normalised,
+        so that the evidence may choose among parameters.
 
         Args:
-            options: as for ``model``, like the next two.
+            options: as for ``likelihood``, like the next two.
             start: see there.
             looks: see there.
             frames: ``[n, H, W, 3]``, from which a background is learned.
@@ -201,6 +140,11 @@ class Target:
         """The options with what depends on where pictures come from, see ``Looks``."""
         return options
 
+    @property
+    def fits_motion(self) -> bool:
+        """Whether it has motions to choose among."""
+        return type(self).motion_candidates is not Target.motion_candidates
+
     def motion_candidates(self, options: Any) -> list[Any]:
         """Options that differ in the motion alone, among which the evidence of the first frames
         may choose.
@@ -208,15 +152,7 @@ class Target:
         Raises:
             InputError: it has none to choose among.
         """
-        raise InputError(f"{self.name} have no motion to fit; leave --fit-motion out.")
-
-    def with_motion(self, model: Model, options: Any, start: Start) -> Model:
-        """A model of one candidate with the motion of another: what it learned it keeps."""
-        raise TypeError(f"{type(self).__name__} must define with_motion")
-
-    def tuned_by_default(self, options: Any) -> tuple[str, ...]:
-        """Tracker paths of what is tuned where nobody says what."""
-        return ()
+        raise InputError(f"{self.name} have no motion to fit.")
 
     def settled(self, options: Any, start: Start, looks: Looks) -> Any:
         """The options with what "auto" stands for; it decides about results, so it is kept."""
@@ -226,70 +162,16 @@ class Target:
         """``[3]``: process noise of the first coordinates, NaN where it has no single value."""
         return np.full(3, np.nan)
 
-    def tuned(self, options: Any, values: Mapping[str, Any]) -> Any:
-        """The options with tuned values, tracker path -> value.
+    @abc.abstractmethod
+    def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
+        """Shapes ``[..., P, S]`` of a tracker's estimates ``[..., P, D]``."""
 
-        Raises:
-            InputError: a path that no option stands for.
-        """
-        raise TypeError(f"{type(self).__name__} must define tuned")
-
-    def positions(self, start: Start, shapes: Any) -> Any:
-        """Centres ``[..., P, >= 2]`` of shapes, pixels; NaN where an object is absent."""
-        raise TypeError(f"{type(self).__name__} must define positions")
-
-    # What it reports.
-
-    def shapes(self, start: Start, estimate: Any) -> np.ndarray:
-        """Shapes ``[..., P, S]`` of estimates ``[..., P, D]``."""
-        raise TypeError(f"{type(self).__name__} must define shapes")
-
-    def shapes_of(self, tracker: Any, start: Start, estimate: Any) -> np.ndarray:
-        """Shapes ``[..., P, S]`` of a tracker's estimates, where its model tells more than they."""
-        return self.shapes(start, estimate)
-
+    @abc.abstractmethod
     def outlines(self, start: Start, shapes: Any) -> Any:
         """Corners ``[..., P, V, 2]`` of convex polygons, in order, pixels."""
-        raise TypeError(f"{type(self).__name__} must define outlines")
-
-    def scaled(
-        self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
-    ) -> tuple[Start, np.ndarray]:
-        """Where shapes lie in a picture that is so much wider and higher."""
-        raise TypeError(f"{type(self).__name__} must define scaled")
 
     def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
         """Measures of every frame, see ``jaxpf.measures.outlines``."""
         from jaxpf.measures.outlines import measure_outlines
 
         return measure_outlines(self.outlines(start, shapes), self.outlines(start, truth))
-
-    def track_writer(self, path: Any, start: Start) -> Any:
-        """A writer with ``append(frame, shapes, lost)``, which closes as a context does.
-
-        Where objects come and go, ``append`` also takes ``ids``; where a likelihood can tell,
-        ``confidence`` ``[P]``.
-        """
-        raise TypeError(f"{type(self).__name__} must define track_writer")
-
-    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
-        """The frame with the shapes drawn on it.
-
-        Args:
-            frame: uint8 RGB ``[H, W, 3]``.
-            start: where tracking started.
-            shapes: ``[P, S]``.
-            marks: how each is drawn.
-        """
-        raise TypeError(f"{type(self).__name__} must define draw")
-
-    def draw_particles(
-        self, frame: Any, start: Start, tracker: Any, state: Any, colours: Any
-    ) -> np.ndarray:
-        """The frame with a tracker's particles drawn on it: by default a dot for each."""
-        from jaxpf.media.overlay import draw_particles
-
-        if not hasattr(state, "substates"):
-            return frame
-        centres = np.swapaxes(np.asarray(state.substates)[..., :2], 0, 1)
-        return draw_particles(frame, centres, colours)

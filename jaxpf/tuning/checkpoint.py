@@ -12,14 +12,15 @@ import numpy as np
 
 from jaxpf import __version__
 from jaxpf.errors import InputError
-from jaxpf.evaluation.plan import differences
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.store import Store, about, differences
 from jaxpf.tuning.parameters import Parameter
 from jaxpf.tuning.problem import TrainingSequence
 from jaxpf.tuning.result import Descent
 from jaxpf.tuning.settings import Settings
 
-NAME = "checkpoint.npz"
+#: Piece of the folder's store.
+_PIECE = "checkpoint"
+NAME = f"{_PIECE}.npz"
 
 
 def asked(
@@ -62,7 +63,9 @@ def _settings_of(tracker: Any) -> dict[str, Any]:
     if not dataclasses.is_dataclass(tracker):
         return {}
     fields = [field for field in dataclasses.fields(tracker) if field.metadata.get("static")]
-    return {field.name: getattr(tracker, field.name) for field in fields}
+    settings = {field.name: getattr(tracker, field.name) for field in fields}
+    strategies = {name: getattr(tracker, name, None) for name in ("resampling", "gradient")}
+    return settings | {name: str(one) for name, one in strategies.items() if one is not None}
 
 
 def _digest(tree: Any) -> str:
@@ -89,11 +92,11 @@ def _change(old: dict[str, Any], new: dict[str, Any]) -> str | None:
     return None
 
 
-class Store:
+class Checkpoint:
     """The checkpoint of a folder."""
 
     def __init__(self, folder: Path, description: dict[str, Any]):
-        self.path = folder / NAME
+        self.store = Store(folder, "remove it, or choose another folder")
         self.description = description
 
     def write(self, descents: Sequence[Descent]) -> None:
@@ -103,16 +106,14 @@ class Store:
             InputError: the folder is missing, or the disk full.
         """
         arrays: dict[str, Any] = {}
-        about = []
+        told = []
         for place, descent in enumerate(descents):
             arrays |= {f"{place}.free.{name}": z for name, z in descent.free.items()}
             arrays |= {f"{place}.moment.{i}": x for i, x in enumerate(descent.moments)}
             arrays[f"{place}.loss"] = descent.loss
             arrays[f"{place}.gradient_norm"] = descent.gradient_norm
-            about.append({"stopped": descent.stopped, "moments": len(descent.moments)})
-        text = json.dumps({"asked": self.description, "descents": about})
-        with atomic_write(self.path, "wb") as file:
-            np.savez(file, allow_pickle=False, about=np.array(text), **arrays)
+            told.append({"stopped": descent.stopped, "moments": len(descent.moments)})
+        self.store.write(_PIECE, arrays, {"asked": self.description, "descents": told})
 
     def read(self) -> list[Descent]:
         """The descents so far; none without a checkpoint.
@@ -120,35 +121,28 @@ class Store:
         Raises:
             InputError: it is damaged, or of another call.
         """
-        if not self.path.exists():
+        if not self.store.path(_PIECE).exists():
             return []
-        try:
-            with np.load(self.path, allow_pickle=False) as content:
-                arrays = dict(content)
-            about = json.loads(str(arrays.pop("about")))
-            old = dict(about["asked"])
-            descents = [self._descent(i, one, arrays) for i, one in enumerate(about["descents"])]
-        except Exception as error:  # there is no end to what a damaged archive raises
-            cause = " ".join(str(error).split())[:100]
-            raise InputError(
-                f"the checkpoint '{self.path}' is damaged ({cause}); remove it, or choose another "
-                "folder."
-            ) from None
+        with self.store.opened(_PIECE) as arrays:
+            told = about(arrays)
+            old = dict(told["asked"])
+            descents = [_descent(i, one, arrays) for i, one in enumerate(told["descents"])]
         change = _change(old, self.description)
         if change is not None:
             raise InputError(
-                f"'{self.path.parent}' was begun with {change}; choose another folder, or ask for "
+                f"'{self.store.folder}' was begun with {change}; choose another folder, or ask for "
                 "the same."
             )
         return descents
 
-    def _descent(self, place: int, about: dict[str, Any], arrays: dict[str, Any]) -> Descent:
-        prefix = f"{place}.free."
-        return Descent(
-            repeat=place,
-            free={k.removeprefix(prefix): z for k, z in arrays.items() if k.startswith(prefix)},
-            loss=arrays[f"{place}.loss"],
-            gradient_norm=arrays[f"{place}.gradient_norm"],
-            moments=[arrays[f"{place}.moment.{i}"] for i in range(about["moments"])],
-            stopped=about["stopped"],
-        )
+
+def _descent(place: int, told: dict[str, Any], arrays: Mapping[str, np.ndarray]) -> Descent:
+    prefix = f"{place}.free."
+    return Descent(
+        repeat=place,
+        free={k.removeprefix(prefix): arrays[k] for k in arrays if k.startswith(prefix)},
+        loss=arrays[f"{place}.loss"],
+        gradient_norm=arrays[f"{place}.gradient_norm"],
+        moments=[arrays[f"{place}.moment.{i}"] for i in range(told["moments"])],
+        stopped=told["stopped"],
+    )

@@ -7,10 +7,10 @@ from typing import Any
 import jax
 import numpy as np
 
+from jaxpf.blocks import monte_carlo
 from jaxpf.errors import InputError
 from jaxpf.measures import metrics
 from jaxpf.measures.intervals import Interval, mean_interval, student_quantile
-from jaxpf.running import monte_carlo
 from jaxpf.targets.target import Start, Target
 
 #: Measures and whether more is better; "success" and "recovery" as in smith2004, the others
@@ -129,7 +129,7 @@ def _measured(tracker: Any, keys: Any, held_out: HeldOut) -> np.ndarray:
     """``[R, measures]``: means over frames and objects."""
     estimates = np.asarray(monte_carlo(tracker, keys, held_out.frames, _estimate))
     truth = np.asarray(held_out.truth)
-    shapes = held_out.target.shapes(held_out.start, estimates)
+    shapes = held_out.target.shapes(held_out.start, estimates, tracker)
     found = held_out.target.measures(held_out.start, shapes, truth)
     counts = np.broadcast_to(np.asarray(found["present"]), shapes.shape[:-1])
     tracked, objects = np.asarray(found["tracked"]), counts[0].any(axis=0)

@@ -91,7 +91,7 @@ def tune(
     store = None
     if folder is not None:
         asked = checkpoint.asked(wanted, start, objective, settings, sequences, label)
-        store = checkpoint.Store(Path(folder), asked)
+        store = checkpoint.Checkpoint(Path(folder), asked)
     # What depends on the frames alone is done once, but in the checks above.
     ready = [observed(sequence) for sequence in sequences]
     value_and_gradient = free_loss(objective, tuple(wanted), sequences[0].outlines)
@@ -145,7 +145,7 @@ def _check_gradients(tracker: Any, wanted: Sequence[Parameter]) -> None:
     """Refuse a motion parameter whose gradient would be silently zero."""
     if not any(one.name.startswith("dynamics.") for one in wanted):
         return
-    from jaxpf.filters.partitioned.refusals import check_motion_gradient
+    from jaxpf.filters.gradients import check_motion_gradient
 
     check_motion_gradient(tracker)
 

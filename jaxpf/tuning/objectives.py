@@ -65,7 +65,7 @@ def log_mean_evidence(
     """Log of the mean over runs of their estimates of ``p(y_1:T)``: ``[]``.
 
     Unlike the mean of the logs it approaches the log evidence as R grows, however few the
-    particles.  With ``gradient="stop_gradient"`` its gradient does likewise.  Arguments and
+    particles.  With ``jaxpf.gradients.StopGradient`` its gradient does likewise.  Arguments and
     errors as for ``log_evidence``.
     """
     every = log_evidence(tracker, keys, frames, checkpoint=checkpoint)

@@ -225,8 +225,9 @@ def _why_not(tracker: Any, name: str, leaf: Any) -> str:
         node = getattr(node, part)
     if node is None:
         return f"the parameter {name} is not set in this tracker; {choices}"
-    if isinstance(node, bool | int | str | tuple):
+    if isinstance(node, bool | int | str | tuple) or not jax.tree.leaves(node):
+        shown = getattr(node, "name", node)  # such as of a resampling scheme
         return (
-            f"the parameter {name} is a fixed setting ({node!r}), not a number to tune; {choices}"
+            f"the parameter {name} is a fixed setting ({shown!r}), not a number to tune; {choices}"
         )
     return f"{name} is a group of parameters or no parameter; {choices}"

@@ -55,4 +55,6 @@ def traces(result: Result, loss_name: str = "loss") -> Any:
         axis.tick_params(labelbottom=True)
     for axis in axes:
         axis.grid(alpha=0.3)
+    if not result.settled:
+        figure.suptitle("not settled: the intervals leave out how far the values would have moved")
     return figure

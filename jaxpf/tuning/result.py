@@ -66,6 +66,26 @@ class Result:
     no_curvature: str = ""
 
     @property
+    def settled(self) -> bool:
+        """Whether every repeat stopped because its values had settled."""
+        return all(descent.stopped == "settled" for descent in self.descents)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What has to be said wherever the values and their errors are shown; often nothing."""
+        said = []
+        if not self.settled:
+            count = sum(descent.stopped != "settled" for descent in self.descents)
+            said.append(
+                f"{count} of {len(self.descents)} repeats stopped before they settled: the errors "
+                "leave out how far the values would still have moved. Ask for more steps, or "
+                "start nearer."
+            )
+        if self.no_curvature:
+            said.append(f"Errors of the frames are left out: {self.no_curvature}.")
+        return tuple(said)
+
+    @property
     def values(self) -> dict[str, np.ndarray]:
         """path -> tuned value: means of the free numbers over the last window, over repeats."""
         return self._values(self.free)
@@ -88,7 +108,10 @@ class Result:
         return {name: total(name) for name in self.free}
 
     def standard_errors(self) -> dict[str, np.ndarray]:
-        """path -> standard error of the value, by the slope of its bounds' mapping."""
+        """path -> standard error of the value, by the slope of its bounds' mapping.
+
+        How far a value was from settling is not in it: see ``settled`` and ``remarks``.
+        """
         total = self.total_errors()
         return {
             one.path: np.abs(np.asarray(one.slope(self.free[one.path]))) * total[one.path]

@@ -7,13 +7,15 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxpf import filters
+from jaxpf import building
+from jaxpf.adapters import find_adapter
+from jaxpf.adapters.adapter import Adapter, looks_of_scene
 from jaxpf.errors import InputError
-from jaxpf.models.model import Model
+from jaxpf.filters.gradients import named
 from jaxpf.options import chosen, options_of
-from jaxpf.targets import find_target
-from jaxpf.targets.target import Looks, Start, Target, looks_of_scene
+from jaxpf.targets.target import Looks, Start, Target
 from jaxpf.tuning.comparison import HeldOut
+from jaxpf.tuning.declared import with_tuned
 from jaxpf.tuning.problem import TrainingSequence
 
 #: Frames of a sequence from which the background is learned.
@@ -39,23 +41,28 @@ class Recipe:
     gradient: str = "stop_gradient"
 
     def __post_init__(self) -> None:
-        of = find_target(self.target)
+        of = self.of
         values = {**of.defaults, **self.values}
-        its = _filter_of(values)
+        its = building.filter_for(of, values.get("method"))
         known = options_of(of.options, its.options)
         for name in self.values:
             if name not in known:
                 raise InputError(
                     f"{name} is no option of {self.target}; the options are {', '.join(known)}."
                 )
-        model, filter_ = chosen(of.options, values), chosen(its.options, values)
-        complete = {**_as_values(filter_), **_as_values(model)}
+        model, of_filter = chosen(of.options, values), chosen(its.options, values)
+        complete = {**_as_values(of_filter), **_as_values(model)}
         object.__setattr__(self, "values", complete)
 
     @property
     def of(self) -> Target:
         """The target."""
-        return find_target(self.target)
+        return self.adapter.target
+
+    @property
+    def adapter(self) -> Adapter:
+        """How scenes of it are read."""
+        return find_adapter(self.target)
 
     def with_values(self, values: Mapping[str, Any]) -> "Recipe":
         """The recipe with tuned values, tracker path -> value.
@@ -63,7 +70,7 @@ class Recipe:
         Raises:
             InputError: a path for which there is no option.
         """
-        tuned = self.of.tuned(chosen(self.of.options, self.values), values)
+        tuned = with_tuned(chosen(self.of.options, self.values), values, self.target)
         return dataclasses.replace(self, values={**self.values, **_as_values(tuned)})
 
     def tracker(self, start: Start, looks: Looks, training_frames: Any = None) -> Any:
@@ -74,14 +81,15 @@ class Recipe:
             looks: how they look.
             training_frames: for the differentiable one, ``[n, H, W, 3]``.
         """
-        of, its = self.of, _filter_of(self.values)
+        of = self.of
+        its = building.filter_for(of, self.values["method"])
         options = chosen(of.options, self.values)
-        model: Model
+        filter_options = chosen(its.options, self.values)
         if training_frames is None:
-            model = of.model(options, start, looks)
-        else:
-            model = of.training_model(options, start, looks, training_frames)
-        return its.tracker(model, chosen(its.options, self.values))
+            return building.build(of, options, its, filter_options, start, looks)
+        options = of.resolved(options, looks.is_filmed)
+        likelihood = of.training_likelihood(options, start, looks, training_frames)
+        return its.tracker(of.model(options, start, likelihood), filter_options)
 
 
 def training_sequence(
@@ -103,13 +111,13 @@ def training_sequence(
         InputError: an argument is out of range.
     """
     of = recipe.of
-    start = of.scene_start(scene)
+    start = recipe.adapter.scene_start(scene)
     looks = looks_of_scene(scene, int(recipe.values["particles"]))
     background = scene.frames[_spread(len(scene.frames), _BACKGROUND_FRAMES)]
     tracker = dataclasses.replace(
-        recipe.tracker(start, looks, background), gradient=recipe.gradient
+        recipe.tracker(start, looks, background), gradient=named(recipe.gradient)
     )
-    shapes = np.array(of.scene_shapes(scene)[1:], np.float32)
+    shapes = np.array(recipe.adapter.scene_shapes(scene)[1:], np.float32)
     if labels is not None:
         if not 1 <= labels <= len(shapes):
             raise InputError(
@@ -118,7 +126,9 @@ def training_sequence(
             )
         kept = len(shapes) - 1 - _spread(len(shapes), labels)
         shapes[np.setdiff1d(np.arange(len(shapes)), kept)] = np.nan
-    truth = np.asarray(of.positions(start, shapes)) if objective == "position" else shapes
+    truth = np.asarray(of.outlines(start, shapes)).mean(axis=-2)
+    if objective != "position":
+        truth = shapes
     return TrainingSequence(
         tracker=tracker,
         frames=_at_hand(scene.frames[1:]),
@@ -129,21 +139,21 @@ def training_sequence(
     )
 
 
-def held_out(scene: Any, before: Recipe, after: Recipe, runs: int) -> HeldOut:
+def held_out(scene: Any, before: Recipe, after: Recipe) -> HeldOut:
     """A scene with the trackers that ``jaxpf evaluate`` would run on it."""
     of = before.of
-    start = of.scene_start(scene)
+    start = before.adapter.scene_start(scene)
 
     def tracker(recipe: Recipe) -> Any:
         particles = int(recipe.values["particles"])
-        looks = looks_of_scene(scene, particles, runs)
+        looks = looks_of_scene(scene, particles)
         return recipe.tracker(start, looks)
 
     return HeldOut(
         before=tracker(before),
         after=tracker(after),
         frames=scene.frames[1:],
-        truth=of.scene_shapes(scene)[1:],
+        truth=before.adapter.scene_shapes(scene)[1:],
         target=of,
         start=start,
     )
@@ -152,13 +162,6 @@ def held_out(scene: Any, before: Recipe, after: Recipe, runs: int) -> HeldOut:
 def _at_hand(frames: Any) -> Any:
     """All frames, since a gradient goes back through them; lazy ones are read to the device."""
     return frames if isinstance(frames, np.ndarray) else jax.device_put(np.asarray(frames))
-
-
-def _filter_of(values: Mapping[str, Any]) -> Any:
-    """The filter of the method that is named, or the first one."""
-    if "method" in values:
-        return filters.filter_of(values["method"])
-    return next(iter(filters.filters().values()))
 
 
 def _as_values(options: Any) -> dict[str, Any]:

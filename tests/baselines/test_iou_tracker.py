@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.baselines.iou_tracker import Rules, assigned, iou_tracks
+from jaxpf.baselines.iou_tracker import iou_tracks
 from jaxpf.baselines.simulated_detections import simulated_detections
+from jaxpf.populations.association import Rules, assigned
 
 NONE = np.zeros((0, 4))
 

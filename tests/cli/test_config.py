@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxpf import cli
-from jaxpf.cli import common
+from jaxpf.cli import config
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def images(tmp_path):
 def refusal(tmp_path, images, monkeypatch, capsys):
     """The sentence with which ``jaxpf track`` refuses a configuration and typed options."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(common, "use_compile_cache", lambda: None)
+    monkeypatch.setattr("jaxpf.cli.tracking.use_compile_cache", lambda: None)
 
     def run(content, *arguments):
         (tmp_path / "run.toml").write_bytes(
@@ -64,6 +64,9 @@ def refusal(tmp_path, images, monkeypatch, capsys):
         ("[track]\nboxes = 3", "to 3; give a text in quotes"),
         ("[track]\nscale = 4", "to 4; give a list of numbers"),
         ("[track]\nscale = [4, 2]", "[4, 2] holds 2 number(s); give 3 of them"),
+        ("[track]\nbox = ['1,2,3,4']\nids = [1]", "--ids names objects of a CSV file"),
+        ("[track]\nparts_file = 'a.csv'", "--parts-file is an option of parts, and boxes are"),
+        ("[track]\ntarget = 'trees'", "target 'trees' is unknown; choose one of points,"),
         ("[track]\nids = [1.5]", "to [1.5]; give a list of whole numbers"),
         ("[track]\nbox = '6,8,12,16'", "give a list such as [[120, 80, 40, 90]"),
         ("[track]\nbox = [6, 8, 12, 16]", "give a list such as [[120, 80, 40, 90]"),
@@ -134,7 +137,7 @@ def test_what_is_written_reads_back_as_the_same_options(tmp_path):
         "overlay": False,
         "ids": None,
     }
-    common.write_config(tmp_path / "run.toml", "track", options)
+    config.write_config(tmp_path / "run.toml", "track", options)
     table = tomllib.loads((tmp_path / "run.toml").read_text())["track"]
     assert table == {
         "video": str(tmp_path / "a.mp4"),
@@ -148,6 +151,8 @@ def test_what_is_written_reads_back_as_the_same_options(tmp_path):
 @pytest.mark.parametrize("name", ["track", "evaluate", "tune", "demo"])
 def test_no_two_options_of_a_command_have_one_name(name):
     command = cli.group.get_command(None, name)
+    if name == "track":
+        command = command.get_command(None, "boxes")
     spellings = [spelling for param in command.params for spelling in param.opts]
     assert len(set(spellings)) == len(spellings)
     assert len({param.name for param in command.params}) == len(command.params)

@@ -1,4 +1,4 @@
-"""``jaxpf track --target contours`` and ``jaxpf contour learn``, on a small drawn clip."""
+"""``jaxpf track contours`` and ``jaxpf contour learn``, on a small drawn clip."""
 
 import csv
 import json
@@ -56,7 +56,7 @@ def start(tmp_path_factory):
 @pytest.fixture(scope="module")
 def whole_run(clip, start, tmp_path_factory):
     output = tmp_path_factory.mktemp("run") / "out"
-    return jaxpf("track", clip, "--contours", start, *FEW, "-o", output), output
+    return jaxpf("track", "contours", clip, "--contours", start, *FEW, "-o", output), output
 
 
 @pytest.mark.slow
@@ -97,7 +97,7 @@ def test_a_contour_that_crosses_itself_is_accepted_and_said(clip, tmp_path):
     start = contours(tmp_path, contours={"bow": bow}, degree=1)
     # Before anything else is found wrong.
     options = ("--exclusion", "opaque", "-o", tmp_path / "out")
-    outcome = jaxpf("track", clip, "--contours", start, *options)
+    outcome = jaxpf("track", "contours", clip, "--contours", start, *options)
     assert re.match("Note: The contour 'bow' .* crosses itself.*\nError: 1 opaque", outcome.err)
 
 
@@ -128,14 +128,14 @@ LEAF = [[10, 20], [30, 18], [32, 40], [12, 38]]
         ({}, ("--edge-threshold", "1000"), "clutter cannot be learned; lower the threshold"),
         ({}, ("--lines", "3"), "--lines 3 must be a whole number from 4"),
         ({}, ("--shape-space", "bent"), "'bent' is unknown; choose one of translation, similarity"),
-        ({}, ("--method", "sps"), "swap='combinatorial' needs a likelihood that factors"),
+        ({}, ("--method", "sps"), "swap='combinatorial' needs a likelihood of single objects"),
         ({}, ("--method", "labelled"), "log_joint"),
-        ({}, ("--truth", "gt.csv"), "--truth is about boxes, and contours are tracked"),
+        ({}, ("--truth", "gt.csv"), "--truth is an option of boxes, and contours are tracked"),
     ],
 )
 def test_every_mistake_has_one_clear_sentence(clip, tmp_path, content, options, words):
     start, output = contours(tmp_path, **content), tmp_path / "out"
-    outcome = jaxpf("track", clip, "--contours", start, *FEW, *options, "-o", output)
+    outcome = jaxpf("track", "contours", clip, "--contours", start, *FEW, *options, "-o", output)
     assert outcome.code == 2
     *_, sentence = outcome.err.strip().splitlines()
     assert sentence.startswith("Error: ")
@@ -168,9 +168,11 @@ def test_what_is_learned_is_tracked_with(annotated, clip, start, tmp_path):
     assert "60 contour(s) of 2 target(s) in 30 frame(s): 5 dimensions" in outcome.out
     assert "Dynamics of order 2" in outcome.out
     given = ("--contours", start, "--learned", learned, *FEW, "--frames", "2", "--no-overlay")
-    outcome = jaxpf("track", clip, *given, "-o", tmp_path / "out")
+    outcome = jaxpf("track", "contours", clip, *given, "-o", tmp_path / "out")
     assert outcome.code == 0, outcome.err
-    outcome = jaxpf("track", clip, *given, "--shape-space", "affine", "-o", tmp_path / "other")
+    outcome = jaxpf(
+        "track", "contours", clip, *given, "--shape-space", "affine", "-o", tmp_path / "other"
+    )
     assert "affine was asked for and a learned one was given" in outcome.err
 
 

@@ -14,6 +14,7 @@ from small_evaluation import PARAMETERS, PARTICLES
 from small_sequence_folder import SMALL, write_sequence
 
 from jaxpf.evaluation import Results, report
+from jaxpf.files.locking import locked
 
 WRITTEN = ["report.html", "results.csv", "summary.csv", "summary.md", "summary.tex", "run.toml"]
 #: Every successful evaluation has these shapes, so that the filter is compiled once.
@@ -157,9 +158,9 @@ def test_a_recorded_sequence_with_another_trackers_results(
     assert options["tracks"] == [f"theirs={(place / 'theirs.csv').resolve()}"]
 
 
-def test_baselines_stand_in_the_same_tables(place, tmp_path, short_report, timed):
+def test_baselines_stand_in_the_same_tables(place, tmp_path, short_report):
     more = ("--baseline", "still,meanshift", "--baseline", "still", "-o", tmp_path / "out")
-    outcome = jaxpf("evaluate", place / "two", *COMMON, *more)
+    outcome = jaxpf("evaluate", place / "two", *COMMON, "--speed", *more)
     assert outcome.code == 0, outcome.err
     assert "Baselines come first: still, meanshift" in outcome.err
     assert "still: one track, the same for every seed" in outcome.out
@@ -287,17 +288,67 @@ def refuse(tmp_path, monkeypatch):
         (("--set", "nobjects=3"), "no parameter 'nobjects'"),
         (("--set", "num_objects=many"), "num_objects = 'many' must be a whole number"),
         (("--ids", "1"), "ids = [1] chooses from a recorded sequence"),
-        (("--workers", "0"), "--workers 0 must be from 1 to 256"),
-        (("--devices", "0"), "--devices 0 must be from 1 to 256"),
-        (("--memory", "0"), "--memory 0 must be from 1 to 1073741824"),
+        (("--workers", "0"), "--workers 0 must be a whole number from 1 to 256"),
+        (("--devices", "0"), "--devices 0 must be a whole number from 1 to 256"),
+        (("--memory", "0"), "--memory 0 must be a whole number from 1 to 1073741824"),
         (("--tracks", "theirs"), "--tracks 'theirs' must have the form NAME=VALUE"),
         (("--tracks", "theirs=no.csv"), "no such file"),
         (("--tracks", "a=x.csv", "--tracks", "a=y.csv"), "--tracks gives a name twice"),
         (("--tracks", "ps=x.csv"), "a tracker cannot be called 'ps'"),
+        (("--baseline", ""), "--baseline names none; leave it out"),
+        (("--dask", "tcp://127.0.0.1:1", "--workers", "2"), "--dask brings workers of its own"),
     ],
 )
 def test_mistakes_are_one_sentence(refuse, arguments, sentence):
     assert sentence in refuse("distracter", *SMALL, *arguments)
+
+
+def test_a_folder_where_somebody_is_at_work_is_refused_before_planning(tmp_path, monkeypatch):
+    monkeypatch.setattr("jaxpf.evaluation.prepare", lambda *_: 1 / 0)
+    with locked(tmp_path / "out", "evaluating"):
+        outcome = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "-o", tmp_path / "out")
+    assert outcome.code == 2
+    assert "another process is evaluating into" in outcome.err
+
+
+def test_a_tracker_that_its_file_has_not_is_refused_before_settings_are_compared(whole, tmp_path):
+    _, output = whole
+    (tmp_path / "tr.py").write_text("def present(scene):\n    return None\n")
+    for name, said in (("missing", "has no function 'missing'"), ("present", "without 'present'")):
+        own = ("--tracker", f"{tmp_path / 'tr.py'}:{name}", "-o", output)
+        outcome = jaxpf("evaluate", "distracter", *SMALL, *COMMON, *own)
+        assert outcome.code == 2
+        assert said in outcome.err
+
+
+def test_a_dask_scheduler_that_is_not_there_is_refused(tmp_path):
+    pytest.importorskip("distributed", reason="needs Dask: pip install jaxpf[cluster]")
+    there = ("--dask", "tcp://127.0.0.1:1", "-o", tmp_path / "out")
+    outcome = jaxpf("evaluate", "distracter", *SMALL, *COMMON, *there)
+    assert outcome.code == 2
+    assert "no scheduler answers there" in outcome.err
+
+
+def test_help_of_a_scene_explains_the_options_of_its_objects():
+    shown = jaxpf("evaluate", "articulated", "--help").out
+    assert "Noise of a joint" in shown or "noise of a joint" in shown
+    assert "--window-size" not in shown
+    assert "--window-size" in jaxpf("evaluate", "--help-all").out
+
+
+def test_help_of_methods_explains_their_options_alone():
+    shown = jaxpf("evaluate", "distracter", "--methods", "sir,ps", "--help-all").out
+    assert "--ess-threshold" in shown
+    assert "--resampling" in shown
+    assert "--drift" not in shown
+    assert "--scope" not in shown
+    assert "--drift" in jaxpf("tune", "distracter", "--method", "eskil", "--help-all").out
+
+
+@pytest.mark.parametrize("command", ["evaluate", "tune"])
+def test_help_fits_on_a_screen(command, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert len(jaxpf(command, "--help").out.splitlines()) <= 60
 
 
 def test_unknown_scenes_are_refused_with_those_there_are(refuse):

@@ -3,8 +3,7 @@
 import pytest
 from command_line import jaxpf
 
-from jaxpf.cli import memory
-from jaxpf.errors import InputError
+from jaxpf import InputError, memory
 from jaxpf.evaluation import Plan
 from jaxpf.evaluation.layout import to_latex
 
@@ -54,7 +53,7 @@ def test_a_demo_and_a_tuning_that_do_not_fit_are_refused(tmp_path):
 @pytest.mark.parametrize(("flag", "value"), [("devices", 10000), ("workers", 100000)])
 def test_processes_and_devices_are_bounded(flag, value):
     sentence = refused("evaluate", "distracter", f"--{flag}", value)
-    assert f"--{flag} {value} must be from 1 to 256." in sentence
+    assert f"--{flag} {value} must be a whole number from 1 to 256." in sentence
 
 
 @pytest.mark.parametrize("command", ["evaluate", "tune"])

@@ -1,4 +1,4 @@
-"""``jaxpf track --parts-file``: articulated objects from the command line."""
+"""``jaxpf track parts``: articulated objects from the command line."""
 
 import csv
 import json
@@ -11,7 +11,7 @@ import pytest
 from command_line import jaxpf
 
 import scenes
-from jaxpf.models.geometry import corners_from_poses
+from jaxpf.geometry import corners_from_poses
 
 NAMES = ("body", "left1", "right1", "left2", "right2")
 LENGTH = 12
@@ -51,7 +51,16 @@ def parts_file(scene, tmp_path_factory):
 def whole_run(clip, parts_file, tmp_path_factory):
     output = tmp_path_factory.mktemp("run") / "out"
     outcome = jaxpf(
-        "track", clip, "--parts-file", parts_file, *PARTICLES, "-o", output, "--codec", "vp9"
+        "track",
+        "parts",
+        clip,
+        "--parts-file",
+        parts_file,
+        *PARTICLES,
+        "-o",
+        output,
+        "--codec",
+        "vp9",
     )
     return outcome, output
 
@@ -130,6 +139,7 @@ def test_other_ways_to_track_parts(scene, clip, parts_file, tmp_path, options):
     output = tmp_path / "out"
     outcome = jaxpf(
         "track",
+        "parts",
         clip,
         "--parts-file",
         parts_file,
@@ -146,19 +156,23 @@ def test_other_ways_to_track_parts(scene, clip, parts_file, tmp_path, options):
     )
 
 
-def test_boxes_on_the_command_line_win_over_parts_in_the_configuration(whole_run, clip, tmp_path):
+def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_path):
     _, output = whole_run
-    outcome = jaxpf(
-        "track", clip, "--config", output / "run.toml", "--box", "900,900,5,5", "-o", tmp_path / "o"
-    )
-    assert "lies outside the 400x300 frame" in outcome.err
+    config = ("--config", output / "run.toml", "--box", "900,900,5,5", "-o", tmp_path / "o")
+    outcome = jaxpf("track", clip, *config)
+    assert "--box is an option of boxes, and parts are tracked" in outcome.err
+    outcome = jaxpf("track", "boxes", clip, *config)
+    assert "run.toml' is not of boxes, which are tracked here" in outcome.err
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--box", "1,2,3,4"), "--parts-file is about parts and --box is about boxes; use one"),
-        (("--truth", "gt.csv"), "--truth is about boxes, and parts are tracked"),
+        (
+            ("--box", "1,2,3,4"),
+            "--box is an option of boxes, and parts are tracked; write `jaxpf track boxes",
+        ),
+        (("--truth", "gt.csv"), "--truth is an option of boxes, and parts are tracked"),
         (
             ("--method", "dps"),
             "method 'dps' goes through circular shifts.*choose one of sir, ps, sps",
@@ -179,7 +193,7 @@ def test_boxes_on_the_command_line_win_over_parts_in_the_configuration(whole_run
 )
 def test_every_mistake_has_one_clear_sentence(clip, parts_file, tmp_path, options, words):
     output = tmp_path / "out"
-    outcome = jaxpf("track", clip, "--parts-file", parts_file, "-o", output, *options)
+    outcome = jaxpf("track", "parts", clip, "--parts-file", parts_file, "-o", output, *options)
     assert outcome.code == 2
     assert outcome.err.startswith("Error: ")
     assert outcome.err.count("\n") == 1
@@ -199,7 +213,7 @@ def test_every_mistake_has_one_clear_sentence(clip, parts_file, tmp_path, option
 def test_parts_that_cannot_be_tracked_are_named(clip, parts_file, tmp_path, line, words):
     path = tmp_path / "parts.csv"
     path.write_text(f"{parts_file.read_text()}{line}\n")
-    outcome = jaxpf("track", clip, "--parts-file", path, "-o", tmp_path / "out")
+    outcome = jaxpf("track", "parts", clip, "--parts-file", path, "-o", tmp_path / "out")
     assert outcome.code == 2
     assert re.search(words, outcome.err), outcome.err
     assert outcome.err.count("\n") == 1

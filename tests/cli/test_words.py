@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from command_line import jaxpf
 
-from jaxpf.cli import common, demo
-from jaxpf.media import plotting
+from jaxpf import plotting
+from jaxpf.cli import console, demo
 
 
 def test_a_table_explains_the_terms_that_it_uses_and_no_others(capsys):
-    common.print_table(
+    console.print_table(
         "A",
         ["", "recovery, object 1", "success (%)", "unique", "overlap"],
         [["DPS", "1", "2", "3", "4"]],
@@ -22,25 +22,25 @@ def test_a_table_explains_the_terms_that_it_uses_and_no_others(capsys):
         "recovery: tracked in the last frame with truth; success: tracked in every frame; unique: "
         "particles that carry different draws of the object; tracked: overlapping the truth at all."
     )
-    common.print_table("B", ["", "before"], [["centre_error", "4"]])
+    console.print_table("B", ["", "before"], [["centre_error", "4"]])
     assert ":" not in capsys.readouterr().out
-    common.print_table("C", ["", "before"], [["success", "4"]])
+    console.print_table("C", ["", "before"], [["success", "4"]])
     assert "success: tracked in every frame; tracked: " in capsys.readouterr().out
-    common.print_table("D", ["", "success at .5", "smith2004 success"], [["DPS", "1", "2"]])
+    console.print_table("D", ["", "success at .5", "smith2004 success"], [["DPS", "1", "2"]])
     shown = capsys.readouterr().out
     assert "success at .5: frames whose overlap is above that" in shown
     assert "smith2004 success: tracked in every frame" in shown
 
 
 def test_names_in_a_table_are_no_markup(capsys):
-    common.print_table("[/bold]", ["", "x"], [["[/red]:smile:", "1"]])
+    console.print_table("[/bold]", ["", "x"], [["[/red]:smile:", "1"]])
     shown = capsys.readouterr().out
     assert "[/bold]" in shown
     assert "[/red]:smile:" in shown
 
 
 def test_a_name_in_the_progress_bar_is_no_markup(capsys):
-    with common.progress_bar("runs") as bar:
+    with console.progress_bar("runs") as bar:
         bar.add_task("[/red]", total=1)
     assert "[/red]" in capsys.readouterr().err
 

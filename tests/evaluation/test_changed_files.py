@@ -6,7 +6,7 @@ import pytest
 from small_evaluation import ONE, small_plan
 from small_sequence_folder import write_sequence
 
-from jaxpf.errors import InputError
+from jaxpf import InputError
 from jaxpf.evaluation import evaluate, finished
 from jaxpf.evaluation.fingerprint import fingerprint
 from jaxpf.experiments.sources import load_scene

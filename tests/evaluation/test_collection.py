@@ -12,8 +12,8 @@ from two_objects import TRUE
 from jaxpf.evaluation import collection
 from jaxpf.evaluation.collection import ErrorQuantiles
 from jaxpf.evaluation.tables import write_tables
-from jaxpf.files.boxes import read_boxes
-from jaxpf.measures.intervals import mean_interval
+from jaxpf.intervals import mean_interval
+from jaxpf.tracks import read_boxes
 
 
 def test_tracks_of_the_best_median_and_worst_run(tmp_path):
@@ -65,7 +65,7 @@ def test_quantiles_are_within_a_hundredth():
 
 
 def test_success_curves_are_means_over_runs(tmp_path):
-    from jaxpf.measures.scores import success_curve
+    from jaxpf.scores import success_curve
 
     truth, boxes = walks(seed=8, runs=30, frames=6, objects=2)
     results = make(tmp_path / "results", [(SIR, [batch(boxes[:20]), batch(boxes[20:], 20)])], truth)

@@ -20,10 +20,10 @@ from small_evaluation import (
 import jaxpf
 from jaxpf import InputError
 from jaxpf.evaluation import Limits, Results, evaluate, finished, prepare
+from jaxpf.evaluation.schedule import divide
 from jaxpf.evaluation.worker import keep_measures
-from jaxpf.models.geometry import boxes_from_substates
-from jaxpf.models.likelihoods import histogram_from_patches
-from jaxpf.targets.boxes import box_tracker
+from jaxpf.geometry import boxes_from_substates
+from jaxpf.likelihoods import HistogramLikelihood, histogram_from_patches
 
 
 def test_results_tell_everything_about_the_evaluation(whole):
@@ -64,12 +64,13 @@ def test_a_batch_holds_what_the_tracker_reported(whole):
 
     scene = small_scene()
     start = scene.boxes[0]
-    tracker = box_tracker(
-        histogram_from_patches(scene.patches, method="integral"),
+    tracker = jaxpf.boxes.tracker(
+        None,
         start,
-        jaxpf.ordering.dps(2),
+        likelihood=histogram_from_patches(scene.patches, method="integral"),
+        ordering=jaxpf.ordering.dps(2),
         scale=(1.0, 1.0, 0.001),
-        num_particles=PARTICLES,
+        particles=PARTICLES,
     )
     keys = jax.numpy.stack(
         [jax.random.fold_in(jax.random.key(0), run) for run in range(RUNS, TWICE)]
@@ -197,6 +198,35 @@ def test_work_is_divided_to_the_memory_budget_and_among_workers(tmp_path):
             assert runs == list(range(10_000))
 
 
+def test_no_time_is_promised_where_nobody_knows_the_costs(tmp_path, monkeypatch):
+    assert 0 < prepare(small_plan(), tmp_path).seconds < 60
+    monkeypatch.setattr(HistogramLikelihood, "estimated_nanoseconds", None)
+    assert np.isnan(prepare(small_plan(), tmp_path).seconds)
+
+
+def test_a_run_has_a_block_of_one_width_however_its_work_is_divided():
+    """Whatever batches a kill leaves, and however many workers there are."""
+    rng = np.random.default_rng(0)
+
+    def widths(done, largest):
+        found = {}
+        for first, count, blocks in divide(done, largest):
+            of_runs = np.repeat([w for _, w in blocks], [n * w for n, w in blocks])[:count]
+            found |= dict(zip(range(first, first + count), of_runs.tolist(), strict=True))
+        return found
+
+    for runs in (1, 4, 7, 24, 25, 31, 44, 46, 133):
+        whole = widths(np.zeros(runs, bool), 10**6)
+        assert sorted(whole) == list(range(runs))
+        for largest in (1, 7, 25, 60):
+            done = np.zeros(runs, bool)
+            assert widths(done, largest) == whole
+            for first, count, _ in divide(done.copy(), largest):
+                done[first : first + count] = rng.random() < 0.5
+            left = widths(done, int(rng.integers(1, 100)))
+            assert left == {run: whole[run] for run in np.flatnonzero(~done)}
+
+
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_runs(tmp_path):
     """Peak memory of 4000 runs and of 40 000 in batches of one size."""
@@ -204,9 +234,9 @@ def test_memory_does_not_grow_with_the_runs(tmp_path):
     def peak(runs):
         code = f"""
 import resource
-from jaxpf.cli.common import use_compile_cache
+from jaxpf.cli.startup import use_compile_cache
 use_compile_cache()
-from jaxpf.evaluation import Limits, evaluate
+from jaxpf.evaluation import (Limits, evaluate)
 from small_evaluation import small_plan
 evaluate(small_plan(runs={runs}, methods=["sir"], particles=[4]), {str(tmp_path / str(runs))!r},
          limits=Limits(runs_per_batch=2000))

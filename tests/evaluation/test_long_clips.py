@@ -74,10 +74,10 @@ def test_a_picture_that_is_missing_is_told_in_one_sentence(folder, tmp_path, mon
 #: Evaluates 36 frames, allows itself so many more bytes than it has by then, and evaluates all.
 UNDER_A_LIMIT = """
 import functools, pathlib, resource, sys
-from jaxpf.cli.common import use_compile_cache
+from jaxpf.cli.startup import use_compile_cache
 use_compile_cache()
 import numpy as np
-from jaxpf.evaluation import Limits, Plan, evaluate
+from jaxpf.evaluation import (Limits, Plan, evaluate)
 from jaxpf.experiments.sources import load_scene
 
 def evaluated(name, num_frames):

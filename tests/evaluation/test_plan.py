@@ -9,7 +9,7 @@ import pytest
 
 from jaxpf import InputError
 from jaxpf.evaluation import Plan
-from jaxpf.evaluation.plan import differences
+from jaxpf.files.store import differences
 from jaxpf.filters.partitioned.options import order_label
 from jaxpf.targets.target import Start
 
@@ -67,7 +67,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
         "bands": 2,
         "likelihood": "integral",
         "appearance": "colour",  # which a sharpness says
-        "gain": 4.0,
+        "gain": 2.0,
         "motion": "auto",
         "relative_scale": (0.045, 0.18, 0.02),
         "momentum": 0.3,
@@ -164,8 +164,13 @@ def test_a_value_that_no_target_allows_is_refused(grid, sentence):
 
 def test_an_option_of_another_target_is_refused_once_the_target_is_known():
     plan = Plan(SCENE, grid={"joint_scale": [(1, 1, 1)]})
-    with pytest.raises(InputError, match="joint_scale is no option of boxes"):
+    with pytest.raises(InputError, match="joint_scale is no option of boxes, but of parts; leave"):
         plan.for_target("boxes")
+
+
+def test_an_option_of_other_methods_is_refused():
+    with pytest.raises(InputError, match="drift is an option of eskil, pffl, and not of sir, ps;"):
+        Plan(SCENE, methods=["sir", "ps"], grid={"drift": ["clip"]})
 
 
 @pytest.mark.parametrize("order", [(0, 1), (0, 1, 1), (-1, 0, 1), (0, 1, 3), (0, 1, 2, 3)])

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make, walks
 
-from jaxpf.evaluation import figures, report
+from jaxpf.adapters import find_adapter
+from jaxpf.evaluation import Configuration, Results, charts, figures, report
 from jaxpf.evaluation.clips import make_clip, read_pictures
 from jaxpf.evaluation.collection import ShownRun
 from jaxpf.evaluation.figures import write_figures
 from jaxpf.evaluation.report import write_report
-from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.evaluation.results import OWN
 from jaxpf.evaluation.tables import write_tables
-from jaxpf.targets import find_target
 from jaxpf.targets.target import Start
 
 VOID = {"meta", "img", "br"}
@@ -155,6 +155,22 @@ def test_figures_are_embedded_as_they_are_on_disk(written):
         assert cv2.imread(str(path)).std() > 5  # something is drawn
 
 
+def test_a_tracker_that_tells_no_noise_has_bars_without_labels(tmp_path):
+    truth, boxes = walks(0, 4, 6, 2)
+    own = Configuration("mine", kind=OWN)
+    made = make(tmp_path / "own", [(SIR, [batch(boxes)]), (own, [batch(boxes)])], truth)
+    tables = write_tables(made)
+    figure = charts.diversity(made.object_ids, tables.summaries)
+    labels = [text.get_text() for axis in figure.axes for text in axis.texts]
+    assert "nan" not in labels
+    assert "" in labels
+    # The curves' legend lies below them.
+    figure = charts.success_curves(made, tables.summaries, [0])
+    figure.draw_without_rendering()
+    (axis,) = figure.axes
+    assert axis.get_legend().get_window_extent().y1 < axis.get_window_extent().y0
+
+
 def test_clips_play_the_runs_they_name(written, tmp_path):
     results, source = written
     clips = clips_of(source)
@@ -170,7 +186,7 @@ def test_clips_play_the_runs_they_name(written, tmp_path):
 
 def one_box(truth):
     """The target and the start of one object."""
-    return find_target("boxes"), Start(np.array([1]), truth[0], truth[0, :, 2:], (-1,))
+    return find_adapter("boxes"), Start(np.array([1]), truth[0], truth[0, :, 2:], (-1,))
 
 
 def test_a_clip_shows_truth_and_estimate_where_they_are(tmp_path):

@@ -25,7 +25,7 @@ from small_evaluation import (
 )
 
 from jaxpf import InputError
-from jaxpf.evaluation import Results, batches, evaluate, finished, prepare, store
+from jaxpf.evaluation import Results, batches, evaluate, finished, folder, prepare
 from jaxpf.files import writing as files
 
 
@@ -154,7 +154,7 @@ def test_another_precision_is_refused(part):
 
 
 def test_another_version_is_refused(part):
-    path = part / store.SETTINGS
+    path = part / folder.SETTINGS
     settings = json.loads(path.read_text())
     settings["versions"]["jaxpf"] = "0.0.9"
     path.write_text(json.dumps(settings))
@@ -164,7 +164,7 @@ def test_another_version_is_refused(part):
 
 @pytest.mark.parametrize("text", ["{", "[]", "{}", ""])
 def test_damaged_settings_are_refused(part, text):
-    (part / store.SETTINGS).write_text(text)
+    (part / folder.SETTINGS).write_text(text)
     with pytest.raises(InputError, match=r"settings\.json"):
         evaluate(small_plan(), part)
 
@@ -181,14 +181,14 @@ def test_a_folder_of_something_else_is_refused(tmp_path):
 
 
 def test_batches_without_settings_are_refused(part):
-    (part / store.SETTINGS).unlink()
+    (part / folder.SETTINGS).unlink()
     with pytest.raises(InputError, match=r"holds 'batches' but no evaluation"):
         evaluate(small_plan(), part)
 
 
 def test_two_processes_cannot_evaluate_into_one_folder(part):
     with (
-        store.locked(part),
+        folder.locked(part),
         pytest.raises(InputError, match="another process is evaluating into"),
     ):
         evaluate(small_plan(runs=TWICE), part)
@@ -196,9 +196,9 @@ def test_two_processes_cannot_evaluate_into_one_folder(part):
 
 
 def test_errors_while_the_folder_is_locked_are_not_mistaken_for_its_own(tmp_path):
-    with pytest.raises(FileNotFoundError, match="elsewhere"), store.locked(tmp_path):
+    with pytest.raises(FileNotFoundError, match="elsewhere"), folder.locked(tmp_path):
         raise FileNotFoundError("elsewhere")
-    with store.locked(tmp_path):  # it was given back
+    with folder.locked(tmp_path):  # it was given back
         pass
 
 
@@ -233,7 +233,7 @@ def test_a_full_disk_is_one_sentence_and_finished_batches_stay(whole, tmp_path, 
 
 def test_leavings_of_a_killed_start_do_not_stand_in_the_way(whole, tmp_path):
     (tmp_path / "batches").mkdir()
-    (tmp_path / store.LOCK).touch()
+    (tmp_path / folder.LOCK).touch()
     (tmp_path / ".settings.77.partial.json").write_text("{")
     leaving = tmp_path / "batches" / ".0000-00000000.77.partial.npz"
     results = evaluate(small_plan(), tmp_path)
@@ -249,16 +249,16 @@ def test_killing_it_loses_only_the_batch_in_flight(whole, tmp_path):
     """SIGKILL, again and again, whenever two more batches are on disk."""
     runs = 40 * RUNS
     code = f"""
-from jaxpf.cli.common import use_compile_cache
+from jaxpf.cli.startup import use_compile_cache
 use_compile_cache()
-from jaxpf.evaluation import Limits, evaluate
+from jaxpf.evaluation import (Limits, evaluate)
 from small_evaluation import small_plan
 evaluate(small_plan(runs={runs}), {str(tmp_path)!r}, limits=Limits(runs_per_batch={RUNS}))
 """
     known: dict[str, int] = {}
     for _ in range(2):
         process = subprocess.Popen([sys.executable, "-c", code], cwd=HERE)
-        deadline = time.monotonic() + 120
+        deadline = time.monotonic() + 600
         while len(list(tmp_path.glob("batches/0*.npz"))) < len(known) + 2:
             assert process.poll() is None
             assert time.monotonic() < deadline

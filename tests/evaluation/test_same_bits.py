@@ -17,9 +17,8 @@ from small_evaluation import (
     small_scene,
 )
 
-from jaxpf.evaluation import Limits, Plan, Results, evaluate
-from jaxpf.evaluation.execution import local_pool
-from jaxpf.experiments.sources import OwnTracker
+from jaxpf.cli.own_tracker import OwnTracker
+from jaxpf.evaluation import Limits, Plan, Results, evaluate, local_pool
 
 #: A user's own files.
 HOUSE = Path(__file__).parents[1] / "house"
@@ -32,9 +31,20 @@ def test_the_size_of_batches_does_not_matter(whole, tmp_path):
     assert_equal_bits(content(together), content(whole))
 
 
+@pytest.mark.parametrize("runs", [7, 31])
+def test_blocks_of_two_widths_are_the_same_together_and_apart(tmp_path, runs):
+    plan = small_plan(runs=runs, methods=["dps"])
+    together, apart = (
+        evaluate(plan, tmp_path / name, limits=Limits(runs_per_batch=size))
+        for name, size in (("together", 1000), ("apart", 5))
+    )
+    assert len(names(together.folder)) < len(names(apart.folder))
+    assert_equal_bits(content(together), content(apart))
+
+
 @pytest.mark.slow
 def test_two_processes_give_the_same_bits(whole, tmp_path):
-    from jaxpf.cli.common import use_compile_cache
+    from jaxpf.cli.startup import use_compile_cache
 
     done = []
     results = evaluate(
@@ -53,7 +63,7 @@ def test_dask_gives_the_same_bits(whole, tmp_path):
     distributed = pytest.importorskip(
         "distributed", reason="needs Dask: pip install jaxpf[cluster]"
     )
-    from jaxpf.cli.common import use_compile_cache
+    from jaxpf.cli.startup import use_compile_cache
 
     # A user's tracker travels as its file's text: the file may be gone on the other machine.
     file = tmp_path / "own.py"
@@ -82,9 +92,9 @@ def test_the_number_of_devices_does_not_matter(whole, tmp_path, devices):
     code = f"""
 import jax
 jax.config.update("jax_num_cpu_devices", {devices})
-from jaxpf.cli.common import use_compile_cache
+from jaxpf.cli.startup import use_compile_cache
 use_compile_cache()
-from jaxpf.evaluation import Limits, evaluate
+from jaxpf.evaluation import (Limits, evaluate)
 from small_evaluation import small_plan
 assert jax.device_count() == {devices}
 evaluate(small_plan(runs={TWICE}), {str(tmp_path)!r})

@@ -11,15 +11,13 @@ from quick_compiling import quick
 from small_evaluation import small_scene
 from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers, rows_of
 
-from jaxpf.errors import InputError
-from jaxpf.evaluation import Plan, Results, collection, tables
-from jaxpf.evaluation.results import Configuration
+from jaxpf import InputError, metrics
+from jaxpf.adapters import find_adapter
+from jaxpf.evaluation import Configuration, Plan, Results, collection, tables
 from jaxpf.evaluation.settings import new_settings
 from jaxpf.evaluation.summary import configuration_name
 from jaxpf.evaluation.tables import write_tables
-from jaxpf.measures import metrics
-from jaxpf.measures.intervals import wilson_interval
-from jaxpf.targets import find_target
+from jaxpf.intervals import wilson_interval
 
 
 @pytest.fixture(scope="module")
@@ -184,10 +182,10 @@ def test_methods_are_compared_on_common_runs_at_equal_parameters(tmp_path):
 
 
 def test_labels_leave_out_what_follows_from_an_appearance(tmp_path):
-    scene, target = small_scene(), find_target("boxes")
+    scene, adapter = small_scene(), find_adapter("boxes")
     plan = Plan(small_scene, methods=("sir",), grid={"appearance": ("colour", "discriminative")})
-    settings = new_settings(plan, scene, target, target.scene_start(scene))
-    results = Results(tmp_path, settings, scene.boxes[1:], target.scene_start(scene))
+    settings = new_settings(plan, scene, adapter.target, adapter.scene_start(scene))
+    results = Results(tmp_path, settings, scene.boxes[1:], adapter.scene_start(scene))
     names = [configuration_name(results, one) for one in results.configurations]
     assert names == ["SIR, appearance colour", "SIR, appearance discriminative"]
     motions = [one.parameters["motion"] for one in results.configurations]
@@ -249,7 +247,7 @@ def test_shown_decimals_follow_the_width_of_the_intervals():
 
 def test_scores_of_the_benchmarks_are_means_over_runs(by_hand):
     pytest.importorskip("trackeval")
-    from jaxpf.measures.scores import tracking_scores
+    from jaxpf.scores import tracking_scores
 
     runs = [tracking_scores(boxes, TRUTH) for boxes in BOXES]
     for name in ("HOTA", "MOTA", "IDF1", "IDSW"):
@@ -271,7 +269,7 @@ def test_without_trackeval_the_scores_are_left_out(tmp_path, monkeypatch):
     monkeypatch.setattr("jaxpf.evaluation.summary.has_scores", lambda: False)
     results = make(tmp_path / "results", [(SIR, [batch(BOXES)])], TRUTH)
     made = write_tables(results)
-    assert any("jaxpf[scores]" in remark for remark in made.remarks)
+    assert any("--no-deps trackeval" in remark for remark in made.remarks)
     assert "HOTA" not in (results.folder / "summary.csv").read_text()
     assert "HOTA (" not in (results.folder / "summary.md").read_text()
 
@@ -310,7 +308,7 @@ def test_a_full_disk_loses_nothing(tmp_path, monkeypatch):
 
 
 def test_a_printed_table_fits_the_terminals_printer(by_hand, capsys):
-    from jaxpf.cli.common import print_table
+    from jaxpf.cli.console import print_table
 
     for table in by_hand[1].printed:
         print_table(*table)

@@ -9,10 +9,13 @@ from jaxpf.experiments.claims import (
     SUPPORTS,
     Quantity,
     cluster_interval,
+    exact,
+    growth,
     judged,
     newcombe,
     shown,
     student_interval,
+    told,
     verdict,
     wilson,
 )
@@ -60,9 +63,37 @@ def test_the_more_parts_the_more_it_takes_to_contradict():
     assert verdict([fixed(10, 5, at_least=0), slightly]) == CANNOT_RESOLVE
 
 
+def test_agreement_without_a_width_is_no_certainty():
+    assert verdict([fixed(10, 0, at_least=0)]) == CANNOT_RESOLVE
+    assert verdict([fixed(-10, 0, at_least=0)]) == CANNOT_RESOLVE
+    assert verdict([exact(10, at_least=0)]) == SUPPORTS
+    assert verdict([exact(-10, at_least=0)]) == CONTRADICTS
+
+
+@pytest.mark.parametrize(("successes", "trials"), [(8, 10), (8, 8), (5, 10)])
+def test_so_many_runs_as_are_told_resolve_it(successes, trials):
+    """A rate, claimed to be at least 70 %, judged again on so many times as many trials."""
+
+    def rate(times):
+        value = 100 * successes / trials
+        return Quantity("", value, wilson(times * successes, times * trials), at_least=70)
+
+    assert verdict([rate(1)]) == CANNOT_RESOLVE
+    needed = growth([rate(1)])
+    assert verdict([rate(1.02 * needed)]) != CANNOT_RESOLVE
+    assert verdict([rate(0.98 * needed)]) == CANNOT_RESOLVE
+    claim = told(judged("rate", "", "", rate(1)), trials)
+    assert f"about {math.ceil(needed * trials)} runs would resolve it" in claim.measured
+
+
+def test_what_no_number_of_runs_resolves_is_told():
+    assert "no number of runs" in told(judged("", "", "", fixed(0, 1, at_least=0)), 5).measured
+    assert "too few runs" in told(judged("", "", "", fixed(5, 0, at_least=0)), 5).measured
+
+
 def test_a_judged_claim_shows_its_figures():
-    claim = judged("a > b", "table 1", "3, 4", [fixed(10, 5, at_least=0)])
-    assert claim == ("a > b", "table 1", "3, 4", "it: 10 [5, 15]", SUPPORTS)
+    claim = judged("a > b", "table 1", "3, 4", fixed(10, 5, at_least=0))
+    assert claim[:5] == ("a > b", "table 1", "3, 4", "it: 10 [5, 15]", SUPPORTS)
     assert shown([fixed(1, 0.25)._replace(what="")], digits=2) == "1.00 [0.75, 1.25]"
 
 

@@ -3,11 +3,10 @@ import json
 
 import pytest
 
-from jaxpf.errors import InputError
+from jaxpf import InputError, plotting
 from jaxpf.experiments import comparison_table
 from jaxpf.experiments.claims import Claim, Measured
 from jaxpf.experiments.comparison_table import Cell, Comparison, Table
-from jaxpf.media import plotting
 
 
 @pytest.fixture

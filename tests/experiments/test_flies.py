@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jaxpf.experiments.gonzales2011 import flies
+from jaxpf.experiments.gonzales2011.tables import fly_table
 
 pytestmark = pytest.mark.slow
 
@@ -37,5 +38,5 @@ def test_the_trees_follow_the_fly(fly):
     # The fly walks; its trunk is followed, whatever becomes of its feet.
     trunk = {name: float(np.nanmean(distance[..., :3])) for name, distance in found.items()}
     assert max(trunk[method] for method in flies.METHODS) < 4
-    table = flies.table(found)
+    table = fly_table(found)
     assert [label for label, _ in table.rows] == list(found)

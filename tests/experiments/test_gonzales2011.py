@@ -1,24 +1,35 @@
 """gonzales2011 repeated: what is measured, and how it becomes tables, claims and figures."""
 
 import re
+from contextlib import suppress
 
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
+from jaxpf import InputError
 from jaxpf.experiments import gonzales2011
 from jaxpf.experiments.claims import CANNOT_RESOLVE, CONTRADICTS, SUPPORTS
 from jaxpf.experiments.comparison_table import Comparison, write
-from jaxpf.experiments.gonzales2011 import costs, curves, judgements, published, times, tracking
-from jaxpf.experiments.gonzales2011.tracking import DYNAMICS, METHODS, RUNS_PER_SCENE, Outcome
+from jaxpf.experiments.gonzales2011 import (
+    accuracy,
+    claims,
+    figures,
+    published,
+    scenes,
+    tables,
+    times,
+)
+from jaxpf.experiments.gonzales2011.scenes import DYNAMICS, METHODS, RUNS_PER_SCENE, Outcome
+from jaxpf.experiments.parts import keeping
 
 FRAMES = 7
+CELL = scenes.Cell("smooth", 3, (12,))
 KINDS = [(dynamics, method) for dynamics in DYNAMICS for method in METHODS]
 
 
 @pytest.fixture(scope="module")
 def measured():
-    return tracking.measure("smooth", 3, (12,), seeds=(0, 1), num_frames=FRAMES)[12]
+    return scenes.measure([CELL], seeds=(0, 1), num_frames=FRAMES)["smooth", 3, 12]
 
 
 @pytest.mark.slow
@@ -45,7 +56,7 @@ def test_methods_and_dynamics_really_differ_and_runs_do_too(measured):
 
 @pytest.mark.slow
 def test_a_run_depends_on_its_sequence_and_seed_alone(measured):
-    swapped = tracking.measure("smooth", 3, (12,), seeds=(1, 0), num_frames=FRAMES)[12]
+    swapped = scenes.measure([CELL], seeds=(1, 0), num_frames=FRAMES)["smooth", 3, 12]
     for kind in KINDS:
         np.testing.assert_array_equal(measured.error[kind][::-1], swapped.error[kind])
 
@@ -53,16 +64,37 @@ def test_a_run_depends_on_its_sequence_and_seed_alone(measured):
 def test_trackers_of_all_methods_have_one_shape():
     import jax
 
-    import scenes
+    from scenes import make
 
-    scene = scenes.make("articulated", 0, num_parts=5, num_frames=2)
-    found = tracking.trackers(scene, tracking.learn(scene), "erratic", 4)
+    scene = make("articulated", 0, num_parts=5, num_frames=2)
+    found = scenes.trackers(scene, scenes.learn(scene), "erratic", 4)
     assert set(found) == set(KINDS)
     assert len({jax.tree.structure(tracker) for tracker in found.values()}) == 1
     assert len({str(jax.tree.map(np.shape, tracker)) for tracker in found.values()}) == 1
     alone = found["absolute", "PS"].dynamics.walks_alone
     assert np.all(alone)
     assert np.asarray(found["relative", "PS"].dynamics.walks_alone).tolist() == [True] + [False] * 4
+
+
+def test_what_was_tracked_before_a_stop_is_not_tracked_again(tmp_path, monkeypatch):
+    def tracked(cell, *_):
+        asked.append(cell[:2])
+        return {
+            "10": {
+                what: {kind: {m: np.full((2, 5, 3), 7.0) for m in METHODS} for kind in DYNAMICS}
+                for what in Outcome._fields
+            }
+        }
+
+    asked = []
+    monkeypatch.setattr(scenes, "_measured", tracked)
+    for _ in range(2):
+        with suppress(KeyboardInterrupt), keeping(tmp_path, {}):
+            found = scenes.measure([scenes.Cell("smooth", 3, (10,))], (0, 1), 4)["smooth", 3, 10]
+            raise KeyboardInterrupt
+    assert asked == [("smooth", 3)]
+    assert set(found.variance) == set(KINDS)
+    np.testing.assert_array_equal(found.error["relative", "PS"], np.full((2, 5, 3), 7.0))
 
 
 def fake_outcome(gains, variance_gains=None, num_scenes=4, spread=0.5):
@@ -89,7 +121,7 @@ def everything(outcome):
 
 def test_claims_follow_what_was_measured():
     outcome = fake_outcome({"SPS sorted": 8.0, "SPS combinatorial": -8.0}, {"SPS sorted": 0.0})
-    found = judgements.claims(everything(outcome))
+    found = claims.curve_claims(everything(outcome))
     assert len(found) == 2 * 2 * 6 + 1
     for claim in found[:-1]:
         if "variance" in claim.statement:
@@ -108,7 +140,7 @@ def test_claims_follow_what_was_measured():
 def test_one_bad_cell_contradicts_a_claim_about_every_cell():
     outcomes = everything(fake_outcome({"SPS sorted": 8.0}))
     outcomes["smooth", 7, 40] = fake_outcome({"SPS sorted": -8.0})
-    found = {claim.statement.split(" [")[0]: claim for claim in judgements.claims(outcomes)[:6]}
+    found = {claim.statement.split(" [")[0]: claim for claim in claims.curve_claims(outcomes)[:6]}
     verdicts = {
         name.split(" ")[2]: claim.verdict for name, claim in found.items() if "every N" in name
     }
@@ -120,7 +152,7 @@ def test_gains_are_per_cent_of_ps_sequence_by_sequence():
         ("absolute", "PS"): np.array([[[10.0, 30]], [[40, 40]]]),
         ("absolute", "SPS sorted"): np.array([[[10.0, 20]], [[50, 50]]]),
     }
-    np.testing.assert_allclose(curves.gain(values, "absolute", "SPS sorted"), [25, -25])
+    np.testing.assert_allclose(tables.gain(values, "absolute", "SPS sorted"), [25, -25])
 
 
 def fake_times():
@@ -130,13 +162,15 @@ def fake_times():
         for particles in published.TABLE_1_PARTICLES:
             base = 1e-3 * parts * particles * (1 + 0.001 * rng.normal(size=5))
             found[parts, particles] = {
-                "PS": base, "SPS sorted": 1.3 * base, "SPS combinatorial": 1.01 * base
-            }  # fmt: skip
+                "PS": base,
+                "SPS sorted": 1.3 * base * (1 + 1e-7 * rng.normal()),
+                "SPS combinatorial": 1.01 * base * (1 + 1e-7 * rng.normal()),
+            }
     return found
 
 
 def test_times_stand_beside_the_published_ones():
-    seconds, nanoseconds, ratios = times.time_tables(fake_times())
+    seconds, nanoseconds, ratios = tables.time_tables(fake_times())
     assert [len(table.rows) for table in (seconds, nanoseconds, ratios)] == [15, 15, 10]
     label, cells = seconds.rows[-3]
     assert label == "11 parts, PS"
@@ -147,7 +181,7 @@ def test_times_stand_beside_the_published_ones():
     assert label == "3 parts, SPS sorted / PS"
     np.testing.assert_allclose(cells[0].published, 0.56 / 0.54)
     np.testing.assert_allclose(cells[0].measured.value, 1.3, rtol=1e-6)
-    by_method = {claim.statement: claim for claim in times.time_claims(fake_times())}
+    by_method = {claim.statement: claim for claim in claims.time_claims(fake_times())}
     verdicts = [claim.verdict for claim in by_method.values()]
     assert verdicts == [CONTRADICTS, SUPPORTS]
     # Counted by hand in the paper's table: four cells are above 4 %.
@@ -155,7 +189,7 @@ def test_times_stand_beside_the_published_ones():
 
 
 def test_growth_is_compared_with_linear_growth():
-    rows = dict(costs.growth_table(fake_times()).rows)
+    rows = dict(tables.growth_table(fake_times()).rows)
     assert len(rows) == len(published.PARTS) + len(published.TABLE_1_PARTICLES)
     linear, ps, _, combinatorial = rows["7 parts, N from 100 to 200"]
     assert linear == "2.00"
@@ -187,7 +221,7 @@ def test_methods_are_timed_in_turn_for_every_cell(monkeypatch):
 
 
 def test_more_samples_come_closer_to_every_pixel():
-    few, many = (costs.likelihood_errors(n, num_parts=3, poses_per_part=30) for n in (8, 64))
+    few, many = (accuracy.likelihood_errors(n, num_parts=3, poses_per_part=30) for n in (8, 64))
     assert few.shape == (3, 30)
     assert np.std(many, axis=1).mean() < 0.5 * np.std(few, axis=1).mean()
     # 64 x 64 samples of 28 x 16 pixels: only those at the edges may count otherwise.
@@ -219,12 +253,12 @@ def test_everything_is_written(tmp_path):
         paper="gonzales2011",
         title="a test",
         tables=[
-            *curves.error_tables(outcomes),
-            *times.time_tables(fake_times()),
-            costs.growth_table(fake_times()),
+            *tables.error_tables(outcomes),
+            *tables.time_tables(fake_times()),
+            tables.growth_table(fake_times()),
         ],
-        claims=judgements.claims(outcomes),
-        figures=curves.figures(outcomes),
+        claims=claims.curve_claims(outcomes),
+        figures=figures.curves(outcomes),
         notes=gonzales2011.NOTES,
     )
     written = write(comparison, tmp_path)
@@ -237,11 +271,11 @@ def test_everything_is_written(tmp_path):
 
 def test_runs_come_in_whole_sequences():
     with pytest.raises(InputError, match="--runs 7 must be a multiple of 5"):
-        gonzales2011.run(runs=7)
+        gonzales2011.PAPER.run(runs=7)
 
 
 def test_a_folder_without_the_flies_is_refused_before_the_work_begins(tmp_path):
     told = []
     with pytest.raises(InputError, match="holds no sleap_fly_pair; name one that does, or leave"):
-        gonzales2011.run(quick=True, data=tmp_path, report=told.append)
+        gonzales2011.PAPER.run(quick=True, data=tmp_path, report=told.append)
     assert not told

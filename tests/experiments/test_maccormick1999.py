@@ -5,17 +5,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
-from jaxpf.experiments import contour_costs
+from jaxpf import InputError
+from jaxpf.benchmarks import contours
 from jaxpf.experiments.maccormick1999 import (
-    cases,
-    coalescence,
+    PAPER,
+    claims,
     look_ahead,
     one_line,
-    run,
+    passing,
     toy,
     tracking,
 )
+from jaxpf.experiments.maccormick1999 import scenes as cases
+from jaxpf.experiments.maccormick1999.tables import look_ahead_table
 
 
 def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
@@ -23,12 +25,12 @@ def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
     assert together.max() < 0.1 * apart.min()
     alone = one_line.likelihood(np.array([[-50.0, -32.0]]))
     assert alone[0] > 5 * alone[1]
-    assert one_line.claims()[0].verdict == "supports"
+    assert claims.line_claim().verdict == "supports"
 
 
 def test_the_bench_compares_like_with_like():
-    likelihood, frame, substates = contour_costs.problem()
-    hypothesis = contour_costs.opencv_hypothesis(likelihood, frame)
+    likelihood, frame, substates = contours.problem()
+    hypothesis = contours.opencv_hypothesis(likelihood, frame)
     few = substates[:, :40]
     partition = jnp.zeros(40, jnp.int32)
     observation = jax.jit(likelihood.observe)(frame)
@@ -59,26 +61,68 @@ def test_who_ended_where_is_judged_by_the_truth(wires):
     truth = wires.truth
     swapped, on_first = truth[:, ::-1], truth[:, [0, 0]]
     lost = truth + 60
-    kept, coalesced = tracking.judged(wires, np.stack([truth, swapped, on_first, lost]))
-    np.testing.assert_array_equal(kept, (True, False, False, False))
-    np.testing.assert_array_equal(coalesced, (False, False, True, False))
+    point = truth[:, :, :1].repeat(truth.shape[2], axis=2)  # lies on its target, and is none of it
+    outlines = np.stack([truth, swapped, on_first, lost, point])
+    kept, coalesced, exchanged = tracking.judged(wires, outlines)
+    np.testing.assert_array_equal(kept, (True, False, False, False, False))
+    np.testing.assert_array_equal(coalesced, (False, False, True, False, False))
+    np.testing.assert_array_equal(exchanged, (False, True, False, False, False))
+
+
+def test_distances_count_both_ways(wires):
+    half = wires.truth[:, :, : wires.truth.shape[2] // 2]
+    there = cases.distances(wires, half[None])[0]
+    assert np.diagonal(there, axis1=1, axis2=2).min() > 6
 
 
 def test_claims_follow_from_the_rates(wires):
     outlines = np.stack([wires.truth] * 20)
     kept, none = np.ones(20, bool), np.zeros(20, bool)
     good = tracking.Outcome(
-        outlines, np.ones((20, 2)), np.ones((20, 2, 2)), kept, none, np.zeros(20)
+        outlines,
+        np.ones((20, 2)),
+        np.ones((20, 2, 2)),
+        kept,
+        none,
+        none,
+        np.zeros(20),
+        np.full((20, 2), np.nan),
     )
     bad = good._replace(kept=none, coalesced=kept)
-    outcomes = {coalescence.EXCLUSIVE: [good] * 10, coalescence.NAIVE: [bad] * 10}
-    meeting = coalescence.Meeting([wires] * 10, outcomes, 300)
-    first, second = coalescence.claims(meeting)
-    assert second.verdict == "supports"
+    outcomes = {passing.EXCLUSIVE: [good] * 10, passing.NAIVE: [bad] * 10}
+    meeting = passing.Passing([wires] * 10, outcomes, passing.likelihoods(300))
+    first, second, third = claims.meeting_claims(meeting)
+    assert second.verdict == third.verdict == "supports"
     assert "100" in first.measured
-    reverse = {coalescence.EXCLUSIVE: [bad] * 10, coalescence.NAIVE: [good] * 10}
-    first, second = coalescence.claims(meeting._replace(outcomes=reverse))
-    assert first.verdict == second.verdict == "contradicts"
+    reverse = {passing.EXCLUSIVE: [bad] * 10, passing.NAIVE: [good] * 10}
+    verdicts = {
+        claim.verdict for claim in claims.meeting_claims(meeting._replace(outcomes=reverse))
+    }
+    assert verdicts == {"contradicts"}
+
+
+def test_labels_are_scored_by_the_truth_and_lost_runs_do_not_widen():
+    case = cases.leaves(0, num_frames=9)
+    runs, frames = 2, len(case.frames)
+    right = np.full((runs, frames), float(case.farther == 1))
+    right[1] = 1 - right[1]
+    spread = np.ones((runs, frames, 2))
+    spread[0, case.hidden > 0] = 3
+    spread[1] = 50 + np.arange(frames)[:, None] ** 2
+    ends = np.array([True, False]), np.zeros(2, bool), np.zeros(2, bool)
+    outcome = tracking.Outcome(
+        np.zeros((runs, frames, 2, 4, 2)),
+        np.ones((runs, frames)),
+        spread,
+        *ends,
+        np.zeros(2),
+        right,
+    )
+    found = passing.Passing([case], {"PS": [outcome]}, {"PS": passing.LEAVES["PS, 750"]})
+    np.testing.assert_array_equal(found.labels_right("PS"), [0.5])
+    np.testing.assert_allclose(found.widening("PS"), [3.0])
+    lost = found._replace(outcomes={"PS": [outcome._replace(kept=np.zeros(2, bool))]})
+    assert np.isnan(lost.widening("PS")).all()
 
 
 def test_look_ahead_is_told_by_the_ratio_of_variances():
@@ -86,7 +130,7 @@ def test_look_ahead_is_told_by_the_ratio_of_variances():
     kept = np.ones((10, 5), bool)
     plain = look_ahead.Weighting(300, 2.0, 3 * steps, kept)
     ahead = look_ahead.Weighting(150, 2.2, steps + 7, kept)
-    table = look_ahead.table("wires", {look_ahead.PLAIN: plain, look_ahead.SAME_TIME: ahead})
+    table = look_ahead_table("wires", {look_ahead.PLAIN: plain, look_ahead.SAME_TIME: ahead})
     particles, time, _, ratio, _ = table.rows[1][1]
     assert (particles, time) == ("150", "1.10")
     np.testing.assert_allclose(ratio.measured, 1 / 9)
@@ -114,14 +158,14 @@ def test_hidden_shares_follow_the_overlap():
 
 @pytest.mark.slow
 def test_the_toy_shows_that_partitioned_sets_are_finer():
-    assert toy.claims(toy.particle_sets(0))[0].verdict == "supports"
+    assert claims.toy_claim(toy.particle_sets(0)).verdict == "supports"
 
 
 def test_a_missing_clip_is_refused_before_the_work_begins(tmp_path):
     with pytest.raises(InputError, match="holds no worm_crossing"):
-        run(runs=5, data=tmp_path)
+        PAPER.run(runs=5, data=tmp_path)
     with pytest.raises(InputError, match="multiple of 5"):
-        run(runs=7)
+        PAPER.run(runs=7)
 
 
 @pytest.mark.slow

@@ -1,16 +1,20 @@
 """Parts of an experiment are measured once, whatever stops it in between."""
 
 import contextlib
-import sys
-import types
+import importlib
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
+import pytest
 from command_line import jaxpf
 
-from jaxpf.cli.reproduce import PAPERS
-from jaxpf.errors import InputError
-from jaxpf.experiments.comparison_table import Comparison
-from jaxpf.experiments.parts import can_go_on, keeping, part
+from jaxpf import InputError
+from jaxpf.cli import reproduce
+from jaxpf.experiments import paper
+from jaxpf.experiments.paper import PAPERS, Paper, paper_of
+from jaxpf.experiments.parts import can_go_on, each, keeping, part, sharing
 
 
 class Measured:
@@ -54,6 +58,32 @@ def test_what_was_measured_before_a_stop_is_not_measured_again(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("share", [True, False])
+def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, share):
+    asked = []
+
+    def measure(number):
+        time.sleep(0.02 * (3 - number))  # the first is the last to be ready
+        asked.append(number)
+        return {"number": number}
+
+    def measured(numbers):
+        executor = partial(ThreadPoolExecutor, 3) if share else None
+        with sharing(executor):
+            parts = ((f"part-{number}", partial(measure, number)) for number in numbers)
+            return [int(found["number"]) for found in each(parts, threads=2)]
+
+    assert measured(range(3)) == [0, 1, 2]
+    assert sorted(asked) == [0, 1, 2]
+    asked.clear()
+    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {}):
+        assert measured([2, 1]) == [2, 1]
+        raise KeyboardInterrupt
+    with keeping(tmp_path, {}):
+        assert measured(range(4)) == [0, 1, 2, 3]
+    assert sorted(asked) == [0, 1, 2, 3]
+
+
 def test_a_mistake_before_anything_is_measured_leaves_nothing(tmp_path):
     with contextlib.suppress(InputError), keeping(tmp_path, {"runs": 7}):
         raise InputError("--runs 7 must be a multiple of 5.")
@@ -72,16 +102,31 @@ def test_other_settings_begin_anew(tmp_path):
 def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
     measured, stops = Measured(), [InputError("the disk is full; make room.")]
 
-    def run(runs, seed, quick, data, report):
+    def measure(request):
         measured.part("a")
         if stops:
             raise stops.pop()
         measured.part("b")
-        return Comparison("eskil2014", "a title", [], [], {}, ["a note"], {"seed": seed})
+        return request
 
-    module = types.SimpleNamespace(run=run)
-    monkeypatch.setitem(sys.modules, "experiment_that_stops", module)
-    monkeypatch.setitem(PAPERS, "eskil2014", "experiment_that_stops")
+    def nothing(found):
+        return []
+
+    stopping = Paper(
+        name="eskil2014",
+        title="a title",
+        runs=5,
+        quick_runs=5,
+        runs_per_scene=5,
+        measure=measure,
+        tables=nothing,
+        claims=nothing,
+        figures=lambda found: {},
+        notes=["a note"],
+        read=lambda data, quick: None,
+        without_clips="",
+    )
+    monkeypatch.setattr(paper, "paper_of", lambda name: stopping)
     command = ["reproduce", "eskil2014", "-o", str(tmp_path / "out")]
     assert jaxpf(*command).code == 2
     assert "is not empty" in jaxpf(*command, "--seed", "7").err
@@ -91,3 +136,48 @@ def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
     assert measured.asked == ["a", "b"]
     assert not (tmp_path / "out" / "parts").exists()
     assert (tmp_path / "out" / "eskil2014.md").exists()
+    # The quick version and the full one do not get into each other's way.
+    monkeypatch.chdir(tmp_path)
+    for quick in ([], ["--quick"]):
+        assert jaxpf("reproduce", "eskil2014", *quick).code == 0
+    assert (tmp_path / "jaxpf-eskil2014" / "eskil2014.md").exists()
+    assert (tmp_path / "jaxpf-eskil2014-quick" / "eskil2014.md").exists()
+
+
+def test_nested_arrays_come_back_as_they_were(tmp_path):
+    found = {"a": {"b, c": np.arange(2), "d": {"e": np.zeros(1)}}, "f": np.ones(3)}
+    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {}):
+        part("deep", lambda: found)
+        raise KeyboardInterrupt
+    with keeping(tmp_path, {}):
+        again = part("deep", lambda: {})
+    np.testing.assert_equal(again, found)
+
+
+@pytest.mark.parametrize("name", PAPERS)
+def test_papers_look_alike(name):
+    """The same files in every folder, and no runs that scenes cannot share."""
+    one = paper_of(name)
+    assert one.name == name
+    for file in ("published", "scenes", "measure", "tables", "claims", "figures"):
+        module = importlib.import_module(f"jaxpf.experiments.{name}.{file}")
+        assert module.__doc__
+    for runs in (one.runs, one.quick_runs):
+        assert runs % one.runs_per_scene == 0
+    assert reproduce.PAPERS == PAPERS
+
+
+def test_a_search_is_not_shared_out():
+    asked = ("reproduce", "smith2004", "--calibrate", "--dask", "tcp://127.0.0.1:8786")
+    result = jaxpf(*asked)
+    assert result.code == 2
+    assert "--calibrate searches on this machine alone; leave --dask out" in result.err
+
+
+@pytest.mark.parametrize("name", ["smith2004", "maccormick1999"])
+def test_a_mistake_leaves_no_folder(name, tmp_path):
+    folder = tmp_path / "out"
+    result = jaxpf("reproduce", name, "--runs", "7", "-o", str(folder))
+    assert result.code == 2
+    assert "must be a multiple of" in result.err
+    assert not folder.exists()

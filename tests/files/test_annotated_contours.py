@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
+from jaxpf import InputError
 from jaxpf.files.annotated_contours import read_annotated
 
 
@@ -58,3 +58,13 @@ def test_another_header_and_a_missing_folder_are_refused(tmp_path):
         read_annotated(tmp_path)
     with pytest.raises(InputError, match="there is no folder"):
         read_annotated(tmp_path / "none")
+
+
+def test_photographs_are_no_masks(tmp_path):
+    photograph = np.random.default_rng(0).integers(0, 255, (30, 40, 3), np.uint8)
+    cv2.imwrite(str(tmp_path / "a.png"), photograph)
+    with pytest.raises(InputError, match=r"a\.png' holds 1200 colours.*a mask has few"):
+        read_annotated(tmp_path)
+    cv2.imwrite(str(tmp_path / "a.png"), photograph[..., 0])
+    with pytest.raises(InputError, match="grey levels, as a photograph does"):
+        read_annotated(tmp_path)

@@ -1,7 +1,7 @@
 import pytest
 from box_files import GT, message_of
 
-from jaxpf.files.boxes import read_boxes
+from jaxpf.tracks import read_boxes
 
 
 def test_gt_csv_is_read_as_it_stands(boxes_file):

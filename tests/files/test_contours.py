@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
-from jaxpf.files.contours import Contours, read_contours, write_contours
+from jaxpf import InputError
+from jaxpf.contours import Contours
+from jaxpf.files.contours import read_contours, write_contours
 
 LEAF = [[10, 20], [30, 18], [32, 40], [12, 38.5]]
 
@@ -79,4 +80,11 @@ def test_files_that_are_none_are_refused(tmp_path):
         read_contours(path)
     path.write_text("[1]")
     with pytest.raises(InputError, match="holds a list"):
+        read_contours(path)
+
+
+def test_two_contours_of_one_name_are_refused(tmp_path):
+    path, points = tmp_path / "twice.json", "[[0, 0], [9, 0], [9, 9], [0, 9]]"
+    path.write_text(f'{{"closed": true, "contours": {{"leaf": {points}, "leaf": {points}}}}}')
+    with pytest.raises(InputError, match=r"twice\.json' holds 'leaf' twice"):
         read_contours(path)

@@ -18,14 +18,13 @@ from small_tuning import QUICK, SCALE, made_sequence
 from small_video import picture, write_lossless_video
 
 import scenes
-from jaxpf import tuning
-from jaxpf.cli import common
-from jaxpf.errors import InputError
-from jaxpf.evaluation.results import Results
-from jaxpf.files import tracks
+from jaxpf import InputError, tracks, tuning
+from jaxpf.cli.config import config_option
+from jaxpf.cli.flags import NumberList
+from jaxpf.evaluation import Results
 from jaxpf.files.parts import read_parts
-from jaxpf.media.video import open_frames
-from jaxpf.tuning.checkpoint import NAME, Store
+from jaxpf.tuning.checkpoint import NAME, Checkpoint
+from jaxpf.video import open_frames
 
 SEED = 17
 #: Seconds that a reader may take for a file of some hundred bytes.
@@ -145,10 +144,10 @@ def write_pictures(folder, first):
 @click.command("a")
 @click.option("--runs", default=1)
 @click.option("--name", default="")
-@click.option("--scale", type=common.NumberList(float, 2))
+@click.option("--scale", type=NumberList(float, 2))
 @click.option("--box", multiple=True)
 @click.option("--flag", is_flag=True)
-@common.config_option()
+@config_option()
 def command(**options):
     pass
 
@@ -202,7 +201,8 @@ def test_damaged_checkpoints_and_settings_are_read_or_refused(tmp_path):
     with np.load(tmp_path / NAME) as content:
         asked = json.loads(str(content["about"]))["asked"]
     assert (
-        survives(tmp_path / NAME, valid, lambda _: Store(tmp_path, asked).read(), 200, NAME) > 100
+        survives(tmp_path / NAME, valid, lambda _: Checkpoint(tmp_path, asked).read(), 200, NAME)
+        > 100
     )
     scene = {"object_ids": [1], "parents": [-1], "target": "boxes", "name": "a"}
     settings = {"versions": {}, "asked": {}, "runs": 1, "float64": False, "scene": scene}

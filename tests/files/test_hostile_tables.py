@@ -5,9 +5,9 @@ import json
 import pytest
 
 import scenes
-from jaxpf.errors import InputError
-from jaxpf.files.boxes import read_boxes
+from jaxpf import InputError
 from jaxpf.files.parts import read_parts
+from jaxpf.tracks import read_boxes
 
 BOXES, PARTS = b"frame,id,x,y,w,h,occ\n", b"part,parent,x,y,w,h,angle\n"
 LONG = b"9" * 2_000_000

@@ -6,10 +6,11 @@ import jax
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
-from jaxpf.files.learned_contours import Learned, read_learned, write_learned
-from jaxpf.models.dynamics import fit
-from jaxpf.models.shapes import key_frame_space
+from jaxpf import InputError
+from jaxpf.contours import Learned
+from jaxpf.dynamics import fit
+from jaxpf.files.learned_contours import read_learned, write_learned
+from jaxpf.shapes import key_frame_space
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +63,7 @@ def test_what_is_none_is_refused(tmp_path, learned, damage, message):
 
 
 def test_files_that_are_none_are_refused(tmp_path):
-    with pytest.raises(InputError, match="there is no learned"):
+    with pytest.raises(InputError, match="there is no file of a learned"):
         read_learned(tmp_path / "none.json")
     (tmp_path / "text.json").write_text("{closed")
     with pytest.raises(InputError, match="it is no JSON"):

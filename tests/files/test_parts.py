@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
+from jaxpf import InputError
 from jaxpf.files.parts import HEADER, TRACK_HEADER, PartTrackWriter, read_parts
 
 GOOD = """\

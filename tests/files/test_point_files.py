@@ -66,7 +66,7 @@ def test_a_grid_lies_on_its_mask():
         points.places, [[12.5, 7.5], [17.5, 7.5], [12.5, 12.5], [17.5, 12.5]]
     )
     for wrong, message in (
-        ((mask, 0.5), "too small"),
+        ((mask, 0.5), "must be a number of at least 1"),
         ((mask[0], 5), "shape"),
         ((~mask & mask, 5), "no point"),
     ):

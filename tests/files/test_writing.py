@@ -2,7 +2,7 @@ import os
 
 import pytest
 
-from jaxpf.errors import InputError
+from jaxpf import InputError
 from jaxpf.files.writing import atomic_write, prepare_output_folder
 
 

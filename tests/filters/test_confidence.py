@@ -3,8 +3,7 @@
 import numpy as np
 from tagged_walk import Breakable, P, T, frames, track, tracked
 
-from jaxpf.filters.partitioned import ordering
-from jaxpf.pytree import pytree_dataclass
+from jaxpf import ordering, pytree_dataclass
 
 
 @pytree_dataclass

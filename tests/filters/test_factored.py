@@ -7,8 +7,8 @@ import pytest
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian
+from jaxpf.dynamics import RandomWalk
+from jaxpf.likelihoods import CorrelatedGaussian
 from jaxpf.streaming import stream
 
 run, monte_carlo = quick(jaxpf.run), quick(jaxpf.monte_carlo)
@@ -75,6 +75,23 @@ def test_points_that_are_seen_are_followed(name):
     assert np.isnan(summary.log_evidence).all() == (name == "eskil")
 
 
+@jaxpf.pytree_dataclass
+class Failing:
+    """A user's dynamics that now and then divide by zero."""
+
+    def propagate(self, key, partition, current, previous, parent):
+        moved = current + 2.0 * jax.random.normal(key, current.shape)
+        return jnp.where(jax.random.uniform(key) < 0.2, jnp.nan, moved)
+
+
+@pytest.mark.parametrize("shape", ["relative", "none"])
+def test_a_particle_that_is_nowhere_harms_nobody(shape):
+    tracker = jaxpf.Eskil(Failing(), Seen(), START, num_particles=40, shape=shape)
+    _, summary = run(tracker, jax.random.key(0), moving())
+    assert (np.asarray(summary.num_invalid) > 0).all()
+    assert np.abs(summary.estimate - moving()).max() < 3
+
+
 @pytest.mark.slow
 def test_streaming_and_many_runs_repeat_a_run():
     frames, tracker = moving(), trackers()["eskil"]
@@ -123,6 +140,7 @@ def test_a_hidden_point_is_held_in_place_by_the_shape():
 @pytest.mark.parametrize("nothing", [-np.inf, np.nan, 0.0])
 def test_nothing_is_lost_when_all_points_are_hidden(name, nothing):
     frames = np.full((12, 3, 2), np.nan)
+    frames[..., 1] = 0.0  # a frame of nothing but NaN would be a missing one
     tracker = trackers(Seen(when_hidden=nothing))[name]
     state, summary = run(tracker, jax.random.key(0), frames)
     assert np.isfinite(summary.estimate).all()
@@ -180,7 +198,7 @@ def test_points_that_do_not_move_have_no_correlation_to_divide_by(name):
         ({"upsampling": 1.5}, "upsampling=1.5"),
         ({"resampling": "best"}, "resampling='best'"),
         ({"dynamics": Wandering(), "proper": True}, "has no log_density"),
-        ({"likelihood": CorrelatedGaussian(np.eye(3))}, "has log_joint"),
+        ({"likelihood": CorrelatedGaussian(np.eye(3))}, "weighs all objects together"),
         ({"reference": START[:2]}, "reference has 2 rows"),
     ],
 )

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.filters.partitioned import ordering
-from jaxpf.filters.relocation import relocation_in
-from jaxpf.models.likelihoods import discriminative
-from jaxpf.targets.box_models import relative_box_model
+from jaxpf import ordering
+from jaxpf.boxes import relative_box_model
+from jaxpf.likelihoods import discriminative
+from jaxpf.relocation import relocation_in
 
 HEIGHT, WIDTH, SIDE, RUNS = 96, 160, 24, 20
 #: Frames in which the first object is hidden; before and after it stands elsewhere.

@@ -10,8 +10,9 @@ from quick_compiling import quick
 
 import jaxpf
 from jaxpf import state as states
-from jaxpf.models.dynamics import AR2, FirstOrder, IndependentGaussian
-from jaxpf.models.likelihoods import Gaussian
+from jaxpf.dynamics import AR2, FirstOrder, IndependentGaussian
+from jaxpf.gradients import Soft, StopGradient
+from jaxpf.likelihoods import Gaussian
 from jaxpf.streaming import stream
 
 FRAMES = np.random.default_rng(0).normal(size=(6, 3, 2)).astype(np.float32).cumsum(axis=0)
@@ -256,7 +257,7 @@ def test_runs_streams_and_monte_carlo_agree():
 @pytest.mark.slow
 @pytest.mark.parametrize("motion", ["pathwise", "score"])
 def test_the_evidence_has_a_gradient(motion):
-    chosen = tracker(gradient="stop_gradient", motion_gradient=motion)
+    chosen = tracker(gradient=StopGradient(), motion_gradient=motion)
 
     def loss(scale):
         dynamics = dataclasses.replace(chosen.dynamics, scale=scale)
@@ -277,7 +278,8 @@ def test_the_evidence_has_a_gradient(motion):
         ({"scope": "all"}, "choose one of across, within"),
         ({"feedback": "speed"}, "choose one of none, estimate"),
         ({"resampling": "random"}, "not a resampling scheme"),
-        ({"gradient": "soft"}, "choose one of none, stop_gradient"),
+        ({"gradient": "soft"}, r"give NoGradient\(\), StopGradient\(\)"),
+        ({"gradient": Soft()}, r"use NoGradient\(\) or StopGradient\(\)"),
         ({"initial": np.zeros(3)}, "must be \\[L, D\\]"),
         (
             {"initial": IndependentGaussian(np.zeros((3, 2)), 1.0), "num_targets": None},

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import jaxpf
+from jaxpf.dynamics import AR2
 from jaxpf.filters.labelled.options import LABELLED, Options
 from jaxpf.filters.labelled.refusals import check_started
-from jaxpf.models.dynamics import AR2
-from jaxpf.models.likelihoods import Gaussian
+from jaxpf.likelihoods import Gaussian
 from jaxpf.models.model import Model
 
 

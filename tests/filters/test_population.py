@@ -9,9 +9,9 @@ import pytest
 from jax.scipy.stats import multivariate_normal
 
 import jaxpf
-from jaxpf.filters.labelled.tracker import born, ended
-from jaxpf.models.dynamics import AR2, IndependentGaussian
-from jaxpf.models.likelihoods import Gaussian
+from jaxpf.dynamics import AR2, IndependentGaussian, LinearGaussian
+from jaxpf.labelled import born, ended
+from jaxpf.likelihoods import Gaussian
 
 FRAMES = np.random.default_rng(0).normal(size=(6, 4, 2)).astype(np.float32).cumsum(axis=0)
 EMPTY = np.full((4, 2), np.nan, np.float32)
@@ -182,6 +182,61 @@ def test_births_and_deaths_compile_nothing_anew():
         state, _ = step(chosen, jax.random.key(slot), state, FRAMES[1])
         state = ended(state, slot) if slot else state
     assert once == len(traces) == 1
+
+
+@SCOPES
+def test_one_frame_without_likelihood_is_left_out_for_a_targets_mass(scope):
+    chosen = tracker(some(0, 1), scope=scope)
+    state, _ = after_frames(chosen)
+    before = np.exp(state.log_mass)
+    hidden = FRAMES[2].copy()
+    hidden[1] = 1e20
+    state, summary = step(chosen, jax.random.key(5), state, hidden)
+    assert summary.lost.tolist() == [False, True, False, False]
+    assert np.isfinite(summary.log_evidence)
+    np.testing.assert_allclose(np.exp(state.log_mass), before, rtol=1e-4)
+    # Whoever comes and goes, masses sum to one, and who is left fits.
+    for change in (
+        lambda s: born(s, 3, FRAMES[3, 3]),
+        lambda s: ended(s, 0),
+        lambda s: ended(s, 3),
+    ):
+        state = change(state)
+        np.testing.assert_allclose(np.exp(state.log_mass).sum(), 1, rtol=1e-5)
+    _, summary = step(chosen, jax.random.key(6), state, FRAMES[3])
+    assert np.isfinite(summary.log_evidence)
+
+
+@pytest.mark.parametrize("speed", [None, (0, 1)])
+def test_who_is_born_has_the_speed_that_was_given(speed):
+    """Of substates that hold a speed; with feedback it moves by it."""
+    model = {"feedback": "estimate", "position": (2, 3), "speed": (0, 1)} if speed else {}
+    dynamics = LinearGaussian(
+        transition=np.eye(4, dtype=np.float32)[None] + np.eye(4, k=-2, dtype=np.float32)[None],
+        noise=np.zeros((1, 4, 4), np.float32),
+    )
+    likelihood = Flat()
+    initial = np.full((2, 4), np.nan, np.float32)
+    initial[0] = 0
+    chosen = jaxpf.Labelled(
+        dynamics, likelihood, initial, population="open", num_particles=20, **model
+    )
+    state = born(start(chosen), 1, [3.0, -1.0, 10.0, 20.0])
+    for time in (1, 2):
+        state, summary = step(chosen, jax.random.key(time), state, FRAMES[0])
+        place = [3, -1, 10 + 3 * time, 20 - time]
+        np.testing.assert_allclose(summary.estimate[1], place, rtol=1e-5)
+
+
+@jaxpf.pytree_dataclass
+class Flat:
+    """Nothing is seen."""
+
+    def observe(self, frame):
+        return frame
+
+    def log_prob(self, observation, partition, substate):
+        return jnp.zeros(())
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import scipy.stats
 from quick_compiling import quick
 
 from jaxpf import InputError
-from jaxpf.filters.resampling import (
+from jaxpf.resampling import (
     SCHEMES,
     ancestors,
     components_of_sizes,

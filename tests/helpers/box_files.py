@@ -2,7 +2,7 @@
 
 import pytest
 
-from jaxpf.errors import InputError
+from jaxpf import InputError
 
 GT = "frame,id,x,y,w,h,occ\n0,3,10,20,30,40,0\n0,1,11.5,21,31,41,2\n2,1,12,22,32,42,-1\n"
 

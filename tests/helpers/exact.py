@@ -13,8 +13,8 @@ import numpy as np
 from quick_compiling import QUICKLY
 
 import jaxpf
-from jaxpf.models.dynamics import IndependentGaussian, LinearGaussian
-from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian, Gaussian, kalman, stacked_model
+from jaxpf.dynamics import IndependentGaussian, LinearGaussian
+from jaxpf.likelihoods import CorrelatedGaussian, Gaussian, kalman, stacked_model
 
 NUM_PARTICLES = 48
 RUNS = 20_000
@@ -33,7 +33,8 @@ OBJECTS = (-1, -1, -1, -1)
 class Problem(NamedTuple):
     """A model, three frames, and the exact posterior of every frame.
 
-    ``log_evidence`` is ``[T]``; ``mean`` and ``variance`` are ``[T, P]``.
+    ``log_evidence`` is ``[T]``; ``mean`` and ``variance`` are ``[T, P]``, given the frames so far;
+    ``smoothed_mean`` and ``smoothed_variance`` given all frames.
     """
 
     dynamics: Any
@@ -44,6 +45,8 @@ class Problem(NamedTuple):
     log_evidence: np.ndarray
     mean: np.ndarray
     variance: np.ndarray
+    smoothed_mean: np.ndarray
+    smoothed_variance: np.ndarray
 
     def tracker(self, ordering, **settings):
         settings = {"num_particles": NUM_PARTICLES} | settings
@@ -67,11 +70,12 @@ def problem(
     correlation=None,
     same_frames=False,
     num_frames=3,
+    missing=(),
 ) -> Problem:
     """``x^k_t = transition x^k_{t-1} + lag x^k_{t-2} + coupling parent_t + n``, ``y = x + n``.
 
     Noises are of unit variance; with a ``correlation``, the observation noise is correlated
-    between partitions and the likelihood does not factor.
+    between partitions and the likelihood does not factor.  Frames ``missing`` are NaN.
     """
     size = len(parents)
     blocks = np.ones((size, 1, 1))
@@ -88,6 +92,7 @@ def problem(
     frames = 1.5 * np.random.default_rng(0).normal(size=(num_frames, size))
     if same_frames:
         frames = np.repeat(frames[:, :1], size, axis=1)
+    frames[list(missing)] = np.nan
     system, process = stacked_model(dynamics, parents)
     start = np.zeros((2 * size, 2 * size))
     initial: Any = np.zeros((size, 1))
@@ -104,6 +109,7 @@ def problem(
         start,
         frames,
     )
+    smoothed_mean, smoothed = rauch_tung_striebel(system, process, mean, posterior)
     factors = correlation is None
     return Problem(
         dynamics=dynamics,
@@ -114,7 +120,21 @@ def problem(
         log_evidence=log_evidence,
         mean=mean[:, :size],
         variance=np.diagonal(posterior, axis1=1, axis2=2)[:, :size],
+        smoothed_mean=smoothed_mean[:, :size],
+        smoothed_variance=np.diagonal(smoothed, axis1=1, axis2=2)[:, :size],
     )
+
+
+def rauch_tung_striebel(transition, process_covariance, means, covariances):
+    """Exact smoothing of ``kalman``'s answer: means ``[T, S]`` and covariances ``[T, S, S]``."""
+    smoothed_means, smoothed = [means[-1]], [covariances[-1]]
+    for mean, covariance in zip(means[-2::-1], covariances[-2::-1], strict=True):
+        predicted = transition @ covariance @ transition.T + process_covariance
+        # With both lags in the state a prediction may have no full rank.
+        gain = covariance @ transition.T @ np.linalg.pinv(predicted, hermitian=True)
+        smoothed_means.append(mean + gain @ (smoothed_means[-1] - transition @ mean))
+        smoothed.append(covariance + gain @ (smoothed[-1] - predicted) @ gain.T)
+    return np.array(smoothed_means[::-1]), np.array(smoothed[::-1])
 
 
 def objects(**changes) -> Problem:

@@ -8,10 +8,8 @@ import numpy as np
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf.filters.partitioned import ordering
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.pytree import pytree_dataclass
-from jaxpf.tuning import objectives
+from jaxpf import objectives, ordering, pytree_dataclass
+from jaxpf.dynamics import RandomWalk
 
 P, T = 2, 3
 

@@ -3,10 +3,7 @@
 import jax
 import numpy as np
 
-from jaxpf.models.likelihoods.color import NUM_BINS
-from jaxpf.models.likelihoods.histogram import (
-    HistogramLikelihood,
-)
+from jaxpf.likelihoods import NUM_BINS, HistogramLikelihood
 
 HEIGHT, WIDTH = 60, 80
 

@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from exact import COMPILER_OPTIONS, Problem
 
-from jaxpf.models.dynamics import IndependentGaussian
-from jaxpf.models.likelihoods.gaussian import kalman, stacked_model
-from jaxpf.tuning import objectives
+from jaxpf import objectives
+from jaxpf.dynamics import IndependentGaussian
+from jaxpf.likelihoods import kalman, stacked_model
 
 NUM_PARTICLES = 64
 RUNS = 20_000

@@ -12,7 +12,7 @@ import numpy as np
 from exact import monte_carlo, objects
 
 import jaxpf
-from jaxpf.models.likelihoods.gaussian import kalman
+from jaxpf.likelihoods import kalman
 
 TARGETS, PARTICLES, RUNS, BATCH = 4, 48, 20_000, 2_000
 

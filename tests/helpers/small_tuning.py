@@ -4,9 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxpf
-from jaxpf.filters.partitioned import ordering
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.models.likelihoods import Gaussian
+from jaxpf import ordering
+from jaxpf.dynamics import RandomWalk
+from jaxpf.likelihoods import Gaussian
 from jaxpf.tuning import Settings, TrainingSequence
 
 

@@ -2,16 +2,14 @@
 
 import numpy as np
 
-from jaxpf.experiments.smith2004 import synthetic
-from jaxpf.experiments.smith2004.published import (
-    SHARPNESS,
-)
-from jaxpf.experiments.smith2004.synthetic import NUM_OBJECTS, Outcome
+from jaxpf.experiments.smith2004 import scenes
+from jaxpf.experiments.smith2004.published import SHARPNESS
+from jaxpf.experiments.smith2004.scenes import NUM_OBJECTS, Outcome
 
 
-def outcome_of(recovery, runs=synthetic.RUNS_PER_SCENE, scenes_=10, seed=0):
+def outcome_of(recovery, runs=scenes.RUNS_PER_SCENE, scenes_=10, seed=0):
     """An outcome in which the methods recover with given rates, all else alike."""
-    names = tuple(synthetic.all_orderings())
+    names = tuple(scenes.all_orderings())
     rng = np.random.default_rng(seed)
     shape = (scenes_, len(names), len(SHARPNESS))
     rates = np.array([recovery[name if name in recovery else name.split()[0]] for name in names])
@@ -27,5 +25,4 @@ def outcome_of(recovery, runs=synthetic.RUNS_PER_SCENE, scenes_=10, seed=0):
         leader_recall=share,
         uniqueness=np.full((*shape, NUM_OBJECTS), 0.5) + 0.01 * rng.normal(size=(*shape, 7)),
         dynamics=np.ones((*shape, NUM_OBJECTS, 2)),
-        ess=np.ones(shape),
     )

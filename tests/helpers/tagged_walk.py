@@ -9,9 +9,8 @@ import pytest
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf.filters.partitioned import ordering
-from jaxpf.models.dynamics import IndependentGaussian
-from jaxpf.pytree import pytree_dataclass
+from jaxpf import ordering, pytree_dataclass
+from jaxpf.dynamics import IndependentGaussian
 
 N, P, D, T = 60, 3, 2, 3
 CHAIN = (-1, 0, 1)

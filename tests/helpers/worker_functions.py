@@ -7,7 +7,8 @@ import time
 from pathlib import Path
 
 from jaxpf import InputError
-from jaxpf.evaluation.execution import in_turn, local_pool
+from jaxpf.evaluation import local_pool
+from jaxpf.evaluation.execution import in_turn
 
 #: Where a started program finds this module.
 HERE = Path(__file__).parent

@@ -63,5 +63,5 @@ class Independent:
 
 
 def independent(scene):
-    tracker = jaxpf.boxes.scene_tracker(scene, jaxpf.ordering.sir(scene.num_objects))
+    tracker = jaxpf.boxes.tracker(scene.frames[0], scene.boxes[0], appearance="colour")
     return Independent(tracker.dynamics, tracker.likelihood, tracker.initial)

@@ -24,5 +24,6 @@ class CentreColour:
 
 def centre_colour(scene):
     likelihood = CentreColour(jnp.stack([p.mean(axis=(0, 1)) / 255 for p in scene.patches]), 0.2)
-    ordering = jaxpf.ordering.ps(range(scene.num_objects))
-    return jaxpf.boxes.box_tracker(likelihood, scene.boxes[0], ordering, num_particles=60)
+    return jaxpf.boxes.tracker(
+        None, scene.boxes[0], likelihood=likelihood, method="ps", particles=60, motion="pixels"
+    )

@@ -6,4 +6,6 @@ import jaxpf
 def there_and_back(scene):
     places = list(range(scene.num_objects))
     ordering = jaxpf.ordering.dps(orders=[places, places[::-1]])
-    return jaxpf.boxes.scene_tracker(scene, ordering, num_particles=60)
+    return jaxpf.boxes.tracker(
+        scene.frames[0], scene.boxes[0], ordering=ordering, appearance="colour", particles=60
+    )

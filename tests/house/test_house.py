@@ -1,24 +1,31 @@
 """The proof that the house holds: what a user adds is one file, and nothing in jaxpf changes.
 
-An ordering, a likelihood and a filter with a state of its own, each in a file beside this one, go
-through ``jaxpf.monte_carlo``, ``jaxpf evaluate --tracker``, ``jaxpf track --tracker`` and, where
-there is something to tune, ``jaxpf.tune``.
+An ordering, a likelihood, a filter with a state of its own and a resampling scheme, each in a file
+beside this one, go through ``jaxpf.monte_carlo``, ``jaxpf evaluate --tracker``, ``jaxpf track
+--tracker`` and, where there is something to tune, ``jaxpf.tune``.
 """
 
 import csv
+import dataclasses
 import importlib.util
 import json
+from functools import partial
 from pathlib import Path
 
 import cv2
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from command_line import jaxpf as command
+from quick_compiling import quick
+from scipy.stats import multivariate_normal
 
 import jaxpf
 import scenes
-from jaxpf import tuning
+from jaxpf import InputError, resampling, tuning
+from jaxpf.dynamics import RandomWalk
+from jaxpf.likelihoods import Gaussian
 
 HERE = Path(__file__).parent
 #: File, function, and the most lines that it may take.
@@ -26,6 +33,7 @@ OWN = {
     "own_ordering": ("there_and_back", 15),
     "own_likelihood": ("centre_colour", 25),
     "own_filter": ("independent", 60),
+    "own_resampling": ("shuffled", 25),
 }
 
 
@@ -34,11 +42,11 @@ def scene():
     return scenes.make("distracter", seed=1)
 
 
-def function_of(name):
+def function_of(name, attribute=None):
     spec = importlib.util.spec_from_file_location(name, HERE / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return getattr(module, OWN[name][0])
+    return getattr(module, attribute or OWN[name][0])
 
 
 @pytest.mark.parametrize("name", OWN)
@@ -60,6 +68,79 @@ def test_it_runs_many_times(name, scene):
 
 def only_estimate(state, summary):
     return summary.estimate
+
+
+@pytest.mark.parametrize("sizes", [[8], [0, 3, 4, 1], [8, 0]])
+def test_a_scheme_is_unbiased_within_components(sizes):
+    """Of n slots of a component, particle i has ``n w_i`` on average, and none without weight."""
+    scheme = function_of("own_resampling", "Shuffled")()
+    weights = np.float32([0.02, 0.3, 0.0, 0.13, 0.07, 0.21, 0.1, 0.27])
+    components = resampling.components_of_sizes(np.array(sizes), 8)
+    keys = jax.random.split(jax.random.key(0), 20_000)
+
+    @quick
+    def ancestors(keys):
+        draw = partial(resampling.ancestors, scheme=scheme, components=components)
+        return jax.vmap(lambda key: draw(key, jnp.log(weights)))(keys)
+
+    chosen = np.asarray(ancestors(keys))
+    index = np.asarray(components.index)
+    assert (index[chosen] == index).all()
+    offspring = (chosen[..., None] == np.arange(8)).sum(axis=1)
+    share = weights / np.bincount(index, weights)[index]
+    expected = share * np.asarray(sizes)[index]
+    error = np.maximum(offspring.std(0) / len(keys) ** 0.5, 1e-9)
+    assert (np.abs(offspring.mean(0) - expected) < 4.5 * error + 1e-6).all()
+    assert not offspring[:, weights == 0].any()
+
+
+@pytest.mark.parametrize("kind", ["dps", "labelled", "within labels", "factored"])
+def test_a_scheme_leaves_the_evidence_of_every_filter_unbiased(kind):
+    frames = np.float32([[[0.3], [-1.0]], [[1.2], [-0.4]], [[0.1], [0.9]]])
+    model = {
+        "dynamics": RandomWalk(scale=np.float32(1.0)),
+        "likelihood": Gaussian(noise=np.ones((2, 1, 1), np.float32)),
+        "initial": np.zeros((2, 1)),
+        "num_particles": 10,
+        "resampling": function_of("own_resampling", "Shuffled")(),
+    }
+    if kind == "dps":
+        tracker = jaxpf.Partitioned(ordering=jaxpf.ordering.dps(2), **model)
+    elif kind == "factored":
+        tracker = jaxpf.PFFL(**model)
+    else:
+        scope = "across" if kind == "labelled" else "within"
+        tracker = jaxpf.Labelled(weights="plain", scope=scope, **model)
+    times = np.arange(1, 4)
+    covariance = np.minimum(times[:, None], times) + np.eye(3)
+    each = [multivariate_normal.pdf(frames[:, part, 0], np.zeros(3), covariance) for part in (0, 1)]
+    expected = np.mean(each) if isinstance(tracker, jaxpf.Labelled) else np.prod(each)
+    keys = jax.random.split(jax.random.key(1), 4000)
+    logs = jaxpf.monte_carlo(tracker, keys, frames, only_evidence, batch_size=4000)
+    found = np.exp(np.asarray(logs).sum(axis=1))
+    assert abs(found.mean() - expected) < 4.5 * found.std() / len(keys) ** 0.5
+
+
+def only_evidence(state, summary):
+    return summary.log_evidence
+
+
+@pytest.mark.parametrize(
+    ("scheme", "sentence"),
+    [
+        ("best", "'best' is not a resampling scheme; choose one of systematic"),
+        (3, "3 is not a resampling scheme"),
+        (
+            lambda key, log_weights, count: 0,
+            "is no pytree; wrap a function in jax.tree_util.Partial",
+        ),
+        (jax.tree_util.Partial(lambda key, w, count: w), r"float32 of shape \[4\] for count = 3"),
+    ],
+)
+def test_what_is_no_scheme_is_refused(scheme, sentence, scene):
+    tracker = jaxpf.boxes.tracker(scene.frames[0], scene.boxes[0], appearance="colour")
+    with pytest.raises(InputError, match=sentence):
+        dataclasses.replace(tracker, resampling=scheme)
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +169,7 @@ def test_they_stand_in_the_tables_beside_the_built_in_methods(evaluated):
     assert all(0 < value < 1 for value in overlap.values())
     # What a user's summary lacks stays empty.
     unique = {row["method"] for row in rows if row["measure"] == "uniqueness"}
-    assert unique == {"SIR", "there_and_back", "centre_colour"}
+    assert unique == {"SIR", "there_and_back", "centre_colour", "shuffled"}
 
 
 def test_one_tracks_a_video(tmp_path, scene):

@@ -5,8 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
-from jaxpf.measures import metrics
+from jaxpf import InputError, intervals, metrics
 
 NOWHERE = [np.nan] * 4
 TRUTH = [0.0, 0.0, 10.0, 10.0]
@@ -28,7 +27,8 @@ def compiled(names, estimate, truth):
 success, recovery = jax.jit(metrics.success), jax.jit(metrics.recovery)
 mean_precision = jax.jit(metrics.mean_precision, static_argnames=("over", "axis"))
 mean_recall = jax.jit(metrics.mean_recall, static_argnames=("over", "axis"))
-mean_interval, wilson_interval = jax.jit(metrics.mean_interval), jax.jit(metrics.wilson_interval)
+mean_interval = jax.jit(intervals.mean_interval)
+wilson_interval = jax.jit(intervals.wilson_interval)
 effective_sample_size = jax.jit(metrics.effective_sample_size)
 
 
@@ -149,7 +149,7 @@ def test_unknown_choice_of_frames_is_refused():
 
 
 def test_masked_mean_leaves_out_what_is_masked_or_not_finite():
-    masked_mean = jax.jit(metrics.masked_mean, static_argnums=2)
+    masked_mean = jax.jit(intervals.masked_mean, static_argnums=2)
     values = np.array([[1.0, np.nan, 3.0, 100.0], [np.nan, np.inf, 5.0, 100.0]])
     mask = np.array([True, True, True, False])
     np.testing.assert_allclose(masked_mean(values, mask, -1), [2, 5])

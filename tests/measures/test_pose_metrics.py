@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf.filters.partitioned.ordering import named
-from jaxpf.measures import metrics
-from jaxpf.models.geometry import corners_from_poses
+from jaxpf import metrics
+from jaxpf.geometry import corners_from_poses
+from jaxpf.ordering import named
 
 SIZES = np.array([[6.0, 8.0], [2.0, 2.0]])  # half diagonals 5 and sqrt(2)
 TREE = (-1, 0, 0, 1, 2, 3, 4)

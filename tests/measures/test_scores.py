@@ -7,8 +7,8 @@ import jax
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
-from jaxpf.measures.scores import (
+from jaxpf import InputError
+from jaxpf.scores import (
     CENTRE_THRESHOLDS,
     OVERLAP_THRESHOLDS,
     distance_precision,
@@ -36,7 +36,7 @@ def truth():
 
 @pytest.fixture
 def trackeval():
-    return pytest.importorskip("trackeval", reason="the extra 'scores' is not installed")
+    return pytest.importorskip("trackeval", reason="TrackEval is not installed")
 
 
 @pytest.mark.usefixtures("trackeval")
@@ -120,7 +120,7 @@ class TestTrackingScores:
 
     def test_the_scores_are_those_of_trackevals_own_reader(self, trackeval, tmp_path):
         """The whole way round: MOT files on disk, read and scored by TrackEval alone."""
-        from jaxpf.files.tracks import write_mot
+        from jaxpf.tracks import write_mot
 
         random = np.random.default_rng(5)
         truth = np.cumsum(random.normal(0, 3, (40, 4, 4)) * [1, 1, 0, 0], axis=0)
@@ -168,7 +168,7 @@ class TestTrackingScores:
 
 def test_without_trackeval_the_remedy_is_named(truth, monkeypatch):
     monkeypatch.setitem(sys.modules, "trackeval", None)
-    with pytest.raises(InputError, match=r"trackeval.*pip install 'jaxpf\[scores\]'") as caught:
+    with pytest.raises(InputError, match=r"trackeval.*pip install --no-deps") as caught:
         tracking_scores(truth, truth)
     assert "\n" not in str(caught.value)
 

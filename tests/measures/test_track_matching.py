@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
-from jaxpf.files.tracks import read_boxes, write_mot
-from jaxpf.measures.track_matching import match_tracks, pairwise_overlap, read_tracks
+from jaxpf import InputError
+from jaxpf.scores import match_tracks, pairwise_overlap, read_tracks
+from jaxpf.tracks import read_boxes, write_mot
 
 IDS = [3, 5]
 START = 2

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from jaxpf.media.contours_overlay import draw_contour_particles, draw_contours
+from jaxpf.media.contours_overlay import draw_contour_particles
+from jaxpf.overlay import draw_contours
 
 GREY = np.full((120, 200, 3), 128, np.uint8)
 COLOURS = np.array([(250, 250, 0)], np.uint8)

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from jaxpf.media.overlay import (
+from jaxpf.overlay import (
     draw_boxes,
     draw_particles,
     draw_pixel_grid,

@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
+from jaxpf import InputError
 from jaxpf.media.images import natural_order
 from jaxpf.media.quiet import quiet_opencv
-from jaxpf.media.video import VideoWriter, open_frames
+from jaxpf.video import open_frames
+from jaxpf.video_writer import VideoWriter
 
 CODECS = {"mp4": "mp4v", "avi": "MJPG"}
 
@@ -256,7 +257,8 @@ def test_nothing_is_printed_and_the_log_level_is_put_back(tmp_path):
     write_video(tmp_path / "good.webm", 3)
     cut(write_video(tmp_path / "bad.mp4", frame=noisy_frame), 0.5)
     program = (
-        "import os, sys, cv2, numpy as np; from jaxpf.media.video import open_frames, VideoWriter\n"
+        "import os, sys, cv2, numpy as np; from jaxpf.video import open_frames\n"
+        "from jaxpf.video_writer import VideoWriter\n"
         "log = cv2 if hasattr(cv2, 'getLogLevel') else cv2.utils.logging\n"
         "level = log.getLogLevel()\n"
         "list(open_frames('good.webm'))\n"
@@ -274,7 +276,7 @@ def test_nothing_is_printed_and_the_log_level_is_put_back(tmp_path):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=600,
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 

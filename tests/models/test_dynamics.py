@@ -5,12 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf.models.dynamics import (
-    AR2,
-    IndependentGaussian,
-    LinearGaussian,
-    RandomWalk,
-)
+from jaxpf.dynamics import AR2, IndependentGaussian, LinearGaussian, RandomWalk
 
 N = 20_000
 KEY = jax.random.key(0)

@@ -2,7 +2,7 @@ import jax
 import numpy as np
 import pytest
 
-from jaxpf.models import geometry
+from jaxpf import geometry
 
 boxes_from_substates = jax.jit(geometry.boxes_from_substates)
 substates_from_boxes = jax.jit(geometry.substates_from_boxes)

@@ -6,10 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 import scenes
-from jaxpf.models.geometry import corners_from_poses
-from jaxpf.models.joints import (
+from jaxpf.geometry import corners_from_poses
+from jaxpf.joints import (
     RelativeToParent,
     UniformAround,
     UniformJoints,
@@ -125,6 +126,19 @@ def test_parts_that_walk_alone_ignore_their_parents():
     at = np.asarray(substates_from(free, poses, shift=shift))
     np.testing.assert_allclose(at[:, :3], poses + shift, rtol=1e-5)
     assert not at[:, 3:].any()
+
+
+def test_the_density_is_that_of_a_part_s_joint_and_of_a_root_s_pose():
+    rng = np.random.default_rng(3)
+    new, current, parent = rng.normal(size=(3, 6, 5)).astype(np.float32)
+    found = dynamics(memory=0.4).log_density_all(np.arange(5), new, current, current, parent)
+    expected = []
+    for part in range(5):
+        moved = new[:3, part] - current[:3, part]
+        if TREE[part] >= 0:
+            moved = new[3:, part] - np.array([0.4, 0.4, 1]) * current[3:, part]
+        expected.append(norm.logpdf(moved, scale=SCALE[part]).sum())
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
 
 
 def test_gradients_are_finite_and_those_of_the_rotation():

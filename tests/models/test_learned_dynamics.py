@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.errors import InputError
-from jaxpf.models.dynamics import LinearGaussian, fit
+from jaxpf import InputError
+from jaxpf.dynamics import LinearGaussian, fit
 
 FRAMES = 20_000
 

@@ -4,9 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.models.occlusion import FLIP, WithOcclusion
-from jaxpf.pytree import pytree_dataclass
+from jaxpf import pytree_dataclass
+from jaxpf.dynamics import FLIP, RandomWalk, WithOcclusion
 
 RUNS = 40_000
 
@@ -45,3 +44,16 @@ def test_substates_move_as_without_occlusion():
     np.testing.assert_array_equal(
         DYNAMICS.propagate_all(*arguments), DYNAMICS.dynamics.propagate_all(*arguments)
     )
+
+
+def test_the_density_of_a_move_and_of_a_flip():
+    arguments = jnp.zeros(4, int), *[jnp.ones((2, 4))] * 4
+    np.testing.assert_array_equal(
+        DYNAMICS.log_density_all(*arguments), DYNAMICS.dynamics.log_density_all(*arguments)
+    )
+    near, far = jnp.array([[0.0], [1.0]]), jnp.array([[0.0], [3.0]])
+    for substates, flip in ((near, 0.0), (far, FLIP)):
+        for label in (0, 1):
+            same = DYNAMICS.log_label(label, label, substates)
+            other = DYNAMICS.log_label(1 - label, label, substates)
+            np.testing.assert_allclose(jnp.exp(jnp.array([same, other])), [1 - flip, flip])

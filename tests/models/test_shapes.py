@@ -4,10 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
-from jaxpf.models.shape_learning import learn_shape_space, outline_of
-from jaxpf.models.shapes import explained_share, key_frame_space, space_of
+from jaxpf import InputError
 from jaxpf.names import SHAPE_SPACES
+from jaxpf.shapes import explained_share, key_frame_space, learn_shape_space, outline_of, space_of
 
 RNG = np.random.default_rng(0)
 CONTOURS = RNG.normal(size=(2, 8, 2)) * [40, 25] + [[[100, 60]], [[30, 90]]]

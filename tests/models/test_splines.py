@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
-from jaxpf.models.splines import basis, crosses_itself, fit_spline, points_on, resampled
+from jaxpf import InputError
+from jaxpf.splines import basis, crosses_itself, fit_spline, points_on, resampled
 
 PLACES = np.linspace(0.01, 0.99, 40)
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.models.likelihoods import windows
+from jaxpf.likelihoods import windows
 
 RNG = np.random.default_rng(0)
 FRAME = RNG.integers(20, 256, (40, 60, 3), dtype=np.uint8)

@@ -5,6 +5,7 @@ from pathlib import Path
 import nbformat
 import pytest
 from nbclient import NotebookClient
+from quoted_numbers import unprinted
 
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
@@ -65,6 +66,11 @@ def test_the_committed_notebook_tells_nothing_about_the_machine(path):
     assert set(notebook.metadata) <= {"kernelspec", "language_info"}
 
 
+@each_notebook
+def test_the_prose_quotes_what_the_cells_print(path):
+    assert unprinted(path.stem, nbformat.read(path, as_version=4)) == []
+
+
 def test_the_search_for_paths_finds_them():
     for text in ("'/home/me/x.webm'", "(/tmp/a)", "at /Users/me", r"C:\\Users", "/root/x"):
         assert MACHINE_PATH.search(text), text
@@ -79,4 +85,6 @@ def test_the_notebook_runs(path):
         pytest.skip(f"{path.name} compiles for minutes; set JAXPF_FULL_NOTEBOOKS=1 to run it")
     notebook = nbformat.read(path, as_version=4)
     resources = {"metadata": {"path": str(FOLDER)}}
-    NotebookClient(notebook, timeout=300, kernel_name="python3", resources=resources).execute()
+    NotebookClient(notebook, timeout=1200, kernel_name="python3", resources=resources).execute()
+    if "JAXPF_FULL_NOTEBOOKS" in os.environ or "JAXPF_FULL_NOTEBOOKS" not in path.read_text():
+        assert unprinted(path.stem, notebook) == []  # what is quoted is of the full form

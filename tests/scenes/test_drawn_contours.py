@@ -5,6 +5,7 @@ import pytest
 
 import scenes
 from scenes import SceneError
+from scenes.wires import WiresParameters, wires_paths
 
 NAMES = ("wires", "leaves", "walkers")
 SMALL = {"num_frames": 21}
@@ -62,6 +63,17 @@ def test_wires_are_dark_and_stay_together_in_the_middle(drawn):
     first, last = scene.extras["meeting"]
     assert last - first >= 10
     assert distance[first : last + 1].max() < 25 < distance[[0, -1]].min()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_wires_move_smoothly_and_their_middles_never_pass(seed):
+    paths, (first, last) = wires_paths(WiresParameters(), np.random.default_rng(seed))
+    steps = np.linalg.norm(np.diff(paths, axis=0), axis=-1).max(axis=(1, 2))
+    assert steps.max() < 4.8
+    # Where the meeting begins and ends no frame jumps beside its neighbours.
+    assert np.abs(np.diff(steps))[first - 3 : last + 3].max() < 1
+    middles = paths.mean(axis=2)[..., 0]
+    assert (middles[:, 1] - middles[:, 0]).min() > 2
 
 
 def test_one_leaf_passes_in_front_of_the_other(drawn):

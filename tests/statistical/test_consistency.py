@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from exact import OBJECTS, objects, record_runs
 
-from jaxpf.filters.partitioned import ordering
+from jaxpf import ordering
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 

@@ -8,7 +8,7 @@ import pytest
 import scipy.stats
 from exact import LIMIT, OBJECTS, WRONG, objects, record_runs, scores, scores_of
 
-from jaxpf.filters.partitioned import ordering
+from jaxpf import ordering
 
 pytestmark = pytest.mark.statistical
 

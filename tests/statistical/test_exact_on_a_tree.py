@@ -7,8 +7,7 @@ folder whole.  A scheme is another kernel: the quick part has one scheme for all
 import pytest
 from exact import LIMIT, TREE, WRONG, problem, scores
 
-from jaxpf.filters import resampling
-from jaxpf.filters.partitioned import ordering
+from jaxpf import ordering, resampling
 
 pytestmark = pytest.mark.statistical
 
@@ -39,3 +38,10 @@ def test_filter_on_a_part_tree_is_unbiased_under_every_scheme(name, scheme):
 
 def test_sorted_swap_is_biased_in_its_evidence_by_far():
     assert scores(problem(TREE), ordering.sps(TREE, "sorted")).evidence > 3 * WRONG
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ps-012", "sps-combinatorial"])
+def test_filter_with_missing_frames_is_unbiased(name):
+    exact = problem(TREE, num_frames=4, missing=(1, 2))
+    assert scores(exact, ORDERINGS[name], resampling=QUICK_SCHEME).worst < LIMIT

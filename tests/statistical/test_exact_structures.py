@@ -23,9 +23,7 @@ from exact import (
     scores_of,
 )
 
-from jaxpf import running
-from jaxpf.filters.partitioned import ordering
-from jaxpf.pytree import pytree_dataclass
+from jaxpf import ordering, pytree_dataclass, running
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 

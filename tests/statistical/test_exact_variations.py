@@ -3,7 +3,7 @@
 import pytest
 from exact import LIMIT, TREE, problem, scores
 
-from jaxpf.filters.partitioned import ordering
+from jaxpf import ordering
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 

@@ -9,8 +9,8 @@ from exact import LIMIT, OBJECTS, RUNS, WRONG, monte_carlo, problem
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.models.likelihoods.gaussian import Gaussian, kalman
+from jaxpf.dynamics import RandomWalk
+from jaxpf.likelihoods import Gaussian, kalman
 
 run = quick(jaxpf.run)
 

@@ -27,7 +27,8 @@ from labelled_targets import (
 
 import jaxpf
 from jaxpf.filters.labelled import kernel
-from jaxpf.models.likelihoods.gaussian import kalman
+from jaxpf.gradients import StopGradient
+from jaxpf.likelihoods import kalman
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
@@ -121,7 +122,7 @@ def test_plain_weights_lose_a_label_where_equal_shares_do_not(exact):
 def test_the_gradient_of_the_evidence_is_exact_in_expectation(exact):
     """d log (1/L) sum Z_l by the observation noise, against differences of Kalman's."""
     keys = jax.random.split(jax.random.key(2), 4000)
-    tracker = exact.tracker(gradient="stop_gradient", resampling="multinomial")
+    tracker = exact.tracker(gradient=StopGradient(), resampling="multinomial")
 
     def scaled(noise):
         likelihood = dataclasses.replace(tracker.likelihood, noise=noise * jnp.ones((4, 1, 1)))

@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.errors import InputError
-from jaxpf.filters.partitioned import ordering
-from jaxpf.pytree import pytree_dataclass
+from jaxpf import InputError, ordering, pytree_dataclass
 
 PLACES, FRAMES, N, RUNS, FLIP = 5, 3, 12, 20_000, 0.1
 START, START_LABEL = (1, 3), (0.7, 0.3)

@@ -10,12 +10,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from exact import LIMIT, monte_carlo
+from exact import LIMIT, monte_carlo, rauch_tung_striebel
 
 import jaxpf
-from jaxpf.filters.partitioned import ordering
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.pytree import pytree_dataclass
+from jaxpf import ordering, pytree_dataclass
+from jaxpf.dynamics import RandomWalk
 
 FRAMES, N, RUNS, FLIP = 3, 50, 20_000, 0.2
 START_LABEL = (0.6, 0.4)
@@ -29,6 +28,9 @@ class Walk(RandomWalk):
 
     def propagate_label(self, key, label, substates):
         return jnp.where(jax.random.uniform(key) < FLIP, 1 - label, label)
+
+    def log_label(self, new, label, substates):
+        return jnp.log(jnp.where(new == label, 1 - FLIP, FLIP))
 
 
 @pytree_dataclass
@@ -49,10 +51,11 @@ class Together:
 
 
 def exact():
-    """Evidence, and label's and positions' expectations in the last frame."""
-    total, is_one, places = 0.0, 0.0, np.zeros(2)
+    """Evidence, label's and positions' expectations in the last frame, and all frames' smoothed."""
+    total, is_one, places, smoothed = 0.0, 0.0, np.zeros(2), 0.0
     for labels in itertools.product((0, 1), repeat=FRAMES + 1):
         weight, mean, covariance = START_LABEL[labels[0]], np.zeros(2), np.zeros((2, 2))
+        means, covariances = [], []
         for before, label, seen in zip(labels, labels[1:], SEEN, strict=False):
             weight *= FLIP if before != label else 1 - FLIP
             covariance = covariance + np.eye(2)
@@ -62,14 +65,27 @@ def exact():
             weight *= np.exp(-0.5 * off @ np.linalg.solve(spread, off))
             weight /= 2 * np.pi * np.sqrt(np.linalg.det(spread))
             mean, covariance = mean + gain @ off, covariance - gain @ covariance
+            means.append(mean)
+            covariances.append(covariance)
+        smoothed += weight * rauch_tung_striebel(np.eye(2), np.eye(2), means, covariances)[0]
         total += weight
         is_one += weight * labels[-1]
         places += weight * mean
-    return total, is_one / total, places / total
+    return total, is_one / total, places / total, smoothed / total
 
 
 def report(state, summary):
     return summary.log_evidence, summary.estimate[:, 0], summary.label_probabilities[1]
+
+
+def of_labels(**settings):
+    return jaxpf.Partitioned(
+        dynamics=Walk(1.0),
+        likelihood=Together(),
+        initial=np.zeros((2, 1), np.float32),
+        initial_label=np.array(START_LABEL),
+        **settings,
+    )
 
 
 @pytest.mark.statistical
@@ -77,22 +93,29 @@ def report(state, summary):
 @pytest.mark.parametrize("name", ["sir", "ps", "branched", "ahead"])
 def test_evidence_places_and_labels_are_unbiased(name):
     orders = {"sir": ordering.sir(2), "branched": ordering.branched([[0, 1], [1, 0]])}
-    tracker = jaxpf.Partitioned(
-        dynamics=Walk(1.0),
-        likelihood=Together(),
-        ordering=orders.get(name, ordering.ps([0, 1])),
-        initial=np.zeros((2, 1), np.float32),
-        initial_label=np.array(START_LABEL),
-        look_ahead=name == "ahead",
-        num_particles=N,
-    )
+    order = orders.get(name, ordering.ps([0, 1]))
+    tracker = of_labels(ordering=order, look_ahead=name == "ahead", num_particles=N)
     keys = jax.random.split(jax.random.key(2), RUNS)
     found = monte_carlo(tracker, keys, jnp.asarray(SEEN), record=report, batch_size=2000)
     log_evidence, places, is_one = (np.asarray(values, float) for values in found)
-    evidence, true_label, true_places = exact()
+    evidence, true_label, true_places, _ = exact()
     scale = np.exp(log_evidence.sum(axis=1)) / evidence
     values = np.column_stack([scale, scale * is_one[:, -1], scale[:, None] * places[:, -1]])
     truth = np.array([1.0, true_label, *true_places])
     error = values.std(axis=0) / RUNS**0.5
     assert (error < 0.02 * np.maximum(np.abs(truth), 0.3)).all()  # 2 % would be seen
     assert (np.abs(values.mean(axis=0) - truth) < LIMIT * error).all()
+
+
+@pytest.mark.statistical
+@pytest.mark.slow
+def test_places_are_smoothed_together_with_their_labels():
+    tracker = of_labels(ordering=ordering.ps([0, 1]), num_particles=600)
+    keys = jax.random.split(jax.random.key(3), 60)
+
+    def smoothed(key):
+        return jaxpf.smooth(tracker, key, jnp.asarray(SEEN)).estimate[..., 0]
+
+    found = np.asarray(jax.jit(lambda keys: jax.lax.map(smoothed, keys))(keys), float)
+    error = found.std(axis=0) / len(found) ** 0.5
+    assert (np.abs(found.mean(axis=0) - exact()[-1]) < LIMIT * error).all()

@@ -4,6 +4,8 @@ Three look-alikes step on the integers 0 to 4.  The exact answer is a forward re
 5 x 5 x 5 states.
 """
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,10 +14,9 @@ from exact import monte_carlo
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf.errors import InputError
-from jaxpf.filters.partitioned import look_ahead, ordering
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.pytree import pytree_dataclass
+from jaxpf import InputError, ordering, pytree_dataclass
+from jaxpf.dynamics import RandomWalk
+from jaxpf.filters.partitioned import look_ahead
 
 PLACES, FRAMES, N, RUNS, LIMIT = 5, 3, 12, 20_000, 4.5
 #: Where there is something to see, and where the targets are at first.
@@ -107,6 +108,55 @@ def true_places():
     posterior, grid = exact()[1], np.arange(PLACES)
     others = ((1, 2), (0, 2), (0, 1))
     return np.array([posterior.sum(axis=axes) @ grid for axes in others])
+
+
+@pytree_dataclass
+class Flipping(Steps):
+    """Whose labels, 0 and 1, change three times in ten."""
+
+    def propagate_label(self, key, label, substates):
+        return jnp.where(jax.random.uniform(key) < 0.3, 1 - label, label)
+
+
+@pytree_dataclass
+class Labelled(Tables):
+    """Joint by the label: targets that are independent, or one of which explains nothing."""
+
+    def log_joint_labelled(self, observation, substates, log_probs, label):
+        return jnp.where(label == 0, jnp.sum(log_probs), jnp.sum(log_probs[:2]) - 3.0)
+
+
+@pytest.mark.statistical
+@pytest.mark.slow
+def test_a_joint_of_labels_is_given_the_likelihoods_of_single_targets():
+    """By enumeration of all places and both labels; the stages weigh by something else."""
+    step = np.zeros((PLACES, PLACES))
+    for place in range(PLACES):
+        for move in (-1, 0, 1):
+            step[place, np.clip(place + move, 0, PLACES - 1)] += 1 / 3
+    flip = np.array([[0.7, 0.3], [0.3, 0.7]])
+    belief = np.zeros((2, *(PLACES,) * 3))
+    belief[(slice(None), *START)] = 0.5
+    for w in WEIGHTING:
+        two = w[0][:, None, None] + w[1][None, :, None] + 0 * w[2]
+        joint = np.stack([two + w[2], two - 3.0])
+        belief = np.einsum("labc,lm,ad,be,cf->mdef", belief, flip, step, step, step)
+        belief *= np.exp(joint)
+    made = dataclasses.replace(
+        tracker(ordering.ps([0, 1, 2]), look_ahead=True),
+        dynamics=Flipping(),
+        likelihood=Labelled(),
+        initial_label=np.array([0.5, 0.5]),
+    )
+    keys = jax.random.split(jax.random.key(7), RUNS)
+    frames = jnp.asarray(WEIGHTING), jnp.asarray(JOINT)
+    found = monte_carlo(made, keys, frames, record=report, batch_size=2000)
+    log_evidence, places = (np.asarray(values, float) for values in found)
+    ratio = np.exp(log_evidence.sum(axis=1)) / belief.sum()
+    assert z_score(ratio, 1) < LIMIT
+    others, grid = ((0, 2, 3), (0, 1, 3), (0, 1, 2)), np.arange(PLACES)
+    true = np.array([belief.sum(axis=axes) @ grid for axes in others]) / belief.sum()
+    assert (z_score(ratio[:, None] * places[:, -1], true) < LIMIT).all()
 
 
 @pytest.mark.statistical
@@ -212,7 +262,7 @@ class Blind:
     [
         ({"dynamics": Blind()}, "needs the method predict of the dynamics, and Blind has none"),
         ({"parents": (-1, 0, 0)}, "look_ahead does not go with a part tree"),
-        ({"gradient": "soft"}, "look_ahead does not go with gradient='soft'"),
+        ({"gradient": jaxpf.gradients.Soft()}, "look_ahead does not go with gradient Soft"),
         ({"likelihood": jaxpf.likelihoods.Gaussian(np.ones((3, 1, 1)))}, "no log_joint"),
     ],
 )

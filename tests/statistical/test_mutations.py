@@ -26,7 +26,7 @@ from exact import (
 )
 from quick_compiling import quick
 
-from jaxpf import running
+from jaxpf import blocks
 from jaxpf.filters import resampling
 from jaxpf.filters.partitioned import ending, exchange, ordering, selection
 
@@ -40,8 +40,8 @@ def mutant_scores(exact, order, **settings):
     """``exact.scores`` through a kernel that is traced now."""
 
     def monte_carlo(tracker, keys, frames):
-        states, groups = running.begin_batches(tracker, keys), running.in_groups(0, frames, ())
-        return running.advance_batches(tracker, keys, states, *groups, moments)[1]
+        states, groups = blocks.begin_batches(tracker, [keys]), blocks.in_groups(0, frames, ())
+        return blocks.advance_batches(tracker, [keys], states, *groups, moments)[1][0]
 
     keys = jax.random.split(jax.random.key(1), RUNS).reshape(-1, BATCH)
     tracker = exact.tracker(order, **settings)

@@ -14,11 +14,9 @@ from exact import monte_carlo
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf.errors import InputError
+from jaxpf import InputError, ordering, pytree_dataclass
 from jaxpf.filters import relocation
-from jaxpf.filters.partitioned import ordering
-from jaxpf.filters.relocation import Relocation
-from jaxpf.pytree import pytree_dataclass
+from jaxpf.relocation import Relocation
 
 COLUMNS, ROWS, FRAMES, N, RUNS, LIMIT = 4, 3, 4, 12, 20_000, 4.5
 START = ((0, 1), (3, 2))
@@ -227,7 +225,7 @@ class Sure:
     [
         ({"likelihood": Sure()}, "Sure has no log_odds"),
         ({"parents": (-1, 0)}, "relocation does not go with a part tree"),
-        ({"gradient": "soft"}, "relocation does not go with gradient='soft'"),
+        ({"gradient": jaxpf.gradients.Soft()}, "relocation does not go with gradient Soft"),
         ({"relocation": Relocation(1.5, np.ones(2))}, "epsilon 1.5 must be from 0 to 1"),
     ],
 )

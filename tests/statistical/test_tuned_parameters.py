@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.filters.partitioned import ordering
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.models.likelihoods import Gaussian
-from jaxpf.models.likelihoods.gaussian import kalman
-from jaxpf.tuning import Settings, TrainingSequence, tune
+from jaxpf import ordering, tune
+from jaxpf.dynamics import RandomWalk
+from jaxpf.gradients import StopGradient
+from jaxpf.likelihoods import Gaussian, kalman
+from jaxpf.tuning import Settings, TrainingSequence
 
 MOTION, NOISE = 0.8, 0.6
 NUM_SEQUENCES, NUM_FRAMES, STARTS = 16, 12, 10
@@ -43,7 +43,7 @@ def test_known_parameters_are_recovered_within_three_standard_errors_from_ten_st
         ordering=ordering.sir(1),
         initial=jnp.zeros((1, 1)),
         num_particles=100,
-        gradient="stop_gradient",
+        gradient=StopGradient(),
     )
     settings = Settings(
         steps=60, learning_rate=0.1, runs=8, sequences_per_step=4, window=25, tolerance=0.03,

@@ -12,9 +12,9 @@ import pytest
 from exact import LIMIT, TREE, WRONG, problem
 from kalman_gradients import gradients
 
-from jaxpf.filters.partitioned import ordering
-from jaxpf.models.likelihoods.gaussian import Gaussian
-from jaxpf.pytree import pytree_dataclass
+from jaxpf import ordering, pytree_dataclass
+from jaxpf.gradients import NoGradient, StopGradient
+from jaxpf.likelihoods import Gaussian
 
 pytestmark = pytest.mark.statistical
 
@@ -29,7 +29,7 @@ METHODS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_stop_gradient_is_unbiased_on_a_part_tree(method, record_property):
-    found = gradients(problem(TREE), METHODS[method], gradient="stop_gradient")
+    found = gradients(problem(TREE), METHODS[method], gradient=StopGradient())
     record_property("gradient", str(found))
     print(found)
     assert found.worst < LIMIT
@@ -39,7 +39,7 @@ def test_stop_gradient_is_unbiased_on_a_part_tree(method, record_property):
 def test_stop_gradient_is_unbiased_where_roots_are_exchanged(record_property):
     """The past of an object must bring its derivative along: groups here have many pasts."""
     exact = problem((-1, -1), transition=0.7, lag=0.3, initial_scale=1.0)
-    found = gradients(exact, ordering.sps(num_partitions=2), gradient="stop_gradient")
+    found = gradients(exact, ordering.sps(num_partitions=2), gradient=StopGradient())
     record_property("gradient", str(found))
     print(found)
     assert found.worst < LIMIT
@@ -74,16 +74,16 @@ def test_stop_gradient_is_unbiased_where_weights_stay_unequal(record_property):
     exact = problem(TREE)
     exact = exact._replace(likelihood=CorrectedAtTheEnd(noise=exact.likelihood.noise))
     method, settings = METHODS["dps"], {"ess_threshold": 0.5, "tempering": 0.5}
-    found = gradients(exact, method, gradient="stop_gradient", **settings)
+    found = gradients(exact, method, gradient=StopGradient(), **settings)
     record_property("gradient", str(found))
     print(found)
     assert found.worst < LIMIT
 
 
 VARIATIONS = {
-    "stop_gradient": ({"gradient": "stop_gradient"}, True),
-    "stop_gradient, score": ({"gradient": "stop_gradient", "motion_gradient": "score"}, True),
-    "none": ({"gradient": "none"}, False),
+    "stop_gradient": ({"gradient": StopGradient()}, True),
+    "stop_gradient, score": ({"gradient": StopGradient(), "motion_gradient": "score"}, True),
+    "none": ({"gradient": NoGradient()}, False),
 }
 
 

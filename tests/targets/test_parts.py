@@ -7,11 +7,12 @@ import pytest
 
 import jaxpf
 import scenes
-from jaxpf.errors import InputError
-from jaxpf.filters.partitioned.ordering import SWAPS, named
-from jaxpf.models.geometry import corners_from_poses
-from jaxpf.models.likelihoods import histogram_from_patches
-from jaxpf.targets.articulated import OfFixedSize, parts_tracker
+from jaxpf import InputError
+from jaxpf.filters.partitioned.ordering import SWAPS
+from jaxpf.geometry import corners_from_poses
+from jaxpf.likelihoods import histogram_from_patches
+from jaxpf.ordering import named
+from jaxpf.parts import OfFixedSize, parts_model
 
 TREE = (-1, 0, 0, 1, 2)
 
@@ -32,11 +33,10 @@ def tracker_of(scene, likelihood, ordering, **changes):
     settings = {
         "anchors": (scene.extras["parent_anchors"], scene.extras["part_anchors"]),
         "reach": (3, 3, 0.05),
-        "num_particles": 60,
     }
     start = scene.extras["poses"][0]
-    return parts_tracker(
-        likelihood, start, scene.sizes, ordering, scene.extras["parents"], **(settings | changes)
+    return build(
+        likelihood, start, scene.sizes, scene.extras["parents"], ordering, **(settings | changes)
     )
 
 
@@ -95,8 +95,9 @@ POSES, SIZES = np.zeros((5, 3)), np.ones((5, 2))
 
 
 def build(likelihood=None, poses=POSES, sizes=SIZES, tree=TREE, ordering=None, **settings):
+    model = parts_model(likelihood, poses, sizes, tree, **settings)
     ordering = ordering or named("ps", TREE)
-    return parts_tracker(likelihood, poses, sizes, ordering, tree, **settings)
+    return jaxpf.Partitioned(**model._asdict(), ordering=ordering, num_particles=60)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +110,6 @@ def build(likelihood=None, poses=POSES, sizes=SIZES, tree=TREE, ordering=None, *
         (lambda: named("sps", TREE, swap="best"), "swap='best' is unknown"),
         (lambda: named("ps", (-1, 2, 1)), "cycle through part 1"),
         (lambda: named("ps", (-1, 7)), r"parents\[1\]=7 is not a part"),
-        (lambda: build(num_particles=1), "num_particles=1 .*use 2 particles or more"),
         (lambda: build(dynamics="free"), "dynamics 'free' is unknown; choose one of relative"),
         (lambda: build(sizes=SIZES * [1, 0]), "part 0 measures 1 x 0 pixels, which is no area"),
         (lambda: build(poses=POSES + np.nan), "the pose of part 0 is .*finite"),

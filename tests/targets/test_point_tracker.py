@@ -9,9 +9,12 @@ import pytest
 
 import jaxpf
 import scenes
-from jaxpf.media.points_overlay import draw_points
-from jaxpf.targets.points import POINTS, Options, point_tracker
-from jaxpf.targets.target import Looks
+from jaxpf.adapters.adapter import Marks, looks_of_scene
+from jaxpf.adapters.points import ADAPTER as POINT_FILES
+from jaxpf.overlay import draw_points
+from jaxpf.targets.points import POINTS, Options
+from jaxpf.targets.target import Looks, Start
+from jaxpf.tuning.declared import with_tuned
 
 RNG = np.random.default_rng(0)
 PICTURE = np.kron(RNG.integers(30, 256, (20, 26, 3), dtype=np.uint8), np.ones((6, 6, 1), np.uint8))
@@ -21,7 +24,7 @@ FRAMES = np.stack([np.roll(PICTURE, 2 * t, axis=1) for t in range(1, 9)])
 
 @pytest.mark.parametrize("method", ["eskil", "pffl", "ps", "sps"])
 def test_every_filter_follows_points(method):
-    tracker = point_tracker(PICTURE, PLACES, method=method, diffusion=3.0)
+    tracker = jaxpf.points.tracker(PICTURE, PLACES, method=method, diffusion=3.0)
     _, summary = jaxpf.run(tracker, jax.random.key(0), FRAMES)
     truth = PLACES + np.arange(2, 18, 2)[:, None, None] * np.array([1.0, 0.0])
     assert np.linalg.norm(summary.estimate - truth, axis=-1).mean() < 2.5
@@ -30,7 +33,7 @@ def test_every_filter_follows_points(method):
 @pytest.mark.parametrize(
     ("points", "changes", "message"),
     [
-        (PLACES, {"method": "best"}, "method 'best' is unknown for points"),
+        (PLACES, {"method": "best"}, "method 'best' is unknown"),
         (PLACES, {"speed": 3}, "there is no option 'speed'"),
         (PLACES, {"diffusion": -1.0}, "diffusion = -1 must be"),
         (PLACES, {"window_size": 199}, "the window is 199 x 199 pixels and the frame 156 x 120"),
@@ -42,7 +45,7 @@ def test_every_filter_follows_points(method):
 )
 def test_bad_input_is_refused(points, changes, message):
     with pytest.raises(jaxpf.InputError, match=message):
-        point_tracker(PICTURE, points, **changes)
+        jaxpf.points.tracker(PICTURE, points, **changes)
 
 
 def test_hidden_points_are_drawn_hollow():
@@ -68,9 +71,9 @@ class _Source:
 def test_the_target_says_where_points_start(tmp_path):
     nothing = {"point": (), "points": None, "mask": None, "mask_step": None}
     given = nothing | {"point": ("40.5,40.5,nose", "70.5,45.5")}
-    start = POINTS.read_start(given, 0, _Source)
+    start = POINT_FILES.read_start(given, 0, _Source)
     assert start.ids.tolist() == ["nose", "1"]
-    np.testing.assert_array_equal(POINTS.positions(start, start.shapes), PLACES[:2])
+    np.testing.assert_array_equal(start.shapes, PLACES[:2])
     assert POINTS.outlines(start, start.shapes).shape == (2, 4, 2)
     for wrong, message in (
         ({"point": ("1,2",), "points": "file"}, "both given"),
@@ -79,11 +82,11 @@ def test_the_target_says_where_points_start(tmp_path):
         ({"point": ("1,2",), "mask_step": 5.0}, "--mask-step is about the grid on a --mask"),
     ):
         with pytest.raises(jaxpf.InputError, match=message):
-            POINTS.read_start(nothing | wrong, 0, _Source)
-    with POINTS.track_writer(tmp_path / "t.csv", start) as writer:
+            POINT_FILES.read_start(nothing | wrong, 0, _Source)
+    with POINT_FILES.track_writer(tmp_path / "t.csv", start) as writer:
         writer.append(3, start.shapes, [False, True])
     assert "3,1,70.500,45.500,1" in (tmp_path / "t.csv").read_text()
-    tuned = POINTS.tuned(Options(), {"likelihood.sigma": 0.2, "dynamics.scale": 3.0})
+    tuned = with_tuned(Options(), {"likelihood.sigma": 0.2, "dynamics.scale": 3.0}, "points")
     assert (tuned.sigma, tuned.diffusion) == (0.2, 3.0)
 
 
@@ -92,31 +95,44 @@ def test_a_grid_of_points_starts_on_a_mask(tmp_path):
     mask[20:60, 40:80] = 255
     cv2.imwrite(str(tmp_path / "mask.png"), mask)
     given = {"point": (), "points": None, "mask": tmp_path / "mask.png", "mask_step": None}
-    start = POINTS.read_start(given, 0, _Source)
+    start = POINT_FILES.read_start(given, 0, _Source)
     np.testing.assert_array_equal(start.shapes, [[50, 30], [70, 30], [50, 50], [70, 50]])
-    assert len(POINTS.read_start(given | {"mask_step": 10.0}, 0, _Source).shapes) == 16
+    assert len(POINT_FILES.read_start(given | {"mask_step": 10.0}, 0, _Source).shapes) == 16
     with pytest.raises(jaxpf.InputError, match="0 pixels"):
-        POINTS.read_start(given | {"mask_step": 0.0}, 0, _Source)
+        POINT_FILES.read_start(given | {"mask_step": 0.0}, 0, _Source)
     cv2.imwrite(str(tmp_path / "mask.png"), mask[:50])
     with pytest.raises(jaxpf.InputError, match="has 156 x 50 pixels and the frame 156 x 120"):
-        POINTS.read_start(given, 0, _Source)
+        POINT_FILES.read_start(given, 0, _Source)
     cv2.imwrite(str(tmp_path / "mask.png"), 0 * mask)
     with pytest.raises(jaxpf.InputError, match="is 0 everywhere; mark the body"):
-        POINTS.read_start(given, 0, _Source)
+        POINT_FILES.read_start(given, 0, _Source)
     with pytest.raises(jaxpf.InputError, match="there is no mask at"):
-        POINTS.read_start(given | {"mask": tmp_path / "none.png"}, 0, _Source)
+        POINT_FILES.read_start(given | {"mask": tmp_path / "none.png"}, 0, _Source)
 
 
 def test_the_target_starts_from_a_scene():
     scene = scenes.make("face", seed=0, num_frames=2, frame_width=640, frame_height=400)
-    assert POINTS.fits_scene(scene)
-    start = POINTS.scene_start(scene)
+    assert POINT_FILES.fits_scene(scene)
+    start = POINT_FILES.scene_start(scene)
     learned = [
-        POINTS.model(Options(), start, Looks(frame, patches, scene.frames.shape[1:3], 10))
+        POINTS.likelihood(Options(), start, Looks(frame, patches, scene.frames.shape[1:3], 10))
         for frame, patches in ((scene.frames[0], None), (None, scene.patches))
     ]
-    references = [np.asarray(model.likelihood.references) for model in learned]
+    references = [np.asarray(likelihood.references) for likelihood in learned]
     np.testing.assert_allclose(*references, rtol=1e-5)
     hidden = dict(scene.extras) | {"visible": scene.extras["visible"] & (np.arange(18) != 3)}
     with pytest.raises(jaxpf.InputError, match="'left eye inner' of scene 'face' is hidden"):
-        POINTS.scene_start(dataclasses.replace(scene, extras=hidden))
+        POINT_FILES.scene_start(dataclasses.replace(scene, extras=hidden))
+
+
+def test_windows_of_scenes_have_the_size_that_was_asked_for():
+    scene = scenes.make("face", seed=0, num_frames=2, frame_width=640, frame_height=400)
+    start, looks = POINT_FILES.scene_start(scene), looks_of_scene(scene, 10)
+    assert POINTS.likelihood(Options(window_size=31), start, looks).window == (31, 31)
+    assert POINTS.likelihood(Options(), start, looks).window == (21, 21)
+
+
+def test_points_of_a_stored_evaluation_which_knows_numbers_are_drawn():
+    start = Start(np.array([1, 2]), PLACES[:2], np.full((2, 2), 21.0), (-1, -1))
+    marks = Marks(np.full((2, 3), 255, np.uint8), np.zeros(2, bool))
+    assert (POINT_FILES.draw(PICTURE, start, PLACES[:2], marks) != PICTURE).any()

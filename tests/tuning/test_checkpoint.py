@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from small_tuning import QUICK, SCALE, made_sequence, tracker
 
-from jaxpf import tuning
-from jaxpf.errors import InputError
-from jaxpf.tuning.checkpoint import NAME, Store
+from jaxpf import InputError, gradients, tuning
+from jaxpf.tuning.checkpoint import NAME, Checkpoint
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +22,10 @@ def begun(tmp_path_factory):
 @pytest.mark.parametrize(
     ("other", "said"),
     [
-        ({"gradient": "stop_gradient"}, "begun with gradient = none, now stop_gradient"),
+        (
+            {"gradient": gradients.StopGradient()},
+            r"begun with gradient = NoGradient\(\), now StopGradient\(\)",
+        ),
         ({"resampling": "multinomial"}, "begun with resampling = systematic, now multinomial"),
     ],
 )
@@ -48,7 +50,7 @@ def test_other_frames_are_told_in_words(begun):
 def test_a_missing_package_is_told_before_there_is_a_checkpoint(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"needs the package ott-jax; pip install"):
-        tracker(gradient="transport")
+        tracker(gradient=gradients.Transport())
 
 
 def test_a_call_that_made_no_step_leaves_no_checkpoint(tmp_path):
@@ -65,7 +67,7 @@ def test_a_truncated_checkpoint_is_one_sentence(begun, tmp_path, part):
     data = (begun / NAME).read_bytes()
     (tmp_path / NAME).write_bytes(data[: int(part * len(data))])
     with pytest.raises(InputError, match=r"checkpoint.npz' is damaged .*; remove it") as caught:
-        Store(tmp_path, {}).read()
+        Checkpoint(tmp_path, {}).read()
     assert "\n" not in str(caught.value)
 
 
@@ -73,8 +75,8 @@ def test_a_checkpoint_of_something_else_is_one_sentence(tmp_path):
     for about in ("[]", "{}", '{"asked": 3, "descents": []}', "[" * 100_000):
         np.savez(tmp_path / NAME, about=np.array(about))
         with pytest.raises(InputError, match="is damaged"):
-            Store(tmp_path, {}).read()
+            Checkpoint(tmp_path, {}).read()
     with zipfile.ZipFile(tmp_path / NAME, "w") as archive:
         archive.writestr("about.npy", b"no array")
     with pytest.raises(InputError, match="is damaged"):
-        Store(tmp_path, {}).read()
+        Checkpoint(tmp_path, {}).read()

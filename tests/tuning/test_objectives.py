@@ -9,14 +9,10 @@ import pytest
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf import InputError
-from jaxpf.filters.partitioned import ordering
-from jaxpf.measures import metrics
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.models.geometry import boxes_from_substates
-from jaxpf.models.likelihoods.gaussian import Gaussian
-from jaxpf.pytree import pytree_dataclass
-from jaxpf.tuning import objectives
+from jaxpf import InputError, metrics, objectives, ordering, pytree_dataclass
+from jaxpf.dynamics import RandomWalk
+from jaxpf.geometry import boxes_from_substates
+from jaxpf.likelihoods import Gaussian
 
 T, R = 7, 4
 KEYS = jax.random.split(jax.random.key(0), R)

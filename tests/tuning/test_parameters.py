@@ -9,10 +9,9 @@ import pytest
 from small_tuning import QUICK, made_sequence, tracker
 
 import jaxpf
-from jaxpf import tuning
-from jaxpf.errors import InputError
-from jaxpf.models.likelihoods import histogram
-from jaxpf.tuning import Parameter, TrainingSequence, tune
+from jaxpf import InputError, tune, tuning
+from jaxpf.likelihoods import histogram
+from jaxpf.tuning import Parameter, TrainingSequence
 
 # Paths and bounds
 

@@ -8,16 +8,14 @@ import pytest
 from small_tuning import QUICK, SCALE, made_sequence, tracker
 
 import jaxpf
-from jaxpf import tuning
-from jaxpf.errors import InputError
-from jaxpf.filters.partitioned import ordering
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.models.likelihoods import Gaussian, histogram
-from jaxpf.targets import find_target
+from jaxpf import InputError, ordering, tune, tuning
+from jaxpf.adapters import find_adapter
+from jaxpf.dynamics import RandomWalk
+from jaxpf.likelihoods import Gaussian, histogram
 from jaxpf.targets.target import Start
-from jaxpf.tuning import Settings, TrainingSequence, tune
+from jaxpf.tuning import Settings, TrainingSequence, compare
 from jaxpf.tuning.checkpoint import NAME
-from jaxpf.tuning.comparison import HeldOut, compare
+from jaxpf.tuning.comparison import HeldOut
 
 # Objectives
 
@@ -115,11 +113,15 @@ def test_common_random_numbers_make_the_loss_one_function():
 
 def test_it_stops_when_values_have_settled():
     settings = Settings(steps=200, window=5, tolerance=0.05, repeats=1, learning_rate=0.05)
-    descent = tune(made_sequence(), SCALE, settings=settings).descents[0]
-    assert descent.stopped == "settled"
-    assert descent.num_steps < 200
-    hasty = dataclasses.replace(settings, steps=6)
-    assert tune(made_sequence(), SCALE, settings=hasty).descents[0].stopped == "all steps"
+    result = tune(made_sequence(), SCALE, settings=settings)
+    assert result.descents[0].stopped == "settled"
+    assert result.descents[0].num_steps < 200
+    assert result.settled
+    assert not any("settled" in remark for remark in result.remarks)
+    hasty = tune(made_sequence(), SCALE, settings=dataclasses.replace(settings, steps=6))
+    assert hasty.descents[0].stopped == "all steps"
+    assert not hasty.settled
+    assert "1 of 1 repeats stopped before they settled: the errors leave out" in hasty.remarks[0]
 
 
 def test_clipping_bounds_the_gradient_not_its_trace():
@@ -148,7 +150,7 @@ def test_the_curvature_gives_the_error_of_the_kalman_information():
         for s in sequences
     ]
     result = tune(sharp, SCALE, settings=settings)
-    from jaxpf.models.likelihoods.gaussian import kalman
+    from jaxpf.likelihoods import kalman
 
     def exact(z):
         q = np.exp(z) ** 2
@@ -270,7 +272,7 @@ def test_the_comparison_pairs_runs_and_names_its_unit():
         )
 
     start = Start(np.array([1]), truth[0], np.full((1, 2), 10.0), (-1,))
-    held_out = HeldOut(one(0.05), one(2.0), frames, truth, find_target("boxes"), start)
+    held_out = HeldOut(one(0.05), one(2.0), frames, truth, find_adapter("boxes").target, start)
     single = compare([held_out], runs=6)
     assert (single.unit, single.count) == ("runs", 6)
     assert single.verdict("overlap") == "better"

@@ -3,20 +3,18 @@
 The fly's joints are a network's predictions: what is measured there is agreement with a network.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.experiments.claims import Measured, student_interval, wilson
-from jaxpf.experiments.comparison_table import Cell, Table
-from jaxpf.experiments.eskil2014 import methods
-from jaxpf.experiments.eskil2014.tracking import track
+from jaxpf.experiments.eskil2014.scenes import track
+from jaxpf.experiments.paper import reading_clips
 from jaxpf.experiments.parts import part
 from jaxpf.measures import points as measures
-from scenes import SceneError, read_clip
+from scenes import read_clip
 from scenes.keypoints import read_keypoints
 from scenes.landmarks import read_landmarks
 
@@ -28,7 +26,7 @@ FLY_FRAMES = 150
 #: A point is where it should be within this share of the body's length.
 SHARES = (0.05, 0.1, 0.2)
 #: Marks stand about every fifth frame: a recovery is judged at the first mark in view.
-_MARKS = 1
+MARKS = 1
 
 
 class Marked(NamedTuple):
@@ -70,13 +68,19 @@ def available(data: Path) -> list[Path]:
     return found
 
 
+def read_all(data: Path, quick: bool = False) -> list[Marked]:
+    """Read the clips that the folder of real clips holds, or the first of them."""
+    folders = available(data)
+    return [read(folder) for folder in (folders[:1] if quick else folders)]
+
+
 def read(folder: Path) -> Marked:
     """Read a clip and its marks.
 
     Raises:
         InputError: it cannot be read, or fewer than two points are in view at the start.
     """
-    try:
+    with reading_clips():
         clip = read_clip(folder, boxes_needed=False)
         if folder.name == CLIPS[2]:
             keypoints = read_keypoints(folder)
@@ -89,8 +93,6 @@ def read(folder: Path) -> Marked:
             names = tuple(str(number) for number in marks.ids)
         start, stop = int(np.argmax(marked)), len(marked)
         frames = np.stack(list(clip.frames(0, stop)))[start:]
-    except SceneError as error:
-        raise InputError(f"{error}.") from error
     kept = visible[start] & ~_repeated(truth[start])
     if kept.sum() < 2:
         raise InputError(f"fewer than two points of '{folder}' are in view in frame {start}.")
@@ -116,78 +118,16 @@ def _repeated(places: np.ndarray) -> np.ndarray:
 
 
 def measure(
-    clip: Marked, runs: int, quick: bool, report: Callable[[str], None]
+    clip: Marked,
+    runs: int,
+    filters: Sequence[str],
+    others: Sequence[str],
+    report: Callable[[str], None],
 ) -> dict[str, np.ndarray]:
     """Method -> distances ``[R, T, P]`` in pixels, in the frames after the start."""
-    filters = methods.QUICK if quick else methods.FILTERS
-    others = methods.OTHERS[1:] if quick else methods.OTHERS
     report(f"  {clip.name}: {len(clip.names)} points, {len(clip.frames) - 1} frames")
     found = part(
         clip.name,
         lambda: track(clip.frames, clip.truth[0], SCALE, filters, others, runs, seed=0),
     )
     return {name: measures.distances(places, clip.truth[1:]) for name, places in found.items()}
-
-
-def table(clip: Marked, found: dict[str, np.ndarray]) -> Table:
-    """Errors, correct points and recoveries of every method on one clip."""
-    visible, marked = clip.visible[1:], clip.marked[1:]
-    hidden = marked[:, None] & ~visible
-    back = measures.recoveries(clip.visible[clip.marked])
-    rows = []
-    for method, distance in found.items():
-        cells: list[Cell | str] = [
-            _cell(measures.mean_error(distance, visible), 1),
-            _cell(measures.mean_error(distance, hidden), 1),
-        ]
-        for share in SHARES:
-            within = measures.share_within(distance, share * clip.length, visible)
-            cells.append(_cell(100 * within, 0))
-        cells.append(_recovered(clip, distance))
-        rows.append((method, cells))
-    listed = ", ".join(f"{clip.names[point]} (mark {at})" for point, _, at in back) or "none"
-    left_out = (
-        f"  Hidden at the start, or where another is, and left out: {', '.join(clip.left_out)}."
-        * bool(clip.left_out)
-    )
-    truth = "a network's" if clip.name == CLIPS[2] else "made by hand"
-    return Table(
-        f"clip_{clip.name}",
-        f"{clip.name}: distance from the marks (pixels), points within a share of the body's "
-        f"length, {clip.length:.0f} pixels (%)",
-        [
-            "",
-            "in view",
-            "hidden",
-            *(f"within {share:g}" for share in SHARES),
-            f"found again, of {len(back)} (%)",
-        ],
-        rows,
-        f"{len(clip.names)} points in {int(clip.marked[1:].sum())} marked frames; marks are "
-        f"{truth}, those of hidden points guesses.  Intervals are over runs on this one clip."
-        f"{left_out}  Occlusions that end, judged at the first mark in view, within "
-        f"{SHARES[1]:g} of the length: {listed}.  Not in the paper.",
-    )
-
-
-def _recovered(clip: Marked, distance: np.ndarray) -> Cell:
-    # Where points start they are right: a frame of zeros stands for it.
-    start = np.zeros((len(distance), 1, distance.shape[-1]))
-    whole = np.concatenate([start, distance], axis=1)[:, clip.marked]
-    again = measures.recovered(
-        whole, clip.visible[clip.marked], SHARES[1] * clip.length, within=_MARKS
-    )
-    if again.shape[-1] == 0:
-        return Cell()
-    by_run = 100 * again.mean(axis=-1)
-    if len(by_run) > 1 and np.ptp(by_run) > 0:
-        return _cell(by_run, 0)
-    low, high = wilson(len(by_run) * by_run[0] / 100, len(by_run))(0.95)
-    return Cell(
-        None, Measured(float(by_run[0]), *((low, high) if len(by_run) > 1 else (np.nan,) * 2))
-    )
-
-
-def _cell(by_run: np.ndarray, digits: int) -> Cell:
-    low, high = student_interval(by_run)(0.95)
-    return Cell(None, Measured(float(np.mean(by_run)), low, high), digits)

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
+import jaxpf.points
 from jaxpf.experiments.eskil2014.published import PFFL_PARTICLES, SHAPE_SCALE, SIGMA
-from jaxpf.targets.points import point_tracker
 
 PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
 
-#: Options of ``jaxpf.targets.points``; what is not said has its default.
+#: Options of ``jaxpf.points.tracker``; what is not said has its default.
 _OPTIONS: Mapping[str, dict[str, Any]] = {
     PROPOSED: {},
     "eskil2014 as printed": {
@@ -37,7 +37,6 @@ _OPTIONS: Mapping[str, dict[str, Any]] = {
     "SPS": {"method": "sps", "particles": 2 * PFFL_PARTICLES},
 }
 FILTERS = tuple(_OPTIONS)
-ABLATIONS = ("without drift", "without shape", "signed drift", "ridge drift")
 #: Deterministic, once per clip or scene.
 OTHERS = (SPOT, FLOW, "not moving")
 QUICK = (PROPOSED, PFFL, "PS")
@@ -54,4 +53,7 @@ def trackers(
         scale: sigma_t, pixels.
         names: of ``FILTERS``.
     """
-    return {name: point_tracker(frame, points, diffusion=scale, **_OPTIONS[name]) for name in names}
+    return {
+        name: jaxpf.points.tracker(frame, points, diffusion=scale, **_OPTIONS[name])
+        for name in names
+    }

@@ -13,25 +13,22 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.blocks import monte_carlo
 from jaxpf.errors import InputError
-from jaxpf.experiments.claims import Measured, student_interval
-from jaxpf.experiments.comparison_table import Cell, Table
+from jaxpf.experiments.gonzales2011.scenes import METHODS, SWAPS
+from jaxpf.experiments.paper import clip_folder, reading_clips
 from jaxpf.filters.partitioned.ordering import named
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.models import geometry
 from jaxpf.models.likelihoods.patch import PatchLikelihood, patch
-from jaxpf.running import monte_carlo
-from jaxpf.targets.articulated import parts_tracker
-from scenes import SceneError, read_clip
+from jaxpf.targets.articulated import parts_model
+from scenes import read_clip
 from scenes.keypoints import Keypoints, read_keypoints
 
 CLIP = "sleap_fly_pair"
 #: The fly of which all joints are marked in frame 0.
 FLY = 0
 FRAMES, PARTICLES, RUNS = 300, 100, 20
-
-METHODS = ("PS", "SPS sorted", "SPS combinatorial", "SPS without swap")
-_SWAPS = dict(zip(METHODS[1:], ("sorted", "combinatorial", "none"), strict=True))
 
 
 class Segment(NamedTuple):
@@ -101,17 +98,11 @@ def read_fly(data: Path, first: int = 0, num_frames: int = FRAMES) -> Fly:
     Raises:
         InputError: the clip is missing or cannot be read, or a joint is not marked in ``first``.
     """
-    folder = data if data.name == CLIP else data / CLIP
-    if not folder.is_dir():
-        raise InputError(
-            f"the folder '{data}' holds no {CLIP}; name one that does, or leave out --data."
-        )
-    try:
+    folder = clip_folder(data, CLIP)
+    with reading_clips():
         clip = read_clip(folder)
         keypoints = read_keypoints(folder)
         frames = np.stack(list(itertools.islice(clip.frames(), first, first + num_frames + 1)))
-    except SceneError as error:
-        raise InputError(f"{error}.") from error
     fly = _of_fly(keypoints, frames, first)
     if not np.isfinite(fly.joints[0]).all():
         raise InputError(
@@ -162,16 +153,15 @@ def trackers(
     """Method -> tracker; all of them share one compiled kernel."""
     poses, sizes, anchors = start_of(fly)
     likelihood: PatchLikelihood = patch(fly.frames[0], poses, sizes, sigma=sigma, window=_WINDOW)
+    model = parts_model(
+        likelihood, poses, sizes, PARENTS, scale=SCALE, joint_scale=JOINT_SCALE, anchors=anchors
+    )
     return {
-        method: parts_tracker(
-            likelihood,
-            poses,
-            sizes,
-            named("ps", PARENTS) if method == "PS" else named("sps", PARENTS, swap=_SWAPS[method]),
-            PARENTS,
-            scale=SCALE,
-            joint_scale=JOINT_SCALE,
-            anchors=anchors,
+        method: Partitioned(
+            **model._asdict(),
+            ordering=named("ps", PARENTS)
+            if method == "PS"
+            else named("sps", PARENTS, swap=SWAPS[method]),
             num_particles=num_particles,
         )
         for method in METHODS
@@ -197,34 +187,6 @@ def measure(fly: Fly, runs: int = RUNS, num_particles: int = PARTICLES) -> dict[
         )
         found[method] = distance(estimate)
     return found
-
-
-def table(found: Mapping[str, np.ndarray]) -> Table:
-    """Mean distance of the joints, by the kind of joint."""
-    kinds = {
-        "all joints": list(range(len(SEGMENTS) + 1)),
-        "neck, thorax, head": [0, 1, 2],
-        "abdomen, wings": [3, 4, 5],
-        "knees": list(range(6, 12)),
-        "feet": list(range(12, 18)),
-    }
-    rows = []
-    for method, distance in found.items():
-        cells: list[Cell | str] = []
-        for joints in kinds.values():
-            by_run = np.nanmean(distance[..., joints], axis=(1, 2))
-            low, high = student_interval(by_run)(0.95)
-            cells.append(Cell(None, Measured(float(by_run.mean()), low, high), digits=2))
-        rows.append((method, cells))
-    return Table(
-        "flies",
-        f"{CLIP}, fly {FLY}: mean distance of the joints from those marked (pixels)",
-        ["", *kinds],
-        rows,
-        f"{len(SEGMENTS)} parts, N = {PARTICLES}, relative dynamics, frames 1 to "
-        f"{next(iter(found.values())).shape[1]}; the marks are a network's, not a person's.  Not "
-        "in the paper.",
-    )
 
 
 def _keep_poses(state: Any, summary: Any) -> Any:

@@ -7,10 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.experiments.claims import Measured, student_interval
-from jaxpf.experiments.comparison_table import Cell, Table
-from jaxpf.experiments.maccormick1999.cases import Case
-from jaxpf.experiments.maccormick1999.coalescence import rate
+from jaxpf.experiments.maccormick1999.scenes import Case
 from jaxpf.experiments.maccormick1999.tracking import filtered, outcome_of, tracker_of
 from jaxpf.experiments.parts import part
 
@@ -55,38 +52,6 @@ def measure(
         SAME_NUMBER: ahead,
         SAME_TIME: _run(f"{name}-same_time", cases, groups, True, as_dear, seed),
     }
-
-
-def table(name: str, found: dict[str, Weighting]) -> Table:
-    """How much the evidence varies between runs, and who is kept."""
-    plain = found[PLAIN]
-    rows: list[tuple[str, list[Cell | str]]] = []
-    of_plain = plain.log_evidence.var(axis=1, ddof=1)
-    for weighting, one in found.items():
-        variance = one.log_evidence.var(axis=1, ddof=1)
-        ratio = np.log(variance / of_plain)
-        low, high = student_interval(ratio)(0.95)
-        rows.append(
-            (
-                weighting,
-                [
-                    str(one.particles),
-                    f"{one.seconds / plain.seconds:.2f}",
-                    Cell(None, Measured(float(np.sqrt(variance.mean())), np.nan, np.nan), 2),
-                    Cell(None, Measured(*np.exp([ratio.mean(), low, high])), 2),
-                    Cell(None, rate(one.kept)),
-                ],
-            )
-        )
-    groups, runs = plain.kept.shape
-    return Table(
-        f"look_ahead_{name}",
-        f"Beyond the paper: look-ahead weighting on {name}, {groups} groups of {runs} runs",
-        ["", "N", "time / plain", "sd of log evidence", "its variance / plain's", "both kept (%)"],
-        rows,
-        "Exclusion, partitioned sampling.  The ratio of variances is the geometric mean over the "
-        "groups, whose runs are of one sequence.",
-    )
 
 
 def _run(name: str, *args: Any) -> Weighting:

@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxpf
-from jaxpf.experiments.maccormick1999.cases import Case, distances
-from jaxpf.experiments.parts import part
+from jaxpf.experiments.maccormick1999.scenes import Case, distances
 from jaxpf.filters.partitioned import ordering as orderings
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.models.likelihoods.contours import contours
@@ -27,7 +26,9 @@ class Outcome(NamedTuple):
         spread: ``[R, T, 2]``, of each target's contour, pixels, root mean square.
         kept: ``[R]`` bool, both contours end on their own targets.
         coalesced: ``[R]`` bool, both end on one.
+        swapped: ``[R]`` bool, each ends on the other's.
         log_evidence: ``[R]``, of all frames.
+        in_front: ``[R, T]``, probability that the first target is in front; NaN without labels.
     """
 
     outlines: np.ndarray
@@ -35,7 +36,9 @@ class Outcome(NamedTuple):
     spread: np.ndarray
     kept: np.ndarray
     coalesced: np.ndarray
+    swapped: np.ndarray
     log_evidence: np.ndarray
+    in_front: np.ndarray
 
 
 def tracker_of(case: Case, exclusion: str, num_particles: int, method: str = "ps") -> Partitioned:
@@ -81,34 +84,29 @@ def filtered(case: Case, tracker: Partitioned, runs: int, seed: int) -> list[np.
 
 def outcome_of(case: Case, tracker: Partitioned, found: list[np.ndarray]) -> Outcome:
     """What came of it."""
-    estimates, ess, spread, log_evidence = found
+    estimates, ess, spread, log_evidence, in_front = found
     outlines = np.asarray(tracker.likelihood.outline_points(jnp.asarray(estimates)))
-    kept, coalesced = judged(case, outlines)
     spread = np.sqrt((spread**2).sum(axis=-1))
-    return Outcome(outlines, ess, spread, kept, coalesced, log_evidence.sum(axis=1))
+    ends = judged(case, outlines)
+    return Outcome(outlines, ess, spread, *ends, log_evidence.sum(axis=1), in_front)
 
 
-def track_once(name: str, case: Case, tracker: Partitioned, runs: int, seed: int) -> Outcome:
-    """As ``track``, but for what was kept under that name; see ``jaxpf.experiments.parts``."""
-    return Outcome(**part(name, lambda: track(case, tracker, runs, seed)._asdict()))
+def judged(case: Case, outlines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Whether runs end with both contours on their own targets, on one, or on each other's.
 
-
-def judged(case: Case, outlines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whether runs end with both contours on their own targets, and with both on one.
+    None of these is a run of which a contour ends on no target.
 
     Args:
         case: with T frames.
         outlines: ``[R, T, 2, M, 2]``.
     """
     last = distances(case, outlines)[:, -1]  # [R, estimate, target]
-    on = last < case.on_target
-    nearest = last.argmin(axis=-1)
-    kept = on[:, 0, 0] & on[:, 1, 1] & (nearest == (0, 1)).all(axis=-1)
-    coalesced = (nearest[:, 0] == nearest[:, 1]) & on[
-        np.arange(len(on))[:, None], (0, 1), nearest
-    ].all(axis=-1)
-    return kept, coalesced
+    on = (last.min(axis=-1) < case.on_target).all(axis=-1)
+    first, second = last.argmin(axis=-1).T
+    return on & (first < second), on & (first == second), on & (first > second)
 
 
 def _keep(state: Any, summary: Any) -> Any:
-    return summary.estimate, summary.ess, summary.spread, summary.log_evidence
+    labels = summary.label_probabilities
+    in_front = jnp.nan * summary.ess if labels is None else labels[0]
+    return summary.estimate, summary.ess, summary.spread, summary.log_evidence, in_front

@@ -4,6 +4,7 @@ Two targets move by ``x_t = 1.5 x_{t-1} - .5 x_{t-2} + n`` and are observed with
 few frames.  An unbiased estimate of an evidence, over the exact one, has the mean 1.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import jax
@@ -11,8 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxpf
-from jaxpf.experiments.claims import Measured, student_interval, wilson
-from jaxpf.experiments.comparison_table import Cell, Table
+from jaxpf.experiments.claims import Measured, wilson
+from jaxpf.experiments.comparison_table import Cell, Rows, Table
+from jaxpf.experiments.estimates import mean_cell
 from jaxpf.models.dynamics import LinearGaussian
 from jaxpf.models.likelihoods.gaussian import Gaussian, kalman
 
@@ -60,17 +62,24 @@ def tracker(**changes: Any) -> jaxpf.Labelled:
     )
 
 
-def bias_table(runs: int = RUNS, seed: int = 0) -> Table:
-    """Means of the evidence estimates over the exact ones, and how often a target is lost."""
-    observed = frames()
-    answer = exact(observed)
+def measure(runs: int = RUNS, seed: int = 0) -> dict[str, dict[str, np.ndarray]]:
+    """Variant -> what ``_record`` keeps of every run and frame."""
     keys = jax.random.split(jax.random.key(seed), runs)
-    rows: list[tuple[str, list[Cell | str]]] = []
-    for label, changes in VARIANTS.items():
-        found = jaxpf.monte_carlo(
-            tracker(**changes), keys, jnp.asarray(observed), _record, min(runs, 2000)
+    return {
+        label: jaxpf.monte_carlo(
+            tracker(**changes), keys, jnp.asarray(frames()), _record, min(runs, 2000)
         )
-        mixture, own, lost = (np.asarray(each, float) for each in found)
+        for label, changes in VARIANTS.items()
+    }
+
+
+def bias_table(found: Mapping[str, Mapping[str, np.ndarray]]) -> Table:
+    """Means of the evidence estimates over the exact ones, and how often a target is lost."""
+    answer = exact(frames())
+    rows: Rows = []
+    for label, recorded in found.items():
+        mixture, own, lost = (np.asarray(recorded[what], float) for what in _RECORDED)
+        runs = len(mixture)
         ratios = np.exp(own.sum(axis=1) - answer)
         starved = float(lost[:, -1].any(axis=1).sum())
         rows.append(
@@ -78,9 +87,9 @@ def bias_table(runs: int = RUNS, seed: int = 0) -> Table:
                 label,
                 [
                     Cell(None, Measured(100 * starved / runs, *wilson(starved, runs)(0.95)), 1),
-                    _ratio(np.exp(mixture.sum(axis=1)) / np.exp(answer).mean()),
-                    *(_ratio(ratios[:, target]) for target in range(TARGETS)),
-                    _ratio(ratios.prod(axis=1)),
+                    mean_cell(np.exp(mixture.sum(axis=1)) / np.exp(answer).mean(), 3),
+                    *(mean_cell(ratios[:, target], 3) for target in range(TARGETS)),
+                    mean_cell(ratios.prod(axis=1), 3),
                 ],
             )
         )
@@ -94,9 +103,11 @@ def bias_table(runs: int = RUNS, seed: int = 0) -> Table:
     )
 
 
+_RECORDED = ("log_evidence", "label_log_evidence", "lost")
+
+
 def _record(state: Any, summary: Any) -> Any:
-    return summary.log_evidence, summary.label_log_evidence, summary.uniqueness == 0
-
-
-def _ratio(values: np.ndarray) -> Cell:
-    return Cell(None, Measured(float(values.mean()), *student_interval(values)(0.95)), 3)
+    lost = summary.uniqueness == 0
+    return dict(
+        zip(_RECORDED, (summary.log_evidence, summary.label_log_evidence, lost), strict=True)
+    )

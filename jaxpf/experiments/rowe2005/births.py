@@ -8,6 +8,7 @@ picture has the same.  Where detections do not say where one is, no setting did 
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,11 +18,12 @@ import numpy as np
 import scenes
 from jaxpf.baselines import iou_tracker
 from jaxpf.baselines.simulated_detections import simulated_detections
-from jaxpf.errors import InputError
-from jaxpf.experiments.comparison_table import Cell, Table
-from jaxpf.experiments.rowe2005 import tables
+from jaxpf.experiments.comparison_table import Cell, Rows, Table
+from jaxpf.experiments.estimates import mean_cell
+from jaxpf.experiments.paper import clip_folder, reading_clips
+from jaxpf.experiments.parts import part
 from jaxpf.measures.scores import import_trackeval, tracking_scores
-from jaxpf.targets.populations import EMPTY, Rules, follow, open_box_tracker
+from jaxpf.populations import EMPTY, Rules, follow, open_box_tracker
 
 CLIP, SEEDS = "pets09_first400", 12
 QUICK_SEEDS, QUICK_FRAMES = 2, 60
@@ -58,11 +60,9 @@ def read(data: Path, num_frames: int | None = None) -> Clip:
         InputError: it is not there, or TrackEval, which scores the tracks, is not.
     """
     import_trackeval()
-    try:
-        clip = scenes.clips.read_clip(data / CLIP)
+    with reading_clips():
+        clip = scenes.clips.read_clip(clip_folder(data, CLIP))
         return Clip(list(clip.frames(0, num_frames)), clip.boxes[:num_frames])
-    except scenes.SceneError as error:
-        raise InputError(f"{error}.") from error
 
 
 def measure(
@@ -70,33 +70,39 @@ def measure(
 ) -> dict[str, np.ndarray]:
     """``[S, scores]`` of every tracker: a seed gives the detections, and the filter's numbers."""
     size = np.nanmedian(clip.truth[..., 2:], axis=(0, 1))
-    found: dict[str, list[list[float]]] = {}
+    found: dict[str, list[np.ndarray]] = {}
     for seed in seeds:
-        detections = simulated_detections(clip.truth, clip.frames[0].shape, seed=seed, **DETECTOR)
-        boxes = {BASELINE: iou_tracker.iou_tracks(detections, IOU)}
-        for name, (rules, model) in VARIANTS.items():
-            tracker = open_box_tracker(
-                clip.frames[0].shape,
-                capacity=CAPACITY,
-                num_particles=PARTICLES,
-                typical_size=(float(size[0]), float(size[1])),
-                **model,
-            )
-            run = follow(tracker, jax.random.key(seed), clip.frames, detections, rules=rules)
-            living = [(one.ids != EMPTY, one) for one in run]
-            boxes[name] = iou_tracker.in_columns(
-                [(one.ids[there], one.boxes[there]) for there, one in living]
-            )
-        for name, tracks in boxes.items():
-            scores = tracking_scores(tracks, clip.truth)
-            found.setdefault(name, []).append([scores[score] for score in SCORES])
+        scored = part(f"births-{seed}", partial(_scored, clip, size, seed))
+        for name, scores in scored.items():
+            found.setdefault(name, []).append(scores)
         report(f"  detections {len(found[BASELINE])} of {len(seeds)} done")
     return {name: np.array(rows) for name, rows in found.items()}
 
 
+def _scored(clip: Clip, size: np.ndarray, seed: int) -> dict[str, list[float]]:
+    """Every tracker's scores by one seed."""
+    detections = simulated_detections(clip.truth, clip.frames[0].shape, seed=seed, **DETECTOR)
+    boxes = {BASELINE: iou_tracker.iou_tracks(detections, IOU)}
+    for name, (rules, model) in VARIANTS.items():
+        tracker = open_box_tracker(
+            clip.frames[0].shape,
+            capacity=CAPACITY,
+            num_particles=PARTICLES,
+            typical_size=(float(size[0]), float(size[1])),
+            **model,
+        )
+        run = follow(tracker, jax.random.key(seed), clip.frames, detections, rules=rules)
+        living = [(one.ids != EMPTY, one) for one in run]
+        boxes[name] = iou_tracker.in_columns(
+            [(one.ids[there], one.boxes[there]) for there, one in living]
+        )
+    found = {name: tracking_scores(tracks, clip.truth) for name, tracks in boxes.items()}
+    return {name: [scores[score] for score in SCORES] for name, scores in found.items()}
+
+
 def births_table(found: Mapping[str, np.ndarray]) -> Table:
     """Scores of all, and paired differences to the IoU tracker on the same detections."""
-    rows: list[tuple[str, list[Cell | str]]] = []
+    rows: Rows = []
     for name, scores in found.items():
         rows.append((name, _cells(scores)))
         if name != BASELINE:
@@ -120,4 +126,4 @@ def births_table(found: Mapping[str, np.ndarray]) -> Table:
 
 def _cells(scores: np.ndarray) -> list[Cell | str]:
     factor = np.array([1.0 if score == "IDSW" else 100.0 for score in SCORES])
-    return [Cell(None, tables.mean(column), 1) for column in (scores * factor).T]
+    return [mean_cell(column, 1) for column in (scores * factor).T]

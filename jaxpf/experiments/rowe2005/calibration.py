@@ -7,14 +7,13 @@ the paper's whole filter loses the fewest targets, then with the smallest error.
 is left as it is found: the variants without feedback or regularising use the same settings.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
-import numpy as np
-
+from jaxpf.experiments import calibration
 from jaxpf.experiments.comparison_table import Table
 from jaxpf.experiments.rowe2005 import published
-from jaxpf.experiments.rowe2005.synthetic import Settings, measure
+from jaxpf.experiments.rowe2005.scenes import Settings, measure
 
 #: Scenes of the search.  The command takes seeds below 2^20, so that no report uses these.
 SEEDS = tuple(range(2**20, 2**20 + 8))
@@ -32,52 +31,16 @@ GRID: dict[str, Sequence[Any]] = {
 }
 
 
-class Trial(NamedTuple):
-    """Settings and what they gave."""
-
-    field: str
-    settings: Settings
-    lost: float
-    error: float
+def calibrate(report: Callable[[str], None] = print) -> Table:
+    """Repeat the search that set ``scenes.SETTINGS``, and show it."""
+    stages = {field: [{field: value} for value in values] for field, values in GRID.items()}
+    best, trials = calibration.search(START._asdict(), stages, _tried, report)
+    return calibration.trial_table(trials, best)
 
 
-def search(report: Callable[[str], None] = print) -> tuple[Settings, list[Trial]]:
-    """Repeat the search that set ``synthetic.SETTINGS``.
-
-    Args:
-        report: takes a line for each trial.
-
-    Returns:
-        The best settings, and all trials in order.
-    """
-    best, trials = START, []
-    for field, values in GRID.items():
-        found = []
-        for value in values:
-            settings = best._replace(**{field: value})
-            error = measure(SEEDS, {"both": {}}, settings).error[0].mean(axis=2)
-            lost = error > published.LOST
-            kept = float(error[~lost].mean()) if not lost.all() else float("inf")
-            trial = Trial(field, settings, float(np.mean(lost)), kept)
-            report(f"{field} {value}: lost {100 * trial.lost:.0f} %, error {trial.error:.3f}")
-            found.append(trial)
-        trials += found
-        best = min(found, key=lambda trial: (trial.lost, trial.error)).settings
-    return best, trials
-
-
-def trial_table(trials: Sequence[Trial]) -> Table:
-    """The search as a table."""
-    rows = [
-        (
-            trial.field,
-            [
-                *(str(value) for value in trial.settings),
-                f"{100 * trial.lost:.0f}",
-                f"{trial.error:.3f}",
-            ],
-        )
-        for trial in trials
-    ]
-    columns = ["varied", *Settings._fields, "targets lost (%)", "error"]
-    return Table("calibration", "Calibration, on its own seeds", columns, rows)
+def _tried(stage: str, settings: Mapping[str, Any]) -> tuple[dict[str, str], tuple[float, float]]:
+    error = measure(SEEDS, {"both": {}}, Settings(**settings)).error[0].mean(axis=2)
+    lost = error > published.LOST
+    share = float(lost.mean())
+    kept = float(error[~lost].mean()) if not lost.all() else float("inf")
+    return {"targets lost (%)": f"{100 * share:.0f}", "error": f"{kept:.3f}"}, (share, kept)

@@ -6,7 +6,7 @@ the objects are independent.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -16,12 +16,14 @@ import numpy as np
 import jaxpf
 import scenes
 from jaxpf.experiments.comparison import SMITH2004_PARTICLES, SMITH2004_SCALE
-from jaxpf.experiments.comparison_table import Cell, Table
+from jaxpf.experiments.comparison_table import Rows, Table
+from jaxpf.experiments.estimates import mean_cell, share_cell
 from jaxpf.experiments.grid import run_keys, with_bins
-from jaxpf.experiments.rowe2005 import tables
-from jaxpf.experiments.smith2004.synthetic import NUM_OBJECTS, SCENE
+from jaxpf.experiments.parts import part
+from jaxpf.experiments.smith2004.scenes import NUM_OBJECTS, SCENE
 from jaxpf.filters.partitioned import ordering
 from jaxpf.measures import metrics
+from jaxpf.measures.timing import seconds_of
 from jaxpf.models.geometry import boxes_from_substates
 from jaxpf.models.likelihoods.histogram import histogram_from_patches
 from jaxpf.targets.boxes import box_model
@@ -67,6 +69,19 @@ def tracker(method: str, likelihood: Any, boxes: np.ndarray, num_particles: int)
 
 def measure(seeds: Sequence[int]) -> dict[str, Measured]:
     """Run every method on the scenes of the seeds; N is set so that all take PS's time."""
+    found = part(f"distracter-{len(seeds)}", lambda: _all_methods(seeds))
+    return {
+        name: Measured(
+            int(one["particles"]),
+            float(one["cost"]),
+            *(one[field] for field in Measured._fields[2:]),
+        )
+        for name, one in found.items()
+    }
+
+
+def _all_methods(seeds: Sequence[int]) -> dict[str, dict[str, Any]]:
+    """Method -> fields of ``Measured``."""
     drawn = [scenes.make("distracter", seed=seed, **SCENE) for seed in seeds]
     learned = [
         histogram_from_patches(
@@ -87,7 +102,7 @@ def measure(seeds: Sequence[int]) -> dict[str, Measured]:
         name: SMITH2004_PARTICLES * NUM_OBJECTS for name in METHODS if name.startswith("labelled")
     }
     pilot = {name: _seconds(name, works[:3], number) for name, number in first.items()}
-    found: dict[str, Measured] = {}
+    found: dict[str, dict[str, Any]] = {}
     spent: dict[str, float] = {}
     for name in METHODS:
         number = round(first[name] * pilot["PS"] / pilot[name])
@@ -97,16 +112,13 @@ def measure(seeds: Sequence[int]) -> dict[str, Measured]:
         spent[name] = time.process_time() - began
         rows = [_measured(b, s.boxes[1:]) for b, s in zip(boxes, drawn, strict=True)]
         columns = [np.stack(column) for column in zip(*rows, strict=True)]
-        found[name] = Measured(number, spent[name] / spent["PS"], *columns)
+        found[name] = Measured(number, spent[name] / spent["PS"], *columns)._asdict()
     return found
 
 
 def _seconds(method: str, works: Sequence[Any], num_particles: int) -> float:
     _run(method, works[0], num_particles)
-    began = time.process_time()
-    for work in works:
-        _run(method, work, num_particles)
-    return time.process_time() - began
+    return seconds_of(lambda: [_run(method, work, num_particles) for work in works])
 
 
 def _run(method: str, work: Any, num_particles: int) -> np.ndarray:
@@ -134,17 +146,17 @@ def _measured(boxes: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, ...]:
     return recovered, success, overlap
 
 
-def table(found: dict[str, Measured]) -> Table:
+def table(found: Mapping[str, Measured]) -> Table:
     """All methods in one table."""
-    rows: list[tuple[str, list[Cell | str]]] = [
+    rows: Rows = [
         (
             name,
             [
                 str(one.particles),
                 f"{one.cost:.2f}",
-                Cell(None, tables.rate(one.recovered)),
-                Cell(None, tables.rate(one.success)),
-                Cell(None, tables.mean(100 * one.overlap), 1),
+                share_cell(one.recovered),
+                share_cell(one.success),
+                mean_cell(100 * one.overlap, 1),
             ],
         )
         for name, one in found.items()

@@ -4,8 +4,18 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.experiments.rowe2005.synthetic import Outcome
+from jaxpf.experiments.rowe2005.measure import Found
+from jaxpf.experiments.rowe2005.scenes import Outcome
 from jaxpf.media import plotting
+
+
+def figures(found: Found) -> dict[str, Any]:
+    """All figures by the stem of their files."""
+    return {
+        "figure_2": figure_2(found.outcome),
+        "figure_3": figure_3(found.outcome),
+        "figure_4": figure_4(found.outcome),
+    }
 
 
 def figure_2(outcome: Outcome) -> Any:

@@ -2,26 +2,26 @@
 
 import numpy as np
 
-from jaxpf.experiments.claims import Measured, cluster_interval, student_interval
-from jaxpf.experiments.comparison_table import Cell, Table
-from jaxpf.experiments.rowe2005 import published
-from jaxpf.experiments.rowe2005.synthetic import Outcome
+from jaxpf.experiments.comparison_table import Rows, Table
+from jaxpf.experiments.estimates import mean_cell, share_cell
+from jaxpf.experiments.rowe2005 import bias, births, distracter, published
+from jaxpf.experiments.rowe2005.measure import Found
+from jaxpf.experiments.rowe2005.scenes import Outcome
 
 COMBINATIONS = ("neither", "regularising only", "feedback only", "both")
 
 
-def mean(values: np.ndarray) -> Measured:
-    """Mean of what the scenes gave, ``[S]``, with its interval; NaN is left out."""
-    values = np.asarray(values, float)
-    finite = values[np.isfinite(values)]
-    centre = float(finite.mean()) if len(finite) else float("nan")
-    return Measured(centre, *student_interval(values)(0.95))
-
-
-def rate(values: np.ndarray) -> Measured:
-    """Percentage of a scene's trials ``[S, trials]`` bool, with its interval."""
-    by_scene = np.mean(values, axis=1)
-    return Measured(100 * by_scene.mean(), *cluster_interval(by_scene, values.shape[1])(0.95))
+def tables(found: Found) -> list[Table]:
+    """All of them, in the order in which they are shown."""
+    return [
+        share_table(found.outcome),
+        error_table(found.outcome),
+        likelihood_table(found.outcome, found.crossing),
+        size_table(found.outcome),
+        bias.bias_table(found.bias),
+        distracter.table(found.compared),
+        *([] if found.births is None else [births.births_table(found.births)]),
+    ]
 
 
 def run_share(outcome: Outcome, variant: str) -> np.ndarray:
@@ -75,7 +75,7 @@ def last_ratio(outcome: Outcome, variant: str) -> np.ndarray:
 def share_table(outcome: Outcome) -> Table:
     """Figure 2: samples per target with and without eq. 4."""
     low, high = published.SHARE_BAND
-    rows: list[tuple[str, list[Cell | str]]] = []
+    rows: Rows = []
     for label, variant in (
         ("without eq. 4", "without eq. 4"),
         ("with eq. 4", "both"),
@@ -88,10 +88,10 @@ def share_table(outcome: Outcome) -> Table:
             (
                 label,
                 [
-                    Cell(50.0 if variant == "both" else None, mean(shares.mean(axis=1)), 2),
+                    mean_cell(shares.mean(axis=1), 2, 50.0 if variant == "both" else None),
                     f"{shares.min():.1f} to {shares.max():.1f}",
-                    Cell(100.0 if variant == "both" else None, rate(inside)),
-                    Cell(None, rate(starved(outcome, variant))),
+                    share_cell(inside, 100.0 if variant == "both" else None),
+                    share_cell(starved(outcome, variant)),
                 ],
             )
         )
@@ -109,7 +109,7 @@ def share_table(outcome: Outcome) -> Table:
 
 def error_table(outcome: Outcome) -> Table:
     """Table 1: position error over target size, four combinations."""
-    rows: list[tuple[str, list[Cell | str]]] = []
+    rows: Rows = []
     for variant in COMBINATIONS:
         known = variant in published.TABLE_1
         number, total = published.losses(variant) if known else (0, 1)
@@ -117,13 +117,13 @@ def error_table(outcome: Outcome) -> Table:
             (
                 variant,
                 [
-                    Cell(
-                        published.tracked_mean(variant) if known else None,
-                        mean(tracked_error(outcome, variant)),
+                    mean_cell(
+                        tracked_error(outcome, variant),
                         3,
+                        published.tracked_mean(variant) if known else None,
                     ),
-                    Cell(100 * number / total if known else None, rate(lost(outcome, variant))),
-                    Cell(None, mean(astray(outcome, variant)), 1),
+                    share_cell(lost(outcome, variant), 100 * number / total if known else None),
+                    mean_cell(astray(outcome, variant), 1),
                 ],
             )
         )
@@ -141,14 +141,14 @@ def error_table(outcome: Outcome) -> Table:
 
 def likelihood_table(outcome: Outcome, crossing: Outcome) -> Table:
     """The mean of eq. 3 against the product: at the strips, elsewhere, and where targets cross."""
-    rows: list[tuple[str, list[Cell | str]]] = [
+    rows: Rows = [
         (
             label,
             [
-                Cell(None, mean(error_by_place(outcome, variant, strip=True)), 3),
-                Cell(None, mean(error_by_place(outcome, variant, strip=False)), 3),
-                Cell(None, rate(lost(outcome, variant))),
-                Cell(None, rate(lost(crossing, variant))),
+                mean_cell(error_by_place(outcome, variant, strip=True), 3),
+                mean_cell(error_by_place(outcome, variant, strip=False), 3),
+                share_cell(lost(outcome, variant)),
+                share_cell(lost(crossing, variant)),
             ],
         )
         for label, variant in (("mean (eq. 3)", "both"), ("product", "product"))
@@ -165,12 +165,12 @@ def likelihood_table(outcome: Outcome, crossing: Outcome) -> Table:
 
 def size_table(outcome: Outcome) -> Table:
     """Figure 4: sizes, with and without the size term and the power."""
-    rows: list[tuple[str, list[Cell | str]]] = [
+    rows: Rows = [
         (
             label,
             [
-                Cell(None, mean(last_ratio(outcome, variant)), 2),
-                Cell(None, rate(lost(outcome, variant))),
+                mean_cell(last_ratio(outcome, variant), 2),
+                share_cell(lost(outcome, variant)),
             ],
         )
         for label, variant in (

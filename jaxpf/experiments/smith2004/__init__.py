@@ -5,17 +5,17 @@ Tables 1 and 2 and figure 4 on distracter scenes, recovery against the distance 
 distracter leads, and the analogue of tables 3 and 4 on a real clip.
 """
 
-import dataclasses
-from collections.abc import Callable
-from pathlib import Path
-
-from jaxpf.experiments.comparison_table import Comparison, Table, scene_seeds
-from jaxpf.experiments.smith2004 import judgements, occlusions, published, sweep, tables
-from jaxpf.experiments.smith2004.synthetic import RUNS_PER_SCENE, SCENE, measure
-
-_QUICK_SCENES = 4
-#: Scenes for each distance of the sweep.
-_SWEEP_SCENES, _QUICK_DISTANCES = 12, (22.0, 50.0)
+from jaxpf.experiments.paper import Paper
+from jaxpf.experiments.smith2004 import (
+    calibration,
+    claims,
+    figures,
+    measure,
+    occlusions,
+    published,
+    tables,
+)
+from jaxpf.experiments.smith2004.scenes import RUNS_PER_SCENE, SCENE
 
 NOTES = (
     "The paper's scene is not to be had.  Ours keeps what the paper gives; the rest was calibrated "
@@ -34,68 +34,20 @@ NOTES = (
     "to be expected.",
 )
 
-
-def run(
-    runs: int | None = None,
-    seed: int = 0,
-    quick: bool = False,
-    data: Path | None = None,
-    report: Callable[[str], None] = print,
-) -> Comparison:
-    """Repeat the paper; see ``jaxpf.experiments.comparison_table`` for the arguments.
-
-    Raises:
-        InputError: ``runs`` is not a multiple of ``RUNS_PER_SCENE``; the clip is missing.
-    """
-    if runs is None:
-        runs = _QUICK_SCENES * RUNS_PER_SCENE if quick else published.RUNS
-    seeds = scene_seeds(runs, seed, RUNS_PER_SCENE)
-    if data is not None:
-        occlusions.clip_folder(data)  # a mistake is told before the work begins
-    report(f"Tables 1 and 2: {len(seeds)} scenes with {RUNS_PER_SCENE} runs of every method each")
-    outcome = measure(seeds, progress=lambda done: report(f"  scene {done} of {len(seeds)} done"))
-    distances = _QUICK_DISTANCES if quick else sweep.DISTANCES
-    swept_seeds = seeds[: 2 if quick else _SWEEP_SCENES]
-    report(f"Sweep: {len(distances)} distances, {len(swept_seeds)} scene(s) each")
-    swept = sweep.sweep(swept_seeds, distances, known=outcome)
-    found: list[Table] = [
-        *tables.table_1(outcome),
-        *tables.table_2(outcome),
-        tables.uniqueness_table(outcome),
-        sweep.sweep_table(swept),
-    ]
-    claims = judgements.claims(outcome)
-    if data is not None:
-        real_runs = runs if quick else max(runs, published.RUNS)
-        report(f"{occlusions.CLIP}: {real_runs} runs of every method, N = {occlusions.PARTICLES}")
-        tracked = occlusions.measure(data, real_runs, seed)
-        found += occlusions.tables(tracked)
-        claims += occlusions.claims(tracked)
-    return Comparison(
-        paper="smith2004",
-        title="smith2004 repeated: distributed partitioned sampling",
-        tables=found,
-        claims=claims,
-        figures={
-            "figure_4": tables.figure_4(outcome),
-            "recovery": tables.figure_recovery(outcome),
-            "sweep": sweep.sweep_figure(swept),
-        },
-        notes=NOTES if data is not None else (*NOTES, _NO_CLIP),
-        settings={"runs": runs, "seed": seed, "quick": quick, "scene": SCENE},
-    )
-
-
-_NO_CLIP = (
-    "Tables 3 and 4 need a real clip: name a folder that holds tud_campus with --data or "
-    "JAXPF_DATA."
+PAPER = Paper(
+    name="smith2004",
+    title="smith2004 repeated: distributed partitioned sampling",
+    runs=published.RUNS,
+    quick_runs=4 * RUNS_PER_SCENE,
+    runs_per_scene=RUNS_PER_SCENE,
+    measure=measure.measure,
+    tables=tables.tables,
+    claims=claims.claims,
+    figures=figures.figures,
+    notes=NOTES,
+    read=lambda data, quick: occlusions.clip_folder(data),
+    without_clips="Tables 3 and 4 need a real clip: name a folder that holds tud_campus with "
+    "--data or JAXPF_DATA.",
+    settings={"scene": SCENE},
+    calibrate=calibration.calibrate,
 )
-
-
-def calibrate(report: Callable[[str], None] = print) -> Table:
-    """Repeat the search for the scene's parameters, which stand in ``synthetic.SCENE``."""
-    from jaxpf.experiments.smith2004 import calibration
-
-    best, trials = calibration.search(report=report)
-    chosen = ", ".join(f"{name} {value:g}" for name, value in best.items())
-    return dataclasses.replace(calibration.trial_table(trials), note=f"Best: {chosen}.")

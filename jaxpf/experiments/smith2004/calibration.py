@@ -31,20 +31,21 @@ DPS came out above PS, and PS above Non-PS, in all settings with a departure of 
 which any method recovered the object in more than a tenth of the runs.
 """
 
-import itertools
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from jaxpf.experiments import calibration
+from jaxpf.experiments.calibration import Trial
 from jaxpf.experiments.comparison_table import Table
 from jaxpf.experiments.smith2004.published import TABLE_1, TABLE_2
-from jaxpf.experiments.smith2004.synthetic import Outcome, measure
+from jaxpf.experiments.smith2004.scenes import Outcome, measure
 
 #: Scenes of the search.  The command takes seeds below 2^20, so that no report uses these.
 SEEDS = tuple(range(2**20, 2**20 + 20))
 
-#: Where the search starts; the first stage sets the size, the second likeness and distance.
+#: Where the search starts.
 START: dict[str, Any] = {
     "object_width": 32,
     "object_height": 42,
@@ -53,32 +54,21 @@ START: dict[str, Any] = {
     "leader_travel": 15.0,
     "departure": 55.0,
 }
-#: Width and height at scale 1, first stage.
-SIZES = ((32, 42), (28, 36), (24, 30), (20, 25))
-#: Second stage, all combinations.
-LIKENESSES = (0.1, 0.15, 0.2, 0.3)
-LEAD_DISTANCES = (18.0, 22.0, 26.0, 30.0)
-#: Third stage.
-DEPARTURES = (0.0, 30.0, 55.0)
-
-
-class Trial(NamedTuple):
-    """One setting and what it gave, averaged over the sharpness values, in percent.
-
-    Attributes:
-        stage: what was varied.
-        parameters: of the scene.
-        figures: name -> (published, ours).
-    """
-
-    stage: str
-    parameters: dict[str, Any]
-    figures: dict[str, tuple[float, float]]
-
-    @property
-    def distance(self) -> float:
-        """Root mean square difference between ours and the published, in points."""
-        return float(np.sqrt(np.mean([(a - b) ** 2 for a, b in self.figures.values()])))
+#: Stage -> the changes that it tries; likeness and distance in all combinations.
+STAGES: dict[str, list[dict[str, Any]]] = {
+    "size": [
+        {"object_width": width, "object_height": height}
+        for width, height in ((32, 42), (28, 36), (24, 30), (20, 25))
+    ],
+    "attraction": [
+        {"likeness": likeness, "lead_distance": distance}
+        for likeness in (0.1, 0.15, 0.2, 0.3)
+        for distance in (18.0, 22.0, 26.0, 30.0)
+    ],
+    "departure": [{"departure": departure} for departure in (0.0, 30.0, 55.0)],
+}
+#: What a stage is judged by.
+_MEASURE = {"size": "precision", "attraction": "recovery", "departure": "recovery"}
 
 
 def figures_of(outcome: Outcome) -> dict[str, tuple[float, float]]:
@@ -104,79 +94,27 @@ def figures_of(outcome: Outcome) -> dict[str, tuple[float, float]]:
 def search(
     seeds: Sequence[int] = SEEDS, report: Callable[[str], None] = print
 ) -> tuple[dict[str, Any], list[Trial]]:
-    """Repeat the search that set ``synthetic.SCENE``: 23 settings, some 20 minutes on two cores.
+    """Repeat the search that set ``scenes.SCENE``: 23 settings, some 20 minutes on two cores.
 
-    One thing at a time, each stage starting from the best of the last: the object's size by
-    table 1, likeness and lead distance by table 2, and last what object 1's departure does.
-
-    Args:
-        seeds: of the scenes.
-        report: takes a line for each setting.
-
-    Returns:
-        The best parameters, and all trials in order.
+    The object's size by table 1, likeness and lead distance by table 2, and last what object 1's
+    departure does; figures are shown as "published | ours".
     """
-    trials: list[Trial] = []
-    best = dict(START)
-    for stage, settings in _stages():
-        scored = []
-        for changed in settings:
-            parameters = {**best, **changed}
-            figures = figures_of(measure(seeds, parameters))
-            kept = {
-                name: pair for name, pair in figures.items() if name.startswith(_MEASURE[stage])
-            }
-            trial = Trial(stage, parameters, figures)
-            scored.append((Trial(stage, parameters, kept).distance, len(trials), trial))
-            trials.append(trial)
-            report(f"{stage}: {_described(changed)}: {_figures_line(figures)}")
-        best = dict(min(scored)[2].parameters)
-    return best, trials
+
+    def tried(stage: str, parameters: Mapping[str, Any]) -> tuple[dict[str, str], float]:
+        figures = figures_of(measure(seeds, parameters))
+        judged = [pair for name, pair in figures.items() if name.startswith(_MEASURE[stage])]
+        texts = {name: f"{known:.0f} | {ours:.0f}" for name, (known, ours) in figures.items()}
+        return texts | {"rms difference": f"{_distance(figures.values()):.1f}"}, _distance(judged)
+
+    return calibration.search(START, STAGES, tried, report)
 
 
-_MEASURE = {"size": "precision", "attraction": "recovery", "departure": "recovery"}
+def calibrate(report: Callable[[str], None] = print) -> Table:
+    """Repeat the search and show it."""
+    best, trials = search(report=report)
+    return calibration.trial_table(trials, best)
 
 
-def _stages() -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    yield "size", [{"object_width": width, "object_height": height} for width, height in SIZES]
-    yield (
-        "attraction",
-        [
-            {"likeness": likeness, "lead_distance": distance}
-            for likeness, distance in itertools.product(LIKENESSES, LEAD_DISTANCES)
-        ],
-    )
-    yield "departure", [{"departure": departure} for departure in DEPARTURES]
-
-
-def trial_table(trials: Sequence[Trial]) -> Table:
-    """The search as a table."""
-    names = list(trials[0].figures)
-    varied = ("object_width", "likeness", "lead_distance", "departure")
-    rows = [
-        (
-            trial.stage,
-            [
-                *(f"{trial.parameters[name]:g}" for name in varied),
-                *(f"{published:.0f} | {ours:.0f}" for published, ours in trial.figures.values()),
-                f"{trial.distance:.1f}",
-            ],
-        )
-        for trial in trials
-    ]
-    return Table(
-        "calibration",
-        "Calibration, on its own seeds (published | ours, %)",
-        ["stage", *varied, *names, "rms difference"],
-        rows,
-    )
-
-
-def _described(changed: dict[str, Any]) -> str:
-    return ", ".join(f"{name} {value:g}" for name, value in changed.items())
-
-
-def _figures_line(figures: dict[str, tuple[float, float]]) -> str:
-    return ", ".join(
-        f"{name} {ours:.0f} ({theirs:.0f})" for name, (theirs, ours) in figures.items()
-    )
+def _distance(pairs: Iterable[tuple[float, float]]) -> float:
+    """Root mean square difference between ours and the published, in points."""
+    return float(np.sqrt(np.mean([(a - b) ** 2 for a, b in pairs])))

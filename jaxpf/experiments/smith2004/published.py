@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 #: Lambda of the likelihood exp(-lambda d^2), the rows of tables 1 and 2.
 SHARPNESS = (20.0, 30.0, 40.0, 50.0)
-#: N of the synthetic test and of the real sequences.
-PARTICLES, REAL_PARTICLES = 300, 200
+#: N of the synthetic test; of the real sequences it is 200.
+PARTICLES = 300
 RUNS = 50
 
 Column = tuple[float, ...]

@@ -16,7 +16,14 @@ from jaxpf.errors import InputError
 from jaxpf.filters import initial as filters_initial
 from jaxpf.filters import resampling
 from jaxpf.pytree import pytree_dataclass
-from jaxpf.state import STATUS_IMPOSSIBLE, STATUS_INVALID_LIKELIHOOD, STATUS_LOST, Summary
+from jaxpf.state import (
+    STATUS_IMPOSSIBLE,
+    STATUS_INVALID_LIKELIHOOD,
+    STATUS_LOST,
+    Summary,
+    moments,
+    sanitised,
+)
 
 
 @pytree_dataclass
@@ -64,18 +71,6 @@ def checked_initial(initial: Any) -> Any:
     return initial
 
 
-def check_numbers(num_particles: int, upsampling: int, scheme: str) -> None:
-    """Refuse numbers of particles below one, and unknown schemes.
-
-    Raises:
-        InputError: the sentence names the argument.
-    """
-    resampling.check_scheme(scheme)
-    for name, value in (("num_particles", num_particles), ("upsampling", upsampling)):
-        if not isinstance(value, int | np.integer) or value < 1:
-            raise InputError(f"{name}={value!r} must be a whole number, at least 1.")
-
-
 def check_factors(likelihood: Any) -> None:
     """Refuse a likelihood that does not factor over partitions.
 
@@ -84,8 +79,9 @@ def check_factors(likelihood: Any) -> None:
     """
     if contract.has_log_joint(likelihood):
         raise InputError(
-            f"{type(likelihood).__name__} has log_joint, but factored particles have no common "
-            "weight; use a likelihood of single partitions, or jaxpf.Partitioned."
+            f"{type(likelihood).__name__} weighs all objects together (log_joint), and factored "
+            "particles hold one of them each; choose method sir, ps, dps or sps "
+            "(jaxpf.Partitioned)."
         )
 
 
@@ -188,9 +184,8 @@ def weighed(tracker, observation, values: jax.Array) -> tuple[jax.Array, jax.Arr
         tracker.likelihood, observation, partition, values.reshape(dimension, -1)
     ).astype(values.dtype)
     chex.assert_shape(log_prob, (num_partitions * num,))
-    invalid = jnp.isnan(log_prob) | jnp.isposinf(log_prob)
-    log_prob = jnp.where(invalid, -jnp.inf, log_prob).reshape(num_partitions, num)
-    return log_prob, jnp.sum(invalid, dtype=jnp.int32)
+    log_prob, num_invalid = sanitised(log_prob)
+    return log_prob.reshape(num_partitions, num), num_invalid
 
 
 def normalised(log_weights: jax.Array, fallback: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -205,8 +200,12 @@ def normalised(log_weights: jax.Array, fallback: jax.Array) -> tuple[jax.Array, 
 
 
 def means(log_weights: jax.Array, values: jax.Array) -> jax.Array:
-    """Weighted means ``[D, P]`` of ``[D, P, N]``."""
-    return jnp.einsum("dpn,pn->dp", values, jnp.exp(log_weights))
+    """Weighted means ``[D, P]`` of ``[D, P, N]``; a particle without weight may hold NaN."""
+    return moments(values, jnp.exp(log_weights), _weighted_sum)[0]
+
+
+def _weighted_sum(values: jax.Array, weights: jax.Array) -> jax.Array:
+    return jnp.einsum("dpn,pn->dp", values, weights)
 
 
 def summarise(state: FactoredState, log_totals, num_invalid, log_evidence=None) -> Summary:
@@ -219,10 +218,7 @@ def summarise(state: FactoredState, log_totals, num_invalid, log_evidence=None) 
         log_evidence: ``[]``; by default the sum of ``log_totals``.
     """
     weights = jnp.exp(state.log_weights)
-    values = jnp.where(weights > 0, state.lagged[0], 0.0)  # a dead particle may hold NaN
-    estimate = jnp.einsum("dpn,pn->dp", values, weights)
-    variance = jnp.einsum("dpn,pn->dp", (values - estimate[..., None]) ** 2, weights)
-    spread = jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0)
+    estimate, spread = moments(state.lagged[0], weights, _weighted_sum)
     lost = jnp.isneginf(log_totals)
     ess = 1.0 / jnp.sum(weights**2, axis=1)
     impossible = jnp.any(lost)

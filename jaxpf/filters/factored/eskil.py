@@ -16,6 +16,8 @@ from jaxpf import contract
 from jaxpf.errors import InputError
 from jaxpf.filters.factored import cloud, drift, shape
 from jaxpf.filters.factored.cloud import FactoredState
+from jaxpf.filters.initial import check_count
+from jaxpf.filters.schemes import scheme_of
 from jaxpf.lowering.threefry import written_out
 from jaxpf.names import DRIFTS, SHAPES
 from jaxpf.pytree import as_array, is_concrete, pytree_dataclass, static_field
@@ -57,7 +59,7 @@ class Eskil(contract.Tracker):
         drift: static, one of ``jaxpf.names.DRIFTS``.
         shape: static, one of ``jaxpf.names.SHAPES``.
         proper: static, see above.
-        resampling: static, one of ``jaxpf.resampling.SCHEMES``.
+        resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
 
     Raises:
         InputError: an argument is out of range; fewer than two partitions for a drift; two
@@ -75,11 +77,12 @@ class Eskil(contract.Tracker):
     drift: str = static_field(default="clip")
     shape: str = static_field(default="relative")
     proper: bool = static_field(default=False)
-    resampling: str = static_field(default="systematic")
+    resampling: Any = "systematic"
 
     def __post_init__(self):
         initial = cloud.checked_initial(self.initial)
         object.__setattr__(self, "initial", initial)
+        object.__setattr__(self, "resampling", scheme_of(self.resampling))
         if self.reference is not None:
             object.__setattr__(self, "reference", as_array(self.reference, float))
         elif not callable(initial):
@@ -129,13 +132,15 @@ class Eskil(contract.Tracker):
         new = diffused.at[:2].add(carried.T[..., None])
         log_prob, invalid = cloud.weighed(self, observation, new)
         if self.proper:
-            log_prob = log_prob + _log_ratio(self.dynamics, new, diffused, lagged)
+            ratio = _log_ratio(self.dynamics, new, diffused, lagged)
+            log_prob = jnp.where(jnp.isneginf(log_prob), -jnp.inf, log_prob + ratio)
         unweighted, _ = cloud.normalised(log_weights, log_weights)
         posterior, totals = cloud.normalised(log_weights + log_prob, unweighted)
         if self.shape != "none":
             centres = cloud.means(posterior, new)[:2]
             reference = shape.reference_distances(self.reference).astype(new.dtype)
             held = shape.log_shape(new[:2], centres, reference, self.shape_scale, self.shape)
+            held = jnp.where(jnp.isneginf(posterior), 0.0, held)  # where a dead one is: NaN
             posterior, _ = cloud.normalised(posterior + held, posterior)
 
         exact = self.shape == "none" and (self.drift == "none" or self.proper)
@@ -165,7 +170,8 @@ def _log_ratio(dynamics, new, diffused, lagged):
 
 
 def _check(tracker: Eskil) -> None:
-    cloud.check_numbers(tracker.num_particles, tracker.upsampling, tracker.resampling)
+    check_count("num_particles", tracker.num_particles)
+    check_count("upsampling", tracker.upsampling)
     cloud.check_factors(tracker.likelihood)
     for name, valid in (("drift", DRIFTS), ("shape", SHAPES)):
         value = getattr(tracker, name)

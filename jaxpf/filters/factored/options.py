@@ -27,7 +27,7 @@ class Options:
     )
     particles: int | None = option(
         None,
-        "Number of particles of every object; by default 10 for eskil and 50 for pffl.",
+        "Of eskil and pffl, those of every object: by default 10 and 50.",
         kind=int,
         least=1,
         most=2**31 - 1,

@@ -15,6 +15,8 @@ from jaxpf.contract import Tracker
 from jaxpf.errors import InputError
 from jaxpf.filters.factored import cloud
 from jaxpf.filters.factored.cloud import FactoredState
+from jaxpf.filters.initial import check_count
+from jaxpf.filters.schemes import scheme_of
 from jaxpf.lowering.threefry import written_out
 from jaxpf.names import FORMS
 from jaxpf.pytree import is_concrete, pytree_dataclass, static_field
@@ -45,7 +47,7 @@ class PFFL(Tracker):
         upsampling: static, every ancestor moves this many times; the set is thinned to M when
             the next frame comes.
         form: static, one of ``jaxpf.names.FORMS``.
-        resampling: static, one of ``jaxpf.resampling.SCHEMES``.
+        resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
 
     Raises:
         InputError: an argument is out of range, or the likelihood does not factor.
@@ -58,11 +60,13 @@ class PFFL(Tracker):
     num_particles: int = static_field(default=50)
     upsampling: int = static_field(default=1)
     form: str = static_field(default="auxiliary")
-    resampling: str = static_field(default="systematic")
+    resampling: Any = "systematic"
 
     def __post_init__(self):
         object.__setattr__(self, "initial", cloud.checked_initial(self.initial))
-        cloud.check_numbers(self.num_particles, self.upsampling, self.resampling)
+        object.__setattr__(self, "resampling", scheme_of(self.resampling))
+        check_count("num_particles", self.num_particles)
+        check_count("upsampling", self.upsampling)
         cloud.check_factors(self.likelihood)
         if self.form not in FORMS:
             raise InputError(f"form={self.form!r} is unknown; choose one of {', '.join(FORMS)}.")

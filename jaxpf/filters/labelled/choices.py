@@ -8,5 +8,3 @@ SCOPES = ("across", "within")
 FEEDBACKS = ("none", "estimate")
 #: Whether targets come and go.
 POPULATIONS = ("fixed", "open")
-#: What resampling passes on to a derivative.
-GRADIENTS = ("none", "stop_gradient")

@@ -34,11 +34,18 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.filters import relocation, resampling
+from jaxpf.filters.components import components_of_sizes, one_component
 from jaxpf.filters.labelled import by_label, estimation
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
 from jaxpf.lowering.branches import computed_before
 from jaxpf.lowering.derivatives import with_gradient_of
-from jaxpf.state import STATUS_IMPOSSIBLE, STATUS_INVALID_LIKELIHOOD, STATUS_LOST
+from jaxpf.state import (
+    STATUS_IMPOSSIBLE,
+    STATUS_INVALID_LIKELIHOOD,
+    STATUS_LOST,
+    moments,
+    sanitised,
+)
 
 
 def first_labels(num_particles: int, num_targets: int) -> np.ndarray:
@@ -58,16 +65,16 @@ def select(tracker: Any, key: jax.Array, state: LabelledState) -> LabelledState:
         sizes = np.bincount(
             first_labels(num_particles, tracker.num_targets), minlength=tracker.num_targets
         )
-        components = resampling.components_of_sizes(jnp.asarray(sizes), num_particles)
+        components = components_of_sizes(jnp.asarray(sizes), num_particles)
     else:
-        components = resampling.one_component(num_particles)
+        components = one_component(num_particles)
     chosen, log_weights = resampling.weighted_resample(
         key, incoming, selection, tracker.resampling, components
     )
     # A set that was only drawn has equal weights already: resampling it would lose particles.
     chosen = jnp.where(state.weighted, chosen, jnp.arange(num_particles, dtype=jnp.int32))
     log_weights = jnp.where(state.weighted, log_weights, incoming)
-    if tracker.gradient == "stop_gradient":
+    if tracker.gradient.keeps_scores:
         log_weights = with_gradient_of(lax.stop_gradient(log_weights), incoming[chosen])
     labels = state.labels if tracker.num_targets == 1 else state.labels[chosen]
     return dataclasses.replace(
@@ -144,15 +151,14 @@ def weigh(
     moved = state.lagged[0]
     likelihood = contract.expecting(tracker.likelihood, state.estimate.T)
     log_prob = contract.log_prob_all(likelihood, observation, state.labels, moved)
-    log_prob = log_prob.astype(moved.dtype)
-    invalid = jnp.isnan(log_prob) | jnp.isposinf(log_prob)
-    log_prob = lax.optimization_barrier(jnp.where(invalid, -jnp.inf, log_prob))
+    log_prob, num_invalid = sanitised(log_prob.astype(moved.dtype))
+    log_prob = lax.optimization_barrier(log_prob)
     if tracker.motion_gradient == "score":
         log_density = contract.log_density_all(
             tracker.dynamics, state.labels, moved, left[0], left[1], jnp.zeros_like(moved)
         )
         log_prob = with_gradient_of(log_prob, log_density.astype(moved.dtype))
-    return log_prob, jnp.sum(invalid, dtype=jnp.int32)
+    return log_prob, num_invalid
 
 
 def share_out(
@@ -183,6 +189,12 @@ def share_out(
         log_total = _log_sum(mass)
         possible = ~jnp.isneginf(log_total)
         log_mass = jnp.where(possible, mass - jnp.where(possible, log_total, 0.0), state.log_mass)
+        if state.alive is not None:
+            # Left out for it here, too: it must count again when the others have gone.
+            unseen = state.alive & ~seen
+            share = jnp.sum(jnp.where(unseen, jnp.exp(state.log_mass), 0.0))
+            rest = jnp.log1p(-jnp.minimum(share, 1 - jnp.finfo(share.dtype).eps))
+            log_mass = jnp.where(unseen, state.log_mass, log_mass + rest)
     else:
         log_total = _log_sum(total)
         possible = ~jnp.isneginf(log_total)
@@ -219,14 +231,14 @@ def report(
     alive = ~jnp.isneginf(log_weights)
     reference = by_label.spread(jnp.where(present, held, 0.0), labels)
     share = jnp.where(alive, jnp.exp(jnp.where(alive, log_weights - reference, 0.0)), 0.0)
-    values = jnp.where(alive, state.lagged[0], 0.0)  # a dead particle may hold NaN
-    of_labels = by_label.sums(
-        jnp.concatenate([values * share, share[None] ** 2]), labels, num_targets
+    # The mean of the weights themselves is the sum of their squares.
+    mean, spread = moments(
+        jnp.concatenate([state.lagged[0], share[None]]),
+        share,
+        lambda values, weights: by_label.sums(values * weights, labels, num_targets),
+        lambda mean: by_label.spread(mean, labels),
     )
-    mean, squares = of_labels[:-1], of_labels[-1]
-    deviation = jnp.where(alive, values - by_label.spread(mean, labels), 0.0)
-    variance = by_label.sums(deviation**2 * share, labels, num_targets)
-    spread = jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0)
+    mean, spread, squares = mean[:-1], spread[:-1], mean[-1]
     if tracker.feedback == "none" and tracker.regularise is None:
         estimate, velocity = jnp.where(present, mean, state.estimate), state.velocity
     else:

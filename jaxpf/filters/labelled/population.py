@@ -10,7 +10,9 @@ within a label are equal and every other label gives as many: ``N / living``, it
 start where it was born, as those of ``initial`` do.
 
 Its mass in the mixture is 1 / living, and the others' shrink in proportion: who has just come has
-no evidence of its own, and the mixture has no other reason to prefer or to neglect it.
+no evidence of its own, and the mixture has no other reason to prefer or to neglect it.  A frame in
+which a target has no likelihood at all is left out for its mass as for its particles: it keeps what
+it had, and the others share the rest.
 """
 
 import dataclasses

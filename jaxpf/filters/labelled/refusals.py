@@ -6,10 +6,10 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.errors import InputError
-from jaxpf.filters import resampling
-from jaxpf.filters.labelled.choices import FEEDBACKS, GRADIENTS, POPULATIONS, SCOPES, WEIGHTS
+from jaxpf.filters.gradients import check_gradients
+from jaxpf.filters.initial import check_count
+from jaxpf.filters.labelled.choices import FEEDBACKS, POPULATIONS, SCOPES, WEIGHTS
 from jaxpf.filters.relocation import check_relocation
-from jaxpf.names import MOTION_GRADIENTS
 from jaxpf.pytree import is_concrete
 
 
@@ -22,19 +22,23 @@ def check_tracker(tracker: Any) -> None:
             without a meaning: ``reseed`` without equal shares, ``score`` with feedback,
             a likelihood with ``log_joint``.
     """
-    resampling.check_scheme(tracker.resampling)
+    check_count("num_particles", tracker.num_particles)
     for name, known in (
         ("scope", SCOPES),
         ("weights", WEIGHTS),
         ("feedback", FEEDBACKS),
         ("population", POPULATIONS),
-        ("gradient", GRADIENTS),
-        ("motion_gradient", MOTION_GRADIENTS),
     ):
         if getattr(tracker, name) not in known:
             raise InputError(
                 f"{name}={getattr(tracker, name)!r} is unknown; choose one of {', '.join(known)}."
             )
+    check_gradients(tracker)
+    if tracker.gradient.blends or not tracker.gradient.equalises:
+        raise InputError(
+            f"gradient {type(tracker.gradient).__name__} is of particles that hold all targets; "
+            "use NoGradient() or StopGradient() of jaxpf.gradients."
+        )
     _check_targets(tracker)
     if tracker.population == "open":
         _check_open(tracker)
@@ -42,8 +46,9 @@ def check_tracker(tracker: Any) -> None:
     _check_rates(tracker)
     if contract.has_log_joint(tracker.likelihood):
         raise InputError(
-            f"{type(tracker.likelihood).__name__} has log_joint, but a labelled particle holds one "
-            "target and knows nothing of the others; use Partitioned."
+            f"{type(tracker.likelihood).__name__} weighs all objects together (log_joint), and a "
+            "labelled particle holds one of them; choose method sir, ps, dps or sps "
+            "(jaxpf.Partitioned)."
         )
     if tracker.motion_gradient == "score":
         _check_score(tracker)
@@ -136,12 +141,6 @@ def _check_score(tracker: Any) -> None:
         raise InputError(
             "motion_gradient='score' needs the density of a move, and feedback='estimate' changes "
             "the move; use feedback='none' or motion_gradient='pathwise'."
-        )
-    if not contract.has_log_density(tracker.dynamics):
-        raise InputError(
-            f"motion_gradient='score' needs the method log_density of the dynamics, and "
-            f"{type(tracker.dynamics).__name__} has none; write it (see jaxpf.contract.Dynamics) "
-            "or use motion_gradient='pathwise'."
         )
 
 

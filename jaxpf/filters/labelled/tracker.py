@@ -11,11 +11,13 @@ import numpy as np
 
 from jaxpf.contract import Tracker
 from jaxpf.filters import confidence
+from jaxpf.filters.gradients import NoGradient
 from jaxpf.filters.initial import checked_initial
 from jaxpf.filters.labelled import by_label, kernel, population
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_tracker
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
+from jaxpf.filters.schemes import scheme_of
 from jaxpf.lowering.threefry import written_out
 from jaxpf.pytree import pytree_dataclass, static_field
 
@@ -40,13 +42,14 @@ class Labelled(Tracker):
         regularise: rates (a_x, a_u) in (0, 1] of position and speed in eq. 6; None does not
             regularise.  It changes what is reported and, with feedback, how particles move.
         relocation: where targets that are probably lost may be, a
-            ``jaxpf.filters.relocation.Relocation``; None: they move as ever.
+            ``jaxpf.relocation.Relocation``; None: they move as ever.
         reseed: standard deviations ``[D]`` or ``[L, D]``; a target that was lost is given its
             share of the particles again in the next frame, around its last estimate.  None
             (default) leaves lost targets to themselves.
+        resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
+        gradient: ``NoGradient()`` or ``StopGradient()`` of ``jaxpf.gradients``.
         num_targets: static, L; only needed where ``initial`` is a sampler.
         num_particles: static, N, of all targets together.
-        resampling: static, one of ``jaxpf.resampling.SCHEMES``.
         scope: static, one of ``choices.SCOPES``: one resampling ``"across"`` all labels, or
             ``"within"`` each, which fixes their numbers and makes L independent filters.
         weights: static, one of ``choices.WEIGHTS``: ``"equal_share"`` (eq. 4), ``"plain"``, or
@@ -59,7 +62,6 @@ class Labelled(Tracker):
         position: static, the coordinates of a position.
         speed: static, the coordinates of the speed per frame, one for each of ``position``;
             None for dynamics that take it from ``current - previous``.
-        gradient: static, ``"none"`` or ``"stop_gradient"``, see ``jaxpf.gradients``.
         motion_gradient: static, one of ``jaxpf.gradients.MOTION_GRADIENTS``.
 
     Raises:
@@ -72,16 +74,16 @@ class Labelled(Tracker):
     regularise: Any = None
     reseed: Any = None
     relocation: Any = None
+    resampling: Any = "systematic"
+    gradient: Any = NoGradient()
     num_targets: Any = static_field(default=None)
     num_particles: int = static_field(default=300)
-    resampling: str = static_field(default="systematic")
     scope: str = static_field(default="across")
     weights: str = static_field(default="equal_share")
     feedback: str = static_field(default="none")
     population: str = static_field(default="fixed")
     position: Sequence[int] = static_field(default=(0, 1))
     speed: Sequence[int] | None = static_field(default=None)
-    gradient: str = static_field(default="none")
     motion_gradient: str = static_field(default="pathwise")
 
     def __post_init__(self):
@@ -92,6 +94,7 @@ class Labelled(Tracker):
         for name in ("position", "speed"):
             value = getattr(self, name)
             object.__setattr__(self, name, None if value is None else tuple(map(int, value)))
+        object.__setattr__(self, "resampling", scheme_of(self.resampling))
         check_tracker(self)
 
     @property
@@ -166,7 +169,13 @@ class Labelled(Tracker):
             which = state.newborn if scale is None else state.newborn | state.lost
             scale = jnp.zeros((), state.lagged.dtype) if scale is None else jnp.asarray(scale)
             scale = jnp.where(state.newborn[:, None], 0.0, scale)
-            state = dataclasses.replace(state, newborn=jnp.zeros_like(state.newborn))
+            velocity = state.velocity
+            if self.speed is not None:  # a speed that was given with the place
+                given = state.estimate[np.array(self.speed)]
+                velocity = jnp.where(state.newborn, given, velocity)
+            state = dataclasses.replace(
+                state, velocity=velocity, newborn=jnp.zeros_like(state.newborn)
+            )
         return kernel.reseeded(state, key, which, self._homes(state), scale)
 
     def _homes(self, state: LabelledState) -> jax.Array:

@@ -6,9 +6,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxpf.filters import resampling
+from jaxpf.filters.components import Components, component_max
 from jaxpf.filters.partitioned.exchange import Groups, Offer
-from jaxpf.filters.resampling import Components
 from jaxpf.lowering.columns import pick_in_rows
 
 
@@ -29,6 +28,7 @@ class Carry(NamedTuple):
         num_invalid: ``[]`` int32.
         label: ``[N]`` int32, of each particle; its component where particles carry no labels.
         path_scores: ``[P, N]``, by slot of drawing, see ``ParticleState``; or None.
+        sources: ``[P, N]`` int32, by slot of drawing, see ``ParticleState``; or None.
         offers: every entry ``[P, N]``, what each part of the level offers for exchange; None
             where nothing is ever exchanged.
         groups: every entry ``[P, N]``, who shares the draw of each stage once its level has
@@ -46,6 +46,7 @@ class Carry(NamedTuple):
     num_invalid: jax.Array
     label: jax.Array
     path_scores: jax.Array | None
+    sources: jax.Array | None
     offers: Offer | None
     groups: Groups | None
 
@@ -76,7 +77,7 @@ class Carry(NamedTuple):
         if self.path_scores is not None:
             log_factor = lax.stop_gradient(log_factor)  # the scores hold its derivative
         log_weights = self.log_weights + log_factor
-        largest = resampling.component_max(log_weights, components)
+        largest = component_max(log_weights, components)
         seen = ~jnp.isneginf(largest)
         possible = components.spread(seen)
         return self._replace(

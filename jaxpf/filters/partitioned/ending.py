@@ -8,8 +8,9 @@ import jax.numpy as jnp
 
 from jaxpf import contract
 from jaxpf.filters import resampling
+from jaxpf.filters.components import Components
+from jaxpf.filters.partitioned import look_ahead
 from jaxpf.filters.partitioned.carry import Carry
-from jaxpf.filters.resampling import Components
 from jaxpf.lowering.branches import choose, computed_before
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.state import (
@@ -18,6 +19,8 @@ from jaxpf.state import (
     STATUS_LOST,
     ParticleState,
     Summary,
+    count_unique,
+    sanitised,
     summarise,
 )
 
@@ -50,9 +53,9 @@ def finish(
     # Looking ahead, the last stage has weighed everything, unless a label moved since.
     is_weighed = tracker.look_ahead and label is None
     if contract.has_log_joint(tracker.likelihood) and not is_weighed:
-        log_probs = carry.log_probs.reshape(-1)[drawn]
+        weighting = carry.log_probs.reshape(-1)[drawn]
         carry, correction = _corrected(
-            tracker, observation, components, carry, lagged[0], log_probs, label
+            tracker, observation, components, carry, lagged[0], weighting, label
         )
         if path_score is not None:
             path_score = with_gradient_of(path_score, correction)
@@ -84,6 +87,7 @@ def finish(
         weighted=jnp.ones((), bool),
         path_scores=path_scores,
         label=label,
+        sources=None if carry.sources is None else carry.sources.reshape(-1)[drawn],
     )
     log_evidence = jnp.where(all_impossible, -jnp.inf, log_total)
     status = (
@@ -91,7 +95,14 @@ def finish(
         + STATUS_IMPOSSIBLE * all_impossible
         + STATUS_LOST * jnp.any(lost)
     ).astype(jnp.int32)
-    summary = summarise(state, log_evidence, status, lost, carry.num_invalid)
+    # Whoever was neither resampled nor traded inside the frame is a draw of its own.
+    num_unique = choose(
+        jnp.any(ordering.resample_after | ordering.exchange_after),
+        lambda: count_unique(lineage),
+        lambda: jnp.full(lineage.shape[:1], lineage.shape[1], jnp.int32),
+        is_never_true=one_partition,
+    )
+    summary = summarise(state, log_evidence, status, lost, carry.num_invalid, num_unique)
     if label is None:
         return state, summary
     is_label = label == jnp.arange(jnp.shape(tracker.initial_label)[0])[:, None]
@@ -129,18 +140,18 @@ def _corrected(
     components: Components,
     carry: Carry,
     substates: jax.Array,
-    log_probs: jax.Array,
+    weighting: jax.Array,
     label: jax.Array | None,
 ) -> tuple[Carry, jax.Array]:
-    """Weights by the joint likelihood in place of the partitions' weighting functions.
+    """Weights by the joint likelihood in place of the stages' weighting functions ``[P, N]``.
 
     Also the log of the quotient, ``[N]``.
     """
+    log_probs = weighting
+    if tracker.look_ahead:  # whose stages do not weigh by these
+        log_probs = look_ahead.of_single_partitions(tracker, observation, substates)
     log_joint = contract.log_joint_all(tracker.likelihood, observation, substates, log_probs, label)
-    log_joint = log_joint.astype(log_probs.dtype)
-    invalid = jnp.isnan(log_joint) | jnp.isposinf(log_joint)
-    log_joint = jnp.where(invalid, -jnp.inf, log_joint)
-    carry = carry._replace(num_invalid=carry.num_invalid + jnp.sum(invalid, dtype=jnp.int32))
-    weighting = jnp.sum(jnp.where(jnp.isneginf(log_probs), 0.0, log_probs), axis=0)
-    correction = log_joint - weighting
+    log_joint, num_invalid = sanitised(log_joint.astype(weighting.dtype))
+    carry = carry._replace(num_invalid=carry.num_invalid + num_invalid)
+    correction = log_joint - jnp.sum(jnp.where(jnp.isneginf(weighting), 0.0, weighting), axis=0)
     return carry.absorb(correction, components), correction

@@ -20,8 +20,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from jaxpf.filters.components import component_cdf, one_component
 from jaxpf.filters.partitioned.ordering import SWAPS
-from jaxpf.filters.resampling import ancestors_of_thresholds, component_cdf, one_component
+from jaxpf.filters.schemes import ancestors_of_thresholds
 from jaxpf.lowering.derivatives import weighted, with_gradient_of
 from jaxpf.lowering.integers import EXACT, modulo, order_by_group
 from jaxpf.lowering.prefix import running_max, running_sum

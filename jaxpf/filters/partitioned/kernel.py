@@ -23,15 +23,15 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.filters import confidence, relocation, resampling
+from jaxpf.filters import confidence, relocation
+from jaxpf.filters.components import Components, component_max, components_of_sizes
 from jaxpf.filters.partitioned import ending, levels, look_ahead, selection
 from jaxpf.filters.partitioned import exchange as rules
 from jaxpf.filters.partitioned.carry import Carry
-from jaxpf.filters.resampling import Components
 from jaxpf.lowering.branches import choose, computed_before, computed_once
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.integers import order_by_group
-from jaxpf.state import ParticleState, Summary
+from jaxpf.state import ParticleState, Summary, sanitised
 
 
 class Shared(NamedTuple):
@@ -130,10 +130,10 @@ def begin(
         component = component[shuffle]
         ancestors, log_weights = ancestors[shuffle], log_weights[shuffle]
         sizes = jnp.zeros((ordering.order.shape[0],), jnp.int32).at[component].add(1)
-        components = resampling.components_of_sizes(sizes, num_particles)
+        components = components_of_sizes(sizes, num_particles)
     else:
         edges = jnp.round(jnp.cumsum(ordering.fractions) * num_particles).astype(jnp.int32)
-        components = resampling.components_of_sizes(
+        components = components_of_sizes(
             jnp.diff(edges, prepend=jnp.zeros((1,), jnp.int32)), num_particles
         )
         component = components.index
@@ -151,7 +151,7 @@ def begin(
         )
     shape, exchanging = (tracker.num_partitions, num_particles), levels.may_exchange(tracker)
     stages, lineage = jnp.zeros_like(state.lagged), jnp.broadcast_to(ancestors, shape)
-    if selection.blends(tracker):
+    if tracker.gradient.blends:
         # Blending moves substates: rows hold the past until their stage has come.
         stages = state.lagged[:, :, ordering.order[components.index].T, ancestors]
         lineage = jnp.broadcast_to(identity, shape)
@@ -161,12 +161,13 @@ def begin(
         lineage=lineage,
         log_weights=log_weights,
         seen=jnp.zeros((tracker.num_partitions, ordering.order.shape[0]), bool),
-        largest=resampling.component_max(log_weights, components),
+        largest=component_max(log_weights, components),
         impossible=jnp.zeros((num_particles,), bool),
         equal=selected.equal,
         num_invalid=jnp.zeros((), jnp.int32),
         label=component if state.label is None else state.label[ancestors],
         path_scores=None if state.path_scores is None else jnp.zeros(shape, log_weights.dtype),
+        sources=None if state.sources is None else jnp.zeros(shape, jnp.int32),
         offers=rules.no_offers(shape, log_weights.dtype) if exchanging else None,
         groups=rules.everyone(*shape) if exchanging else None,
     )
@@ -179,7 +180,7 @@ def move(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry) -> Draw
     ordering, num_particles = tracker.ordering, tracker.num_particles
     partition = ordering.order[shared.components.index, stage]
     source = partition * num_particles + carry.lineage[stage]
-    if selection.blends(tracker):
+    if tracker.gradient.blends:
         left = carry.stages[:, :, stage]
     else:
         past = lagged.reshape(-1, tracker.num_partitions * num_particles)
@@ -212,8 +213,7 @@ def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn:
         )
     log_prob = log_prob.astype(dtype)
     chex.assert_shape(log_prob, (tracker.num_particles,))
-    invalid = jnp.isnan(log_prob) | jnp.isposinf(log_prob)
-    log_prob = jnp.where(invalid, -jnp.inf, log_prob)
+    log_prob, num_invalid = sanitised(log_prob)
     if drawn.log_weight is not None:
         log_prob = log_prob + drawn.log_weight
     log_prob = computed_before(log_prob)
@@ -225,13 +225,15 @@ def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn:
     if shared.state.path_scores is not None:
         score = with_gradient_of(shared.state.path_scores.reshape(-1)[drawn.source], log_prob)
         carry = carry.write(stage, path_scores=score)
+    if carry.sources is not None:
+        carry = carry.write(stage, sources=carry.lineage[stage])
     carry = carry.write(
         stage,
         stages=jnp.stack([substates, drawn.conditions[0]]),
         log_probs=log_prob,
         lineage=jnp.arange(tracker.num_particles, dtype=jnp.int32),
     )
-    carry = carry._replace(num_invalid=carry.num_invalid + jnp.sum(invalid, dtype=jnp.int32))
+    carry = carry._replace(num_invalid=carry.num_invalid + num_invalid)
     factor, offers = levels.weigh_part(tracker, key, stage, carry)
     return carry.absorb(factor, shared.components, stage)._replace(offers=offers)
 

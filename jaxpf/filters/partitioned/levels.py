@@ -85,9 +85,10 @@ def _parent_row(ordering, stage) -> tuple[jax.Array, jax.Array]:
 def may_exchange(tracker) -> bool:
     """Whether there is a part to exchange, and weights that may be equal.
 
-    Unequal weights forbid the exchange, and soft resampling leaves them so.
+    Unequal weights forbid the exchange, and so does blending, which leaves nobody an ancestor.
     """
-    return tracker.num_partitions > 1 and tracker.gradient not in ("soft", "transport")
+    its = tracker.gradient
+    return tracker.num_partitions > 1 and its.equalises and not its.blends
 
 
 def _always_equal(tracker) -> bool:

@@ -24,18 +24,25 @@ def log_factor(shared: Any, stage: jax.Array, carry: Carry, drawn: Any) -> jax.A
     partitions = jnp.arange(tracker.num_partitions)
     one = jax.vmap(lambda p: _substates(shared, stage, carry, drawn, p), out_axes=1)
     substates = one(partitions)  # [D, P, N]
-    # XLA leaves these out where the joint likelihood does not ask for them.
-    log_probs = jax.vmap(
-        lambda p, s: contract.log_prob_all(
-            tracker.likelihood, shared.observation, jnp.full(s.shape[-1], p), s
-        ),
-        in_axes=(0, 1),
-    )(partitions, substates)
+    log_probs = of_single_partitions(tracker, shared.observation, substates)
     label = None if tracker.initial_label is None else carry.label
     joint = contract.log_joint_all(
         tracker.likelihood, shared.observation, substates, log_probs, label
     )
     return joint.astype(carry.log_probs.dtype) - _so_far(stage, carry)
+
+
+def of_single_partitions(tracker: Any, observation: Any, substates: jax.Array) -> jax.Array:
+    """Log-likelihoods ``[P, N]`` of substates ``[D, P, N]``, each by itself, for ``log_joint``.
+
+    XLA leaves them out where that does not ask for them.
+    """
+
+    def one(partition, substates):
+        everyone = jnp.full(substates.shape[-1], partition)
+        return contract.log_prob_all(tracker.likelihood, observation, everyone, substates)
+
+    return jax.vmap(one, in_axes=(0, 1))(jnp.arange(substates.shape[1]), substates)
 
 
 def _so_far(stage: jax.Array, carry: Carry) -> jax.Array:

@@ -27,6 +27,7 @@ class Options:
         "sir (all at once), ps (one after another), dps (ps in as many orders as there are "
         "objects; not for part trees), sps (side by side, then exchanged between particles).",
         choices=METHODS,
+        common=True,
     )
     order: tuple[int, ...] | None = option(
         None,
@@ -40,7 +41,13 @@ class Options:
         "combinatorial", "How sps exchanges.", choices=SWAPS, implies=("method", "sps")
     )
     particles: int = option(
-        300, "Number of particles.", least=1, most=2**31 - 1, flags=("-n",), compiles=True
+        300,
+        "Number of particles.",
+        least=1,
+        most=2**31 - 1,
+        flags=("-n",),
+        common=True,
+        compiles=True,
     )
     resampling: str = option("systematic", "Resampling scheme.", choices=SCHEMES, compiles=True)
     ess_threshold: float | None = option(

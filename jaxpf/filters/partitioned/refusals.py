@@ -1,15 +1,15 @@
 """What a partitioned tracker refuses, before it runs: what cannot work or would be wrong."""
 
-import importlib.util
 from typing import Any
 
 import numpy as np
 
 from jaxpf import contract
 from jaxpf.errors import InputError
-from jaxpf.filters import resampling
+from jaxpf.filters.gradients import check_gradients
+from jaxpf.filters.initial import check_count
 from jaxpf.filters.relocation import check_relocation
-from jaxpf.names import GRADIENTS, MOTION_GRADIENTS, SWAPS
+from jaxpf.names import SWAPS
 from jaxpf.pytree import is_concrete
 
 
@@ -17,18 +17,13 @@ def check_tracker(tracker: Any) -> None:
     """Refuse what cannot work, or would be silently wrong.
 
     Raises:
-        InputError: unknown resampling scheme; fewer particles than components; an initial
-            state of another shape; an order that puts a child before its parent; see also
-            ``check_gradient`` and ``check_exchange``.
+        InputError: fewer particles than components; an initial state of another shape; an order
+            that puts a child before its parent; see also ``gradients.check_gradients`` and
+            ``check_exchange``.
     """
-    resampling.check_scheme(tracker.resampling)
-    exchanged = is_concrete(tracker.ordering) and np.asarray(tracker.ordering.exchanged).any()
-    check_gradient(tracker, exchanges=bool(exchanged))
-    for name, least in (
-        ("tempering", "above 0"),
-        ("soft_share", "above 0"),
-        ("ess_threshold", "at least 0"),
-    ):
+    check_count("num_particles", tracker.num_particles)
+    check_gradients(tracker)
+    for name, least in (("tempering", "above 0"), ("ess_threshold", "at least 0")):
         value = getattr(tracker, name)
         if value is None or not is_concrete(value):
             continue
@@ -96,11 +91,6 @@ def check_labels(tracker: Any) -> None:
                 f"initial_label {values.tolist()} must hold probabilities: at least 0, and 1 "
                 "together."
             )
-    if tracker.gradient == "transport":
-        raise InputError(
-            "gradient='transport' blends particles, and labels cannot be blended; use another "
-            "gradient, or no labels."
-        )
     if not tracker.ordering.keeps_components or not is_concrete(tracker.ordering):
         return
     branches = int(np.count_nonzero(np.asarray(tracker.ordering.fractions)))
@@ -121,8 +111,8 @@ def check_look_ahead(tracker: Any) -> None:
         return
     if not contract.has_log_joint(tracker.likelihood):
         raise InputError(
-            f"look_ahead weighs by a joint likelihood, and {type(tracker.likelihood).__name__} has "
-            "no log_joint; leave look_ahead out, or use a likelihood of all partitions together."
+            f"look_ahead weighs all objects together, and {type(tracker.likelihood).__name__} "
+            "weighs each by itself (it has no log_joint); leave look_ahead out."
         )
     if not contract.has_prediction(tracker.dynamics):
         raise InputError(
@@ -132,7 +122,6 @@ def check_look_ahead(tracker: Any) -> None:
         )
     for used, what in (
         (any(parent >= 0 for parent in tracker.parents), "a part tree"),
-        (tracker.gradient != "none", f"gradient={tracker.gradient!r}"),
         (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
     ):
         if used:
@@ -151,8 +140,9 @@ def check_exchange(tracker: Any) -> None:
     tree = tuple(np.asarray(ordering.tree).tolist())
     if contract.has_log_joint(tracker.likelihood):
         raise InputError(
-            f"swap={swap!r} needs a likelihood that factors over partitions, and this one has "
-            "log_joint; use swap='none' or another ordering."
+            f"swap={swap!r} needs a likelihood of single objects, and "
+            f"{type(tracker.likelihood).__name__} weighs them together by log_joint; use "
+            "swap='none' or another ordering."
         )
     if tracker.tempering is not None:
         raise InputError(
@@ -172,71 +162,4 @@ def check_exchange(tracker: Any) -> None:
         raise InputError(
             f"swap={swap!r} exchanges roots, but the initial sampler may draw them jointly; use a "
             "sampler with the attribute independent=True, or sps(..., exchange_roots=False)."
-        )
-
-
-def check_gradient(tracker: Any, *, exchanges: bool) -> None:
-    """Refuse variations that are unknown, or that cannot work with the tracker's other parts.
-
-    Raises:
-        InputError: an unknown name; ``score`` without ``log_density``; ``transport`` without
-            its package, with an epsilon <= 0, or with what needs lineages.
-    """
-    for name, known in (("gradient", GRADIENTS), ("motion_gradient", MOTION_GRADIENTS)):
-        if getattr(tracker, name) not in known:
-            raise InputError(
-                f"{name}={getattr(tracker, name)!r} is unknown; choose one of {', '.join(known)}."
-            )
-    if tracker.motion_gradient == "score" and not contract.has_log_density(tracker.dynamics):
-        raise InputError(
-            f"motion_gradient='score' needs the method log_density of the dynamics, and "
-            f"{type(tracker.dynamics).__name__} has none; write it (see "
-            "jaxpf.contract.DynamicsWithDensity) or use motion_gradient='pathwise'."
-        )
-    if tracker.gradient != "transport":
-        return
-    if importlib.util.find_spec("ott") is None:
-        raise InputError(
-            "gradient='transport' needs the package ott-jax; pip install 'jaxpf[transport]'."
-        )
-    epsilon = tracker.transport_epsilon
-    if epsilon is not None and is_concrete(epsilon) and not np.all(np.asarray(epsilon) > 0):
-        raise InputError(f"transport_epsilon={epsilon} must be above 0; None is the default, 0.5.")
-    for used, what, remedy in (
-        (exchanges, "a swap, which needs lineages", "swap='none'"),
-        (
-            tracker.ordering.keeps_components,
-            "components that particles keep, which cannot be blended",
-            "another ordering",
-        ),
-        (tracker.tempering is not None, "tempering, whose weights cannot be blended", "None"),
-        (
-            contract.has_log_joint(tracker.likelihood),
-            "log_joint, whose weighting functions belong to the particles before blending",
-            "a likelihood that factors",
-        ),
-    ):
-        if used:
-            raise InputError(
-                f"gradient='transport' blends particles and does not go with {what}; use {remedy} "
-                "or gradient='stop_gradient'."
-            )
-
-
-def check_motion_gradient(tracker: Any) -> None:
-    """Refuse a gradient of the motion's parameters that would be zero whatever they are.
-
-    For whoever differentiates with respect to the dynamics or the initial state.
-
-    Raises:
-        InputError: the likelihood is piecewise constant in the state (its ``state_gradient``
-            is false) and the motion is differentiated along the particles' paths.
-    """
-    if tracker.motion_gradient == "pathwise" and not contract.has_state_gradient(
-        tracker.likelihood
-    ):
-        raise InputError(
-            f"{type(tracker.likelihood).__name__} does not change with the substate but in steps, "
-            "so the gradient of motion parameters would always be zero; use its interpolated "
-            "mode, or Partitioned(motion_gradient='score')."
         )

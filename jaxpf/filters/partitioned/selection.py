@@ -14,9 +14,8 @@ from jax import lax
 from jax.ad_checkpoint import checkpoint_name
 
 from jaxpf.filters import resampling
-from jaxpf.filters.partitioned import transport
+from jaxpf.filters.components import Components, few_effective, one_component
 from jaxpf.filters.partitioned.carry import Carry
-from jaxpf.filters.resampling import Components
 from jaxpf.state import ParticleState
 
 #: Name by which ``jax.checkpoint`` may keep ancestors: few bytes, and dear to compute again.
@@ -37,11 +36,6 @@ class Selected(NamedTuple):
     equal: jax.Array
 
 
-def blends(tracker: Any) -> bool:
-    """Whether a selection moves substates instead of drawing ancestors."""
-    return tracker.gradient == "transport"
-
-
 def select_between_frames(
     tracker: Any, key: jax.Array, state: ParticleState
 ) -> tuple[ParticleState, Selected]:
@@ -49,18 +43,18 @@ def select_between_frames(
 
     A set that was only drawn has equal weights already: to resample it would lose particles.
     """
-    if blends(tracker):
-        state = transport.blend_state(tracker, state)
+    if tracker.gradient.blends:
+        state = tracker.gradient.blend_state(state, tracker.ess_threshold)
     incoming = state.log_weights
     if state.path_scores is not None:
         incoming = lax.stop_gradient(incoming)  # the scores hold their derivative
-    whole = resampling.one_component(tracker.num_particles)
+    whole = one_component(tracker.num_particles)
     ancestors, log_weights, equal = resample(tracker, key, incoming, incoming, whole)
     uniform = jnp.full_like(log_weights, -np.log(tracker.num_particles))
     return state, Selected(
         ancestors=jnp.where(state.weighted, ancestors, _themselves(tracker)),
         log_weights=jnp.where(state.weighted & ~equal, log_weights, uniform),
-        equal=jnp.array(False) if tracker.gradient == "soft" else equal | ~state.weighted,
+        equal=equal | ~state.weighted,
     )
 
 
@@ -68,9 +62,9 @@ def select(
     tracker: Any, key: jax.Array, carry: Carry, before: jax.Array, components: Components
 ) -> Carry:
     """Select within components after a stage, which multiplied the weights ``before`` it."""
-    if blends(tracker):
-        stages, log_weights, equal = transport.blend(
-            tracker, carry.stages, carry.log_weights, components
+    if tracker.gradient.blends:
+        stages, log_weights, equal = tracker.gradient.blend(
+            carry.stages, carry.log_weights, components, tracker.ess_threshold
         )
         return carry._replace(stages=stages, log_weights=log_weights, equal=equal)
     selection: jax.Array = carry.log_weights
@@ -96,25 +90,23 @@ def resample(
     components: Components,
     largest: jax.Array | None = None,
 ) -> Selected:
-    """Weighted resampling, adaptive and soft if asked; see ``resampling.weighted_resample``."""
-    drawn_by, soft = log_selection, tracker.gradient == "soft"
-    if soft:
-        share = 0.5 if tracker.soft_share is None else tracker.soft_share
-        drawn_by, largest = resampling.soft_selection(log_selection, share, components), None
+    """Weighted resampling, adaptive if asked; see ``resampling.weighted_resample``."""
+    drawn_by = tracker.gradient.selection(log_selection, components)
+    if drawn_by is not log_selection:
+        largest = None
     ancestors, new_log_weights = resampling.weighted_resample(
         key, log_weights, drawn_by, tracker.resampling, components, largest
     )
-    if soft:
-        new_log_weights = resampling.keep_total(new_log_weights, log_weights, components)
+    new_log_weights = tracker.gradient.selected(new_log_weights, log_weights, components)
     ancestors = checkpoint_name(ancestors, ANCESTORS)
     if tracker.ess_threshold is None:
-        return Selected(ancestors, new_log_weights, jnp.array(not soft))
-    few_in = resampling.few_effective(log_selection, components, tracker.ess_threshold)
+        return Selected(ancestors, new_log_weights, jnp.array(tracker.gradient.equalises))
+    few_in = few_effective(log_selection, components, tracker.ess_threshold)
     few = components.spread(few_in)
     return Selected(
         ancestors=jnp.where(few, ancestors, _themselves(tracker)),
         log_weights=jnp.where(few, new_log_weights, log_weights),
-        equal=jnp.all(few) & (not soft),
+        equal=jnp.all(few) & tracker.gradient.equalises,
     )
 
 

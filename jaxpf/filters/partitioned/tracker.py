@@ -9,11 +9,14 @@ import numpy as np
 
 from jaxpf.contract import Tracker
 from jaxpf.filters import confidence
+from jaxpf.filters.gradients import NoGradient
 from jaxpf.filters.initial import checked_initial
 from jaxpf.filters.partitioned import kernel
-from jaxpf.filters.partitioned.ordering import Ordering, check_tree
+from jaxpf.filters.partitioned.ordering import Ordering
 from jaxpf.filters.partitioned.refusals import check_tracker
+from jaxpf.filters.schemes import scheme_of
 from jaxpf.lowering.threefry import written_out
+from jaxpf.models.model import check_tree
 from jaxpf.pytree import pytree_dataclass, static_field
 from jaxpf.state import ParticleState, Summary
 
@@ -39,18 +42,15 @@ class Partitioned(Tracker):
             trades impoverishment for variance of the weights.  ``None`` is 1.
         ess_threshold: resample only where the effective sample size is at most this share
             of the particles; ``None`` always resamples.
-        soft_share: share of the weights in the mixture of ``gradient="soft"``; None is 0.5.
-        transport_epsilon: regularisation of ``gradient="transport"``; None is 0.5.
         look_ahead: static, whether each stage weighs by the joint likelihood, with the partitions
             to come where ``dynamics.predict`` expects them, instead of by ``log_prob``; see
             ``jaxpf.filters.partitioned.look_ahead``.
         relocation: where objects that are probably lost may be, a
-            ``jaxpf.filters.relocation.Relocation``; None: they move as ever.
+            ``jaxpf.relocation.Relocation``; None: they move as ever.
+        resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
+        gradient: what resampling passes on to a derivative, a strategy of ``jaxpf.gradients``.
         parents: static, the part tree of the model, -1 for a root; default all roots.
         num_particles: static, N.
-        resampling: static, one of ``jaxpf.resampling.SCHEMES``.
-        gradient: static, what resampling passes on to a derivative, one of
-            ``jaxpf.gradients.GRADIENTS``.
         motion_gradient: static, how the motion is differentiated, one of
             ``jaxpf.gradients.MOTION_GRADIENTS``.
 
@@ -65,20 +65,19 @@ class Partitioned(Tracker):
     initial_label: Any = None
     tempering: Any = None
     ess_threshold: Any = None
-    soft_share: Any = None
-    transport_epsilon: Any = None
     relocation: Any = None
+    resampling: Any = "systematic"
+    gradient: Any = NoGradient()
     look_ahead: bool = static_field(default=False)
     parents: Any = static_field(default=None)
     num_particles: int = static_field(default=300)
-    resampling: str = static_field(default="systematic")
-    gradient: str = static_field(default="none")
     motion_gradient: str = static_field(default="pathwise")
 
     def __post_init__(self):
         tree = (-1,) * self.ordering.num_partitions if self.parents is None else self.parents
         object.__setattr__(self, "parents", check_tree(tree))
         object.__setattr__(self, "initial", checked_initial(self.initial))
+        object.__setattr__(self, "resampling", scheme_of(self.resampling))
         check_tracker(self)
 
     @property
@@ -110,9 +109,7 @@ class Partitioned(Tracker):
             lineage=jnp.broadcast_to(jnp.arange(self.num_particles, dtype=jnp.int32), shape),
             component=jnp.zeros((self.num_particles,), jnp.int32),
             weighted=jnp.zeros((), bool),
-            path_scores=jnp.zeros(shape, values.dtype)
-            if self.gradient == "stop_gradient"
-            else None,
+            path_scores=jnp.zeros(shape, values.dtype) if self.gradient.keeps_scores else None,
             label=label,
             log_odds=confidence.at_start(self.likelihood, self.num_partitions, values.dtype),
         )

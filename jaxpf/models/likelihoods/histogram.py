@@ -1,7 +1,7 @@
 """Colour-histogram likelihood with spatial parts.
 
 A box is cut into horizontal bands of equal height, its parts.  Each part's histogram p of
-hue, saturation and value (Perez et al. 2002, see :mod:`jaxpf.likelihoods.color`) is
+hue, saturation and value (Perez et al. 2002, see ``jaxpf.likelihoods.hsv_bins``) is
 compared with a reference q (smith2004, section on the observation model)::
 
     log p(y | x) = -sharpness * d^2,   d^2 = sum over parts of (1 - sum_b sqrt(p_b q_b))
@@ -23,7 +23,11 @@ import numpy as np
 from jaxpf.contract import Likelihood
 from jaxpf.errors import InputError
 from jaxpf.models.geometry import cos_sin
-from jaxpf.models.likelihoods._costs import costs_of_frame_and_particle, estimated_costs
+from jaxpf.models.likelihoods._costs import (
+    USUAL_RUNS,
+    costs_of_frame_and_particle,
+    estimated_costs,
+)
 from jaxpf.models.likelihoods._integral import (
     LANES,
     integral_similarity,
@@ -74,7 +78,7 @@ class HistogramLikelihood(Likelihood):
             then, the sampled one 16 times (48 bins, two busy CPU cores); value and gradient
             together another 1.3 and 2.7 times.
         form: ``"exponential"``, ``"density"`` or ``"ratio"``, see
-            :mod:`jaxpf.likelihoods.distance_law`.
+            ``jaxpf.likelihoods.log_density``.
         background: [P, 2, n], for the form ``"ratio"``, see ``learn_background``.
     """
 
@@ -224,7 +228,7 @@ def histogram(
     parts: int = 2,
     method: str = "auto",
     num_particles: int | None = None,
-    num_runs: int = 1,
+    num_runs: int = USUAL_RUNS,
     samples: int = 16,
     references: Mapping[int, Any] | None = None,
     interpolation: str = "nearest",
@@ -239,17 +243,19 @@ def histogram(
         sharpness: lambda of smith2004 (20 to 50 there).
         parts: horizontal bands of equal height.
         method: ``"integral"``, ``"sampled"``, or ``"auto"``: the cheaper one by
-            :func:`estimated_costs`.  The sampled method's d^2 is too large by about
+            :func:`estimated_costs` for ``num_runs`` runs; which was taken, the result's ``method``
+            tells.  The sampled method's d^2 is too large by about
             (K - 1) / (8 n) per part, K bins and n samples: choose by name where the two
             should be comparable.
         num_particles: particles per run, for ``"auto"``; by default 300.
-        num_runs: runs that share a frame's work, for ``"auto"``.
+        num_runs: runs that share a frame's work, for ``"auto"``: always 25 unless said, since
+            the two give other results, which may not depend on how many runs there are.
         samples: samples per side of a box, for the sampled method.
         references: object -> uint8 RGB patch [h, w, 3] from which that object's reference
             is learned instead (smith2004 learns one from a distracter).
         interpolation: ``"nearest"``, or ``"bilinear"`` for gradients with respect to substates.
         form: ``"exponential"``, ``"density"`` or ``"ratio"``, see
-            :mod:`jaxpf.likelihoods.distance_law`; the ratio's background is learned from
+            ``jaxpf.likelihoods.log_density``; the ratio's background is learned from
             boxes anywhere in ``frame``.
 
     Raises:
@@ -292,7 +298,7 @@ def histogram_from_patches(
     parts: int = 2,
     method: str = "auto",
     num_particles: int | None = None,
-    num_runs: int = 1,
+    num_runs: int = USUAL_RUNS,
     samples: int = 16,
     frame_shape: tuple[int, int] = (288, 360),
     interpolation: str = "nearest",

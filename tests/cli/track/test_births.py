@@ -64,7 +64,9 @@ def test_start_boxes_and_named_ones_keep_their_numbers_and_scores_judge_all(trac
 def test_who_finds_no_place_is_told(track, tmp_path, detected):
     outcome = track("--births", detected, "--birth-frames", "2", "--capacity", "1")
     assert outcome.code == 0
-    assert "Refused: 1 that could not start, first in frame 1: there are 1 objects" in outcome.err
+    assert (
+        "Refused: 1 that could not start, first in frame 1: all places, 1, are taken" in outcome.err
+    )
     (refused,) = summary_of(tmp_path / "out")["refused"]
     assert refused["frame"] == 1
 
@@ -90,6 +92,11 @@ BOX = ("--box", "6,8,12,16")
         ("1,-1,1,1,9,9,1\n", ("--method", "dps"), "partitioned is not one; use --filter labelled"),
         ("1,-1,1,1,9,9,1\n", ("--capacity", "0"), "--capacity 0 must be a whole number from 1"),
         ("1,-1,1,1,9,9,1\n", ("--weights", "plain"), "has none to give"),
+        (
+            "1,-1,1,1,9,9,.9\n",
+            ("--birth-confidence", "2"),
+            "--birth-confidence 2 leaves out every detection of 'd.txt', whose confidences are",
+        ),
         ("1,-1,1,1,9,9,1\n", ("--tracker", "a.py:f"), "--births needs a tracker with room"),
         (None, (*BOX, "--capacity", "4"), "--capacity is about --births, which was not given"),
     ],

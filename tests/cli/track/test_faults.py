@@ -22,8 +22,8 @@ from small_video import (
     write_lossless_video,
 )
 
-from jaxpf.files import tracks
-from jaxpf.media.video import open_frames
+from jaxpf import tracks
+from jaxpf.video import open_frames
 
 # What is reported rather than silent
 
@@ -133,14 +133,14 @@ def ended_by_interrupt(output, arguments):
     command = [sys.executable, "-c", PROGRAM, "track", *map(str, arguments), "-o", str(output)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
-        deadline = time.monotonic() + 120
+        deadline = time.monotonic() + 600
         while process.poll() is None and time.monotonic() < deadline:
             with contextlib.suppress(FileNotFoundError):
                 if (output / "tracks.csv").read_text().count("\n") > 10:
                     break
             time.sleep(0.02)
         process.send_signal(signal.SIGINT)
-        return process.wait(60), process.stderr.read()
+        return process.wait(600), process.stderr.read()
     finally:
         process.kill()
         process.stderr.close()

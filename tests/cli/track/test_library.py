@@ -5,10 +5,8 @@ import weakref
 import jax
 from small_video import HEIGHT, LENGTH, WIDTH, picture, true_boxes
 
-from jaxpf.filters.partitioned import ordering
-from jaxpf.models import likelihoods
+import jaxpf
 from jaxpf.streaming import stream
-from jaxpf.targets.boxes import box_tracker
 
 
 def test_frames_that_were_tracked_are_not_kept():
@@ -23,12 +21,7 @@ def test_frames_that_were_tracked_are_not_kept():
             yield frame
 
     start = true_boxes(0)
-    tracker = box_tracker(
-        likelihoods.histogram(picture(0), start, num_particles=60),
-        start,
-        ordering.dps(2),
-        num_particles=60,
-    )
+    tracker = jaxpf.boxes.tracker(picture(0), start, appearance="colour", particles=60)
     for tracked in stream(tracker, jax.random.key(0), frames()):
         assert tracked.frame.shape == (HEIGHT, WIDTH, 3)
     assert most <= 3

@@ -10,7 +10,7 @@ import pytest
 from live_sources import put_camera, served
 from small_video import BOXES, HEIGHT, WIDTH, picture, rows_of, summary_of, true_boxes
 
-from jaxpf.media.video import open_frames
+from jaxpf.video import open_frames
 
 
 def test_a_stream_is_tracked_as_its_file_is_and_shown(

@@ -22,9 +22,8 @@ from small_video import (
     write_truth,
 )
 
-from jaxpf.files import tracks
-from jaxpf.measures import metrics
-from jaxpf.media.video import open_frames
+from jaxpf import metrics, tracks
+from jaxpf.video import open_frames
 
 # What a run writes
 
@@ -152,23 +151,22 @@ def test_run_toml_repeats_the_run_bit_for_bit(whole_run, tmp_path, monkeypatch):
 
 def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     options = tomllib.loads((whole_run[1] / "run.toml").read_text())["track"]
-    from jaxpf.cli.options import all_options
     from jaxpf.cli.track import command
-    from jaxpf.filters import filter_of
+    from jaxpf.filters import filter_of, filters
     from jaxpf.options import options_of
-    from jaxpf.targets import find_target, targets
-    from jaxpf.targets.lifetimes import Rules
+    from jaxpf.populations import Rules
 
-    own = options_of(filter_of("dps").options, find_target("boxes").options)
-    others = {name for name in all_options() if name not in own}
-    starts = {flag for one in targets().values() for flag in one.start_flags} - {"box"}
+    params = command.get_command(None, "boxes").params
+    every = options_of(*(one.options for one in filters().values()))
+    others = every.keys() - options_of(filter_of("dps").options)
     unset = (
-        others | starts | set(options_of(Rules)) | {"frames", "order", "ess_threshold", "tracker"}
-    )
+        others | options_of(Rules).keys() | {"frames", "order", "ess_threshold", "tracker"}
+    ) | {"boxes", "ids", "births"}
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
     unset |= {"sharpness", "bands", "likelihood", "scale", "swap"}
-    elsewhere = {"output", "overwrite", "config", "filter_", "preview", "fit_motion"}
-    assert set(options) == {param.name for param in command.params} - unset - elsewhere
+    elsewhere = {"output", "overwrite", "config", "filter", "preview", "fit_motion", "help_all"}
+    names = {param.name for param in params} | {"target"}
+    assert set(options) == names - unset - elsewhere
 
 
 @pytest.mark.slow

@@ -5,6 +5,8 @@ import pytest
 from command_line import jaxpf
 from small_video import BOXES, PARTICLES, picture, write_images, write_truth
 
+from jaxpf import cli
+
 # Bad input
 
 
@@ -66,14 +68,18 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
         (("--box", "1,2,9,1"), "the box of object 1 is 9 pixels wide and 1 high"),
         ((*BOXES, "--boxes", "gt.csv"), "--box and --boxes were both given"),
         ((*BOXES, "--ids", "1"), "--ids names objects of a CSV file"),
-        ((*BOXES, "--start", "-1"), "--start -1 must be at least 0"),
+        ((*BOXES, "--start", "-1"), "--start -1 must be a whole number from 0 to 2147483647"),
         ((*BOXES, "--start", "10"), "start frame 10 is past the end"),
         ((*BOXES, "--start", "x"), "Invalid value for '--start'"),
-        ((*BOXES, "--frames", "0"), "--frames 0 must be at least 1"),
-        ((*BOXES, "--fit-motion", "1"), "--fit-motion 1 must be at least 5 frames"),
-        (("--point", "9,9", "--fit-motion", "9"), "points have no motion to fit"),
+        ((*BOXES, "--frames", "0"), "--frames 0 must be a whole number from 1"),
+        ((*BOXES, "--fit-motion", "1"), "--fit-motion 1 must be a whole number from 5"),
+        (("--point", "9,9"), "--point is an option of points, and boxes are tracked; write `jaxpf"),
+        ((*BOXES, "--target", "points"), "what is tracked stands before the video"),
+        ((*BOXES, "--start", "9" * 20), "must be a whole number from 0 to 2147483647"),
+        ((*BOXES, "--fit-motion", "9" * 20), "must be a whole number from 5 to 2147483647"),
+        ((*BOXES, "--drift", "none"), "--drift is an option of factored, and not of partitioned"),
         ((*BOXES, "--exclusion", "boxes", "--appearance", "colour"), "--exclusion goes with"),
-        ((*BOXES, "--exclusion", "boxes", "--method", "sps"), "log_joint; use swap='none'"),
+        ((*BOXES, "--exclusion", "boxes", "--method", "sps"), "use --swap none"),
         ((*BOXES, "-n", "0"), "--particles 0 must be a whole number from 1"),
         ((*BOXES, "-n", "1"), "particles = 1 is fewer than the 2 components of dps"),
         ((*BOXES, "-n", "1" + 12 * "0"), "must be a whole number from 1 to 2147483647"),
@@ -92,8 +98,8 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
             "the order 1 is not a permutation of the 2 object(s)",
         ),
         ((*BOXES, "--method", "ps", "--order", "0,x"), "'0,x' is not whole numbers"),
-        ((*BOXES, "--seed", "-1"), "--seed -1 must be between 0 and 4294967295"),
-        ((*BOXES, "--seed", "4294967296"), "must be between 0 and 4294967295"),
+        ((*BOXES, "--seed", "-1"), "--seed -1 must be a whole number from 0 to 4294967295"),
+        ((*BOXES, "--seed", "4294967296"), "must be a whole number from 0 to 4294967295"),
         ((*BOXES, "--sharpness", "nan"), "--sharpness nan must be a finite number above 0"),
         ((*BOXES, "--sharpness", "0"), "--sharpness 0 must be a finite number above 0"),
         ((*BOXES, "--parts", "0"), "--bands 0 must be a whole number from 1"),
@@ -177,3 +183,29 @@ def test_results_are_never_mixed_with_the_frames_they_come_from(place, tmp_path)
     outcome = jaxpf("track", clip, *BOXES, *PARTICLES, "-o", clip.parent, "--overwrite")
     assert outcome.code == 2
     assert clip.stat().st_size > 0
+
+
+def test_points_have_no_motion_to_fit_and_a_video_of_their_name_needs_its_folder(place, tmp_path):
+    run = ("track", "points", place / "clip.avi", "--point", "9,9", "--fit-motion", "9")
+    outcome = jaxpf(*run, "-o", tmp_path / "out")
+    assert outcome.code == 2
+    assert "--fit-motion is an option of boxes, and points are tracked" in outcome.err
+    assert "--fit-motion" not in jaxpf("track", "points", "--help").out
+    assert "there is no video or folder at 'points'" in jaxpf("track", "./points", *BOXES).err
+
+
+def test_a_clip_of_one_frame_is_refused_before_anything_is_compiled(refuse, tmp_path, monkeypatch):
+    monkeypatch.setattr("jaxpf.cli.tracking.use_compile_cache", lambda: 1 / 0)
+    one = write_images(tmp_path / "one", [picture(0)])
+    assert "follows the start frame 0, so there is nothing to track" in refuse(*BOXES, video=one)
+
+
+@pytest.mark.parametrize("target", ["boxes", "points", "parts", "contours"])
+def test_help_fits_on_a_screen_and_explains_everything_on_request(target, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    shown = jaxpf("track", target, "--help").out
+    assert len(shown.splitlines()) <= 60
+    every = jaxpf("track", target, "--help-all").out
+    for param in cli.group.get_command(None, "track").get_command(None, target).params:
+        for text in (shown, every):
+            assert param.name == "video" or param.opts[0] in text

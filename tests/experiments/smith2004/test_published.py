@@ -4,11 +4,7 @@ import re
 
 import numpy as np
 
-from jaxpf.experiments.smith2004.published import (
-    REAL,
-    TABLE_1,
-    TABLE_2,
-)
+from jaxpf.experiments.smith2004.published import REAL, TABLE_1, TABLE_2
 
 # --- Published figures ---------------------------------------------------------------------
 

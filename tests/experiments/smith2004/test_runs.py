@@ -11,16 +11,20 @@ import pytest
 from smith2004_outcomes import outcome_of
 
 import scenes
-from jaxpf import running
-from jaxpf.errors import InputError
+from jaxpf import InputError, metrics, running
+from jaxpf.evaluation import local_pool
+from jaxpf.experiments.calibration import trial_table
 from jaxpf.experiments.claims import CANNOT_RESOLVE, CONTRADICTS, SUPPORTS
 from jaxpf.experiments.comparison import scene_tracker
 from jaxpf.experiments.grid import run_grid, run_keys
-from jaxpf.experiments.smith2004 import calibration, occlusions, run, synthetic
-from jaxpf.experiments.smith2004.synthetic import Outcome
-from jaxpf.measures import metrics
-from jaxpf.models.geometry import boxes_from_substates
-from jaxpf.models.likelihoods.histogram import histogram_from_patches
+from jaxpf.experiments.parts import sharing
+from jaxpf.experiments.smith2004 import PAPER, calibration, occlusions
+from jaxpf.experiments.smith2004 import scenes as synthetic
+from jaxpf.experiments.smith2004.claims import occlusion_claims
+from jaxpf.experiments.smith2004.scenes import Outcome
+from jaxpf.experiments.smith2004.tables import occlusion_tables
+from jaxpf.geometry import boxes_from_substates
+from jaxpf.likelihoods import histogram_from_patches
 
 # --- Runs ----------------------------------------------------------------------------------
 
@@ -60,6 +64,14 @@ def test_the_grid_gives_what_single_runs_give(small_grid):
                 np.testing.assert_allclose(
                     result.uniqueness[place, column, 1], summary.uniqueness, atol=0.051
                 )
+
+
+@pytest.mark.slow
+def test_another_process_gives_the_same_bits(small_grid):
+    drawn, orderings, keys, results = small_grid
+    with sharing(local_pool(1, jax.local_device_count())):
+        there = run_grid(drawn, keys, orderings, [20.0, 50.0], num_particles=40)
+        np.testing.assert_equal(list(there), results)
 
 
 @pytest.mark.slow
@@ -109,7 +121,7 @@ def test_the_search_takes_the_best_of_each_stage(monkeypatch):
     assert (best["object_width"], best["likeness"], best["lead_distance"]) == (28, 0.15, 26.0)
     assert best["departure"] == 55.0
     assert len(trials) == len(lines) == len(asked) == 4 + 16 + 3
-    table = calibration.trial_table(trials)
+    table = trial_table(trials, best)
     assert {len(cells) for _, cells in table.rows} == {len(table.columns) - 1}
 
 
@@ -155,7 +167,7 @@ def test_real_occlusions_are_measured_and_judged(clip_folder):
     assert [(each.identity, each.hidden, each.runs) for each in outcomes] == [
         (identity, identity in (2, 4), 5) for identity in (1, 2, 3, 4, 5)
     ]
-    for_2, for_4, overview = occlusions.tables(outcomes)
+    for_2, for_4, overview = occlusion_tables(outcomes)
     assert ("object 2" in for_2.title, "object 4" in for_4.title) == (True, True)
     assert [label for label, _ in overview.rows] == list(synthetic.all_orderings(5))
     assert len(overview.columns) == 1 + 5
@@ -173,15 +185,15 @@ def occluded(identity, particles, recoveries, runs=50):
 def test_conclusions_on_real_occlusions():
     rich = occluded(5, 300, {"DPS": 50, "PS": 20, "PS 1,2,3,4,5": 45, "PS 2,3,4,5,1": 5})
     starved = occluded(5, 60, {"DPS": 5, "PS": 30})
-    claims = occlusions.claims([rich, starved])
+    claims = occlusion_claims([rich, starved])
     assert [claim.verdict for claim in claims] == [SUPPORTS] * 3
-    claims = occlusions.claims([starved._replace(particles=300), rich._replace(particles=60)])
+    claims = occlusion_claims([starved._replace(particles=300), rich._replace(particles=60)])
     assert [claim.verdict for claim in claims] == [CONTRADICTS, CANNOT_RESOLVE, CONTRADICTS]
 
 
 def test_runs_must_fill_the_scenes():
     with pytest.raises(InputError, match="multiple of 2"):
-        run(runs=7)
+        PAPER.run(runs=7)
 
 
 @pytest.mark.slow

@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 from tagged_walk import METHODS, N, P, every_method, frames, track
 
-from jaxpf.filters.partitioned import ordering
-from jaxpf.pytree import pytree_dataclass
-from jaxpf.state import (
-    STATUS_IMPOSSIBLE,
-    STATUS_INVALID_LIKELIHOOD,
-    STATUS_LOST,
-    STATUS_OK,
-)
+from jaxpf import ordering, pytree_dataclass
+from jaxpf.state import STATUS_IMPOSSIBLE, STATUS_INVALID_LIKELIHOOD, STATUS_LOST, STATUS_OK
 
 # Degenerate frames.
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from quick_compiling import quick
 
-from jaxpf.filters.partitioned import exchange, ordering
+from jaxpf import ordering
+from jaxpf.filters.partitioned import exchange
 from jaxpf.lowering.threefry import written_out
 
 #: Particles 0 to 7 in three groups, told by the particle's part of the level above.

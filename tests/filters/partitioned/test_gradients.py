@@ -22,13 +22,10 @@ from fenced_trackers import (
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf import InputError
-from jaxpf.filters.partitioned import ordering
-from jaxpf.filters.partitioned.refusals import check_motion_gradient
-from jaxpf.models.dynamics import AR2, LinearGaussian, RandomWalk
-from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian, Gaussian
-from jaxpf.pytree import pytree_dataclass
-from jaxpf.tuning import objectives
+from jaxpf import InputError, gradients, objectives, ordering, pytree_dataclass
+from jaxpf.dynamics import AR2, LinearGaussian, RandomWalk
+from jaxpf.gradients import NoGradient, Soft, StopGradient, Transport, check_motion_gradient
+from jaxpf.likelihoods import CorrelatedGaussian, Gaussian
 
 
 @pytest.mark.slow
@@ -39,7 +36,7 @@ from jaxpf.tuning import objectives
 def test_gradients_are_finite_whatever_becomes_impossible(gradient, methods):
     for name, fences in FENCES.items():
         for method in methods:
-            made = tracker(METHODS[method], gradient=gradient)
+            made = tracker(METHODS[method], gradient=gradients.named(gradient))
             value, slope = value_and_gradient(made, KEYS, frames(fences))
             assert np.isfinite(slope).all(), name
             assert np.isneginf(value).all() == (name in ("all particles", "one partition")), name
@@ -56,7 +53,9 @@ def test_gradients_are_finite_with_one_partition_and_few_particles(gradient, num
     if gradient == "transport":
         pytest.importorskip("ott", reason="needs jaxpf[transport]")
     for fences in FENCES.values():
-        made = tracker(ordering.ps([0]), gradient=gradient, num_particles=num_particles)
+        made = tracker(
+            ordering.ps([0]), gradient=gradients.named(gradient), num_particles=num_particles
+        )
         _, slope = value_and_gradient(made, KEYS[:2], frames(fences[:, :1], 1))
         assert np.isfinite(slope).all()
 
@@ -67,8 +66,8 @@ def test_stop_gradient_leaves_the_forward_pass_as_it_is_bit_for_bit():
     for name in ("ps", "sps", "random"):  # of one shape: they share what is compiled
         for fenced in (seen, frames(FENCES["possible"])):
             kept = [
-                jax.device_get(jaxpf.run(tracker(METHODS[name], gradient=mode), KEYS[0], fenced))
-                for mode in ("none", "stop_gradient")
+                jax.device_get(jaxpf.run(tracker(METHODS[name], gradient=mode()), KEYS[0], fenced))
+                for mode in (NoGradient, StopGradient)
             ]
             (state, summaries), (other, others) = kept
             assert not np.any(other.path_scores)
@@ -119,7 +118,7 @@ def test_score_of_the_motion_finds_the_slope_that_whole_pixels_hide():
     made = tracker(
         ordering.ps([0]),
         likelihood=WholePixels(noise=np.float32(1.5)),
-        gradient="stop_gradient",
+        gradient=StopGradient(),
         num_particles=50,
     )
     step = 0.1
@@ -191,34 +190,34 @@ class Unknown:
 @pytest.mark.parametrize(
     ("settings", "what"),
     [
-        ({"gradient": "exact"}, "gradient='exact' is unknown; choose one of none, stop_gradient"),
+        ({"gradient": "exact"}, r"gradient='exact' is no strategy .* NoGradient\(\), StopGradient"),
         ({"motion_gradient": "both"}, "motion_gradient='both' is unknown"),
         (
             {"dynamics": Unknown(jnp.ones(())), "motion_gradient": "score"},
             "needs the method log_density of the dynamics, and Unknown has none",
         ),
-        ({"gradient": "transport"}, "does not go with a swap, which needs lineages"),
+        ({"gradient": Transport()}, "does not go with a swap, which needs lineages"),
         (
-            {"gradient": "transport", "ordering": ordering.dps(P), "tempering": 0.5},
+            {"gradient": Transport(), "ordering": ordering.dps(P), "tempering": 0.5},
             "does not go with tempering",
         ),
         (
             {
-                "gradient": "transport",
+                "gradient": Transport(),
                 "ordering": ordering.dps(P),
                 "likelihood": CorrelatedGaussian(jnp.eye(P)),
             },
             "does not go with log_joint",
         ),
         (
-            {"gradient": "transport", "ordering": ordering.branched([[0, 1]])},
+            {"gradient": Transport(), "ordering": ordering.branched([[0, 1]])},
             "components that particles keep",
         ),
         (
-            {"gradient": "transport", "ordering": ordering.sir(P), "transport_epsilon": 0.0},
-            "transport_epsilon=0.0 must be above 0",
+            {"gradient": Transport(epsilon=0.0), "ordering": ordering.sir(P)},
+            "Transport's epsilon 0.0 must be above 0",
         ),
-        ({"gradient": "soft", "soft_share": 1.5}, "soft_share=1.5 must be above 0 and at most 1"),
+        ({"gradient": Soft(share=1.5)}, "Soft's share 1.5 must be above 0 and at most 1"),
     ],
 )
 def test_what_cannot_work_is_refused_in_one_sentence(settings, what):

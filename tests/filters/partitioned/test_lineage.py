@@ -16,8 +16,7 @@ from tagged_walk import (
     tracker,
 )
 
-from jaxpf.filters.partitioned import ordering
-from jaxpf.pytree import pytree_dataclass
+from jaxpf import ordering, pytree_dataclass
 
 # Run-time labels.
 

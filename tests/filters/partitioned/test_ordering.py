@@ -4,8 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from jaxpf import InputError
-from jaxpf.filters.partitioned import ordering
+from jaxpf import InputError, ordering
 
 DEEP = [-1, 0, 0, 1, 2]
 

@@ -22,13 +22,11 @@ from tagged_walk import (
 )
 
 import jaxpf
-from jaxpf.filters.partitioned import kernel, ordering
-from jaxpf.models.dynamics import RandomWalk
-from jaxpf.models.likelihoods.gaussian import Gaussian
-from jaxpf.state import (
-    STATUS_OK,
-    count_unique,
-)
+from jaxpf import ordering
+from jaxpf.dynamics import RandomWalk
+from jaxpf.filters.partitioned import kernel
+from jaxpf.likelihoods import Gaussian
+from jaxpf.state import STATUS_OK, count_unique
 
 # Equivalences, key for key.
 

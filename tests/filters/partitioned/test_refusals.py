@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 from tagged_walk import METHODS, D, P, every_method, frames, tracker
 
-from jaxpf import InputError
-from jaxpf.filters.partitioned import ordering
-from jaxpf.models.dynamics import IndependentGaussian
-from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian
+from jaxpf import InputError, ordering
+from jaxpf.dynamics import IndependentGaussian
+from jaxpf.likelihoods import CorrelatedGaussian
 
 # Dtypes.
 
@@ -16,9 +15,9 @@ from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian
 def dtypes(made, observed):
     state = jax.eval_shape(made.init, jax.random.key(0))
     after, summary = jax.eval_shape(made.step, jax.random.key(0), state, observed)
-    assert jax.tree.map(lambda x: (x.shape, x.dtype), state) == jax.tree.map(
-        lambda x: (x.shape, x.dtype), after
-    )
+    assert jax.tree.structure(state) == jax.tree.structure(after)
+    before, behind = ([(x.shape, x.dtype) for x in jax.tree.leaves(t)] for t in (state, after))
+    assert before == behind
     assert after.lineage.dtype == after.component.dtype == np.int32
     assert summary.status.dtype == summary.num_invalid.dtype == np.int32
     reported = summary.estimate, summary.log_evidence, summary.ess, summary.spread
@@ -64,7 +63,11 @@ def joint_sampler(key):
         (lambda: ordering.sir(3), {"initial": np.zeros(3)}, r"initial has shape \(3,\).*P = 3"),
         (lambda: ordering.sir(3), {"initial": np.zeros((2, 1))}, r"initial has shape \(2, 1\)"),
         (lambda: ordering.dps(3), {"num_particles": 2}, r"num_particles=2 is fewer than the 3"),
-        (lambda: ordering.sir(3), {"num_particles": 0}, r"num_particles=0 is fewer than the 1"),
+        (
+            lambda: ordering.sir(3),
+            {"num_particles": 0},
+            r"num_particles=0 must be a whole",
+        ),
         (
             lambda: ordering.ps([1, 0, 2]),
             {"parents": (-1, 0, 0)},

@@ -18,10 +18,11 @@ from fenced_trackers import (
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf.filters import resampling
-from jaxpf.filters.partitioned import ordering
+from jaxpf import ordering, resampling
+from jaxpf.dynamics import RandomWalk
+from jaxpf.filters.resampling import keep_total
+from jaxpf.gradients import Soft, Transport
 from jaxpf.lowering.derivatives import with_gradient_of
-from jaxpf.models.dynamics import RandomWalk
 
 
 def test_the_gradient_of_a_source_is_lent_and_its_value_is_not():
@@ -41,7 +42,7 @@ def test_soft_resampling_is_properly_weighted_and_keeps_a_gradient(scheme):
         whole = resampling.one_component(4)
         selection = resampling.soft_selection(log_weights, 0.4, whole)
         chosen, new = resampling.weighted_resample(key, log_weights, selection, scheme, whole)
-        new = resampling.keep_total(new, log_weights, whole)
+        new = keep_total(new, log_weights, whole)
         return jnp.sum(jnp.exp(new) * jnp.asarray(values)[chosen])
 
     means = quick(lambda w, keys: jax.vmap(mean, in_axes=(None, 0))(jnp.log(w), keys))
@@ -66,13 +67,10 @@ def test_soft_selection_leaves_a_dead_component_dead():
 @pytest.mark.slow
 def test_transport_blends_to_equal_weights_and_keeps_the_mean():
     pytest.importorskip("ott", reason="needs jaxpf[transport]")
-    from jaxpf.filters.partitioned import transport
-
-    made = tracker(ordering.dps(P), gradient="transport", num_particles=6)
     lagged = jax.random.normal(jax.random.key(0), (2, 1, P, 6))
     log_weights = jnp.log(jnp.array([0.1, 0.2, 0.3, 0.5, 0.0, 0.7]))
     components = resampling.components_of_sizes(jnp.array([3, 3]), 6)
-    blended, new, done = transport.blend(made, lagged, log_weights, components)
+    blended, new, done = Transport().blend(lagged, log_weights, components)
     assert done
     np.testing.assert_allclose(jnp.exp(new), [0.2] * 3 + [0.4] * 3, rtol=1e-5)
     for part in (slice(0, 3), slice(3, 6)):
@@ -90,7 +88,7 @@ def test_transport_has_the_derivative_of_its_own_value():
     def at(method, scale, noise):
         made = tracker(
             METHODS[method],
-            gradient="transport",
+            gradient=Transport(),
             dynamics=RandomWalk(scale=jnp.asarray(scale)),
             likelihood=Fenced(noise=jnp.asarray(noise)),
             initial=np.zeros((P, 1)),
@@ -116,7 +114,7 @@ def test_transport_has_the_derivative_of_its_own_value():
 def test_transport_has_finite_gradients_in_float32_over_many_runs():
     """Clusters that hardly exchange mass make the potentials' system nearly singular."""
     pytest.importorskip("ott", reason="needs jaxpf[transport]")
-    made = tracker(ordering.ps([0]), gradient="transport", num_particles=32)
+    made = tracker(ordering.ps([0]), gradient=Transport(), num_particles=32)
     seen = np.cumsum(np.random.default_rng(1).normal(size=(8, 1, 2)), axis=0)
     seen[..., 1] = np.inf
     value, slope = value_and_gradient(made, jax.random.split(jax.random.key(3), 300), seen)
@@ -129,7 +127,7 @@ def test_transport_has_finite_gradients_in_float32_over_many_runs():
 def test_soft_resampling_leaves_out_every_exchange(scheme):
     """Its weights stay unequal, slot by slot, and no exchange may renumber the slots."""
     tree = (-1, 0, 0)
-    soft = partial(tracker, gradient="soft", resampling=scheme, parents=tree)
+    soft = partial(tracker, gradient=Soft(), resampling=scheme, parents=tree)
     run = quick(jaxpf.run)
     expected, *others = (
         run(soft(ordering.sps(tree, swap)), jax.random.key(3), frames(np.inf, 3))

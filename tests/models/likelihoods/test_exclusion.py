@@ -4,8 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from jaxpf.measures.metrics import precision
-from jaxpf.models.likelihoods import discriminative, excluding
+from jaxpf.likelihoods import discriminative, excluding
+from jaxpf.metrics import precision
 
 FRAME = np.kron(
     np.random.default_rng(0).integers(0, 256, (14, 19, 3)), np.ones((5, 5, 1), int)

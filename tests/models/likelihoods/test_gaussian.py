@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from jaxpf.models.dynamics import LinearGaussian
-from jaxpf.models.likelihoods.gaussian import CorrelatedGaussian, Gaussian, kalman, stacked_model
+from jaxpf.dynamics import LinearGaussian
+from jaxpf.likelihoods import CorrelatedGaussian, Gaussian, kalman, stacked_model
 
 RNG = np.random.default_rng(0)
 

@@ -19,12 +19,9 @@ from histograms import (
     values,
 )
 
-from jaxpf.errors import InputError
-from jaxpf.models.likelihoods.histogram import (
-    estimated_costs,
-    histogram,
-    histogram_from_patches,
-)
+from jaxpf import InputError
+from jaxpf.likelihoods import histogram, histogram_from_patches
+from jaxpf.models.likelihoods.histogram import estimated_costs
 
 #: Frames and boxes are of few sizes, so that the tests share programs: noise of 60 x 80 pixels
 #: seen in three boxes, one colour or two on 300 x 300 seen in one, all with two parts.
@@ -232,6 +229,15 @@ def test_only_used_bins_have_a_table():
     likelihood = histogram(frame, [[10, 10, 20, 20]], method="integral")
     assert likelihood.references.shape[-1] == 16
     assert jax.eval_shape(likelihood.observe, noise()).cells.shape == (HEIGHT + 1, WIDTH + 1, 16)
+
+
+def test_what_is_chosen_does_not_depend_on_how_many_runs_there_are():
+    """The same objects give the same results in one run, in `monte_carlo` and on a command line."""
+    frame, box = noise(0, 288, 360), [[100, 100, 32, 42]]
+    for particles in (100, 300, 3000):
+        usual = histogram(frame, box, num_particles=particles)
+        asked = histogram(frame, box, num_particles=particles, num_runs=25)
+        assert usual.method == asked.method
 
 
 def test_the_cheaper_method_is_chosen_and_can_be_overridden():

@@ -9,22 +9,19 @@ import numpy as np
 import pytest
 
 import scenes
-from jaxpf.errors import InputError
-from jaxpf.models.likelihoods import (
+from jaxpf import InputError
+from jaxpf.likelihoods import (
     CorrelatedGaussian,
     Gaussian,
     histogram,
     histogram_from_patches,
-    patch,
-)
-from jaxpf.models.likelihoods.distance_law import (
-    FORMS,
-    compressed,
     learn_background,
     log_density,
     log_normaliser,
     log_tilt,
+    patch,
 )
+from jaxpf.models.likelihoods.distance_law import FORMS, compressed
 
 HEIGHT, WIDTH = 60, 80
 BOXES = np.array([[10, 12, 16, 24], [40, 20, 9, 12]], float)

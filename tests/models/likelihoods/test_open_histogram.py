@@ -6,9 +6,7 @@ import pytest
 
 import jaxpf
 from jaxpf.contract import log_prob_all
-from jaxpf.models.likelihoods import histogram
-from jaxpf.models.likelihoods.detected import Detected
-from jaxpf.models.likelihoods.open_histogram import open_histogram, with_object
+from jaxpf.likelihoods import Detected, histogram, open_histogram, with_object
 
 FRAME = np.random.default_rng(0).integers(0, 256, (60, 80, 3), dtype=np.uint8)
 FRAME[10:40, 10:30] //= 4

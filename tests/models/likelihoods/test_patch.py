@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
-from jaxpf.models.likelihoods import patch, patch_from_pictures
+from jaxpf import InputError
+from jaxpf.likelihoods import patch, patch_from_pictures
 
 HEIGHT, WIDTH = 50, 70
 POSES = np.array([[20.0, 20.0, 0.3], [45.0, 25.0, -1.2]])

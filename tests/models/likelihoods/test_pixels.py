@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.models.likelihoods import PixelLikelihood, pixels
+from jaxpf.likelihoods import PixelLikelihood, pixels
 
 SIGMA = 10.0
 

@@ -14,11 +14,7 @@ from histograms import (
 )
 
 import scenes
-from jaxpf.models.likelihoods.color import NUM_BINS, hsv_bins
-from jaxpf.models.likelihoods.histogram import (
-    histogram,
-    histogram_from_patches,
-)
+from jaxpf.likelihoods import NUM_BINS, histogram, histogram_from_patches, hsv_bins
 
 
 def test_sampled_is_close_to_integral_but_for_a_known_bias():

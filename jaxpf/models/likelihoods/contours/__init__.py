@@ -3,11 +3,8 @@
 from jaxpf.models.likelihoods.contours.build import EXCLUSIONS, contours
 from jaxpf.models.likelihoods.contours.clutter import learn_clutter, lost_tail, poisson_clutter
 from jaxpf.models.likelihoods.contours.edges import EdgeDetector, Features, Lines
-from jaxpf.models.likelihoods.contours.likelihood import (
-    ExclusiveContours,
-    IndependentContours,
-    OpaqueContours,
-)
+from jaxpf.models.likelihoods.contours.exclusive import ExclusiveContours, OpaqueContours
+from jaxpf.models.likelihoods.contours.likelihood import IndependentContours
 from jaxpf.models.likelihoods.contours.line_model import (
     detection_probabilities,
     line_weights,

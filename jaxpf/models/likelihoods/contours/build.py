@@ -7,11 +7,8 @@ import numpy as np
 from jaxpf.errors import InputError
 from jaxpf.models.likelihoods.contours.clutter import check_clutter, learn_clutter, poisson_clutter
 from jaxpf.models.likelihoods.contours.edges import EdgeDetector
-from jaxpf.models.likelihoods.contours.likelihood import (
-    ExclusiveContours,
-    IndependentContours,
-    OpaqueContours,
-)
+from jaxpf.models.likelihoods.contours.exclusive import ExclusiveContours, OpaqueContours
+from jaxpf.models.likelihoods.contours.likelihood import IndependentContours
 from jaxpf.models.likelihoods.contours.line_model import (
     SIGMA,
     check_detection,
@@ -21,10 +18,12 @@ from jaxpf.models.shapes import ShapeSpace
 from jaxpf.names import EXCLUSIONS
 from jaxpf.pytree import as_array
 
-_KINDS = {
-    "none": IndependentContours,
-    "wires": ExclusiveContours,
-    "opaque": OpaqueContours,
+_KINDS: dict[str, tuple[type[IndependentContours], dict[str, str]]] = {
+    "wires": (ExclusiveContours, {}),
+    "opaque": (OpaqueContours, {}),
+    "none": (IndependentContours, {}),
+    "wires-literal": (ExclusiveContours, {"payment": "literal"}),
+    "opaque-literal": (OpaqueContours, {"payment": "literal"}),
 }
 #: Subsets of so many crossings are still summed in a moment.
 _MOST_CROSSINGS = 8
@@ -50,7 +49,9 @@ def contours(
     Args:
         space: of the substates.
         num_targets: P.
-        exclusion: one of ``EXCLUSIONS``.
+        exclusion: one of ``EXCLUSIONS``: ``"wires"`` or ``"opaque"``, by which an edge is paid for
+            once; ``"none"``, the paper's control; ``"wires-literal"`` and ``"opaque-literal"``,
+            eq. 2 and 5 as printed, which pay for an edge on the lines of every target near it.
         frames: uint8 RGB ``[T, H, W, 3]``, from which clutter is learned; or
         clutter: either b(n) for n = 0 .. max_features, or the mean of Poisson clutter, features
             per line.
@@ -59,7 +60,8 @@ def contours(
             ``num_targets * crossings``; default ``detection_probabilities``.
         sigma: width of the law of a boundary's feature, pixels.
         independence: share of its log-ratio that each line counts, above 0 to 1; less than 1 where
-            lines lie so near to each other that they see the same.
+            lines lie so near to each other that they see the same.  Each line is still a density,
+            so that evidence may choose among shares; see ``share`` for where it is one nearly.
         width: of a wire both of whose edges are seen, pixels; None: the contour is one edge.
         num_lines: M, lines per contour.
         crossings: at most so many crossings of one contour with one line count; default 1, or 2
@@ -91,7 +93,8 @@ def contours(
             f"detection speaks of at most {len(detection) - 1} boundaries on a line, but "
             f"{together} may cross it; give {together + 1} rows."
         )
-    return _KINDS[exclusion](
+    kind, options = _KINDS[exclusion]
+    return kind(
         space=space,
         detector=detector,
         clutter=check_clutter(clutter, detector.max_features),
@@ -102,6 +105,7 @@ def contours(
         edges=edges,
         num_lines=num_lines,
         crossings=crossings,
+        **options,
     )
 
 
@@ -119,7 +123,8 @@ def _check(
         raise InputError(f"num_lines {num_lines} must be 4 or more.")
     if edges == 2 and space.closed:
         raise InputError("a wire with two edges is an open contour, and this shape space's is not.")
-    if exclusion == "opaque" and (num_targets != 2 or not space.closed):
+    is_opaque = issubclass(_KINDS[exclusion][0], OpaqueContours)
+    if is_opaque and (num_targets != 2 or not space.closed):
         kind = "closed" if space.closed else "open"
         raise InputError(
             f"{num_targets} opaque target(s) with {kind} contours: occlusion is told by which of "

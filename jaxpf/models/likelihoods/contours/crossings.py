@@ -108,6 +108,25 @@ def nearest_crossings(lines: Lines, polyline: Polyline, reach: float, keep: int,
     return jnp.where(there, found, 0.0), there
 
 
+def first(places, there, keep: int):
+    """The first of several places on a line that there are.
+
+    Args:
+        places: ``[C, ...]``.
+        there: bool, like ``places``.
+        keep: so many are kept.
+
+    Returns:
+        Places ``[keep, ...]``, 0 where there are no more, and which of them there are, bool.
+    """
+    if keep == places.shape[0]:
+        return places, there
+    number = jnp.cumsum(there, axis=0)
+    chosen = [there & (number == k + 1) for k in range(keep)]
+    found = [jnp.sum(jnp.where(is_it, places, 0.0), axis=0) for is_it in chosen]
+    return jnp.stack(found), jnp.stack([jnp.any(is_it, axis=0) for is_it in chosen])
+
+
 def is_inside(x, y, polyline: Polyline):
     """Whether points ``[..., N]`` lie inside a closed polyline ``[V, N]``, bool."""
 

@@ -1,11 +1,11 @@
-"""Likelihoods of contours: one target alone, several that exclude one another, opaque ones.
+"""The likelihood of contours each of which is judged alone.
 
 The substate is a point of a shape space (``jaxpf.models.shapes``).  Lines are normals of its
 contour, and each is judged by the line model; lines count as independent, so that a contour's
 log-likelihood is a sum over its lines (maccormick1999, eq. 2).
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,10 +14,26 @@ import numpy as np
 from jaxpf.contract import Likelihood
 from jaxpf.models.likelihoods.contours import crossings as crossing
 from jaxpf.models.likelihoods.contours.edges import EdgeDetector, Features, Lines
-from jaxpf.models.likelihoods.contours.line_model import line_weights, log_ratio
+from jaxpf.models.likelihoods.contours.line_model import line_weights, log_ratios
+from jaxpf.models.likelihoods.contours.share import log_mean_of, log_means
 from jaxpf.models.shapes import ShapeSpace
 from jaxpf.models.splines import basis
 from jaxpf.pytree import pytree_dataclass, static_field
+
+#: So many crossings of a contour with one line are looked at, to find those that are seen.
+_CANDIDATES = 4
+
+
+class Observation(NamedTuple):
+    """What is taken from a frame once.
+
+    Attributes:
+        gradient: see ``EdgeDetector.observe``.
+        log_means: see ``share``.
+    """
+
+    gradient: jax.Array
+    log_means: jax.Array
 
 
 @pytree_dataclass
@@ -33,9 +49,8 @@ class IndependentContours(Likelihood):
         clutter: b(n), ``[max_features + 1]``.
         detection: ``q_kc`` at ``[c, k]``; its size bounds c.
         sigma: width of the law of a boundary's feature, pixels.
-        independence: share of its log-ratio that each line counts.  Neighbouring lines see the
-            same blurred edge, and err alike where the shape space does; counted in full, they make
-            one particle's weight exceed all others'.
+        independence: share of its log-ratio that each line counts, less a constant that makes a
+            density of it; see ``share``, which says why, and where that holds only nearly.
         width: of a wire with two edges, pixels; what the spline draws is its middle.  Not used
             with one edge.
         edges: static, 1 where the spline is itself the boundary, 2 for both edges of a wire.
@@ -59,17 +74,26 @@ class IndependentContours(Likelihood):
     state_gradient = False
 
     def observe(self, frame):
-        """The frame's gradient, shared by all runs and particles."""
-        return self.detector.observe(frame)
+        """The frame's gradient and what lines count, shared by all runs and particles."""
+        means = log_means(
+            self.clutter,
+            self.detection,
+            jnp.asarray(self.sigma),
+            jnp.asarray(self.independence),
+            self._offsets(),
+            self.detector.length,
+        )
+        return Observation(self.detector.observe(frame), means)
 
     def log_prob_all(self, observation, partition, substates):
         """``log(P_A / P_0)`` ``[N]`` of substates ``[D, N]``; NaN where one is not finite."""
         finite = jnp.all(jnp.isfinite(substates), axis=0)
         lines = self.lines_of(partition, jnp.where(finite, substates, 0.0))
-        own = self._own_boundaries(observation, lines)
-        if self.crossings > self.edges:
-            own = _joined(own, self._crossings_of_itself(observation, lines))
-        total = self._judged(observation, lines, *own)
+        own = self._of_their_own(observation, lines)
+        every = [range(self.crossings)]
+        (ratios,) = self._log_ratios(observation, lines, own, every)
+        (means,) = self._log_means(observation, own, every)
+        total = jnp.sum(self._share(ratios) - means, axis=0)
         return jnp.where(finite, total, jnp.nan)
 
     def lines_of(self, partition, substates) -> Lines:
@@ -115,156 +139,72 @@ class IndependentContours(Likelihood):
         half = 0.5 * jnp.asarray(self.width)
         return [0.0] if self.edges == 1 else [-half, half]
 
-    def _own_boundaries(self, observation, lines):
-        """Places ``[edges, M, N]`` of a contour's boundary on its own lines, and which are seen."""
-        places = jnp.stack([jnp.full_like(lines.x, offset) for offset in self._offsets()])
-        return places, self._in_view(observation, lines, places)
+    def _of_their_own(self, observation, lines):
+        """Places ``[crossings, M, ...]`` of a contour on its own lines, and which are seen.
 
-    def _crossings_of_itself(self, observation, lines):
+        The first ``edges`` rows are the boundary that a line belongs to, the others what else of
+        the contour crosses it.
+        """
+        places = jnp.stack([jnp.full_like(lines.x, offset) for offset in self._offsets()])
+        found = places, self._in_view(observation, lines, places)
+        if self.crossings == self.edges:
+            return found
         left_out = crossing.own_sides(self.num_lines, self.edges, self.space.closed)
-        places, there = crossing.nearest_crossings(
-            lines, self._outline(lines), self.detector.reach, self.crossings - self.edges, left_out
+        others = self._crossings_of(
+            observation, lines, self._outline(lines), self.crossings - self.edges, left_out
         )
-        return places, there & self._in_view(observation, lines, places)
+        return joined(found, others)
+
+    def _crossings_of(self, observation, lines, polyline, keep, left_out=None, is_hidden=None):
+        """The seen crossings ``[keep, M, ...]`` nearest to the lines' middles, and which there are.
+
+        What is not seen takes no place from what is.
+        """
+        count = max(keep, _CANDIDATES)
+        places, there = crossing.nearest_crossings(
+            lines, polyline, self.detector.reach, count, left_out
+        )
+        there = there & self._in_view(observation, lines, places)
+        if is_hidden is not None:
+            there = there & ~is_hidden(places)
+        return crossing.first(places, there, keep)
 
     def _outline(self, lines) -> crossing.Polyline:
         return crossing.outline(lines, self._offsets(), self.space.closed)
 
     def _in_view(self, observation, lines, places):
         """Only what is seen counts: whether places on lines lie in the frame."""
-        width, height = self.detector.frame_size(observation)
+        width, height = self.detector.frame_size(observation.gradient)
         x, y = lines.x + places * lines.along_x, lines.y + places * lines.along_y
         return (x >= 0) & (x < width) & (y >= 0) & (y < height)
 
-    def _judged(self, observation, lines, boundaries, crossed):
-        """Sum over lines ``[M, ...]`` of ``log(p~_c / p_0)``, each by what it counts."""
-        features: Features = self.detector.find(observation, lines)
-        detector, dtype = self.detector, lines.x.dtype
-        weights = line_weights(self.clutter, self.detection, detector.length)
-        sigma = jnp.asarray(self.sigma, dtype)
-        every = log_ratio(weights, features, boundaries, crossed, sigma, detector.reach)
-        return jnp.sum(every, axis=0) * jnp.asarray(self.independence, dtype)
+    def _log_ratios(self, observation, lines, boundaries, groups):
+        """``log(p~_c / p_0)`` of lines ``[M, ...]``, given places of boundaries and which are seen.
 
-
-@pytree_dataclass
-class ExclusiveContours(IndependentContours):
-    """Targets that exclude one another: ``P`` of maccormick1999 (eq. 2), relative to clutter.
-
-    A line counts the crossings of every target, and no feature on it serves two of them.  The
-    targets are wire frames: all boundaries are seen, also where they overlap.  The density of
-    one target alone is the weighting function of partitioned sampling.
-    """
-
-    def log_joint(self, observation, substates, log_probs):
-        """``log(P / P_0)`` ``[]`` of all targets' substates ``[P, D]`` together."""
-        return self.log_joint_all(observation, substates[..., None], log_probs[..., None])[0]
-
-    def log_joint_all(self, observation, substates, log_probs):
-        """``log(P / P_0)`` ``[N]`` of substates ``[P, D, N]``; NaN where one is not finite."""
-        finite = jnp.all(jnp.isfinite(substates), axis=(0, 1))
-        lines = self.lines_of_all(jnp.where(finite, substates, 0.0))
-        boundaries, crossed = self.all_crossings(observation, lines)
-        total = self._judged(observation, lines, boundaries, crossed)
-        return jnp.where(finite, jnp.sum(total, axis=0), jnp.nan)
-
-    def lines_of_all(self, substates) -> Lines:
-        """Measurement lines ``[M, P, N]`` of substates ``[P, D, N]``."""
-        num_targets, _, num_particles = substates.shape
-        flat = jnp.moveaxis(substates, 0, 1).reshape(-1, num_targets * num_particles)
-        partition = jnp.repeat(jnp.arange(num_targets), num_particles)
-        lines = self.lines_of(partition, flat)
-        shape = self.num_lines, num_targets, num_particles
-        return Lines(*(values.reshape(shape) for values in lines))
-
-    def all_crossings(self, observation, lines):
-        """Places of all targets' boundaries on all lines, and which are there.
-
-        The first ``edges`` rows are a line's own boundary, the next ``crossings - edges`` what
-        else of its own contour crosses it, and then each other target has ``crossings`` rows, the
-        targets in turn after the line's own.
-
-        Args:
-            observation: of the frame.
-            lines: ``[M, P, N]``.
-
-        Returns:
-            Places and bool, ``[C, M, P, N]`` with ``C = P * crossings``.
+        ``[groups, M, ...]``: for each group of rows of boundaries, as if only these crossed a line.
         """
-        found = self._own_boundaries(observation, lines)
-        if self.crossings > self.edges:
-            found = _joined(found, self._crossings_of_itself(observation, lines))
-        outline = self._outline(lines)
-        for step in range(1, lines.x.shape[1]):
-            other = outline._replace(
-                x=jnp.roll(outline.x, -step, axis=1), y=jnp.roll(outline.y, -step, axis=1)
-            )
-            places, there = crossing.nearest_crossings(
-                lines, other, self.detector.reach, self.crossings
-            )
-            there = there & self._in_view(observation, lines, places)
-            found = _joined(found, (places, there))
-        return found
+        places, seen = boundaries
+        features: Features = self.detector.find(observation.gradient, lines)
+        weights = line_weights(self.clutter, self.detection, self.detector.length)
+        sigma, reach = jnp.asarray(self.sigma, lines.x.dtype), self.detector.reach
+        return log_ratios(weights, features, places, seen, sigma, reach, groups)
 
+    def _share(self, log_ratio):
+        """What of a line's log-ratio counts."""
+        return log_ratio * jnp.asarray(self.independence, log_ratio.dtype)
 
-@pytree_dataclass
-class OpaqueContours(ExclusiveContours):
-    """Two opaque targets, one in front: ``P_occl`` of maccormick1999 (eq. 5), rel. to clutter.
+    def _log_means(self, observation, boundaries, groups):
+        """What makes densities ``[groups, M, ...]`` of shared lines ``[M, ...]``.
 
-    The label 0 says that the first target is nearer the camera, 1 the second.  What of the other
-    target's boundary lies inside the nearer one's outline is hidden, and is not counted.
-    """
-
-    #: For each label the order of partitioned sampling: the nearer target first (figure 8).
-    orders_of_labels = ((0, 1), (1, 0))
-
-    def log_joint(self, observation, substates, log_probs):
-        """The mean over both labels, for a filter that carries none."""
-        both = jnp.stack(
-            [
-                self.log_joint_labelled(observation, substates, log_probs, jnp.asarray(label))
-                for label in (0, 1)
-            ]
-        )
-        return jax.nn.logsumexp(both) - np.log(2.0)
-
-    def log_joint_labelled(self, observation, substates, log_probs, label):
-        """``log(P_occl / P_0)`` ``[]`` of both targets' substates ``[2, D]``, given the label."""
-        return self.log_joint_labelled_all(
-            observation, substates[..., None], log_probs[..., None], jnp.asarray(label)[None]
-        )[0]
-
-    def log_joint_labelled_all(self, observation, substates, log_probs, label):
-        """``log(P_occl / P_0)`` ``[N]`` of substates ``[2, D, N]``, given labels ``[N]``."""
-        finite = jnp.all(jnp.isfinite(substates), axis=(0, 1))
-        lines = self.lines_of_all(jnp.where(finite, substates, 0.0))
-        boundaries, crossed = self.all_crossings(observation, lines)
-        seen = crossed & ~self.hidden(lines, boundaries, label)
-        total = self._judged(observation, lines, boundaries, seen)
-        return jnp.where(finite, jnp.sum(total, axis=0), jnp.nan)
-
-    def hidden(self, lines, boundaries, label):
-        """Which boundaries ``[C, M, 2, N]`` lie behind the nearer target, bool."""
-        outline = self._outline(lines)
-        front = crossing.Polyline(
-            jnp.where(label == 0, outline.x[:, 0], outline.x[:, 1]),
-            jnp.where(label == 0, outline.y[:, 0], outline.y[:, 1]),
-            outline.joined,
-        )
-        x, y = lines.x + boundaries * lines.along_x, lines.y + boundaries * lines.along_y
-        # Whose boundary it is: a row's own target's, or, from `crossings` on, the other's.
-        is_other = np.arange(boundaries.shape[0]) >= self.crossings
-        owner = np.arange(2)[None, :] ^ is_other[:, None]
-        is_behind = jnp.asarray(owner)[:, None, :, None] != label
-        return is_behind & crossing.is_inside(x, y, front)
-
-    def overlap(self, substates):
-        """Whether two targets' shapes ``[2, D]`` overlap, bool ``[]``."""
-        outline = self._outline(self.lines_of_all(substates[..., None]))
-        one, other = (
-            crossing.Polyline(outline.x[:, target], outline.y[:, target], outline.joined)
-            for target in range(2)
-        )
-        return crossing.overlap(one, other)[0]
+        Every group of rows of boundaries holds the own ones, which are the first ``edges``.
+        """
+        places, seen = boundaries
+        own = jnp.sum(seen[: self.edges], axis=0, dtype=jnp.int32)
+        table = jnp.asarray(observation.log_means, places.dtype)
+        others = np.arange(self.edges, places.shape[0])[:, None]
+        there = np.concatenate([np.isin(others, np.array(group)) for group in groups], axis=1)
+        there = there.reshape(*there.shape, *[1] * own.ndim) & seen[self.edges :, None]
+        return log_mean_of(table, own, places[self.edges :, None], there, self.detector.reach)
 
 
 def _lines_through(x, y, slope_x, slope_y) -> Lines:
@@ -280,5 +220,6 @@ def _lines_through(x, y, slope_x, slope_y) -> Lines:
     )
 
 
-def _joined(one, other):
+def joined(one, other):
+    """Rows of boundaries, with which of them there are, one below the other."""
     return tuple(jnp.concatenate(pair) for pair in zip(one, other, strict=True))

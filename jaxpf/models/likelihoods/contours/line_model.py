@@ -8,8 +8,14 @@ boundaries**, which is the exclusion principle.
 
 Everything is told relative to pure clutter, ``p~_c / p_0``: lines move with the hypothesis, so
 that densities of different hypotheses would speak of different data.
+
+A line keeps the n_max strongest features at most, so that n_max shown means "n_max or more".  The
+features of detected boundaries are taken to be among those that are kept, and the clutter that is
+kept to be any of it; then what a line shows is a density for every n from 0 to n_max, whose sum
+is one without a tail that is cut off.
 """
 
+from collections.abc import Sequence
 from math import comb
 
 import jax
@@ -26,6 +32,9 @@ ONE_BOUNDARY = (0.1, 0.9)
 TWO_BOUNDARIES = (0.05, 0.2, 0.75)
 #: Width of the law of a boundary's feature in pixels, sigma of maccormick1999.
 SIGMA = 7.0
+#: Sums over the sets of so many boundaries are written out, which runs faster; those of more are
+#: arrays, since what is written out takes the compiler minutes.
+_WRITTEN_OUT = 3
 
 
 def detection_probabilities(most: int) -> np.ndarray:
@@ -67,10 +76,13 @@ def check_detection(table) -> np.ndarray:
 def line_weights(clutter, detection, length: float) -> jax.Array:
     """What multiplies the matchings of k boundaries on a line of c boundaries and n features.
 
-    ``q_kc / C(c, k) * L^k (n - k)! b(n - k) / (n! b(n))``, 0 where n < k.
+    ``q_kc / C(c, k) * L^k (n - k)! b(n - k) / (n! b(n))``, 0 where n < k.  At n = n_max the line
+    may have shown more, and in place of ``b(n - k)`` and ``b(n)`` stand the probabilities of so
+    many or more.
 
     Args:
-        clutter: b(n) for n = 0 .. n_max, ``[n_max + 1]``, above 0.
+        clutter: b(n) for n = 0 .. n_max, ``[n_max + 1]``, above 0; what it lacks to a sum of one
+            lies above n_max.
         detection: ``q_kc``, ``[c, k]``.
         length: L in pixels.
 
@@ -79,16 +91,26 @@ def line_weights(clutter, detection, length: float) -> jax.Array:
     """
     clutter, detection = jnp.asarray(clutter), jnp.asarray(detection)
     most, counts = detection.shape[0] - 1, np.arange(clutter.shape[0])
+    or_more = jnp.cumsum(at_most_shown(clutter)[::-1])[::-1]
     rows = []
     for k in range(most + 1):
         falling = np.ones(len(counts))  # n (n - 1) .. (n - k + 1)
         for step in range(k):
             falling = falling * np.maximum(counts - step, 1)
-        fewer = clutter[np.maximum(counts - k, 0)]
-        ratio = jnp.where(counts >= k, length**k * fewer / (falling * clutter), 0.0)
+        fewer = np.maximum(counts - k, 0)
+        shares = clutter[fewer] / clutter
+        shares = shares.at[-1].set(or_more[fewer[-1]] / or_more[-1])
+        # Of a float: the power of a whole number of pixels soon exceeds 32 bits.
+        ratio = jnp.where(counts >= k, (1.0 * length) ** k / falling * shares, 0.0)
         ways = np.array([max(comb(c, k), 1) for c in range(most + 1)])
         rows.append((detection[:, k] / ways)[:, None] * ratio)
     return jnp.stack(rows)
+
+
+def at_most_shown(clutter) -> jax.Array:
+    """b(n), with the probability of n_max or more at n_max: a law that sums to one."""
+    clutter = jnp.asarray(clutter)
+    return clutter.at[-1].add(jnp.maximum(1 - jnp.sum(clutter), 0))
 
 
 def boundary_law(places, boundary, sigma, reach):
@@ -98,8 +120,8 @@ def boundary_law(places, boundary, sigma, reach):
     return scale * jnp.exp(-0.5 * ((places - boundary) / sigma) ** 2)
 
 
-def matchings(laws) -> list[jax.Array]:
-    """Sums over the ways in which k boundaries have k features, for k = 0 .. c.
+def matchings(laws) -> jax.Array:
+    """For each set of boundaries, the sum over the ways in which each has a feature of its own.
 
     The recursion over features: each serves none or one of the boundaries that are still free,
     always from the sums *before* it.  In place, it would serve two, and exclusion were lost.
@@ -108,39 +130,36 @@ def matchings(laws) -> list[jax.Array]:
         laws: ``G_j(z_f)`` at ``[c, F, ...]``, 0 where there is no such boundary or feature.
 
     Returns:
-        c + 1 arrays ``[...]``.
+        ``[2^c, ...]``: bit j of the first index says whether boundary j is in the set.
     """
-    num_boundaries = laws.shape[0]
-    one = jnp.ones_like(laws[0, 0]) if num_boundaries else jnp.ones(())
+    num_boundaries, shape = laws.shape[0], laws.shape[2:]
+    one = jnp.ones(shape, laws.dtype)
     if num_boundaries <= 1:
-        return [one, *jnp.sum(laws, axis=1)]
-    subsets = range(2**num_boundaries)
+        return jnp.stack([one, *jnp.sum(laws, axis=1)])
+
+    written = min(num_boundaries, _WRITTEN_OUT)
 
     def serve(sums, law):
         """One feature more: ``law`` is ``G_j`` of it, ``[c, ...]``."""
-        found = [
-            sum(
-                (
-                    sums[subset ^ (1 << j)] * law[j]
-                    for j in range(num_boundaries)
-                    if subset >> j & 1
-                ),
-                start=sums[subset],
-            )
-            for subset in subsets
-        ]
-        return jnp.stack(found), None
+        # A block: the sets that hold the same of the boundaries that are written out.
+        blocks, found = [sums[number :: 2**written] for number in range(2**written)], []
+        for number, block in enumerate(blocks):
+            total = block
+            for j in range(written):
+                if number >> j & 1:
+                    total = total + blocks[number ^ (1 << j)] * law[j]
+            for j in range(written, num_boundaries):
+                # The middle axis says whether boundary j is in the set.
+                without = block.reshape(-1, 2, 2 ** (j - written), *shape)[:, 0]
+                gained = jnp.stack([jnp.zeros_like(without), without * law[j]], axis=1)
+                total = total + gained.reshape(block.shape)
+            found.append(total)
+        return jnp.stack(found, axis=1).reshape(sums.shape), None
 
     # A loop, not written out: the compiler would repeat every shared sum in each of its uses.
-    begin = jnp.stack([one, *[jnp.zeros_like(one)] * (2**num_boundaries - 1)])
+    begin = jnp.concatenate([one[None], jnp.zeros((2**num_boundaries - 1, *shape), laws.dtype)])
     sums, _ = lax.scan(serve, begin, jnp.moveaxis(laws, 1, 0))
-    return [
-        sum(
-            (sums[subset] for subset in subsets if subset.bit_count() == size),
-            start=jnp.zeros_like(one),
-        )
-        for size in range(num_boundaries + 1)
-    ]
+    return sums
 
 
 def log_ratio(weights, features: Features, boundaries, crossing, sigma, reach):
@@ -157,20 +176,48 @@ def log_ratio(weights, features: Features, boundaries, crossing, sigma, reach):
     Returns:
         ``[...]``.
     """
+    every = range(boundaries.shape[0])
+    return log_ratios(weights, features, boundaries, crossing, sigma, reach, [every])[0]
+
+
+def log_ratios(
+    weights, features: Features, boundaries, crossing, sigma, reach, groups: Sequence[Sequence[int]]
+) -> jax.Array:
+    """``log_ratio`` as if a line were crossed by some of its boundaries only, for several groups.
+
+    Args:
+        weights: see ``log_ratio``, like the next five.
+        features: see there.
+        boundaries: see there.
+        crossing: see there.
+        sigma: see there.
+        reach: see there.
+        groups: which rows of ``boundaries`` there are.
+
+    Returns:
+        ``[groups, ...]``.
+    """
     places, present = features
     dtype = places.dtype
     counted = jnp.sum(present, axis=0, dtype=jnp.int32)
-    crossed = jnp.sum(crossing, axis=0, dtype=jnp.int32)
     law = boundary_law(places[None], boundaries[:, None], sigma, reach)
     sums = matchings(jnp.where(present[None] & crossing[:, None], law, 0.0).astype(dtype))
     weights = jnp.asarray(weights, dtype)
     num_counts = weights.shape[2]
-    place = crossed * num_counts + counted
     table = weights.reshape(weights.shape[0], -1)
-    ratio = sum(
-        (table[k][place] * matched for k, matched in enumerate(sums)),
-        start=jnp.zeros((), dtype),
-    )
+    rows, sets = np.arange(crossing.shape[0]), np.arange(len(sums))
+    members = np.array([np.isin(rows, np.array(group, int)) for group in groups])
+    # Which sets of boundaries lie within which group: those with no boundary outside of it.
+    within = (~members @ (1 << rows))[:, None] & sets == 0
+    sizes = np.array([int(s).bit_count() for s in sets])
+
+    crossed = jnp.tensordot(members.astype(np.int32), crossing.astype(jnp.int32), 1)
+    place = crossed * num_counts + counted
+    ratio = jnp.zeros((), dtype)
+    for k in range(max(map(len, groups)) + 1):
+        chosen = within[:, sizes == k].astype(dtype)
+        matched = jnp.tensordot(chosen, sums[sizes == k], 1, precision=lax.Precision.HIGHEST)
+        ratio = ratio + table[k][place] * matched
     possible = ratio > 0
     return jnp.where(possible, jnp.log(jnp.where(possible, ratio, 1.0)), -jnp.inf)
 

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.models.likelihoods.discriminative.levels import factor_of, shrunk
+from jaxpf.models.likelihoods.discriminative.levels import shrunk
 from jaxpf.models.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.pytree import as_array
 
@@ -102,8 +102,7 @@ def before_background(
     share = jnp.clip(0.5 + (1 - away) / _EDGE, 0, 1)[..., None]
 
     def seen(right, lower):
-        there = (rows - lower) % frame.shape[0], (columns - right) % frame.shape[1]
-        return frame[there[0][:, None], there[1][None, :]]
+        return frame[(rows - lower)[:, None] % frame.shape[0], (columns - right) % frame.shape[1]]
 
     behind = seen(*jnp.round(shift * box[2:]).astype(jnp.int32))
     return jnp.round(share * seen(0, 0) + (1 - share) * behind).astype(frame.dtype)
@@ -149,17 +148,15 @@ def trained(
         boxes: [P, 4], x, y, width and height in pixels.
         penalty: of ``ridge``, per background.
     """
-    factors = np.array([factor_of(width, height) for width, height in boxes[:, 2:]])
-    sizes = boxes[:, 2:] / factors[:, None]
+    factors = np.array(likelihood.factors)[np.asarray(likelihood.level)]
+    shrunk_boxes = boxes / factors[:, None]
     found = []
     for number, factor in enumerate(map(int, factors)):
-        padding = [(0, -side % factor) for side in frame.shape[:2]]
-        padded = jnp.pad(frame, [*padding, (0, 0)], mode="edge") if np.any(padding) else frame
-        rows, columns = (side // factor for side in padded.shape[:2])
-        shape = window_shape((rows, columns), sizes)
-        corner = window_corner((rows, columns), boxes[number] / factor, shape)
-        pictures = _pictures(padded, as_array(boxes[number], float), corner, shape, factor)
-        place = boxes[number] / factor - [*corner, 0, 0]
+        rows, columns = (-(-side // factor) for side in frame.shape[:2])
+        shape = window_shape((rows, columns), shrunk_boxes[:, 2:])
+        corner = window_corner((rows, columns), shrunk_boxes[number], shape)
+        pictures = _pictures(frame, as_array(boxes[number], float), corner, shape, factor)
+        place = shrunk_boxes[number] - [*corner, 0, 0]
         alone = _only(likelihood, number, place, shape)
         found.append(_coefficients(alone, pictures, as_array(place, float), penalty))
     return _with(likelihood, *(np.stack(one) for one in zip(*found, strict=True)))
@@ -168,6 +165,8 @@ def trained(
 @functools.partial(jax.jit, static_argnames=("shape", "factor"))
 def _pictures(frame, box, corner, shape, factor):
     """An object's window, shrunk, with one background after the other: [n, h, w, 3]."""
+    padding = [(0, -side % factor) for side in frame.shape[:2]]
+    frame = jnp.pad(frame, [*padding, (0, 0)], mode="edge")
     whole = (shape[0] * factor, shape[1] * factor)
 
     def before(shift):

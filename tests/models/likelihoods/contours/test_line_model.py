@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf.errors import InputError
-from jaxpf.models.likelihoods.contours import (
+from jaxpf import InputError
+from jaxpf.likelihoods import (
     Features,
     detection_probabilities,
     line_weights,
@@ -17,7 +17,7 @@ from jaxpf.models.likelihoods.contours import (
     lost_tail,
     poisson_clutter,
 )
-from jaxpf.models.likelihoods.contours.line_model import check_detection
+from jaxpf.models.likelihoods.contours.line_model import check_detection, log_ratios
 
 LENGTH, REACH, SIGMA = 41.0, 20.5, 7.0
 LEARNED = np.array([0.4, 0.25, 0.15, 0.1, 0.05, 0.03, 0.02])
@@ -70,9 +70,14 @@ def brute_force(places, boundaries, clutter=LEARNED):
                 np.prod([law[j, i] for j, i in zip(seen, features, strict=True)])
                 for features in permutations(range(n), k)
             )
-            p_k = clutter[n - k] * matched * factorial(n - k) / factorial(n) / LENGTH ** (n - k)
-            density += q[k] / comb(c, k) * p_k
-    return density / (clutter[n] / LENGTH**n)
+            p_k = shown(clutter, n, k) * matched * factorial(n - k) / factorial(n)
+            density += q[k] / comb(c, k) * p_k / LENGTH ** (n - k)
+    return density / (shown(clutter, n, 0) / LENGTH**n)
+
+
+def shown(clutter, n, k):
+    """Probability of n features, k of them boundaries': at the most that are kept, n or more."""
+    return clutter[n - k] if n < MOST_FEATURES else 1 - sum(clutter[: n - k])
 
 
 @pytest.mark.parametrize("num_features", range(7))
@@ -84,6 +89,17 @@ def test_the_subset_recursion_equals_brute_force(num_features, num_boundaries):
     np.testing.assert_allclose(
         ratio(places, boundaries), brute_force(places, boundaries), rtol=2e-4
     )
+
+
+def test_a_group_of_boundaries_is_a_line_that_no_other_crosses():
+    boundaries, places = np.linspace(-15, 15, MOST_BOUNDARIES), (-12.0, -3.0, 1.0, 14.0)
+    groups = [[], [3], [4, 0], [0, 1, 2, 3], range(MOST_BOUNDARIES)]
+    weights = line_weights(LEARNED, detection_probabilities(MOST_BOUNDARIES), LENGTH)
+    features = Features(jnp.array(places), jnp.ones(len(places), bool))
+    there = np.ones(MOST_BOUNDARIES, bool)
+    found = log_ratios(weights, features, jnp.asarray(boundaries), there, SIGMA, REACH, groups)
+    expected = [brute_force(places, boundaries[list(group)]) for group in groups]
+    np.testing.assert_allclose(np.exp(found), expected, rtol=2e-5)
 
 
 @pytest.mark.parametrize("boundaries", [(), (4.0,), (-3.0, 5.0), (0.0, 18.0, 19.0)])
@@ -143,9 +159,52 @@ def test_poisson_clutter_gives_powers_of_the_density_of_features():
     weights = np.asarray(jax.jit(line_weights)(clutter, detection, LENGTH))
     for k in range(3):
         scale = detection[2, k] / comb(2, k) * (LENGTH / mean) ** k
-        np.testing.assert_allclose(weights[k, 2, k:], scale, rtol=1e-4)
+        np.testing.assert_allclose(weights[k, 2, k:-1], scale, rtol=1e-4)
         np.testing.assert_array_equal(weights[k, 2, :k], 0)
     assert lost_tail(clutter) == pytest.approx(1.2e-5, rel=0.3)
+
+
+def test_the_top_bin_means_so_many_or_more():
+    """A law that was learned, its tail in the top bin, and one that lacks it: the same weights."""
+    law = np.asarray(poisson_clutter(3.0, 20), float)
+    lacking = law[:7]
+    learned = np.append(law[:6], law[6:].sum())
+    weights = [
+        np.asarray(line_weights(b, detection_probabilities(2), LENGTH)) for b in (lacking, learned)
+    ]
+    np.testing.assert_allclose(*weights, rtol=1e-4)
+    at_top = LENGTH / 6 * law[5:].sum() / law[6:].sum()
+    assert weights[1][1, 1, 6] == pytest.approx(0.9 * at_top, rel=1e-4)  # 8.2 if six were six
+
+
+@pytest.mark.parametrize("boundaries", [(), (4.0,), (-3.0, 5.0), (0.0, 18.0, 19.0)])
+def test_what_a_line_shows_is_a_density_to_the_last_feature(boundaries):
+    """In double precision, by summation over n up to the most that are kept, and over z."""
+    most, c, cells = 3, len(boundaries), 64
+    clutter = np.array([0.2, 0.3, 0.2, 0.3])  # the last is three or more
+    # Gauss's points: exact for what is smooth.
+    points, shares = np.polynomial.legendre.leggauss(cells)
+    places = np.stack(np.meshgrid(*[points * REACH] * most, indexing="ij")).reshape(most, -1)
+    share = np.prod(np.meshgrid(*[shares / 2] * most, indexing="ij"), axis=0).ravel()
+    with jax.enable_x64(True):
+        weights = line_weights(clutter, detection_probabilities(max(c, 1)), LENGTH)
+        total = 0.0
+        for n in range(most + 1):
+            present = np.broadcast_to(np.arange(most)[:, None] < n, places.shape)
+            nu = np.reshape(boundaries, (c, 1)) * np.ones_like(share)
+            found = log_ratio(
+                weights, Features(places, present), nu, np.ones(nu.shape, bool), SIGMA, REACH
+            )
+            total += clutter[n] * float(share @ np.broadcast_to(np.exp(found), share.shape))
+    assert total == pytest.approx(1, abs=1e-9)
+
+
+def test_long_lines_with_many_boundaries_have_finite_weights():
+    """The length to the eighth power does not fit into a whole number of 32 bits."""
+    weights = np.asarray(line_weights(LEARNED, detection_probabilities(6), 253))
+    assert np.isfinite(weights).all()
+    assert (weights >= 0).all()
+    assert weights[6, 6, 6] > 1e6
 
 
 def test_more_than_two_boundaries_extend_the_papers_probabilities():

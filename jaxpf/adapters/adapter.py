@@ -1,0 +1,149 @@
+"""What a program must know of a target beyond what it is.
+
+An adapter imports no JAX and no OpenCV until it reads, draws or writes, so that the command line
+can show its flags in a moment.
+"""
+
+import abc
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxpf.targets.target import Looks, Start, Target
+
+
+class Marks(NamedTuple):
+    """How P shapes are drawn on a frame; a target takes what it can show.
+
+    Attributes:
+        colours: uint8 RGB ``[P, 3]``.
+        lost: bool ``[P]``.
+        past: ``[L, P, S]``, shapes of the frames before, the latest last, for trails.
+        doubtful: bool ``[P]``, probably lost; None where nobody can tell.
+    """
+
+    colours: Any
+    lost: Any
+    past: Any = None
+    doubtful: Any = None
+
+
+class TrackFile:
+    """A file of tracks, written frame by frame; it closes as a context does.
+
+    Attributes:
+        append: function of (frame, shapes, lost).  Where objects come and go it also takes
+            ``ids``; where a likelihood can tell, ``confidence`` ``[P]``.
+    """
+
+    def __init__(self, writer: Any, append: Callable[..., None]):
+        self._writer, self.append = writer, append
+
+    def __enter__(self) -> "TrackFile":
+        self._writer.__enter__()
+        return self
+
+    def __exit__(self, *exception: Any) -> Any:
+        return self._writer.__exit__(*exception)
+
+
+class Adapter(abc.ABC):
+    """How a target is read, written, drawn and asked for.
+
+    What an adapter must define: ``target``, ``read_start``, ``fits_scene``, ``scene_shapes``,
+    ``scene_start``, ``scaled``, ``track_writer`` and ``draw``; one that lacks a method cannot be
+    made.  ``draw_particles`` and the attributes below have defaults.
+
+    Attributes:
+        target: what it is.
+        start_flags: option of ``jaxpf track`` -> (arguments of ``click.option``), which say where
+            it starts; ``read_start`` is given their values.
+        example: arguments of ``jaxpf track`` after the video, for its help.
+        track_suffix: of the files that ``track_writer`` writes.
+    """
+
+    target: Target
+    start_flags: Mapping[str, Mapping[str, Any]] = {}
+    example: str = ""
+    track_suffix: str = ".csv"
+
+    @property
+    def name(self) -> str:
+        """The target's name."""
+        return self.target.name
+
+    @abc.abstractmethod
+    def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
+        """Where a user says that it starts.
+
+        Args:
+            given: values of ``start_flags``.
+            number: the start frame, from 0.
+            source: has ``width``, ``height`` and ``path``.
+
+        Raises:
+            InputError: nothing was said, a file cannot be read, or an object is not in the frame.
+        """
+
+    @abc.abstractmethod
+    def fits_scene(self, scene: Any) -> bool:
+        """Whether a scene's truth is of this kind."""
+
+    @abc.abstractmethod
+    def scene_shapes(self, scene: Any) -> np.ndarray:
+        """A scene's truth ``[T, P, S]``, NaN where an object is absent."""
+
+    @abc.abstractmethod
+    def scene_start(self, scene: Any) -> Start:
+        """Where the objects are in a scene's first frame."""
+
+    @abc.abstractmethod
+    def scaled(
+        self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
+    ) -> tuple[Start, np.ndarray]:
+        """Where shapes lie in a picture that is so much wider and higher."""
+
+    @abc.abstractmethod
+    def track_writer(self, path: Any, start: Start) -> TrackFile:
+        """A new file of the tracks of what starts there."""
+
+    @abc.abstractmethod
+    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
+        """The frame with the shapes drawn on it.
+
+        Args:
+            frame: uint8 RGB ``[H, W, 3]``.
+            start: where tracking started.
+            shapes: ``[P, S]``.
+            marks: how each is drawn.
+        """
+
+    def draw_particles(
+        self, frame: Any, start: Start, tracker: Any, state: Any, colours: Any
+    ) -> np.ndarray:
+        """The frame with a tracker's particles drawn on it: by default a dot for each."""
+        from jaxpf.media.overlay import draw_particles
+
+        if not hasattr(state, "substates"):
+            return frame
+        centres = np.swapaxes(np.asarray(state.substates)[..., :2], 0, 1)
+        return draw_particles(frame, centres, colours)
+
+
+def looks_of_scene(scene: Any, num_particles: int, typical: Any = None) -> Looks:
+    """A scene's reference patches, and its first frame; clips from folders were filmed."""
+    return Looks(
+        frame=None,
+        patches=scene.patches,
+        frame_shape=scene.frames.shape[1:3],
+        num_particles=num_particles,
+        typical=typical,
+        surroundings=scene.frames[0],
+        is_filmed=is_filmed(scene),
+    )
+
+
+def is_filmed(scene: Any) -> bool:
+    """Whether a scene comes from a folder, and so from a camera."""
+    return "source" in scene.extras

@@ -1,0 +1,76 @@
+"""What the gradient of the evidence costs beside its value."""
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxpf
+from jaxpf.benchmarks.problems import BOX_SCALE, crowded_frame, line_tracker
+from jaxpf.benchmarks.rows import Row, compared
+from jaxpf.filters.gradients import StopGradient
+from jaxpf.filters.partitioned import ordering as orderings
+from jaxpf.measures.timing import interleaved
+from jaxpf.models.likelihoods.histogram import histogram
+from jaxpf.targets.box_models import box_model
+from jaxpf.tuning import objectives
+
+RUNS, PARTICLES, OBJECTS = 10, 1000, 3
+#: Asked of value and gradient together, in units of the value.
+GOAL = 4
+TITLE = f"Gradient of the evidence: {RUNS} runs"
+
+
+def rows(
+    repeats: int, num_particles: int = PARTICLES, num_frames: int = 50, num_runs: int = RUNS
+) -> Iterator[Row]:
+    """Value and gradient against the value alone, every frame computed again on the way back.
+
+    A 1-D linear-Gaussian model by its paths, and boxes with a histogram likelihood by scores.
+    """
+    line = jnp.asarray(np.random.default_rng(0).normal(size=(num_frames, 1, 1)), jnp.float32)
+    frame, boxes = crowded_frame()
+    boxes = boxes[:OBJECTS]
+    video = jnp.stack([jnp.asarray(frame)] * max(num_frames // 6, 1))
+    model = box_model(histogram(frame, boxes, method="integral"), boxes, BOX_SCALE)
+    boxed = jaxpf.Partitioned(
+        **model._asdict(),
+        ordering=orderings.dps(OBJECTS),
+        num_particles=max(num_particles // 3, OBJECTS),
+    )
+    boxed = dataclasses.replace(boxed, gradient=StopGradient(), motion_gradient="score")
+    models = [
+        ("1-D, none", line_tracker(num_particles), line, 1),
+        ("1-D, stop_gradient", line_tracker(num_particles, gradient=StopGradient()), line, 1),
+        (f"{OBJECTS} boxes, stop_gradient", boxed, video, OBJECTS),
+    ]
+    keys = jax.random.split(jax.random.key(0), num_runs)
+    for name, tracker, frames, num_partitions in models:
+        seconds = interleaved(_value_and_gradient(tracker, keys, frames), repeats)
+        units = num_runs * tracker.num_particles * num_partitions * len(frames)
+        value = seconds["value"]
+        yield compared(f"{name}: value", value, units, value, "", "")
+        of, goal = "this / value", f"<= {GOAL}"
+        yield compared(f"{name}: with gradient", seconds["both"], units, value, of, goal)
+
+
+def mean_evidence(tracker: Any, keys: jax.Array, frames: Any, checkpoint: bool | int = True):
+    """Of independent runs: what is timed and measured."""
+    return jnp.mean(objectives.log_evidence(tracker, keys, frames, checkpoint=checkpoint))
+
+
+def _value_and_gradient(
+    tracker: Any, keys: jax.Array, frames: jax.Array
+) -> dict[str, Callable[[], Any]]:
+    value = jax.jit(mean_evidence)
+    both = jax.jit(jax.value_and_grad(mean_evidence, allow_int=True))
+
+    def of_the_motion() -> Any:
+        # Derivatives of integers are not arrays that can be waited for.
+        found, gradient = both(tracker, keys, frames)
+        return found, jax.tree.leaves(gradient.dynamics)[0]
+
+    return {"value": lambda: value(tracker, keys, frames), "both": of_the_motion}

@@ -1,0 +1,82 @@
+"""What several commands print: tables that explain their terms, and progress."""
+
+import sys
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import click
+
+#: What a table's words mean, by how they begin; a line under each table explains those it uses.
+_TERMS = {
+    "success at": "frames whose overlap is above that",
+    "success area": "area under the curve of such frames over every overlap",
+    "success": "tracked in every frame",
+    "recover": "tracked in the last frame with truth",
+    "unique": "particles that carry different draws of the object",
+}
+
+
+def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table, and what its terms mean.
+
+    The first column is left-aligned, numbers right.  Nothing in the texts is markup.
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="left" if index == 0 else "right")
+    rows = list(rows)
+    for row in rows:
+        table.add_row(*row)
+    # A pipe or a file has no width: do not cut what is printed there.
+    Console(width=None if sys.stdout.isatty() else 120, markup=False, emoji=False).print(table)
+    if terms := _terms([*columns, *(row[0] for row in rows if row)]):
+        click.echo(terms)
+
+
+def _terms(names: Iterable[str]) -> str:
+    """A sentence for each term among a table's columns and rows; "" where there is none."""
+    used: dict[str, str] = {}
+    for name in names:
+        word = name.partition(",")[0].partition(" (")[0]
+        known = (
+            term for term in _TERMS if word.lower().removeprefix("smith2004 ").startswith(term)
+        )
+        term = next(known, None)
+        if term and term not in used:
+            used[term] = f"{word}: {_TERMS[term]}"
+    if not used:
+        return ""
+    tracked = "tracked: overlapping the truth at all"
+    needs = [tracked] if {"success", "recover"} & used.keys() else []
+    return "; ".join([*used.values(), *needs]) + "."
+
+
+def progress_bar(unit: str) -> Any:
+    """A progress bar on standard error, with ``unit`` per second and the time left."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    class Rate(TextColumn):
+        def render(self, task: Any) -> Any:
+            from rich.text import Text
+
+            return Text("" if task.speed is None else f"{task.speed:.1f} {unit}/s")
+
+    return Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        Rate(""),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+    )

@@ -1,0 +1,210 @@
+"""What ``jaxpf track`` was asked for: checked, complete, and fit to be repeated."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+from jaxpf import filters
+from jaxpf.adapters.adapter import Adapter
+from jaxpf.cli.births import Births, defaults_of, read_births
+from jaxpf.cli.flags import as_typed, picked, refuse_others
+from jaxpf.errors import InputError
+from jaxpf.media.video_writer import SUFFIXES
+from jaxpf.options import OPEN, check_options, option, options_of
+from jaxpf.targets.target import Target
+
+#: Frames that a video may have.
+_MOST_FRAMES = 2**31 - 1
+#: Of --fit-motion: so many hold a walk or a throw; fewer leave the evidence undecided.
+LEAST_FITTED = 5
+#: Options of a run that say where results go or how they are watched, not what they are; what
+#: --fit-motion found stands in the options of the model.
+_NOT_REPEATED = ("output", "overwrite", "preview", "fit_motion")
+#: What is typed of these replaces the start of a configuration; of others it adds to it.
+_ADDS_TO_START = ("ids", "mask_step", "learned")
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """Options of ``jaxpf track`` whatever is tracked; see the help of each."""
+
+    start: int = option(0, "Start frame, counting from 0.", least=0, most=_MOST_FRAMES)
+    frames: int | None = option(
+        None, "Track at most this many frames after the start.", least=1, most=_MOST_FRAMES
+    )
+    fit_motion: int | None = option(
+        None,
+        "Choose noise and momentum by the evidence of so many frames, such as 30.  They follow the "
+        "start frame; run.toml keeps what was found.",
+        least=LEAST_FITTED,
+        most=_MOST_FRAMES,
+    )
+    seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
+    output: Path | None = option(  # noqa: RUF009
+        None,
+        "Folder for the results; jaxpf-NAME by default.",
+        flags=("-o",),
+    )
+    overwrite: bool = option(False, "Replace files in an existing folder.")
+    overlay: bool = option(True, "Write the overlay video.")
+    codec: str = option(
+        "h264",
+        "Of the overlay: h264 (overlay.mp4), or vp9 (overlay.webm, smaller and slower to write).",
+        choices=tuple(SUFFIXES),
+    )
+    preview: bool = option(
+        False, "Show the overlay in a window while it is made.  This needs a screen."
+    )
+    truth: Path | None = option(  # noqa: RUF009
+        None, "CSV as for --boxes: adds a metrics table."
+    )
+    tracker: str | None = option(
+        None,
+        "FILE.py:FUNCTION, a tracker of your own: a function of the scene, here the start frame "
+        "and its boxes.",
+    )
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+
+#: Of a ``Run``, what only boxes have.
+OF_BOXES = ("truth", "tracker")
+
+
+@dataclasses.dataclass(frozen=True)
+class Request:
+    """A run of ``jaxpf track``.
+
+    Attributes:
+        video: a file, a folder, or what is live.
+        adapter: of what is tracked.
+        starts: values of its ``start_flags``.
+        run: options that every target has.
+        model: options of the target.
+        filter: how guesses are organised.
+        filter_options: options of the filter.
+        births: who comes and goes; None where all are there from the start.
+    """
+
+    video: str | Path
+    adapter: Adapter
+    starts: Mapping[str, Any]
+    run: Run
+    model: Any
+    filter: Any
+    filter_options: Any
+    births: Births | None
+
+    @property
+    def target(self) -> Target:
+        """What is tracked."""
+        return self.adapter.target
+
+    def table(self) -> dict[str, Any]:
+        """What ``run.toml`` holds: everything that repeats the run, as people write it."""
+        found = {"target": self.target.name, "video": self.video, **self.starts}
+        found |= {n: v for n, v in as_typed(self.run).items() if n not in _NOT_REPEATED}
+        found |= as_typed(self.model) | as_typed(self.filter_options)
+        if self.births is not None:
+            found |= as_typed(self.births.rules)
+        return {
+            name: value.resolve() if isinstance(value, Path) else value
+            for name, value in found.items()
+            if value not in (None, ())
+        }
+
+
+def request_of(ctx: click.Context, adapter: Adapter) -> Request:
+    """The request that was typed, or stands in a configuration file.
+
+    Raises:
+        InputError: a value out of range, or options that do not go with each other.
+    """
+    values, target = _given(ctx, adapter), adapter.target
+    run = picked(values, Run)
+    births = read_births(values)
+    its, method = _filter_of(values, target, births is not None)
+    refuse_others(values, target, its)
+    particles, of_target = defaults_of(births)
+    defaults = {**target.defaults, **particles}
+    defaults.pop("method", None)
+    filter_options = picked(values, its.options, defaults | ({"method": method} if method else {}))
+    # Who comes later is not in the start frame: nothing can be learned there.
+    model = target.resolved(picked(values, target.options, of_target), is_filmed=births is None)
+    starts = {name: values[name] for name in adapter.start_flags}
+    request = Request(values["video"], adapter, starts, run, model, its, filter_options, births)
+    _check_fit(request)
+    return request
+
+
+def _check_fit(request: Request) -> None:
+    """Refuse to fit the motion where there is none to fit.
+
+    Raises:
+        InputError: the sentence says why.
+    """
+    if request.run.fit_motion is None:
+        return
+    if request.run.tracker:
+        raise InputError("--fit-motion is about the built-in motion; leave it or --tracker out.")
+    if request.births is not None:
+        raise InputError(
+            "--fit-motion needs objects that are there in the start frame; leave it or --births "
+            "out."
+        )
+
+
+def _given(ctx: click.Context, adapter: Adapter) -> dict[str, Any]:
+    """What was typed, and of the configuration what does not contradict it."""
+    values = dict(ctx.params)
+    source = {name: ctx.get_parameter_source(name) for name in values}
+    typed = {n for n in values if source[n] is click.core.ParameterSource.COMMANDLINE}
+    written = {n for n in values if source[n] is click.core.ParameterSource.DEFAULT_MAP}
+    left_out: set[str] = set()
+    if (typed & set(adapter.start_flags)) - set(_ADDS_TO_START):
+        left_out |= set(adapter.start_flags)
+    if "method" in typed:
+        its = filters.filter_of(values["method"])
+        left_out |= set(_of_filters()) - set(options_of(its.options))
+    if "method" in typed and values["method"] != "ps":
+        left_out.add("order")
+    for owner in (adapter.target.options, *(one.options for one in filters.filters().values())):
+        for name, one in options_of(owner).items():
+            other, wanted = one.implies or ("", "")
+            if other in typed and values[other] not in (wanted, OPEN):
+                left_out.add(name)
+    return {n: None if n in left_out & written else value for n, value in values.items()}
+
+
+def _of_filters() -> dict[str, Any]:
+    return options_of(*(one.options for one in filters.filters().values()))
+
+
+def _filter_of(values: Mapping[str, Any], target: Target, opens: bool) -> tuple[Any, str | None]:
+    """The filter that was named, by itself or by its method; and the method, where one is meant."""
+    known = filters.filters()
+    name, method = values["filter"], values["method"]
+    if name and name not in known:
+        raise InputError(f"--filter {name!r} is unknown; choose one of {', '.join(known)}.")
+    its = known[name] if name else None
+    if its is None and opens and not method:
+        its = next(one for one in known.values() if one.opens)
+    if its is not None and method and method not in its.methods:
+        raise InputError(
+            f"--method {method} is not of the filter {its.name}, which has "
+            f"{', '.join(its.methods)}; leave one of them out."
+        )
+    method = method or target.defaults.get("method")
+    if its is None:
+        its = filters.filter_of(method) if method else next(iter(known.values()))
+    if opens and not its.opens:
+        able = ", ".join(name for name, one in known.items() if one.opens)
+        raise InputError(
+            f"--births needs a filter whose objects may come and go, and {its.name} is not one; "
+            f"use --filter {able}."
+        )
+    return its, method if method in its.methods else None

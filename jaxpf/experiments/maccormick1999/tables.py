@@ -1,0 +1,127 @@
+"""Where contours end, how large the effective samples are, and what look-ahead is worth."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from jaxpf.experiments.claims import Quantity, wilson
+from jaxpf.experiments.comparison_table import Cell, Table
+from jaxpf.experiments.estimates import mean_cell, only, ratio_of, share_of
+from jaxpf.experiments.maccormick1999 import published
+from jaxpf.experiments.maccormick1999.look_ahead import PLAIN, Weighting
+from jaxpf.experiments.maccormick1999.measure import Found
+from jaxpf.experiments.maccormick1999.passing import EXCLUSIVE, MUCH_HIDDEN, Passing
+
+
+def tables(found: Found) -> list[Table]:
+    """All of them, in the order in which they are shown."""
+    pairs = zip(found.meetings, found.ahead, strict=True)
+    return [
+        *(
+            table
+            for meeting, ahead in pairs
+            for table in (meeting_table(meeting), look_ahead_table(meeting.name, ahead))
+        ),
+        passing_table(found.leaves),
+        passing_table(found.walkers),
+    ]
+
+
+def rate_of(values: np.ndarray, what: str = "", **claimed: float) -> Quantity:
+    """Percentage of ``[cases, runs]`` bool; on one sequence the runs are the units."""
+    if len(values) > 1:
+        return share_of(values, what, **claimed)
+    interval = wilson(values.sum(), values.size)
+    return Quantity(what, 100 * float(values.mean()), interval, **claimed)
+
+
+def _rate_cell(values: np.ndarray) -> Cell:
+    return Cell(None, rate_of(values).measured())
+
+
+def meeting_table(meeting: Passing) -> Table:
+    """Where the contours of look-alikes end."""
+    cases, runs = meeting.kept(EXCLUSIVE).shape
+    particles = meeting.methods[EXCLUSIVE].num_particles
+    return Table(
+        f"figure_4_{meeting.name}",
+        f"Figure 4 on {meeting.name}: {cases} sequence(s), {runs} runs each, "
+        f"{particles} particles (%)",
+        ["likelihood", "both on their own", "both on one", "exchanged"],
+        [
+            (
+                name,
+                [
+                    _rate_cell(ends(name))
+                    for ends in (meeting.kept, meeting.coalesced, meeting.swapped)
+                ],
+            )
+            for name in meeting.methods
+        ],
+        "The paper shows one run of each on one sequence.",
+    )
+
+
+def passing_table(passing: Passing) -> Table:
+    """Success and effective sample size of every method."""
+    cases, runs = passing.kept(next(iter(passing.methods))).shape
+    return Table(
+        f"passing_{passing.name}",
+        f"{passing.name}: {cases} sequence(s), {runs} runs each",
+        [
+            "method",
+            "both kept (%)",
+            "both on one (%)",
+            "label right (%)",
+            f"effective sample size, {published.FIRST_FRAMES} frames",
+        ],
+        [
+            (
+                method,
+                [
+                    _rate_cell(passing.kept(method)),
+                    _rate_cell(passing.coalesced(method)),
+                    _label_cell(passing.labels_right(method)),
+                    mean_cell(passing.ess(method), 1),
+                ],
+            )
+            for method in passing.methods
+        ],
+        f"Labels are judged in the frames in which more than {100 * MUCH_HIDDEN:g} % of the "
+        "farther outline is hidden.",
+    )
+
+
+def _label_cell(shares: np.ndarray) -> Cell | str:
+    return "-" if np.isnan(shares).all() else mean_cell(100 * shares)
+
+
+def look_ahead_table(name: str, found: Mapping[str, Weighting]) -> Table:
+    """How much the evidence varies between runs, and who is kept."""
+    plain = found[PLAIN]
+    variances = {way: one.log_evidence.var(axis=1, ddof=1) for way, one in found.items()}
+    groups, runs = plain.kept.shape
+    return Table(
+        f"look_ahead_{name}",
+        f"Beyond the paper: look-ahead weighting on {name}, {groups} groups of {runs} runs",
+        ["", "N", "time / plain", "sd of log evidence", "its variance / plain's", "both kept (%)"],
+        [
+            (
+                way,
+                [
+                    str(one.particles),
+                    f"{one.seconds / plain.seconds:.2f}",
+                    Cell(None, only(np.sqrt(variances[way].mean())), 2),
+                    _ratio_cell(variances[way], variances[PLAIN]),
+                    _rate_cell(one.kept),
+                ],
+            )
+            for way, one in found.items()
+        ],
+        "Exclusion, partitioned sampling.  The ratio of variances is the geometric mean over the "
+        "groups, whose runs are of one sequence.",
+    )
+
+
+def _ratio_cell(first: np.ndarray, second: np.ndarray) -> Cell:
+    return Cell(None, ratio_of(first, second).measured(), 2)

@@ -1,0 +1,203 @@
+"""The runs behind all tables: every variant of the labelled filter on projectile scenes."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxpf
+import scenes
+from jaxpf.experiments.grid import run_keys
+from jaxpf.experiments.parts import each
+from jaxpf.experiments.rowe2005.published import PARTICLES
+from jaxpf.models.dynamics import FirstOrder
+from jaxpf.models.geometry import area, intersection_area
+from jaxpf.models.likelihoods.pixels import pixels
+
+#: Runs on each scene.  Scenes differ more than runs do.
+RUNS_PER_SCENE = 4
+
+
+class Settings(NamedTuple):
+    """What the paper leaves open about the tracker.
+
+    Attributes:
+        position_scale: noise xi_x, pixels per frame.
+        speed_scale: noise xi_u, pixels per frame squared.
+        size_scale: noise xi_w of width and height, pixels per frame.
+        sigma: of the pixels' Gaussians, grey levels.
+        min_slope: of the overlap's power, per pixel.
+        size_term: exponent of the size term.
+        rates: a_x and a_u.
+    """
+
+    position_scale: float
+    speed_scale: float
+    size_scale: float
+    sigma: float
+    min_slope: float
+    size_term: float
+    rates: tuple[float, float]
+
+
+#: Found by ``calibration.search`` on its own seeds.
+SETTINGS = Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.25, (0.9, 0.4))
+
+#: Variant -> what differs from the paper's filter: eq. 4, feedback and regularising on.
+VARIANTS: dict[str, dict[str, Any]] = {
+    "both": {},
+    "neither": {"feedback": "none", "rates": (1.0, 1.0)},
+    "regularising only": {"feedback": "none"},
+    "feedback only": {"rates": (1.0, 1.0)},
+    "without eq. 4": {"weights": "plain"},
+    "eq. 4 corrected": {"weights": "corrected"},
+    "systematic": {"resampling": "systematic"},
+    "product": {"pool": "product"},
+    "without size term": {"size_term": 0.0},
+    "without power": {"min_slope": 0.0},
+}
+
+
+def tracker(scene: Any, settings: Settings = SETTINGS, **changes: Any) -> jaxpf.Labelled:
+    """The paper's tracker on a scene, or a variant.
+
+    A substate is (u, v, w, h, du, dv): centre and sides of a box in pixels, and speed in pixels
+    per frame.  Targets start at their true boxes of the first frame, at rest.
+
+    Args:
+        scene: with targets that have patches.
+        settings: what the paper leaves open.
+        changes: ``weights``, ``feedback``, ``resampling``, ``pool``, or a field of ``Settings``.
+    """
+    own = {name: changes.pop(name) for name in Settings._fields if name in changes}
+    settings = settings._replace(**own)
+    pool = changes.pop("pool", "mean")
+    likelihood = pixels(
+        scene.patches,
+        sigma=settings.sigma,
+        window=(8, 12),
+        pool=pool,
+        colour="grey",
+        min_slope=settings.min_slope if pool == "mean" else 0.0,
+        size_term=settings.size_term,
+    )
+    boxes = np.asarray(scene.boxes[0], np.float32)
+    initial = np.hstack(
+        [boxes[:, :2] + boxes[:, 2:] / 2, boxes[:, 2:], np.zeros_like(boxes[:, :2])]
+    )
+    scales = (settings.position_scale, settings.size_scale, settings.speed_scale)
+    options: dict[str, Any] = {
+        "num_particles": PARTICLES,
+        "resampling": "multinomial",
+        "feedback": "estimate",
+        "speed": (4, 5),
+    }
+    return jaxpf.Labelled(
+        dynamics=FirstOrder(scale=np.repeat(np.array(scales, np.float32), 2), speed=(4, 5)),
+        likelihood=likelihood,
+        initial=initial,
+        regularise=np.array(settings.rates, np.float32),
+        **(options | changes),
+    )
+
+
+class Outcome(NamedTuple):
+    """V variants, S scenes, R runs on each, T frames, L targets.
+
+    Attributes:
+        names: of the variants.
+        error: ``[V, S, R, T, L]``, distance of the centres over the root of the true area.
+        area_ratio: ``[V, S, R, T, L]``, estimated over true area.
+        share: ``[V, S, R, T, L]``, the target's share of the particles.
+        astray: ``[V, S, R, T]``, share of the particles whose box misses their target's.
+        in_strip: ``[S, T, L]`` bool, the true box meets a strip.
+    """
+
+    names: tuple[str, ...]
+    error: np.ndarray
+    area_ratio: np.ndarray
+    share: np.ndarray
+    astray: np.ndarray
+    in_strip: np.ndarray
+
+    def of(self, variant: str) -> int:
+        """Place of a variant."""
+        return self.names.index(variant)
+
+
+def measure(
+    seeds: Sequence[int],
+    variants: Mapping[str, Mapping[str, Any]] = VARIANTS,
+    settings: Settings = SETTINGS,
+    progress: Callable[[int], None] = lambda done: None,
+    name: str = "scene",
+    **parameters: Any,
+) -> Outcome:
+    """Run every variant on the scenes of the seeds, ``RUNS_PER_SCENE`` times.
+
+    ``parameters`` are the scene's, where they differ from its defaults.  A run's random numbers
+    depend on its seed and number alone, which are common to all variants.  ``name`` is that under
+    which scenes are kept (``jaxpf.experiments.parts``).
+    """
+    found = []
+    for one in each(
+        (f"{name}-{seed}", partial(_on_scene, seed, variants, settings, parameters))
+        for seed in seeds
+    ):
+        found.append(one)
+        progress(len(found))
+    columns = (
+        np.stack([scene[field] for scene in found], axis=0 if field == "in_strip" else 1)
+        for field in Outcome._fields[1:]
+    )
+    return Outcome(tuple(variants), *columns)
+
+
+def _on_scene(
+    seed: int,
+    variants: Mapping[str, Mapping[str, Any]],
+    settings: Settings,
+    parameters: Mapping[str, Any],
+) -> dict[str, np.ndarray]:
+    """Fields of an ``Outcome`` of one scene, without the axis of the scenes."""
+    scene = scenes.make("projectiles", seed=seed, **parameters)
+    keys = run_keys(seed, np.arange(RUNS_PER_SCENE))
+    frames, truth = jnp.asarray(scene.frames[1:]), np.asarray(scene.boxes[1:], np.float32)
+    measured = [
+        _measured(tracker(scene, settings, **changes), keys, frames, truth)
+        for changes in variants.values()
+    ]
+    columns = [np.stack(column) for column in zip(*measured, strict=True)]
+    in_strip = _in_strip(truth, scene.extras["strips"])
+    return dict(zip(Outcome._fields[1:], [*columns, in_strip], strict=True))
+
+
+def _in_strip(boxes: np.ndarray, strips: np.ndarray) -> np.ndarray:
+    left, right = boxes[..., 0, None], boxes[..., 0, None] + boxes[..., 2, None]
+    return np.any((left < strips[:, 1]) & (right > strips[:, 0]), axis=-1)
+
+
+def _measured(tracker: Any, keys: Any, frames: Any, truth: np.ndarray) -> list[np.ndarray]:
+    found = jaxpf.monte_carlo(tracker, keys, frames, _record, batch_size=len(keys))
+    return [np.asarray(each) for each in _measures(found, truth)]
+
+
+def _record(state: Any, summary: Any) -> Any:
+    """What is reported, and every particle's box and label."""
+    return summary.estimate, summary.uniqueness, state.lagged[0, :4], state.labels
+
+
+@jax.jit
+def _measures(found: Any, truth: jax.Array) -> tuple[jax.Array, ...]:
+    estimate, share, particles, labels = found
+    centres = truth[..., :2] + truth[..., 2:] / 2
+    error = jnp.linalg.norm(estimate[..., :2] - centres, axis=-1) / jnp.sqrt(area(truth))
+    ratio = estimate[..., 2] * estimate[..., 3] / area(truth)
+    particles = jnp.moveaxis(particles, -2, -1)
+    boxes = jnp.concatenate([particles[..., :2] - particles[..., 2:] / 2, particles[..., 2:]], -1)
+    own = jnp.take_along_axis(truth[None], labels[..., None], axis=2)
+    astray = jnp.mean(intersection_area(boxes, own) <= 0, axis=-1)
+    return error, ratio, share, astray

@@ -1,0 +1,30 @@
+"""Whether the order of the objects matters: a permutation test."""
+
+import numpy as np
+
+_CHUNK = 100  # permutations at a time, for memory
+
+
+def shuffled_orders(recovered: np.ndarray, count: int = 2000, seed: int = 0) -> np.ndarray:
+    """Rates per order if orders did not matter, ``[count, K]``, by permutation.
+
+    Args:
+        recovered: ``[S, K, R]`` bool, by scene, order and run.  Within a run on a scene the
+            orders' outcomes are exchangeable if the order does not matter.
+        count: permutations.
+        seed: of the permutations.
+    """
+    blocks = np.moveaxis(np.asarray(recovered, float), 1, -1).reshape(-1, recovered.shape[1])
+    rng = np.random.default_rng(seed)
+    rates = []
+    for _ in range(0, count, _CHUNK):
+        shuffle = rng.random((_CHUNK, *blocks.shape)).argsort(axis=-1)
+        rates.append(np.take_along_axis(blocks[None], shuffle, axis=-1).mean(axis=1))
+    return np.concatenate(rates)[:count]
+
+
+def order_p_value(recovered: np.ndarray) -> float:
+    """Share of the permutations whose rates vary at least as much as ours, ``[S, K, R]``."""
+    ours = float(np.var(recovered.mean(axis=(0, 2))))
+    chance = shuffled_orders(recovered).var(axis=1)
+    return float((1 + np.sum(chance >= ours - 1e-12)) / (1 + len(chance)))

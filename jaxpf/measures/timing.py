@@ -1,0 +1,42 @@
+"""Times that can be compared on a shared machine: alternately taken, judged by their ratios."""
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import jax
+import numpy as np
+
+
+def interleaved(
+    candidates: Mapping[str, Callable[[], Any]],
+    repeats: int,
+    clock: Callable[[], float] = time.perf_counter,
+) -> dict[str, np.ndarray]:
+    """Seconds of every candidate, ``[repeats]``, timed in turn after one warm-up."""
+    for candidate in candidates.values():
+        jax.block_until_ready(candidate())
+    seconds: dict[str, list[float]] = {name: [] for name in candidates}
+    for repeat in range(repeats):
+        names = list(candidates)
+        for name in names if repeat % 2 == 0 else reversed(names):
+            seconds[name].append(seconds_of(candidates[name], clock))
+    return {name: np.array(values) for name, values in seconds.items()}
+
+
+def seconds_of(
+    function: Callable[[], Any], clock: Callable[[], float] = time.process_time
+) -> float:
+    """Of one call; by default of the processor, so that what else runs does not count."""
+    began = clock()
+    jax.block_until_ready(function())
+    return clock() - began
+
+
+def median_interval(values: np.ndarray) -> tuple[float, float, float]:
+    """Median and its 95 % interval from order statistics (a sign test turned round)."""
+    ordered = np.sort(values)
+    n = len(ordered)
+    reach = int(np.floor(0.5 * n - 0.98 * np.sqrt(n))) - 1
+    reach = min(max(reach, 0), (n - 1) // 2)
+    return float(np.median(ordered)), float(ordered[reach]), float(ordered[n - 1 - reach])

@@ -1,0 +1,89 @@
+"""The density of what the lines of all targets show together, in which one edge pays once.
+
+Each target has measurement lines of its own, and these cross the boundaries of others.  So one
+edge is seen twice: on the lines of the target it belongs to, and on those of every target nearby.
+maccormick1999 multiplies over all lines as if they were independent (eq. 2 and 5), and then it also
+pays twice: an outline drawn anywhere inside an opaque target in front is, on each of its lines,
+rewarded with the front target's edge, and is as likely as the truth.
+
+**The density.**  Let Z_j be the features on the lines of target j, Z those on all lines, and
+``p~(Z_j | S)`` the product over j's lines of ``p~_c`` (``line_model``) by the visible boundaries of
+a set S of targets; ``p~(Z_j | none)`` is clutter, ``p_0(Z_j)``.  Put the targets into the picture
+one after another, and let each one change what its own lines show, given all that was there
+before, and nothing else:
+
+    p(Z | S and j) / p(Z | S) = p~(Z_j | S and j) / p~(Z_j | S).
+
+In the order 1, 2, .. P it follows that
+
+    p(Z | 1 .. P) / p_0(Z) = prod_j  p~(Z_j | 1 .. j) / p~(Z_j | 1 .. j - 1).
+
+Factor j has mean one under ``p~(Z_j | 1 .. j - 1)``, the law of these lines before target j
+came; so the product is a density wherever the lines of a later target show the earlier ones as
+the line model says.  Under pure clutter on independent lines it has not mean one, and need not:
+two lines that cross one edge are not independent.  In the extreme, where two targets' lines are
+the same line, it is ``p~(z | both) / p_0(z)``, exactly.  Where no line meets another target it is
+the product of the one-body densities.
+
+The edge of target 1 is paid for on its own lines.  On the lines of target 2 it stands above and
+below the fraction: it explains its features away, so that they do not support target 2, and earns
+nothing.  A target all of whose boundary is hidden adds a factor of one, wherever it is.
+
+Who comes first is nobody's knowledge: the density is the mean over the orders that go round the
+targets, from any of them and either way: all orders of two or three, and of more so many that each
+comes as often first, second and so on.  A mean of densities is a density.  Which of two opaque
+targets is in front matters only by what of the boundaries is visible, so that **the label makes no
+difference while nothing is hidden**.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+
+def orders(num_targets: int) -> list[tuple[int, ...]]:
+    """The orders that go round the targets, from any of them and either way, each once."""
+    return list(
+        dict.fromkeys(
+            tuple((start + way * place) % num_targets for place in range(num_targets))
+            for way in (1, -1)
+            for start in range(num_targets)
+        )
+    )
+
+
+def sets_before(num_targets: int) -> list[tuple[int, ...]]:
+    """Which targets come before one, in any of the orders: so many places after it, counted round.
+
+    Each set once, the first with nobody.
+    """
+    return list(
+        dict.fromkeys(
+            _before(order, place) for order in orders(num_targets) for place in range(num_targets)
+        )
+    )
+
+
+def _before(order: tuple[int, ...], place: int) -> tuple[int, ...]:
+    return tuple(sorted((target - order[place]) % len(order) for target in order[:place]))
+
+
+def mean_over_orders(factors) -> jax.Array:
+    """Log of the mean over orders of the targets of the product of their factors.
+
+    Args:
+        factors: for each of ``sets_before``, ``log p~(Z_j | S and j) / p~(Z_j | S)`` of every
+            target j, ``[S, P, ...]``.
+
+    Returns:
+        ``[...]``.
+    """
+    factors = jnp.asarray(factors)
+    num_targets = factors.shape[1]
+    sets, chosen = sets_before(num_targets), np.array(orders(num_targets))
+    before = [
+        [sets.index(_before(order, place)) for place in range(num_targets)]
+        for order in orders(num_targets)
+    ]
+    products = jnp.sum(factors[np.array(before), chosen], axis=1)
+    return jax.nn.logsumexp(products, axis=0) - np.log(len(chosen))

@@ -1,0 +1,11 @@
+"""What tuning makes large or small."""
+
+from jaxpf.tuning.objectives import (
+    log_evidence,
+    log_mean_evidence,
+    outline_loss,
+    overlap_loss,
+    position_error,
+)
+
+__all__ = ["log_evidence", "log_mean_evidence", "outline_loss", "overlap_loss", "position_error"]

@@ -1,0 +1,318 @@
+"""Boxes that come and go, tracked by labelled particles: births and deaths between the frames.
+
+A number of slots is fixed, and nothing compiles anew whoever comes; see
+``jaxpf.filters.labelled.population`` for what the filter does and
+``jaxpf.populations.lifetimes`` for the rules.  How an object looks is learned from its box in the
+frame in which it starts.  In short::
+
+    tracker = open_box_tracker(frames[0].shape, capacity=16, num_particles=1600)
+    for tracked in follow(tracker, jax.random.key(0), frames, detections):
+        print(tracked.ids, tracked.boxes)
+"""
+
+import dataclasses
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf import running, streaming
+from jaxpf.errors import InputError
+from jaxpf.filters.labelled.population import born, ended
+from jaxpf.filters.labelled.refusals import check_started
+from jaxpf.filters.labelled.tracker import Labelled
+from jaxpf.models.likelihoods.detected import Detected
+from jaxpf.models.likelihoods.open_histogram import open_histogram, with_object
+from jaxpf.models.model import Model
+from jaxpf.populations import association, lifetimes
+from jaxpf.populations.lifetimes import EMPTY, Changes, Living, Refusal, Rules
+from jaxpf.targets.appearance import DISCRIMINATIVE, RELATIVE
+from jaxpf.targets.box_models import DEFAULT_SCALE, box_model, boxes_at
+from jaxpf.targets.boxes import Options
+
+
+class TrackedPopulation(NamedTuple):
+    """Who is where in a frame, in C slots; what changes a frame holds in it already.
+
+    Attributes:
+        time: number of the frame, from 0.
+        frame: the picture, as it came.
+        ids: int ``[C]``, ``EMPTY`` (-1) for an empty slot.
+        boxes: ``[C, 4]``, x, y, w, h in pixels; NaN for an empty slot.  Who starts in the frame
+            is where it was said to be.
+        lost: ``[C]`` bool, no particle had any likelihood.
+        changes: births, deaths, and who was refused for want of a slot.
+        summary: what the filter reports; None of the first frame, in which nothing is filtered.
+        state: the tracker's state, on the device.
+    """
+
+    time: int
+    frame: np.ndarray
+    ids: np.ndarray
+    boxes: np.ndarray
+    lost: np.ndarray
+    changes: Changes
+    summary: Any
+    state: Any
+
+
+def open_box_model(
+    frame_shape: Sequence[int],
+    capacity: int,
+    *,
+    typical_size: tuple[float, float] = (32.0, 64.0),
+    scale: ArrayLike = DEFAULT_SCALE,
+    sharpness: float = 20.0,
+    bands: int = 2,
+    likelihood: str = "auto",
+    num_particles: int | None = None,
+) -> Model:
+    """The model of as many boxes as there may be at once, of which none is there yet.
+
+    Args:
+        frame_shape: of a frame, (height, width, ...).
+        capacity: C.
+        typical_size: see ``open_histogram``.
+        scale: see ``jaxpf.boxes.box_model``.
+        sharpness: of the histograms, like the rest.
+        bands: of a box.
+        likelihood: ``"auto"``, ``"integral"`` or ``"sampled"``.
+        num_particles: for ``"auto"``.
+
+    Raises:
+        InputError: an argument out of range.
+    """
+    if capacity < 1:
+        raise InputError(f"capacity={capacity} must be at least 1.")
+    height, width = frame_shape[:2]
+    histograms = open_histogram(
+        capacity,
+        (height, width),
+        typical_size=typical_size,
+        sharpness=sharpness,
+        parts=bands,
+        method=likelihood,
+        num_particles=num_particles,
+    )
+    nowhere = np.full((capacity, 4), np.nan)
+    model = box_model(histograms, nowhere, scale)
+    return model._replace(initial=np.full((capacity, 3), np.nan, np.float32))
+
+
+def open_model(
+    options: Options,
+    frame_shape: Sequence[int],
+    capacity: int,
+    typical_size: tuple[float, float],
+    num_particles: int,
+) -> Model:
+    """``open_box_model`` with the options of the model of boxes.
+
+    Raises:
+        InputError: options of objects that are there from the start.
+    """
+    if DISCRIMINATIVE in options.appearance or RELATIVE in options.motion:
+        raise InputError(
+            "objects that come and go are known by colour and move by pixels, because there is "
+            "no start frame to learn from; leave out --appearance and --motion."
+        )
+    return open_box_model(
+        frame_shape,
+        capacity,
+        typical_size=typical_size,
+        scale=options.scale,
+        sharpness=options.sharpness,
+        bands=options.bands,
+        likelihood=options.likelihood,
+        num_particles=num_particles,
+    )
+
+
+def open_box_tracker(
+    frame_shape: Sequence[int],
+    *,
+    capacity: int = 16,
+    num_particles: int = 1600,
+    resampling: str = "systematic",
+    scope: str = "across",
+    feedback: str = "none",
+    regularise: ArrayLike | None = None,
+    **settings: Any,
+) -> Labelled:
+    """A labelled tracker with that many slots, all of them empty; ``follow`` fills them.
+
+    Args:
+        frame_shape: see ``open_box_model``, like the next.
+        capacity: see there.
+        num_particles: N, of all objects together; those that live share them.
+        resampling: see ``Labelled``, like the next three.
+        scope: see there.
+        feedback: see there.
+        regularise: see there.
+        settings: of ``open_box_model``.
+
+    Raises:
+        InputError: see both.
+    """
+    model = open_box_model(frame_shape, capacity, num_particles=num_particles, **settings)
+    return Labelled(
+        dynamics=model.dynamics,
+        likelihood=model.likelihood,
+        initial=model.initial,
+        num_particles=num_particles,
+        resampling=resampling,
+        scope=scope,
+        feedback=feedback,
+        population="open",
+        regularise=None if regularise is None else np.asarray(regularise, np.float32),
+    )
+
+
+def follow(
+    tracker: Labelled,
+    key: jax.Array,
+    frames: Iterable[np.ndarray],
+    detections: Sequence[np.ndarray] | None = None,
+    *,
+    named: Sequence[tuple[int, int, np.ndarray]] = (),
+    rules: Rules | None = None,
+) -> Iterator[TrackedPopulation]:
+    """Track whoever is detected, or named; frames are not kept.
+
+    Args:
+        tracker: from ``open_box_tracker``; its capacity counts, not that of the rules.
+        key: the run's random key.
+        frames: uint8 RGB ``[H, W, 3]``, all of one size.
+        detections: boxes ``[M, 4]`` of every frame; with None only who is named starts, and to be
+            undetected ends nobody.
+        named: time, id and box of objects that start when they are said to; ids from 0, each once.
+
+    Raises:
+        InputError: more objects are named in the first frame than there are slots, or one of them
+            cannot be seen; one has no likelihood at all in the second; there are more frames than
+            detections; an id is given twice.
+    """
+    rules = rules or Rules()
+    starts: dict[int, list[tuple[int, np.ndarray]]] = {}
+    for time, identity, box in named:
+        starts.setdefault(time, []).append((identity, np.asarray(box, float)))
+    ids = [identity for _, identity, _ in named]
+    if len(set(ids)) < len(ids) or min(ids, default=0) < 0:
+        raise InputError(f"objects are named {ids}; give each a number of its own, from 0 on.")
+    living = lifetimes.nobody(tracker.num_targets, max(ids, default=0))
+    state = jax.jit(running.init)(tracker, key)
+    summary: Any = None
+    boxes = np.full((tracker.num_targets, 4), np.nan)
+    lost = np.zeros(tracker.num_targets, bool)
+    if detections is not None and rules.detection_scale > 0:
+        nothing = np.full(tracker.initial.shape, np.nan, np.float32)
+        tracker = dataclasses.replace(
+            tracker, likelihood=Detected(tracker.likelihood, nothing, nothing)
+        )
+    for time, frame in enumerate(frames):
+        known = None if detections is None else _of_frame(detections, time)
+        if time > 0:
+            tracker = _told(tracker, boxes, known, rules)
+            state, summary = streaming.step(tracker, key, time - 1, state, frame)
+            summary = jax.tree.map(np.asarray, summary)
+            boxes, lost = _boxes(tracker, summary.estimate), summary.lost
+        if time == 1:
+            named_first = np.isin(living.ids, [identity for identity, _ in starts.get(0, [])])
+            check_started(dataclasses.replace(summary, lost=lost & named_first), living.ids)
+        living, changes = lifetimes.advance(
+            living, boxes, lost, known, starts.get(time, []), frame.shape, rules
+        )
+        tracker, state, living, changes = _changed(tracker, state, living, changes, frame, ids)
+        if time == 0:
+            _check_named(changes)
+        alive = living.ids != EMPTY
+        boxes, lost = np.where(alive[:, None], boxes, np.nan), lost & alive
+        for birth in changes.births:
+            boxes[birth.slot], lost[birth.slot] = birth.box, False
+        yield TrackedPopulation(time, frame, living.ids, boxes, lost, changes, summary, state)
+
+
+def _of_frame(detections: Sequence[np.ndarray], time: int) -> np.ndarray:
+    try:
+        return np.asarray(detections[time], float).reshape(-1, 4)
+    except IndexError:
+        raise InputError(
+            f"detections end with frame {time - 1}, and there is a frame {time}; give boxes [M, 4] "
+            "for every frame, none as an array of shape [0, 4]."
+        ) from None
+
+
+def _changed(
+    tracker: Labelled,
+    state: Any,
+    living: Living,
+    changes: Changes,
+    frame: np.ndarray,
+    named: Sequence[int],
+) -> tuple[Labelled, Any, Living, Changes]:
+    """Tracker and state in which the deaths and births have happened, and who really came.
+
+    Who was not ``named`` may wait: the detector may see it again, and better.
+    """
+    ids, births, refused = living.ids.copy(), [], list(changes.refused)
+    for death in changes.deaths:
+        state = ended(state, jnp.int32(death.slot))
+    for birth in changes.births:
+        slot = jnp.int32(birth.slot)
+        try:
+            likelihood: Any = with_object(_of_pictures(tracker), slot, frame, birth.box)
+        except InputError as error:  # too small, or too much of it outside the picture
+            ids[birth.slot] = EMPTY
+            identity = birth.id if birth.id in named else EMPTY
+            refused.append(Refusal(identity, birth.box, str(error)))
+            continue
+        if isinstance(tracker.likelihood, Detected):
+            likelihood = dataclasses.replace(tracker.likelihood, likelihood=likelihood)
+        tracker = dataclasses.replace(tracker, likelihood=likelihood)
+        centre = birth.box[:2] + birth.box[2:] / 2
+        state = born(state, slot, jnp.asarray([*centre, 1.0]))
+        births.append(birth)
+    return tracker, state, living._replace(ids=ids), Changes(births, changes.deaths, refused)
+
+
+def _told(
+    tracker: Labelled, boxes: np.ndarray, detections: np.ndarray | None, rules: Rules
+) -> Labelled:
+    """The tracker, told where its objects were found: near where they were a frame ago."""
+    if not isinstance(tracker.likelihood, Detected) or detections is None:
+        return tracker
+    mine = association.assigned(boxes, detections, rules.birth_overlap)
+    own = np.append(detections, np.full((1, 4), np.nan), axis=0)[mine]  # -1 is the last
+    sizes = np.asarray(_of_pictures(tracker).sizes)
+    size = np.sqrt(np.prod(own[:, 2:] / sizes, axis=1, keepdims=True))
+    found = np.hstack([own[:, :2] + own[:, 2:] / 2, size])
+    scale = rules.detection_scale * np.hstack([own[:, 2:], size])
+    likelihood = dataclasses.replace(
+        tracker.likelihood, found=found.astype(np.float32), scale=scale.astype(np.float32)
+    )
+    return dataclasses.replace(tracker, likelihood=likelihood)
+
+
+def _of_pictures(tracker: Labelled) -> Any:
+    """The likelihood of the picture, without what a detector says."""
+    likelihood = tracker.likelihood
+    return likelihood.likelihood if isinstance(likelihood, Detected) else likelihood
+
+
+def _boxes(tracker: Labelled, estimate: np.ndarray) -> np.ndarray:
+    """``[C, 4]`` of (u, v, a) relative to the boxes in which the objects started."""
+    return boxes_at(estimate, _of_pictures(tracker).sizes).astype(float)
+
+
+def _check_named(changes: Changes) -> None:
+    """Refuse a start at which somebody who was named cannot start; detections may wait."""
+    for refusal in changes.refused:
+        if refusal.id != EMPTY:
+            x, y, w, h = refusal.box
+            raise InputError(
+                f"object {refusal.id} at {x:g},{y:g},{w:g},{h:g} cannot start in the first frame: "
+                f"{refusal.reason}"
+            )

@@ -1,0 +1,213 @@
+"""When an object that is detected starts to be tracked, and when one that is tracked ends.
+
+Nothing here knows how objects are tracked: it takes the boxes that a tracker reports, and the
+detections of the frame.  Slots are used again, ids never.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxpf.measures.track_matching import pairwise_overlap
+from jaxpf.options import check_options, option
+from jaxpf.populations import association
+
+#: The id of an empty slot, and of who has none yet.
+EMPTY = -1
+#: Frames in a row without a detection that somebody who may be born survives.
+_MOST_MISSED = 2
+#: Two who are ready and overlap more than that are one, found twice.
+_TWICE = 0.5
+
+
+@dataclasses.dataclass(frozen=True)
+class Rules:
+    """Options of births and deaths; see the help of each."""
+
+    capacity: int = option(
+        16, "With --births: how many objects there can be at once.", least=1, most=4096
+    )
+    birth_frames: int = option(
+        3, "With --births: detections in which a new object must be seen before it starts.", least=1
+    )
+    birth_overlap: float = option(
+        0.1,
+        "With --births: intersection over union from which a detection is of an object that is "
+        "tracked already, or of one that was detected before.",
+        above=0,
+        most=1,
+    )
+    birth_confidence: float | None = option(
+        None, "With --births: leave out detections of a lower confidence.", kind=float
+    )
+    death_frames: int = option(
+        6, "With --births: an object ends after so many frames in a row undetected.", least=1
+    )
+
+    detection_scale: float = option(
+        0.1,
+        "With --births: how far detections may be off, as a share of an object's size; with 0 they "
+        "say who starts and who ends, and nothing of where one is.",
+        least=0,
+    )
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+
+class Living(NamedTuple):
+    """Who lives after a frame, in C slots.
+
+    Attributes:
+        ids: int ``[C]``, ``EMPTY`` for an empty slot.
+        unseen: int ``[C]``, frames in a row without a detection, or without likelihood.
+        candidates: detections that belong to nobody who lives.
+        last_id: the largest id that was given; the next object gets the next number.
+    """
+
+    ids: np.ndarray
+    unseen: np.ndarray
+    candidates: association.Tracks
+    last_id: int
+
+
+class Birth(NamedTuple):
+    """Somebody who starts."""
+
+    slot: int
+    id: int
+    box: np.ndarray
+
+
+class Death(NamedTuple):
+    """Somebody who ended, and why."""
+
+    slot: int
+    id: int
+    reason: str
+
+
+class Refusal(NamedTuple):
+    """Somebody who should have started, and why not; a detection's id is ``EMPTY``."""
+
+    id: int
+    box: np.ndarray
+    reason: str
+
+
+class Changes(NamedTuple):
+    """What a frame changed."""
+
+    births: list[Birth]
+    deaths: list[Death]
+    refused: list[Refusal]
+
+
+def nobody(capacity: int, last_id: int = 0) -> Living:
+    """Before the first frame; ids up to ``last_id`` are spoken for."""
+    return Living(
+        np.full(capacity, EMPTY), np.zeros(capacity, int), association.no_tracks(), last_id
+    )
+
+
+def advance(
+    living: Living,
+    boxes: np.ndarray,
+    lost: np.ndarray,
+    detections: np.ndarray | None,
+    named: Sequence[tuple[int, np.ndarray]],
+    frame_shape: Sequence[int],
+    rules: Rules,
+) -> tuple[Living, Changes]:
+    """Who ends and who starts, after a frame.
+
+    Args:
+        living: after the frame before.
+        boxes: ``[C, 4]``, where the tracker has them now; rows of empty slots are not looked at.
+        lost: ``[C]`` bool, without likelihood.
+        detections: ``[M, 4]`` of the frame; None where nobody detects anything, so that to be
+            undetected means nothing.
+        named: id and box of objects that a user starts in this frame, whatever is detected.
+        frame_shape: height and width of the frame.
+        rules: see there.
+    """
+    unseen, deaths = _deaths(living, boxes, lost, detections, frame_shape, rules)
+    ids, candidates, last_id = living.ids.copy(), living.candidates, living.last_id
+    ids[[death.slot for death in deaths]] = EMPTY
+    wanted: list[tuple[int, np.ndarray]] = list(named)
+    refused: list[Refusal] = []
+    full = f"all places, {len(ids)}, are taken; ask for a larger capacity."
+    if detections is not None:
+        here = np.concatenate([boxes[ids != EMPTY], *(box[None] for _, box in named)])
+        known = pairwise_overlap(detections, here).max(axis=1, initial=0) >= rules.birth_overlap
+        settings = association.Rules(rules.birth_overlap, rules.birth_frames, _MOST_MISSED)
+        candidates = association.advance(candidates, detections[~known], settings)
+        ready = (candidates.hits >= rules.birth_frames) & (candidates.missed == 0)
+        ready &= _inside(candidates.boxes, frame_shape)
+        room = np.sum(ids == EMPTY) - len(named)
+        ready &= _first_of_each(candidates.boxes, ready)
+        born = np.flatnonzero(ready)[: max(room, 0)]
+        wanted += [(EMPTY, candidates.boxes[place]) for place in born]
+        # Told once; who finds no slot is a candidate still, and starts as soon as one is free.
+        late = np.setdiff1d(np.flatnonzero(ready), born)
+        first = late[candidates.hits[late] == rules.birth_frames]
+        refused = [Refusal(EMPTY, candidates.boxes[place], full) for place in first]
+        candidates = association.without(candidates, born)
+    births = []
+    for identity, box in wanted:
+        free = np.flatnonzero(ids == EMPTY)
+        if len(free) == 0:
+            refused.append(Refusal(identity, box, full))
+            continue
+        if identity == EMPTY:
+            identity = last_id = last_id + 1
+        ids[free[0]], unseen[free[0]] = identity, 0
+        births.append(Birth(int(free[0]), identity, box))
+    return Living(ids, unseen, candidates, last_id), Changes(births, deaths, refused)
+
+
+def _deaths(
+    living: Living,
+    boxes: np.ndarray,
+    lost: np.ndarray,
+    detections: np.ndarray | None,
+    frame_shape: Sequence[int],
+    rules: Rules,
+) -> tuple[np.ndarray, list[Death]]:
+    """For how long everybody was not seen ``[C]``, and who ends."""
+    alive = living.ids != EMPTY
+    seen = ~lost
+    if detections is not None:
+        detected = association.assigned(boxes[alive], detections, rules.birth_overlap) >= 0
+        seen[alive] &= detected
+    unseen = np.where(alive & ~seen, living.unseen + 1, 0)
+    outside = alive & ~_inside(boxes, frame_shape)
+    forgotten = alive & (unseen >= rules.death_frames)
+    cause = "without likelihood" if detections is None else "not detected, or without likelihood,"
+    return unseen, [
+        Death(
+            int(slot),
+            int(living.ids[slot]),
+            "left the picture"
+            if outside[slot]
+            else f"{cause} in {rules.death_frames} frames in a row",
+        )
+        for slot in np.flatnonzero(outside | forgotten)
+    ]
+
+
+def _first_of_each(boxes: np.ndarray, ready: np.ndarray) -> np.ndarray:
+    """``[K]`` bool: ready, and no one before who is ready overlaps it so that they are one."""
+    first = np.zeros(len(boxes), bool)
+    for place in np.flatnonzero(ready):
+        apart = pairwise_overlap(boxes[[place]], boxes[first])
+        first[place] = apart.max(initial=0) <= _TWICE
+    return first
+
+
+def _inside(boxes: np.ndarray, frame_shape: Sequence[int]) -> np.ndarray:
+    """``[K]`` bool: the middle of the box lies in the picture."""
+    middle = boxes[:, :2] + boxes[:, 2:] / 2
+    return np.all((middle >= 0) & (middle < np.array(frame_shape[1::-1])), axis=1)

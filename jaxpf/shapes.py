@@ -1,0 +1,21 @@
+"""Shape spaces: how a contour may differ from its template, given or learned."""
+
+from jaxpf.models.shape_learning import learn_shape_space, outline_of, varied
+from jaxpf.models.shapes import (
+    ShapeSpace,
+    check_contours,
+    explained_share,
+    key_frame_space,
+    space_of,
+)
+
+__all__ = [
+    "ShapeSpace",
+    "check_contours",
+    "explained_share",
+    "key_frame_space",
+    "learn_shape_space",
+    "outline_of",
+    "space_of",
+    "varied",
+]

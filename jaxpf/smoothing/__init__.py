@@ -1,0 +1,10 @@
+"""Where was it, now that the whole clip is known: backward simulation over a filter's particles.
+
+A filter knows the frames so far.  Smoothing goes back over its weighted sets from the last frame
+to the first, and draws whole trajectories from the posterior given all frames.
+"""
+
+from jaxpf.smoothing.groups import check_smoothing
+from jaxpf.smoothing.smoother import Smoothed, SmoothedFrame, smooth, stream
+
+__all__ = ["Smoothed", "SmoothedFrame", "check_smoothing", "smooth", "stream"]

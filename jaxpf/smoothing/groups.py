@@ -1,0 +1,135 @@
+"""Which partitions are smoothed together, and what cannot be smoothed.
+
+Objects that are independent given the frames are smoothed one by one: a pass of their own is the
+same distribution at less variance, since a particle need not explain all of them at once.  Parts
+of one tree belong together: given its parent's value alone, a part still hangs on the parent's past
+(a pass per part was biased, z = 10.6 where the joint pass had 2.3).
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf import contract
+from jaxpf.errors import InputError
+from jaxpf.filters.partitioned.ordering import SWAPS
+from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.pytree import is_concrete
+
+_SUPPORTED = (
+    "supported are jaxpf.Partitioned with method sir, ps, dps, branched, and sps but for "
+    "swap='sorted' and for roots with children that are exchanged"
+)
+
+
+def together(tracker: Partitioned) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The groups of partitions that one backward pass goes over, those of one size stacked.
+
+    Returns:
+        For every size G that occurs: the partitions ``[Q, G]`` of its Q groups, and the place in
+        the group of each partition's parent, -1 for a root.
+    """
+    parents = tracker.parents
+    joint = (
+        contract.has_log_joint(tracker.likelihood)
+        or tracker.initial_label is not None
+        or (callable(tracker.initial) and not contract.draws_independently(tracker.initial))
+    )
+    groups: dict[int, list[int]] = {}
+    for part in range(len(parents)):
+        root = part
+        while parents[root] >= 0:
+            root = parents[root]
+        groups.setdefault(0 if joint else root, []).append(part)
+    stacked: dict[int, list[list[int]]] = {}
+    for group in groups.values():
+        stacked.setdefault(len(group), []).append(group)
+
+    def places(group: list[int]) -> list[int]:
+        return [group.index(parents[part]) if parents[part] >= 0 else -1 for part in group]
+
+    return [
+        (np.array(of_size, np.int32), np.array([places(group) for group in of_size], np.int32))
+        for of_size in stacked.values()
+    ]
+
+
+def looks_back(tracker: Partitioned) -> bool:
+    """Whether the density of a move depends on the substate before the current one.
+
+    Told by the traced program: it is on the safe side where the method does not say.
+    """
+    state = jax.eval_shape(tracker.init, jax.random.key(0))
+    substates = jax.ShapeDtypeStruct((state.lagged.shape[1], 1), state.lagged.dtype)
+
+    def of_previous(previous: jax.Array) -> jax.Array:
+        other = jnp.ones(previous.shape, previous.dtype)
+        partition = jnp.zeros((1,), jnp.int32)
+        return contract.log_density_all(tracker.dynamics, partition, other, other, previous, other)
+
+    program = jax.make_jaxpr(of_previous)(substates).jaxpr
+    previous = program.invars[0]
+    return any(previous is used for equation in program.eqns for used in equation.invars)
+
+
+def check_smoothing(tracker: Any) -> None:
+    """Refuse what has no smoothed distribution, or one that would be wrong.
+
+    Raises:
+        InputError: which, and what to use instead.
+    """
+    if not isinstance(tracker, Partitioned):
+        raise InputError(
+            f"{type(tracker).__name__} cannot be smoothed, as its particles hold no whole states "
+            f"with one weight each; {_SUPPORTED}."
+        )
+    dynamics = type(tracker.dynamics).__name__
+    if not contract.has_log_density(tracker.dynamics):
+        raise InputError(
+            f"smoothing needs the density of a move, and {dynamics} has none; add the method "
+            "log_density(partition, new, current, previous, parent) -> [], the log of the density "
+            "from which propagate draws (see jaxpf.contract.DynamicsWithDensity)."
+        )
+    moves_labels = tracker.initial_label is not None and hasattr(
+        tracker.dynamics, "propagate_label"
+    )
+    if moves_labels and not contract.has_log_label(tracker.dynamics):
+        raise InputError(
+            f"smoothing needs the probability of a label's move, and {dynamics} has none; add the "
+            "method log_label(new, label, substates) -> [], the log-probability with which "
+            "propagate_label draws (see jaxpf.contract)."
+        )
+    if tracker.gradient.blends:
+        raise InputError(
+            "Transport blends particles, which then come from no single move, and "
+            "cannot be smoothed; use another gradient."
+        )
+    if tracker.relocation is not None:
+        raise InputError(
+            "relocation lets lost objects jump, and the density of a jump is not known to the "
+            "dynamics; smooth with relocation=None (--relocate 0)."
+        )
+    if is_concrete(tracker.ordering):
+        _check_exchange(tracker)
+
+
+def _check_exchange(tracker: Partitioned) -> None:
+    ordering = tracker.ordering
+    exchanged = np.asarray(ordering.exchanged)
+    if not exchanged.any():
+        return
+    if SWAPS[int(ordering.swap)] == "sorted":
+        raise InputError(
+            "swap='sorted' pairs parts by their likelihoods, and its weights are biased, so that "
+            "there is nothing to smooth; use swap='combinatorial'."
+        )
+    parts = np.asarray(ordering.order)[0][exchanged]
+    paired = [int(part) for part in parts if tracker.parents[part] < 0 and part in tracker.parents]
+    if paired:
+        raise InputError(
+            f"the ordering exchanges roots that have children ({paired}), which pairs again what "
+            "has different pasts; smooth with sps(..., exchange_roots=False), or with another "
+            "method."
+        )

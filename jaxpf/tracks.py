@@ -1,0 +1,23 @@
+"""Tables of boxes and tracks, in and out."""
+
+from jaxpf.files.tracks import (
+    BoxTable,
+    TrackWriter,
+    check_boxes,
+    dense,
+    parse_box,
+    read_boxes,
+    start_boxes,
+    write_mot,
+)
+
+__all__ = [
+    "BoxTable",
+    "TrackWriter",
+    "check_boxes",
+    "dense",
+    "parse_box",
+    "read_boxes",
+    "start_boxes",
+    "write_mot",
+]

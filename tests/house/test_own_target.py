@@ -1,0 +1,63 @@
+"""A new target is two files, what it is and its adapter, and one line of the registry."""
+
+import csv
+import importlib
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from command_line import jaxpf as command
+
+from jaxpf import adapters
+from jaxpf.adapters.adapter import Adapter
+from jaxpf.targets.target import Target
+
+
+@pytest.fixture(scope="module", autouse=True)
+def entered():
+    """As if the files stood in ``jaxpf/targets`` and ``jaxpf/adapters``."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parent))
+        module = importlib.import_module("own_adapter")
+        patch.setitem(sys.modules, "jaxpf.adapters.spots", module)
+        patch.setattr(adapters, "_ADAPTERS", (*adapters._ADAPTERS, "spots"))  # the line
+        yield module
+
+
+@pytest.fixture
+def clip(tmp_path):
+    """One bright spot that moves to the right and down."""
+    (tmp_path / "clip").mkdir()
+    for time in range(6):
+        frame = np.full((48, 64, 3), 20, np.uint8)
+        cv2.circle(frame, (10 + 2 * time, 12 + time), 4, (255, 255, 255), -1)
+        cv2.imwrite(str(tmp_path / "clip" / f"{time}.png"), frame)
+    return tmp_path / "clip"
+
+
+def test_it_is_tracked_from_the_command_line(clip, tmp_path):
+    out = tmp_path / "out"
+    outcome = command("track", "spots", clip, "--spot", "10,12,star", "--step", "2", "-o", out)
+    assert outcome.code == 0, outcome.err
+    rows = list(csv.DictReader((out / "tracks.csv").open()))
+    assert [row["point"] for row in rows] == ["star"] * 6
+    assert abs(float(rows[-1]["x"]) - 20) < 3
+    assert abs(float(rows[-1]["y"]) - 17) < 3
+    assert (out / "overlay.mp4").stat().st_size > 0
+    outcome = command("track", "spots", clip)
+    assert (outcome.code, "give --spot x,y" in outcome.err) == (2, True)
+
+
+def test_its_help_shows_its_own_options():
+    shown = command("track", "spots", "--help").out
+    assert "--spot" in shown
+    assert "--step" in shown
+    assert "--box" not in shown
+
+
+@pytest.mark.parametrize("base", [Target, Adapter])
+def test_one_that_lacks_a_method_cannot_be_made(base):
+    with pytest.raises(TypeError, match=r"abstract .*, "):
+        type("Half", (base,), {"name": "half"})()

@@ -1,0 +1,147 @@
+"""Boxes that come and go, from pictures and detections to tracks."""
+
+import jax
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf.populations import EMPTY, Rules, follow, open_box_tracker
+
+COLOURS = ((220, 30, 30), (30, 40, 220), (30, 180, 40))
+LENGTH, SHAPE = 16, (48, 64)
+#: Object -> frames in which it is there: the second goes, the third comes in its place.
+THERE = (range(16), range(7), range(8, 16))
+SETTINGS = {"birth_frames": 2, "death_frames": 2, "birth_overlap": 0.3}
+RULES = Rules(**SETTINGS)
+NONE = np.zeros((0, 4))
+
+
+def true_box(number, time):
+    return np.array([[4.0 + 2 * time, 6], [44 - time, 26], [20 + time, 26]][number] + [12.0, 16.0])
+
+
+@pytest.fixture(scope="module")
+def clip():
+    """Frames with up to three rectangles, and detections of them, one of which is false."""
+    rng = np.random.default_rng(0)
+    frames, detections = [], []
+    for time in range(LENGTH):
+        frame = rng.integers(90, 130, (*SHAPE, 3), dtype=np.uint8)
+        found = [true_box(number, time) for number in range(3) if time in THERE[number]]
+        for number in (number for number in range(3) if time in THERE[number]):
+            x, y, w, h = true_box(number, time).astype(int)
+            frame[y : y + h, x : x + w] = COLOURS[number]
+        frames.append(frame)
+        detections.append(np.array(found + [[1.0, 30, 12, 16]] * (time == 5)))
+    return frames, detections
+
+
+def tracked(clip, capacity=3, detections="all", **settings):
+    frames, found = clip
+    tracker = open_box_tracker(
+        SHAPE, capacity=capacity, num_particles=240, typical_size=(12, 16), scale=(3, 2, 0.003)
+    )
+    found = found if detections == "all" else detections
+    return list(follow(tracker, jax.random.key(0), frames, found, **({"rules": RULES} | settings)))
+
+
+@pytest.mark.parametrize("scale", [0.0, 0.1])
+def test_each_object_has_one_track_as_long_as_it_is_there(clip, scale):
+    run = tracked(clip, rules=Rules(**SETTINGS, detection_scale=scale))
+    births = {birth.id: one.time for one in run for birth in one.changes.births}
+    assert births == {1: 1, 2: 1, 3: 9}
+    (end,) = [(one.time, death.id) for one in run for death in one.changes.deaths]
+    assert end == (8, 2)
+    for one in run:
+        for number, time_born in enumerate(births.values()):
+            slot = np.flatnonzero(one.ids == number + 1)
+            if time_born <= one.time and one.time in THERE[number]:
+                off = one.boxes[slot[0]] - true_box(number, one.time)
+                assert np.abs(off).max() < 3, (one.time, number)
+        assert np.isnan(one.boxes[one.ids == EMPTY]).all()
+    # The third has the slot of the second, and an id of its own.
+    slots = {birth.id: birth.slot for one in run for birth in one.changes.births}
+    assert slots[3] == slots[2]
+
+
+def test_whoever_comes_and_goes_nothing_is_compiled_anew(clip, caplog):
+    rules = {"birth_frames": 1, "death_frames": 3, "birth_overlap": 0.2}
+    assert len(compiled(caplog, lambda: tracked(clip, capacity=4))) > 0
+    assert compiled(caplog, lambda: tracked(clip, capacity=4, rules=Rules(**rules))) == []
+
+
+def compiled(caplog, function):
+    """What JAX says that it compiles meanwhile."""
+    caplog.clear()
+    with jax.log_compiles():
+        function()
+    return [record.message for record in caplog.records if "Compiling" in record.message]
+
+
+def test_more_objects_than_places_are_refused_and_tracking_goes_on(clip):
+    run = tracked(clip, capacity=1)
+    refused = [refusal for one in run for refusal in one.changes.refused]
+    assert {tuple(refusal.box) for refusal in refused} >= {tuple(true_box(1, 1))}
+    assert all("all places, 1, are taken" in one.reason for one in refused)
+    at_once = tracked(clip, capacity=1, rules=Rules(birth_frames=1))
+    assert len(at_once[0].changes.refused) == 1
+    assert run[-1].ids.tolist() == [1]
+    assert len(run) == LENGTH
+
+
+def test_a_users_boxes_start_objects_in_any_frame_without_a_detector(clip):
+    named = [(0, 5, true_box(0, 0)), (10, 9, true_box(2, 10))]
+    run = tracked(clip, detections=None, named=named)
+    assert run[9].ids.tolist() == [5, EMPTY, EMPTY]
+    assert run[-1].ids.tolist() == [5, 9, EMPTY]
+    np.testing.assert_array_equal(run[10].boxes[1], true_box(2, 10))
+    for slot, number in ((0, 0), (1, 2)):
+        assert np.abs(run[-1].boxes[slot] - true_box(number, LENGTH - 1)).max() < 3
+
+
+def test_what_cannot_start_in_the_first_frame_is_an_error_and_later_a_note(clip):
+    below = np.array([20.0, 41, 12, 16])  # its lower band lies outside
+    with pytest.raises(jaxpf.InputError, match="object 4 at 20,41,12,16 cannot start"):
+        tracked(clip, named=[(0, 4, below)])
+    run = tracked(clip, named=[(3, 4, below)])
+    (refusal,) = run[3].changes.refused
+    assert refusal.id == 4
+    assert "no pixel inside" in refusal.reason
+    assert 4 not in run[-1].ids
+    with pytest.raises(jaxpf.InputError, match="detections end with frame 2, and there is"):
+        tracked(clip, detections=clip[1][:3])
+    crowd = [(0, identity, true_box(0, 0)) for identity in range(4)]
+    with pytest.raises(jaxpf.InputError, match=r"object 3 at .* capacity"):
+        tracked(clip, named=crowd)
+    with pytest.raises(jaxpf.InputError, match="a number of its own"):
+        tracked(clip, named=[crowd[0], crowd[0]])
+
+
+@pytest.mark.slow
+def test_who_fits_nothing_is_an_error_in_the_first_frame_and_lost_later(clip):
+    """Boxes of less than a pixel have no likelihood: noise of the size makes them so."""
+    frames, detections = clip
+    wild = open_box_tracker(SHAPE, capacity=1, num_particles=1, scale=(1, 1, 1000.0))
+    keys = [jax.random.key(seed) for seed in range(8)]
+    rules = Rules(birth_frames=1, detection_scale=0.0)
+    ran = [list(follow(wild, key, frames[:2], detections, rules=rules)) for key in keys]
+    lost = [bool(run[1].lost.any()) for run in ran]
+    assert 0 < sum(lost) < 8
+    named = [(0, 3, true_box(0, 0))]
+    with pytest.raises(jaxpf.InputError, match="no particle of target 3 has any likelihood"):
+        list(follow(wild, keys[lost.index(True)], frames[:2], None, named=named))
+    assert len(list(follow(wild, keys[lost.index(False)], frames[:2], None, named=named))) == 2
+
+
+def test_a_detection_of_which_nothing_can_be_learned_waits(clip):
+    """At once, in the first frame: it is too small to learn from, and larger in the next."""
+    frames, _ = clip
+    speck = np.array([[10.0, 12.0, 0.5, 0.5]])
+    run = tracked(
+        clip,
+        detections=[speck, *(true_box(0, t)[None] for t in range(1, LENGTH))],
+        rules=Rules(birth_frames=1),
+    )
+    assert [birth.box.tolist() for birth in run[1].changes.births] == [true_box(0, 1).tolist()]
+    assert [refusal.id for refusal in run[0].changes.refused] == [EMPTY]
+    assert len(run) == len(frames)

@@ -1,0 +1,182 @@
+"""Smoothing as a user meets it: shapes, what is refused, who goes together, fixed lags."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf import InputError, memory, ordering, pytree_dataclass, smoothing
+from jaxpf.dynamics import AR2, IndependentGaussian, LinearGaussian, RandomWalk
+from jaxpf.gradients import Transport
+from jaxpf.likelihoods import CorrelatedGaussian, Gaussian
+from jaxpf.smoothing import groups
+
+FRAMES = np.random.default_rng(0).normal(size=(5, 2, 1)).astype(np.float32)
+
+
+def tracker(order=None, **changes):
+    settings = {
+        "dynamics": AR2(scale=1.0),
+        "likelihood": Gaussian(noise=jnp.ones((2, 1, 1))),
+        "ordering": ordering.ps([1, 0]) if order is None else order,
+        "initial": jnp.zeros((2, 1)),
+        "num_particles": 30,
+    }
+    return jaxpf.Partitioned(**settings | changes)
+
+
+@pytree_dataclass
+class Wandering:
+    """A motion without a density."""
+
+    def propagate(self, key, partition, current, previous, parent):
+        return current + jax.random.normal(key, current.shape)
+
+
+@pytree_dataclass
+class OnePerParticle:
+    """A motion of second order, written for one particle."""
+
+    def propagate(self, key, partition, current, previous, parent):
+        return current + 0.5 * (current - previous) + jax.random.normal(key, current.shape)
+
+    def log_density(self, partition, new, current, previous, parent):
+        return -0.5 * jnp.sum((new - current - 0.5 * (current - previous)) ** 2)
+
+
+def test_shapes_and_the_filter_are_those_of_a_run():
+    key, its = jax.random.key(1), tracker()
+    found = jaxpf.smooth(its, key, FRAMES, 20, keep_trajectories=True)
+    assert found.estimate.shape == found.spread.shape == (5, 2, 1)
+    assert found.trajectories.shape == (20, 5, 2, 1)
+    np.testing.assert_allclose(found.trajectories.mean(0), found.estimate, atol=1e-6)
+    np.testing.assert_allclose(found.trajectories.std(0), found.spread, atol=1e-6)
+    summaries = jaxpf.run(its, key, FRAMES)[1]
+    assert jnp.array_equal(found.summaries.estimate, summaries.estimate)
+    assert jaxpf.smooth(its, key, FRAMES).trajectories is None
+
+
+def test_trajectories_go_through_particles_of_their_frames():
+    its, key = tracker(), jax.random.key(1)
+    found = jaxpf.smooth(its, key, FRAMES, 10, keep_trajectories=True)
+    particles = jaxpf.run(its, key, FRAMES, lambda state, summary: state.substates)[1]
+    for time in range(5):
+        for part in range(2):
+            held = set(np.asarray(particles[time, :, part, 0]).tolist())
+            assert set(np.asarray(found.trajectories[:, time, part, 0]).tolist()) <= held
+
+
+def test_a_motion_written_for_one_particle_is_smoothed_alike():
+    # One density up to a constant, so the same draws from the same weighted sets.
+    key = jax.random.key(2)
+    found = jaxpf.smooth(tracker(dynamics=OnePerParticle()), key, FRAMES)
+    assert found.estimate.shape == (5, 2, 1)
+    assert int(found.broken) == 0
+
+
+@pytest.mark.parametrize(
+    ("dynamics", "expected"),
+    [
+        (RandomWalk(1.0), False),
+        (AR2(1.0), True),
+        (LinearGaussian(np.ones((2, 1, 1)), np.ones((2, 1, 1))), False),
+        (LinearGaussian(np.ones((2, 1, 1)), np.ones((2, 1, 1)), lag=np.ones((2, 1, 1))), True),
+        (OnePerParticle(), True),
+    ],
+)
+def test_it_is_known_who_looks_two_frames_back(dynamics, expected):
+    assert groups.looks_back(tracker(dynamics=dynamics)) is expected
+
+
+def partitions(its):
+    return [parts.tolist() for parts, _ in groups.together(its)]
+
+
+def test_independent_objects_go_apart_and_trees_together():
+    assert partitions(tracker()) == [[[0], [1]]]
+    forest = (-1, 0, -1, 2, -1)
+    many = {"ordering": ordering.ps(range(5)), "initial": jnp.zeros((5, 1)), "parents": forest}
+    its = tracker(likelihood=Gaussian(noise=jnp.ones((5, 1, 1))), **many)
+    assert partitions(its) == [[[0, 1], [2, 3]], [[4]]]
+    assert [parents.tolist() for _, parents in groups.together(its)] == [[[-1, 0], [-1, 0]], [[-1]]]
+
+
+def test_whatever_is_not_known_to_be_independent_goes_together():
+    seen_jointly = tracker(likelihood=CorrelatedGaussian(jnp.eye(2)))
+    labelled = tracker(initial_label=jnp.array([0.5, 0.5]))
+    drawn = tracker(initial=jax.tree_util.Partial(lambda key: jax.random.normal(key, (2, 1))))
+    for its in (seen_jointly, labelled, drawn):
+        assert partitions(its) == [[[0, 1]]]
+    apart = IndependentGaussian(np.zeros((2, 1)), 1.0)
+    assert partitions(tracker(initial=apart)) == [[[0], [1]]]
+
+
+def test_frames_come_one_by_one_with_a_lag():
+    its, key = tracker(), jax.random.key(1)
+    streamed = list(smoothing.stream(its, key, iter(FRAMES), 2))
+    assert [frame.time for frame in streamed] == [0, 1, 2, 3, 4]
+    whole = jaxpf.smooth(its, key, FRAMES, lag=2)
+    np.testing.assert_array_equal(whole.estimate, [frame.estimate for frame in streamed])
+    summaries = jaxpf.run(its, key, FRAMES)[1]
+    np.testing.assert_allclose(whole.summaries.estimate, summaries.estimate, atol=1e-5)
+
+
+def forest(**changes):
+    return tracker(
+        ordering.sps([-1, -1, 0, 1], **changes),
+        parents=(-1, -1, 0, 1),
+        initial=jnp.zeros((4, 1)),
+        likelihood=Gaussian(noise=jnp.ones((4, 1, 1))),
+    )
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: tracker(dynamics=Wandering()), "add the method log_density"),
+        (lambda: tracker(gradient=Transport()), "Transport blends particles"),
+        (lambda: tracker(ordering.sps([-1, -1], "sorted")), "swap='sorted'"),
+        (forest, "exchanges roots that have children"),
+        (
+            lambda: jaxpf.PFFL(
+                AR2(scale=1.0), Gaussian(noise=jnp.ones((2, 1, 1))), initial=jnp.zeros((2, 1))
+            ),
+            "PFFL cannot be smoothed.*supported are jaxpf.Partitioned",
+        ),
+    ],
+)
+def test_what_cannot_be_smoothed_is_refused(make, sentence):
+    with pytest.raises(InputError, match=sentence):
+        jaxpf.smooth(make(), jax.random.key(0), FRAMES)
+
+
+def test_roots_that_stay_can_be_smoothed():
+    smoothing.check_smoothing(forest(exchange_roots=False))
+    smoothing.check_smoothing(forest(swap="none"))
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"num_trajectories": 0}, "num_trajectories=0"),
+        ({"lag": 0}, "lag=0"),
+        ({"lag": 2, "keep_trajectories": True}, "leave out one of the two"),
+    ],
+)
+def test_bad_numbers_are_refused(options, sentence):
+    with pytest.raises(InputError, match=sentence):
+        jaxpf.smooth(tracker(), jax.random.key(0), FRAMES, **options)
+
+
+def test_a_clip_too_long_for_the_memory_names_the_fixed_lag(monkeypatch):
+    monkeypatch.setattr(memory, "machine_memory", lambda: 2**10)
+    with pytest.raises(InputError, match=r"fixed lag, such as jaxpf\.smooth\(\.\.\., lag=50\)"):
+        jaxpf.smooth(tracker(), jax.random.key(0), FRAMES)
+
+
+def test_no_frames_one_by_one_without_a_lag():
+    with pytest.raises(InputError, match="give a lag"):
+        jaxpf.smooth(tracker(), jax.random.key(0), iter(FRAMES))
+    with pytest.raises(InputError, match="no frame"):
+        jaxpf.smooth(tracker(), jax.random.key(0), iter(()), lag=2)

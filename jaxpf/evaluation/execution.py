@@ -177,6 +177,21 @@ def _death(future: Future) -> BaseException | None:
     error = future.exception()
     if isinstance(error, concurrent.futures.BrokenExecutor | concurrent.futures.CancelledError):
         return error
+    if error is None:
+        return None
     # Dask's errors for tasks whose workers died; importing it to compare classes is slow.
     names = {kind.__name__ for kind in type(error).__mro__}
-    return error if names & {"KilledWorker", "FutureCancelledError"} else None
+    died = names & {"KilledWorker", "FutureCancelledError"} or _raised_by_dask_itself(error)
+    return error if died else None
+
+
+def _raised_by_dask_itself(error: BaseException) -> bool:
+    """Whether an error comes from Dask's executor and not out of the function.
+
+    A task whose result is lost with its worker goes back from finished to waiting; the executor
+    may then take the result that it has just received for an error, and trips over it.
+    """
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return trace is not None and trace.tb_frame.f_globals["__name__"] == "distributed.cfexecutor"

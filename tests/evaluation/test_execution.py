@@ -1,12 +1,13 @@
 """Work on executors: in any order, a bounded number at a time, and after a worker's death."""
 
+import asyncio
 import concurrent.futures
 import functools
 import multiprocessing
 import subprocess
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
@@ -177,6 +178,32 @@ def dask_client():
         distributed.Client(cluster) as client,
     ):
         yield client
+
+
+@pytest.mark.slow
+def test_a_result_that_dask_loses_with_its_worker_is_made_again(monkeypatch):
+    """Dask's executor fails on a task that went back from finished to pending."""
+    cfexecutor = pytest.importorskip("distributed.cfexecutor", reason="needs jaxpf[cluster]")
+
+    class Lost:
+        status = "pending"
+
+        async def _result(self, raiseit):
+            return 9
+
+    lost = Future()
+
+    async def cascade():
+        await cfexecutor._cascade_future(Lost(), lost)
+
+    asyncio.run(cascade())
+    with pytest.raises(TypeError):
+        lost.result()
+    with ThreadPoolExecutor(1) as executor:
+        submit = executor.submit
+        futures = iter([lost])
+        monkeypatch.setattr(executor, "submit", lambda *work: next(futures, None) or submit(*work))
+        assert as_dict(in_turn(squared, PIECES, executor)) == SQUARES
 
 
 @pytest.mark.slow

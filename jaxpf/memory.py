@@ -50,7 +50,7 @@ def needed_by(tracker: Any, runs: int = 1, kept_frames: int = 1) -> float:
     state = jax.eval_shape(tracker.init, jax.random.key(0))
     leaves = [leaf for leaf in jax.tree.leaves(state) if hasattr(leaf, "shape")]
     size = sum(math.prod(leaf.shape) * np.dtype(leaf.dtype).itemsize for leaf in leaves)
-    likelihood = getattr(tracker, "likelihood", None)
+    likelihood = getattr(getattr(tracker, "tracker", tracker), "likelihood", None)
     method = getattr(getattr(likelihood, "likelihood", likelihood), "method", None)
     step = _FROM_SAMPLES if method == "sampled" else _FROM_TABLES
     return _BASE + runs * size * (step + kept_frames)

@@ -1,5 +1,38 @@
-"""How much another run would differ: error bars of a filter's answers, from a single run."""
+"""How much another run would differ: error bars of a filter's answers.
+
+From several runs side by side (``SideBySide``), or from the ancestors of a single one
+(``WithErrorBars``).
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
 
 from jaxpf.filters.error_bars import ErrorBars, WithErrorBars
+from jaxpf.filters.side_by_side import RunsState, SideBySide
 
-__all__ = ["ErrorBars", "WithErrorBars"]
+__all__ = ["ErrorBars", "RunsState", "SideBySide", "WithErrorBars", "quantiles"]
+
+
+def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndarray:
+    """Quantiles of weighted particles: the smallest values that at least so much weight reaches.
+
+    Args:
+        values: ``[N, P, C]``, such as coordinates of ``state.substates``.
+        log_weights: ``[N]``, or ``[P, N]`` where each partition has weights of its own.
+        levels: L of them, from 0 to 1.
+
+    Returns:
+        ``[L, P, C]``.
+    """
+    values = np.moveaxis(np.asarray(values), 0, -1)
+    weights = np.exp(np.asarray(log_weights, np.float64))
+    weights = np.broadcast_to(weights if weights.ndim == 1 else weights[:, None], values.shape)
+    order = np.argsort(values, axis=-1)
+    reached = np.cumsum(np.take_along_axis(weights, order, axis=-1), axis=-1)
+    below = [np.sum(reached < level * reached[..., -1:], axis=-1) for level in levels]
+    places = np.minimum(below, values.shape[-1] - 1)
+    return np.take_along_axis(np.take_along_axis(values, order, -1)[None], places[..., None], -1)[
+        ..., 0
+    ]

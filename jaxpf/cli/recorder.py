@@ -19,6 +19,8 @@ from jaxpf.names import PROBABLY_LOST
 
 #: Frames over which a trail reaches back.
 _TRAIL = 20
+#: So many particles and objects are sorted in every frame, at most: some 20 ms.
+_SORTED = 200_000
 
 
 class Recorder:
@@ -31,6 +33,10 @@ class Recorder:
 
         self.output, self.source, self.request = output, source, request
         self.adapter, self.start_at, self.tracker = request.adapter, start, tracker
+        #: What the runs repeat, where there are many, or one that tells its errors.
+        asks = request.run.runs or request.run.error_bars
+        self.filter = tracker.tracker if asks else tracker
+        self.uncertainty: Any = None
         self.ids = ids = start.ids
         self.colours = object_colours(len(ids))
         self.frames_outside: dict[str, list[int]] = {str(i): [] for i in ids}
@@ -70,7 +76,7 @@ class Recorder:
         """The start frame's row is where the objects were said to be."""
         nobody = np.zeros(len(self.ids), bool)
         self.tracks.append(number, self.start_at.shapes, nobody)
-        self._draw(frame, self.start_at.shapes, nobody, None)
+        self._show_objects(frame, self.start_at.shapes, nobody)
 
     def follow(self, key, frames):
         """Track the frames after the start frame."""
@@ -108,7 +114,7 @@ class Recorder:
         if self.num_tracked == 0 and not self.request.run.tracker:
             self.request.filter.check_first(summary, self.ids)
         found = np.asarray(
-            shapes_of(self.tracker, self.request.target, self.start_at, summary.estimate), float
+            shapes_of(self.filter, self.request.target, self.start_at, summary.estimate), float
         )
         lost = self._off_frame(found)
         for name in self.ids[lost]:
@@ -122,8 +128,9 @@ class Recorder:
         self._note_confidence(number, confidence, lost)
         told = {} if confidence is None else {"confidence": confidence}
         self.tracks.append(number, found, lost, **told)
+        self._note_uncertainty(number, tracked)
         self.num_tracked += 1
-        self._draw(tracked.frame, found, lost, tracked.state, confidence)
+        self._draw(tracked, found, lost)
 
     def _note_summary(self, number, summary):
         """A line of diagnostics; a user's tracker may report less than ours do."""
@@ -139,6 +146,34 @@ class Recorder:
             self._diagnose(["frame", "ess", "log_evidence", *names])
         values = [ess, log_evidence, *np.concatenate([*columns.values()])]
         self._diagnose([str(number), *(f"{value:.6g}" for value in values)])
+
+    def _note_uncertainty(self, number, tracked, ids=None, chosen=slice(None)):
+        """A line of uncertainty.csv for each object, or for those that are chosen."""
+        from jaxpf.files.uncertainty import LEVELS, UncertaintyWriter
+        from jaxpf.uncertainty import quantiles
+
+        summary = tracked.summary
+        if getattr(summary, "spread", None) is None:
+            return  # a tracker of the user's own may report less
+        if self.uncertainty is None:
+            size, target = summary.estimate.shape[-1], self.request.target
+            writer = UncertaintyWriter(self.output / "uncertainty.csv", target.coordinates, size)
+            self.uncertainty = self._stack.enter_context(writer)
+        variance = getattr(summary, "estimate_variance", None)
+        error = None if variance is None else np.sqrt(variance)[chosen]
+        cloud, found = self._cloud(tracked.state), None
+        if self._places(summary) is not None and _is_small(cloud):
+            places = np.asarray(cloud.substates)[..., :2]
+            levels = [level / 100 for level in LEVELS]
+            found = quantiles(places, cloud.log_weights, levels)[:, chosen]
+        ids = self.ids if ids is None else ids
+        self.uncertainty.append(
+            number, ids, summary.estimate[chosen], summary.spread[chosen], error, found
+        )
+
+    def _cloud(self, state):
+        """What holds the particles."""
+        return state.state if self.request.run.error_bars else state
 
     def _note_confidence(self, number, confidence, lost):
         if confidence is None:
@@ -169,18 +204,36 @@ class Recorder:
         inside = np.all((lowest < size) & (highest > 0), axis=1)
         return ~inside  # an outline of NaN compares false everywhere, so it counts as lost
 
-    def _draw(self, frame, found, lost, state, confidence=None):
+    def _draw(self, tracked, found, lost):
         if not self._is_watched():
             return
-        if state is not None:
-            frame = self.adapter.draw_particles(
-                frame, self.start_at, self.tracker, state, self.colours
-            )
+        frame, summary = tracked.frame, tracked.summary
+        frame = self.adapter.draw_particles(
+            frame, self.start_at, self.filter, self._cloud(tracked.state), self.colours
+        )
+        confidence = getattr(summary, "confidence", None)
+        self._show_objects(frame, found, lost, confidence, self._places(summary))
+
+    def _places(self, summary):
+        """Where estimates are and how wide, x, y of both ``[2, P, 2]``; None where nobody knows."""
+        is_place = self.request.target.coordinates[:2] == ("x", "y")
+        if not is_place or getattr(summary, "spread", None) is None:
+            return None
+        return np.stack([summary.estimate[:, :2], summary.spread[:, :2]])
+
+    def _show_objects(self, frame, found, lost, confidence=None, places=None):
+        from jaxpf.media.overlay import draw_spreads
+
+        if not self._is_watched():
+            return
         self.past.append(found)
         past = np.stack(self.past)
         doubtful = None if confidence is None else confidence < PROBABLY_LOST
         marks = Marks(self.colours, lost, past, doubtful)
-        self._show(self.adapter.draw(frame, self.start_at, found, marks))
+        picture = self.adapter.draw(frame, self.start_at, found, marks)
+        if places is not None:
+            picture = draw_spreads(picture, places[0], places[1], self.colours)
+        self._show(picture)
 
     def _is_watched(self):
         """Whether a picture of this frame goes anywhere."""
@@ -254,7 +307,7 @@ class Recorder:
         """How the likelihood is computed, where it tells; else what was asked for."""
         if self.request.run.tracker:
             return None
-        likelihood = getattr(self.tracker.likelihood, "likelihood", self.tracker.likelihood)
+        likelihood = getattr(self.filter.likelihood, "likelihood", self.filter.likelihood)
         return getattr(likelihood, "method", getattr(self.request.model, "likelihood", None))
 
     def _tell(self, rate):
@@ -331,6 +384,12 @@ def nothing_follows(source: Any, start: int) -> InputError:
         f"no frame of '{source.path}' follows the start frame {start}, so there is nothing to "
         "track; give a longer video, or an earlier --start."
     )
+
+
+def _is_small(state: Any) -> bool:
+    """Whether its particles are sorted in a moment."""
+    lagged = getattr(state, "substates", None)
+    return lagged is not None and lagged.shape[0] * lagged.shape[1] <= _SORTED
 
 
 def counted(count: int, noun: str = "frame") -> str:

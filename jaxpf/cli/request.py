@@ -37,12 +37,26 @@ class Run:
     )
     fit_motion: int | None = option(
         None,
-        "Choose noise and momentum by the evidence of so many frames, such as 30.  They follow the "
-        "start frame; run.toml keeps what was found.",
+        "Choose noise and momentum by so many frames, as 30.  Their evidence decides; they follow "
+        "the start frame, and run.toml keeps what was found.",
         least=LEAST_FITTED,
         most=_MOST_FRAMES,
     )
     seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
+    runs: int | None = option(
+        None,
+        "Track so many times: their mean, and its error.  Runs go side by side; uncertainty.csv "
+        "holds standard errors.  Ten cost two to six times as much as one.",
+        least=2,
+        most=10_000,
+    )
+    error_bars: int | None = option(
+        None,
+        "How much another run would differ, told from one run by ancestors so many frames back, "
+        "such as 5.",
+        least=1,
+        most=10_000,
+    )
     output: Path | None = option(  # noqa: RUF009
         None,
         "Folder for the results; jaxpf-NAME by default.",
@@ -138,6 +152,7 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     starts = {name: values[name] for name in adapter.start_flags}
     request = Request(values["video"], adapter, starts, run, model, its, filter_options, births)
     _check_fit(request)
+    _check_uncertainty(request)
     return request
 
 
@@ -156,6 +171,31 @@ def _check_fit(request: Request) -> None:
             "--fit-motion needs objects that are there in the start frame; leave it or --births "
             "out."
         )
+
+
+def _check_uncertainty(request: Request) -> None:
+    """Refuse errors of what cannot be run many times, or is asked for twice.
+
+    Raises:
+        InputError: the sentence says why.
+    """
+    asked = {"--runs": request.run.runs, "--error-bars": request.run.error_bars}
+    asked = {flag: value for flag, value in asked.items() if value is not None}
+    if len(asked) > 1:
+        raise InputError(
+            "--runs and --error-bars both tell how much another run would differ; use one of them."
+        )
+    for flag in asked:
+        if request.births is not None:
+            raise InputError(
+                f"{flag} needs objects that are there in every run, and with --births each run may "
+                "begin and end others; leave one of them out."
+            )
+        if request.run.tracker:
+            raise InputError(
+                f"{flag} is about the built-in filters; leave it out, or put the tracker of "
+                f"{request.run.tracker} into jaxpf.uncertainty.SideBySide yourself."
+            )
 
 
 def _given(ctx: click.Context, adapter: Adapter) -> dict[str, Any]:

@@ -65,9 +65,9 @@ class TrackCommand(Command):
 _ABOUT = """Track {what} through VIDEO: a video file, a folder of images, or what is live: the
 index of a camera, the address of a stream (http://, rtsp://, ...), a pipe.
 
-Filtering begins after the start frame.  The output folder receives tracks.csv, overlay.mp4,
-diagnostics, summary.json, and run.toml, which repeats the run: `jaxpf track --config run.toml -o
-ANOTHER`.
+Filtering begins after the start frame.  The output folder receives tracks.csv, uncertainty.csv,
+overlay.mp4, diagnostics, summary.json, and run.toml, which repeats the run: `jaxpf track --config
+run.toml -o ANOTHER`.
 
 """
 _OTHERS = """What is no box: `jaxpf track {others} VIDEO`; a video of that name is ./{one}.
@@ -93,7 +93,7 @@ def _params(adapter: Adapter) -> list[click.Parameter]:
 
     def of_run(section: str, *names: str, but: tuple[str, ...] = ()) -> list[Flag]:
         those = {n: one for n, one in run.items() if n not in but and (not names or n in names)}
-        return declared_flags(those, section, rare=("codec", "tracker"))
+        return declared_flags(those, section, rare=("codec", "tracker", "error_bars"))
 
     early, of_model = ("start", "frames"), ("fit_motion",)
     flags: list[click.Parameter] = [click.Argument(["video"])]

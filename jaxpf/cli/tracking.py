@@ -35,6 +35,7 @@ _OUTPUTS = (
     "diagnostics.csv",
     "diagnostics.png",
     "metrics.csv",
+    "uncertainty.csv",
     "summary.json",
     "run.toml",
 )
@@ -70,7 +71,8 @@ def track(request: Request) -> None:
     import jax
 
     tracker = _build_tracker(request, start, source, first)
-    check_memory(needed_by(tracker), "ask for fewer particles (-n)")
+    fewer = " or fewer runs (--runs)" if run.runs else ""
+    check_memory(needed_by(tracker), f"ask for fewer particles (-n){fewer}")
     if run.fit_motion is not None:
         model, told, frames = motion.fitted(
             request, start, looks_of_frame(first, request.filter_options.particles), frames
@@ -161,9 +163,18 @@ def _build_tracker(request: Request, start: Start, source: Any, first: np.ndarra
         return own_tracker_of(request.run.tracker, scene)
     if request.births is not None:
         return _open_tracker(request, request.births, first)
-    options = request.filter_options
+    options, run = request.filter_options, request.run
     looks = looks_of_frame(first, options.particles)
-    return build(request.target, request.model, request.filter, options, start, looks)
+    made = build(request.target, request.model, request.filter, options, start, looks)
+    if run.runs is not None:
+        from jaxpf.uncertainty import SideBySide
+
+        return SideBySide(made, run.runs)
+    if run.error_bars is not None:
+        from jaxpf.uncertainty import WithErrorBars
+
+        return WithErrorBars(made, run.error_bars)
+    return made
 
 
 def _open_tracker(request: Request, births: births_of.Births, first: np.ndarray) -> Any:

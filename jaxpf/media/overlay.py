@@ -176,6 +176,30 @@ def draw_particles(
     return frame
 
 
+def draw_spreads(
+    frame: np.ndarray, centres: np.ndarray, spreads: np.ndarray, colours: np.ndarray | None = None
+) -> np.ndarray:
+    """Draw how sure each place is: a faint ellipse of two standard deviations.
+
+    Args:
+        frame: uint8 RGB [H, W, 3].
+        centres: x, y in pixels [P, 2]; those that are not finite are skipped.
+        spreads: standard deviations of x and of y in pixels [P, 2].
+        colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
+    """
+    shown, size = frame.copy(), np.array(frame.shape[1::-1])
+    colours = object_colours(len(centres)) if colours is None else np.asarray(colours)
+    for centre, spread, colour in zip(centres, spreads, colours, strict=True):
+        if not np.isfinite([*centre, *spread]).all() or (np.abs(centre) > 4 * size).any():
+            continue
+        # OpenCV counts from the middle of a pixel, here in 16ths.
+        middle, axes = (centre - 0.5) * 16, np.minimum(2 * spread, 4 * size) * 16
+        at, reach = (tuple(map(int, np.round(values))) for values in (middle, axes))
+        for line, width in ((DARK, 2 * line_thickness(frame) + 1), (_as_colour(colour), 1)):
+            cv2.ellipse(shown, at, reach, 0, 0, 360, line, width, cv2.LINE_AA, 4)
+    return cv2.addWeighted(shown, _FAINT, frame, 1 - _FAINT, 0)
+
+
 def draw_pixel_grid(frame: np.ndarray, step: int | None = None) -> np.ndarray:
     """Draw a labelled grid, so that a user can read the coordinates of a box off the picture.
 

@@ -68,6 +68,7 @@ class BoxTarget(Target):
 
     name = "boxes"
     options = Options
+    coordinates = ("x", "y", "scale")
     has_boxes = True
 
     def start(self, given: Any, names: Any = None) -> Start:

@@ -86,6 +86,7 @@ class PartTarget(Target):
 
     name = "parts"
     options = Options
+    coordinates = ("x", "y", "angle")
     defaults: Mapping[str, Any] = {"method": "sps"}
     outlines_of_estimates = staticmethod(_outlines)
 

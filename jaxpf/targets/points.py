@@ -58,6 +58,7 @@ class PointTarget(Target):
 
     name = "points"
     options = Options
+    coordinates = ("x", "y")
     defaults: Mapping[str, Any] = {"method": "eskil"}
 
     def start(self, given: Any, names: Any = None) -> Start:

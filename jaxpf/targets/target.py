@@ -81,6 +81,8 @@ class Target(abc.ABC):
         name: by which the registry in ``jaxpf.adapters`` knows it.
         options: class of the options of its model (``jaxpf.options``).
         defaults: of a filter's options, where the target's differ.
+        coordinates: names of a substate's first coordinates, as people read them; where the first
+            two are x and y, they are a place in pixels.
         has_boxes: whether its shapes are boxes x, y, w, h, as in MOT files and standard scores.
         outlines_of_estimates: function of estimates ``[..., P, D]`` and sizes ``[P, 2]`` that gives
             outlines ``[..., P, V, 2]``, differentiable; None where shapes are boxes.
@@ -89,6 +91,7 @@ class Target(abc.ABC):
     name: str
     options: type
     defaults: Mapping[str, Any] = {}
+    coordinates: tuple[str, ...] = ()
     has_boxes: bool = False
     outlines_of_estimates: Callable[[Any, Any], Any] | None = None
 

@@ -83,7 +83,7 @@ def test_parts_are_followed_and_every_file_is_written(scene, whole_run):
     assert f"{LENGTH - 1} frames tracked" in outcome.out
     assert {path.name for path in output.iterdir()} == {
         "tracks.csv", "overlay.webm", "diagnostics.csv", "diagnostics.png", "summary.json",
-        "run.toml",
+        "run.toml", "uncertainty.csv",
     }  # fmt: skip
     header, *rows = (output / "tracks.csv").read_text().splitlines()
     assert header == "frame,part,x,y,w,h,angle"

@@ -38,6 +38,7 @@ def test_a_run_writes_these_files_and_no_others(whole_run):
         "run.toml",
         "summary.json",
         "tracks.csv",
+        "uncertainty.csv",
     ]
 
 
@@ -160,7 +161,9 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     every = options_of(*(one.options for one in filters().values()))
     others = every.keys() - options_of(filter_of("dps").options)
     unset = (
-        others | options_of(Rules).keys() | {"frames", "order", "ess_threshold", "tracker"}
+        others
+        | options_of(Rules).keys()
+        | {"frames", "order", "ess_threshold", "tracker", "runs", "error_bars"}
     ) | {"boxes", "ids", "births"}
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
     unset |= {"sharpness", "bands", "likelihood", "scale", "swap"}

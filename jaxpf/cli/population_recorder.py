@@ -109,7 +109,7 @@ class PopulationRecorder(Recorder):
                 err=True,
             )
 
-    def _report_truth(self, truth: Any) -> None:
+    def _report_truth(self, truth: Any, which: str = "") -> None:
         """Scores of the frames after the start, which judge identities."""
         from jaxpf.files import tracks
         from jaxpf.files.writing import atomic_write

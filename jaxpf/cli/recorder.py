@@ -37,6 +37,7 @@ class Recorder:
         asks = request.run.runs or request.run.error_bars
         self.filter = tracker.tracker if asks else tracker
         self.uncertainty: Any = None
+        self.smoothed: Any = None
         self.ids = ids = start.ids
         self.colours = object_colours(len(ids))
         self.frames_outside: dict[str, list[int]] = {str(i): [] for i in ids}
@@ -86,18 +87,30 @@ class Recorder:
         total = None if expected is None else max(expected - start - 1, 0)
         if limit is not None:
             total = limit if total is None else min(total, limit)
+        if self.request.run.smooths:
+            from jaxpf.cli.smoothed import SmoothedTracks
+
+            self.smoothed = self._stack.enter_context(
+                SmoothedTracks(self.output, self.request, self.start_at, self.filter, key, total)
+            )
         clock = time.perf_counter()
         with console.progress_bar("frames") as progress:
             task = progress.add_task("compiling", total=total)
-            for tracked in self._stream(key, frames):
-                self._record(start + 1 + tracked.time, tracked)
-                elapsed, clock = time.perf_counter() - clock, time.perf_counter()
-                if self.num_tracked == 1:
-                    self.seconds_first = elapsed
-                    progress.reset(task, total=total, completed=1, description="tracking")
-                else:
-                    self.seconds_rest += elapsed
-                    progress.advance(task)
+            try:
+                for tracked in self._stream(key, frames):
+                    self._record(start + 1 + tracked.time, tracked)
+                    elapsed, clock = time.perf_counter() - clock, time.perf_counter()
+                    if self.num_tracked == 1:
+                        self.seconds_first = elapsed
+                        progress.reset(task, total=total, completed=1, description="tracking")
+                    else:
+                        self.seconds_rest += elapsed
+                        progress.advance(task)
+            finally:
+                # Also where Ctrl-C ended it: what was tracked can be looked back over.
+                if self.smoothed is not None and self.num_tracked:
+                    progress.update(task, description="smoothing")
+                    self.smoothed.finish()
             progress.update(task, total=self.num_tracked)
         if self.num_tracked == 0:
             raise nothing_follows(self.source, start)
@@ -129,6 +142,8 @@ class Recorder:
         told = {} if confidence is None else {"confidence": confidence}
         self.tracks.append(number, found, lost, **told)
         self._note_uncertainty(number, tracked)
+        if self.smoothed is not None:
+            self.smoothed.add(self._cloud(tracked.state))
         self.num_tracked += 1
         self._draw(tracked, found, lost)
 
@@ -291,6 +306,8 @@ class Recorder:
         self._tell(rate)
         if truth is not None and self.num_tracked:
             self._report_truth(truth)
+            if self.smoothed is not None:
+                self._report_truth(truth, "smoothed")
 
     def _mean_confidence(self):
         """Of each object over the frames tracked; None where the likelihood cannot tell."""
@@ -345,14 +362,14 @@ class Recorder:
                 err=True,
             )
 
-    def _report_truth(self, truth: Any) -> None:
-        """Metrics over the frames after the start that have truth."""
+    def _report_truth(self, truth: Any, which: str = "") -> None:
+        """Metrics over the frames after the start that have truth; also of smoothed tracks."""
         from jaxpf.files import tracks
         from jaxpf.files.writing import atomic_write
         from jaxpf.measures import metrics, scores
 
         output, ids = self.output, self.ids
-        estimated = tracks.read_boxes(output / "tracks.csv", empty_boxes="absent")
+        estimated = tracks.read_boxes(output / f"{which or 'tracks'}.csv", empty_boxes="absent")
         first, last = int(estimated.frame.min()), int(estimated.frame.max())
         known = [int(i) for i in ids if i in set(truth.id.tolist())]
         estimate = tracks.dense(estimated, known, last + 1)[first + 1 :]
@@ -370,8 +387,9 @@ class Recorder:
             + [f"{columns[c][k]:.3f}" for c in list(columns)[1:]]
             for k, name in enumerate(known)
         ]
-        console.print_table("Against the truth", ["", *columns], rows)
-        with atomic_write(output / "metrics.csv") as file:
+        title = ", ".join(filter(None, ["Against the truth", which]))
+        console.print_table(title, ["", *columns], rows)
+        with atomic_write(output / f"{which + '_' if which else ''}metrics.csv") as file:
             names = [name.replace(" at .5", "_half").replace(" ", "_") for name in columns]
             file.write("id," + ",".join(names) + "\n")
             for k, name in enumerate(known):

@@ -57,6 +57,17 @@ class Run:
         least=1,
         most=10_000,
     )
+    smooth: bool = option(
+        False,
+        "Look back when the clip ends: smoothed.csv tells where objects were, given all frames, "
+        "and smoothed_uncertainty.csv how sure that is.",
+    )
+    smooth_lag: int | None = option(
+        None,
+        "Smooth by so many frames ahead at least, such as 50, instead of by all; for long clips.",
+        least=1,
+        most=_MOST_FRAMES,
+    )
     output: Path | None = option(  # noqa: RUF009
         None,
         "Folder for the results; jaxpf-NAME by default.",
@@ -83,6 +94,11 @@ class Run:
 
     def __post_init__(self) -> None:
         check_options(self)
+
+    @property
+    def smooths(self) -> bool:
+        """Whether tracks are smoothed, whole or with a lag."""
+        return self.smooth or self.smooth_lag is not None
 
 
 #: Of a ``Run``, what only boxes have.
@@ -174,7 +190,7 @@ def _check_fit(request: Request) -> None:
 
 
 def _check_uncertainty(request: Request) -> None:
-    """Refuse errors of what cannot be run many times, or is asked for twice.
+    """Refuse errors and smoothing of what has none, or what is asked for twice.
 
     Raises:
         InputError: the sentence says why.
@@ -185,13 +201,20 @@ def _check_uncertainty(request: Request) -> None:
         raise InputError(
             "--runs and --error-bars both tell how much another run would differ; use one of them."
         )
-    for flag in asked:
+    smoothed = {"--smooth": request.run.smooth, "--smooth-lag": request.run.smooth_lag}
+    smoothed = {flag: value for flag, value in smoothed.items() if value}
+    if smoothed and request.run.runs is not None:
+        raise InputError(
+            f"{next(iter(smoothed))} looks back over one run, and --runs gives many; leave one of "
+            "them out."
+        )
+    for flag in [*asked, *smoothed]:
         if request.births is not None:
             raise InputError(
                 f"{flag} needs objects that are there in every run, and with --births each run may "
                 "begin and end others; leave one of them out."
             )
-        if request.run.tracker:
+        if request.run.tracker and flag in asked:
             raise InputError(
                 f"{flag} is about the built-in filters; leave it out, or put the tracker of "
                 f"{request.run.tracker} into jaxpf.uncertainty.SideBySide yourself."

@@ -26,7 +26,7 @@ class TrackCommand(Command):
         named = "" if adapter.name == DEFAULT else f" {adapter.name}"
         if adapter.name == DEFAULT:
             others = [name for name in adapters() if name != DEFAULT]
-            about += _OTHERS.format(others="|".join(others), one=others[0])
+            about += _OTHERS.format(others="|".join(others))
         super().__init__(
             adapter.name,
             params=list(_params(adapter)),
@@ -70,13 +70,15 @@ overlay.mp4, diagnostics, summary.json, and run.toml, which repeats the run: `ja
 run.toml -o ANOTHER`.
 
 """
-_OTHERS = """What is no box: `jaxpf track {others} VIDEO`; a video of that name is ./{one}.
+_OTHERS = """What is no box: `jaxpf track {others} VIDEO`.
 
 """
 _LIVE = """What is live is tracked until it ends or Ctrl-C is pressed, which keeps all results.  A
 stream's start frame is its first one.  A camera's is taken once everything is compiled: the objects
 must be where they start until a line says that tracking begins; `jaxpf frame 0 -n 30` shows what
-camera 0 sees."""
+camera 0 sees.
+
+A video that is called as a target, such as points, is ./points."""
 
 
 def _has(adapter: Adapter, flag: str) -> bool:
@@ -93,7 +95,9 @@ def _params(adapter: Adapter) -> list[click.Parameter]:
 
     def of_run(section: str, *names: str, but: tuple[str, ...] = ()) -> list[Flag]:
         those = {n: one for n, one in run.items() if n not in but and (not names or n in names)}
-        return declared_flags(those, section, rare=("codec", "tracker", "error_bars"))
+        return declared_flags(
+            those, section, rare=("codec", "tracker", "error_bars", "smooth", "smooth_lag")
+        )
 
     early, of_model = ("start", "frames"), ("fit_motion",)
     flags: list[click.Parameter] = [click.Argument(["video"])]

@@ -36,6 +36,9 @@ _OUTPUTS = (
     "diagnostics.png",
     "metrics.csv",
     "uncertainty.csv",
+    "smoothed.csv",
+    "smoothed_uncertainty.csv",
+    "smoothed_metrics.csv",
     "summary.json",
     "run.toml",
 )
@@ -70,9 +73,18 @@ def track(request: Request) -> None:
     use_compile_cache()
     import jax
 
+    from jaxpf import smoothing
+
     tracker = _build_tracker(request, start, source, first)
     fewer = " or fewer runs (--runs)" if run.runs else ""
     check_memory(needed_by(tracker), f"ask for fewer particles (-n){fewer}")
+    if run.smooths:
+        smoothing.check_smoothing(tracker.tracker if run.error_bars else tracker)
+        if run.smooth_lag is None and source.is_live and run.frames is None:
+            raise InputError(
+                f"--smooth waits for the end of the clip, and that of '{source.path}' is not "
+                "known; use --smooth-lag 50, or --frames."
+            )
     if run.fit_motion is not None:
         model, told, frames = motion.fitted(
             request, start, looks_of_frame(first, request.filter_options.particles), frames

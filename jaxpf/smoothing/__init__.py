@@ -5,6 +5,7 @@ to the first, and draws whole trajectories from the posterior given all frames.
 """
 
 from jaxpf.smoothing.groups import check_smoothing
+from jaxpf.smoothing.look_back import LookBack
 from jaxpf.smoothing.smoother import Smoothed, SmoothedFrame, smooth, stream
 
-__all__ = ["Smoothed", "SmoothedFrame", "check_smoothing", "smooth", "stream"]
+__all__ = ["LookBack", "Smoothed", "SmoothedFrame", "check_smoothing", "smooth", "stream"]

@@ -50,7 +50,7 @@ class SmoothedFrame(NamedTuple):
         time: number of the frame, from 0.
         estimate: ``[P, D]``.
         spread: ``[P, D]``.
-        summary: what the filter reported of it.
+        summary: what the filter reported of it; None of ``LookBack``, which did not ask.
         broken: moves that no particle could explain, of all frames looked back over.
     """
 
@@ -115,10 +115,10 @@ def smooth(
         )
     check_frames(frames)
     drawn = _checked_number(tracker, num_trajectories)
-    _check_memory(tracker, running.num_frames(frames), drawn, keep_trajectories)
+    check_length(tracker, running.num_frames(frames), drawn, keep_trajectories)
     record = _record(tracker)
     _, (history, summaries) = running.run(tracker, key, frames, record, observed)
-    passed = _back_over(tracker, _backward_key(key), history, drawn, keep_trajectories)
+    passed = back_over(tracker, backward_key(key), history, drawn, keep_trajectories)
     return Smoothed(passed.estimate, passed.spread, summaries, passed.broken, passed.trajectories)
 
 
@@ -152,7 +152,7 @@ def stream(
     if not come_one_by_one(frames):
         check_frames(frames)
     drawn = _checked_number(tracker, num_trajectories)
-    _check_memory(tracker, 2 * lag, drawn, False)
+    check_length(tracker, 2 * lag, drawn)
     start, broken = 0, 0
     tracked = itertools.chain(_tracked(*gaps.marked(tracker, frames, observed), key, lag), [None])
     for number, (block, following) in enumerate(itertools.pairwise(tracked)):
@@ -160,8 +160,8 @@ def stream(
         length = len(history.log_weights)
         if following is not None:
             history = jax.tree.map(lambda *x: jnp.concatenate(x), history, following[0])
-        block_key = jax.random.fold_in(_backward_key(key), number)
-        passed = _back_over(tracker, block_key, history, drawn, False)
+        block_key = jax.random.fold_in(backward_key(key), number)
+        passed = back_over(tracker, block_key, history, drawn, False)
         broken += int(passed.broken)
         found = jax.tree.map(np.asarray, (passed.estimate[:length], passed.spread[:length]))
         for place, (estimate, spread) in enumerate(zip(*found, strict=True)):
@@ -215,7 +215,8 @@ def _record(tracker: Any) -> Any:
     return _keep_both_lags if looks_back(tracker) else _keep_substates
 
 
-def _backward_key(key: jax.Array) -> jax.Array:
+def backward_key(key: jax.Array) -> jax.Array:
+    """From which trajectories are drawn, of a run's key."""
     return jax.random.fold_in(key, _BACKWARD)
 
 
@@ -230,7 +231,7 @@ def _backward_groups(tracker, keys, history, parts, parents, num_trajectories, k
     return lax.map(one, (keys, parts, parents))
 
 
-def _back_over(tracker, key, history, num_trajectories, keep) -> Pass:
+def back_over(tracker, key, history, num_trajectories, keep) -> Pass:
     """All partitions' passes, put together: ``[T, P, D]``, and trajectories ``[M, T, P, D]``."""
     found, order = [], []
     for number, (parts, parents) in enumerate(together(tracker)):
@@ -263,7 +264,7 @@ def _checked_number(tracker: Any, num_trajectories: int | None) -> int:
     return num_trajectories
 
 
-def _check_memory(tracker: Any, num_frames: int, num_trajectories: int, keep: bool) -> None:
+def check_length(tracker: Any, num_frames: int, num_trajectories: int, keep: bool = False) -> None:
     """Refuse a clip whose weighted sets do not fit, before it is tracked."""
     state = jax.eval_shape(tracker.init, jax.random.key(0))
     _, dimension, num_partitions, num_particles = state.lagged.shape
@@ -273,5 +274,6 @@ def _check_memory(tracker: Any, num_frames: int, num_trajectories: int, keep: bo
         numbers += 2 * num_trajectories * dimension * num_partitions
     memory.check_memory(
         num_frames * numbers * state.lagged.dtype.itemsize,
-        "smooth with a fixed lag, such as jaxpf.smooth(..., lag=50), or fewer particles",
+        "smooth with a fixed lag, such as jaxpf.smooth(..., lag=50) or --smooth-lag 50, or fewer "
+        "particles",
     )

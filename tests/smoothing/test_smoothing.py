@@ -180,3 +180,22 @@ def test_no_frames_one_by_one_without_a_lag():
         jaxpf.smooth(tracker(), jax.random.key(0), iter(FRAMES))
     with pytest.raises(InputError, match="no frame"):
         jaxpf.smooth(tracker(), jax.random.key(0), iter(()), lag=2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lag", [None, 2])
+def test_looking_back_beside_a_loop_gives_what_smoothing_gives(lag):
+    its, key = tracker(), jax.random.key(4)
+    beside, found = smoothing.LookBack(its, key, lag), []
+    for tracked in jaxpf.streaming.stream(its, key, list(FRAMES)):
+        found += beside.add(tracked.state)
+    found += beside.finish()
+    whole = jaxpf.smooth(its, key, FRAMES, lag=lag)
+    assert [frame.time for frame in found] == list(range(len(FRAMES)))
+    np.testing.assert_allclose([frame.estimate for frame in found], whole.estimate, atol=1e-5)
+    np.testing.assert_allclose([frame.spread for frame in found], whole.spread, atol=1e-5)
+
+
+def test_a_clip_that_is_too_long_to_look_back_over_names_the_lag():
+    with pytest.raises(InputError, match="--smooth-lag 50"):
+        smoothing.LookBack(tracker(), jax.random.key(0), num_frames=10**10)

@@ -163,7 +163,7 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     unset = (
         others
         | options_of(Rules).keys()
-        | {"frames", "order", "ess_threshold", "tracker", "runs", "error_bars"}
+        | {"frames", "order", "ess_threshold", "tracker", "runs", "error_bars", "smooth_lag"}
     ) | {"boxes", "ids", "births"}
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
     unset |= {"sharpness", "bands", "likelihood", "scale", "swap"}

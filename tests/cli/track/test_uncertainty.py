@@ -67,3 +67,36 @@ def test_one_run_tells_its_error_by_its_ancestors(track, whole_run, tmp_path):
 )
 def test_errors_that_cannot_be_told_are_refused(refuse, flags, said):
     assert said in refuse(*BOXES, *flags)
+
+
+@pytest.mark.slow
+def test_smoothed_tracks_stand_beside_the_others_whole_and_with_a_lag(track, tmp_path):
+    found = {}
+    for flags in (("--smooth",), ("--smooth-lag", 3)):
+        outcome = track(*BOXES, *flags, "--no-overlay", "--overwrite")
+        assert outcome.code == 0, outcome.err
+        found[flags[0]] = np.loadtxt(tmp_path / "out" / "smoothed.csv", delimiter=",")
+        with open(tmp_path / "out" / "smoothed_uncertainty.csv", newline="") as file:
+            spread = column(list(csv.DictReader(file)), "spread_x")
+    filtered = rows_of(tmp_path / "out")
+    for rows in found.values():
+        assert rows.shape == filtered.shape
+        np.testing.assert_array_equal(rows[:, :2], filtered[:, :2])
+        assert np.abs(rows[:, 2:6] - filtered[:, 2:6]).max() < 5
+        # Only of the last frame nothing more is known than was.
+        assert np.all(np.any(rows[2:-2, 2:6] != filtered[2:-2, 2:6], axis=1))
+    known = column(table_of(tmp_path / "out"), "spread_x")
+    assert np.all(spread > 0)
+    assert spread[:-2].mean() < known[:-2].mean()
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (("--smooth", "--runs", 3), "looks back over one run"),
+        (("--smooth", "--relocate", 0.1), "--relocate 0"),
+        (("--smooth", "--method", "pffl"), "cannot be smoothed"),
+    ],
+)
+def test_what_cannot_be_smoothed_is_refused(refuse, flags, said):
+    assert said in refuse(*BOXES, *flags)

@@ -1,0 +1,57 @@
+"""What ``jaxpf track --smooth`` leaves besides: tracks given all frames, and how sure those are."""
+
+import contextlib
+from typing import Any
+
+import click
+import numpy as np
+
+from jaxpf.files.uncertainty import UncertaintyWriter
+from jaxpf.smoothing import LookBack
+
+
+class SmoothedTracks:
+    """Writes smoothed.csv and smoothed_uncertainty.csv; it closes as a context does."""
+
+    def __init__(self, output: Any, request: Any, start: Any, tracker: Any, key: Any, total: Any):
+        run, adapter = request.run, request.adapter
+        self._look_back = LookBack(tracker, key, run.smooth_lag, total)
+        self._first, self._start = run.start, start
+        self._shapes = lambda estimate: request.target.shapes(start, np.asarray(estimate), tracker)
+        self._stack = contextlib.ExitStack()
+        enter = self._stack.enter_context
+        self._tracks = enter(adapter.track_writer(output / "smoothed.csv", start))
+        names, size = request.target.coordinates, tracker.initial.shape[-1]
+        self._uncertainty = enter(
+            UncertaintyWriter(output / "smoothed_uncertainty.csv", names, size)
+        )
+        self._append(run.start, start.shapes)
+
+    def __enter__(self) -> "SmoothedTracks":
+        return self
+
+    def __exit__(self, *exception: Any) -> Any:
+        return self._stack.__exit__(*exception)
+
+    def add(self, state: Any) -> None:
+        """The filter's state in the next frame."""
+        self._write(self._look_back.add(state))
+
+    def finish(self) -> None:
+        """Nothing follows."""
+        self._write(self._look_back.finish())
+        if self._look_back.broken:
+            click.echo(
+                f"Note: {self._look_back.broken} moves of smoothed tracks fit no particle; more "
+                "particles (-n) help.",
+                err=True,
+            )
+
+    def _write(self, frames: Any) -> None:
+        for frame in frames:
+            number = self._first + 1 + frame.time
+            self._append(number, self._shapes(frame.estimate))
+            self._uncertainty.append(number, self._start.ids, frame.estimate, frame.spread)
+
+    def _append(self, number: int, shapes: Any) -> None:
+        self._tracks.append(number, np.asarray(shapes, float), np.zeros(len(shapes), bool))

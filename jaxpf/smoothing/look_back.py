@@ -1,0 +1,79 @@
+"""Smoothing beside a loop that tracks: frame by frame in, what is smoothed out."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import jax
+import numpy as np
+
+from jaxpf.errors import InputError
+from jaxpf.smoothing.backward import History
+from jaxpf.smoothing.groups import check_smoothing, looks_back
+from jaxpf.smoothing.smoother import SmoothedFrame, back_over, backward_key, check_length
+
+
+class LookBack:
+    """What ``smooth`` and, with a lag, ``stream`` give, of states that are tracked elsewhere.
+
+    Attributes:
+        broken: moves that no particle could explain, so far.
+    """
+
+    def __init__(
+        self, tracker: Any, key: jax.Array, lag: int | None = None, num_frames: int | None = None
+    ):
+        """Nothing is tracked yet.
+
+        Args:
+            tracker: a ``jaxpf.Partitioned``.
+            key: with which it tracks.
+            lag: as for ``jaxpf.smooth``.
+            num_frames: that will be tracked, where that is known.
+
+        Raises:
+            InputError: what cannot be smoothed; a lag below 1; too many frames for the memory.
+        """
+        check_smoothing(tracker)
+        if lag is not None and lag < 1:
+            raise InputError(f"lag={lag} must be at least 1 frame.")
+        self._tracker, self._key, self._lag = tracker, backward_key(key), lag
+        kept = num_frames if lag is None else 2 * lag
+        if kept is not None:
+            check_length(tracker, kept, tracker.num_particles)
+        self._has_two_lags = looks_back(tracker)
+        self._kept: list[History] = []
+        self._start = self._passes = self.broken = 0
+
+    def add(self, state: Any) -> Iterator[SmoothedFrame]:
+        """The next frame's ``ParticleState``; gives the frames that it was the last to wait for."""
+        lagged = np.asarray(state.lagged)
+        # Copies, so that the device need not keep every state.
+        kept: Any = (
+            lagged[0],
+            lagged[1] if self._has_two_lags else None,
+            state.log_weights,
+            state.label,
+        )
+        self._kept.append(History._make(None if one is None else np.array(one) for one in kept))
+        if self._lag is not None and len(self._kept) == 2 * self._lag:
+            yield from self._pass(self._lag)
+
+    def finish(self) -> Iterator[SmoothedFrame]:
+        """All other frames."""
+        while self._kept:
+            yield from self._pass(self._lag or len(self._kept))
+
+    def _pass(self, length: int) -> Iterator[SmoothedFrame]:
+        """Look back over all that is kept; the first frames are done then, and leave."""
+        key = self._key
+        if self._lag is not None:
+            key = jax.random.fold_in(key, self._passes)
+        history = jax.tree.map(lambda *x: np.stack(x), *self._kept)
+        passed = back_over(self._tracker, key, history, self._tracker.num_particles, False)
+        self.broken += int(passed.broken)
+        estimate, spread = np.asarray(passed.estimate), np.asarray(passed.spread)
+        for place in range(min(length, len(self._kept))):
+            time = self._start + place
+            yield SmoothedFrame(time, estimate[place], spread[place], None, self.broken)
+        self._kept, self._start = self._kept[length:], self._start + length
+        self._passes += 1

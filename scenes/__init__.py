@@ -31,6 +31,7 @@ from scenes.sequences import (
     start_scene,
 )
 from scenes.skydivers import SkydiversParameters, skydivers_scene
+from scenes.street import puppet_scene, street_scene
 from scenes.walkers import WalkersParameters, walkers_scene
 from scenes.wires import WiresParameters, wires_scene
 
@@ -62,11 +63,13 @@ __all__ = [
     "open_folder",
     "open_scene",
     "projectiles_scene",
+    "puppet_scene",
     "read_clip",
     "read_mot",
     "read_otb",
     "skydivers_scene",
     "start_scene",
+    "street_scene",
     "walkers_scene",
     "wires_scene",
 ]

@@ -14,6 +14,7 @@ from jaxpf import __version__
 
 # Name -> (module, one-line help).  Written out so that `jaxpf --help` imports no command.
 _COMMANDS = {
+    "example": ("jaxpf.cli.example", "Write a small clip to try tracking on, and say how."),
     "track": ("jaxpf.cli.track", "Track objects through a video; write tracks, video and plots."),
     "frame": ("jaxpf.cli.frame", "Save one frame with a pixel grid, to read boxes off."),
     "contour": ("jaxpf.cli.contour", "Learn what contours look like and how they move."),

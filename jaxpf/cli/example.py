@@ -1,0 +1,168 @@
+"""``jaxpf example``: a small clip to try the tracker on, with its start and its truth."""
+
+import csv
+import shlex
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+
+_SEED = 1
+
+
+class _Example(NamedTuple):
+    """What is filmed, what is written beside the film, and what to run on it."""
+
+    scene: Callable[[Any], Any]
+    write: Callable[[Path, Any], None]
+    commands: tuple[str, ...]
+
+
+@click.command("example")
+@click.argument("kind", type=click.Choice(["boxes", "parts", "points", "contours", "births"]))
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")
+def command(kind: str, folder: Path, overwrite: bool) -> None:
+    """Write a short clip of KIND into FOLDER, with its start and its truth, to try tracking on.
+
+    The clips are drawn: people in a street for boxes and births, a puppet, a fish in a school, two
+    wires.  The commands to run on them are printed.
+    """
+    import scenes
+    from jaxpf.files.writing import prepare_output_folder
+    from jaxpf.media.video_writer import VideoWriter
+
+    example = _EXAMPLES[kind]
+    prepare_output_folder(folder, overwrite)
+    scene = example.scene(scenes)
+    height, width = scene.frames.shape[1:3]
+    with VideoWriter(folder / "clip.mp4", width, height, scene.fps) as video:
+        for frame in scene.frames:
+            video.write(frame)
+    example.write(folder, scene)
+    names = ", ".join(sorted(path.name for path in folder.iterdir()))
+    click.echo(f"{folder}/: {names}; {scene.num_frames} frames of {width}x{height} pixels.  Try:")
+    for line in example.commands:
+        click.echo(f"  jaxpf {line.format(folder=shlex.quote(str(folder)))}")
+
+
+def _write_boxes(folder: Path, scene: Any) -> None:
+    _table(folder / "start.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes[:1]))
+    _table(folder / "truth.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes))
+
+
+def _write_births(folder: Path, scene: Any) -> None:
+    from jaxpf.baselines.simulated_detections import simulated_detections
+    from jaxpf.files.detections import write_detections
+
+    found = simulated_detections(scene.boxes, scene.frames.shape[1:3], seed=_SEED)
+    write_detections(folder / "det.txt", found)
+    _table(folder / "truth.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes))
+
+
+def _write_parts(folder: Path, scene: Any) -> None:
+    import numpy as np
+
+    from jaxpf.files.parts import HEADER, PartTrackWriter
+
+    names = ["body", *(f"{side} {at}" for at in (1, 2, 3) for side in ("left", "right"))]
+    poses, parents = scene.extras["poses"], scene.extras["parents"]
+    _table(
+        folder / "parts.csv",
+        HEADER,
+        (
+            [name, names[parent] if parent >= 0 else "", *_rounded(x, y, *size, np.rad2deg(angle))]
+            for name, parent, (x, y, angle), size in zip(
+                names, parents, poses[0], scene.sizes, strict=True
+            )
+        ),
+    )
+    with PartTrackWriter(folder / "truth.csv") as truth:
+        for frame, each in enumerate(poses):
+            truth.append(frame, names, each, scene.sizes)
+
+
+def _write_points(folder: Path, scene: Any) -> None:
+    from jaxpf.files.points import PointTrackWriter
+
+    names, points = scene.extras["point_names"], scene.extras["points"]
+    start = ([*_rounded(*place), name] for name, place in zip(names, points[0], strict=True))
+    _table(folder / "points.csv", None, start)
+    with PointTrackWriter(folder / "truth.csv") as truth:
+        for frame, (places, seen) in enumerate(zip(points, scene.extras["visible"], strict=True)):
+            truth.append(frame, names, places, ~seen)
+
+
+def _write_contours(folder: Path, scene: Any) -> None:
+    from jaxpf.adapters import adapters
+    from jaxpf.files.contours import write_contours
+
+    start: Any = adapters()["contours"].scene_start(scene)
+    write_contours(folder / "wires.json", start.contours)
+    rows = (
+        [frame, wire, number, *_rounded(*point)]
+        for frame, wires in enumerate(scene.extras["outlines"])
+        for wire, line in enumerate(wires, start=1)
+        for number, point in enumerate(line)
+    )
+    _table(folder / "centrelines.csv", "frame,id,k,x,y", rows)
+
+
+_BOXES = "track {folder}/clip.mp4 --boxes {folder}/start.csv --truth {folder}/truth.csv"
+_BIRTHS = "track {folder}/clip.mp4 --births {folder}/det.txt --truth {folder}/truth.csv"
+_EXAMPLES = {
+    "boxes": _Example(
+        lambda scenes: scenes.street_scene(seed=_SEED),
+        _write_boxes,
+        (
+            "frame {folder}/clip.mp4 -o {folder}/frame.png",
+            _BOXES + " -o {folder}/tracks",
+        ),
+    ),
+    "parts": _Example(
+        lambda scenes: scenes.puppet_scene(seed=_SEED),
+        _write_parts,
+        ("track parts {folder}/clip.mp4 --parts-file {folder}/parts.csv -o {folder}/tracks",),
+    ),
+    "points": _Example(
+        lambda scenes: scenes.make(
+            "fish", seed=_SEED, num_frames=60, frame_width=640, frame_height=360
+        ),
+        _write_points,
+        ("track points {folder}/clip.mp4 --points {folder}/points.csv -o {folder}/tracks",),
+    ),
+    "contours": _Example(
+        lambda scenes: scenes.make("wires", seed=_SEED, clutter=20.0, clutter_grain=5.0),
+        _write_contours,
+        (
+            "track contours {folder}/clip.mp4 --contours {folder}/wires.json --sigma 3"
+            " -o {folder}/tracks",
+        ),
+    ),
+    "births": _Example(
+        lambda scenes: scenes.street_scene(120, seed=_SEED, come_and_go=True),
+        _write_births,
+        (_BIRTHS + " -o {folder}/tracks",),
+    ),
+}
+
+
+def _box_rows(boxes: Any) -> Iterable[list[Any]]:
+    import numpy as np
+
+    for frame, person in np.argwhere(np.isfinite(boxes).all(axis=-1)):
+        yield [frame, person + 1, *_rounded(*boxes[frame, person])]
+
+
+def _rounded(*numbers: float) -> list[str]:
+    return [f"{number:.3f}" for number in numbers]
+
+
+def _table(path: Path, header: str | None, rows: Iterable[Iterable[Any]]) -> None:
+    from jaxpf.files.writing import atomic_write
+
+    with atomic_write(path) as file:
+        if header:
+            file.write(f"{header}\n")
+        csv.writer(file, lineterminator="\n").writerows(rows)

@@ -1,0 +1,172 @@
+"""Pictures like those of a camera held by hand: people in a street, and a puppet before its wall.
+
+For trying things out; no paper has them.  Three people walk to and fro and pass each other, or five
+cross the picture, each coming and going.
+"""
+
+import dataclasses
+
+import cv2
+import numpy as np
+
+from scenes import drawn_outlines as drawn
+from scenes.articulated import ArticulatedParameters, articulated_scene
+from scenes.deforming import Bend, Body, Film, Pose, bumps, draw, noise
+from scenes.scene import Scene
+
+WIDTH, HEIGHT = 480, 270
+#: Of a person at scale 1, pixels.
+SIZE = np.array([40.0, 90.0])
+_PAVEMENT, _MARGIN, _SHAPE, _PIXEL_NOISE = 150, 16, (104, 64), 3.0
+
+
+def street_scene(num_frames: int = 90, seed: int = 0, *, come_and_go: bool = False) -> Scene:
+    """People in a street.
+
+    Args:
+        num_frames: length of the sequence.
+        seed: of looks, steps and the camera's wandering.
+        come_and_go: five walk through the picture, instead of three who stay in it; their boxes
+            are NaN while less than half of them is to be seen.
+    """
+    look, path, camera = (np.random.default_rng([seed, stream]) for stream in range(3))
+    wall = _wall(look)
+    scales, middles = _walks(num_frames, come_and_go)
+    people = [_person(look) for _ in scales]
+    phases = path.uniform(0, 2 * np.pi, len(people))
+    sway = 2 * drawn.wandering(path, num_frames, 2, 60.0)
+    middles = middles + sway[:, None]
+    film = Film(camera, HEIGHT, WIDTH, _PIXEL_NOISE)
+    far_to_near = np.argsort(scales)
+    for t in range(num_frames):
+        frame = _shifted(wall, sway[t])
+        for person in far_to_near:
+            (x, y), bend = middles[t, person], _step(0.3 * t + phases[person])
+            pose = Pose(x, y, scales[person], bend=bend)
+            draw(frame, people[person], pose)
+        film.add(frame)
+    sizes = np.tile(SIZE * scales[:, None], (num_frames, 1, 1))
+    outside = (middles < 0).any(axis=-1) | (middles > [WIDTH, HEIGHT]).any(axis=-1)
+    boxes = np.concatenate([middles - sizes / 2, sizes], axis=-1)
+    boxes[outside] = np.nan
+    return Scene(
+        "street",
+        np.stack(film.frames),
+        boxes,
+        [_seen(person, scale) for person, scale in zip(people, scales, strict=True)],
+        25.0,
+        {"num_frames": num_frames, "seed": seed, "come_and_go": come_and_go},
+    )
+
+
+def puppet_scene(num_frames: int = 60, seed: int = 0) -> Scene:
+    """The seven parts of ``articulated_scene``, before the street's wall; ``extras`` are its."""
+    parameters = ArticulatedParameters(
+        num_frames=num_frames, frame_width=WIDTH, frame_height=HEIGHT, background_noise=0.0
+    )
+    parts = articulated_scene(parameters, seed)
+    look, camera = (np.random.default_rng([seed, 10 + stream]) for stream in range(2))
+    wall = _wall(look)[_MARGIN:-_MARGIN, _MARGIN:-_MARGIN]
+    film = Film(camera, HEIGHT, WIDTH, _PIXEL_NOISE)
+    bodies = [
+        Body(patch.astype(np.float32), np.ones(patch.shape[:2], np.float32))
+        for patch in parts.patches
+    ]
+    for poses in parts.extras["poses"]:
+        frame = wall.copy()
+        # The arms' ends lie behind, as the scene has it.
+        for body, (x, y, angle) in reversed(list(zip(bodies, poses, strict=True))):
+            draw(frame, body, Pose(x, y, 1.0, angle))
+        film.add(frame)
+    return dataclasses.replace(parts, name="puppet", frames=np.stack(film.frames))
+
+
+def _walks(num_frames: int, come_and_go: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Scales ``[P]``, and the people's middles ``[T, P, 2]`` before a camera that stands still."""
+    times = np.arange(num_frames)
+    if not come_and_go:
+        scales = np.array([1.0, 1.1, 0.8])
+        first = np.array([[140.0, 125.0], [322.0, 127.5], [416.0, 120.0]])
+        speeds = np.array([2.2, -2.0, -1.2])
+        return scales, first + np.stack([times[:, None] * speeds, np.zeros((len(times), 3))], -1)
+    scales = np.array([1.0, 1.15, 0.85, 1.05, 0.9])
+    began, speeds = 14.0 * np.arange(5), np.array([5.0, -4.5, 4.0, -5.5, -4.0])
+    from_side = np.where(speeds > 0, -40.0, WIDTH + 40.0)
+    across = from_side + (times[:, None] - began) * speeds
+    # Whoever is nearer is larger, and stands lower in the picture.
+    down = np.broadcast_to(
+        _PAVEMENT + 60 * (scales - 0.85) - SIZE[1] * scales / 2 + 12, across.shape
+    )
+    return scales, np.stack([across, down], axis=-1)
+
+
+def _wall(rng: np.random.Generator) -> np.ndarray:
+    """Bricks, windows and a pavement, float32, wider than the picture by a margin on each side."""
+    height, width = HEIGHT + 2 * _MARGIN, WIDTH + 2 * _MARGIN
+    shape = (height, width)
+    wall = np.ascontiguousarray(
+        noise(rng, shape, 70.0) * 8 + noise(rng, shape, 6.0) * 7 + np.array([150.0, 122.0, 104.0])
+    ).astype(np.float32)
+    for row, y in enumerate(range(0, height, 12)):
+        cv2.line(wall, (0, y), (width, y), (176, 164, 150), 1)
+        for x in range(12 * (row % 2), width, 24):
+            cv2.line(wall, (x, y), (x, y + 12), (176, 164, 150), 1)
+    for x in range(60, width, 130):
+        cv2.rectangle(wall, (x, 26), (x + 46, 92), (206, 200, 190), -1)
+        cv2.rectangle(wall, (x + 5, 31), (x + 41, 87), (70, 84, 98), -1)
+    ground = noise(rng, shape, 9.0) * 5 + noise(rng, shape, 2.0) * 5 + np.array([118, 116, 114])
+    wall[_PAVEMENT + _MARGIN :] = ground[_PAVEMENT + _MARGIN :]
+    return wall
+
+
+def _shifted(wall: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """What the camera sees of the wall, ``[H, W, 3]``, moved by so many pixels."""
+    matrix = np.array([[1, 0, by[0] - _MARGIN], [0, 1, by[1] - _MARGIN]])
+    return cv2.warpAffine(wall, matrix, (WIDTH, HEIGHT), borderMode=cv2.BORDER_REPLICATE)
+
+
+def _person(rng: np.random.Generator) -> Body:
+    """Somebody of 40 x 90 pixels, in a shirt with markings of its own."""
+    middle = np.array([_SHAPE[1] // 2, _SHAPE[0] // 2])
+    alpha = np.zeros(_SHAPE, np.uint8)
+    shirt, trousers = rng.uniform(40, 230, 3), rng.uniform(20, 110, 3)
+    picture = shirt + 26 * noise(rng, _SHAPE, 5.0)
+    picture = np.ascontiguousarray(np.clip(picture, 0, 255).astype(np.float32))
+
+    def limb(start, end, thickness, colour=None):
+        first, last = ([int(value) for value in middle + place] for place in (start, end))
+        cv2.line(alpha, first, last, (255,), thickness, cv2.LINE_AA)
+        if colour is not None:
+            cv2.line(picture, first, last, colour, thickness + 1, cv2.LINE_AA)
+
+    skin, hair = (214, 168, 140), rng.uniform(20, 120, 3).tolist()
+    for side in (-1, 1):
+        limb((5 * side, 8), (7 * side, 40), 11, trousers.tolist())
+        limb((12 * side, -20), (15 * side, 2), 7)
+        limb((15 * side, 2), (15 * side, 6), 6, skin)
+    limb((-4, -18), (-4, 4), 17)
+    limb((4, -18), (4, 4), 17)
+    head = tuple(int(value) for value in middle + np.array([0, -35]))
+    cv2.circle(alpha, head, 9, 255, -1, cv2.LINE_AA)
+    cv2.circle(picture, head, 10, skin, -1, cv2.LINE_AA)
+    cv2.ellipse(picture, head, (10, 10), 0, 180, 360, hair, -1, cv2.LINE_AA)
+    return Body(picture, alpha.astype(np.float32) / 255)
+
+
+def _step(phase: float) -> Bend:
+    """Legs and hands swing against each other."""
+    reach = 6 * np.sin(phase)
+    return bumps(
+        ((-7, 42), 14.0, (reach, 0)),
+        ((7, 42), 14.0, (-reach, 0)),
+        ((-15, 6), 9.0, (-0.5 * reach, 0)),
+        ((15, 6), 9.0, (0.5 * reach, 0)),
+    )
+
+
+def _seen(person: Body, scale: float) -> np.ndarray:
+    """The patch by which somebody is known, uint8, on grey ground."""
+    width, height = np.rint(SIZE * scale).astype(int)
+    frame = np.full((height, width, 3), 128, np.float32)
+    draw(frame, person, Pose(width / 2, height / 2, scale))
+    return np.clip(frame, 0, 255).astype(np.uint8)

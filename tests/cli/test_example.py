@@ -1,0 +1,71 @@
+"""``jaxpf example``: clips whose files agree, and commands that name what is there."""
+
+import re
+import shlex
+
+import numpy as np
+import pytest
+from command_line import jaxpf
+
+from jaxpf.files.contours import read_contours
+from jaxpf.files.parts import read_parts
+from jaxpf.files.points import read_points
+from jaxpf.tracks import dense, read_boxes
+from jaxpf.video import open_frames
+
+KINDS = {"boxes": 90, "parts": 60, "points": 60, "contours": 60, "births": 120}
+
+
+@pytest.fixture(scope="module")
+def examples(tmp_path_factory):
+    """Kind -> (folder, what was printed)."""
+    root = tmp_path_factory.mktemp("some examples")
+    outcomes = {kind: jaxpf("example", kind, root / kind) for kind in KINDS}
+    assert not any(outcome.code for outcome in outcomes.values()), outcomes
+    return {kind: (root / kind, outcome.out) for kind, outcome in outcomes.items()}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_commands_name_files_that_are_there(examples, kind):
+    folder, printed = examples[kind]
+    lines = [shlex.split(line) for line in printed.splitlines() if line.startswith("  jaxpf ")]
+    assert lines
+    assert sum(1 for _ in open_frames(folder / "clip.mp4")) == KINDS[kind]
+    for line in lines:
+        named = [word for word in line if word.startswith(str(folder))]
+        output = line[line.index("-o") + 1]
+        assert len(named) >= 2
+        assert {word for word in named if not (folder / word).exists()} == {output}
+
+
+def test_starts_are_the_truth_of_the_first_frame(examples):
+    boxes = examples["boxes"][0]
+    truth = dense(read_boxes(boxes / "truth.csv"), [1, 2, 3], 90)
+    assert np.isfinite(truth).all()
+    start = dense(read_boxes(boxes / "start.csv"), [1, 2, 3], 1)
+    np.testing.assert_array_equal(start[0], truth[0])
+    parts = read_parts(examples["parts"][0] / "parts.csv")
+    points = read_points(examples["points"][0] / "points.csv")
+    for kind, names, places in (
+        ("parts", parts.names, parts.poses[:, :2]),
+        ("points", points.names, points.places),
+    ):
+        rows = [line.split(",") for line in (examples[kind][0] / "truth.csv").open()][1:]
+        first = {row[1]: (float(row[2]), float(row[3])) for row in rows if row[0] == "0"}
+        np.testing.assert_allclose(places, [first[name] for name in names], atol=1e-3)
+    assert read_contours(examples["contours"][0] / "wires.json").points.shape[0] == 2
+
+
+def test_people_come_and_go(examples):
+    folder, _ = examples["births"]
+    there = np.isfinite(dense(read_boxes(folder / "truth.csv"), [1, 2, 3, 4, 5], 120)[..., 0])
+    assert not there[0].any()
+    assert there.any(axis=0).all()
+    assert not there[-1].all()
+
+
+def test_a_folder_with_files_is_refused(examples):
+    folder, _ = examples["boxes"]
+    outcome = jaxpf("example", "boxes", folder)
+    assert outcome.code == 2
+    assert re.search(r"is not empty .*--overwrite", outcome.err)

@@ -68,9 +68,11 @@ _NAMES = {
     "ParticleState": "state",
     "Partitioned": "filters.partitioned.tracker",
     "Summary": "state",
+    "load": "files.states",
     "monte_carlo": "blocks",
     "pytree_dataclass": "pytree",
     "run": "running",
+    "save": "files.states",
     "smooth": "smoothing",
     "tune": "tuning",
 }
@@ -116,6 +118,7 @@ if TYPE_CHECKING:
     )
     from jaxpf.blocks import monte_carlo
     from jaxpf.errors import InputError
+    from jaxpf.files.states import load, save
     from jaxpf.filters.factored.eskil import Eskil
     from jaxpf.filters.factored.pffl import PFFL
     from jaxpf.filters.labelled.tracker import Labelled
@@ -134,9 +137,11 @@ __all__ = [
     "ParticleState",
     "Partitioned",
     "Summary",
+    "load",
     "monte_carlo",
     "pytree_dataclass",
     "run",
+    "save",
     "smooth",
     "tune",
 ]

@@ -4,6 +4,7 @@ There is one loop over frames, ``frame_step``.  One run, many of them (``jaxpf.b
 frames as they come and objectives that are differentiated arrange the runs as they need.
 """
 
+import sys
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -17,6 +18,10 @@ from jaxpf import contract, gaps
 from jaxpf.checks import check_frames, check_run
 from jaxpf.chunks import come_one_by_one
 from jaxpf.errors import InputError
+from jaxpf.pytree import is_concrete
+
+#: In which a run goes that tells how far it is.
+_BLOCKS = 20
 
 
 def summary_only(state: Any, summary: Any) -> Any:
@@ -30,12 +35,18 @@ def run(
     frames: Any,
     record: Callable[[Any, Any], Any] = summary_only,
     observed: Any = None,
+    state: Any = None,
+    time: int = 0,
+    progress: bool | Callable[[int, int], Any] = False,
 ) -> tuple[Any, Any]:
     """Track one sequence once.
 
     The first call with a kind of tracker and frames of a shape compiles, for seconds or, of many
     objects, minutes, and says nothing: ``jax.config.update("jax_log_compiles", True)`` logs when
     that begins and ends, and ``jaxpf.streaming.stream`` gives every frame's summary as it comes.
+
+    To go on where another run ended, give its final state and how many frames it had: the rest
+    comes out as if nothing had been between (``jaxpf.save`` keeps both on disk).
 
     Args:
         tracker: any object with ``init`` and ``step``, registered as a pytree.
@@ -46,6 +57,10 @@ def run(
         observed: ``[T]`` bool, false for a frame that is missing: particles move by their
             dynamics, and the evidence increment is 0.  By default those frames of floats are
             missing that are NaN throughout.
+        state: after the frames before these; None begins with ``tracker.init``.
+        time: number of those frames.
+        progress: true tells on stderr how many frames are done; or a function of that number and
+            of T.  The frames then go in some twenty blocks, to the same results.
 
     Returns:
         The final state, and what ``record`` kept, with a leading axis T.
@@ -63,7 +78,30 @@ def run(
     num_frames(frames)
     check_run(tracker, frames)
     tracker, frames = gaps.marked(tracker, frames, observed)
-    return run_compiled(tracker, as_key(key), frames, record)
+    key = as_key(key)
+    if not progress or not is_concrete(tracker, key, frames, state):
+        return run_compiled(tracker, key, frames, record, state, time)
+    tell = _tell if progress is True else progress
+    return _in_blocks(tracker, key, frames, record, state, time, tell)
+
+
+def _in_blocks(tracker, key, frames, record, state, time, tell):
+    """``run_compiled`` with a word after every block of frames."""
+    total, kept = num_frames(frames), []
+    length = -(-total // _BLOCKS)
+    if state is None:
+        state = jax.jit(init)(tracker, key)
+    for first in range(0, total, length):
+        block = jax.tree.map(lambda x, first=first: x[first : first + length], frames)
+        state, found = run_compiled(tracker, key, block, record, state, time + first)
+        kept.append(jax.block_until_ready(found))
+        tell(min(first + length, total), total)
+    return state, jax.tree.map(lambda *x: jnp.concatenate(x), *kept)
+
+
+def _tell(done: int, total: int) -> None:
+    end = "\n" if done == total else ""
+    print(f"\r{done} of {total} frames", end=end, file=sys.stderr, flush=True)
 
 
 def frame_key(key: jax.Array, time: Any) -> jax.Array:
@@ -170,7 +208,10 @@ def together(tracker: Any, keys: jax.Array) -> Callable[[Callable, Any], Any]:
 
 
 @partial(jax.jit, static_argnames="record")
-def run_compiled(tracker: Any, key: jax.Array, frames: Any, record: Callable) -> Any:
+def run_compiled(
+    tracker: Any, key: jax.Array, frames: Any, record: Callable, state: Any = None, time: int = 0
+) -> Any:
     """``run`` without its checks."""
-    times = jnp.arange(num_frames(frames))
-    return lax.scan(one_run(tracker, key, record), init(tracker, key), (times, frames))
+    times = time + jnp.arange(num_frames(frames))
+    state = init(tracker, key) if state is None else state
+    return lax.scan(one_run(tracker, key, record), state, (times, frames))

@@ -30,6 +30,8 @@ def stream(
     key: jax.Array,
     frames: Iterable[np.ndarray],
     observed: Iterable[bool] | None = None,
+    state: Any = None,
+    time: int = 0,
 ) -> Iterator[TrackedFrame]:
     """Track frames one by one; gives what ``jaxpf.run`` gives with the same key.
 
@@ -41,11 +43,15 @@ def stream(
         frames: uint8 RGB ``[H, W, 3]``, all of one size.
         observed: whether each was seen, as for ``jaxpf.run``; a frame that was dropped may hold
             anything of that size.
+        state: as for ``jaxpf.run``, to go on.
+        time: likewise; frames are numbered from it.
     """
-    state = jax.jit(running.init)(tracker, key)
-    for time, (frame, its, taken) in enumerate(gaps.marked_one_by_one(tracker, frames, observed)):
-        state, summary = step(its, key, time, state, taken)
-        yield TrackedFrame(time, frame, state, jax.tree.map(np.asarray, summary))
+    if state is None:
+        state = jax.jit(running.init)(tracker, key)
+    marked = gaps.marked_one_by_one(tracker, frames, observed)
+    for number, (frame, its, taken) in enumerate(marked, time):
+        state, summary = step(its, key, number, state, taken)
+        yield TrackedFrame(number, frame, state, jax.tree.map(np.asarray, summary))
 
 
 @jax.jit

@@ -25,6 +25,11 @@ def check_live(request: "Request", source: Any) -> None:
     Raises:
         InputError: which option.
     """
+    if source.is_live and request.run.resume is not None:
+        raise InputError(
+            f"--resume goes on in a video that begins as it did, and '{source.path}' is live; "
+            "leave it out, or record a video first."
+        )
     said = {
         "--truth": request.run.truth,
         "--births": request.births,

@@ -36,6 +36,9 @@ class Recorder:
         #: What the runs repeat, where there are many, or one that tells its errors.
         asks = request.run.runs or request.run.error_bars
         self.filter = tracker.tracker if asks else tracker
+        #: The state of an earlier run, and how many frames it has seen.
+        self.before: tuple[Any, int] = None, 0
+        self.last: Any = None
         self.uncertainty: Any = None
         self.smoothed: Any = None
         self.ids = ids = start.ids
@@ -74,15 +77,20 @@ class Recorder:
         return self._stack.__exit__(*exception)
 
     def start(self, number, frame):
-        """The start frame's row is where the objects were said to be."""
+        """The start frame's row is where the objects were said to be; an earlier run has it."""
+        if self.before[1]:
+            return
         nobody = np.zeros(len(self.ids), bool)
         self.tracks.append(number, self.start_at.shapes, nobody)
         self._show_objects(frame, self.start_at.shapes, nobody)
 
     def follow(self, key, frames):
-        """Track the frames after the start frame."""
+        """Track the frames after the start frame, or after those of the run that goes on."""
+        from jaxpf.files import states
+
         start, limit = self.request.run.start, self.request.run.frames
-        frames = itertools.islice(frames, limit)
+        before = self.before[1]
+        frames = itertools.islice(frames, before, limit)
         expected = self.source.num_frames or self.source.frames_expected
         total = None if expected is None else max(expected - start - 1, 0)
         if limit is not None:
@@ -90,9 +98,9 @@ class Recorder:
         if self.request.run.smooths:
             from jaxpf.cli.smoothed import SmoothedTracks
 
-            self.smoothed = self._stack.enter_context(
-                SmoothedTracks(self.output, self.request, self.start_at, self.filter, key, total)
-            )
+            self.smoothed = self._stack.enter_context(SmoothedTracks(self, key, total))
+        if total is not None:
+            total = max(total - before, 0)
         clock = time.perf_counter()
         with console.progress_bar("frames") as progress:
             task = progress.add_task("compiling", total=total)
@@ -107,24 +115,28 @@ class Recorder:
                         self.seconds_rest += elapsed
                         progress.advance(task)
             finally:
-                # Also where Ctrl-C ended it: what was tracked can be looked back over.
+                # Also where Ctrl-C ended it: what was tracked is looked back over, and kept.
                 if self.smoothed is not None and self.num_tracked:
                     progress.update(task, description="smoothing")
                     self.smoothed.finish()
+                if self.request.run.save_state is not None and self.num_tracked:
+                    states.save(self.request.run.save_state, self.last, before + self.num_tracked)
             progress.update(task, total=self.num_tracked)
         if self.num_tracked == 0:
-            raise nothing_follows(self.source, start)
+            raise nothing_follows(self.source, start + before)
 
     def _stream(self, key, frames):
         from jaxpf.streaming import stream
 
-        return stream(self.tracker, key, frames)
+        state, time = self.before
+        return stream(self.tracker, key, frames, state=state, time=time)
 
     def _record(self, number, tracked):
         from jaxpf.evaluation.trackers import shapes_of
 
         summary = tracked.summary
-        if self.num_tracked == 0 and not self.request.run.tracker:
+        self.last = tracked.state
+        if self.num_tracked + self.before[1] == 0 and not self.request.run.tracker:
             self.request.filter.check_first(summary, self.ids)
         found = np.asarray(
             shapes_of(self.filter, self.request.target, self.start_at, summary.estimate), float
@@ -370,7 +382,7 @@ class Recorder:
 
         output, ids = self.output, self.ids
         estimated = tracks.read_boxes(output / f"{which or 'tracks'}.csv", empty_boxes="absent")
-        first, last = int(estimated.frame.min()), int(estimated.frame.max())
+        first, last = self.request.run.start + self.before[1], int(estimated.frame.max())
         known = [int(i) for i in ids if i in set(truth.id.tolist())]
         estimate = tracks.dense(estimated, known, last + 1)[first + 1 :]
         target = tracks.dense(truth, known, last + 1)[first + 1 :]

@@ -12,6 +12,7 @@ from jaxpf.adapters.adapter import Adapter
 from jaxpf.cli.births import Births, defaults_of, read_births
 from jaxpf.cli.flags import as_typed, picked, refuse_others
 from jaxpf.errors import InputError
+from jaxpf.files.writing import check_output_file
 from jaxpf.media.video_writer import SUFFIXES
 from jaxpf.options import OPEN, check_options, option, options_of
 from jaxpf.targets.target import Target
@@ -22,7 +23,7 @@ _MOST_FRAMES = 2**31 - 1
 LEAST_FITTED = 5
 #: Options of a run that say where results go or how they are watched, not what they are; what
 #: --fit-motion found stands in the options of the model.
-_NOT_REPEATED = ("output", "overwrite", "preview", "fit_motion")
+_NOT_REPEATED = ("output", "overwrite", "preview", "fit_motion", "save_state")
 #: What is typed of these replaces the start of a configuration; of others it adds to it.
 _ADDS_TO_START = ("ids", "mask_step", "learned")
 
@@ -67,6 +68,14 @@ class Run:
         "Smooth by so many frames ahead at least, such as 50, instead of by all; for long clips.",
         least=1,
         most=_MOST_FRAMES,
+    )
+    save_state: Path | None = option(  # noqa: RUF009
+        None, "File for the state in which the last frame leaves the filter, for --resume."
+    )
+    resume: Path | None = option(  # noqa: RUF009
+        None,
+        "State of --save-state: go on after its frames, with the other options as they were; the "
+        "tracks are those of one run through all.",
     )
     output: Path | None = option(  # noqa: RUF009
         None,
@@ -169,6 +178,7 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     request = Request(values["video"], adapter, starts, run, model, its, filter_options, births)
     _check_fit(request)
     _check_uncertainty(request)
+    _check_states(request)
     return request
 
 
@@ -219,6 +229,23 @@ def _check_uncertainty(request: Request) -> None:
                 f"{flag} is about the built-in filters; leave it out, or put the tracker of "
                 f"{request.run.tracker} into jaxpf.uncertainty.SideBySide yourself."
             )
+
+
+def _check_states(request: Request) -> None:
+    """Refuse to save what a filter's state does not hold.
+
+    Raises:
+        InputError: the sentence says why.
+    """
+    run = request.run
+    for flag, value in (("--save-state", run.save_state), ("--resume", run.resume)):
+        if value is not None and request.births is not None:
+            raise InputError(
+                f"{flag} is about a filter's state, which does not know whom --births began; "
+                "leave one of them out."
+            )
+    if run.save_state is not None:
+        check_output_file(run.save_state, "--save-state")
 
 
 def _given(ctx: click.Context, adapter: Adapter) -> dict[str, Any]:

@@ -13,10 +13,18 @@ from jaxpf.smoothing import LookBack
 class SmoothedTracks:
     """Writes smoothed.csv and smoothed_uncertainty.csv; it closes as a context does."""
 
-    def __init__(self, output: Any, request: Any, start: Any, tracker: Any, key: Any, total: Any):
-        run, adapter = request.run, request.adapter
+    def __init__(self, recorder: Any, key: Any, total: int | None):
+        """Create both files.
+
+        Args:
+            recorder: of the run.
+            key: with which it tracks.
+            total: frames that it will track; None where nobody knows.
+        """
+        output, request, start = recorder.output, recorder.request, recorder.start_at
+        run, adapter, tracker = request.run, request.adapter, recorder.filter
         self._look_back = LookBack(tracker, key, run.smooth_lag, total)
-        self._first, self._start = run.start, start
+        self._first, self._start = run.start + recorder.before[1], start
         self._shapes = lambda estimate: request.target.shapes(start, np.asarray(estimate), tracker)
         self._stack = contextlib.ExitStack()
         enter = self._stack.enter_context
@@ -25,7 +33,8 @@ class SmoothedTracks:
         self._uncertainty = enter(
             UncertaintyWriter(output / "smoothed_uncertainty.csv", names, size)
         )
-        self._append(run.start, start.shapes)
+        if recorder.before[1] == 0:
+            self._append(run.start, start.shapes)
 
     def __enter__(self) -> "SmoothedTracks":
         return self

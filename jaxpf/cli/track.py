@@ -96,7 +96,9 @@ def _params(adapter: Adapter) -> list[click.Parameter]:
     def of_run(section: str, *names: str, but: tuple[str, ...] = ()) -> list[Flag]:
         those = {n: one for n, one in run.items() if n not in but and (not names or n in names)}
         return declared_flags(
-            those, section, rare=("codec", "tracker", "error_bars", "smooth", "smooth_lag")
+            those,
+            section,
+            rare=("codec", "tracker", "error_bars", "smooth", "smooth_lag", "save_state", "resume"),
         )
 
     early, of_model = ("start", "frames"), ("fit_motion",)

@@ -78,6 +78,7 @@ def track(request: Request) -> None:
     tracker = _build_tracker(request, start, source, first)
     fewer = " or fewer runs (--runs)" if run.runs else ""
     check_memory(needed_by(tracker), f"ask for fewer particles (-n){fewer}")
+    before = _state_before(run, tracker)
     if run.smooths:
         smoothing.check_smoothing(tracker.tracker if run.error_bars else tracker)
         if run.smooth_lag is None and source.is_live and run.frames is None:
@@ -107,7 +108,7 @@ def track(request: Request) -> None:
                 tracker, first = start_when_compiled(make, tracker, first, frames, source)
             kind = Recorder if request.births is None else PopulationRecorder
             recorder = kind(output, source, request, start, tracker)
-            recorder.window = window
+            recorder.window, recorder.before = window, before
             saying = "Finishing: what was tracked is being written."
             with announced_stop(saying), recorder, contextlib.closing(frames):
                 recorder.start(run.start, first)
@@ -127,6 +128,21 @@ def track(request: Request) -> None:
             output.rmdir()
     if stopped is not None:
         raise stopped
+
+
+def _state_before(run: Run, tracker: Any) -> tuple[Any, int]:
+    """The state of --resume, and how many frames it has seen; else None and 0."""
+    if run.resume is None:
+        return None, 0
+    from jaxpf.files import states
+
+    state, time = states.load(run.resume, tracker), states.saved_time(run.resume)
+    if run.frames is not None and run.frames <= time:
+        raise InputError(
+            f"--resume {run.resume} has tracked {time} frames already, and --frames {run.frames} "
+            "counts them; give more."
+        )
+    return state, time
 
 
 def _with_a_second(

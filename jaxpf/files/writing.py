@@ -156,8 +156,8 @@ class LineWriter:
         self.close()
 
 
-def check_output_file(path: str | os.PathLike[str]) -> None:
-    """Find out now, rather than after the work, whether a file can be written.
+def check_output_file(path: str | os.PathLike[str], flag: str = "--output") -> None:
+    """Find out now, rather than after the work, whether a file can be written; ``flag`` names it.
 
     Raises:
         InputError: it is no file that may be replaced, or its folder is missing or cannot be
@@ -166,7 +166,7 @@ def check_output_file(path: str | os.PathLike[str]) -> None:
     path = Path(path)
     if path.exists() and not path.is_file():
         what = "a folder" if path.is_dir() else "a device or a pipe"
-        raise InputError(f"output file '{path}' is {what}; choose another --output")
+        raise InputError(f"output file '{path}' is {what}; choose another {flag}")
     probe = temporary_sibling(path)
     with report_os_errors("write", path):
         probe.touch()

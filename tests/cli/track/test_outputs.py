@@ -163,11 +163,29 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     unset = (
         others
         | options_of(Rules).keys()
-        | {"frames", "order", "ess_threshold", "tracker", "runs", "error_bars", "smooth_lag"}
+        | {
+            "frames",
+            "order",
+            "ess_threshold",
+            "tracker",
+            "runs",
+            "error_bars",
+            "smooth_lag",
+            "resume",
+        }
     ) | {"boxes", "ids", "births"}
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
     unset |= {"sharpness", "bands", "likelihood", "scale", "swap"}
-    elsewhere = {"output", "overwrite", "config", "filter", "preview", "fit_motion", "help_all"}
+    elsewhere = {
+        "output",
+        "overwrite",
+        "config",
+        "filter",
+        "preview",
+        "fit_motion",
+        "help_all",
+        "save_state",
+    }
     names = {param.name for param in params} | {"target"}
     assert set(options) == names - unset - elsewhere
 
@@ -283,3 +301,20 @@ def test_overwrite_leaves_no_file_of_the_earlier_run_and_every_other_file(track,
     left = {path.name for path in (tmp_path / "out").iterdir()}
     assert "notes.txt" in left
     assert not left & {"overlay.mp4", "metrics.csv"}
+
+
+def test_a_run_in_two_pieces_gives_the_tracks_of_one(whole_run, track, tmp_path):
+    kept = tmp_path / "kept.npz"
+    first = track(*BOXES, "--frames", 4, "--save-state", kept, "--no-overlay")
+    assert first.code == 0, first.err
+    lines = (tmp_path / "out" / "tracks.csv").read_text()
+    more = track(*BOXES, "--resume", kept, "--overwrite")
+    assert more.code == 0, more.err
+    lines += (tmp_path / "out" / "tracks.csv").read_text()
+    assert lines == (whole_run[1] / "tracks.csv").read_text()
+    assert summary_of(tmp_path / "out")["frames_tracked"] == LENGTH - 5
+    ended = track(*BOXES, "--resume", kept, "--frames", 4, "--overwrite")
+    assert ended.code == 2
+    assert "has tracked 4 frames already" in ended.err
+    other = track(*BOXES, "--resume", kept, "-n", 61, "--overwrite")
+    assert "as many particles" in other.err

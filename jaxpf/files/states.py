@@ -1,0 +1,122 @@
+"""A filter's state on disk: saved after some frames, loaded to go on with more."""
+
+import os
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.errors import InputError
+from jaxpf.files.writing import atomic_write
+
+#: Of the file; another one is not read.
+_FORMAT = 1
+_STATE, _FORMAT_NAME, _TIME_NAME = "state", "format", "time"
+
+
+def save(path: str | os.PathLike[str], state: Any, time: int = 0) -> None:
+    """Write a tracker's state to a file, which appears under its name only when complete.
+
+    The file holds the arrays, as NumPy's ``.npz``, and neither code nor the tracker itself: who
+    goes on makes the same tracker again, of the same start frame.
+
+    Args:
+        path: of the file.
+        state: of any tracker, a pytree of arrays and random keys.
+        time: frames tracked so far, for ``saved_time``; ``jaxpf.run`` goes on with that number.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    arrays = {_STATE + place: _plain(leaf) for place, leaf in _leaves(state)}
+    about = {_FORMAT_NAME: np.array(_FORMAT), _TIME_NAME: np.array(time)}
+    with atomic_write(path, "wb") as file:
+        np.savez(file, allow_pickle=False, **about, **arrays)
+
+
+def load(path: str | os.PathLike[str], tracker: Any) -> Any:
+    """The state that ``save`` wrote.
+
+    Args:
+        path: of the file.
+        tracker: which goes on with it; it must be such a tracker as that which was saved.
+
+    Raises:
+        InputError: the file cannot be read, or holds the state of another tracker: of another
+            filter, or with another number of particles or objects.
+    """
+    wanted = jax.eval_shape(tracker.init, jax.random.key(0))
+    content = _content(path)
+    found = {name for name in content if name.startswith(_STATE)}
+    places = [(_STATE + place, leaf) for place, leaf in _leaves(wanted)]
+    if found != {name for name, _ in places}:
+        raise InputError(
+            f"'{path}' holds the state of another kind of tracker than {type(tracker).__name__}; "
+            "load it with one made just as that which was saved."
+        )
+    leaves = []
+    for name, leaf in places:
+        value, like = content[name], jax.eval_shape(_data, leaf)
+        if (value.shape, value.dtype) != (like.shape, like.dtype):
+            raise InputError(
+                f"'{path}' holds the state of another tracker: its {name.removeprefix(_STATE)} is "
+                f"{value.dtype} {list(value.shape)}, and this one's {like.dtype} "
+                f"{list(like.shape)}; give as many particles and objects as were saved."
+            )
+        leaves.append(_restored(value, leaf))
+    return jax.tree.unflatten(jax.tree.structure(wanted), leaves)
+
+
+def saved_time(path: str | os.PathLike[str]) -> int:
+    """How many frames had been tracked when a state was saved.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    return int(_content(path)[_TIME_NAME])
+
+
+def _content(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            content = {name: file[name] for name in file}
+        number = int(content[_FORMAT_NAME])
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(f"cannot read the state '{path}': {reason}; check the path.") from error
+    except Exception:  # there is no end to what a damaged archive raises
+        raise InputError(f"'{path}' holds no state; give a file that jaxpf.save wrote.") from None
+    if number != _FORMAT:
+        raise InputError(
+            f"'{path}' was saved in format {number}, and this version reads {_FORMAT}; load it "
+            "with the version that saved it."
+        )
+    return content
+
+
+def _leaves(state: Any) -> list[tuple[str, Any]]:
+    """Arrays of a state, each with its place, such as ``.log_weights``."""
+    leaves = jax.tree_util.tree_leaves_with_path(state)
+    return [(jax.tree_util.keystr(path), leaf) for path, leaf in leaves]
+
+
+def _is_key(leaf: Any) -> bool:
+    return jax.dtypes.issubdtype(leaf.dtype, jax.dtypes.prng_key)
+
+
+def _data(leaf: Any) -> Any:
+    return jax.random.key_data(leaf) if _is_key(leaf) else leaf
+
+
+def _restored(value: np.ndarray, leaf: Any) -> jax.Array:
+    """What was saved, of the kind of a leaf that is known by its shape alone."""
+    if not _is_key(leaf):
+        return jnp.asarray(value)
+    kinds: list[Any] = []
+    jax.eval_shape(lambda key: kinds.append(jax.random.key_impl(key)), leaf)
+    return jax.random.wrap_key_data(jnp.asarray(value), impl=kinds[0])
+
+
+def _plain(leaf: Any) -> np.ndarray:
+    return np.asarray(_data(jnp.asarray(leaf)))

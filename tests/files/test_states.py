@@ -1,0 +1,101 @@
+"""A filter's state, saved and gone on with."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf import InputError, ordering
+from jaxpf.dynamics import RandomWalk
+from jaxpf.files import states
+from jaxpf.likelihoods import Gaussian
+from jaxpf.uncertainty import SideBySide
+
+FRAMES = np.random.default_rng(0).normal(size=(6, 2, 1)).astype(np.float32)
+
+
+def one(num_particles=20, num_objects=2):
+    return jaxpf.Partitioned(
+        dynamics=RandomWalk(1.0),
+        likelihood=Gaussian(noise=jnp.ones((num_objects, 1, 1))),
+        ordering=ordering.ps(range(num_objects)),
+        initial=jnp.zeros((num_objects, 1)),
+        num_particles=num_particles,
+    )
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    path = tmp_path_factory.mktemp("state") / "after.npz"
+    state, _ = jaxpf.run(one(), jax.random.key(1), FRAMES[:3])
+    jaxpf.save(path, state, 3)
+    return path
+
+
+def test_a_run_goes_on_as_if_nothing_had_been_between(saved):
+    state = jaxpf.load(saved, one())
+    assert states.saved_time(saved) == 3
+    end, rest = jaxpf.run(one(), jax.random.key(1), FRAMES[3:], state=state, time=3)
+    whole_end, whole = jaxpf.run(one(), jax.random.key(1), FRAMES)
+    assert jnp.array_equal(rest.estimate, whole.estimate[3:])
+    assert jnp.array_equal(end.lagged, whole_end.lagged)
+
+
+@pytest.mark.slow
+def test_a_run_that_tells_how_far_it_is_gives_the_same(capsys):
+    told = []
+    found = jaxpf.run(
+        one(), jax.random.key(1), FRAMES, progress=lambda *numbers: told.append(numbers)
+    )
+    assert told == [(done, 6) for done in range(1, 7)]
+    whole = jaxpf.run(one(), jax.random.key(1), FRAMES)
+    same = jax.tree.map(lambda x, y: bool(jnp.array_equal(x, y)), found, whole)
+    assert all(jax.tree.leaves(same))
+    jaxpf.run(one(), jax.random.key(1), FRAMES, progress=True)
+    assert capsys.readouterr().err.endswith("6 of 6 frames\n")
+
+
+@pytest.mark.parametrize(
+    ("tracker", "said"),
+    [
+        (one(30), "as many particles and objects as were saved"),
+        (one(20, 3), "as many particles and objects as were saved"),
+        (SideBySide(one(), 2), "another kind of tracker than SideBySide"),
+    ],
+)
+def test_the_state_of_another_tracker_is_refused(saved, tracker, said):
+    with pytest.raises(InputError, match=said):
+        jaxpf.load(saved, tracker)
+
+
+def test_what_is_no_state_is_refused(tmp_path):
+    path = tmp_path / "x.npz"
+    for content, said in ((b"nothing", "holds no state"), (b"", "holds no state")):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=said):
+            jaxpf.load(path, one())
+    with pytest.raises(InputError, match="check the path"):
+        jaxpf.load(tmp_path / "none.npz", one())
+    np.savez(path, format=99)
+    with pytest.raises(InputError, match="saved in format 99"):
+        jaxpf.load(path, one())
+    np.savez(path, format=np.array([{}], object))
+    with pytest.raises(InputError, match="holds no state"):
+        jaxpf.load(path, one())
+
+
+@jaxpf.pytree_dataclass
+class Counting:
+    """A tracker whose state is a random key and a number."""
+
+    def init(self, key):
+        return key, jnp.zeros(())
+
+
+def test_random_keys_are_kept(tmp_path):
+    key, path = jax.random.key(7), tmp_path / "keys.npz"
+    jaxpf.save(path, (key, jnp.ones(())))
+    loaded, number = jaxpf.load(path, Counting())
+    assert jax.random.uniform(loaded) == jax.random.uniform(key)
+    assert number == 1

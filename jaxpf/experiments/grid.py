@@ -69,6 +69,7 @@ def run_grid(
     scale: Sequence[float] = SMITH2004_SCALE,
     resampling: str = "multinomial",
     name: str = "grid",
+    wrap: Callable[[Partitioned], Any] | None = None,
 ) -> Iterator[GridResult]:
     """Track every scene with every ordering and sharpness; yields scene by scene.
 
@@ -85,6 +86,7 @@ def run_grid(
         scale: noise of u, v (pixels) and of the box's scale.
         resampling: scheme; smith2004 names none.
         name: under which scenes are kept; see ``jaxpf.experiments.parts``.
+        wrap: makes another tracker of each one, of the same likelihood.
     """
     learned = [
         histogram_from_patches(
@@ -100,7 +102,7 @@ def run_grid(
     stacked = jax.tree.map(lambda *rows: jnp.stack(rows), *orderings.values())
     batch = min(jax.local_device_count(), len(scenes))
     settings = stacked, jnp.asarray(sharpness, float), jnp.asarray(scale, float)
-    track = partial(_track, settings, num_particles, resampling)
+    track = partial(_track, settings, (num_particles, resampling, wrap))
     chosen = [range(i, min(i + batch, len(scenes))) for i in range(0, len(scenes), batch)]
 
     def works(places: Sequence[int]) -> list[Work]:
@@ -116,14 +118,12 @@ def run_grid(
             yield GridResult(boxes, *others)
 
 
-def _track(
-    settings: Any, num_particles: int, resampling: str, works: Sequence[Work]
-) -> dict[str, Any]:
+def _track(settings: Any, static: tuple, works: Sequence[Work]) -> dict[str, Any]:
     """What ``_run_scene`` reports of each work, by its name."""
     # Elsewhere there may be fewer devices.
     most = min(jax.local_device_count(), len(works))
     devices = max(n for n in range(1, most + 1) if len(works) % n == 0)
-    kernel = _sharded(devices, num_particles, resampling)
+    kernel = _sharded(devices, *static)
     recorded = kernel(jax.tree.map(lambda *rows: np.stack(rows), *works), *settings)
     return dict(zip(_RECORDED, recorded, strict=True))
 
@@ -156,9 +156,11 @@ def with_bins(likelihood: HistogramLikelihood, num_bins: int) -> HistogramLikeli
 
 
 @lru_cache
-def _sharded(num_devices: int, num_particles: int, resampling: str) -> Callable:
+def _sharded(
+    num_devices: int, num_particles: int, resampling: str, wrap: Callable | None
+) -> Callable:
     """The compiled kernel for scenes that so many devices share."""
-    one = partial(_run_scene, num_particles=num_particles, resampling=resampling)
+    one = partial(_run_scene, num_particles=num_particles, resampling=resampling, wrap=wrap)
 
     def rows(works: Work, *settings: Any) -> Any:
         return lax.map(lambda work: one(work, *settings), works)
@@ -184,14 +186,15 @@ def _run_scene(
     *,
     num_particles: int,
     resampling: str,
+    wrap: Callable | None,
 ) -> Any:
     """Leading axes ``[O, L, R, T]`` of what a frame reports."""
     num_runs, num_values = work.keys.shape[0], sharpness.shape[0]
     keys = jnp.tile(jax.random.wrap_key_data(jnp.asarray(work.keys)), num_values)
     values = jnp.repeat(sharpness, num_runs)
 
-    def tracker(ordering: Ordering, value: Any) -> Partitioned:
-        return Partitioned(
+    def tracker(ordering: Ordering, value: Any) -> Any:
+        partitioned = Partitioned(
             dynamics=AR2(scale=scale),
             likelihood=dataclasses.replace(work.likelihood, sharpness=value),
             ordering=ordering,
@@ -199,6 +202,7 @@ def _run_scene(
             num_particles=num_particles,
             resampling=resampling,
         )
+        return partitioned if wrap is None else wrap(partitioned)
 
     def begin(ordering: Ordering) -> Any:
         return jax.vmap(lambda key: init(tracker(ordering, sharpness[0]), key))(keys)

@@ -31,7 +31,9 @@ NOTES = (
     "The circular shifts of one order are the same cycle of steps: propagate, weigh, resample, "
     "next object.  Where the frame's last resampling and the next frame's first are one, as here, "
     "they differ only in when the estimate is read off, so little dependence on the shift is "
-    "to be expected.",
+    "to be expected.  Neither few particles nor drawing twice, as in figure 1, makes it large.  To "
+    "count stages twice does, where object 1 comes last but one or last; but figure 1 divides them "
+    "out, and DPS then falls behind PS, against the paper.",
 )
 
 PAPER = Paper(

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from jaxpf.experiments.paper import Request
 from jaxpf.experiments.smith2004 import occlusions, published, sweep
+from jaxpf.experiments.smith2004.conditions import ENDINGS, PARTICLES, Condition, measure_conditions
 from jaxpf.experiments.smith2004.occlusions import Tracked
 from jaxpf.experiments.smith2004.scenes import RUNS_PER_SCENE, Outcome
 from jaxpf.experiments.smith2004.scenes import measure as measure_scenes
@@ -12,6 +13,7 @@ from jaxpf.experiments.smith2004.sweep import Sweep
 
 #: Scenes for each distance of the sweep.
 _SWEEP_SCENES, _QUICK_DISTANCES = 12, (22.0, 50.0)
+_FEW, _QUICK_ENDINGS = min(PARTICLES), (next(iter(ENDINGS)), "stages counted twice")
 
 
 class Found(NamedTuple):
@@ -21,11 +23,13 @@ class Found(NamedTuple):
         outcome: on the paper's scene.
         swept: at several distances.
         tracked: on the real clip; empty without it.
+        conditions: under which the order of objects may matter more.
     """
 
     outcome: Outcome
     swept: Sweep
     tracked: Sequence[Tracked]
+    conditions: Sequence[Condition]
 
 
 def measure(request: Request) -> Found:
@@ -44,4 +48,8 @@ def measure(request: Request) -> Found:
         runs = request.runs if request.quick else max(request.runs, published.RUNS)
         report(f"{occlusions.CLIP}: {runs} runs of every method, N = {occlusions.PARTICLES}")
         tracked = occlusions.measure(request.clips, runs, request.seed)
-    return Found(outcome, swept, tracked)
+    report("Conditions under which the order may matter more")
+    particles = (_FEW,) if request.quick else PARTICLES
+    endings = _QUICK_ENDINGS if request.quick else tuple(ENDINGS)
+    conditions = measure_conditions(seeds, particles, endings, report)
+    return Found(outcome, swept, tracked, conditions)

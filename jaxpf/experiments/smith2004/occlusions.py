@@ -6,8 +6,9 @@ walk faster, and its particles are reduced in a second round, for DPS to starve 
 """
 
 import csv
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,7 +58,9 @@ def measure(
     data: Path,
     runs: int,
     seed: int,
-    particles: tuple[int, ...] = PARTICLES,
+    particles: Sequence[int] = PARTICLES,
+    name: str = CLIP,
+    **settings: Any,
 ) -> list[Tracked]:
     """Track the clip with every method at every N.
 
@@ -66,6 +69,8 @@ def measure(
         runs: of each method.
         seed: of the runs.
         particles: values of N.
+        name: under which results are kept; see ``jaxpf.experiments.parts``.
+        settings: further ones of ``run_grid``.
 
     Raises:
         InputError: the clip is not there or cannot be read.
@@ -91,7 +96,8 @@ def measure(
                 [SHARPNESS],
                 num_particles=count,
                 scale=SCALE,
-                name=f"{CLIP}-{count}",
+                name=f"{name}-{count}",
+                **settings,
             )
         )
         boxes = np.concatenate([result.boxes[:, 0] for result in results], axis=1)[:, :runs]

@@ -101,6 +101,7 @@ def measure(
     num_particles: int = SMITH2004_PARTICLES,
     progress: Callable[[int], None] = lambda done: None,
     name: str = "scenes",
+    **settings: Any,
 ) -> Outcome:
     """Run every ordering and sharpness on the scenes of the seeds, ``RUNS_PER_SCENE`` times.
 
@@ -112,11 +113,14 @@ def measure(
         num_particles: N.
         progress: called with the number of scenes done.
         name: under which scenes are kept; see ``jaxpf.experiments.parts``.
+        settings: further ones of ``run_grid``.
     """
     orderings = all_orderings() if orderings is None else orderings
     drawn = [scenes.make("distracter", seed=seed, **parameters) for seed in seeds]
     keys = [run_keys(seed, np.arange(RUNS_PER_SCENE)) for seed in seeds]
-    results = run_grid(drawn, keys, orderings, sharpness, num_particles=num_particles, name=name)
+    results = run_grid(
+        drawn, keys, orderings, sharpness, num_particles=num_particles, name=name, **settings
+    )
     rows = []
     for done, (scene, result) in enumerate(zip(drawn, results, strict=True), start=1):
         rows.append(_measured(scene, result))

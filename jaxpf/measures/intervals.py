@@ -135,7 +135,7 @@ def masked_mean(values: ArrayLike, mask: ArrayLike, axis: int | Sequence[int]) -
 
 
 def student_quantile(freedom: float, level: float = 0.95) -> float:
-    """t with P(|T| < t) = level for Student's T with that many degrees of freedom, at least 1."""
+    """t with ``P(|T| < t) = level`` for Student's T with that many degrees of freedom, from 1."""
     from scipy.special import stdtrit
 
     return float(stdtrit(max(freedom, 1), 0.5 + level / 2))

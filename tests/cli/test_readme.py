@@ -13,6 +13,7 @@ README = (Path(__file__).resolve().parents[2] / "README.md").read_text()
 BLOCKS = re.findall(r"```(sh|python)\n(.*?)```", README, re.DOTALL)
 #: How a line begins that is not run, and why.
 LEFT_OUT = {
+    ".venv/bin/pip": "installs into the clone, and builds the site",
     "python3 -m venv": "installs into a clone of its own",
     ".venv/bin/python -m pytest": "is the test command",
     "jaxpf evaluate": "takes minutes, or reads files of the clone",

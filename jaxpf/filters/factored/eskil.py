@@ -32,10 +32,14 @@ class Eskil(contract.Tracker):
     on these.  In every frame, for all partitions at once:
 
     1. draw M particles by their weights (the paper's step 7, of the frame before) and move them
-       for show; 2. weigh them; 3. their weighted means less the last estimates are velocities v';
+       for show;
+    2. weigh them;
+    3. their weighted means less the last estimates are velocities v';
     4. move the particles anew, each ``upsampling`` times, and add the drift ``sum_j rho_ij v'_j``;
-    5. weigh them; 6. multiply by the shape function around step 5's means; 8. the estimate is the
-       weighted mean; 9. remember its velocity.
+    5. weigh them;
+    6. multiply by the shape function around step 5's means;
+    7. the estimate is the weighted mean (the paper's 8);
+    8. remember its velocity (its 9).
 
     The drift looks at the frame.  By default it counts as part of the dynamics.  With ``proper``
     it is a proposal, and weights are multiplied by the ratio of the dynamics' density to it; this

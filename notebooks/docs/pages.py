@@ -1,0 +1,138 @@
+"""Pages of the site that are written from the program: commands, modules, verdicts, scenes."""
+
+import csv
+import importlib
+import inspect
+from pathlib import Path
+
+import click
+import cv2
+import numpy as np
+
+import jaxpf
+import scenes
+from jaxpf import cli, overlay
+from jaxpf.cli.flags import ALL
+
+PACKAGE = Path(jaxpf.__file__).parent
+
+
+def write(folder):
+    """Write all pages; those of an earlier build are replaced."""
+    folder.mkdir(exist_ok=True)
+    for old in folder.iterdir():
+        old.unlink()
+    names = [_command(folder, *each) for each in _commands(cli.group, ())]
+    _contents(folder / "commands.rst", "Commands", names)
+    names = ["jaxpf", *sorted(f"jaxpf.{name}" for name in jaxpf._MODULES)]
+    documented = set()
+    for name in reversed(names):  # the package's own page last: most of it stands elsewhere, too
+        _module(folder, name, documented)
+    _contents(folder / "reference.rst", "Reference", names)
+    (folder / "verdicts.md").write_text(_verdicts())
+    for name, picture in _pictures():
+        cv2.imwrite(str(folder / f"{name}.png"), picture[..., ::-1])
+
+
+def _commands(group, path):
+    for name in group.list_commands(None):
+        command = group.get_command(None, name)
+        if isinstance(command, click.Group):
+            yield from _commands(command, (*path, name))
+        else:
+            yield command, (*path, name)
+
+
+def _command(folder, command, path):
+    """Its whole help, as the terminal shows it."""
+    title = " ".join(("jaxpf", *path))
+    context = click.Context(command, info_name=title, terminal_width=79)
+    context.meta[ALL] = True
+    lines = command.get_help(context).splitlines()
+    body = "\n".join(f"   {line}".rstrip() for line in lines)
+    name = "-".join(("jaxpf", *path))
+    (folder / f"{name}.rst").write_text(f"{_titled(title)}\n.. code-block:: text\n\n{body}\n")
+    return name
+
+
+def _module(folder, address, documented):
+    """A module's docstring, and that of every public name; links lead to a name's first page."""
+    module = importlib.import_module(address)
+    blocks = [_titled(address), f".. automodule:: {address}\n"]
+    for name in _names(module):
+        value, place = getattr(module, name), f"{address}.{name}"
+        again = "   :no-index:\n" if id(value) in documented else ""
+        documented.add(id(value))
+        if inspect.isclass(value):
+            members = "   :members:\n   :member-order: bysource\n"
+            blocks.append(f".. autoclass:: {place}\n{members}{again}")
+        elif callable(value):
+            blocks.append(f".. autofunction:: {place}\n{again}")
+        else:
+            blocks.append(f".. py:data:: {place}\n{again}   :value: {_short(value)}\n")
+    (folder / f"{address}.rst").write_text("\n".join(blocks))
+
+
+def _short(value):
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 70 else f"{text[:66]} ..."
+
+
+def _names(module):
+    if listed := getattr(module, "__all__", None):
+        return listed
+    here = module.__name__
+    return [
+        name
+        for name, value in vars(module).items()
+        if not name.startswith("_") and callable(value) and value.__module__ == here
+    ]
+
+
+def _contents(path, title, names):
+    listed = "\n".join(f"   {name}" for name in names)
+    path.write_text(f"{_titled(title)}\n.. toctree::\n   :maxdepth: 1\n\n{listed}\n")
+
+
+def _titled(title):
+    return f"{title}\n{'=' * len(title)}\n"
+
+
+def _verdicts():
+    """The stored verdicts, a table for each paper."""
+    blocks = []
+    for path in sorted((PACKAGE / "experiments").glob("*/verdicts.csv")):
+        with path.open(newline="") as file:
+            header, *rows = csv.reader(file)
+        lines = [header, ["---"] * len(header), *rows]
+        table = "\n".join(
+            f"| {' | '.join(cell.replace('|', '/') for cell in line)} |" for line in lines
+        )
+        blocks.append(f"### {path.parent.name}\n\n{table}\n")
+    return "\n".join(blocks) or "None are stored in this version.\n"
+
+
+def _pictures():
+    """What the trackers are given: synthetic scenes, with their truth in the middle of the clip."""
+    people = scenes.street_scene(24)
+    yield "street", overlay.draw_boxes(people.frames[-1], people.boxes[-1])
+    puppet = scenes.puppet_scene(30)
+    yield "puppet", _lines(puppet.frames[-1], puppet.extras["corners"][-1], closed=True)
+    fish = scenes.make("fish", num_frames=10, frame_width=640, frame_height=360)
+    points = np.asarray(fish.extras["points"])[-1]
+    yield "fish", _lines(fish.frames[-1], points[:, None] + [[-4, 0], [4, 0]], closed=False)
+    for name, closed in (("wires", False), ("leaves", True), ("walkers", True)):
+        scene = scenes.make(name, num_frames=20)
+        yield name, _lines(scene.frames[-1], scene.extras["outlines"][-1], closed=closed)
+    for name in ("distracter", "projectiles"):
+        scene = scenes.make(name, num_frames=6)
+        yield name, overlay.draw_boxes(scene.frames[-1], scene.boxes[-1])
+
+
+def _lines(frame, lines, *, closed):
+    """The frame with polylines ``[P, S, 2]`` drawn over it, enlarged."""
+    large = cv2.resize(frame, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+    for line, colour in zip(lines, overlay.object_colours(len(lines)), strict=True):
+        points = np.rint(2 * np.asarray(line)).astype(np.int32)
+        cv2.polylines(large, [points], closed, [int(c) for c in colour], 2, cv2.LINE_AA)
+    return large

@@ -33,8 +33,8 @@ NOTES = (
     "they differ only in when the estimate is read off, so little dependence on the shift is "
     "to be expected.  Neither few particles nor drawing twice, as in figure 1, makes it "
     "as large as published: 30 points from best to worst, of which seven equal orders would show "
-    "some 15 by the luck of 50 runs each.  To count stages twice does make a late place matter; but "
-    "figure 1 divides them out, and DPS then falls behind PS, against the paper.",
+    "some 15 by the luck of 50 runs each.  To count stages twice does make a late place matter; "
+    "but figure 1 divides them out, and DPS then falls behind PS, against the paper.",
 )
 
 PAPER = Paper(

@@ -110,7 +110,7 @@ def backward(
         frames_left = num_frames - 1 - time
 
         def draw(one: tuple[Drawn, jax.Array]) -> tuple[jax.Array, jax.Array]:
-            log_moves = _log_moves(tracker, here, one[0], parts, parents, frames_left)
+            log_moves = log_densities(tracker, here, one[0], parts, parents, frames_left)
             possible = jnp.isfinite(log_moves) & ~jnp.isneginf(log_weights)
             broken = ~jnp.any(possible)
             by_move = jnp.where(possible, log_weights + log_moves, -jnp.inf)
@@ -133,7 +133,7 @@ def backward(
     return Pass(estimate, spread, trajectories, jnp.sum(broken))
 
 
-def _log_moves(
+def log_densities(
     tracker: Any,
     here: History,
     drawn: Drawn,

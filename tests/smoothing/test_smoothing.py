@@ -199,3 +199,40 @@ def test_looking_back_beside_a_loop_gives_what_smoothing_gives(lag):
 def test_a_clip_that_is_too_long_to_look_back_over_names_the_lag():
     with pytest.raises(InputError, match="--smooth-lag 50"):
         smoothing.LookBack(tracker(), jax.random.key(0), num_frames=10**10)
+
+
+def kept(**changes):
+    return tracker(**{"resampling": "multinomial", "num_particles": 6} | changes)
+
+
+def test_sweeps_go_on_from_their_reference_and_over_missing_frames():
+    frames, key = FRAMES.copy(), jax.random.key(1)
+    frames[2:4] = np.nan
+    drawn = smoothing.particle_gibbs(kept(), key, frames, 3)
+    assert drawn.shape == (3, 6, 2, 1)
+    assert jnp.isfinite(drawn).all()
+    assert not jnp.array_equal(drawn[0, 1:], drawn[2, 1:])
+    assert (drawn[:, 0] == 0).all()  # where all particles start
+    assert smoothing.particle_gibbs(kept(), key, frames, 3, drawn[-1]).shape == drawn.shape
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"resampling": "systematic"}, "not under systematic; give resampling='multinomial'"),
+        ({"order": ordering.sps([-1, -1], "combinatorial")}, r"use jaxpf\.ordering\.ps or sir"),
+        ({"order": ordering.dps(2)}, r"use jaxpf\.ordering\.ps or sir"),
+        ({"ess_threshold": 0.5}, "ess_threshold; leave it out"),
+        ({"dynamics": Wandering()}, "add the method log_density"),
+    ],
+)
+def test_what_has_no_conditional_sweep_is_refused(changes, sentence):
+    with pytest.raises(InputError, match=sentence):
+        smoothing.particle_gibbs(kept(**changes), jax.random.key(0), FRAMES, 2)
+
+
+def test_a_reference_of_another_clip_is_refused():
+    with pytest.raises(InputError, match=r"\[5, 2, 1\] instead of \[6, 2, 1\]"):
+        smoothing.particle_gibbs(kept(), jax.random.key(0), FRAMES, 2, np.zeros((5, 2, 1)))
+    with pytest.raises(InputError, match="num_sweeps=0"):
+        smoothing.particle_gibbs(kept(), jax.random.key(0), FRAMES, 0)

@@ -1,0 +1,223 @@
+"""Particle Gibbs: whole trajectories, drawn one after the other from the posterior of all frames.
+
+Backward simulation goes over what a filter found; where an object is hidden for long, hardly a
+particle leads to the place at which it comes out.  A *conditional sweep* keeps a reference
+trajectory among its particles and draws a new one.  It leaves the posterior of trajectories given
+all frames exactly as it is, at any number of particles (Andrieu, Doucet & Holenstein 2010), so that
+sweep after sweep, each with the last one's draw for its reference, converges to it.
+
+Which past the reference x' continues is drawn anew at every frame, *ancestor sampling* (Lindsten,
+Jordan & Schoen 2014), by ::
+
+    w_t f(x'_{t+1} | x_t, x_{t-1}) f(x'_{t+2} | x'_{t+1}, x_t)
+
+without the second factor for motion of first order and at the last frame but one.  That is done
+where a frame starts, for all partitions at once.  Inside a frame the reference goes on from itself:
+a rule for the partitions that still lie ahead there is not proved.
+"""
+
+import dataclasses
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxpf import contract, gaps, memory, running
+from jaxpf.checks import check_frames, check_run
+from jaxpf.chunks import come_one_by_one
+from jaxpf.errors import InputError
+from jaxpf.filters.gradients import NoGradient
+from jaxpf.filters.schemes import BuiltIn
+from jaxpf.pytree import is_concrete, pytree_dataclass
+from jaxpf.smoothing.backward import Drawn, History, log_densities
+from jaxpf.smoothing.groups import check_smoothing, looks_back
+
+
+@pytree_dataclass
+class _KeepsFirst(BuiltIn):
+    """Multinomial resampling in which the first slot goes on from itself."""
+
+    def within(self, key, cdf, components):
+        return super().within(key, cdf, components).at[0].set(0)
+
+
+@pytree_dataclass
+class _HoldsFirst:
+    """A motion in which the first particle goes where a reference ``[D, P]`` went."""
+
+    dynamics: Any
+    reference: jax.Array
+
+    def propagate_all(self, key, partition, current, previous, parent):
+        moved = contract.propagate_all(self.dynamics, key, partition, current, previous, parent)
+        return moved.at[:, 0].set(self.reference[:, partition[0]])
+
+
+def particle_gibbs(
+    tracker: Any,
+    key: jax.Array,
+    frames: Any,
+    num_sweeps: int,
+    reference: Any = None,
+    *,
+    observed: Any = None,
+) -> jax.Array:
+    """Trajectories of conditional sweeps, each given the one before it.
+
+    Args:
+        tracker: a ``jaxpf.Partitioned`` with ``resampling="multinomial"``, an ordering of ``sir``
+            or ``ps``, and dynamics with ``log_density``.  A handful of particles will do.
+        key: a random key.
+        frames: ``[T, ...]``, as for ``jaxpf.run``.
+        num_sweeps: S.
+        reference: ``[T + 1, P, D]``, the trajectory to start from, the substates just before the
+            first frame in front; None: one drawn by the filter itself, and the first sweeps still
+            hang on it.
+        observed: as for ``jaxpf.run``.
+
+    Returns:
+        ``[S, T + 1, P, D]``, the substates just before the first frame in front.
+
+    Raises:
+        InputError: what cannot be smoothed (``check_smoothing``) or has no conditional sweep
+            (``check_conditional``); frames one by one; a reference of another shape; fewer than one
+            sweep; more than fits into the memory.
+    """
+    check_conditional(tracker)
+    if come_one_by_one(frames):
+        raise InputError(
+            "frames come one by one, and a conditional sweep needs them all at once; give "
+            "np.stack(list(frames))."
+        )
+    check_frames(frames)
+    check_run(tracker, frames)
+    if num_sweeps < 1:
+        raise InputError(f"num_sweeps={num_sweeps} must be at least 1.")
+    num_frames, num_particles = running.num_frames(frames), tracker.num_particles
+    lagged = jax.eval_shape(tracker.init, jax.random.key(0)).lagged
+    _, dimension, num_partitions, _ = lagged.shape
+    bytes_each = dimension * num_partitions * lagged.dtype.itemsize
+    memory.check_memory(
+        num_frames * bytes_each * (num_particles + num_sweeps),
+        "give fewer particles or sweeps, going on from the last trajectory",
+    )
+    key, first_key = jax.random.split(running.as_key(key))
+    marked, frames = gaps.marked(tracker, frames, observed)
+    second_order = looks_back(tracker)
+    if reference is None:
+        reference = jax.jit(sweep, static_argnums=4)(marked, first_key, frames, None, second_order)
+    wanted = num_frames + 1, num_partitions, dimension
+    if np.shape(reference) != wanted:
+        raise InputError(
+            f"reference has shape {list(np.shape(reference))} instead of {list(wanted)}, T + 1, P "
+            "and D; put the substates just before the first frame in front."
+        )
+    keys = jax.random.split(key, num_sweeps)
+    return _sweeps(marked, keys, frames, jnp.asarray(reference), second_order)
+
+
+def check_conditional(tracker: Any) -> None:
+    """Refuse what no conditional sweep is proved for.
+
+    Raises:
+        InputError: which, and what to use instead.
+    """
+    check_smoothing(tracker)
+    if getattr(tracker.resampling, "name", "") != "multinomial":
+        raise InputError(
+            f"a conditional sweep keeps its reference under multinomial resampling alone, not "
+            f"under {tracker.resampling}; give resampling='multinomial'."
+        )
+    ordering = tracker.ordering
+    if is_concrete(ordering) and (ordering.is_split or np.any(ordering.exchanged)):
+        raise InputError(
+            "a conditional sweep keeps its reference in one component without exchange; use "
+            "jaxpf.ordering.ps or sir."
+        )
+    for name, without in (
+        ("ess_threshold", None),
+        ("tempering", None),
+        ("initial_label", None),
+        ("look_ahead", False),
+    ):
+        if getattr(tracker, name) is not without:
+            raise InputError(f"a conditional sweep is not proved with {name}; leave it out.")
+
+
+@partial(jax.jit, static_argnames="second_order")
+def _sweeps(tracker, keys, frames, reference, second_order):
+    def one(reference, key):
+        drawn = sweep(tracker, key, frames, reference, second_order)
+        return drawn, drawn
+
+    return lax.scan(one, reference, keys)[1]
+
+
+def sweep(
+    tracker: Any, key: jax.Array, frames: Any, reference: Any, second_order: bool
+) -> jax.Array:
+    """One trajectory ``[T + 1, P, D]``, given another; given None, by a filter as any other.
+
+    Args:
+        tracker: as ``gaps.marked`` leaves it.
+        key: a random key.
+        frames: as ``gaps.marked`` leaves them.
+        reference: ``[T + 1, P, D]``.
+        second_order: static, whether moves depend on the substate before the current one.
+    """
+    model = gaps.unmarked(tracker, frames)[0]
+    num_frames = running.num_frames(frames)
+    parts, parents = jnp.arange(model.num_partitions), jnp.asarray(model.parents, jnp.int32)
+    slots = jnp.arange(model.num_particles)
+    init_key, end_key, frames_key = jax.random.split(key, 3)
+
+    start = model.init(init_key)
+    start = dataclasses.replace(start, sources=jnp.zeros(start.lineage.shape, jnp.int32))
+    if reference is not None:
+        reference = jnp.swapaxes(reference, 1, 2).astype(start.lagged.dtype)  # [T + 1, D, P]
+        start = dataclasses.replace(start, lagged=start.lagged.at[..., 0].set(reference[0]))
+
+    def one_frame(state, item):
+        frame, time, key = item
+        if reference is None:
+            state, _ = tracker.step(key, state, frame)
+            return state, (state.lagged[0], state.sources[0])
+        key, ancestor_key = jax.random.split(key)
+        following = reference[time + 1]
+        after = reference[jnp.minimum(time + 2, num_frames)]
+        previous, after = (state.lagged[1], after) if second_order else (None, None)
+        here = History(state.lagged[0], previous, state.log_weights, None)
+        drawn, frames_left = Drawn(following, after, None), num_frames - time
+        moves = state.log_weights + log_densities(model, here, drawn, parts, parents, frames_left)
+        moves = jnp.where(jnp.isnan(moves), -jnp.inf, moves)
+        ancestor = jax.random.categorical(ancestor_key, moves)
+        # The reference goes on from slot 0: its new past changes places with the old one there.
+        places = slots.at[0].set(ancestor).at[ancestor].set(0)
+        state = dataclasses.replace(
+            state, lagged=state.lagged[..., places], log_weights=state.log_weights[places]
+        )
+        holding = dataclasses.replace(
+            model,
+            dynamics=_HoldsFirst(model.dynamics, following),
+            resampling=_KeepsFirst("multinomial"),
+            gradient=NoGradient(),
+            motion_gradient="pathwise",
+        )
+        if tracker is not model:
+            holding = dataclasses.replace(tracker, tracker=holding)
+        state, _ = holding.step(key, state, frame)
+        return state, (state.lagged[0], places[state.sources[0]])
+
+    items = frames, jnp.arange(num_frames), jax.random.split(frames_key, num_frames)
+    state, history = lax.scan(one_frame, start, items)
+    last = jax.random.categorical(end_key, state.log_weights)
+
+    def trace_back(slot, item):
+        substates, sources = item
+        return sources[slot], substates[..., slot].T
+
+    slot, drawn = lax.scan(trace_back, last, history, reverse=True)
+    return jnp.concatenate([start.lagged[0, ..., slot].T[None], drawn])

@@ -75,7 +75,7 @@ class PopulationRecorder(Recorder):
         ids, boxes, lost = tracked.ids[living], tracked.boxes[living], tracked.lost[living]
         self.tracks.append(number, boxes, lost, ids)
         if tracked.summary is not None:
-            self._note_uncertainty(number, tracked, ids, living)
+            self.uncertainty.append(number, tracked, ids, living)
         if not self._is_watched():
             return
         # An object keeps its colour, whatever slot it has.
@@ -84,7 +84,7 @@ class PopulationRecorder(Recorder):
         if tracked.summary is not None:
             cloud = np.swapaxes(np.asarray(tracked.state.substates)[..., :2], 0, 1)[living]
             frame = draw_particles(frame, cloud, colours)
-            centres, spreads = self._places(tracked.summary)[:, living]
+            centres, spreads = self.uncertainty.places(tracked.summary)[:, living]
             frame = draw_spreads(frame, centres, spreads, colours)
         start = dataclasses.replace(self.start_at, ids=ids)
         self._show(self.adapter.draw(frame, start, boxes, Marks(colours, lost)))

@@ -13,21 +13,20 @@ import numpy as np
 
 from jaxpf.adapters.adapter import Marks
 from jaxpf.cli import console
+from jaxpf.cli.uncertainty import UncertaintyTable
 from jaxpf.errors import InputError
 from jaxpf.files.versions import versions
 from jaxpf.names import PROBABLY_LOST
 
 #: Frames over which a trail reaches back.
 _TRAIL = 20
-#: So many particles and objects are sorted in every frame, at most: some 20 ms.
-_SORTED = 200_000
 
 
 class Recorder:
     """Writes everything that a run leaves behind, frame by frame."""
 
     def __init__(self, output, source, request, start, tracker):
-        from jaxpf.files.writing import report_os_errors
+        from jaxpf.files.writing import LineWriter
         from jaxpf.media.overlay import object_colours
         from jaxpf.media.video_writer import SUFFIXES, VideoWriter
 
@@ -39,7 +38,6 @@ class Recorder:
         #: The state of an earlier run, and how many frames it has seen.
         self.before: tuple[Any, int] = None, 0
         self.last: Any = None
-        self.uncertainty: Any = None
         self.smoothed: Any = None
         self.ids = ids = start.ids
         self.colours = object_colours(len(ids))
@@ -54,11 +52,8 @@ class Recorder:
         self.tracks = self._stack.enter_context(
             self.adapter.track_writer(output / "tracks.csv", start)
         )
-        with report_os_errors("write", output / "diagnostics.csv"):
-            # Unbuffered, as the tracks are: whole lines, and no surprise when it is closed.
-            self.diagnostics = self._stack.enter_context(
-                open(output / "diagnostics.csv", "wb", buffering=0)  # noqa: SIM115
-            )
+        self.diagnostics = self._stack.enter_context(LineWriter(output / "diagnostics.csv"))
+        self.uncertainty = self._stack.enter_context(UncertaintyTable(output, request, self.filter))
         self.video = self.window = None
         if request.run.overlay:
             self.video = self._stack.enter_context(
@@ -153,9 +148,9 @@ class Recorder:
         self._note_confidence(number, confidence, lost)
         told = {} if confidence is None else {"confidence": confidence}
         self.tracks.append(number, found, lost, **told)
-        self._note_uncertainty(number, tracked)
+        self.uncertainty.append(number, tracked, self.ids)
         if self.smoothed is not None:
-            self.smoothed.add(self._cloud(tracked.state))
+            self.smoothed.add(self.uncertainty.cloud(tracked.state))
         self.num_tracked += 1
         self._draw(tracked, found, lost)
 
@@ -170,37 +165,9 @@ class Recorder:
             columns["confidence"] = summary.confidence
         if self.num_tracked == 0:
             names = [f"{name}_{i}" for name in columns for i in self.ids]
-            self._diagnose(["frame", "ess", "log_evidence", *names])
+            self.diagnostics.write_rows([["frame", "ess", "log_evidence", *names]])
         values = [ess, log_evidence, *np.concatenate([*columns.values()])]
-        self._diagnose([str(number), *(f"{value:.6g}" for value in values)])
-
-    def _note_uncertainty(self, number, tracked, ids=None, chosen=slice(None)):
-        """A line of uncertainty.csv for each object, or for those that are chosen."""
-        from jaxpf.files.uncertainty import LEVELS, UncertaintyWriter
-        from jaxpf.uncertainty import quantiles
-
-        summary = tracked.summary
-        if getattr(summary, "spread", None) is None:
-            return  # a tracker of the user's own may report less
-        if self.uncertainty is None:
-            size, target = summary.estimate.shape[-1], self.request.target
-            writer = UncertaintyWriter(self.output / "uncertainty.csv", target.coordinates, size)
-            self.uncertainty = self._stack.enter_context(writer)
-        variance = getattr(summary, "estimate_variance", None)
-        error = None if variance is None else np.sqrt(variance)[chosen]
-        cloud, found = self._cloud(tracked.state), None
-        if self._places(summary) is not None and _is_small(cloud):
-            places = np.asarray(cloud.substates)[..., :2]
-            levels = [level / 100 for level in LEVELS]
-            found = quantiles(places, cloud.log_weights, levels)[:, chosen]
-        ids = self.ids if ids is None else ids
-        self.uncertainty.append(
-            number, ids, summary.estimate[chosen], summary.spread[chosen], error, found
-        )
-
-    def _cloud(self, state):
-        """What holds the particles."""
-        return state.state if self.request.run.error_bars else state
+        self.diagnostics.write_rows([[number, *(f"{value:.6g}" for value in values)]])
 
     def _note_confidence(self, number, confidence, lost):
         if confidence is None:
@@ -209,20 +176,6 @@ class Recorder:
             self.frames_probably_lost[str(name)].append(number)
         known = 0.0 if self.total_confidence is None else self.total_confidence
         self.total_confidence = known + np.where(lost, 0.0, confidence)
-
-    def _diagnose(self, fields):
-        """Append one line to diagnostics.csv: all of it or nothing."""
-        from jaxpf.files.writing import report_os_errors
-
-        data, end = (",".join(fields) + "\n").encode("ascii"), self.diagnostics.tell()
-        with report_os_errors("write", self.output / "diagnostics.csv"):
-            try:
-                while data:
-                    data = data[self.diagnostics.write(data) :]
-            except BaseException:
-                self.diagnostics.truncate(end)
-                self.diagnostics.seek(end)
-                raise
 
     def _off_frame(self, shapes):
         corners = np.asarray(self.request.target.outlines(self.start_at, shapes), float)
@@ -236,17 +189,10 @@ class Recorder:
             return
         frame, summary = tracked.frame, tracked.summary
         frame = self.adapter.draw_particles(
-            frame, self.start_at, self.filter, self._cloud(tracked.state), self.colours
+            frame, self.start_at, self.filter, self.uncertainty.cloud(tracked.state), self.colours
         )
         confidence = getattr(summary, "confidence", None)
-        self._show_objects(frame, found, lost, confidence, self._places(summary))
-
-    def _places(self, summary):
-        """Where estimates are and how wide, x, y of both ``[2, P, 2]``; None where nobody knows."""
-        is_place = self.request.target.coordinates[:2] == ("x", "y")
-        if not is_place or getattr(summary, "spread", None) is None:
-            return None
-        return np.stack([summary.estimate[:, :2], summary.spread[:, :2]])
+        self._show_objects(frame, found, lost, confidence, self.uncertainty.places(summary))
 
     def _show_objects(self, frame, found, lost, confidence=None, places=None):
         from jaxpf.media.overlay import draw_spreads
@@ -292,6 +238,7 @@ class Recorder:
             "frames_without_likelihood": self.frames_without_likelihood,
             "frames_probably_lost": self.frames_probably_lost,
             "mean_confidence": self._mean_confidence(),
+            **self.uncertainty.means(self.ids),
             "impossible_frames": self.num_impossible,
             "invalid_likelihoods": self.num_invalid,
             "seconds_first_frame": round(self.seconds_first, 3),
@@ -342,6 +289,7 @@ class Recorder:
     def _tell(self, rate):
         speed = "" if rate is None else f", {rate:.1f} frames/s"
         click.echo(f"{self.output}: {counted(self.num_tracked)} tracked{speed}")
+        self.uncertainty.tell(self.ids)
         if self.source.note:
             click.echo(f"Note: {self.source.note}", err=True)
         for where, frames_of in (
@@ -376,36 +324,10 @@ class Recorder:
 
     def _report_truth(self, truth: Any, which: str = "") -> None:
         """Metrics over the frames after the start that have truth; also of smoothed tracks."""
-        from jaxpf.files import tracks
-        from jaxpf.files.writing import atomic_write
-        from jaxpf.measures import metrics, scores
+        from jaxpf.cli.against_truth import report_truth
 
-        output, ids = self.output, self.ids
-        estimated = tracks.read_boxes(output / f"{which or 'tracks'}.csv", empty_boxes="absent")
-        first, last = self.request.run.start + self.before[1], int(estimated.frame.max())
-        known = [int(i) for i in ids if i in set(truth.id.tolist())]
-        estimate = tracks.dense(estimated, known, last + 1)[first + 1 :]
-        target = tracks.dense(truth, known, last + 1)[first + 1 :]
-        measures = metrics.summarise(estimate[None], target)
-        columns = {
-            "frames": np.asarray(metrics.has_truth(target)).sum(axis=0),
-            "success at .5": np.asarray(scores.success_at_half(estimate, target)),
-            "success area": np.asarray(scores.success_area(estimate, target)),
-        }
-        for measure in ("overlap", "tracked", "precision", "recall", "centre_error"):
-            columns[measure] = np.asarray(measures[measure].value)
-        rows = [
-            [f"object {name}", f"{columns['frames'][k]:.0f}"]
-            + [f"{columns[c][k]:.3f}" for c in list(columns)[1:]]
-            for k, name in enumerate(known)
-        ]
-        title = ", ".join(filter(None, ["Against the truth", which]))
-        console.print_table(title, ["", *columns], rows)
-        with atomic_write(output / f"{which + '_' if which else ''}metrics.csv") as file:
-            names = [name.replace(" at .5", "_half").replace(" ", "_") for name in columns]
-            file.write("id," + ",".join(names) + "\n")
-            for k, name in enumerate(known):
-                file.write(f"{name}," + ",".join(f"{columns[c][k]:.6g}" for c in columns) + "\n")
+        first = self.request.run.start + self.before[1]
+        report_truth(self.output, self.ids, first, truth, which)
 
 
 def nothing_follows(source: Any, start: int) -> InputError:
@@ -414,12 +336,6 @@ def nothing_follows(source: Any, start: int) -> InputError:
         f"no frame of '{source.path}' follows the start frame {start}, so there is nothing to "
         "track; give a longer video, or an earlier --start."
     )
-
-
-def _is_small(state: Any) -> bool:
-    """Whether its particles are sorted in a moment."""
-    lagged = getattr(state, "substates", None)
-    return lagged is not None and lagged.shape[0] * lagged.shape[1] <= _SORTED
 
 
 def counted(count: int, noun: str = "frame") -> str:

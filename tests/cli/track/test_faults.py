@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -93,13 +94,8 @@ def test_a_disk_that_fills_up_is_one_sentence_and_keeps_whole_lines(track, tmp_p
 
         def __init__(self, *arguments, **settings):
             self.file, self.lines = open(*arguments, **settings), 0  # noqa: SIM115
-            self.tell, self.truncate, self.seek = self.file.tell, self.file.truncate, self.file.seek
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            self.file.close()
+            self.truncate, self.seek = self.file.truncate, self.file.seek
+            self.close = self.file.close
 
         def write(self, data):
             self.lines += 1
@@ -108,7 +104,11 @@ def test_a_disk_that_fills_up_is_one_sentence_and_keeps_whole_lines(track, tmp_p
             self.file.write(data[:3])
             raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("jaxpf.cli.recorder.open", Filling, raising=False)
+    def opened(path, *arguments, **settings):
+        kind = Filling if Path(path).name == "diagnostics.csv" else open
+        return kind(path, *arguments, **settings)
+
+    monkeypatch.setattr("jaxpf.files.writing.open", opened, raising=False)
     outcome = track(*BOXES)
     assert outcome.code == 2
     assert re.search(r"cannot write '.*diagnostics.csv': no space left", outcome.err)
@@ -166,7 +166,7 @@ def test_ctrl_c_leaves_valid_tracks_and_a_playable_video(whole_run, tmp_path):
 
 
 def test_ctrl_c_before_the_first_frame_leaves_no_folder(track, tmp_path, monkeypatch):
-    def interrupted(*_):
+    def interrupted(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("jaxpf.streaming.stream", interrupted)

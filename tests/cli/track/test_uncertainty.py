@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from small_video import BOXES, rows_of
+from small_video import BOXES, rows_of, summary_of
 
 
 def table_of(output):
@@ -42,6 +42,12 @@ def test_runs_side_by_side_tell_how_much_they_differ(track, tmp_path):
         error, spread = column(rows, f"error_{name}"), column(rows, f"spread_{name}")
         assert np.all((error > 0) & (error < spread))
     assert (tmp_path / "out" / "overlay.mp4").exists()
+    means = summary_of(tmp_path / "out")
+    for name in ("1", "2"):
+        error = np.mean([column(rows, f"error_{c}")[int(name) - 1 :: 2] for c in ("x", "y")])
+        np.testing.assert_allclose(means["mean_error"][name], error, atol=1e-3)
+        assert 0 < means["mean_error"][name] < means["mean_spread"][name]
+        assert f"{name} {means['mean_error'][name]:.2g} (" in outcome.out
 
 
 def test_one_run_tells_its_error_by_its_ancestors(track, whole_run, tmp_path):

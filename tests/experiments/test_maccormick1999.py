@@ -9,6 +9,7 @@ from jaxpf import InputError
 from jaxpf.benchmarks import contours
 from jaxpf.experiments.maccormick1999 import (
     PAPER,
+    calibration,
     claims,
     look_ahead,
     one_line,
@@ -55,6 +56,27 @@ def test_a_case_starts_on_its_targets_and_learns_from_other_seeds(wires):
     other = cases.wires(1, num_frames=40)
     np.testing.assert_array_equal(wires.dynamics.noise, other.dynamics.noise)
     assert (wires.frames != other.frames).any()
+
+
+def test_each_likelihood_has_a_noise_of_its_own(wires):
+    learned = np.asarray(wires.dynamics.noise)
+    for exclusion, factor in (*cases.NOISE_OF_WIRES.items(), ("wires-literal", 1.0)):
+        noise = tracking.tracker_of(wires, exclusion, 10).dynamics.noise
+        np.testing.assert_allclose(noise, factor * learned, rtol=1e-6)
+
+
+def test_the_search_takes_the_noise_that_keeps_most(monkeypatch):
+    def track(case, noise, runs, seed):
+        kept = np.array([noise == 3.0, True])
+        return tracking.Outcome(*[None] * 3, kept, ~kept, *[None] * 3)
+
+    monkeypatch.setattr(calibration, "SEEDS", (0,))
+    monkeypatch.setattr(calibration, "track", track)
+    monkeypatch.setattr(calibration, "tracker_of", lambda case, kind, _: case.noise[kind])
+    monkeypatch.setattr(calibration, "wires", lambda seed: cases.Case(*[None] * 8))
+    table = calibration.calibrate(lambda line: None)
+    assert len(table.rows) == 2 * len(calibration.FACTORS)
+    assert table.note == "Best: wires 3, none 3."
 
 
 def test_who_ended_where_is_judged_by_the_truth(wires):

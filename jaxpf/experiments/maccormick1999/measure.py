@@ -14,7 +14,7 @@ from jaxpf.experiments.paper import Request
 RUNS_PER_SCENE = 5
 #: Opaque targets are dearer: as many sequences, and so many runs on each.
 _OPAQUE_RUNS = 1
-_WIRE_PARTICLES, _WORM_PARTICLES = 300, 1000
+WIRE_PARTICLES, _WORM_PARTICLES = 300, 1000
 
 
 class Found(NamedTuple):
@@ -42,7 +42,7 @@ def measure(request: Request) -> Found:
     sets = toy.particle_sets(seed)
     report(f"Figure 4, wires: {len(seeds)} sequences, {RUNS_PER_SCENE} runs of each likelihood")
     wires = map(scenes.wires, seeds)
-    methods = passing.likelihoods(_WIRE_PARTICLES)
+    methods = passing.likelihoods(WIRE_PARTICLES)
     meetings = [passing.measure(wires, seeds, methods, RUNS_PER_SCENE, report)]
     if request.clips is not None:
         methods = passing.likelihoods(_WORM_PARTICLES)

@@ -1,5 +1,6 @@
 """Tracking a case many times, and judging who ended where."""
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import jax
@@ -53,6 +54,9 @@ def tracker_of(case: Case, exclusion: str, num_particles: int, method: str = "ps
     """
     likelihood = contours(case.space, 2, exclusion=exclusion, **case.options)
     dynamics, label = case.dynamics, None
+    if exclusion in case.noise:
+        noise = case.noise[exclusion] * np.asarray(dynamics.noise)
+        dynamics = dataclasses.replace(dynamics, noise=noise)
     ordering = orderings.ps([0, 1]) if method == "ps" else orderings.sir(2)
     if exclusion == "opaque":
         dynamics, label = WithOcclusion(dynamics, likelihood), np.full(2, 0.5, np.float32)

@@ -6,13 +6,37 @@ from typing import Any
 
 import click
 
+_TRACKED = "overlapping the truth at all"
 #: What a table's words mean, by how they begin; a line under each table explains those it uses.
 _TERMS = {
     "success at": "frames whose overlap is above that",
     "success area": "area under the curve of such frames over every overlap",
     "success": "tracked in every frame",
     "recover": "tracked in the last frame with truth",
+    "tracked": _TRACKED,
     "unique": "particles that carry different draws of the object",
+    "overlap": "intersection over union",
+    "precision": "share of the estimate that lies on the truth",
+    "recall": "share of the truth that the estimate covers",
+    "centre_error": "pixels between the middles",
+    "centre error": "pixels between the middles",
+    "hota": "places and identities, from 0 to 1",
+    "deta": "places alone",
+    "assa": "identities alone",
+    "idf1": "F1 of boxes under the right identity",
+    "mota": "1 less FP, FN and IDSW per true box",
+    "motp": "mean overlap of the boxes found",
+    "fp": "boxes where nothing is",
+    "fn": "objects without a box",
+    "idsw": "changes of identity",
+    "frag": "times that a track is broken",
+    "error of repeats": "standard error, from the scatter of the descents",
+    "error of frames": "standard error, from the curvature of the evidence",
+    "paired difference": "after less before",
+    "compared with": "differences are paired by run",
+    "ns": "nanoseconds, without compilation",
+    "ratio": "median of interleaved pairs",
+    "ordering": "who is searched after whom",
 }
 
 
@@ -49,8 +73,8 @@ def _terms(names: Iterable[str]) -> str:
             used[term] = f"{word}: {_TERMS[term]}"
     if not used:
         return ""
-    tracked = "tracked: overlapping the truth at all"
-    needs = [tracked] if {"success", "recover"} & used.keys() else []
+    needs = [f"tracked: {_TRACKED}"] if {"success", "recover", "tracked"} & used.keys() else []
+    used.pop("tracked", None)
     return "; ".join([*used.values(), *needs]) + "."
 
 

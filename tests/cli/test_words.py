@@ -20,10 +20,17 @@ def test_a_table_explains_the_terms_that_it_uses_and_no_others(capsys):
     *_, line = capsys.readouterr().out.strip().splitlines()
     assert line == (
         "recovery: tracked in the last frame with truth; success: tracked in every frame; unique: "
-        "particles that carry different draws of the object; tracked: overlapping the truth at all."
+        "particles that carry different draws of the object; overlap: intersection over union; "
+        "tracked: overlapping the truth at all."
     )
-    console.print_table("B", ["", "before"], [["centre_error", "4"]])
+    console.print_table("B", ["", "before"], [["momentum", "4"]])
     assert ":" not in capsys.readouterr().out
+    console.print_table("B", ["", "precision", "IDSW"], [["tracked", "4", "0"]])
+    *_, line = capsys.readouterr().out.strip().splitlines()
+    assert line == (
+        "precision: share of the estimate that lies on the truth; IDSW: changes of identity; "
+        "tracked: overlapping the truth at all."
+    )
     console.print_table("C", ["", "before"], [["success", "4"]])
     assert "success: tracked in every frame; tracked: " in capsys.readouterr().out
     console.print_table("D", ["", "success at .5", "smith2004 success"], [["DPS", "1", "2"]])

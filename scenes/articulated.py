@@ -7,15 +7,13 @@ here once and documented in ``ArticulatedParameters``.
 """
 
 import dataclasses
-import math
 from typing import Literal
 
 import cv2
 import numpy as np
 
+from scenes.parameters import check_parameters, require
 from scenes.scene import Scene, SceneError
-
-MOTIONS = ("smooth", "strong_start", "erratic")
 
 # Every ingredient has its own random stream, so that, say, another noise level leaves the
 # motion of a seed as it is.
@@ -98,41 +96,27 @@ class ArticulatedParameters:
     background_noise: float = 45.0
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            self._check_kind(field.name, field.type)
-        for name in (
-            *("num_frames", "frame_width", "frame_height", "fps", "centre_width", "centre_height"),
-            *("part_length", "part_width", "travel_period", "swing_period", "strong_factor"),
-            *("erratic_shortest", "cell_size"),
-        ):
-            self._require(name, getattr(self, name) > 0, "must be above 0")
-        for name in (
-            *("inset", "travel_x", "travel_y", "tilt", "swing", "strong_frames"),
-            *("object_noise", "background_noise"),
-        ):
-            self._require(name, getattr(self, name) >= 0, "must not be negative")
-        for name in ("accent_share", "saturation", "brightness"):
-            self._require(name, 0 <= getattr(self, name) <= 1, "must lie between 0 and 1")
-        self._require("period_spread", 0 <= self.period_spread < 1, "must lie between 0 and 1")
-        odd = self.num_parts >= 1 and self.num_parts % 2 == 1
-        self._require("num_parts", odd, "must be odd: a centre and two arms of equal length")
-        self._require("motion", self.motion in MOTIONS, f"must be one of {', '.join(MOTIONS)}")
-        longest = self.erratic_longest >= self.erratic_shortest
-        self._require("erratic_longest", longest, "must be at least erratic_shortest")
+        check_parameters(
+            "articulated",
+            self,
+            above_0=(
+                *("num_frames", "frame_width", "frame_height", "fps", "centre_width"),
+                *("centre_height", "part_length", "part_width", "travel_period", "swing_period"),
+                *("strong_factor", "erratic_shortest", "cell_size"),
+            ),
+            shares=("accent_share", "saturation", "brightness", "period_spread"),
+            signed=("num_parts", "background_mean"),
+        )
         narrow = min(self.part_length, self.centre_width) / 2
-        self._require("inset", self.inset <= narrow, f"must be at most {narrow}, half a part")
-
-    def _check_kind(self, name: str, kind: object) -> None:
-        value = getattr(self, name)
-        is_real = isinstance(value, int | float) and not isinstance(value, bool)
-        if kind is int:
-            self._require(name, is_real and isinstance(value, int), "must be a whole number")
-        elif kind is float:
-            self._require(name, is_real and math.isfinite(value), "must be a finite number")
-
-    def _require(self, name: str, holds: bool, remedy: str) -> None:
-        if not holds:
-            raise SceneError(f"articulated scene: {name} = {getattr(self, name)!r} {remedy}")
+        longest = self.erratic_longest >= self.erratic_shortest
+        odd = self.num_parts >= 1 and self.num_parts % 2 == 1
+        for name, holds, remedy in (
+            ("period_spread", self.period_spread < 1, "must lie below 1"),
+            ("num_parts", odd, "must be odd: a centre and two arms of equal length"),
+            ("erratic_longest", longest, "must be at least erratic_shortest"),
+            ("inset", self.inset <= narrow, f"must be at most {narrow}, half a part"),
+        ):
+            require("articulated", self, name, holds, remedy)
 
 
 def articulated_scene(parameters: ArticulatedParameters, seed: int = 0) -> Scene:

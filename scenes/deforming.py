@@ -180,17 +180,3 @@ def point_scene(
         "body_length": length,
     }
     return Scene(name, np.stack(frames), boxes, patches, fps, parameters, extras)
-
-
-def require(name: str, parameters: Any, **least: float) -> None:
-    """Refuse parameters below their least value, by name.
-
-    Raises:
-        SceneError: the sentence names the parameter.
-    """
-    for field, value in dataclasses.asdict(parameters).items():
-        if isinstance(value, str | bool) or not np.isfinite(value) or value < least.get(field, 0):
-            raise SceneError(
-                f"scene {name!r}: {field} = {value!r} must be a finite number, at least "
-                f"{least.get(field, 0):g}"
-            )

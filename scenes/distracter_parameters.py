@@ -1,10 +1,9 @@
 """What the distracter scene is made of, and what of it the paper fixes."""
 
 import dataclasses
-import math
 from typing import Literal
 
-from scenes.scene import SceneError
+from scenes.parameters import check_parameters, require
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,44 +91,21 @@ class DistracterParameters:
     background_change: Literal["never", "every frame"] = "never"
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            self._check_kind(field.name, field.type)
-        for name in (
-            *("num_frames", "frame_width", "frame_height", "fps", "num_objects"),
-            *("object_width", "object_height", "cell_size", "background_grain"),
-        ):
-            self._require(name, getattr(self, name) > 0, "must be above 0")
-        for name in (
-            *("motion_scale", "separation", "frame_margin", "lead_distance", "leader_travel"),
-            *("departure", "object_noise", "background_noise"),
-        ):
-            self._require(name, getattr(self, name) >= 0, "must not be negative")
-        for name in (
-            *("start_jitter", "likeness", "template_from_distracter"),
-            *("accent_share", "saturation", "brightness"),
-        ):
-            self._require(name, 0 <= getattr(self, name) <= 1, "must lie between 0 and 1")
-        self._require("object_height", self.object_height >= 2, "must leave room for two halves")
-        self._require("appear_frame", self.appear_frame >= 1, "counts frames from 1")
-        self._require(
-            "vanish_frame",
-            self.vanish_frame > self.appear_frame,
-            f"must come after appear_frame = {self.appear_frame}",
+        check_parameters(
+            "distracter",
+            self,
+            above_0=(
+                *("num_frames", "frame_width", "frame_height", "fps", "num_objects"),
+                *("object_width", "object_height", "cell_size", "background_grain"),
+            ),
+            shares=(
+                *("start_jitter", "likeness", "template_from_distracter"),
+                *("accent_share", "saturation", "brightness"),
+            ),
+            signed=("momentum", "lead_direction", "background_mean"),
+            object_height=2,  # two halves
+            appear_frame=1,  # counted from 1
         )
-        self._require(
-            "background_change",
-            self.background_change in ("never", "every frame"),
-            'must be "never" or "every frame"',
-        )
-
-    def _check_kind(self, name: str, kind: object) -> None:
-        value = getattr(self, name)
-        is_real = isinstance(value, int | float) and not isinstance(value, bool)
-        if kind is int:
-            self._require(name, is_real and isinstance(value, int), "must be a whole number")
-        elif kind is float or (kind == float | None and value is not None):
-            self._require(name, is_real and math.isfinite(value), "must be a finite number")
-
-    def _require(self, name: str, holds: bool, remedy: str) -> None:
-        if not holds:
-            raise SceneError(f"distracter scene: {name} = {getattr(self, name)!r} {remedy}")
+        later = f"must come after appear_frame = {self.appear_frame}"
+        after = self.vanish_frame > self.appear_frame
+        require("distracter", self, "vanish_frame", after, later)

@@ -13,32 +13,6 @@ from scenes.scene import Scene, SceneError
 _SHIFT = 4
 
 
-def check_parameters(name: str, parameters: Any, above_0: tuple[str, ...], shares: tuple[str, ...]):
-    """Refuse parameters that cannot be drawn.
-
-    Args:
-        name: of the scene.
-        parameters: its dataclass; every number must be finite and not negative.
-        above_0: fields that must be above 0.
-        shares: fields that must lie between 0 and 1.
-
-    Raises:
-        SceneError: one is out of range.
-    """
-    for field in dataclasses.fields(parameters):
-        value = getattr(parameters, field.name)
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        wants_whole = isinstance(field.default, int)
-        if not is_number or not np.isfinite(value) or (wants_whole and value != int(value)):
-            kind = "whole" if wants_whole else "finite"
-            raise SceneError(f"scene {name!r}: {field.name} = {value!r} must be a {kind} number")
-        if value < 0 or (field.name in above_0 and value == 0):
-            least = "above 0" if field.name in above_0 else "0 or more"
-            raise SceneError(f"scene {name!r}: {field.name} = {value!r} must be {least}")
-        if field.name in shares and value > 1:
-            raise SceneError(f"scene {name!r}: {field.name} = {value!r} must be at most 1")
-
-
 def texture(rng: np.random.Generator, height: int, width: int, grain: float) -> np.ndarray:
     """Smooth noise ``[height, width]`` of mean 0 and standard deviation 1."""
     noise = cv2.GaussianBlur(rng.standard_normal((height, width)), (0, 0), max(grain, 1e-3))

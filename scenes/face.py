@@ -11,7 +11,8 @@ import dataclasses
 import cv2
 import numpy as np
 
-from scenes.deforming import Body, Film, Pose, bumps, draw, noise, point_scene, require
+from scenes.deforming import Body, Film, Pose, bumps, draw, noise, point_scene
+from scenes.parameters import check_parameters
 from scenes.scene import Scene
 
 WIDTH = 200.0  # of the face seen from the front, pixels; errors are shares of it
@@ -65,7 +66,7 @@ class FaceParameters:
     pixel_noise: float = 4.0
 
     def __post_init__(self) -> None:
-        require("face", self, num_frames=2, frame_width=640, frame_height=400, fps=1e-6)
+        check_parameters("face", self, num_frames=2, frame_width=640, frame_height=400, fps=1e-6)
 
 
 def face_scene(parameters: FaceParameters, seed: int = 0) -> Scene:

@@ -11,7 +11,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from scenes.deforming import Bend, Body, Film, Pose, covers, draw, noise, point_scene, require
+from scenes.deforming import Bend, Body, Film, Pose, covers, draw, noise, point_scene
+from scenes.parameters import check_parameters
 from scenes.scene import Scene
 
 LENGTH = 220.0  # of the body, pixels at scale 1
@@ -58,7 +59,7 @@ class FishParameters:
     pixel_noise: float = 4.0
 
     def __post_init__(self) -> None:
-        require("fish", self, num_frames=2, frame_width=480, frame_height=270, fps=1e-6)
+        check_parameters("fish", self, num_frames=2, frame_width=480, frame_height=270, fps=1e-6)
 
 
 def fish_scene(parameters: FishParameters, seed: int = 0) -> Scene:

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from scenes import drawn_outlines as drawn
+from scenes.parameters import check_parameters
 from scenes.scene import Scene
 
 _PATHS, _BACKGROUND, _PIXELS = range(3)
@@ -62,7 +63,7 @@ class LeavesParameters:
 
     def __post_init__(self) -> None:
         above_0 = ("num_frames", "frame_width", "frame_height", "fps", "leaf_length", "leaf_width")
-        drawn.check_parameters("leaves", self, (*above_0, "sway_period"), ())
+        check_parameters("leaves", self, above_0=(*above_0, "sway_period"))
 
 
 def leaves_scene(parameters: LeavesParameters, seed: int) -> Scene:

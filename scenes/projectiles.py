@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from scenes.parameters import check_parameters, require
 from scenes.scene import Scene, SceneError
 
 # Every ingredient has its own random stream, so that, say, another noise level leaves the
@@ -89,43 +90,23 @@ class ProjectilesParameters:
     noise: float = 40.0
 
     def __post_init__(self) -> None:
-        for name in (
-            *("num_frames", "frame_width", "frame_height", "fps", "num_targets", "area_small"),
-            *("area_large", "aspect_small", "aspect_large", "cell_columns", "cell_rows"),
-            "background_grain",
-        ):
-            self._require(name, _is_number(getattr(self, name), above=0), "must be above 0")
-        for name in (
-            *("separation", "gravity", "frame_margin", "target_deviation", "background_deviation"),
-            *("strip_width", "noise"),
-        ):
-            self._require(name, _is_number(getattr(self, name), least=0), "must not be negative")
-        self._require(
-            "friction",
-            _is_number(self.friction, above=0) and self.friction < 1,
-            "must lie above 0 and below 1",
+        check_parameters(
+            "projectiles",
+            self,
+            above_0=(
+                *("num_frames", "frame_width", "frame_height", "fps", "num_targets"),
+                *("area_small", "area_large", "aspect_small", "aspect_large", "cell_columns"),
+                *("cell_rows", "background_grain", "friction"),
+            ),
+            shares=("reach", "strips"),
+            signed=("background_mean",),
         )
-        for name, count in (("reach", 2), ("target_means", 2), ("strips", len(self.strips))):
-            values = getattr(self, name)
-            whole = len(values) == count and all(_is_number(value, least=0) for value in values)
-            self._require(name, whole, f"must be {count} numbers of 0 or more")
-        for name in ("reach", "strips"):
-            self._require(name, max(getattr(self, name), default=0) <= 1, "are shares, at most 1")
-        self._require("reach", self.reach[0] <= self.reach[1], "must be in ascending order")
-        self._require(
-            "paths",
-            self.paths in ("apart", "crossing", "any"),
-            'must be "apart", "crossing" or "any"',
-        )
-        self._require(
-            "paths",
-            self.paths != "crossing" or self.num_targets > 1,
-            f"needs more targets than num_targets = {self.num_targets}",
-        )
-
-    def _require(self, name: str, holds: bool, remedy: str) -> None:
-        if not holds:
-            raise SceneError(f"projectiles scene: {name} = {getattr(self, name)!r} {remedy}")
+        require("projectiles", self, "friction", self.friction < 1, "must lie above 0 and below 1")
+        ascending = self.reach[0] <= self.reach[1]
+        require("projectiles", self, "reach", ascending, "must be in ascending order")
+        enough = self.paths != "crossing" or self.num_targets > 1
+        more = f"needs more targets than num_targets = {self.num_targets}"
+        require("projectiles", self, "paths", enough, more)
 
 
 def projectiles_scene(parameters: ProjectilesParameters, seed: int = 0) -> Scene:
@@ -164,12 +145,6 @@ def projectiles_scene(parameters: ProjectilesParameters, seed: int = 0) -> Scene
 
 def _generator(seed: int, stream: int) -> np.random.Generator:
     return np.random.default_rng([seed, stream])
-
-
-def _is_number(value: object, *, above: float = -math.inf, least: float = -math.inf) -> bool:
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return False
-    return math.isfinite(value) and value > above and value >= least
 
 
 def _sizes(parameters: ProjectilesParameters) -> np.ndarray:

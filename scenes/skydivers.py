@@ -11,7 +11,8 @@ import dataclasses
 import cv2
 import numpy as np
 
-from scenes.deforming import Body, Film, Pose, bumps, covers, draw, noise, point_scene, require
+from scenes.deforming import Body, Film, Pose, bumps, covers, draw, noise, point_scene
+from scenes.parameters import check_parameters
 from scenes.scene import Scene
 
 LENGTH = 75.0  # of the body, pixels at scale 1
@@ -53,7 +54,9 @@ class SkydiversParameters:
     pixel_noise: float = 4.0
 
     def __post_init__(self) -> None:
-        require("skydivers", self, num_frames=2, frame_width=320, frame_height=240, fps=1e-6)
+        check_parameters(
+            "skydivers", self, num_frames=2, frame_width=320, frame_height=240, fps=1e-6
+        )
 
 
 def skydivers_scene(parameters: SkydiversParameters, seed: int = 0) -> Scene:

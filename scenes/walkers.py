@@ -14,6 +14,7 @@ import dataclasses
 import numpy as np
 
 from scenes import drawn_outlines as drawn
+from scenes.parameters import check_parameters
 from scenes.scene import Scene
 
 _PATHS, _BACKGROUND, _PIXELS, _EXAMPLES = range(4)
@@ -61,7 +62,7 @@ class WalkersParameters:
 
     def __post_init__(self) -> None:
         above_0 = ("num_frames", "frame_width", "frame_height", "fps", "body_height", "body_width")
-        drawn.check_parameters("walkers", self, (*above_0, "step_period"), ())
+        check_parameters("walkers", self, above_0=(*above_0, "step_period"))
 
 
 def walkers_scene(parameters: WalkersParameters, seed: int) -> Scene:

@@ -13,6 +13,7 @@ import dataclasses
 import numpy as np
 
 from scenes import drawn_outlines as drawn
+from scenes.parameters import check_parameters
 from scenes.scene import Scene
 
 _PATHS, _BACKGROUND, _PIXELS = range(3)
@@ -65,7 +66,7 @@ class WiresParameters:
 
     def __post_init__(self) -> None:
         above_0 = ("num_frames", "frame_width", "frame_height", "fps", "wire_length", "wire_width")
-        drawn.check_parameters("wires", self, (*above_0, "wander_period"), ())
+        check_parameters("wires", self, above_0=(*above_0, "wander_period"))
 
 
 def wires_scene(parameters: WiresParameters, seed: int) -> Scene:

@@ -98,11 +98,12 @@ def test_the_same_seed_gives_the_same_scene_and_noise_leaves_the_paths(scene):
     [
         ({"num_frames": 0}, "num_frames = 0 must be above 0"),
         ({"friction": 1.0}, "friction = 1.0 must lie above 0"),
-        ({"paths": "near"}, "apart"),
+        ({"paths": "near"}, "must be one of apart, crossing, any"),
+        ({"reach": (0.5,)}, "must be 2 numbers in a row"),
         ({"paths": "crossing", "num_targets": 1}, "needs more targets"),
         ({"reach": (0.9, 0.5)}, "ascending"),
-        ({"strips": (1.5,)}, "at most 1"),
-        ({"noise": float("nan")}, "noise = nan must not be negative"),
+        ({"strips": (0.4, 1.5)}, "must lie between 0 and 1"),
+        ({"noise": float("nan")}, "noise = nan must be a finite number"),
         ({"num_targets": 60}, "take fewer targets"),
     ],
 )

@@ -1,4 +1,4 @@
-"""README's commands run as pasted, in the order in which they stand there, in an empty folder."""
+"""Commands of README and site run as pasted, in their order, in an empty folder."""
 
 import os
 import re
@@ -9,8 +9,15 @@ from pathlib import Path
 
 import pytest
 
-README = (Path(__file__).resolve().parents[2] / "README.md").read_text()
-BLOCKS = re.findall(r"```(sh|python)\n(.*?)```", README, re.DOTALL)
+ROOT = Path(__file__).resolve().parents[2]
+SITE = ROOT / "notebooks" / "docs"
+#: Page -> what its commands leave behind.
+PAGES = {
+    ROOT / "README.md": {
+        *("clip-frame-0.png", "jaxpf-clip", "points", "parts", "contours", "out.mp4"),
+    },
+    SITE / "start.md": {"frame.png", "street", "two", "puppet", "fish", "wires", "crossing"},
+}
 #: How a line begins that is not run, and why.
 LEFT_OUT = {
     ".venv/bin/pip": "installs into the clone, and builds the site",
@@ -18,24 +25,30 @@ LEFT_OUT = {
     ".venv/bin/python -m pytest": "is the test command",
     "jaxpf evaluate": "takes minutes, or reads files of the clone",
     "jaxpf reproduce": "takes minutes",
+    "jaxpf bench": "takes minutes",
 }
 
 
-def commands():
+def commands(page):
     """(language, program) of every line of shell, and of every block of Python."""
-    for language, block in BLOCKS:
+    for language, block in re.findall(r"```(sh|python)\n(.*?)```", page.read_text(), re.DOTALL):
         programs = block.splitlines() if language == "sh" else [block]
         yield from ((language, program) for program in programs)
 
 
 def test_what_is_left_out_is_there():
-    lines = [program for language, program in commands() if language == "sh"]
+    pages = [ROOT / "README.md", *SITE.glob("*.md")]
+    lines = {page: [p for language, p in commands(page) if language == "sh"] for page in pages}
     for beginning in LEFT_OUT:
-        assert any(line.startswith(beginning) for line in lines), beginning
+        given = (line for those in lines.values() for line in those)
+        assert any(line.startswith(beginning) for line in given), beginning
+    for page in set(pages) - PAGES.keys():  # pages that are not run give such commands only
+        assert all(line.startswith(tuple(LEFT_OUT)) for line in lines[page]), page
 
 
 @pytest.mark.slow
-def test_the_commands_run(tmp_path):
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_the_commands_run(page, tmp_path):
     programs, folder = tmp_path / "bin", tmp_path / "empty"
     programs.mkdir()
     folder.mkdir()
@@ -45,7 +58,7 @@ def test_the_commands_run(tmp_path):
     # Compiling is most of the work.
     quickly = {"JAX_DISABLE_MOST_OPTIMIZATIONS": "1"}
     environment = os.environ | quickly | {"PATH": f"{programs}{os.pathsep}{os.environ['PATH']}"}
-    for language, program in commands():
+    for language, program in commands(page):
         if language == "sh" and program.startswith(tuple(LEFT_OUT)):
             continue
         shell = ["bash", "-c"] if language == "sh" else [sys.executable, "-c"]
@@ -54,4 +67,4 @@ def test_the_commands_run(tmp_path):
         )
         assert done.returncode == 0, f"{program}\n{done.stderr[-2000:]}"
     written = {path.name for path in folder.iterdir()}
-    assert {"clip-frame-0.png", "jaxpf-clip", "points", "parts", "contours", "out.mp4"} <= written
+    assert PAGES[page] <= written

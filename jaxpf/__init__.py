@@ -33,7 +33,7 @@ The map, downwards: a file imports from its own room and from rooms below it, ne
     knows the other.
 ``models/``
     How a substate moves (``dynamics``, ``joints``) and explains a frame (``likelihoods``).
-``checks``, ``contract``, ``state``, ``running``, ``blocks``, ``chunks``, ``streaming``
+``checks``, ``contract``, ``state``, ``running/``, ``chunks``, ``streaming``
     What a tracker, a dynamics and a likelihood are; what a frame reports; over the frames.
 ``lowering/``
     What is written for the compiler's sake, and nothing else.
@@ -69,7 +69,7 @@ _NAMES = {
     "Partitioned": "filters.partitioned.tracker",
     "Summary": "state",
     "load": "files.states",
-    "monte_carlo": "blocks",
+    "monte_carlo": "running.blocks",
     "pytree_dataclass": "pytree",
     "run": "running",
     "save": "files.states",
@@ -116,7 +116,6 @@ if TYPE_CHECKING:
         video,
         video_writer,
     )
-    from jaxpf.blocks import monte_carlo
     from jaxpf.errors import InputError
     from jaxpf.files.states import load, save
     from jaxpf.filters.factored.eskil import Eskil
@@ -125,6 +124,7 @@ if TYPE_CHECKING:
     from jaxpf.filters.partitioned.tracker import Partitioned
     from jaxpf.pytree import pytree_dataclass
     from jaxpf.running import run
+    from jaxpf.running.blocks import monte_carlo
     from jaxpf.smoothing import smooth
     from jaxpf.state import ParticleState, Summary
     from jaxpf.tuning import tune

@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxpf import gaps, running
+from jaxpf import running
+from jaxpf.running import gaps
 
 
 class TrackedFrame(NamedTuple):

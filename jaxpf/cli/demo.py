@@ -56,8 +56,8 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
     appearance = "colour" if given["appearance"] == OPEN else given["appearance"]
     start_jax()
     import scenes
-    from jaxpf.blocks import WIDE
     from jaxpf.experiments.comparison import compare, scene_tracker
+    from jaxpf.running.blocks import WIDE
 
     scene = scenes.make("distracter", seed=seed)
     methods = _orderings(scene.num_objects)

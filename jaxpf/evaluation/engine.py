@@ -93,7 +93,7 @@ def evaluate(
     The same call again does only what is missing; more ``runs`` may be asked for.  The
     results of a seed are the same, bit for bit, on one machine, whatever the batches, the
     executor and the number of workers or devices; among other numbers of runs, whose blocks may
-    have other widths (``jaxpf.blocks.blocks_of``), they are equal to rounding.
+    have other widths (``jaxpf.running.blocks.blocks_of``), they are equal to rounding.
 
     Args:
         plan: what to run.

@@ -10,13 +10,13 @@ import numpy as np
 
 from jaxpf import filters
 from jaxpf.adapters.adapter import Adapter
-from jaxpf.blocks import WIDE, Blocks, blocks_of
 from jaxpf.chunks import chunk_length
 from jaxpf.evaluation.plan import Limits, Plan
 from jaxpf.evaluation.results import BUILT_IN, Configuration
 from jaxpf.evaluation.trackers import tracker_of
 from jaxpf.evaluation.worker import Work
 from jaxpf.options import options_of
+from jaxpf.running.blocks import WIDE, Blocks, blocks_of
 from jaxpf.targets.target import Target
 
 #: Seconds that a batch takes about, at most: what a kill can cost.

@@ -8,12 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.adapters import find_adapter
-from jaxpf.blocks import Blocks, run_blocks
 from jaxpf.errors import InputError
 from jaxpf.evaluation.batches import Batch
 from jaxpf.evaluation.results import BUILT_IN, Configuration
 from jaxpf.evaluation.scene import open_scene, remember_scene, remembered_scene, scene_digest
 from jaxpf.evaluation.trackers import shapes_of, tracker_of
+from jaxpf.running.blocks import Blocks, run_blocks
 
 
 @dataclasses.dataclass(frozen=True)

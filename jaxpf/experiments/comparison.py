@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxpf.blocks import monte_carlo
 from jaxpf.boxes import tracker as box_tracker
 from jaxpf.filters.partitioned.ordering import Ordering
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.measures import metrics
 from jaxpf.measures.intervals import Interval
 from jaxpf.models.geometry import boxes_from_substates
+from jaxpf.running.blocks import monte_carlo
 from jaxpf.state import Summary
 
 #: The tracker of smith2004's synthetic test: noise of u and v in pixels, and of the scale.

@@ -25,13 +25,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxpf import contract, gaps, memory, running
+from jaxpf import contract, memory, running
 from jaxpf.checks import check_frames, check_run
 from jaxpf.chunks import come_one_by_one
 from jaxpf.errors import InputError
 from jaxpf.filters.gradients import NoGradient
 from jaxpf.filters.schemes import BuiltIn
 from jaxpf.pytree import is_concrete, pytree_dataclass
+from jaxpf.running import gaps
 from jaxpf.smoothing.backward import Drawn, History, log_densities
 from jaxpf.smoothing.groups import check_smoothing, looks_back
 

@@ -10,11 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxpf import gaps, memory, running
+from jaxpf import memory, running
 from jaxpf.checks import check_frames, check_run
 from jaxpf.chunks import come_one_by_one
 from jaxpf.errors import InputError
 from jaxpf.pytree import pytree_dataclass
+from jaxpf.running import gaps
 from jaxpf.smoothing.backward import History, Pass, backward
 from jaxpf.smoothing.groups import check_smoothing, looks_back, together
 

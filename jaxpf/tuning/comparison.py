@@ -7,10 +7,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxpf.blocks import monte_carlo
 from jaxpf.errors import InputError
 from jaxpf.measures import metrics
 from jaxpf.measures.intervals import Interval, mean_interval, student_quantile
+from jaxpf.running.blocks import monte_carlo
 from jaxpf.targets.target import Start, Target
 
 #: Measures and whether more is better; "success" and "recovery" as in smith2004, the others

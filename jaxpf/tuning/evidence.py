@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from scipy.special import logsumexp
 
-from jaxpf.blocks import monte_carlo
+from jaxpf.running.blocks import monte_carlo
 
 
 def log_evidences(

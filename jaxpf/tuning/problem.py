@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf import contract
 from jaxpf.errors import InputError
 from jaxpf.names import OBJECTIVES
 from jaxpf.pytree import pytree_dataclass
@@ -143,7 +144,7 @@ def _with(tracker: Any, values: Mapping[str, Any]) -> Any:
 
 
 @pytree_dataclass
-class Observed:
+class Observed(contract.Tracker):
     """A tracker whose frames are observations already."""
 
     tracker: Any
@@ -157,17 +158,9 @@ class Observed:
         """See ``Partitioned``."""
         return self.tracker.init(key)
 
-    def observe(self, frame):
-        """The frame, which is an observation."""
-        return frame
-
     def step_observed(self, key, state, observation):
-        """See ``Partitioned``."""
+        """See ``Partitioned``; ``observe`` is the contract's, which changes nothing."""
         return self.tracker.step_observed(key, state, observation)
-
-    def step(self, key, state, frame):
-        """See ``Partitioned``."""
-        return self.step_observed(key, state, frame)
 
 
 def observed(sequence: TrainingSequence) -> TrainingSequence:

@@ -26,9 +26,9 @@ from exact import (
 )
 from quick_compiling import quick
 
-from jaxpf import blocks
 from jaxpf.filters import resampling
 from jaxpf.filters.partitioned import ending, exchange, ordering, selection
+from jaxpf.running import blocks
 
 pytestmark = pytest.mark.statistical
 

@@ -11,10 +11,10 @@ import numpy as np
 import scenes
 from jaxpf.baselines.optical_flow import follow_points
 from jaxpf.baselines.spot import spot
-from jaxpf.blocks import monte_carlo
 from jaxpf.experiments.eskil2014 import methods
 from jaxpf.experiments.parts import each
 from jaxpf.measures import points as measures
+from jaxpf.running.blocks import monte_carlo
 
 #: The paper has one film of each kind; here runs are spread over scenes, the intervals' units.
 RUNS_PER_SCENE = 5

@@ -13,7 +13,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.blocks import monte_carlo
 from jaxpf.errors import InputError
 from jaxpf.experiments.gonzales2011.scenes import METHODS, SWAPS
 from jaxpf.experiments.paper import clip_folder, reading_clips
@@ -21,6 +20,7 @@ from jaxpf.filters.partitioned.ordering import named
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.models import geometry
 from jaxpf.models.likelihoods.patch import PatchLikelihood, patch
+from jaxpf.running.blocks import monte_carlo
 from jaxpf.targets.articulated import parts_model
 from scenes import read_clip
 from scenes.keypoints import Keypoints, read_keypoints

@@ -11,13 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 
 import scenes
-from jaxpf.blocks import WIDE, monte_carlo
 from jaxpf.experiments.gonzales2011.published import FRAMES, TIMED_RUNS
 from jaxpf.experiments.gonzales2011.scenes import NOISE, SWAPS, learn
 from jaxpf.experiments.parts import part
 from jaxpf.filters.partitioned.ordering import named
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.measures.timing import interleaved
+from jaxpf.running.blocks import WIDE, monte_carlo
 from jaxpf.targets.articulated import parts_model
 
 METHODS = ("PS", "SPS sorted", "SPS combinatorial")

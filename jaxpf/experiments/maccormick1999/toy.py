@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.blocks import monte_carlo
 from jaxpf.filters.partitioned import ordering as orderings
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.models.dynamics import RandomWalk
 from jaxpf.models.likelihoods import Gaussian
+from jaxpf.running.blocks import monte_carlo
 
 #: The posterior is this much narrower than the spread of the dynamics.
 _NARROWER = 8.0

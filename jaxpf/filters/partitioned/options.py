@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jaxpf.errors import InputError
 from jaxpf.filters.filter import Filter, Variant
@@ -10,9 +10,6 @@ from jaxpf.filters.looking import relocate_option, relocation_of
 from jaxpf.models.model import Model
 from jaxpf.names import METHODS, SCHEMES, SWAPS
 from jaxpf.options import check_options, option
-
-if TYPE_CHECKING:
-    pass
 
 #: For ``orders`` of an evaluation: PS in every circular shift, each a variant of its own.
 SHIFTS = "shifts"

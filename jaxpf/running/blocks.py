@@ -10,11 +10,11 @@ import numpy as np
 from jax import lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from jaxpf import contract, gaps
+from jaxpf import contract
 from jaxpf.checks import check_frames, check_run
 from jaxpf.chunks import come_one_by_one, in_chunks
 from jaxpf.errors import InputError
-from jaxpf.running import as_keys, frame_step, init, num_frames, summary_only, together
+from jaxpf.running import as_keys, frame_step, gaps, init, num_frames, summary_only, together
 
 #: Runs that are vectorised together, where many are asked for and where few are.  Five cost up to
 #: a third more for each run than 25, but 25 for the sake of one cost ten times as much.

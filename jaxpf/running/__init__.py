@@ -1,7 +1,8 @@
 """Running any tracker over the frames of a sequence.
 
-There is one loop over frames, ``frame_step``.  One run, many of them (``jaxpf.blocks``), a video's
-frames as they come and objectives that are differentiated arrange the runs as they need.
+There is one loop over frames, ``frame_step``.  One run, many of them (``blocks``), a video's frames
+as they come and objectives that are differentiated arrange the runs as they need; ``gaps`` leaves
+out frames that are missing.
 """
 
 import sys
@@ -14,11 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxpf import contract, gaps
+from jaxpf import contract
 from jaxpf.checks import check_frames, check_run
 from jaxpf.chunks import come_one_by_one
 from jaxpf.errors import InputError
 from jaxpf.pytree import is_concrete
+from jaxpf.running import gaps
 
 #: In which a run goes that tells how far it is.
 _BLOCKS = 20

@@ -47,7 +47,7 @@ class Run:
     runs: int | None = option(
         None,
         "Track so many times: their mean, and its error.  Runs go side by side; uncertainty.csv "
-        "holds standard errors.  Ten cost two to six times as much as one.",
+        "holds standard errors.  Ten cost two to nine times as much as one.",
         least=2,
         most=10_000,
     )

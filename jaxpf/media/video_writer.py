@@ -97,7 +97,11 @@ class VideoWriter:
         except BaseException:
             self._temporary.unlink(missing_ok=True)
             raise
-        self._frames: queue.Queue[np.ndarray | None] = queue.Queue(_WAITING)
+        # Simple queues, for an interruption may come anywhere: it leaves no lock of theirs held.
+        self._frames: queue.SimpleQueue[np.ndarray | None] = queue.SimpleQueue()
+        self._places: queue.SimpleQueue[None] = queue.SimpleQueue()
+        for _ in range(_WAITING):
+            self._places.put(None)
         # A daemon: a writer that nobody closes must not keep the program from ending.
         self._thread = threading.Thread(target=self._encode_all, daemon=True)
         self._thread.start()
@@ -148,6 +152,7 @@ class VideoWriter:
         if any(self._padding):
             bottom, right = self._padding
             frame = cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
+        self._places.get()
         # Here rather than in the thread: a tenth of a millisecond, and it copies the frame.
         self._frames.put(cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420))
         self.num_frames += 1
@@ -192,6 +197,7 @@ class VideoWriter:
     def _encode_all(self) -> None:
         """The thread: after an error it only empties the queue, so that ``write`` never hangs."""
         while (picture := self._frames.get()) is not None:
+            self._places.put(None)
             if self._error is None:
                 self._attempt(self._encode, picture)
         if self._error is None and not self._is_empty:

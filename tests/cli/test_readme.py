@@ -23,6 +23,7 @@ LEFT_OUT = {
     ".venv/bin/pip": "installs into the clone, and builds the site",
     "python3 -m venv": "installs into a clone of its own",
     ".venv/bin/python -m pytest": "is the test command",
+    "dask scheduler": "leaves programs running",
     "jaxpf evaluate": "takes minutes, or reads files of the clone",
     "jaxpf reproduce": "takes minutes",
     "jaxpf bench": "takes minutes",

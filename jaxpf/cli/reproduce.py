@@ -12,6 +12,8 @@ from jaxpf.cli.config import config_option, write_config
 from jaxpf.cli.console import print_table
 from jaxpf.cli.startup import start_jax
 
+#: Folder of what each look measured, by its runs; and the time that looks may take.
+LOOKS, MINUTES = "looks", 35.0
 #: As ``jaxpf.experiments.paper.PAPERS``, without importing it.
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
 
@@ -21,6 +23,17 @@ PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999"
 @click.option("--runs", type=int, help="Independent runs per cell.  [default: as in the paper]")
 @click.option("--seed", default=0, show_default=True, help="First seed of the scenes and runs.")
 @click.option("--quick", is_flag=True, help="A much smaller version, to see what it does.")
+@click.option(
+    "--until-resolved",
+    is_flag=True,
+    help="Twice the runs, again and again, until every claim is resolved or the time is over; the "
+    "same command goes on.",
+)
+@click.option(
+    "--minutes",
+    type=click.FloatRange(0, min_open=True),
+    help="With --until-resolved: begin no look that would end later.  [default: 35]",
+)
 @click.option(
     "--data",
     type=click.Path(path_type=Path),
@@ -50,6 +63,8 @@ def command(
     runs: int | None,
     seed: int,
     quick: bool,
+    until_resolved: bool,
+    minutes: float | None,
     data: Path | None,
     output: Path | None,
     overwrite: bool,
@@ -59,8 +74,8 @@ def command(
     """Repeat a paper's experiment; print its figures beside ours, and judge its claims.
 
     Published figures stand left of ours, which have 95 % intervals.  A claim is supported,
-    contradicted, or cannot be resolved at this number of runs.  Interrupted, it goes on where it
-    was by the same command.
+    contradicted, equal within a margin stated beforehand, or cannot be resolved at this number of
+    runs.  Interrupted, it goes on where it was by the same command.
     """
     from jaxpf.errors import InputError
     from jaxpf.files.writing import prepare_output_folder
@@ -69,6 +84,13 @@ def command(
         raise InputError(f"--runs {runs} must be at least 1.")
     if not 0 <= seed < 2**20:
         raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
+    if until_resolved and (runs is not None or quick or calibrate):
+        raise InputError(
+            "--until-resolved begins with the paper's own number of runs; leave out --runs, "
+            "--quick and --calibrate."
+        )
+    if minutes is not None and not until_resolved:
+        raise InputError("--minutes is about --until-resolved, which was not given.")
     data = _data_folder(data)
     options = {"paper": paper, "runs": runs, "seed": seed, "quick": quick, "data": data}
     settings = options | {"data": data and str(data.resolve())}
@@ -76,6 +98,7 @@ def command(
     from jaxpf.experiments import comparison_table, parts
     from jaxpf.experiments.claims import RULE
     from jaxpf.experiments.paper import paper_of
+    from jaxpf.experiments.paper import until_resolved as look_until_resolved
 
     began = time.perf_counter()
     one = paper_of(paper)
@@ -89,16 +112,31 @@ def command(
     if dask:
         executor = click.get_current_context().with_resource(cluster(dask)).executor
     output = output or Path(f"jaxpf-{paper}-quick" if quick else f"jaxpf-{paper}")
-    goes_on = not calibrate and parts.can_go_on(output, settings)
+
+    def of_look(runs: int) -> tuple[Path, dict[str, Any]]:
+        return output / LOOKS / str(runs), settings | {"runs": runs}
+
+    kept = of_look(one.runs) if until_resolved else (output, settings)
+    goes_on = not calibrate and parts.can_go_on(*kept)
     folder = prepare_output_folder(output, overwrite or goes_on)
     if one.calibrate is not None and calibrate:
         _show_calibration(one.calibrate(click.echo), folder)
         return
     if goes_on:
         click.echo(f"Going on with what '{folder}' holds.")
-    with parts.keeping(folder, settings), parts.sharing(executor):
-        comparison = one.compare(request)
-        written = comparison_table.write(comparison, folder)
+    with parts.sharing(executor):
+        if until_resolved:
+            comparison = look_until_resolved(
+                one,
+                request,
+                lambda runs: parts.keeping(*of_look(runs), for_good=True),
+                minutes or MINUTES,
+            )
+            written = comparison_table.write(comparison, folder)
+        else:
+            with parts.keeping(folder, settings):
+                comparison = one.compare(request)
+                written = comparison_table.write(comparison, folder)
     for table in comparison.tables:
         print_table(table.title, table.columns, table.texts())
         if table.note:
@@ -112,7 +150,8 @@ def command(
         click.echo(RULE)
     for note in comparison.notes:
         click.echo(f"- {note}")
-    write_config(folder / "run.toml", "reproduce", options)
+    looks = {"until_resolved": True, "minutes": minutes} if until_resolved else {}
+    write_config(folder / "run.toml", "reproduce", options | looks)
     seconds = time.perf_counter() - began
     click.echo(f"{folder}/: {', '.join([*written, 'run.toml'])} ({seconds:.0f} s)")
 

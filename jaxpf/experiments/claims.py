@@ -9,8 +9,14 @@ parts at the level 95 %:
   the replications on either side.)
 * *contradicts*: some part's interval at the level 1 - .05 / k (Bonferroni: with many parts one
   or another would stray by chance) lies outside its claimed range.
+* *equal within the margin*: neither, but the 95 % interval of every part lies in its range or, of
+  one that has a margin, no farther from an end of the range than that.
 * *cannot resolve*: all else; it is told how many runs would resolve it, if figures stay where they
   are and intervals shrink with the root of the number of runs.
+
+Who looks again and again, with more runs each time, uses up level: look k has .05 / (k (k + 1)) of
+it, ``at_look``, which sums to .05 over all looks, so that a verdict is right at whatever look it
+falls, as often as one of a single look.
 
 An interval without a width is what two scenes that agree give, not certainty: it resolves nothing,
 but for a quantity that is computed and has no chance in it (``exact``).
@@ -26,12 +32,14 @@ import numpy as np
 from jaxpf.measures.intervals import newcombe_ends, student_quantile, wilson_interval
 
 SUPPORTS, CONTRADICTS, CANNOT_RESOLVE = "supports", "contradicts", "cannot resolve"
+EQUAL = "equal within the margin"
 
 #: The rule in one sentence, for reports.
 RULE = (
     "A claim is supported if the 95 % interval of every quantity it speaks of lies in the claimed "
     "range, contradicted if the interval of one of them (Bonferroni-corrected for their number) "
-    "lies outside, and otherwise cannot be resolved at this number of runs."
+    "lies outside, equal within the margin if all lie in their range or near its end, within a "
+    "margin stated beforehand, and otherwise cannot be resolved at this number of runs."
 )
 
 
@@ -52,6 +60,7 @@ class Quantity(NamedTuple):
         interval: level -> its confidence interval (low, high).
         at_least: lower end of the claimed range.
         at_most: upper end of the claimed range.
+        margin: distance from an end of the range within which a figure counts as equal to it.
     """
 
     what: str
@@ -59,6 +68,7 @@ class Quantity(NamedTuple):
     interval: Callable[[float], tuple[float, float]]
     at_least: float = -math.inf
     at_most: float = math.inf
+    margin: float = 0.0
 
     @property
     def is_exact(self) -> bool:
@@ -78,10 +88,12 @@ class Claim(NamedTuple):
         source: where the paper makes it.
         published: the published figures behind it.
         measured: ours, with intervals.
-        verdict: ``SUPPORTS``, ``CONTRADICTS`` or ``CANNOT_RESOLVE``.
+        verdict: ``SUPPORTS``, ``CONTRADICTS``, ``EQUAL`` or ``CANNOT_RESOLVE``.
         growth: how many times as much would have to be measured to resolve it; NaN if nobody
             knows, infinite if nothing would.
         unit: what more of would resolve it.
+        parts: what it was judged by.
+        digits: decimal places that are shown.
     """
 
     statement: str
@@ -91,6 +103,8 @@ class Claim(NamedTuple):
     verdict: str
     growth: float = 1.0
     unit: str = "runs"
+    parts: Sequence[Quantity] = ()
+    digits: int = 0
 
 
 def exact(value: float, what: str = "", **claimed: float) -> Quantity:
@@ -118,6 +132,8 @@ def verdict(parts: Sequence[Quantity], level: float = 0.95) -> str:
         return CONTRADICTS
     if all(_clearly(_lies_inside, part, level) for part in parts):
         return SUPPORTS
+    if all(_clearly(_lies_inside_or_near, part, level) for part in parts):
+        return EQUAL
     return CANNOT_RESOLVE
 
 
@@ -125,14 +141,16 @@ def growth(parts: Sequence[Quantity], level: float = 0.95) -> float:
     """How many times as much would have to be measured to resolve a claim.
 
     If figures stay where they are: where one lies outside its range the claim is resolved once one
-    of those does so clearly; else once all lie clearly inside.
+    of those does so clearly; and once all lie clearly inside, or near an end where that counts.
     """
     outside = [part for part in parts if not part.at_least <= part.value <= part.at_most]
-    if outside:
-        needed = [_growth(part, _lies_outside, _corrected(parts, level)) for part in outside]
-        return min((each for each in needed if not math.isnan(each)), default=math.nan)
-    needed = [_growth(part, _lies_inside, level) for part in parts]
-    return max(needed, default=math.nan) if not any(map(math.isnan, needed)) else math.nan
+    needed = [_growth(part, _lies_outside, _corrected(parts, level)) for part in outside]
+    one_outside = min((each for each in needed if not math.isnan(each)), default=math.nan)
+    needed = [_growth(part, _lies_inside_or_near, level) for part in parts]
+    all_inside = math.nan if any(map(math.isnan, needed)) else max(needed, default=math.nan)
+    if not outside:
+        return all_inside
+    return min(one_outside, all_inside) if one_outside == one_outside else all_inside
 
 
 def _growth(part: Quantity, resolved: Callable[..., bool], level: float) -> float:
@@ -147,7 +165,7 @@ def _growth(part: Quantity, resolved: Callable[..., bool], level: float) -> floa
     if not low < high:
         return math.nan
     fewest, most = 0.0, math.log(1e8)  # of the logarithm of g
-    if part.value in (part.at_least, part.at_most):
+    if not resolved(part, (part.value, part.value)):
         return math.inf
     for _ in range(40):
         middle = (fewest + most) / 2
@@ -203,14 +221,32 @@ def judged(
     """
     measured, found = shown(parts, digits), verdict(parts)
     more = growth(parts) if found == CANNOT_RESOLVE else 1.0
-    return Claim(statement, source, published, measured, found, more, unit)
+    return Claim(statement, source, published, measured, found, more, unit, parts, digits)
 
 
-def shown(parts: Sequence[Quantity], digits: int = 0) -> str:
-    """The parts' figures with their 95 % intervals, in one line."""
+def level_of(look: int) -> float:
+    """The confidence level of the k-th look at data that grow."""
+    return 1 - 0.05 / (look * (look + 1))
+
+
+def at_look(claim: Claim, look: int) -> Claim:
+    """A claim judged anew, at the k-th look at data that grow, from 1."""
+    level = level_of(look)
+    found = verdict(claim.parts, level)
+    return claim._replace(
+        measured=claim.measured.replace(
+            shown(claim.parts, claim.digits), shown(claim.parts, claim.digits, level)
+        ),
+        verdict=found,
+        growth=growth(claim.parts, level) if found == CANNOT_RESOLVE else 1.0,
+    )
+
+
+def shown(parts: Sequence[Quantity], digits: int = 0, level: float = 0.95) -> str:
+    """The parts' figures with their intervals, in one line."""
     pieces = []
     for part in parts:
-        value, low, high = part.measured()
+        value, low, high = part.measured(level)
         interval = f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
         pieces.append(f"{part.what}: {interval}" if part.what else interval)
     return "; ".join(pieces)
@@ -224,6 +260,16 @@ def _clearly(holds: Callable[..., bool], part: Quantity, level: float) -> bool:
 def _lies_inside(part: Quantity, interval: tuple[float, float]) -> bool:
     low, high = interval
     return part.at_least < low and high < part.at_most
+
+
+def _lies_inside_or_near(part: Quantity, interval: tuple[float, float]) -> bool:
+    low, high = interval
+    near = (
+        end - part.margin < low and high < end + part.margin
+        for end in (part.at_least, part.at_most)
+        if math.isfinite(end)
+    )
+    return _lies_inside(part, interval) or any(near)
 
 
 def _lies_outside(part: Quantity, interval: tuple[float, float]) -> bool:

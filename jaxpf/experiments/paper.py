@@ -9,12 +9,15 @@ keeps piece by piece (``jaxpf.experiments.parts``), so that it goes on after a s
 import contextlib
 import dataclasses
 import importlib
+import itertools
+import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from jaxpf.errors import InputError
-from jaxpf.experiments.claims import Claim, told
+from jaxpf.experiments.claims import CANNOT_RESOLVE, Claim, at_look, level_of, told
 from jaxpf.experiments.comparison_table import Comparison, Table
 
 #: Papers that can be repeated; each is a module here, with a ``PAPER``.
@@ -118,17 +121,29 @@ class Paper:
         seeds = range(seed, seed + runs // self.runs_per_scene)
         return Request(runs, seeds, seed, quick, data, clips, report)
 
-    def compare(self, request: Request) -> Comparison:
-        """Measure what is asked, and put it beside what is published."""
+    def compare(self, request: Request, look: int | None = None) -> Comparison:
+        """Measure what is asked, and put it beside what is published.
+
+        Args:
+            request: what is asked.
+            look: the how manieth look at data that grow, from 1; None: the only one.
+        """
         found = self.measure(request)
+        claims, notes = self.claims(found), [*self.notes]
+        if look is not None:
+            claims = [at_look(claim, look) for claim in claims]
+            notes.append(
+                f"Look {look}, at {request.runs} runs: intervals of claims are those of the level "
+                f"{100 * level_of(look):.3g} %, so that verdicts hold at whichever look they fall."
+            )
         about_clips = self.without_clips if request.data is None else self.with_clips
         return Comparison(
             paper=self.name,
             title=self.title,
             tables=self.tables(found),
-            claims=[told(claim, request.runs) for claim in self.claims(found)],
+            claims=[told(claim, request.runs) for claim in claims],
             figures=self.figures(found),
-            notes=[*self.notes, *filter(None, [about_clips])],
+            notes=[*notes, *filter(None, [about_clips])],
             settings={
                 "runs": request.runs,
                 "seed": request.seed,
@@ -141,6 +156,40 @@ class Paper:
     def run(self, **asked: Any) -> Comparison:
         """``compare`` what ``request`` is asked for, in one call."""
         return self.compare(self.request(**asked))
+
+
+def until_resolved(
+    paper: Paper,
+    request: Request,
+    keeping: Callable[[int], contextlib.AbstractContextManager],
+    minutes: float,
+) -> Comparison:
+    """Look at a paper's claims with twice the runs each time, until every one is resolved.
+
+    No look is begun that would end after ``minutes``, if it takes twice as long as the last.
+
+    Args:
+        paper: which.
+        request: of the first look.
+        keeping: of a look's runs, the block in which its parts are kept.
+        minutes: from now.
+    """
+    began, runs = time.monotonic(), request.runs
+    for look in itertools.count(1):
+        looked = time.monotonic()
+        seeds = range(request.seed, request.seed + runs // paper.runs_per_scene)
+        with keeping(runs):
+            comparison = paper.compare(dataclasses.replace(request, runs=runs, seeds=seeds), look)
+        pending = [claim for claim in comparison.claims if claim.verdict == CANNOT_RESOLVE]
+        request.report(
+            f"Look {look}: {runs} runs, {len(pending)} of {len(comparison.claims)} claims open"
+        )
+        now = time.monotonic()
+        hopeless = all(math.isinf(claim.growth) for claim in pending)
+        if hopeless or now - began + 2 * (now - looked) > 60 * minutes:
+            break
+        runs *= 2
+    return comparison
 
 
 def clip_folder(data: Path, name: str, needed: str = ".") -> Path:

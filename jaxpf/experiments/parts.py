@@ -151,12 +151,13 @@ def can_go_on(output: Path, settings: Mapping[str, Any]) -> bool:
 
 
 @contextlib.contextmanager
-def keeping(output: Path, settings: Mapping[str, Any]) -> Iterator[None]:
+def keeping(output: Path, settings: Mapping[str, Any], for_good: bool = False) -> Iterator[None]:
     """Keep parts in an output folder until the block ends well, or with none measured.
 
     Args:
         output: an existing folder.
         settings: what parts depend on, fit for JSON; parts of other settings are removed.
+        for_good: keep them also where the block ends well.
 
     Raises:
         InputError: the folder cannot be written.
@@ -172,7 +173,7 @@ def keeping(output: Path, settings: Mapping[str, Any]) -> Iterator[None]:
         done = True
     finally:
         _store.reset(token)
-        if done or not any(store.folder.glob("*.npz")):
+        if (done and not for_good) or not any(store.folder.glob("*.npz")):
             store.remove()
 
 

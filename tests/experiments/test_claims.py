@@ -1,4 +1,5 @@
 import math
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -6,12 +7,15 @@ import pytest
 from jaxpf.experiments.claims import (
     CANNOT_RESOLVE,
     CONTRADICTS,
+    EQUAL,
     SUPPORTS,
     Quantity,
+    at_look,
     cluster_interval,
     exact,
     growth,
     judged,
+    level_of,
     newcombe,
     shown,
     student_interval,
@@ -63,6 +67,16 @@ def test_the_more_parts_the_more_it_takes_to_contradict():
     assert verdict([fixed(10, 5, at_least=0), slightly]) == CANNOT_RESOLVE
 
 
+def test_near_an_end_within_the_margin_is_equal():
+    assert verdict([fixed(0.5, 2, at_least=0, margin=3)]) == EQUAL
+    assert verdict([fixed(-0.5, 2, at_least=0, margin=3)]) == EQUAL
+    assert verdict([fixed(10, 2, at_least=0), fixed(0, 2, at_least=0, margin=3)]) == EQUAL
+    assert verdict([fixed(0, 2, at_least=0), fixed(0, 2, at_least=0, margin=3)]) == CANNOT_RESOLVE
+    assert verdict([fixed(2, 2.5, at_least=0, margin=3)]) == CANNOT_RESOLVE
+    assert verdict([fixed(4, 2, at_least=0, margin=3)]) == SUPPORTS
+    assert verdict([fixed(-4, 2, at_least=0, margin=3)]) == CONTRADICTS
+
+
 def test_agreement_without_a_width_is_no_certainty():
     assert verdict([fixed(10, 0, at_least=0)]) == CANNOT_RESOLVE
     assert verdict([fixed(-10, 0, at_least=0)]) == CANNOT_RESOLVE
@@ -84,6 +98,72 @@ def test_so_many_runs_as_are_told_resolve_it(successes, trials):
     assert verdict([rate(0.98 * needed)]) == CANNOT_RESOLVE
     claim = told(judged("rate", "", "", rate(1)), trials)
     assert f"about {math.ceil(needed * trials)} runs would resolve it" in claim.measured
+
+
+def test_so_many_runs_as_are_told_make_it_equal():
+    def difference(times):
+        def interval(level):
+            reach = 8 * NormalDist().inv_cdf(0.5 + level / 2) / math.sqrt(times)
+            return 1 - reach, 1 + reach
+
+        return Quantity("", 1.0, interval, at_least=0, margin=3)
+
+    # Above 0 it clearly is once the reach is 1; with less, at 2, it lies within 3 of it.
+    needed = growth([difference(1)])
+    assert needed == pytest.approx((1.96 * 8 / 2) ** 2, rel=0.01)
+    assert verdict([difference(1.02 * needed)]) == EQUAL
+    assert verdict([difference(0.98 * needed)]) == CANNOT_RESOLVE
+
+
+LOOKS = 7
+
+
+def at_looks(effect, **claimed):
+    """The verdicts that 2000 claims on means end with, looked at on 10, 20, ... 640 values."""
+    rng, found = np.random.default_rng(0), []
+    for _ in range(2000):
+        drawn = rng.normal(effect, size=10 * 2 ** (LOOKS - 1))
+        for look in range(1, LOOKS + 1):
+            seen = drawn[: 10 * 2 ** (look - 1)]
+            part = Quantity("", seen.mean(), student_interval(seen), **claimed)
+            if (its := verdict([part], level_of(look))) != CANNOT_RESOLVE:
+                break
+        found.append(its)
+    return np.array(found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("effect", "wrong"),
+    [
+        (0.5, (CONTRADICTS, EQUAL)),
+        (-0.5, (SUPPORTS, EQUAL)),
+        (0.0, (SUPPORTS, CONTRADICTS)),  # at the end of the range
+        (0.3, (CONTRADICTS, EQUAL)),  # on the margin, which is not within it
+        (-0.3, (SUPPORTS, EQUAL)),
+    ],
+)
+def test_looking_again_and_again_misleads_as_seldom_as_looking_once(effect, wrong):
+    found = at_looks(effect, at_least=0, margin=0.3)
+    assert np.isin(found, wrong).mean() <= 0.05 + 3 * math.sqrt(0.05 * 0.95 / len(found))
+    assert (found != CANNOT_RESOLVE).mean() > 0.9
+
+
+def test_looks_share_the_level_among_them():
+    assert sum(1 - level_of(look) for look in range(1, 10_000)) == pytest.approx(0.05, rel=1e-3)
+
+
+def test_a_later_look_judges_by_wider_intervals():
+    values = np.random.default_rng(0).normal(0.7, size=10)
+    part = Quantity("", values.mean(), student_interval(values), at_least=0)
+    claim = judged("a > b", "", "", part, digits=2)
+    assert claim.verdict == SUPPORTS
+    noted = claim._replace(measured=f"{claim.measured}; and a word")
+    later = at_look(noted, 30)
+    assert later.verdict == CANNOT_RESOLVE
+    assert later.growth > 1
+    assert later.measured == f"{shown([part], 2, level_of(30))}; and a word"
+    assert later.measured != noted.measured
 
 
 def test_what_no_number_of_runs_resolves_is_told():

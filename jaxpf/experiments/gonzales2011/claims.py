@@ -26,6 +26,8 @@ from jaxpf.filters.partitioned.ordering import named
 from jaxpf.measures import metrics
 
 _SWAPS = ("SPS sorted", "SPS combinatorial")
+#: Per cent of PS's error or variance within which a method counts as equal.
+MARGIN = 3.0
 #: "Twice more": a ratio between these.
 _TWICE = 1.5, 2.5
 
@@ -88,6 +90,7 @@ def _of_variant(outcomes: Outcomes, dynamics: str, method: str) -> Iterator[Clai
                         gain(getattr(outcomes[cell], measure), dynamics, method),
                         _name(cell, chosen),
                         at_least=0,
+                        margin=MARGIN,
                     )
                     for cell in chosen
                 ),

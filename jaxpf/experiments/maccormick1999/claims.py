@@ -13,6 +13,8 @@ from jaxpf.experiments.maccormick1999.tables import rate_of
 
 #: Runs of which this share end on their own targets count as exclusion that works, in percent.
 KEEPS_BOTH = 90.0
+#: Rates that differ by less than this many points count as equal.
+MARGIN = 5.0
 #: "Much smaller": on the diagonal at most this share of the peaks beside it.
 MUCH_SMALLER = 0.5
 #: "Far above": at least so many times.
@@ -141,7 +143,7 @@ def _more_kept(passing: Passing, first: str, second: str) -> Quantity:
 def _gap(one: np.ndarray, other: np.ndarray) -> Quantity:
     """Points by which the first rate is above the second; by sequence, if there are several."""
     if len(one) > 1:
-        return gap_of(one, other, at_least=0.0)
+        return gap_of(one, other, at_least=0.0, margin=MARGIN)
     value = 100 * float(one.mean() - other.mean())
     interval = newcombe((one.sum(), other.sum()), (one.size, other.size))
-    return Quantity("", value, interval, at_least=0.0)
+    return Quantity("", value, interval, at_least=0.0, margin=MARGIN)

@@ -68,6 +68,7 @@ _NAMES = {
     "ParticleState": "state",
     "Partitioned": "filters.partitioned.tracker",
     "Summary": "state",
+    "forecast": "running",
     "load": "files.states",
     "monte_carlo": "running.blocks",
     "pytree_dataclass": "pytree",
@@ -123,7 +124,7 @@ if TYPE_CHECKING:
     from jaxpf.filters.labelled.tracker import Labelled
     from jaxpf.filters.partitioned.tracker import Partitioned
     from jaxpf.pytree import pytree_dataclass
-    from jaxpf.running import run
+    from jaxpf.running import forecast, run
     from jaxpf.running.blocks import monte_carlo
     from jaxpf.smoothing import smooth
     from jaxpf.state import ParticleState, Summary
@@ -137,6 +138,7 @@ __all__ = [
     "ParticleState",
     "Partitioned",
     "Summary",
+    "forecast",
     "load",
     "monte_carlo",
     "pytree_dataclass",

@@ -7,7 +7,7 @@ import pytest
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass, smoothing
-from jaxpf.dynamics import RandomWalk
+from jaxpf.dynamics import LinearGaussian, RandomWalk
 from jaxpf.likelihoods import CorrelatedGaussian, Gaussian
 from jaxpf.streaming import stream
 from jaxpf.uncertainty import WithErrorBars
@@ -87,6 +87,44 @@ def test_a_missing_frame_changes_no_weight_and_no_evidence(name):
     # The same words of another kind.
     told = jaxpf.run(its, KEY, frames_for(name, FRAMES), observed=SEEN)[1]
     np.testing.assert_array_equal(told.estimate, summary.estimate)
+
+
+@pytest.mark.parametrize("name", ["sps", "look-ahead", "labelled"])
+def test_a_forecast_is_a_run_over_frames_that_are_missing(name):
+    its, frames = TRACKERS[name], frames_for(name, GAPS)
+    state, _ = jaxpf.run(its, KEY, frames[:2])
+    _, ahead = jaxpf.forecast(its, KEY, state, 2, time=2)
+    _, expected = jaxpf.run(its, KEY, frames[:4])
+    np.testing.assert_allclose(ahead.estimate, expected.estimate[2:], atol=1e-5)
+    np.testing.assert_allclose(ahead.spread, expected.spread[2:], atol=1e-5)
+    assert (np.asarray(ahead.log_evidence) == 0).all()
+
+
+def test_a_forecast_has_the_moments_of_the_dynamics():
+    """From an exact start: mean .9^k x, variance the sum of .81^j over j < k."""
+    one = jnp.ones((2, 1, 1))
+    its = jaxpf.Partitioned(
+        dynamics=LinearGaussian(transition=0.9 * one, noise=one),
+        likelihood=Gaussian(noise=one),
+        ordering=ordering.ps([1, 0]),
+        initial=jnp.array([[3.0], [-5.0]]),
+        num_particles=20_000,
+    )
+    _, ahead = jaxpf.forecast(its, KEY, its.init(KEY), 4)
+    steps = np.arange(1, 5)[:, None]
+    variance = (1 - 0.81**steps) / (1 - 0.81)
+    # Particles are independent: nothing was ever resampled by different weights.
+    error = (ahead.estimate[..., 0] - 0.9**steps * [3.0, -5.0]) / np.sqrt(variance / 20_000)
+    assert np.abs(error).max() < 4.5
+    assert np.abs(ahead.spread[..., 0] ** 2 / variance - 1).max() < 4.5 * np.sqrt(2 / 20_000)
+
+
+def test_what_has_no_forecast_is_refused():
+    its = partitioned(ordering.ps([0, 1, 2]))
+    with pytest.raises(InputError, match="steps=0 must be at least 1"):
+        jaxpf.forecast(its, KEY, its.init(KEY), 0)
+    with pytest.raises(InputError, match="Foreign has no field likelihood"):
+        jaxpf.forecast(Foreign(), KEY, None, 3)
 
 
 def test_whole_numbers_are_missing_by_word_alone():

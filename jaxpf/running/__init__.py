@@ -87,6 +87,40 @@ def run(
     return _in_blocks(tracker, key, frames, record, state, time, tell)
 
 
+def forecast(
+    tracker: Any,
+    key: jax.Array,
+    state: Any,
+    steps: int,
+    record: Callable[[Any, Any], Any] = summary_only,
+    time: int = 0,
+) -> tuple[Any, Any]:
+    """Where targets are going, of which no more frames were seen: as ``run`` over missing ones.
+
+    Particles move by their dynamics; ``summary.spread`` tells how fast the doubt grows.
+
+    Args:
+        tracker: which has tracked so far.
+        key: as for ``run``.
+        state: after the last frame.
+        steps: frames ahead, S.
+        record: as for ``run``.
+        time: number of frames so far; with the same key it goes on as ``run`` would.
+
+    Returns:
+        The state S frames ahead, and what ``record`` kept, with a leading axis S.
+
+    Raises:
+        InputError: fewer than one step, no key, or a tracker without a likelihood to leave out.
+    """
+    if steps < 1:
+        raise InputError(f"steps={steps} must be at least 1.")
+    gaps.check_gaps(tracker)
+    nothing = np.zeros(steps, bool)
+    blind = gaps.WithoutFrames(tracker)
+    return run_compiled(blind, as_key(key), (nothing, nothing), record, state, time)
+
+
 def _in_blocks(tracker, key, frames, record, state, time, tell):
     """``run_compiled`` with a word after every block of frames."""
     total, kept = num_frames(frames), []

@@ -87,6 +87,36 @@ class LikelihoodWithGaps(contract.Likelihood):
 
 
 @pytree_dataclass
+class LikelihoodOfNoFrame(LikelihoodWithGaps):
+    """Another likelihood that sees no frame at all, so that none need be there."""
+
+    def __getattr__(self, name):
+        """As above; what is asked of an observation is 0."""
+        inner = super().__getattr__(name)
+        if name not in _OF_OBSERVATIONS:
+            return inner
+
+        def of_nothing(observation, *rest):
+            return jnp.zeros(rest[-1].shape[-1:] if name.endswith("_all") else ())
+
+        return of_nothing
+
+    @property
+    def expecting(self):
+        """The inner likelihood told what is expected, in the same wrapper."""
+        inner = self.likelihood.expecting
+        return lambda estimates: LikelihoodOfNoFrame(inner(estimates))
+
+    def observe(self, frame):
+        """Nothing."""
+        return ()
+
+    def log_prob_all(self, observation, partition, substates):
+        """0 for every particle, ``[N]``."""
+        return jnp.zeros(substates.shape[-1:], substates.dtype)
+
+
+@pytree_dataclass
 class WithGaps(contract.Tracker):
     """A tracker of frames that come as ``(frame, seen)``, ``seen`` ``[]`` bool.
 
@@ -97,6 +127,8 @@ class WithGaps(contract.Tracker):
     """
 
     tracker: Any
+
+    _wraps = LikelihoodWithGaps
 
     @property
     def num_partitions(self) -> int:
@@ -109,12 +141,13 @@ class WithGaps(contract.Tracker):
 
     def observe(self, frame):
         """What the tracker needs of a frame, and whether it was seen."""
-        return contract.observed_apart(_of_frames_with_gaps(self.tracker))[0](frame), frame[1]
+        inner = _of_frames_with_gaps(self.tracker, self._wraps)
+        return contract.observed_apart(inner)[0](frame), frame[1]
 
     def step_observed(self, key, state, observation):
         """The tracker's next state and summary."""
         observation, seen = observation
-        step = contract.observed_apart(_of_frames_with_gaps(self.tracker))[1]
+        step = contract.observed_apart(_of_frames_with_gaps(self.tracker, self._wraps))[1]
         after, summary = step(key, state, observation)
 
         def replaced(target, name, value):
@@ -130,6 +163,13 @@ class WithGaps(contract.Tracker):
             summary = replaced(summary, "confidence", jax.nn.sigmoid(before))
         summary = replaced(summary, "label_log_evidence", 0.0)
         return after, replaced(summary, "log_evidence", 0.0)
+
+
+@pytree_dataclass
+class WithoutFrames(WithGaps):
+    """A tracker of frames ``(anything, False)``."""
+
+    _wraps = LikelihoodOfNoFrame
 
 
 def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
@@ -151,7 +191,7 @@ def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
         if seen is None or not _can_have_gaps(tracker):
             return tracker, frames
         return WithGaps(tracker), (frames, seen)
-    _check_tracker(tracker)
+    check_gaps(tracker)
     if come_one_by_one(frames):
         return WithGaps(tracker), _pairs(frames, observed)
     total = len(jax.tree.leaves(frames)[0])
@@ -173,7 +213,7 @@ def unmarked(tracker: Any, frames: Any) -> tuple[Any, Any]:
 def marked_one_by_one(tracker: Any, frames: Any, observed: Any = None) -> Iterator[Any]:
     """For each single frame: the frame, the tracker for it, and the frame as that one takes it."""
     if observed is not None:
-        _check_tracker(tracker)
+        check_gaps(tracker)
         for frame, seen in _pairs(frames, observed):
             yield frame, WithGaps(tracker), (frame, seen)
         return
@@ -232,20 +272,25 @@ def _can_have_gaps(tracker: Any) -> bool:
     )
 
 
-def _check_tracker(tracker: Any) -> None:
+def check_gaps(tracker: Any) -> None:
+    """Refuse a tracker that cannot do without a frame.
+
+    Raises:
+        InputError: it has no likelihood to leave out.
+    """
     if not _can_have_gaps(tracker):
         raise InputError(
             f"{type(tracker).__name__} has no field likelihood that could be left out where a "
-            "frame is missing; give it one, or leave out observed."
+            "frame is missing; give it one, or frames that were all seen."
         )
 
 
-def _of_frames_with_gaps(tracker: Any) -> Any:
-    """The tracker with its likelihood in the wrapper."""
+def _of_frames_with_gaps(tracker: Any, wraps: Callable[[Any], Any]) -> Any:
+    """The tracker with its likelihood in a wrapper."""
     name = "likelihood" if hasattr(tracker, "likelihood") else "tracker"
     inner = getattr(tracker, name)
     # Without its constructor, which would check it again, traced as it is.
     changed = copy.copy(tracker)
-    wrap = LikelihoodWithGaps if name == "likelihood" else _of_frames_with_gaps
-    object.__setattr__(changed, name, wrap(inner))
+    inner = wraps(inner) if name == "likelihood" else _of_frames_with_gaps(inner, wraps)
+    object.__setattr__(changed, name, inner)
     return changed

@@ -58,9 +58,15 @@ def in_turn(
             try:
                 while waiting and len(flying) < pool.in_flight:
                     piece, attempt = waiting[0]
-                    flying[pool.executor.submit(function, piece, attempt)] = waiting.popleft()
-            except concurrent.futures.BrokenExecutor:
+                    future = pool.executor.submit(function, piece, attempt)
+                    flying[future] = waiting.popleft()  # not before: what fails is still waiting
+            except (concurrent.futures.BrokenExecutor, OSError):
+                # A pool that breaks while a process of it starts fails by what it closes.
                 if not flying:
+                    piece, attempt = waiting.popleft()
+                    if attempt >= retries:
+                        raise
+                    waiting.appendleft((piece, attempt + 1))
                     pool.renew()
                     continue
             done, _ = concurrent.futures.wait(

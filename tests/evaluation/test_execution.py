@@ -54,6 +54,35 @@ def test_executors_and_factories_do_every_piece_once(make):
         assert executor.submit(squared, 3, 0).result() == 9  # not ours to shut down
 
 
+@pytest.mark.parametrize("after", [0, 2])
+def test_a_pool_that_breaks_while_a_piece_is_handed_over_is_replaced(after):
+    made = []
+
+    class Breaking(ThreadPoolExecutor):
+        def submit(self, *work):
+            if self is made[0] and len(self.handed) == after:
+                raise OSError("handle is closed")
+            self.handed.append(work)
+            return super().submit(*work)
+
+    def start():
+        made.append(Breaking(3))
+        made[-1].handed = []
+        return made[-1]
+
+    assert as_dict(in_turn(squared, PIECES, start)) == SQUARES
+    assert len(made) == 2
+
+
+def test_a_pool_that_cannot_be_started_is_given_up():
+    class Broken(ThreadPoolExecutor):
+        def submit(self, *work):
+            raise OSError("too many open files")
+
+    with pytest.raises(OSError, match="too many open files"):
+        as_dict(in_turn(squared, PIECES, lambda: Broken(1)))
+
+
 def test_only_a_few_pieces_are_in_flight():
     """Results that nobody has collected yet do not pile up."""
     submitted = []

@@ -1,7 +1,8 @@
-"""How much another run would differ: error bars of a filter's answers.
+"""How sure a filter is.
 
-From several runs side by side (``SideBySide``), or from the ancestors of a single one
-(``WithErrorBars``).
+How much another run would differ, from several side by side (``SideBySide``) or from the ancestors
+of a single one (``WithErrorBars``); and whether regions hold the truth as often as they say
+(``transforms``, ``crps``, ``log_score``).
 """
 
 from collections.abc import Sequence
@@ -11,8 +12,18 @@ import numpy as np
 
 from jaxpf.filters.error_bars import ErrorBars, WithErrorBars
 from jaxpf.filters.side_by_side import RunsState, SideBySide
+from jaxpf.measures.calibration import crps, log_score, transforms
 
-__all__ = ["ErrorBars", "RunsState", "SideBySide", "WithErrorBars", "quantiles"]
+__all__ = [
+    "ErrorBars",
+    "RunsState",
+    "SideBySide",
+    "WithErrorBars",
+    "crps",
+    "log_score",
+    "quantiles",
+    "transforms",
+]
 
 
 def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndarray:

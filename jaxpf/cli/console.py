@@ -20,6 +20,8 @@ _TERMS = {
     "recall": "share of the truth that the estimate covers",
     "centre_error": "pixels between the middles",
     "centre error": "pixels between the middles",
+    "truth in the": "how often that region of x and of y holds it, where followed",
+    "crps": "pixels; small where the spread is honest and narrow",
     "hota": "places and identities, from 0 to 1",
     "deta": "places alone",
     "assa": "identities alone",

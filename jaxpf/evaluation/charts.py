@@ -226,6 +226,38 @@ def error_over_time(results: Results, summaries: Sequence[Summary], place: int) 
     return figure
 
 
+def calibration(summaries: Sequence[Summary]) -> Any:
+    """Coverage of central regions against their probability, and the transforms' histogram."""
+    known = [summary for summary in summaries if summary.transforms.any()]
+    figure, axes = new_figure(1, 2, figsize=(9.2, 3.9 + 0.17 * min(len(known), MOST_LINES)))
+    left, right = axes[0]
+    bins = len(known[0].transforms)
+    inside = np.arange(0, bins // 2 + 1)
+    # Of too many lines for a legend, those of a method have one colour.
+    names = [s.name if len(known) <= MOST_LINES else s.configuration.method for s in known]
+    labels = list(dict.fromkeys(names))
+    for number, label in enumerate(labels):
+        style = {
+            "color": COLOURS[number % len(COLOURS)],
+            "linestyle": ("-", "--")[number // len(COLOURS) % 2],
+        }
+        left.plot([], [], label=_wrapped(label), **style)
+        for summary in (s for s, name in zip(known, names, strict=True) if name == label):
+            share = summary.transforms / summary.transforms.sum()
+            covered = [share[bins // 2 - k : bins // 2 + k].sum() for k in inside]
+            left.plot(200 * inside / bins, 100 * np.array(covered), **style)
+            right.stairs(bins * share, np.linspace(0, 1, bins + 1), **style)
+    left.plot([0, 100], [0, 100], ":", color="0.4", zorder=1)
+    right.axhline(1, color="0.4", linestyle=":", zorder=1)
+    left.set(xlabel="probability of the region (%)", ylabel="truth inside (% of frames)")
+    left.set(xlim=(0, 100), ylim=(0, 102))
+    right.set(xlabel="probability given to values below the truth", ylabel="density", xlim=(0, 1))
+    for axis in axes[0]:
+        axis.grid(alpha=0.3)
+    left.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16))
+    return figure
+
+
 def success_curves(results: Results, summaries: Sequence[Summary], places: Sequence[int]) -> Any:
     """Success curves (wu2013) of the objects at ``places``."""
     size = (4.6 * len(places), 3.9 + 0.17 * min(len(summaries), MOST_LINES))

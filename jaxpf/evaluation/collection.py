@@ -17,7 +17,7 @@ import numpy as np
 from jaxpf.evaluation.batches import Batch
 from jaxpf.evaluation.estimates import LEVEL, with_all
 from jaxpf.evaluation.measures import COLUMNS, SCORES, Measured, measure_batch
-from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
 from jaxpf.files.writing import report_os_errors
 from jaxpf.measures.scores import OVERLAP_THRESHOLDS, tracking_scores
 
@@ -27,6 +27,8 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 ROLES = ("best", "median", "worst")
 #: Runs of a configuration that get the standard scores, which take about 10 ms per 20 frames.
 SCORED_RUNS = 100
+#: Of probability integral transforms: so that regions of 5, 10, ... % end where bins do.
+BINS = 40
 #: Frames whose quantiles are found together.
 _BLOCK = 256
 
@@ -66,6 +68,8 @@ class Collected(NamedTuple):
         column: function of a column's name, gives ``[R, P]``.
         quantiles: of the centre error, ``[len(QUANTILES), T, P + 1]``; all objects come last.
         curve: see ``Curve``.
+        transforms: counts of probability integral transforms in ``BINS`` equal bins, of all
+            objects, x and y and frames in which they are followed.
         shown: the runs that are exported.
         scores: of the first ``SCORED_RUNS`` runs, ``[R, len(SCORES)]``; without rows where
             TrackEval is not installed.
@@ -76,6 +80,7 @@ class Collected(NamedTuple):
     column: Callable[[str], np.ndarray]
     quantiles: np.ndarray
     curve: Curve
+    transforms: np.ndarray
     shown: list[ShownRun]
     scores: np.ndarray
 
@@ -103,13 +108,17 @@ def collect(
         None without any finished run.
     """
     truth, scale = results.truth, results.noise_scale(configuration)
+    # What the coordinates of a user's own tracker are, nobody knows.
+    has_places = configuration.kind == BUILT_IN and results.target.has_places
     runs: list[np.ndarray] = []
+    transforms = np.zeros(BINS, np.int64)
     errors, curves = ErrorQuantiles(*truth.shape[:2]), _CurveMean(truth.shape[1])
     paths = [store / f"{index}.f4" for index in range(len(COLUMNS))]
     with report_os_errors("write", store), ExitStack() as stack:
         files = [stack.enter_context(open(path, "wb")) for path in paths]
         for batch in results.batches(configuration):
-            measured = measure_batch(batch, truth, scale, results.target, results.start)
+            measured = measure_batch(batch, truth, scale, results.target, results.start, has_places)
+            transforms += np.histogram(measured.transforms, BINS, (0, 1))[0]
             for index, file in enumerate(files):
                 file.write(measured.columns[:, :, index].astype(np.float32).tobytes())
             runs.append(batch.runs)
@@ -131,6 +140,7 @@ def collect(
         column=column,
         quantiles=errors.quantiles(QUANTILES),
         curve=curves.interval(),
+        transforms=transforms,
         shown=_shown_runs(results.batches(configuration), numbers, overlap),
         scores=_scores(results.batches(configuration), truth, results.target.has_boxes),
     )

@@ -132,6 +132,19 @@ def _plans(results: Results, tables: Tables) -> list[_Plan]:
                 lambda: charts.diversity(ids, filters),
             )
         )
+    if any(summary.transforms.any() for summary in summaries):
+        plans.append(
+            _Plan(
+                "calibration",
+                "Calibration",
+                "Left: how often the central region of a given probability holds the truth, x and "
+                "y of all objects together, in frames in which the object is followed; on the "
+                "dotted line spreads are honest, below it they are too narrow. Right: probability "
+                "integral transforms, level if spreads are honest, heaped at the ends if too "
+                "narrow.",
+                lambda: charts.calibration(summaries),
+            )
+        )
     over = "runs and objects" if several else "runs"
     for place in places:
         which = object_name(ids, place)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.evaluation.measures import SCORES, Measure, by_name
+from jaxpf.evaluation.measures import REGIONS, SCORES, Measure, by_name
 
 if TYPE_CHECKING:
     from jaxpf.evaluation.summary import Summary
@@ -22,6 +22,9 @@ HEADLINE = tuple(
 )
 #: Measures that a terminal of 120 columns has room for.
 PRINTED = HEADLINE[:6]
+#: Measures of how honest the spread is.  The log score is in ``summary.csv`` alone: one frame in
+#: which all particles are copies of one outweighs all others.
+CALIBRATION = tuple(by_name(name) for name in (*(f"coverage_{p}" for p in REGIONS), "crps"))
 #: Measures whose differences the tables show.
 COMPARED = tuple(
     by_name(name)
@@ -48,6 +51,10 @@ NOTES = (
     "those of means have Student's interval and test of the runs' differences. A star marks "
     f"p < {SIGNIFICANT} after Holm's correction over the comparisons in its column. Points are "
     "percentage points.",
+    "Calibration: how often the 50, 80 and 95 % regions of x and of y, as wide as the particles' "
+    "standard deviation says, hold the truth; of frames in which the object is followed (a shared "
+    "pixel), for no region holds one that is lost. CRPS, in pixels, is small where spreads are "
+    "honest and narrow (Gneiting and Raftery 2007); the log score is in summary.csv.",
     "Frames/s: of one run alone on this machine, from a frame in memory to its estimate, compiling "
     "left out; the median over some frames, and of what gave boxes at once, the mean over all. "
     "Settings that are compiled alike share the figure.",
@@ -90,6 +97,18 @@ def score_tables(summaries: Sequence["Summary"], num_objects: int) -> list[Table
     if not any(SCORES[0].name in summary.estimates for summary in summaries):
         return []
     return [_estimates("standard scores, all objects", summaries, num_objects, SCORES)]
+
+
+def calibration_tables(
+    object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
+) -> list[Table]:
+    """How honest spreads are, one table per object; none where no filter has any of places."""
+    known = [s for s in summaries if s.transforms.any()]
+    return [
+        _estimates(f"calibration, {object_name(object_ids, place)}", known, place, CALIBRATION)
+        for place in _distinct(object_ids, places)
+        if known
+    ]
 
 
 def difference_tables(

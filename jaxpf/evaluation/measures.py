@@ -11,13 +11,15 @@ import numpy as np
 from jax import Array
 
 from jaxpf.evaluation.batches import Batch
-from jaxpf.measures import metrics
+from jaxpf.measures import calibration, metrics
 from jaxpf.measures.scores import OVERLAP_THRESHOLDS
 from jaxpf.targets.target import Start, Target
 
 #: Coordinates by which the spread of a particle set is named.
 COORDINATES = ("u", "v", "a")
 
+#: Probabilities of the regions that are asked how often they hold the truth, in percent.
+REGIONS = (50, 80, 95)
 #: Pixels within which a centre counts as found, by which OTB ranks trackers (wu2013).
 DISTANCE = 20
 #: Overlap above which a box counts as right (wu2013).
@@ -83,6 +85,12 @@ MEASURES = (
         Measure(f"effective_dynamics_var_{name}", f"effective dynamics in {name}, of variances")
         for name in COORDINATES
     ),
+    *(
+        Measure(f"coverage_{p}", f"truth in the {p} % region", weight=TRACKED_FRAMES, percent=True)
+        for p in REGIONS
+    ),
+    Measure("crps", "CRPS", weight=TRACKED_FRAMES, unit="pixels"),
+    Measure("log_score", "log score", weight=TRACKED_FRAMES),
     Measure("ess", "effective sample size"),
     Measure("log_evidence", "log evidence"),
     Measure("frames_lost", "frames without likelihood"),
@@ -105,15 +113,23 @@ class Measured(NamedTuple):
         columns: ``[R, P, K]``, one for each of ``COLUMNS``; NaN where a measure does not exist.
         centre_error: ``[R, T, P]`` in pixels, NaN where there is no truth or no estimate.
         curve: ``[R, P, 21]``, see ``jaxpf.scores.success_curve``.
+        transforms: ``[R, T, P, 2]`` of x and y, see ``jaxpf.uncertainty.transforms``; NaN where an
+            object is not tracked, or nobody knows.
     """
 
     columns: np.ndarray
     centre_error: np.ndarray
     curve: np.ndarray
+    transforms: np.ndarray
 
 
 def measure_batch(
-    batch: Batch, truth: np.ndarray, noise_scale: np.ndarray, target: Target, start: Start
+    batch: Batch,
+    truth: np.ndarray,
+    noise_scale: np.ndarray,
+    target: Target,
+    start: Start,
+    has_places: bool = False,
 ) -> Measured:
     """Measure every run of a batch.
 
@@ -123,6 +139,7 @@ def measure_batch(
         noise_scale: ``[3]``, standard deviation of the process noise, NaN where it is unknown.
         target: what the objects are.
         start: where they were at first.
+        has_places: whether the first two spreads are those of the middle's x and y, in pixels.
     """
     width = max(1, min(_RUNS_AT_ONCE, _BOXES_AT_ONCE // math.prod(truth.shape[:2])))
     arrays = {field.name: getattr(batch, field.name) for field in dataclasses.fields(batch)}
@@ -132,12 +149,14 @@ def measure_batch(
     ]
     measure = functools.partial(_measure_frames, truth=truth, width=width)
     measure = functools.partial(measure, target=target, start=start)
-    measured = [_measure_piece(piece, noise_scale, measure(piece.shapes)) for piece in pieces]
+    measured = [
+        _measure_piece(piece, noise_scale, measure(piece.shapes), has_places) for piece in pieces
+    ]
     return Measured(*(np.concatenate(parts) for parts in zip(*measured, strict=True)))
 
 
 def _measure_piece(
-    batch: Batch, noise_scale: np.ndarray, frames: dict[str, np.ndarray]
+    batch: Batch, noise_scale: np.ndarray, frames: dict[str, np.ndarray], has_places: bool
 ) -> Measured:
     present = frames["present"] > 0
     tracked, error = frames["tracked"] > 0, frames["centre_error"]
@@ -145,6 +164,12 @@ def _measure_piece(
     exceeds = frames["overlap"][..., None] > OVERLAP_THRESHOLDS.astype(np.float32)
     curve = _mean(exceeds, present[..., None])
     near = np.where(np.isfinite(error), error <= DISTANCE, 0)
+    offset = np.stack([frames["offset_x"], frames["offset_y"]], axis=-1)
+    # Of frames in which the object is followed: where it is lost, no region can hold it.
+    asked = np.broadcast_to(has_places & tracked[..., None], offset.shape)
+    spread = np.where(asked, batch.spread[..., :2], np.nan)
+    transforms = calibration.transforms(offset, spread)
+    smallest = np.abs(2 * transforms - 1)
     values = {
         FRAMES: np.sum(present, axis=1),
         TRACKED_FRAMES: np.sum(tracked, axis=1),
@@ -164,10 +189,15 @@ def _measure_piece(
         "centre_error": _mean(error, present),
         "corner_error": _mean(frames["corner_error"], present),
         "uniqueness": _mean(batch.uniqueness),
+        "crps": _mean_of_places(calibration.crps(offset, spread)),
+        "log_score": _mean_of_places(calibration.log_score(offset, spread)),
         "ess": _mean(batch.ess)[:, None],
         "log_evidence": np.sum(batch.log_evidence.astype(np.float64), axis=1, keepdims=True),
         "frames_lost": np.sum(batch.lost, axis=1),
     }
+    for percent in REGIONS:
+        inside = np.where(np.isnan(smallest), np.nan, 100 * smallest <= percent)
+        values[f"coverage_{percent}"] = _mean_of_places(inside)
     for place, name in enumerate(COORDINATES):
         ratio = np.full(batch.uniqueness.shape, np.nan)
         if place < len(noise_scale) and noise_scale[place] > 0:
@@ -176,7 +206,7 @@ def _measure_piece(
         values[f"effective_dynamics_var_{name}"] = _mean(ratio**2)
     shape = batch.shapes.shape[0], batch.shapes.shape[2]
     columns = np.stack([np.broadcast_to(values[name], shape) for name in COLUMNS], axis=-1)
-    return Measured(columns.astype(np.float64), error, curve)
+    return Measured(columns.astype(np.float64), error, curve, transforms.astype(np.float32))
 
 
 def _mean(values: np.ndarray, counts: np.ndarray | bool = True) -> np.ndarray:
@@ -185,6 +215,11 @@ def _mean(values: np.ndarray, counts: np.ndarray | bool = True) -> np.ndarray:
     total = np.sum(np.where(counts, values, 0), axis=1, dtype=np.float64)
     number = np.sum(counts, axis=1)
     return np.where(number > 0, total / np.maximum(number, 1), np.nan)
+
+
+def _mean_of_places(values: np.ndarray) -> np.ndarray:
+    """``_mean`` of x and y together, ``[R, T, P, 2]``."""
+    return _mean(values.mean(axis=-1))
 
 
 def _measure_frames(
@@ -207,6 +242,9 @@ def _compiled_measures(
     start: Any = Start(np.zeros(0), np.zeros(0), sizes, parents)  # type: ignore[arg-type]
     found = target.measures(start, shapes, truth)
     shape = shapes.shape[:-1]
+    middle = target.outlines(start, shapes).mean(axis=-2)
+    offset = middle - target.outlines(start, truth).mean(axis=-2)
+    found |= {"offset_x": offset[..., 0], "offset_y": offset[..., 1]}
     present = jnp.broadcast_to(found["present"], shape)
     tracked = jnp.broadcast_to(found["tracked"], shape)
     found |= {

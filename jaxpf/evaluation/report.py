@@ -15,6 +15,7 @@ from jaxpf.evaluation.figures import Figure, write_figures
 from jaxpf.evaluation.layout import (
     NOTES,
     Table,
+    calibration_tables,
     difference_tables,
     estimate_tables,
     object_name,
@@ -77,7 +78,15 @@ def write_report(results: Results, tables: Tables | None = None) -> Path:
 def _content(results: Results, tables: Tables, figures: Sequence[Figure]) -> dict[str, Any]:
     summaries, ids = tables.summaries, results.object_ids
     places = [len(ids), tables.hardest, *range(len(ids))]
-    sections = list(_sections(figures, difference_tables(ids, summaries, places)))
+    sections = list(
+        _sections(
+            figures,
+            {
+                "differences": difference_tables(ids, summaries, places),
+                "calibration": calibration_tables(ids, summaries, places),
+            },
+        )
+    )
     groups, clips_remark = _clips(results, tables)
     contents = [("summary", "Summary")] if summaries else []
     contents += [(section.name, section.title) for section in sections]
@@ -125,7 +134,7 @@ def _finding(results: Results, tables: Tables) -> str:
     )
 
 
-def _sections(figures: Sequence[Figure], differences: list[Table]) -> Iterator[_Section]:
+def _sections(figures: Sequence[Figure], tables: Mapping[str, list[Table]]) -> Iterator[_Section]:
     """One per kind of figure; those of the error over time stand together."""
     embedded = {figure.name: _embedded(figure) for figure in figures}
     over_time = [embedded[name] for name in embedded if name.startswith("error-over-time")]
@@ -134,13 +143,14 @@ def _sections(figures: Sequence[Figure], differences: list[Table]) -> Iterator[_
         ("rates", "Success and recovery of smith2004"),
         ("differences", "Paired differences"),
         ("diversity", "Uniqueness and effective dynamics"),
+        ("calibration", "Calibration"),
         ("error-over-time", "Centre error over time"),
         ("success-curves", "Success curves"),
     ):
         found = over_time if name == "error-over-time" else [embedded.get(name)]
         if any(found):
             shown = [figure for figure in found if figure]
-            yield _Section(name, title, shown, differences if name == "differences" else [])
+            yield _Section(name, title, shown, tables.get(name, []))
 
 
 def _embedded(figure: Figure) -> dict[str, Any]:

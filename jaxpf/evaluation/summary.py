@@ -38,6 +38,7 @@ class Summary:
             measure and object.
         quantiles: of the centre error, ``[5, T, P + 1]``.
         curve: success curves.
+        transforms: counts of probability integral transforms in equal bins, see ``Collected``.
         shown: the best, the median and the worst run.
         frames_per_second: of one run alone; NaN where nobody measured it, see ``speed``.
     """
@@ -51,6 +52,7 @@ class Summary:
     adjusted: dict[str, np.ndarray]
     quantiles: np.ndarray
     curve: Curve
+    transforms: np.ndarray
     shown: list[ShownRun]
     frames_per_second: float
 
@@ -88,6 +90,7 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
             adjusted=adjusted[index],
             quantiles=entry.quantiles,
             curve=entry.curve,
+            transforms=entry.transforms,
             shown=entry.shown,
             frames_per_second=speeds[every.index(entry.configuration)],
         )

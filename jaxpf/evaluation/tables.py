@@ -33,6 +33,7 @@ from jaxpf.evaluation.collection import SCORED_RUNS, Collected, collect, has_sco
 from jaxpf.evaluation.layout import (
     PRINTED,
     Table,
+    calibration_tables,
     difference_tables,
     estimate_tables,
     score_tables,
@@ -107,6 +108,7 @@ def write_tables(results: Results) -> Tables:
     everything = [
         *estimate_tables(ids, summaries, places),
         *score_tables(summaries, len(ids)),
+        *calibration_tables(ids, summaries, places),
         *difference_tables(ids, summaries, places),
     ]
     title = f"{results.scene_name}, {results.runs} runs"
@@ -116,6 +118,7 @@ def write_tables(results: Results) -> Tables:
     _write_tracks(results, summaries)
     printed = [
         *estimate_tables(ids, summaries, [len(ids), hardest], PRINTED),
+        *calibration_tables(ids, summaries, [len(ids)]),
         *difference_tables(ids, summaries, [hardest]),
     ]
     return Tables(summaries, remarks, hardest, printed)

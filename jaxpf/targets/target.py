@@ -173,6 +173,11 @@ class Target(abc.ABC):
     def outlines(self, start: Start, shapes: Any) -> Any:
         """Corners ``[..., P, V, 2]`` of convex polygons, in order, pixels."""
 
+    @property
+    def has_places(self) -> bool:
+        """Whether a substate begins with a place in pixels, x and y."""
+        return tuple(self.coordinates[:2]) == ("x", "y")
+
     def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
         """Measures of every frame, see ``jaxpf.measures.outlines``."""
         from jaxpf.measures.outlines import measure_outlines

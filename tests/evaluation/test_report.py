@@ -135,6 +135,7 @@ def test_tables_say_what_the_summary_says(written):
         "rates",
         "differences",
         "diversity",
+        "calibration",
         "error-over-time",
         "success-curves",
     ):
@@ -145,7 +146,7 @@ def test_figures_are_embedded_as_they_are_on_disk(written):
     results, source = written
     paths = sorted((results.folder / "figures").glob("*.png"))
     assert [path.stem for path in paths] == [
-        *("differences", "diversity", "error-over-time-all"),
+        *("calibration", "differences", "diversity", "error-over-time-all"),
         f"error-over-time-object-{1 + write_tables(results).hardest}",
         *("overlaps", "rates", "success-curves"),
     ]
@@ -303,7 +304,7 @@ def test_forty_configurations(tmp_path, monkeypatch):
     pictures = np.zeros((7, 40, 60, 3), np.uint8)
     results = make(tmp_path / "results", batches, truth, frames=pictures)
     write_figures(results, write_tables(results))
-    assert len(sizes) == 7
+    assert len(sizes) == 8
     for name, (width, height) in sizes.items():
         assert width < 16, name
         assert height < 18, name

@@ -71,6 +71,10 @@ def test_every_run_and_object_has_a_row(by_hand):
         ("effective_dynamics_v", [2, 2, 2, 2, 0.5, 0.5, math.nan, math.nan]),
         ("effective_dynamics_var_v", [4, 4, 4, 4, 0.25, 0.25, math.nan, math.nan]),
         ("effective_dynamics_a", [1, 1, 1, 1, 4, 4, math.nan, math.nan]),
+        # Offsets: of the first run (0, 0) and (5, 0), of the others none where they are followed;
+        # spreads (1, 8) and (2, 2).
+        ("coverage_50", [0.75, 1, 1, math.nan, 1, math.nan, math.nan, math.nan]),
+        ("coverage_95", [0.75, 1, 1, math.nan, 1, math.nan, math.nan, math.nan]),
         ("ess", [*6 * [30], math.nan, math.nan]),
         ("log_evidence", [*2 * [-1002.75], *2 * [-math.inf], *2 * [-3], math.nan, math.nan]),
         ("frames_lost", [0, 0, 0, 0, 2, 1, 0, 1]),
@@ -229,7 +233,7 @@ def test_markdown_and_latex_hold_the_summary(by_hand):
     assert r"\_100\%\$x\$" in latex
     body = "\n".join(line for line in latex.splitlines() if not line.startswith("%"))
     rows = [line for line in body.splitlines() if line.endswith(r"\\")]
-    assert {line.replace(r"\&", "").count("&") for line in rows if "SIR" in line} == {7, 10}
+    assert {line.replace(r"\&", "").count("&") for line in rows if "SIR" in line} == {4, 7, 10}
 
 
 def test_shown_decimals_follow_the_width_of_the_intervals():

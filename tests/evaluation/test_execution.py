@@ -106,12 +106,21 @@ def test_an_error_of_the_function_reaches_the_caller_at_once():
 
 def test_after_a_death_the_pool_is_replaced_and_only_pieces_in_flight_are_repeated(tmp_path):
     function = functools.partial(die_once, folder=str(tmp_path))
-    assert as_dict(in_turn(function, PIECES, start_two)) == SQUARES
+    pools = []
+
+    def start():
+        pools.append(start_two())
+        return pools[-1]
+
+    assert as_dict(in_turn(function, PIECES, start)) == SQUARES
     calls = [path.name.split("-") for path in tmp_path.iterdir()]
     repeated = {int(piece) for piece, attempt, *_ in calls if attempt != "0"}
     assert 5 in repeated
-    assert len(repeated) <= 3  # workers + 1 were in flight
-    assert max(int(attempt) for _, attempt, *_ in calls) == 1
+    # Workers + 1 were in flight at each death; a busy machine may bring others than ours.
+    deaths = len(pools) - 1
+    assert deaths >= 1
+    assert len(repeated) <= 3 * deaths
+    assert 1 <= max(int(attempt) for _, attempt, *_ in calls) <= deaths
     assert len({process for *_, process, _ in calls}) >= 3  # of two pools
 
 

@@ -84,14 +84,18 @@ def test_a_missing_frame_changes_no_weight_and_no_evidence(name):
     assert np.isfinite(summary.estimate).all()
     # Particles have spread, by the noise of a random walk.
     assert (summary.spread[3] > summary.spread[1]).all()
-    # The same words of another kind.
-    told = jaxpf.run(its, KEY, frames_for(name, FRAMES), observed=SEEN)[1]
-    np.testing.assert_array_equal(told.estimate, summary.estimate)
 
 
-@pytest.mark.parametrize("name", ["sps", "look-ahead", "labelled"])
+@pytest.mark.parametrize("name", ["sir", "labelled"])
+def test_what_is_said_of_a_frame_is_what_it_shows(name):
+    shown = jaxpf.run(TRACKERS[name], KEY, GAPS)[1]
+    told = jaxpf.run(TRACKERS[name], KEY, FRAMES, observed=SEEN)[1]
+    np.testing.assert_array_equal(told.estimate, shown.estimate)
+
+
+@pytest.mark.parametrize("name", ["sir", "labelled"])
 def test_a_forecast_is_a_run_over_frames_that_are_missing(name):
-    its, frames = TRACKERS[name], frames_for(name, GAPS)
+    its, frames = TRACKERS[name], GAPS
     state, _ = jaxpf.run(its, KEY, frames[:2])
     _, ahead = jaxpf.forecast(its, KEY, state, 2, time=2)
     _, expected = jaxpf.run(its, KEY, frames[:4])
@@ -132,7 +136,6 @@ def test_whole_numbers_are_missing_by_word_alone():
     its = partitioned(ordering.ps([0, 1, 2]))
     summary = jaxpf.run(its, KEY, frames, observed=SEEN)[1]
     assert ((np.asarray(summary.log_evidence) == 0) == ~SEEN).all()
-    assert (np.asarray(jaxpf.run(its, KEY, frames)[1].log_evidence) != 0).all()
 
 
 @pytest.mark.slow
@@ -159,9 +162,8 @@ def test_without_gaps_nothing_changes():
     np.testing.assert_allclose(told, expected, atol=1e-5)
 
 
-@pytest.mark.parametrize("missing", [np.nan, 0.0])
-def test_nothing_of_a_missing_frame_gets_into_a_derivative(missing):
-    frames = np.where(SEEN[:, None, None], FRAMES, missing).astype(np.float32)
+def test_nothing_of_a_missing_frame_gets_into_a_derivative():
+    frames = np.where(SEEN[:, None, None], FRAMES, 0.0).astype(np.float32)
 
     def evidence(poison):
         its = partitioned(ordering.ps([0, 1, 2]), Picky(poison))
@@ -175,13 +177,17 @@ def test_nothing_of_a_missing_frame_gets_into_a_derivative(missing):
 
 def test_smoothing_goes_through_a_gap():
     its = partitioned(ordering.ps([0, 1, 2]))
-    whole = jaxpf.smooth(its, KEY, GAPS)
-    told = jaxpf.smooth(its, KEY, FRAMES, observed=SEEN)
-    np.testing.assert_array_equal(whole.estimate, told.estimate)
+    whole = jaxpf.smooth(its, KEY, FRAMES, observed=SEEN)
     assert whole.spread[3].mean() < whole.summaries.spread[3].mean()
+
+
+@pytest.mark.slow
+def test_smoothing_with_a_lag_goes_through_a_gap():
+    its = partitioned(ordering.ps([0, 1, 2]))
     lagged = list(smoothing.stream(its, KEY, iter(GAPS), 2))
     summaries = np.array([frame.summary.estimate for frame in lagged])
-    np.testing.assert_allclose(summaries, whole.summaries.estimate, atol=1e-5)
+    expected = jaxpf.run(its, KEY, GAPS)[1].estimate
+    np.testing.assert_allclose(summaries, expected, atol=1e-5)
 
 
 @pytree_dataclass

@@ -45,13 +45,29 @@ def open_folder(folder: str | Path) -> Clip:
     if not folder.is_dir():
         kind = "is a file, not a folder" if folder.exists() else "does not exist"
         raise SceneError(f"{folder} {kind}; give the folder of a sequence")
+    read = _reader(folder)
+    if read is None:
+        raise SceneError(f"{folder} is no sequence in a known format; it must hold {_FORMATS}")
+    return read(folder)
+
+
+def sequences_in(folder: str | Path) -> list[Path]:
+    """The sequences that a folder holds, by name; none if it is a sequence itself, or no folder."""
+    folder = Path(folder)
+    if not folder.is_dir() or _reader(folder) is not None:
+        return []
+    return [each for each in sorted(folder.iterdir()) if each.is_dir() and _reader(each)]
+
+
+def _reader(folder: Path) -> Callable[[Path], Clip] | None:
+    """What reads a folder of such files; None if nothing does."""
     if any((folder / name).exists() for name in ("meta.json", "gt.csv")):
-        return read_clip(folder)
+        return read_clip
     if any((folder / name).exists() for name in ("seqinfo.ini", "gt", "img1")):
-        return read_mot(folder)
+        return read_mot
     if (folder / "img").is_dir() or any(folder.glob("groundtruth_rect*.txt")):
-        return read_otb(folder)
-    raise SceneError(f"{folder} is no sequence in a known format; it must hold {_FORMATS}")
+        return read_otb
+    return None
 
 
 def start_scene(

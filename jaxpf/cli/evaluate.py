@@ -23,6 +23,7 @@ from jaxpf.cli.scene_options import (
     scene_name,
     scene_parameters,
 )
+from jaxpf.cli.sequences import evaluate_each, scenes_of
 from jaxpf.cli.startup import start_jax, use_compile_cache
 from jaxpf.errors import InputError
 from jaxpf.files.locking import LOCK, locked
@@ -152,11 +153,18 @@ def _request(values: Mapping[str, Any]) -> Request:
 
 
 def _evaluate(**values: Any) -> None:
+    request = _request(values)
+    if each := scenes_of(request.scene, request.options.scene_seed):
+        evaluate_each(request, each, _evaluate_one)
+    else:
+        _evaluate_one(request)
+
+
+def _evaluate_one(request: Request) -> None:
     from jaxpf.cli.evaluation_output import print_again, show_plan
     from jaxpf.evaluation import Limits, finished, prepare
     from jaxpf.evaluation.execution import num_cores
 
-    request = _request(values)
     options = request.options
     output = options.output or Path(f"jaxpf-{scene_name(request.scene)}")
     plan = _plan(request)
@@ -224,8 +232,11 @@ command = SceneCommand(
     Example: jaxpf evaluate distracter --sharpness 20,30,40,50 --scale 2,2,0.001
     """,
     more="""A folder holds a video or frames with gt.csv and meta.json, a MOTChallenge or an OTB
-    sequence.  Runs are kept batch by batch.  The results of a seed do not depend on --workers,
-    --devices or --memory.""",
+    sequence.  One that holds several of them, or a file .txt with a scene in each line (and a seed
+    after it), is evaluated one after another, with tables over all of them.
+
+    Runs are kept batch by batch.  The results of a seed do not depend on --workers, --devices or
+    --memory.""",
 )
 
 

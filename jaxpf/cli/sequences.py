@@ -1,0 +1,131 @@
+"""``jaxpf evaluate`` of several sequences: one evaluation each, and a table over all."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+
+from jaxpf.cli.config import write_config
+from jaxpf.cli.console import print_table
+from jaxpf.cli.scene_options import resolved_scene, scene_name
+from jaxpf.errors import InputError
+
+#: Options about what is in one sequence.
+_OF_ONE = ("ids", "start_frame", "tracks")
+
+
+class OneOf(NamedTuple):
+    """One of several scenes: what its results are called, where it is, and its seed."""
+
+    name: str
+    source: str
+    seed: int
+
+
+def scenes_of(source: str, seed: int) -> list[OneOf]:
+    """The scenes of a folder of sequences, or of a text file; none if it is a scene itself.
+
+    Args:
+        source: as it was typed.
+        seed: of scenes that name none.
+
+    Raises:
+        InputError: a line of the file is no scene and seed.
+    """
+    from scenes.sequences import sequences_in
+
+    path = Path(source)
+    if path.suffix == ".txt" and path.is_file():
+        lines = enumerate(path.read_text(encoding="utf-8").splitlines(), start=1)
+        return [
+            _of_line(f"line {number} of '{path}'", line.split(), seed, path.parent)
+            for number, line in lines
+            if line.strip() and not line.lstrip().startswith("#")
+        ]
+    return [OneOf(each.name, str(each), seed) for each in sequences_in(path)]
+
+
+def _of_line(place: str, words: Sequence[str], seed: int, folder: Path) -> OneOf:
+    if len(words) > 2 or (len(words) == 2 and not words[1].isdecimal()):
+        raise InputError(
+            f"{place} reads {' '.join(words)!r}; write a scene, and a seed after it if it has one."
+        )
+    source, *rest = words
+    beside = folder / source.rpartition(":")[0] if ":" in source else folder / source
+    if beside.exists() and source != ".":
+        source = str(folder / source)
+    name = "-".join([scene_name(source), *rest])
+    return OneOf(name, resolved_scene(source), int(rest[0]) if rest else seed)
+
+
+def evaluate_each(request: Any, each: Sequence[OneOf], evaluate: Callable[[Any], None]) -> None:
+    """Evaluate one scene after another, then tell what holds over all of them.
+
+    Args:
+        request: see ``jaxpf.cli.evaluate.Request``; of all of them.
+        each: the scenes.
+        evaluate: does one request.
+
+    Raises:
+        InputError: options of one sequence; fewer than two scenes of one kind.
+    """
+    options = request.options
+    for name in _OF_ONE:
+        if getattr(options, name):
+            flag = f"--{name.replace('_', '-')}"
+            raise InputError(f"{flag} is about one sequence; evaluate that one alone for it.")
+    kind, chosen = _of_one_kind(each, options.target)
+    if len(chosen) < 2:
+        raise InputError(
+            f"'{request.scene}' holds {len(chosen)} sequence(s) that can be evaluated together; "
+            "give at least 2, or name one of them."
+        )
+    output = options.output or Path(f"jaxpf-{scene_name(request.scene)}")
+    for number, one in enumerate(chosen, start=1):
+        click.echo(f"\n{one.name} ({number} of {len(chosen)})")
+        its = {"target": kind, "scene_seed": one.seed, "output": output / one.name}
+        evaluate(
+            dataclasses.replace(
+                request, scene=one.source, options=dataclasses.replace(options, **its)
+            )
+        )
+    if options.dry_run:
+        return
+    from jaxpf.evaluation.overall import FILES, write_overall
+
+    varied = [name for name, given in request.grid.items() if _several(given)]
+    tables = write_overall(output, [one.name for one in chosen], varied)
+    click.echo()
+    for table in tables:
+        print_table(*table)
+    write_config(output / "run.toml", "evaluate", request.table())
+    click.echo("Sequences are the units of these intervals, whatever the number of runs.")
+    click.echo(f"{output}/: {', '.join(FILES)}, run.toml, and a folder for each sequence")
+
+
+def _several(given: Any) -> bool:
+    if isinstance(given, str):
+        return "," in given
+    return isinstance(given, Sequence) and len(given) > 1
+
+
+def _of_one_kind(each: Sequence[OneOf], kind: str | None) -> tuple[str | None, list[OneOf]]:
+    """Those whose truth is of that kind, by default the first one's; it says which are left out."""
+    from jaxpf.adapters import adapter_of_scene
+    from jaxpf.experiments.sources import load_scene
+
+    chosen: list[OneOf] = []
+    for one in each:
+        try:
+            frames = 2 if Path(one.source).is_dir() else None
+            scene = load_scene(one.source, one.seed, num_frames=frames)
+            kind = adapter_of_scene(scene, kind).name
+        except InputError as error:
+            click.echo(f"{one.name} is left out: {error}", err=True)
+            continue
+        if one.name in {other.name for other in chosen}:
+            raise InputError(f"two sequences are called {one.name!r}; give one another seed.")
+        chosen.append(one)
+    return kind, chosen

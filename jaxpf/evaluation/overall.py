@@ -1,0 +1,148 @@
+"""Several sequences, one evaluation each: what holds over all of them.
+
+Sequences are the units here, as in the tables of benchmarks: a sequence's figure is that of all its
+objects and runs (and, of a method with several orders, their mean), and intervals are Student's
+over sequences, which are wide for a few of them, whatever the number of runs.
+"""
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxpf.evaluation.layout import CALIBRATION, Table, cells_of, heading, to_markdown
+from jaxpf.evaluation.measures import MEASURES, SCORES, by_name
+from jaxpf.files.writing import atomic_write
+from jaxpf.measures.intervals import student_quantile
+
+_SHOWN = ("success_half", "success_area", "distance_precision", "overlap", "HOTA", "IDF1")
+#: Measures that the tables show; all of them are in ``overall.csv``.
+SHOWN = (*map(by_name, _SHOWN), *CALIBRATION[-2:])
+FILES = ("overall.md", "overall.csv", "sequences.csv")
+
+
+class OverSequences(NamedTuple):
+    """A mean over sequences with its 95 % interval, NaN for fewer than two.
+
+    Attributes:
+        sequences: that count.
+        value: the mean.
+        lower: end of the interval.
+        upper: end of the interval.
+    """
+
+    sequences: int
+    value: float
+    lower: float
+    upper: float
+
+
+def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> list[Table]:
+    """Write ``FILES`` from the summaries of the evaluations in ``folder``.
+
+    Args:
+        folder: of all; ``folder / name`` holds an evaluation that is finished.
+        names: of the sequences.
+        varied: options of which several values were asked for, which tell configurations apart.
+
+    Returns:
+        The tables that a terminal shows: means, and differences from the first method.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    found = {name: _of_sequence(folder / name / "summary.csv", varied) for name in names}
+    methods = list(dict.fromkeys(method for each in found.values() for method in each))
+    measures = [each.name for each in (*MEASURES, *SCORES)]
+    values = {
+        (method, measure): np.array(
+            [each.get(method, {}).get(measure, np.nan) for each in found.values()]
+        )
+        for method in methods
+        for measure in measures
+    }
+    first = methods[0]
+    means = {key: over_sequences(of) for key, of in values.items()}
+    differences = {
+        (method, measure): over_sequences(of - values[first, measure])
+        for (method, measure), of in values.items()
+        if method != first
+    }
+    tables = [_table(f"means over {len(names)} sequences", methods, means)]
+    if len(methods) > 1:
+        title = f"differences from {first}, paired by sequence"
+        tables.append(_table(title, methods[1:], differences))
+    remarks = [
+        "Sequences are the units: 95 % intervals (Student's) are over their means.",
+        f"Sequences: {', '.join(names)}.",
+    ]
+    with atomic_write(folder / "overall.md") as file:
+        file.write(to_markdown("Over all sequences", tables, remarks))
+    _write_csv(folder / "overall.csv", means, differences)
+    with atomic_write(folder / "sequences.csv") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["sequence", "method", "measure", "value"])
+        for (method, measure), of in values.items():
+            rows = zip(names, of, strict=True)
+            writer.writerows(
+                [name, method, measure, f"{x:.7g}"] for name, x in rows if np.isfinite(x)
+            )
+    return tables
+
+
+def over_sequences(values: np.ndarray) -> OverSequences:
+    """The mean of ``values [S]`` with Student's interval; what is not finite does not count."""
+    known = values[np.isfinite(values)]
+    count = len(known)
+    value = float(known.mean()) if count else np.nan
+    error = float(known.std(ddof=1)) / np.sqrt(count) if count > 1 else np.nan
+    reach = student_quantile(count - 1) * error
+    return OverSequences(count, value, value - reach, value + reach)
+
+
+def _of_sequence(path: Path, varied: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Method, with the options that vary -> measure -> figure of all objects."""
+    gathered: dict[str, dict[str, list[float]]] = {}
+    with path.open(newline="") as file:
+        for row in csv.DictReader(file):
+            if row["object"] != "all":
+                continue
+            options = [f"{name} {row[name]}" for name in varied if row.get(name)]
+            method = ", ".join([row["method"], *options])
+            by_measure = gathered.setdefault(method, {})
+            by_measure.setdefault(row["measure"], []).append(float(row["value"]))
+    return {
+        method: {measure: float(np.mean(each)) for measure, each in by_measure.items()}
+        for method, by_measure in gathered.items()
+    }
+
+
+def _table(
+    title: str, methods: Sequence[str], found: Mapping[tuple[str, str], OverSequences]
+) -> Table:
+    columns, rows = ["method"], [[method] for method in methods]
+    counts = [found[method, "overlap"].sequences for method in methods]
+    if len(set(counts)) > 1:
+        columns.append("sequences")
+        for row, count in zip(rows, counts, strict=True):
+            row.append(str(count))
+    for measure in SHOWN:
+        triples = np.array([found[method, measure.name][1:] for method in methods])
+        if np.isfinite(triples[:, 0]).any():
+            columns.append(heading(measure))
+            for row, text in zip(rows, cells_of(measure, triples), strict=True):
+                row.append(text)
+    return Table(title, columns, rows)
+
+
+def _write_csv(path: Path, *given: Mapping[tuple[str, str], OverSequences]) -> None:
+    with atomic_write(path) as file:
+        writer: Any = csv.writer(file, lineterminator="\n")
+        writer.writerow(["what", "method", "measure", *OverSequences._fields])
+        for what, found in zip(("mean", "difference"), given, strict=True):
+            for (method, measure), of in found.items():
+                if of.sequences:
+                    ends = [f"{x:.7g}" if np.isfinite(x) else "" for x in of[1:]]
+                    writer.writerow([what, method, measure, of.sequences, *ends])

@@ -1,0 +1,70 @@
+"""Tables over several sequences: sequences are the units, whatever their runs and orders."""
+
+import csv
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from jaxpf.evaluation.overall import FILES, over_sequences, write_overall
+
+HEADER = ["scene", "method", "ordering", "gain", "object", "measure", "runs", "value"]
+
+
+def write(folder, name, rows):
+    (folder / name).mkdir()
+    with open(folder / name / "summary.csv", "w", newline="") as file:
+        csv.writer(file).writerows([HEADER, *([name, *row] for row in rows)])
+
+
+def test_a_mean_over_sequences_has_students_interval():
+    values = np.array([0.5, 0.75, np.nan, 0.7])
+    known = values[np.isfinite(values)]
+    low, high = stats.t.interval(0.95, 2, known.mean(), stats.sem(known))
+    found = over_sequences(values)
+    assert found.sequences == 3
+    np.testing.assert_allclose(found[1:], (known.mean(), low, high))
+    assert np.isnan(over_sequences(values[:1]).lower)
+    assert over_sequences(values[:0]).sequences == 0
+
+
+def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
+    def rows(sir, ps):
+        return [
+            ["SIR", "", "2.0", "all", "overlap", 9, sir],
+            ["SIR", "", "2.0", "1", "overlap", 9, 0.0],  # of one object: does not count
+            *(
+                ["PS", order, "2.0", "all", "overlap", 9, x]
+                for order, x in zip("ab", ps, strict=False)
+            ),
+        ]
+
+    write(tmp_path, "one", rows(0.5, [0.5, 0.7]))
+    write(tmp_path, "two", rows(0.4, [0.6]))
+    write(tmp_path, "three", rows(0.9, []))
+    means, differences = write_overall(tmp_path, ["one", "two", "three"], ["gain"])
+    assert means.columns[:2] == ["method", "sequences"]
+    assert [row[:2] for row in means.rows] == [["SIR, gain 2.0", "3"], ["PS, gain 2.0", "2"]]
+    assert means.rows[0][2].startswith("60 [")
+    assert means.rows[1][2].startswith("60")  # .6 of both sequences
+    with open(tmp_path / "overall.csv", newline="") as file:
+        found = [row for row in csv.DictReader(file) if row["what"] == "difference"]
+    (row,) = found
+    # Only sequences that both have count: .6 - .5 and .6 - .4.
+    assert (row["method"], row["sequences"]) == ("PS, gain 2.0", "2")
+    low, high = stats.t.interval(0.95, 1, 0.15, stats.sem([0.1, 0.2]))
+    np.testing.assert_allclose(
+        [float(row[x]) for x in ("value", "lower", "upper")], (0.15, low, high), rtol=1e-6
+    )
+    assert differences.title == "differences from SIR, gain 2.0, paired by sequence"
+    assert {path.name for path in tmp_path.iterdir() if path.is_file()} == set(FILES)
+    with open(tmp_path / "sequences.csv", newline="") as file:
+        assert len(list(csv.DictReader(file))) == 5
+
+
+@pytest.mark.parametrize("varied", [[], ["gain"]])
+def test_only_options_that_vary_stand_in_names(tmp_path, varied):
+    for name in ("one", "two"):
+        write(tmp_path, name, [["SIR", "", "2.0", "all", "overlap", 9, 0.5]])
+    (means,) = write_overall(tmp_path, ["one", "two"], varied)
+    assert means.rows[0][0] == ("SIR, gain 2.0" if varied else "SIR")

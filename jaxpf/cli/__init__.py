@@ -24,6 +24,7 @@ _COMMANDS = {
     "export": ("jaxpf.cli.export", "Write tracks in the formats of COCO, CVAT and movement."),
     "demo": ("jaxpf.cli.demo", "Compare SIR, PS, DPS and SPS on a synthetic scene."),
     "reproduce": ("jaxpf.cli.reproduce", "Repeat a paper's experiment; judge its claims."),
+    "verdicts": ("jaxpf.cli.verdicts", "Print what was found of the papers' claims."),
     "bench": ("jaxpf.cli.bench", "Measure speed on this machine, beside its baselines."),
 }
 

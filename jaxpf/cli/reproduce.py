@@ -2,6 +2,8 @@
 
 import os
 import time
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -124,19 +126,20 @@ def command(
         return
     if goes_on:
         click.echo(f"Going on with what '{folder}' holds.")
+    looks = {"until_resolved": True, "minutes": minutes} if until_resolved else {}
+    typed = _typed(options | looks)
     with parts.sharing(executor):
         if until_resolved:
-            comparison = look_until_resolved(
-                one,
-                request,
-                lambda runs: parts.keeping(*of_look(runs), for_good=True),
-                minutes or MINUTES,
-            )
-            written = comparison_table.write(comparison, folder)
+
+            def keeping(runs: int) -> AbstractContextManager:
+                return parts.keeping(*of_look(runs), for_good=True)
+
+            for comparison in look_until_resolved(one, request, keeping, minutes or MINUTES):
+                written = comparison_table.write(comparison, folder, typed)
         else:
             with parts.keeping(folder, settings):
                 comparison = one.compare(request)
-                written = comparison_table.write(comparison, folder)
+                written = comparison_table.write(comparison, folder, typed)
     for table in comparison.tables:
         print_table(table.title, table.columns, table.texts())
         if table.note:
@@ -150,10 +153,23 @@ def command(
         click.echo(RULE)
     for note in comparison.notes:
         click.echo(f"- {note}")
-    looks = {"until_resolved": True, "minutes": minutes} if until_resolved else {}
     write_config(folder / "run.toml", "reproduce", options | looks)
     seconds = time.perf_counter() - began
     click.echo(f"{folder}/: {', '.join([*written, 'run.toml'])} ({seconds:.0f} s)")
+
+
+def _typed(options: Mapping[str, Any]) -> str:
+    """The command in words; a folder of clips by its name alone, wherever it lies."""
+    words = [f"jaxpf reproduce {options['paper']}"]
+    for name, value in options.items():
+        flag = f"--{name.replace('_', '-')}"
+        if value is True:
+            words.append(flag)
+        elif name == "data" and value is not None:
+            words.append(f"{flag} {value.resolve().name}")
+        elif name != "paper" and value not in (None, False, 0):
+            words.append(f"{flag} {value}")
+    return " ".join(words)
 
 
 def _show_calibration(table: Any, folder: Path) -> None:

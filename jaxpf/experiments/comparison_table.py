@@ -6,6 +6,7 @@ command line prints it and writes it as Markdown, CSV, JSON and PNG.
 
 import csv
 import dataclasses
+import datetime
 import io
 import json
 import math
@@ -13,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from jaxpf import __version__
 from jaxpf.experiments.claims import Claim, Measured
 from jaxpf.files.writing import atomic_write
 
@@ -97,6 +99,8 @@ class Comparison:
 CLAIM_COLUMNS = ("claim", "source", "published", "measured [95 %]", "ours")
 #: Fields of a claim that are written, the columns above.
 CLAIM_FIELDS = Claim._fields[: len(CLAIM_COLUMNS)]
+#: Where a written claim comes from.
+ORIGIN = ("runs", "seed", "command", "version", "date")
 
 
 def claim_rows(claims: Sequence[Claim]) -> list[list[str]]:
@@ -110,14 +114,14 @@ def markdown(comparison: Comparison) -> str:
     if comparison.tables:
         lines += ["Cells read: published | measured [95 % interval].", ""]
     for table in comparison.tables:
-        lines += [f"## {table.title}", "", *_markdown_table(table.columns, table.texts()), ""]
+        lines += [f"## {table.title}", "", *markdown_table(table.columns, table.texts()), ""]
         if table.note:
             lines += [table.note, ""]
     if comparison.claims:
         lines += [
             "## Claims",
             "",
-            *_markdown_table(CLAIM_COLUMNS, claim_rows(comparison.claims)),
+            *markdown_table(CLAIM_COLUMNS, claim_rows(comparison.claims)),
             "",
         ]
     for stem in comparison.figures:
@@ -127,8 +131,22 @@ def markdown(comparison: Comparison) -> str:
     return "\n".join(lines)
 
 
-def write(comparison: Comparison, folder: Path) -> list[str]:
+def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """A table as lines of Markdown."""
+
+    def line(cells: Sequence[str]) -> str:
+        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+    return [line(columns), "|" + " --- |" * len(columns), *(line(row) for row in rows)]
+
+
+def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
     """Write ``PAPER.md``, ``PAPER.json``, a CSV file per table and the figures into ``folder``.
+
+    Args:
+        comparison: what is written.
+        folder: where to; it exists.
+        command: what repeats it; stands beside each claim, with version and date.
 
     Returns:
         The names of the files, in the order written.
@@ -148,13 +166,19 @@ def write(comparison: Comparison, folder: Path) -> list[str]:
     for table in comparison.tables:
         text(f"{table.name}.csv", table_csv(table))
     if comparison.claims:
-        text("claims.csv", _csv([CLAIM_FIELDS, *claim_rows(comparison.claims)]))
+        text("claims.csv", _csv([CLAIM_FIELDS + ORIGIN, *_claims_with_origin(comparison, command)]))
     for stem, figure in comparison.figures.items():
         plotting.save_figure(figure, folder / f"{stem}.png")
         written.append(f"{stem}.png")
     text(f"{comparison.paper}.json", json.dumps(as_json(comparison), indent=1) + "\n")
     text(f"{comparison.paper}.md", markdown(comparison))
     return written
+
+
+def _claims_with_origin(comparison: Comparison, command: str) -> list[list[str]]:
+    asked = [str(comparison.settings.get(name, "")) for name in ORIGIN[:2]]
+    origin = [*asked, command, __version__, datetime.date.today().isoformat()]
+    return [row + origin for row in claim_rows(comparison.claims)]
 
 
 def table_csv(table: Table) -> str:
@@ -212,13 +236,6 @@ def _without_nan(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_without_nan(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    def line(cells: Sequence[str]) -> str:
-        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-    return [line(columns), "|" + " --- |" * len(columns), *(line(row) for row in rows)]
 
 
 def _csv(lines: Sequence[Sequence[Any]]) -> str:

@@ -163,7 +163,7 @@ def until_resolved(
     request: Request,
     keeping: Callable[[int], contextlib.AbstractContextManager],
     minutes: float,
-) -> Comparison:
+) -> Iterator[Comparison]:
     """Look at a paper's claims with twice the runs each time, until every one is resolved.
 
     No look is begun that would end after ``minutes``, if it takes twice as long as the last.
@@ -173,6 +173,9 @@ def until_resolved(
         request: of the first look.
         keeping: of a look's runs, the block in which its parts are kept.
         minutes: from now.
+
+    Yields:
+        What each look found.
     """
     began, runs = time.monotonic(), request.runs
     for look in itertools.count(1):
@@ -184,12 +187,12 @@ def until_resolved(
         request.report(
             f"Look {look}: {runs} runs, {len(pending)} of {len(comparison.claims)} claims open"
         )
+        yield comparison
         now = time.monotonic()
         hopeless = all(math.isinf(claim.growth) for claim in pending)
         if hopeless or now - began + 2 * (now - looked) > 60 * minutes:
-            break
+            return
         runs *= 2
-    return comparison
 
 
 def clip_folder(data: Path, name: str, needed: str = ".") -> Path:

@@ -1,9 +1,7 @@
 """Pages of the site that are written from the program: commands, modules, verdicts, scenes."""
 
-import csv
 import importlib
 import inspect
-from pathlib import Path
 
 import click
 import cv2
@@ -13,8 +11,9 @@ import jaxpf
 import scenes
 from jaxpf import cli, overlay
 from jaxpf.cli.flags import ALL
-
-PACKAGE = Path(jaxpf.__file__).parent
+from jaxpf.experiments import verdicts
+from jaxpf.experiments.comparison_table import CLAIM_COLUMNS, CLAIM_FIELDS, markdown_table
+from jaxpf.experiments.paper import PAPERS
 
 
 def write(folder):
@@ -99,17 +98,21 @@ def _titled(title):
 
 
 def _verdicts():
-    """The stored verdicts, a table for each paper."""
+    """The stored verdicts, a table for each paper, and the claims that have none."""
     blocks = []
-    for path in sorted((PACKAGE / "experiments").glob("*/verdicts.csv")):
-        with path.open(newline="") as file:
-            header, *rows = csv.reader(file)
-        lines = [header, ["---"] * len(header), *rows]
-        table = "\n".join(
-            f"| {' | '.join(cell.replace('|', '/') for cell in line)} |" for line in lines
-        )
-        blocks.append(f"### {path.parent.name}\n\n{table}\n")
-    return "\n".join(blocks) or "None are stored in this version.\n"
+    for paper in PAPERS:
+        claims, left = verdicts.stored(paper), verdicts.not_judged(paper)
+        of = claims[0]
+        rows = [[claim[field] for field in CLAIM_FIELDS] for claim in claims]
+        blocks += [
+            f"### {paper}\n",
+            f"`{of['command']}`: {of['runs']} runs, jaxpf {of['version']}, {of['date']}.\n",
+            *markdown_table(CLAIM_COLUMNS, rows),
+            "\nNot judged:\n",
+            *markdown_table(list(left[0]), [list(each.values()) for each in left]),
+            "",
+        ]
+    return "\n".join(blocks)
 
 
 def _pictures():

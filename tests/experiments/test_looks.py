@@ -1,9 +1,12 @@
 """Looking at a paper's claims with twice the runs each time, until every one is resolved."""
 
+import csv
+
 import numpy as np
 import pytest
 from command_line import jaxpf
 
+from jaxpf import __version__ as version
 from jaxpf.experiments import paper, parts
 from jaxpf.experiments.claims import CANNOT_RESOLVE, SUPPORTS, judged
 from jaxpf.experiments.estimates import mean_of
@@ -40,7 +43,8 @@ def looked(one, folder, minutes):
         return parts.keeping(folder / str(runs), {"runs": runs}, for_good=True)
 
     lines = []
-    return paper.until_resolved(one, one.request(report=lines.append), keeping, minutes), lines
+    *_, last = paper.until_resolved(one, one.request(report=lines.append), keeping, minutes)
+    return last, lines
 
 
 def test_runs_are_doubled_until_a_claim_is_resolved(tmp_path):
@@ -89,7 +93,10 @@ def test_the_command_leaves_what_goes_on(tmp_path, monkeypatch):
     first = jaxpf(*asked)
     assert first.code == 0, first.err
     assert "claims open" in first.out
-    assert "supports" in (folder / "claims.csv").read_text()
+    (claim,) = csv.DictReader((folder / "claims.csv").read_text().splitlines())
+    assert claim["verdict"] == SUPPORTS
+    assert claim["command"] == "jaxpf reproduce smith2004 --until-resolved"
+    assert claim["version"] == version
     assert "until_resolved = true" in (folder / "run.toml").read_text()
     measured.clear()
     again = jaxpf(*asked)

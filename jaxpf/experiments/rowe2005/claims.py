@@ -57,7 +57,7 @@ def _shares(outcome: Outcome) -> Iterator[Claim]:
     )
     yield judged(
         f"and no target is ever starved (in at most {NEVER:g} % of runs)",
-        "4, figure 2 (b)",
+        "5",
         "none",
         share_of(equal, "starved with eq. 4, %", at_most=NEVER),
         gap_of(plain, equal, "without eq. 4 - with it, points", at_least=0, margin=MARGIN),
@@ -102,7 +102,7 @@ def _errors(outcome: Outcome) -> Iterator[Claim]:
     )
     yield judged(
         f"to a negligible number (at most {NEGLIGIBLE:g} %)",
-        "4, figure 3",
+        "4, beside figure 3",
         '"negligible"',
         mean_of(tables.astray(outcome, "both"), "both, %", at_most=NEGLIGIBLE),
         digits=1,
@@ -117,7 +117,7 @@ def _likelihood(outcome: Outcome, crossing: Outcome) -> Iterator[Claim]:
         product, mean = (tables.lost(found, variant) for variant in ("product", "both"))
         yield judged(
             f"The mean of the pixels' densities loses fewer targets {where} than their product",
-            "3, 3.1 (argued)",
+            "eq. 3, a mean; the paper does not compare",
             "–",
             gap_of(product, mean, "product - mean, points", at_least=0, margin=MARGIN),
             digits=1,

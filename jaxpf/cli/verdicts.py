@@ -1,0 +1,41 @@
+"""``jaxpf verdicts``: what was found of the papers' claims."""
+
+import click
+
+from jaxpf.cli.console import print_table
+from jaxpf.cli.reproduce import PAPERS
+
+
+@click.command("verdicts")
+@click.argument("papers", nargs=-1, type=click.Choice(PAPERS), metavar="[PAPER]...")
+def command(papers: tuple[str, ...]) -> None:
+    """Print every claim of the papers with its stored verdict, then those that have none.
+
+    Nothing is run: `jaxpf reproduce PAPER` does, with the command that is printed under each table.
+    PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999; all by default.
+    """
+    from jaxpf.experiments import verdicts
+    from jaxpf.experiments.claims import RULE
+    from jaxpf.experiments.comparison_table import CLAIM_COLUMNS, CLAIM_FIELDS
+
+    papers = papers or PAPERS
+    found = {paper: verdicts.stored(paper) for paper in papers}
+    for paper, claims in found.items():
+        if claims:
+            rows = [[claim[field] for field in CLAIM_FIELDS] for claim in claims]
+            print_table(paper, CLAIM_COLUMNS, rows)
+            of = claims[0]
+            click.echo(f"{of['command']}: {of['runs']} runs, jaxpf {of['version']}, {of['date']}")
+        if left := verdicts.not_judged(paper):
+            click.echo("Not judged:")
+            for each in left:
+                click.echo(f"- {each['claim']} ({each['source']}): {each['reason']}")
+        click.echo()
+    counts = {paper: verdicts.counted(claims) for paper, claims in found.items()}
+    columns = ["verdicts", *next(iter(counts.values())), "not judged"]
+    rows = [
+        [paper, *map(str, each.values()), str(len(verdicts.not_judged(paper)))]
+        for paper, each in counts.items()
+    ]
+    print_table("Claims", columns, rows)
+    click.echo(RULE)

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.evaluation.layout import COMPARED, difference_heading, object_name
-from jaxpf.evaluation.measures import COORDINATES, by_name
+from jaxpf.evaluation.equal_time import curves
+from jaxpf.evaluation.layout import difference_heading, heading, object_name
+from jaxpf.evaluation.measures import COMPARED, COORDINATES, by_name
 from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.summary import Summary
 from jaxpf.evaluation.tables import Tables
@@ -223,6 +224,40 @@ def error_over_time(results: Results, summaries: Sequence[Summary], place: int) 
             axis.set_ylabel("centre error (px)")
         else:
             axis.tick_params(labelleft=False)
+    return figure
+
+
+def against_time(summaries: Sequence[Summary], place: int) -> Any:
+    """Success area and centre error against the time of a frame, a line over its particles."""
+    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+
+    lines = curves(summaries)
+    figure, axes = new_figure(1, 2, figsize=(9.2, 3.9 + 0.17 * min(len(lines), MOST_LINES)))
+    for axis, name in zip(axes[0], ("success_area", "centre_error"), strict=True):
+        measure = by_name(name)
+        factor = 100 if measure.percent else 1
+        for index, (label, line) in enumerate(lines.items()):
+            found = [summary.estimates[name] for summary in line]
+            value, lower, upper = (
+                factor
+                * np.array([[x[place] for x in (e.value, e.lower, e.upper)] for e in found]).T
+            )
+            axis.errorbar(
+                [1000 / summary.frames_per_second for summary in line],
+                *(value, [value - lower, upper - value]),
+                marker="o",
+                markersize=3.5,
+                linestyle=("-", "--")[index // len(COLOURS) % 2],
+                color=COLOURS[index % len(COLOURS)],
+                capsize=2,
+                label=_wrapped(label),
+            )
+        axis.set(xscale="log", xlabel="ms a frame", ylabel=heading(measure))
+        axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.xaxis.set_minor_locator(NullLocator())
+        axis.grid(alpha=0.3)
+    axes[0][0].legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16))
     return figure
 
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxpf.evaluation import charts
+from jaxpf.evaluation.equal_time import curves
 from jaxpf.evaluation.layout import object_name
 from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.tables import Tables
@@ -130,6 +131,18 @@ def _plans(results: Results, tables: Tables) -> list[_Plan]:
                 "process noise; it may exceed 100 %. Means over frames and runs"
                 + (", with 95 % intervals over runs." if len(filters) < charts.MANY else "."),
                 lambda: charts.diversity(ids, filters),
+            )
+        )
+    if curves(summaries):
+        plans.append(
+            _Plan(
+                "against-time",
+                "Accuracy against time",
+                "Lines join numbers of particles. Time: of one run alone on this machine, from a "
+                "frame in memory to its estimate. Bars: 95 % intervals over runs. Of two "
+                "methods, the higher on the left, or the lower on the right, is better at equal "
+                "time.",
+                lambda: charts.against_time(summaries, len(ids)),
             )
         )
     if any(summary.transforms.any() for summary in summaries):

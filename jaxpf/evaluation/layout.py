@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.evaluation.measures import REGIONS, SCORES, Measure, by_name
+from jaxpf.evaluation.measures import COMPARED, REGIONS, SCORES, Measure, by_name
 
 if TYPE_CHECKING:
     from jaxpf.evaluation.summary import Summary
@@ -25,11 +25,6 @@ PRINTED = HEADLINE[:6]
 #: Measures of how honest the spread is.  The log score is in ``summary.csv`` alone: one frame in
 #: which all particles are copies of one outweighs all others.
 CALIBRATION = tuple(by_name(name) for name in (*(f"coverage_{p}" for p in REGIONS), "crps"))
-#: Measures whose differences the tables show.
-COMPARED = tuple(
-    by_name(name)
-    for name in ("success_half", "success_area", "success", "recovered", "centre_error")
-)
 #: An interval below this is one of equal values, but for how they are added.
 _ROUNDING = 1e-6
 #: Below this a difference is marked, after Holm's correction.
@@ -55,6 +50,8 @@ NOTES = (
     "standard deviation says, hold the truth; of frames in which the object is followed (a shared "
     "pixel), for no region holds one that is lost. CRPS, in pixels, is small where spreads are "
     "honest and narrow (Gneiting and Raftery 2007); the log score is in summary.csv.",
+    "At equal time: less the first method with as many particles as take the same time, read off a "
+    "line between two of its numbers of particles, over the logarithm of time, run by run.",
     "Frames/s: of one run alone on this machine, from a frame in memory to its estimate, compiling "
     "left out; the median over some frames, and of what gave boxes at once, the mean over all. "
     "Settings that are compiled alike share the figure.",
@@ -120,6 +117,32 @@ def difference_tables(
         for place in _distinct(object_ids, places)
         if any(summary.reference is not None for summary in summaries)
     ]
+
+
+def equal_time_tables(
+    object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
+) -> list[Table]:
+    """Differences from the first method at the same time, one table per object."""
+    compared = [summary for summary in summaries if summary.at_equal_time is not None]
+    tables = []
+    for place in _distinct(object_ids, places) if compared else ():
+        columns, cells = ["method", "compared with", "ms a frame"], []
+        for summary in compared:
+            found = summary.at_equal_time
+            assert found is not None
+            fewer, more = (summaries[index] for index in found.references)
+            pair = f"{fewer.name} to {more.configuration.parameters['particles']}"
+            cells.append([summary.name, pair, f"{1000 * found.seconds:.3g}"])
+        for measure in COMPARED:
+            each = [s.at_equal_time.differences[measure.name] for s in compared if s.at_equal_time]
+            triples = np.array([[x[place] for x in (d.value, d.lower, d.upper)] for d in each])
+            if np.isfinite(triples[:, 0]).any():
+                columns.append(difference_heading(measure))
+                for row, text in zip(cells, cells_of(measure, triples, sign="+"), strict=True):
+                    row.append(text)
+        name = object_name(object_ids, place)
+        tables.append(Table(f"{name}: differences at equal time", columns, cells))
+    return tables
 
 
 def object_name(object_ids: Sequence[int], place: int) -> str:

@@ -17,6 +17,7 @@ from jaxpf.evaluation.layout import (
     Table,
     calibration_tables,
     difference_tables,
+    equal_time_tables,
     estimate_tables,
     object_name,
     score_tables,
@@ -83,6 +84,7 @@ def _content(results: Results, tables: Tables, figures: Sequence[Figure]) -> dic
             figures,
             {
                 "differences": difference_tables(ids, summaries, places),
+                "against-time": equal_time_tables(ids, summaries, places),
                 "calibration": calibration_tables(ids, summaries, places),
             },
         )
@@ -143,6 +145,7 @@ def _sections(figures: Sequence[Figure], tables: Mapping[str, list[Table]]) -> I
         ("rates", "Success and recovery of smith2004"),
         ("differences", "Paired differences"),
         ("diversity", "Uniqueness and effective dynamics"),
+        ("against-time", "Accuracy against time"),
         ("calibration", "Calibration"),
         ("error-over-time", "Centre error over time"),
         ("success-curves", "Success curves"),

@@ -2,11 +2,11 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from jaxpf.evaluation.collection import Collected, Curve, ShownRun, has_scores
+from jaxpf.evaluation.equal_time import AtEqualTime, Runs, at_equal_time
 from jaxpf.evaluation.estimates import (
     Difference,
     Estimate,
@@ -17,7 +17,7 @@ from jaxpf.evaluation.estimates import (
     rate_difference,
     without_interval,
 )
-from jaxpf.evaluation.measures import MEASURES, SCORES, Measure
+from jaxpf.evaluation.measures import COMPARED, MEASURES, SCORES, Measure
 from jaxpf.evaluation.results import Configuration, Results
 from jaxpf.evaluation.speed import read_speeds
 from jaxpf.options import plain
@@ -41,6 +41,7 @@ class Summary:
         transforms: counts of probability integral transforms in equal bins, see ``Collected``.
         shown: the best, the median and the worst run.
         frames_per_second: of one run alone; NaN where nobody measured it, see ``speed``.
+        at_equal_time: against the first method at the same time; None where that is not known.
     """
 
     configuration: Configuration
@@ -55,6 +56,7 @@ class Summary:
     transforms: np.ndarray
     shown: list[ShownRun]
     frames_per_second: float
+    at_equal_time: AtEqualTime | None = None
 
 
 def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]:
@@ -79,6 +81,8 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
                 adjusted[index][measure.name] = row
     every = results.configurations
     speeds = read_speeds(results.folder, len(every))
+    speeds = [speeds[every.index(entry.configuration)] for entry in collected]
+    at_once = {each.index: each for each in at_equal_time(collected, speeds, COMPARED, _values)}
     return [
         Summary(
             configuration=entry.configuration,
@@ -92,7 +96,8 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
             curve=entry.curve,
             transforms=entry.transforms,
             shown=entry.shown,
-            frames_per_second=speeds[every.index(entry.configuration)],
+            frames_per_second=speeds[index],
+            at_equal_time=at_once.get(index),
         )
         for index, entry in enumerate(collected)
     ]
@@ -132,31 +137,23 @@ def _references(collected: Sequence[Collected]) -> list[int | None]:
     return references
 
 
-class _Values(NamedTuple):
-    """A measure of the runs of a configuration: ``runs [R]``, the others ``[R, P]``."""
-
-    runs: np.ndarray
-    values: np.ndarray
-    weights: np.ndarray
-
-
-def _values(entry: Collected, measure: Measure) -> _Values:
+def _values(entry: Collected, measure: Measure) -> Runs:
     if measure in SCORES:
         values = entry.scores[:, [SCORES.index(measure)]]
-        return _Values(entry.runs[: len(values)], values, np.ones_like(values))
+        return Runs(entry.runs[: len(values)], values, np.ones_like(values))
     values = entry.column(measure.name)
     weights = entry.column(measure.weight) if measure.weight else np.ones_like(values)
-    return _Values(entry.runs, values, weights)
+    return Runs(entry.runs, values, weights)
 
 
-def _estimate(entry: Collected, measure: Measure, given: _Values) -> Estimate:
+def _estimate(entry: Collected, measure: Measure, given: Runs) -> Estimate:
     found = rate(given.values) if measure.is_rate else mean(given.values, given.weights)
     if measure in SCORES:
         found = Estimate(*_of_all_objects(found, entry.num_objects))
     return without_interval(found) if entry.configuration.is_imported else found
 
 
-def _difference(entry: Collected, measure: Measure, given: _Values, other: _Values) -> Difference:
+def _difference(entry: Collected, measure: Measure, given: Runs, other: Runs) -> Difference:
     _, ours, theirs = np.intersect1d(given.runs, other.runs, return_indices=True)
     if measure.is_rate:
         return rate_difference(given.values[ours], other.values[theirs])

@@ -35,6 +35,7 @@ from jaxpf.evaluation.layout import (
     Table,
     calibration_tables,
     difference_tables,
+    equal_time_tables,
     estimate_tables,
     score_tables,
     to_latex,
@@ -110,6 +111,7 @@ def write_tables(results: Results) -> Tables:
         *score_tables(summaries, len(ids)),
         *calibration_tables(ids, summaries, places),
         *difference_tables(ids, summaries, places),
+        *equal_time_tables(ids, summaries, places),
     ]
     title = f"{results.scene_name}, {results.runs} runs"
     for suffix, render in ((".md", to_markdown), (".tex", to_latex)):
@@ -120,6 +122,7 @@ def write_tables(results: Results) -> Tables:
         *estimate_tables(ids, summaries, [len(ids), hardest], PRINTED),
         *calibration_tables(ids, summaries, [len(ids)]),
         *difference_tables(ids, summaries, [hardest]),
+        *equal_time_tables(ids, summaries, [len(ids)]),
     ]
     return Tables(summaries, remarks, hardest, printed)
 

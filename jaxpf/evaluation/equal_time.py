@@ -1,0 +1,129 @@
+"""Methods compared at equal time: what a slower one gains is set against more particles.
+
+Where several numbers of particles were asked for and speeds were measured (``--speed``), the first
+method's figures at a time that lies between two of its numbers are read off a straight line over
+the logarithm of time, run by run, so that differences stay paired.
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from jaxpf.evaluation.collection import Collected
+from jaxpf.evaluation.estimates import Difference, mean_difference
+from jaxpf.evaluation.measures import Measure
+from jaxpf.evaluation.results import Configuration
+
+if TYPE_CHECKING:
+    from jaxpf.evaluation.summary import Summary
+
+_PARTICLES = "particles"
+
+
+class Runs(NamedTuple):
+    """A measure of the runs of a configuration: ``runs [R]``, the others ``[R, P]``."""
+
+    runs: np.ndarray
+    values: np.ndarray
+    weights: np.ndarray
+
+
+class AtEqualTime(NamedTuple):
+    """A configuration less the first method given the same time.
+
+    Attributes:
+        index: of the configuration.
+        references: of the two of the first method whose times are next below and above.
+        seconds: that a frame takes.
+        differences: for each measure, ``[P + 1]``.
+    """
+
+    index: int
+    references: tuple[int, int]
+    seconds: float
+    differences: dict[str, Difference]
+
+
+def at_equal_time(
+    collected: Sequence[Collected],
+    speeds: Sequence[float],
+    measures: Sequence[Measure],
+    runs_of: Callable[[Collected, Measure], Runs],
+) -> list[AtEqualTime]:
+    """Compare with the first method wherever its times reach to both sides.
+
+    Args:
+        collected: of every configuration.
+        speeds: frames per second of each; NaN where nobody measured it.
+        measures: which.
+        runs_of: a measure of a configuration's runs.
+    """
+    if not collected:
+        return []
+    first = _kind(collected[0].configuration)[:2]
+    found = []
+    for index, entry in enumerate(collected):
+        kind = _kind(entry.configuration)
+        if kind[:2] == first or not np.isfinite(speeds[index]):
+            continue
+        others = sorted(
+            (one.configuration.parameters[_PARTICLES], other)
+            for other, one in enumerate(collected)
+            if _kind(one.configuration) == (*first, kind[2]) and np.isfinite(speeds[other])
+        )
+        # More particles take no less: what says so is how the times were measured.
+        times = np.maximum.accumulate([1 / speeds[other] for _, other in others] or [0.0])
+        places = [other for _, other in others]
+        seconds = 1 / speeds[index]
+        for (low, one), (high, other) in itertools.pairwise(zip(times, places, strict=False)):
+            if low <= seconds <= high and low < high:
+                share = float(np.log(seconds / low) / np.log(high / low))
+                differences = {
+                    measure.name: _difference(
+                        *(runs_of(collected[i], measure) for i in (index, one, other)), share
+                    )
+                    for measure in measures
+                }
+                found.append(AtEqualTime(index, (one, other), seconds, differences))
+                break
+    return found
+
+
+def curves(summaries: "Sequence[Summary]") -> "dict[str, list[Summary]]":
+    """Configurations that differ in their number of particles alone, in its order, by their name.
+
+    Only those whose speed was measured, and of two numbers or more.
+    """
+    lines: dict[Any, list[Summary]] = {}
+    for summary in summaries:
+        if _PARTICLES in summary.configuration.parameters and np.isfinite(
+            summary.frames_per_second
+        ):
+            lines.setdefault(_kind(summary.configuration), []).append(summary)
+    ordered = [sorted(line, key=_number) for line in lines.values() if len(line) > 1]
+    return {line[0].name.replace(f", particles {_number(line[0])}", ""): line for line in ordered}
+
+
+def _number(summary: "Summary") -> Any:
+    return summary.configuration.parameters[_PARTICLES]
+
+
+def _kind(configuration: Configuration) -> tuple[str, str, tuple]:
+    """Method, ordering, and all parameters but the number of particles."""
+    others = {n: v for n, v in configuration.parameters.items() if n != _PARTICLES}
+    return configuration.method, configuration.ordering, tuple(sorted(others.items(), key=str))
+
+
+def _difference(ours: Runs, low: Runs, high: Runs, share: float) -> Difference:
+    common = np.intersect1d(ours.runs, np.intersect1d(low.runs, high.runs))
+    ours, low, high = (_chosen(each, common) for each in (ours, low, high))
+    between = (1 - share) * low.values + share * high.values
+    weights = (1 - share) * low.weights + share * high.weights
+    return mean_difference(ours.values, ours.weights, between, weights)
+
+
+def _chosen(given: Runs, runs: np.ndarray) -> Runs:
+    rows = np.isin(given.runs, runs)
+    return Runs(*(each[rows] for each in given))

@@ -34,13 +34,13 @@ class AtEqualTime(NamedTuple):
     """A configuration less the first method given the same time.
 
     Attributes:
-        index: of the configuration.
+        place: of the configuration.
         references: of the two of the first method whose times are next below and above.
         seconds: that a frame takes.
         differences: for each measure, ``[P + 1]``.
     """
 
-    index: int
+    place: int
     references: tuple[int, int]
     seconds: float
     differences: dict[str, Difference]
@@ -80,12 +80,12 @@ def at_equal_time(
         for (low, one), (high, other) in itertools.pairwise(zip(times, places, strict=False)):
             if low <= seconds <= high and low < high:
                 share = float(np.log(seconds / low) / np.log(high / low))
-                differences = {
-                    measure.name: _difference(
-                        *(runs_of(collected[i], measure) for i in (index, one, other)), share
+                differences = {}
+                for measure in measures:
+                    ours, less, more = (
+                        runs_of(collected[each], measure) for each in (index, one, other)
                     )
-                    for measure in measures
-                }
+                    differences[measure.name] = _difference(ours, less, more, share)
                 found.append(AtEqualTime(index, (one, other), seconds, differences))
                 break
     return found

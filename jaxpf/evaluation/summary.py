@@ -82,7 +82,7 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
     every = results.configurations
     speeds = read_speeds(results.folder, len(every))
     speeds = [speeds[every.index(entry.configuration)] for entry in collected]
-    at_once = {each.index: each for each in at_equal_time(collected, speeds, COMPARED, _values)}
+    at_once = {each.place: each for each in at_equal_time(collected, speeds, COMPARED, _values)}
     return [
         Summary(
             configuration=entry.configuration,

@@ -39,7 +39,7 @@ def evaluated(tmp_path):
 
 def test_the_first_method_is_read_off_between_its_numbers_of_particles(evaluated):
     tables = write_tables(evaluated)
-    slow, fast, compared, slowest = tables.summaries
+    slow, fast, compared, _ = tables.summaries
     # No number of PS takes 100 ms, and PS is not compared with itself.
     assert [s.at_equal_time is not None for s in tables.summaries] == [False, False, True, False]
     found = compared.at_equal_time

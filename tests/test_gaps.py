@@ -93,6 +93,35 @@ def test_what_is_said_of_a_frame_is_what_it_shows(name):
     np.testing.assert_array_equal(told.estimate, shown.estimate)
 
 
+@pytest.mark.parametrize("name", ["sir", "error-bars", "pffl"])
+def test_a_partition_may_be_missing_alone(name):
+    """As if there were no likelihood of it; NaN in its place gets nowhere."""
+    seen = np.ones((5, 3), bool)
+    seen[2:4, 1] = False
+    frames = np.where(seen[..., None], FRAMES, np.nan)
+    summary = jaxpf.run(TRACKERS[name], KEY, frames, observed=seen)[1]
+    assert np.isfinite(summary.estimate).all()
+    assert (np.asarray(summary.log_evidence) != 0).all()
+    assert (np.asarray(summary.status) == 0).all()
+    spread = np.asarray(summary.spread)[..., 0]
+    assert spread[3, 1] > 1.2 * spread[3, [0, 2]].max()
+
+
+def test_a_joint_likelihood_may_say_what_a_missing_partition_means():
+    @pytree_dataclass
+    class Joint(CorrelatedGaussian):
+        def log_joint(self, observation, substates, log_probs, observed=None):
+            return jnp.sum(log_probs if observed is None else jnp.where(observed, log_probs, 0))
+
+    seen = np.ones((5, 3), bool)
+    seen[1, 0] = False
+    its = partitioned(ordering.ps([0, 1, 2]), Joint(jnp.eye(3)))
+    alone = partitioned(ordering.ps([0, 1, 2]))
+    found = jaxpf.run(its, KEY, FRAMES[..., 0], observed=seen)[1]
+    expected = jaxpf.run(alone, KEY, FRAMES, observed=seen)[1]
+    np.testing.assert_allclose(found.log_evidence, expected.log_evidence, atol=1e-4)
+
+
 @pytest.mark.parametrize("name", ["sir", "labelled"])
 def test_a_forecast_is_a_run_over_frames_that_are_missing(name):
     its, frames = TRACKERS[name], GAPS
@@ -205,10 +234,13 @@ class Foreign:
     ("its", "observed", "sentence"),
     [
         (partitioned(ordering.sir(3)), np.ones(4, bool), "observed has shape"),
-        (partitioned(ordering.sir(3)), np.ones((5, 3), bool), "observed has shape"),
+        (partitioned(ordering.sir(3)), np.ones((5, 2), bool), r"or which partitions, \[5, 3\]"),
+        (TRACKERS["joint"], np.ones((5, 3), bool), "log_joint does not say what a missing part"),
+        (TRACKERS["labelled"], np.ones((5, 3), bool), "compares particles of different targets"),
         (Foreign(), SEEN, "Foreign has no field likelihood"),
     ],
 )
 def test_what_says_nothing_of_frames_is_refused(its, observed, sentence):
+    frames = FRAMES[..., 0] if its is TRACKERS["joint"] else FRAMES
     with pytest.raises(InputError, match=sentence):
-        jaxpf.run(its, KEY, FRAMES, observed=observed)
+        jaxpf.run(its, KEY, frames, observed=observed)

@@ -57,8 +57,9 @@ def run(
         record: function of ``(state, summary)``, what to keep of each frame.  Pass a
             named function: a new lambda compiles anew.
         observed: ``[T]`` bool, false for a frame that is missing: particles move by their
-            dynamics, and the evidence increment is 0.  By default those frames of floats are
-            missing that are NaN throughout.
+            dynamics, and the evidence increment is 0; or ``[T, P]``, false for a partition that is,
+            such as a landmark out of view.  By default those frames of floats are missing that
+            are NaN throughout.
         state: after the frames before these; None begins with ``tracker.init``.
         time: number of those frames.
         progress: true tells on stderr how many frames are done; or a function of that number and
@@ -69,7 +70,7 @@ def run(
 
     Raises:
         InputError: no frames, arrays with different numbers of frames, or frames that come one by
-            one; ``observed`` that is no ``[T]``; see also ``jaxpf.checks.check_run``.
+            one; ``observed`` of another shape; see also ``jaxpf.checks.check_run``.
     """
     if come_one_by_one(frames):
         raise InputError(

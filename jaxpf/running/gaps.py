@@ -3,11 +3,13 @@
 A filter need not know of it.  Its likelihood is put into a wrapper that says nothing of a missing
 frame: every log-likelihood is 0, so that all weights stay, in whatever order and by whatever rule
 partitions are weighed.  The inner likelihood is not asked, so that what a missing frame holds gets
-neither to its ``observe`` nor into a derivative.
+neither to its ``observe`` nor into a derivative.  Where single partitions were not seen, a landmark
+out of view for example, their log-likelihoods alone are 0.
 """
 
 import copy
 import dataclasses
+import inspect
 import itertools
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -34,6 +36,8 @@ _OF_OBSERVATIONS = frozenset(
 class LikelihoodWithGaps(contract.Likelihood):
     """Another likelihood, of frames that come with the word whether they were seen.
 
+    That is ``[]``, or ``[P]`` of each partition; then a ``log_joint`` takes it as ``observed=``.
+
     Attributes:
         likelihood: which can do as much as this one.
     """
@@ -50,7 +54,12 @@ class LikelihoodWithGaps(contract.Likelihood):
 
         def of_seen(observation, *rest):
             observation, seen = observation
-            return _if_seen(seen, lambda: inner(observation, *rest))
+            if not seen.ndim:
+                return _if_seen(seen, lambda: inner(observation, *rest))
+            if not name.startswith("log_odds"):
+                return inner(observation, *rest, observed=seen)
+            partition = rest[0]
+            return jnp.where(seen[partition], inner(observation, *rest), 0)
 
         return of_seen
 
@@ -73,17 +82,27 @@ class LikelihoodWithGaps(contract.Likelihood):
     def observe(self, frame):
         """What the inner likelihood needs of a frame, zeros of one that was not seen."""
         frame, seen = frame
-        # Where a compiler computes both branches, the unseen one must not meet NaN either.
-        frame = jax.tree.map(lambda x: jnp.where(seen, x, jnp.zeros_like(x)), frame)
-        return _if_seen(seen, lambda: self.likelihood.observe(frame)), seen
+        seen = jnp.asarray(seen)
+
+        def known(x):
+            # Where a compiler computes both branches, the unseen one must not meet NaN either.
+            x = jnp.where(seen.any(), x, jnp.zeros_like(x))
+            is_part = seen.ndim and jnp.issubdtype(x.dtype, jnp.floating)
+            return jnp.where(jnp.isnan(x), 0, x) if is_part else x
+
+        frame = jax.tree.map(known, frame)
+        return _if_seen(seen.any(), lambda: self.likelihood.observe(frame)), seen
 
     def log_prob_all(self, observation, partition, substates):
-        """The inner log-likelihoods ``[N]``, 0 of a frame that was not seen."""
+        """The inner log-likelihoods ``[N]``, 0 of what was not seen."""
         observation, seen = observation
-        return _if_seen(
-            seen,
-            lambda: contract.log_prob_all(self.likelihood, observation, partition, substates),
-        )
+
+        def inner():
+            return contract.log_prob_all(self.likelihood, observation, partition, substates)
+
+        if seen.ndim:
+            return jnp.where(contract.of_partition(seen, partition), inner(), 0)
+        return _if_seen(seen, inner)
 
 
 @pytree_dataclass
@@ -118,7 +137,7 @@ class LikelihoodOfNoFrame(LikelihoodWithGaps):
 
 @pytree_dataclass
 class WithGaps(contract.Tracker):
-    """A tracker of frames that come as ``(frame, seen)``, ``seen`` ``[]`` bool.
+    """A tracker of frames that come as ``(frame, seen)``, ``seen`` ``[]`` or ``[P]`` bool.
 
     Of a frame that was not seen ``log_evidence`` is exactly 0, and a confidence stays as it was.
 
@@ -142,7 +161,7 @@ class WithGaps(contract.Tracker):
     def observe(self, frame):
         """What the tracker needs of a frame, and whether it was seen."""
         inner = _of_frames_with_gaps(self.tracker, self._wraps)
-        return contract.observed_apart(inner)[0](frame), frame[1]
+        return contract.observed_apart(inner)[0](frame), jnp.asarray(frame[1])
 
     def step_observed(self, key, state, observation):
         """The tracker's next state and summary."""
@@ -150,7 +169,7 @@ class WithGaps(contract.Tracker):
         step = contract.observed_apart(_of_frames_with_gaps(self.tracker, self._wraps))[1]
         after, summary = step(key, state, observation)
 
-        def replaced(target, name, value):
+        def replaced(target, name, value, seen):
             now = getattr(target, name, None)
             if now is None or value is None:
                 return target
@@ -158,11 +177,11 @@ class WithGaps(contract.Tracker):
             return dataclasses.replace(target, **{name: kept})
 
         before = getattr(state, "log_odds", None)
-        after = replaced(after, "log_odds", before)
+        after = replaced(after, "log_odds", before, seen)
         if before is not None:
-            summary = replaced(summary, "confidence", jax.nn.sigmoid(before))
-        summary = replaced(summary, "label_log_evidence", 0.0)
-        return after, replaced(summary, "log_evidence", 0.0)
+            summary = replaced(summary, "confidence", jax.nn.sigmoid(before), seen)
+        summary = replaced(summary, "label_log_evidence", 0.0, seen.any())
+        return after, replaced(summary, "log_evidence", 0.0, seen.any())
 
 
 @pytree_dataclass
@@ -178,11 +197,12 @@ def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
     Args:
         tracker: any tracker.
         frames: ``[T, ...]``, or frames one by one.
-        observed: ``[T]`` bool, which frames were seen; None: all but those of floats that are NaN
-            throughout.  Frames that are traced are looked at as they come.
+        observed: ``[T]`` bool, which frames were seen, or ``[T, P]``, which partitions; None: all
+            but those frames of floats that are NaN throughout.  Frames that are traced are looked
+            at as they come.
 
     Raises:
-        InputError: ``observed`` is no ``[T]``, or the tracker has no likelihood to leave out.
+        InputError: ``observed`` has another shape, or the tracker cannot leave out what is missing.
     """
     if isinstance(tracker, WithGaps):
         return tracker, frames
@@ -194,12 +214,16 @@ def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
     check_gaps(tracker)
     if come_one_by_one(frames):
         return WithGaps(tracker), _pairs(frames, observed)
-    total = len(jax.tree.leaves(frames)[0])
-    if np.shape(observed) != (total,):
+    total, parts = len(jax.tree.leaves(frames)[0]), getattr(tracker, "num_partitions", None)
+    shape = np.shape(observed)
+    if shape != (total,) and shape != (total, parts):
+        of_parts = "" if parts is None else f", or which partitions, [{total}, {parts}]"
         raise InputError(
-            f"observed has shape {np.shape(observed)}; say of each of the {total} frames whether "
-            f"it was seen, [{total}]."
+            f"observed has shape {shape}; say of each of the {total} frames whether it was seen, "
+            f"[{total}]{of_parts}."
         )
+    if len(shape) == 2:
+        _check_parts(tracker)
     return WithGaps(tracker), (frames, _as_bool(observed))
 
 
@@ -283,6 +307,30 @@ def check_gaps(tracker: Any) -> None:
             f"{type(tracker).__name__} has no field likelihood that could be left out where a "
             "frame is missing; give it one, or frames that were all seen."
         )
+
+
+def _check_parts(tracker: Any) -> None:
+    """Refuse a tracker of which single partitions cannot be missing.
+
+    Raises:
+        InputError: its particles carry one target each; its joint likelihood does not say how.
+    """
+    while not hasattr(tracker, "likelihood"):
+        tracker = tracker.tracker
+    if hasattr(tracker, "population"):
+        raise InputError(
+            f"{type(tracker).__name__} compares particles of different targets, which a missing "
+            "target would upset; give observed for whole frames, [T]."
+        )
+    likelihood = tracker.likelihood
+    for name in _OF_OBSERVATIONS:
+        joint = getattr(likelihood, name, None)
+        takes = joint is None or "observed" in inspect.signature(joint).parameters
+        if name.startswith("log_joint") and not takes:
+            raise InputError(
+                f"{type(likelihood).__name__}.{name} does not say what a missing partition means; "
+                "give it an argument observed [P], or observed for whole frames, [T]."
+            )
 
 
 def _of_frames_with_gaps(tracker: Any, wraps: Callable[[Any], Any]) -> Any:

@@ -71,11 +71,13 @@ def problem(
     same_frames=False,
     num_frames=3,
     missing=(),
+    hidden=(),
 ) -> Problem:
     """``x^k_t = transition x^k_{t-1} + lag x^k_{t-2} + coupling parent_t + n``, ``y = x + n``.
 
     Noises are of unit variance; with a ``correlation``, the observation noise is correlated
-    between partitions and the likelihood does not factor.  Frames ``missing`` are NaN.
+    between partitions and the likelihood does not factor.  Frames ``missing`` are NaN, and so are
+    single (frame, partition) that are ``hidden``.
     """
     size = len(parents)
     blocks = np.ones((size, 1, 1))
@@ -93,6 +95,8 @@ def problem(
     if same_frames:
         frames = np.repeat(frames[:, :1], size, axis=1)
     frames[list(missing)] = np.nan
+    for place in hidden:
+        frames[place] = np.nan
     system, process = stacked_model(dynamics, parents)
     start = np.zeros((2 * size, 2 * size))
     initial: Any = np.zeros((size, 1))
@@ -196,7 +200,12 @@ def record_runs(exact: Problem, ordering, *, seed=1, runs=RUNS, batch=BATCH, **s
     """``moments`` of many runs of a filter on a problem, leading axes ``[R, T]``."""
     tracker = exact.tracker(ordering, **settings)
     keys = jax.random.split(jax.random.key(seed), runs)
-    return monte_carlo(tracker, keys, exact.frames, record=moments, batch_size=batch)
+    seen = ~np.isnan(exact.frames).reshape(len(exact.frames), -1)
+    # Frames that are missing as a whole say so themselves.
+    observed = seen if (seen.any(1) > seen.all(1)).any() else None
+    return monte_carlo(
+        tracker, keys, exact.frames, record=moments, batch_size=batch, observed=observed
+    )
 
 
 def scores(exact: Problem, ordering, **settings) -> Scores:

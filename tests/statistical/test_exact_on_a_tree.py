@@ -45,3 +45,11 @@ def test_sorted_swap_is_biased_in_its_evidence_by_far():
 def test_filter_with_missing_frames_is_unbiased(name):
     exact = problem(TREE, num_frames=4, missing=(1, 2))
     assert scores(exact, ORDERINGS[name], resampling=QUICK_SCHEME).worst < LIMIT
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ps-012", "dps", "sps-combinatorial"])
+def test_filter_with_missing_partitions_is_unbiased(name):
+    """A root that is hidden, a leaf, and a whole frame."""
+    exact = problem(TREE, num_frames=4, missing=(2,), hidden=((0, 1), (1, 0), (3, 2)))
+    assert scores(exact, ORDERINGS[name], resampling=QUICK_SCHEME).worst < LIMIT

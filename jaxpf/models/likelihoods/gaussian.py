@@ -104,7 +104,7 @@ def kalman(
         noise_covariance: of r, ``[E, E]``.
         mean: ``[S]``, of the state just before the first frame.
         covariance: ``[S, S]``, of the same.
-        frames: ``[T, E]``; one that is NaN throughout is missing.
+        frames: ``[T, E]``; what is NaN is missing.
 
     Returns:
         Log evidence increments ``[T]``, filtered means ``[T, S]`` and covariances
@@ -116,14 +116,11 @@ def kalman(
     for frame in np.asarray(frames, float):
         mean = transition @ mean
         covariance = transition @ covariance @ transition.T + process_covariance
-        if np.isnan(frame).all():
-            log_evidence.append(0.0)
-            means.append(mean)
-            covariances.append(covariance)
-            continue
-        innovation = frame - observation @ mean
-        spread = observation @ covariance @ observation.T + noise_covariance
-        gain = np.linalg.solve(spread, observation @ covariance).T
+        seen = ~np.isnan(frame)
+        of_seen = observation[seen]
+        innovation = frame[seen] - of_seen @ mean
+        spread = of_seen @ covariance @ of_seen.T + noise_covariance[np.ix_(seen, seen)]
+        gain = np.linalg.solve(spread, of_seen @ covariance).T
         log_evidence.append(
             -0.5 * innovation @ np.linalg.solve(spread, innovation)
             - 0.5 * np.linalg.slogdet(2 * np.pi * spread)[1]

@@ -1,0 +1,57 @@
+"""The stored verdicts: whole, honest about what they leave open, and repeatable."""
+
+import pytest
+from command_line import jaxpf
+
+from jaxpf.experiments import verdicts
+from jaxpf.experiments.claims import CANNOT_RESOLVE
+from jaxpf.experiments.maccormick1999 import claims
+from jaxpf.experiments.paper import PAPERS
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_every_claim_has_a_verdict_or_the_runs_that_would_give_it(paper):
+    stored = verdicts.stored(paper)
+    assert sum(verdicts.counted(stored).values()) == len(stored) > 3
+    for claim in stored:
+        assert claim["command"].startswith(f"jaxpf reproduce {paper} ")
+        assert claim["version"]
+        assert claim["date"]
+        assert int(claim["runs"]) > 0
+        if claim["verdict"] == CANNOT_RESOLVE:
+            assert "resolve it" in claim["measured"]
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_what_is_not_judged_has_a_reason(paper):
+    left = verdicts.not_judged(paper)
+    assert len(left) > 3
+    assert all(each["claim"] and each["source"] and each["reason"] for each in left)
+
+
+def test_a_stored_figure_is_what_is_measured_today():
+    """Of the one claim that is computed; the others take minutes: ``jaxpf reproduce``."""
+    today = claims.line_claim()
+    (stored,) = (
+        claim
+        for claim in verdicts.stored("maccormick1999")
+        if claim["statement"] == today.statement
+    )
+    assert (stored["measured"], stored["verdict"]) == (today.measured, today.verdict)
+
+
+def test_the_whole_picture_is_printed_at_once():
+    result = jaxpf("verdicts")
+    assert result.code == 0, result.err
+    for paper in PAPERS:
+        assert result.out.count(f"jaxpf reproduce {paper} ") == 1
+    assert result.out.count("Not judged:") == len(PAPERS)
+    one = jaxpf("verdicts", "rowe2005")
+    assert one.code == 0, one.err
+    assert "smith2004" not in one.out
+
+
+def test_a_paper_that_is_not_there_is_refused():
+    result = jaxpf("verdicts", "rowe2006")
+    assert result.code == 2
+    assert "rowe2006" in result.err

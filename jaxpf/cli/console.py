@@ -39,6 +39,10 @@ _TERMS = {
     "ns": "nanoseconds, without compilation",
     "ratio": "median of interleaved pairs",
     "ordering": "who is searched after whom",
+    "done": "runs that are kept on disk",
+    "goal": "what this project asks of itself",
+    "frames/s": "of one run alone, compiling left out",
+    "ms a frame": "of one run alone, compiling left out",
 }
 
 

@@ -17,11 +17,12 @@ _OF_ONE = ("ids", "start_frame", "tracks")
 
 
 class OneOf(NamedTuple):
-    """One of several scenes: what its results are called, where it is, and its seed."""
+    """One of several scenes: what its results are called, where it is, its seed, its frames."""
 
     name: str
     source: str
     seed: int
+    frames: int | None = None
 
 
 def scenes_of(source: str, seed: int) -> list[OneOf]:
@@ -76,7 +77,7 @@ def evaluate_each(request: Any, each: Sequence[OneOf], evaluate: Callable[[Any],
         if getattr(options, name):
             flag = f"--{name.replace('_', '-')}"
             raise InputError(f"{flag} is about one sequence; evaluate that one alone for it.")
-    kind, chosen = _of_one_kind(each, options.target)
+    kind, chosen = _of_one_kind(each, options.target, options.frames)
     if len(chosen) < 2:
         raise InputError(
             f"'{request.scene}' holds {len(chosen)} sequence(s) that can be evaluated together; "
@@ -85,7 +86,8 @@ def evaluate_each(request: Any, each: Sequence[OneOf], evaluate: Callable[[Any],
     output = options.output or Path(f"jaxpf-{scene_name(request.scene)}")
     for number, one in enumerate(chosen, start=1):
         click.echo(f"\n{one.name} ({number} of {len(chosen)})")
-        its = {"target": kind, "scene_seed": one.seed, "output": output / one.name}
+        its = {"target": kind, "scene_seed": one.seed, "frames": one.frames}
+        its["output"] = output / one.name
         evaluate(
             dataclasses.replace(
                 request, scene=one.source, options=dataclasses.replace(options, **its)
@@ -111,21 +113,31 @@ def _several(given: Any) -> bool:
     return isinstance(given, Sequence) and len(given) > 1
 
 
-def _of_one_kind(each: Sequence[OneOf], kind: str | None) -> tuple[str | None, list[OneOf]]:
-    """Those whose truth is of that kind, by default the first one's; it says which are left out."""
+def _of_one_kind(
+    each: Sequence[OneOf], kind: str | None, frames: int | None
+) -> tuple[str | None, list[OneOf]]:
+    """Those whose truth is of that kind, by default the first one's, with at most so many frames.
+
+    It says which are left out.
+    """
     from jaxpf.adapters import adapter_of_scene
+    from jaxpf.evaluation.scene import start_frame
     from jaxpf.experiments.sources import load_scene
+    from scenes import open_folder
 
     chosen: list[OneOf] = []
     for one in each:
         try:
-            frames = 2 if Path(one.source).is_dir() else None
-            scene = load_scene(one.source, one.seed, num_frames=frames)
+            is_folder = Path(one.source).is_dir()
+            scene = load_scene(one.source, one.seed, num_frames=2 if is_folder else None)
             kind = adapter_of_scene(scene, kind).name
         except InputError as error:
             click.echo(f"{one.name} is left out: {error}", err=True)
             continue
         if one.name in {other.name for other in chosen}:
             raise InputError(f"two sequences are called {one.name!r}; give one another seed.")
-        chosen.append(one)
+        most = frames
+        if is_folder and frames is not None:
+            most = min(frames, open_folder(one.source).num_frames - start_frame(scene))
+        chosen.append(one._replace(frames=most))
     return kind, chosen

@@ -168,7 +168,7 @@ def _typed(options: Mapping[str, Any]) -> str:
         elif name == "data" and value is not None:
             words.append(f"{flag} {value.resolve().name}")
         elif name != "paper" and value not in (None, False, 0):
-            words.append(f"{flag} {value}")
+            words.append(f"{flag} {value:g}" if isinstance(value, float) else f"{flag} {value}")
     return " ".join(words)
 
 

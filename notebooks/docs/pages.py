@@ -102,6 +102,8 @@ def _verdicts():
     blocks = []
     for paper in PAPERS:
         claims, left = verdicts.stored(paper), verdicts.not_judged(paper)
+        if not claims:
+            continue
         of = claims[0]
         rows = [[claim[field] for field in CLAIM_FIELDS] for claim in claims]
         blocks += [

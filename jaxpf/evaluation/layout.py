@@ -30,6 +30,8 @@ _ROUNDING = 1e-6
 #: Below this a difference is marked, after Holm's correction.
 SIGNIFICANT = 0.05
 
+#: Which note tells what measures are, and which what calibration is.
+ABOUT_MEASURES, ABOUT_CALIBRATION = 1, 3
 NOTES = (
     "Values with 95 % intervals in brackets. Runs are the independent units: frames and objects "
     "of a run add to the value, not to the certainty. Rates have Wilson's interval (over all "
@@ -234,9 +236,11 @@ def cells_of(measure: Measure, triples: np.ndarray, sign: str = "") -> list[str]
     return texts
 
 
-def to_markdown(title: str, tables: Iterable[Table], remarks: Iterable[str]) -> str:
+def to_markdown(
+    title: str, tables: Iterable[Table], remarks: Iterable[str], notes: Iterable[str] = NOTES
+) -> str:
     """A Markdown document with all tables."""
-    parts = [f"# {_markdown(title)}", *(_markdown(note) for note in NOTES)]
+    parts = [f"# {_markdown(title)}", *(_markdown(note) for note in notes)]
     parts += [f"- {_markdown(remark)}" for remark in remarks]
     for table in tables:
         rows = [[_markdown(cell) for cell in row] for row in table.rows]

@@ -12,7 +12,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.evaluation.layout import CALIBRATION, Table, cells_of, heading, to_markdown
+from jaxpf.evaluation.layout import (
+    ABOUT_CALIBRATION,
+    ABOUT_MEASURES,
+    CALIBRATION,
+    NOTES,
+    Table,
+    cells_of,
+    heading,
+    to_markdown,
+)
 from jaxpf.evaluation.measures import MEASURES, SCORES, by_name
 from jaxpf.files.writing import atomic_write
 from jaxpf.measures.intervals import student_quantile
@@ -74,12 +83,10 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
     if len(methods) > 1:
         title = f"differences from {first}, paired by sequence"
         tables.append(_table(title, methods[1:], differences))
-    remarks = [
-        "Sequences are the units: 95 % intervals (Student's) are over their means.",
-        f"Sequences: {', '.join(names)}.",
-    ]
+    units = "Sequences are the units: 95 % intervals (Student's) are over their means."
+    notes = [units, NOTES[ABOUT_MEASURES], NOTES[ABOUT_CALIBRATION]]
     with atomic_write(folder / "overall.md") as file:
-        file.write(to_markdown("Over all sequences", tables, remarks))
+        file.write(to_markdown("Over all sequences", tables, [", ".join(names)], notes))
     _write_csv(folder / "overall.csv", means, differences)
     with atomic_write(folder / "sequences.csv") as file:
         writer = csv.writer(file, lineterminator="\n")

@@ -33,6 +33,8 @@ from jaxpf.measures.intervals import newcombe_ends, student_quantile, wilson_int
 
 SUPPORTS, CONTRADICTS, CANNOT_RESOLVE = "supports", "contradicts", "cannot resolve"
 EQUAL = "equal within the margin"
+#: What more would have to be measured is told up to this number of runs.
+_MOST_RUNS = 10**6
 
 #: The rule in one sentence, for reports.
 RULE = (
@@ -194,6 +196,8 @@ def told(claim: Claim, runs: int) -> Claim:
         remedy = f"too few {claim.unit} to tell how many would resolve it"
     elif math.isinf(claim.growth):
         remedy = f"no number of {claim.unit} would resolve it"
+    elif claim.growth * runs > _MOST_RUNS:
+        remedy = f"only over a million {claim.unit} would resolve it"
     elif claim.unit == "runs":
         remedy = f"about {max(math.ceil(claim.growth * runs), runs + 1)} runs would resolve it"
     else:

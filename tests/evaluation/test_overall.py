@@ -58,6 +58,9 @@ def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
     )
     assert differences.title == "differences from SIR, gain 2.0, paired by sequence"
     assert {path.name for path in tmp_path.iterdir() if path.is_file()} == set(FILES)
+    text = (tmp_path / "overall.md").read_text()
+    assert "Sequences are the units" in text
+    assert "Runs are the independent units" not in text
     with open(tmp_path / "sequences.csv", newline="") as file:
         assert len(list(csv.DictReader(file))) == 5
 

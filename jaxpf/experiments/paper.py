@@ -16,9 +16,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from jaxpf.errors import InputError
 from jaxpf.experiments.claims import CANNOT_RESOLVE, Claim, at_look, level_of, told
 from jaxpf.experiments.comparison_table import Comparison, Table
+from jaxpf.experiments.parts import part
 
 #: Papers that can be repeated; each is a module here, with a ``PAPER``.
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
@@ -166,7 +169,8 @@ def until_resolved(
 ) -> Iterator[Comparison]:
     """Look at a paper's claims with twice the runs each time, until every one is resolved.
 
-    No look is begun that would end after ``minutes``, if it takes twice as long as the last.
+    No look is begun that would end after ``minutes``, if it takes twice as long as the last took
+    when it was measured, which may have been in another call.
 
     Args:
         paper: which.
@@ -183,14 +187,15 @@ def until_resolved(
         seeds = range(request.seed, request.seed + runs // paper.runs_per_scene)
         with keeping(runs):
             comparison = paper.compare(dataclasses.replace(request, runs=runs, seeds=seeds), look)
+            now = time.monotonic()
+            took = part("look", lambda took=now - looked: {"seconds": np.float64(took)})
         pending = [claim for claim in comparison.claims if claim.verdict == CANNOT_RESOLVE]
         request.report(
             f"Look {look}: {runs} runs, {len(pending)} of {len(comparison.claims)} claims open"
         )
         yield comparison
-        now = time.monotonic()
         hopeless = all(math.isinf(claim.growth) for claim in pending)
-        if hopeless or now - began + 2 * (now - looked) > 60 * minutes:
+        if hopeless or now - began + 2 * float(took["seconds"]) > 60 * minutes:
             return
         runs *= 2
 

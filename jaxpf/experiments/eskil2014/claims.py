@@ -133,7 +133,7 @@ def _fish(outcome: Outcome) -> Iterator[Claim]:
         yield judged(
             "SPOT keeps the structure to the end: its mean error there is below PFFL's",
             "4.1, figure 4",
-            "in the figure",
+            "about a tenth",
             mean_of(gap, "% of the length", at_least=0),
             digits=1,
         )
@@ -185,9 +185,10 @@ def _skydivers(outcome: Outcome) -> Iterator[Claim]:
         if method in outcome.errors and outcome.visible.shape[1] > after:
             gap = _less(outcome, method, _error(slice(after, None)))
             yield judged(
-                f"{method} is lost from frame {after} on ({method}'s error - the proposed one's)",
+                f"{method} is lost from frame {after} on ({method}'s error is above the proposed "
+                f"one's by {100 * published.SKYDIVER_LARGEST:g} % of the length or more)",
                 "4.1, figure 7",
-                "in the figure",
+                f"diverges after {after}",
                 mean_of(gap, "% of the length", at_least=100 * published.SKYDIVER_LARGEST),
             )
 

@@ -40,7 +40,7 @@ SIGMA, SHAPE_SCALE = 0.1, 0.01
 KEPT_PFFL, KEPT_PROPOSED = 7, 12
 #: Largest mean error of the skydiver over his length, and the share most errors stay below.
 SKYDIVER_LARGEST, SKYDIVER_MOSTLY = 0.25, 0.2
-#: Frames after which methods part (figures 4, 7 and 10).
+#: Frames after which methods part (figures 7 and 10).
 PARTING = {"skydivers PFFL": 50, "skydivers SPOT": 75, "face": 85}
 #: Frames in which the mouth smiles.
 SMILE = (56, 95)

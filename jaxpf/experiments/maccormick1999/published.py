@@ -7,7 +7,7 @@ likelihood (``jaxpf.likelihoods``), dimensions of the shape spaces with the scen
 #: N with partitioned sampling in figures 7 and 12, and unpartitioned, where tracking fails and
 #: where it succeeds.
 LEAF_PARTICLES, LEAF_PARTICLES_FAILING, LEAF_PARTICLES_ENOUGH = 750, 3000, 4000
-#: N of figures 1 and 6.
+#: N of figure 6, and ours of figure 1.
 WALKER_PARTICLES = 2000
 #: Frames over which figure 11 averages.
 FIRST_FRAMES = 10

@@ -35,8 +35,8 @@ NOTES = (
     "Motion is fitted to the truth of other sequences.  For wires its noise is taken four times "
     "with exclusion and three times without, each as it keeps most wires on seeds that are not "
     "reported (jaxpf.experiments.maccormick1999.calibration).",
-    "Wires, worms and walkers are tracked by partitioned sampling, too, where the paper's section 3 "
-    "has ordinary Condensation; without exclusion both targets are in one filter with P', not in "
+    "Wires, worms and walkers are tracked by partitioned sampling, too, where the paper's section "
+    "3 has ordinary Condensation; without exclusion both targets are in one filter with P', not in "
     "two trackers as in figure 1. The toy of figures 9 and 10 has one order and no label.",
     "Figure 11 averages after 10 frames, before our leaves overlap.",
     "The width of a boundary's law is 2 pixels for wires, 3 for worms, 5 for leaves and 7, the "

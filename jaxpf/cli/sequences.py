@@ -86,7 +86,7 @@ def evaluate_each(request: Any, each: Sequence[OneOf], evaluate: Callable[[Any],
     output = options.output or Path(f"jaxpf-{scene_name(request.scene)}")
     for number, one in enumerate(chosen, start=1):
         click.echo(f"\n{one.name} ({number} of {len(chosen)})")
-        its = {"target": kind, "scene_seed": one.seed, "frames": one.frames}
+        its: dict[str, Any] = {"target": kind, "scene_seed": one.seed, "frames": one.frames}
         its["output"] = output / one.name
         evaluate(
             dataclasses.replace(

@@ -13,6 +13,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -188,7 +189,7 @@ def until_resolved(
         with keeping(runs):
             comparison = paper.compare(dataclasses.replace(request, runs=runs, seeds=seeds), look)
             now = time.monotonic()
-            took = part("look", lambda took=now - looked: {"seconds": np.float64(took)})
+            took = part("look", partial(_seconds, now - looked))
         pending = [claim for claim in comparison.claims if claim.verdict == CANNOT_RESOLVE]
         request.report(
             f"Look {look}: {runs} runs, {len(pending)} of {len(comparison.claims)} claims open"
@@ -198,6 +199,10 @@ def until_resolved(
         if hopeless or now - began + 2 * float(took["seconds"]) > 60 * minutes:
             return
         runs *= 2
+
+
+def _seconds(took: float) -> dict[str, Any]:
+    return {"seconds": np.float64(took)}
 
 
 def clip_folder(data: Path, name: str, needed: str = ".") -> Path:

@@ -5,6 +5,7 @@ from jaxpf.measures.intervals import (
     as_float,
     masked_mean,
     mean_interval,
+    student_interval,
     student_quantile,
     wilson_interval,
 )
@@ -14,6 +15,7 @@ __all__ = [
     "as_float",
     "masked_mean",
     "mean_interval",
+    "student_interval",
     "student_quantile",
     "wilson_interval",
 ]

@@ -155,7 +155,8 @@ def _request(values: Mapping[str, Any]) -> Request:
 def _evaluate(**values: Any) -> None:
     request = _request(values)
     if each := scenes_of(request.scene, request.options.scene_seed):
-        evaluate_each(request, each, _evaluate_one)
+        varied = [name for name, given in request.grid.items() if len(_values(given)) > 1]
+        evaluate_each(request, each, varied, _evaluate_one)
     else:
         _evaluate_one(request)
 

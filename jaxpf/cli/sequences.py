@@ -61,12 +61,18 @@ def _of_line(place: str, words: Sequence[str], seed: int, folder: Path) -> OneOf
     return OneOf(name, resolved_scene(source), int(rest[0]) if rest else seed)
 
 
-def evaluate_each(request: Any, each: Sequence[OneOf], evaluate: Callable[[Any], None]) -> None:
+def evaluate_each(
+    request: Any,
+    each: Sequence[OneOf],
+    varied: Sequence[str],
+    evaluate: Callable[[Any], None],
+) -> None:
     """Evaluate one scene after another, then tell what holds over all of them.
 
     Args:
         request: see ``jaxpf.cli.evaluate.Request``; of all of them.
         each: the scenes.
+        varied: options of which several values were given.
         evaluate: does one request.
 
     Raises:
@@ -95,22 +101,15 @@ def evaluate_each(request: Any, each: Sequence[OneOf], evaluate: Callable[[Any],
         )
     if options.dry_run:
         return
-    from jaxpf.evaluation.overall import FILES, write_overall
+    from jaxpf.evaluation.overall import FILES, UNITS, write_overall
 
-    varied = [name for name, given in request.grid.items() if _several(given)]
     tables = write_overall(output, [one.name for one in chosen], varied)
     click.echo()
     for table in tables:
         print_table(*table)
     write_config(output / "run.toml", "evaluate", request.table())
-    click.echo("Sequences are the units of these intervals, whatever the number of runs.")
+    click.echo(UNITS)
     click.echo(f"{output}/: {', '.join(FILES)}, run.toml, and a folder for each sequence")
-
-
-def _several(given: Any) -> bool:
-    if isinstance(given, str):
-        return "," in given
-    return isinstance(given, Sequence) and len(given) > 1
 
 
 def _of_one_kind(

@@ -24,8 +24,7 @@ def command(papers: tuple[str, ...]) -> None:
         if claims:
             rows = [[claim[field] for field in CLAIM_FIELDS] for claim in claims]
             print_table(paper, CLAIM_COLUMNS, rows)
-            of = claims[0]
-            click.echo(f"{of['command']}: {of['runs']} runs, jaxpf {of['version']}, {of['date']}")
+            click.echo(f"{claims[0]['command']}: {verdicts.origin(claims[0])}")
         if left := verdicts.not_judged(paper):
             click.echo("Not judged:")
             for each in left:

@@ -247,9 +247,8 @@ def against_time(summaries: Sequence[Summary], place: int) -> Any:
                 *(value, [value - lower, upper - value]),
                 marker="o",
                 markersize=3.5,
-                linestyle=("-", "--")[index // len(COLOURS) % 2],
-                color=COLOURS[index % len(COLOURS)],
                 capsize=2,
+                **_style(index),
                 label=_wrapped(label),
             )
         axis.set(xscale="log", xlabel="ms a frame", ylabel=heading(measure))
@@ -257,7 +256,7 @@ def against_time(summaries: Sequence[Summary], place: int) -> Any:
         axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axis.xaxis.set_minor_locator(NullLocator())
         axis.grid(alpha=0.3)
-    axes[0][0].legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16))
+    _legend_below(axes[0][0])
     return figure
 
 
@@ -272,10 +271,7 @@ def calibration(summaries: Sequence[Summary]) -> Any:
     names = [s.name if len(known) <= MOST_LINES else s.configuration.method for s in known]
     labels = list(dict.fromkeys(names))
     for number, label in enumerate(labels):
-        style = {
-            "color": COLOURS[number % len(COLOURS)],
-            "linestyle": ("-", "--")[number // len(COLOURS) % 2],
-        }
+        style = _style(number)
         left.plot([], [], label=_wrapped(label), **style)
         for summary in (s for s, name in zip(known, names, strict=True) if name == label):
             share = summary.transforms / summary.transforms.sum()
@@ -289,7 +285,7 @@ def calibration(summaries: Sequence[Summary]) -> Any:
     right.set(xlabel="probability given to values below the truth", ylabel="density", xlim=(0, 1))
     for axis in axes[0]:
         axis.grid(alpha=0.3)
-    left.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16))
+    _legend_below(left)
     return figure
 
 
@@ -303,18 +299,17 @@ def success_curves(results: Results, summaries: Sequence[Summary], places: Seque
         axis.set(title=object_name(results.object_ids, place), xlim=(0, 1), ylim=(0, 102))
         axis.set(xlabel="overlap threshold", ylabel="frames above the threshold (%)")
         axis.grid(alpha=0.3)
-        # Below, where it covers no curve.
-        axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16))
+        _legend_below(axis)
     return figure
 
 
 def _single_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None:
     for index, summary in enumerate(summaries):
         curve, area = summary.curve, summary.estimates["success_area"].value[place]
-        colour, dash = COLOURS[index % len(COLOURS)], ("-", "--")[index // len(COLOURS)]
         label = f"{_wrapped(summary.name)} [{100 * area:.1f}]"
-        axis.plot(OVERLAP_THRESHOLDS, 100 * curve.value[place], dash, color=colour, label=label)
+        axis.plot(OVERLAP_THRESHOLDS, 100 * curve.value[place], label=label, **_style(index))
         ends = 100 * curve.lower[place], 100 * curve.upper[place]
+        colour = _style(index)["color"]
         axis.fill_between(OVERLAP_THRESHOLDS, *ends, color=colour, alpha=0.18, linewidth=0)
 
 
@@ -328,12 +323,22 @@ def _grouped_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None
         for index, summary in enumerate(group):
             axis.plot(
                 *(OVERLAP_THRESHOLDS, 100 * summary.curve.value[place]),
-                ("-", "--")[number // len(COLOURS) % 2],
-                color=COLOURS[number % len(COLOURS)],
                 linewidth=1,
                 alpha=0.8,
                 label=f"{method} [{reach}]" if index == 0 else None,
+                **_style(number),
             )
+
+
+def _style(number: int) -> dict[str, str]:
+    """Of a line, one of several: seven colours, then the same ones dashed."""
+    dashes, colour = divmod(number, len(COLOURS))
+    return {"color": COLOURS[colour], "linestyle": ("-", "--")[dashes % 2]}
+
+
+def _legend_below(axis: Any) -> None:
+    """Where it covers no curve."""
+    axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16))
 
 
 def _narrow(name: str, width: int) -> str:

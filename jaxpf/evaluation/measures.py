@@ -249,8 +249,10 @@ def _compiled_measures(
     start: Any = Start(np.zeros(0), np.zeros(0), sizes, parents)  # type: ignore[arg-type]
     found = target.measures(start, shapes, truth)
     shape = shapes.shape[:-1]
-    middle = target.outlines(start, shapes).mean(axis=-2)
-    offset = middle - target.outlines(start, truth).mean(axis=-2)
+    offset = jnp.full((*shape, 2), jnp.nan)
+    if target.has_places:
+        middle = target.outlines(start, shapes).mean(axis=-2)
+        offset = middle - target.outlines(start, truth).mean(axis=-2)
     found |= {"offset_x": offset[..., 0], "offset_y": offset[..., 1]}
     present = jnp.broadcast_to(found["present"], shape)
     tracked = jnp.broadcast_to(found["tracked"], shape)

@@ -24,11 +24,13 @@ from jaxpf.evaluation.layout import (
 )
 from jaxpf.evaluation.measures import MEASURES, SCORES, by_name
 from jaxpf.files.writing import atomic_write
-from jaxpf.measures.intervals import student_quantile
+from jaxpf.measures.intervals import student_interval
 
 _SHOWN = ("success_half", "success_area", "distance_precision", "overlap", "HOTA", "IDF1")
 #: Measures that the tables show; all of them are in ``overall.csv``.
 SHOWN = (*map(by_name, _SHOWN), *CALIBRATION[-2:])
+#: What a reader must know.
+UNITS = "Sequences are the units: 95 % intervals (Student's) are over their means."
 FILES = ("overall.md", "overall.csv", "sequences.csv")
 
 
@@ -83,8 +85,7 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
     if len(methods) > 1:
         title = f"differences from {first}, paired by sequence"
         tables.append(_table(title, methods[1:], differences))
-    units = "Sequences are the units: 95 % intervals (Student's) are over their means."
-    notes = [units, NOTES[ABOUT_MEASURES], NOTES[ABOUT_CALIBRATION]]
+    notes = [UNITS, NOTES[ABOUT_MEASURES], NOTES[ABOUT_CALIBRATION]]
     with atomic_write(folder / "overall.md") as file:
         file.write(to_markdown("Over all sequences", tables, [", ".join(names)], notes))
     _write_csv(folder / "overall.csv", means, differences)
@@ -101,12 +102,8 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
 
 def over_sequences(values: np.ndarray) -> OverSequences:
     """The mean of ``values [S]`` with Student's interval; what is not finite does not count."""
-    known = values[np.isfinite(values)]
-    count = len(known)
-    value = float(known.mean()) if count else np.nan
-    error = float(known.std(ddof=1)) / np.sqrt(count) if count > 1 else np.nan
-    reach = student_quantile(count - 1) * error
-    return OverSequences(count, value, value - reach, value + reach)
+    found = student_interval(values)
+    return OverSequences(np.isfinite(values).sum(), found.value, found.lower, found.upper)
 
 
 def _of_sequence(path: Path, varied: Sequence[str]) -> dict[str, dict[str, float]]:

@@ -29,7 +29,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxpf.measures.intervals import newcombe_ends, student_quantile, wilson_interval
+from jaxpf.measures.intervals import (
+    newcombe_ends,
+    student_interval,
+    student_quantile,
+    wilson_interval,
+)
 
 SUPPORTS, CONTRADICTS, CANNOT_RESOLVE = "supports", "contradicts", "cannot resolve"
 EQUAL = "equal within the margin"
@@ -281,20 +286,12 @@ def _lies_outside(part: Quantity, interval: tuple[float, float]) -> bool:
     return high < part.at_least or low > part.at_most
 
 
-def student_interval(values: np.ndarray) -> Callable[[float], tuple[float, float]]:
-    """Intervals for the mean of independent values ``[n]`` by Student's t.
-
-    Values that are NaN are left out.  Fewer than two leave no interval: NaN.
-    """
-    values = np.asarray(values, float)
-    values = values[np.isfinite(values)]
-    n = len(values)
-    mean = float(values.mean()) if n else math.nan
-    error = float(values.std(ddof=1)) / math.sqrt(n) if n > 1 else math.nan
+def student(values: np.ndarray) -> Callable[[float], tuple[float, float]]:
+    """Student's intervals for the mean of independent values ``[n]``; NaN from fewer than two."""
 
     def interval(level: float) -> tuple[float, float]:
-        reach = student_quantile(n - 1, level) * error
-        return mean - reach, mean + reach
+        found = student_interval(values, level)
+        return float(found.lower), float(found.upper)
 
     return interval
 

@@ -13,9 +13,10 @@ from jaxpf.experiments.claims import (
     Quantity,
     cluster_interval,
     newcombe,
-    student_interval,
+    student,
 )
 from jaxpf.experiments.comparison_table import Cell
+from jaxpf.measures.intervals import student_interval
 
 
 def mean_of(values: Any, what: str = "", **claimed: float) -> Quantity:
@@ -27,9 +28,7 @@ def mean_of(values: Any, what: str = "", **claimed: float) -> Quantity:
         claimed: ``at_least``, ``at_most``.
     """
     values = np.asarray(values, float)
-    finite = values[np.isfinite(values)]
-    centre = float(finite.mean()) if len(finite) else math.nan
-    return Quantity(what, centre, student_interval(finite), **claimed)
+    return Quantity(what, float(student_interval(values).value), student(values), **claimed)
 
 
 def ratio_of(first: Any, second: Any, what: str = "", **claimed: float) -> Quantity:

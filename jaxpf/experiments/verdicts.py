@@ -30,6 +30,11 @@ def counted(claims: Sequence[dict[str, str]]) -> dict[str, int]:
     return {each: found.count(each) for each in (SUPPORTS, EQUAL, CONTRADICTS, CANNOT_RESOLVE)}
 
 
+def origin(claim: dict[str, str]) -> str:
+    """What a stored claim's figures come from, beside the command that repeats them."""
+    return f"{claim['runs']} runs, jaxpf {claim['version']}, {claim['date']}"
+
+
 def _rows(paper: str, name: str) -> list[dict[str, str]]:
     path = _HERE / paper / name
     if not path.exists():

@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.scipy.special import ndtri
 from jax.typing import ArrayLike
@@ -20,10 +21,10 @@ class Interval(NamedTuple):
         upper: upper end of the confidence interval.
     """
 
-    value: Array
-    standard_error: Array
-    lower: Array
-    upper: Array
+    value: Any
+    standard_error: Any
+    lower: Any
+    upper: Any
 
 
 def wilson_interval(successes: ArrayLike, trials: ArrayLike, level: ArrayLike = 0.95) -> Interval:
@@ -122,6 +123,26 @@ def mean_interval(
     value = jnp.where(runs > 0, jnp.squeeze(mean, axis), jnp.nan)
     reach = _quantile(level) * error
     return Interval(value, error, value - reach, value + reach)
+
+
+def student_interval(values: ArrayLike, level: float = 0.95) -> Interval:
+    """A mean over few independent units with Student's interval, in double precision.
+
+    Args:
+        values: ``[n]``; those that are not finite are left out.
+        level: confidence, in (0, 1).
+
+    Returns:
+        Scalars.  The mean of nothing is NaN, and so are the error and the interval with fewer
+        than two units.
+    """
+    known = np.asarray(values, float)
+    known = known[np.isfinite(known)]
+    count = len(known)
+    mean = known.mean() if count else np.float64(np.nan)
+    error = known.std(ddof=1) / np.sqrt(count) if count > 1 else np.float64(np.nan)
+    reach = student_quantile(count - 1, level) * error
+    return Interval(mean, error, mean - reach, mean + reach)
 
 
 def masked_mean(values: ArrayLike, mask: ArrayLike, axis: int | Sequence[int]) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxpf.errors import InputError
 from jaxpf.measures import metrics
-from jaxpf.measures.intervals import Interval, mean_interval, student_quantile
+from jaxpf.measures.intervals import Interval, student_interval
 from jaxpf.running.blocks import monte_carlo
 from jaxpf.targets.target import Start, Target
 
@@ -106,7 +106,7 @@ def compare(sequences: Sequence[HeldOut], *, runs: int = 20, seed: int = 1) -> C
     before, after = (x[0] if one else x.mean(axis=1) for x in (before, after))
 
     def intervals(values: np.ndarray) -> dict[str, Interval]:
-        return {name: _student(values[:, i]) for i, name in enumerate(MEASURES)}
+        return {name: student_interval(values[:, i]) for i, name in enumerate(MEASURES)}
 
     return Comparison(
         unit="runs" if one else "sequences",
@@ -115,14 +115,6 @@ def compare(sequences: Sequence[HeldOut], *, runs: int = 20, seed: int = 1) -> C
         after=intervals(after),
         difference=intervals(after - before),
     )
-
-
-def _student(values: np.ndarray) -> Interval:
-    """A mean with Student's interval: units are few, and the normal one would be too narrow."""
-    normal = mean_interval(values)
-    reach = student_quantile(np.isfinite(values).sum() - 1) * float(normal.standard_error)
-    value = normal.value
-    return normal._replace(lower=value - reach, upper=value + reach)
 
 
 def _measured(tracker: Any, keys: Any, held_out: HeldOut) -> np.ndarray:

@@ -104,11 +104,10 @@ def _verdicts():
         claims, left = verdicts.stored(paper), verdicts.not_judged(paper)
         if not claims:
             continue
-        of = claims[0]
         rows = [[claim[field] for field in CLAIM_FIELDS] for claim in claims]
         blocks += [
             f"### {paper}\n",
-            f"`{of['command']}`: {of['runs']} runs, jaxpf {of['version']}, {of['date']}.\n",
+            f"`{claims[0]['command']}`: {verdicts.origin(claims[0])}.\n",
             *markdown_table(CLAIM_COLUMNS, rows),
             "\nNot judged:\n",
             *markdown_table(list(left[0]), [list(each.values()) for each in left]),

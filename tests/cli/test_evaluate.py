@@ -6,35 +6,17 @@ import subprocess
 import sys
 import tomllib
 
-import jax
 import numpy as np
 import pytest
 from command_line import jaxpf
-from small_evaluation import PARAMETERS, PARTICLES
+from small_evaluation import COMMON, PARAMETERS, PARTICLES
 from small_sequence_folder import SMALL, write_sequence
 
-from jaxpf.evaluation import Results, report
+from jaxpf.evaluation import Results
 from jaxpf.files.locking import locked
 
+pytestmark = pytest.mark.usefixtures("started_jax")
 WRITTEN = ["report.html", "results.csv", "summary.csv", "summary.md", "summary.tex", "run.toml"]
-#: Every successful evaluation has these shapes, so that the filter is compiled once.
-COMMON = ("--methods", "sir,ps", "-n", PARTICLES, "--scale", "1,1,.001", "--runs", "4")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def started_jax():
-    """Too late for --devices to change them for the tests that follow."""
-    jax.devices()
-
-
-@pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    """A folder with a recorded sequence and other trackers' results."""
-    folder = tmp_path_factory.mktemp("evaluate")
-    write_sequence(folder / "two")
-    rows = (folder / "two" / "gt.csv").read_text().replace(",occ", "").splitlines()
-    (folder / "theirs.csv").write_text("\n".join(row.removesuffix(",0") for row in rows))
-    return folder
 
 
 @pytest.fixture(scope="module")
@@ -44,16 +26,6 @@ def whole(place):
     outcome = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "-o", output)
     assert outcome.code == 0, outcome.err
     return outcome, output
-
-
-@pytest.fixture
-def short_report(monkeypatch):
-    """A report has tests of its own, and takes seconds."""
-
-    def write(results, tables):
-        (results.folder / "report.html").write_text(f"{len(tables.summaries)} configurations")
-
-    monkeypatch.setattr(report, "write_report", write)
 
 
 def test_it_shows_the_plan_first_then_the_tables_and_writes_everything(whole):
@@ -227,59 +199,6 @@ def test_a_users_function_makes_a_scene(tmp_path, monkeypatch):
     assert sorted(os.listdir(tmp_path)) in (["mine.py"], ["__pycache__", "mine.py"])
 
 
-def test_several_sequences_get_a_table_over_all(place, tmp_path, short_report):
-    data, output = tmp_path / "data", tmp_path / "out"
-    data.mkdir()
-    for name in ("one", "two"):
-        write_sequence(data / name)
-    (data / "unreadable").mkdir()
-    (data / "unreadable" / "gt.csv").write_text("")
-    (data / "notes").mkdir()
-    # Of sequences that have fewer frames, all.
-    asked = ("evaluate", data, *COMMON, "--frames", "1000", "-o", output)
-    outcome = jaxpf(*asked)
-    assert outcome.code == 0, outcome.err
-    assert "unreadable is left out: " in outcome.err
-    assert "notes" not in outcome.err
-    assert "one (1 of 2)" in outcome.out
-    table = outcome.out[outcome.out.index("means over 2 sequences") :]
-    assert "differences from SIR, paired by sequence" in table
-    with open(output / "sequences.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert {row["sequence"] for row in rows} == {"one", "two"}
-    # The same pictures under two names.
-    values = {row["sequence"]: row["value"] for row in rows if row["measure"] == "overlap"}
-    assert values["one"] == values["two"]
-    again = jaxpf("evaluate", "--config", output / "run.toml", "-o", output)
-    assert again.code == 0, again.err
-    assert again.out[again.out.index("means over 2 sequences") :] == table
-
-
-def test_a_file_lists_scenes_with_their_seeds(place, tmp_path):
-    listed = tmp_path / "list.txt"
-    listed.write_text(f"# two of one kind\ndistracter 3\n{place / 'two'}\n\ndistracter 4\n")
-    outcome = jaxpf("evaluate", listed, "--methods", "sir", "--dry-run", "-o", tmp_path / "out")
-    assert outcome.code == 0, outcome.err
-    for words in ("distracter-3 (1 of 3)", "two (2 of 3)", "distracter-4 (3 of 3)"):
-        assert words in outcome.out
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("text", "options", "sentence"),
-    [
-        ("distracter x", (), "reads 'distracter x'; write a scene, and a seed after it"),
-        ("distracter 1", (), "holds 1 sequence(s) that can be evaluated together"),
-        ("distracter 1\ndistracter 1", (), "two sequences are called 'distracter-1'"),
-        ("distracter 1\ndistracter 2", ("--ids", "1"), "--ids is about one sequence"),
-    ],
-)
-def test_lists_that_cannot_be_are_one_sentence(refuse, tmp_path_factory, text, options, sentence):
-    listed = tmp_path_factory.mktemp("listed") / "list.txt"
-    listed.write_text(text)
-    assert sentence in refuse(listed, *options)
-
-
 def test_a_dry_run_shows_the_plan_of_a_grid_and_writes_nothing(place, tmp_path):
     outcome = jaxpf(
         *("evaluate", "distracter", *SMALL, "-n", "100,200", "--sharpness", "20,30", "--runs", "9"),
@@ -294,24 +213,6 @@ def test_a_dry_run_shows_the_plan_of_a_grid_and_writes_nothing(place, tmp_path):
     assert "20 30" in table["SIR"]
     assert f"{9 * (4 + 8 + 4 + 4) + 1} runs to do" in outcome.out
     assert not (tmp_path / "out").exists()
-
-
-@pytest.fixture
-def refuse(tmp_path, monkeypatch):
-    """Evaluate, and get the one sentence of the refusal; nothing may be left behind."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        outcome = jaxpf("evaluate", *arguments)
-        assert outcome.code == 2
-        assert outcome.out == ""
-        *_, sentence = outcome.err.strip().splitlines()
-        assert sentence.startswith("Error: ")
-        assert "Traceback" not in outcome.err
-        assert not list(tmp_path.iterdir())
-        return sentence
-
-    return run
 
 
 @pytest.mark.parametrize(

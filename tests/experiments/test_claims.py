@@ -18,7 +18,7 @@ from jaxpf.experiments.claims import (
     level_of,
     newcombe,
     shown,
-    student_interval,
+    student,
     told,
     verdict,
     wilson,
@@ -125,7 +125,7 @@ def at_looks(effect, **claimed):
         drawn = rng.normal(effect, size=10 * 2 ** (LOOKS - 1))
         for look in range(1, LOOKS + 1):
             seen = drawn[: 10 * 2 ** (look - 1)]
-            part = Quantity("", seen.mean(), student_interval(seen), **claimed)
+            part = Quantity("", seen.mean(), student(seen), **claimed)
             if (its := verdict([part], level_of(look))) != CANNOT_RESOLVE:
                 break
         found.append(its)
@@ -155,7 +155,7 @@ def test_looks_share_the_level_among_them():
 
 def test_a_later_look_judges_by_wider_intervals():
     values = np.random.default_rng(0).normal(0.7, size=10)
-    part = Quantity("", values.mean(), student_interval(values), at_least=0)
+    part = Quantity("", values.mean(), student(values), at_least=0)
     claim = judged("a > b", "", "", part, digits=2)
     assert claim.verdict == SUPPORTS
     noted = claim._replace(measured=f"{claim.measured}; and a word")
@@ -179,11 +179,11 @@ def test_a_judged_claim_shows_its_figures():
 
 def test_students_interval_is_the_textbooks():
     # Five values with mean 3 and standard deviation sqrt(2.5); t(.975, 4) = 2.776.
-    low, high = student_interval(np.array([1.0, 2, 3, 4, 5]))(0.95)
+    low, high = student(np.array([1.0, 2, 3, 4, 5]))(0.95)
     reach = 2.7764 * math.sqrt(2.5 / 5)
     np.testing.assert_allclose([low, high], [3 - reach, 3 + reach], rtol=1e-4)
-    assert all(map(math.isnan, student_interval(np.array([1.0]))(0.95)))
-    assert student_interval(np.array([1.0, 2, 3, 4, 5, np.nan]))(0.95) == (low, high)
+    assert all(map(math.isnan, student(np.array([1.0]))(0.95)))
+    assert student(np.array([1.0, 2, 3, 4, 5, np.nan]))(0.95) == (low, high)
 
 
 def test_newcombes_interval_is_the_published_one():

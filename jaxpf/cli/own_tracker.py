@@ -8,7 +8,7 @@ from typing import Any
 import scenes
 from jaxpf.errors import InputError
 from jaxpf.experiments.sources import as_input_error
-from jaxpf.files.writing import report_os_errors
+from jaxpf.files.reading import read_text
 
 
 class OwnTracker:
@@ -31,8 +31,7 @@ class OwnTracker:
                 f"the tracker {place!r} has another form than FILE.py:FUNCTION; name a function of "
                 "a Python file."
             )
-        with report_os_errors("read", path):
-            self.text = Path(path).read_text(encoding="utf-8")
+        self.text = read_text(Path(path), "a tracker", "a Python file.")
         if self.function not in self.text:
             names = re.findall(r"^def (\w+)", self.text, re.MULTILINE)
             raise InputError(

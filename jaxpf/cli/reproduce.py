@@ -1,5 +1,6 @@
 """``jaxpf reproduce``: a paper's experiment, published and measured side by side."""
 
+import math
 import os
 import time
 from collections.abc import Mapping
@@ -91,6 +92,8 @@ def command(
             "--until-resolved begins with the paper's own number of runs; leave out --runs, "
             "--quick and --calibrate."
         )
+    if minutes is not None and math.isnan(minutes):
+        raise InputError("--minutes nan must be a number above 0.")
     if minutes is not None and not until_resolved:
         raise InputError("--minutes is about --until-resolved, which was not given.")
     data = _data_folder(data)

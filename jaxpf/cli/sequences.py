@@ -11,6 +11,7 @@ from jaxpf.cli.config import write_config
 from jaxpf.cli.console import print_table
 from jaxpf.cli.scene_options import resolved_scene, scene_name
 from jaxpf.errors import InputError
+from jaxpf.files.reading import read_text
 
 #: Options about what is in one sequence.
 _OF_ONE = ("ids", "start_frame", "tracks")
@@ -39,12 +40,16 @@ def scenes_of(source: str, seed: int) -> list[OneOf]:
 
     path = Path(source)
     if path.suffix == ".txt" and path.is_file():
-        lines = enumerate(path.read_text(encoding="utf-8").splitlines(), start=1)
-        return [
+        expected = "one with a scene in each line, and a seed after it if it has one"
+        lines = enumerate(read_text(path, "scenes", f"{expected}.").splitlines(), start=1)
+        listed = [
             _of_line(f"line {number} of '{path}'", line.split(), seed, path.parent)
             for number, line in lines
             if line.strip() and not line.lstrip().startswith("#")
         ]
+        if not listed:
+            raise InputError(f"'{path}' lists no scene; give {expected}.")
+        return listed
     return [OneOf(each.name, str(each), seed) for each in sequences_in(path)]
 
 

@@ -51,6 +51,8 @@ def test_a_file_lists_scenes_with_their_seeds(place, tmp_path):
 @pytest.mark.parametrize(
     ("text", "options", "sentence"),
     [
+        ("# none", (), "list.txt' lists no scene; give one with a scene in each line"),
+        ("\0\udcff", (), "list.txt' is not a text file"),
         ("distracter x", (), "reads 'distracter x'; write a scene, and a seed after it"),
         ("distracter 1", (), "holds 1 sequence(s) that can be evaluated together"),
         ("distracter 1\ndistracter 1", (), "two sequences are called 'distracter-1'"),
@@ -59,5 +61,5 @@ def test_a_file_lists_scenes_with_their_seeds(place, tmp_path):
 )
 def test_lists_that_cannot_be_are_one_sentence(refuse, tmp_path_factory, text, options, sentence):
     listed = tmp_path_factory.mktemp("listed") / "list.txt"
-    listed.write_text(text)
+    listed.write_bytes(text.encode(errors="surrogateescape"))
     assert sentence in refuse(listed, *options)

@@ -78,6 +78,7 @@ def test_it_ends_where_time_does_or_nothing_would_resolve(tmp_path):
         (("--until-resolved", "--runs", "10"), "leave out --runs, --quick and --calibrate"),
         (("--minutes", "3"), "--minutes is about --until-resolved, which was not given"),
         (("--until-resolved", "--minutes", "0"), "0"),
+        (("--until-resolved", "--minutes", "nan"), "--minutes nan must be a number above 0"),
     ],
 )
 def test_what_does_not_go_together_is_refused(asked, words):

@@ -8,6 +8,7 @@ happens where a file is read or written and nowhere else.
 import math
 import os
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +22,7 @@ __all__ = [
     "TrackWriter",
     "check_boxes",
     "dense",
+    "detections",
     "parse_box",
     "read_boxes",
     "start_boxes",
@@ -227,3 +229,32 @@ def _listed(values: Iterable[object], most: int = 12) -> str:
     for first, last in runs:
         parts += [f"{first}-{last}"] if last - first > 1 else map(str, range(first, last + 1))
     return ", ".join(parts[:most]) + (", ..." if len(parts) > most else "")
+
+
+def detections(
+    boxes: ArrayLike, ids: ArrayLike | None = None, confidence: ArrayLike | None = None
+) -> Any:
+    """Boxes of one frame as ``supervision.Detections``, to be drawn, filtered and counted there.
+
+    Args:
+        boxes: ``[P, 4]``, x, y, w, h in pixels; those that are not finite are left out.
+        ids: ``[P]``; by default from 1.
+        confidence: ``[P]``; by default none is told.
+
+    Raises:
+        InputError: supervision is missing.
+    """
+    try:
+        import supervision
+    except ModuleNotFoundError:
+        raise InputError(
+            "detections need supervision, which is missing; pip install 'jaxpf[formats]'."
+        ) from None
+    boxes = np.asarray(boxes, float)
+    there = np.isfinite(boxes).all(axis=-1)
+    ids = np.arange(1, len(boxes) + 1) if ids is None else np.asarray(ids, int)
+    return supervision.Detections(
+        xyxy=np.concatenate([boxes[there, :2], boxes[there, :2] + boxes[there, 2:]], axis=-1),
+        confidence=None if confidence is None else np.asarray(confidence, float)[there],
+        tracker_id=ids[there],
+    )

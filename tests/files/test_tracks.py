@@ -11,6 +11,7 @@ from jaxpf.tracks import (
     TrackWriter,
     check_boxes,
     dense,
+    detections,
     parse_box,
     read_boxes,
     start_boxes,
@@ -214,3 +215,14 @@ def test_places_that_cannot_be_written_are_named(tmp_path):
         message_of(write_mot, path, [0], [1], [[1, 2, 3, 4]]),
     ):
         assert f"cannot write '{path}': no such file or directory; check the path" in message
+
+
+def test_boxes_become_supervisions_detections():
+    boxes = [[1.0, 2, 10, 20], [np.nan] * 4, [5.0, 6, 7, 8]]
+    found = detections(boxes, ids=[3, 4, 9], confidence=[0.5, 0, 1])
+    assert found.xyxy.tolist() == [[1, 2, 11, 22], [5, 6, 12, 14]]
+    assert found.tracker_id.tolist() == [3, 9]
+    assert found.confidence.tolist() == [0.5, 1]
+    plain = detections(boxes)
+    assert plain.tracker_id.tolist() == [1, 3]
+    assert plain.confidence is None

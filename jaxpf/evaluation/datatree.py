@@ -1,7 +1,7 @@
 """An evaluation in ArviZ's layout: runs are chains, frames are draws.
 
-``posterior`` holds the estimated shapes, of boxes x, y, w, h; ``sample_stats`` what tells how the filter fared;
-``observed_data`` the truth.  Imported tracks have no runs, and are left out.
+``posterior`` holds the estimated shapes, of boxes x, y, w, h; ``sample_stats`` what tells how the
+filter fared; ``observed_data`` the truth.  Imported tracks have no runs, and are left out.
 """
 
 import os
@@ -15,13 +15,13 @@ from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.summary import configuration_name
 from jaxpf.files.writing import report_os_errors, temporary_sibling
 
-#: Variable of ``sample_stats`` -> field of a batch, and its dimensions after those of the posterior.
-_STATISTICS = {
-    "ess": ("ess", ()),
-    "log_evidence": ("log_evidence", ()),
-    "uniqueness": ("uniqueness", ("object",)),
-    "lost": ("lost", ("object",)),
-    "spread": ("spread", ("object", "coordinate")),
+#: Fields of a batch in ``sample_stats``: dimensions after those that all have.
+_STATISTICS: dict[str, list[str]] = {
+    "ess": [],
+    "log_evidence": [],
+    "uniqueness": ["object"],
+    "lost": ["object"],
+    "spread": ["object", "coordinate"],
 }
 
 
@@ -60,13 +60,12 @@ def datatree(results: Results) -> Any:
             filled[: len(values), place] = values
         return np.moveaxis(filled, 1, 2)
 
-    statistics = {name: of_runs(field) for name, (field, _) in _STATISTICS.items()}
-    dims = {name: ["configuration", *more] for name, (_, more) in _STATISTICS.items()}
+    dims = {name: ["configuration", *more] for name, more in _STATISTICS.items()}
     frames = results.start_frame + 1 + np.arange(len(results.truth))
     return arviz_base.from_dict(
         {
             "posterior": {"estimate": of_runs("shapes")},
-            "sample_stats": statistics,
+            "sample_stats": {name: of_runs(name) for name in _STATISTICS},
             "observed_data": {"truth": results.truth},
         },
         dims={

@@ -148,6 +148,11 @@ def run_blocks(
         kept.append(recorded)
         length = first + count
 
+    if len(used) > 1:
+        # XLA takes only so many computations of a device that wait.  What is asked of the results
+        # before they are there can fill one device's places before the other's, and then devices
+        # wait for one another for ever (seen: "all gather ... may be stuck").
+        jax.block_until_ready(kept)
     return _joined(kept, tuple(sizes), length)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.evaluation.equal_time import curves
+from jaxpf.evaluation.equal_time import curves, times_of
 from jaxpf.evaluation.layout import difference_heading, heading, object_name
 from jaxpf.evaluation.measures import COMPARED, COORDINATES, by_name
 from jaxpf.evaluation.results import Results
@@ -243,7 +243,7 @@ def against_time(summaries: Sequence[Summary], place: int) -> Any:
                 * np.array([[x[place] for x in (e.value, e.lower, e.upper)] for e in found]).T
             )
             axis.errorbar(
-                [1000 / summary.frames_per_second for summary in line],
+                1000 * times_of([summary.frames_per_second for summary in line]),
                 *(value, [value - lower, upper - value]),
                 marker="o",
                 markersize=3.5,

@@ -73,9 +73,8 @@ def at_equal_time(
             for other, one in enumerate(collected)
             if _kind(one.configuration) == (*first, kind[2]) and np.isfinite(speeds[other])
         )
-        # More particles take no less: what says so is how the times were measured.
-        times = np.maximum.accumulate([1 / speeds[other] for _, other in others] or [0.0])
         places = [other for _, other in others]
+        times = times_of([speeds[other] for other in places])
         seconds = 1 / speeds[index]
         for (low, one), (high, other) in itertools.pairwise(zip(times, places, strict=False)):
             if low <= seconds <= high and low < high:
@@ -104,6 +103,14 @@ def curves(summaries: "Sequence[Summary]") -> "dict[str, list[Summary]]":
             lines.setdefault(_kind(summary.configuration), []).append(summary)
     ordered = [sorted(line, key=_number) for line in lines.values() if len(line) > 1]
     return {line[0].name.replace(f", particles {_number(line[0])}", ""): line for line in ordered}
+
+
+def times_of(speeds: Sequence[float]) -> np.ndarray:
+    """Seconds of a frame from frames per second, by the number of particles.
+
+    More particles take no less: what says so is how the times were measured.
+    """
+    return np.maximum.accumulate([1 / speed for speed in speeds] or [0.0])
 
 
 def _number(summary: "Summary") -> Any:

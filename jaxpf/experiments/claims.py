@@ -27,6 +27,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 from jaxpf.measures.intervals import (
@@ -326,11 +327,15 @@ def cluster_interval(rates: np.ndarray, trials: int) -> Callable[[float], tuple[
     return interval
 
 
+#: What resolves a claim is searched for with thousands of intervals.
+_wilson_interval = jax.jit(wilson_interval)
+
+
 def wilson(successes: float, trials: float) -> Callable[[float], tuple[float, float]]:
     """Wilson's intervals for a rate, as percentages; [0, 100] without trials."""
 
     def interval(level: float) -> tuple[float, float]:
-        result = wilson_interval(successes, trials, level)
+        result = _wilson_interval(successes, trials, level)
         return 100 * float(result.lower), 100 * float(result.upper)
 
     return interval

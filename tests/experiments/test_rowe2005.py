@@ -42,8 +42,8 @@ def verdicts(found, crossing=None):
     return {c.statement: c.verdict for c in claims.scene_claims(found, crossing or found)}
 
 
-def verdict_of(found, beginning):
-    return next(v for statement, v in verdicts(found).items() if statement.startswith(beginning))
+def verdict_of(given, beginning):
+    return next(v for statement, v in given.items() if statement.startswith(beginning))
 
 
 def test_the_published_figures_are_those_of_table_1():
@@ -54,7 +54,7 @@ def test_the_published_figures_are_those_of_table_1():
 
 
 def test_what_agrees_with_the_paper_is_supported():
-    found = outcome(neither=0.15)
+    found = verdicts(outcome(neither=0.15))
     assert verdict_of(found, "Without eq. 4") == SUPPORTS
     assert verdict_of(found, "With eq. 4") == SUPPORTS
     assert verdict_of(found, "Regularising") == SUPPORTS
@@ -66,10 +66,10 @@ def test_what_agrees_with_the_paper_is_supported():
 
 def test_what_disagrees_is_contradicted():
     found = outcome(neither=0.05, both=0.2)
-    assert verdict_of(found, "Regularising") == CONTRADICTS
+    assert verdict_of(verdicts(found), "Regularising") == CONTRADICTS
     kept = found._replace(area_ratio=1 + 0.1 * found.error)
-    assert verdict_of(kept, "and eventually collapse") == CONTRADICTS
-    lost = outcome(both=3.0)
+    assert verdict_of(verdicts(kept), "and eventually collapse") == CONTRADICTS
+    lost = verdicts(outcome(both=3.0))
     assert verdict_of(lost, "With both no target") == CONTRADICTS
 
 

@@ -19,9 +19,8 @@ def command(papers: tuple[str, ...]) -> None:
     from jaxpf.experiments.comparison_table import CLAIM_COLUMNS, CLAIM_FIELDS
 
     papers = papers or PAPERS
-    found = {paper: verdicts.stored(paper) for paper in papers}
-    for paper, claims in found.items():
-        if claims:
+    for paper in papers:
+        if claims := verdicts.stored(paper):
             rows = [[claim[field] for field in CLAIM_FIELDS] for claim in claims]
             print_table(paper, CLAIM_COLUMNS, rows)
             click.echo(f"{claims[0]['command']}: {verdicts.origin(claims[0])}")
@@ -30,11 +29,5 @@ def command(papers: tuple[str, ...]) -> None:
             for each in left:
                 click.echo(f"- {each['claim']} ({each['source']}): {each['reason']}")
         click.echo()
-    counts = {paper: verdicts.counted(claims) for paper, claims in found.items()}
-    columns = ["verdicts", *next(iter(counts.values())), "not judged"]
-    rows = [
-        [paper, *map(str, each.values()), str(len(verdicts.not_judged(paper)))]
-        for paper, each in counts.items()
-    ]
-    print_table("Claims", columns, rows)
+    print_table("Claims", *verdicts.overview(papers))
     click.echo(RULE)

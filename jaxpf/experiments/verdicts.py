@@ -30,6 +30,17 @@ def counted(claims: Sequence[dict[str, str]]) -> dict[str, int]:
     return {each: found.count(each) for each in (SUPPORTS, EQUAL, CONTRADICTS, CANNOT_RESOLVE)}
 
 
+def overview(papers: Sequence[str]) -> tuple[list[str], list[list[str]]]:
+    """Columns and rows of a table: how many claims of each paper have which verdict."""
+    counts = {paper: counted(stored(paper)) for paper in papers}
+    columns = ["claims of", *next(iter(counts.values())), "not judged"]
+    rows = [
+        [paper, *map(str, each.values()), str(len(not_judged(paper)))]
+        for paper, each in counts.items()
+    ]
+    return columns, rows
+
+
 def origin(claim: dict[str, str]) -> str:
     """What a stored claim's figures come from, beside the command that repeats them."""
     return f"{claim['runs']} runs, jaxpf {claim['version']}, {claim['date']}"

@@ -17,7 +17,12 @@ import jaxpf  # noqa: E402
 project, version, release = "jaxpf", jaxpf.__version__, jaxpf.__version__
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 root_doc = "index"
-exclude_patterns = ["**/.ipynb_checkpoints", "docs/generated/verdicts.md"]  # included
+# What other pages include is no page.
+exclude_patterns = [
+    "**/.ipynb_checkpoints",
+    "docs/generated/counts.md",
+    "docs/generated/verdicts.md",
+]
 myst_enable_extensions = ["deflist"]
 myst_heading_anchors = 3
 nb_execution_mode = "off"

@@ -5,6 +5,7 @@ import inspect
 
 import click
 import cv2
+import jax
 import numpy as np
 
 import jaxpf
@@ -29,7 +30,9 @@ def write(folder):
         _module(folder, name, documented)
     _contents(folder / "reference.rst", "Reference", names)
     (folder / "verdicts.md").write_text(_verdicts())
-    for name, picture in _pictures():
+    counted = markdown_table(*verdicts.overview(PAPERS))
+    (folder / "counts.md").write_text("\n".join(counted) + "\n")
+    for name, picture in (*_pictures(), *_clouds()):
         cv2.imwrite(str(folder / f"{name}.png"), picture[..., ::-1])
 
 
@@ -131,6 +134,32 @@ def _pictures():
     for name in ("distracter", "projectiles"):
         scene = scenes.make(name, num_frames=6)
         yield name, overlay.draw_boxes(scene.frames[-1], scene.boxes[-1])
+
+
+def _clouds():
+    """The particles of every filter after some frames."""
+    key = jax.random.key(0)
+    size = {"frame_width": 180, "frame_height": 144}
+    scene = scenes.make("distracter", num_objects=3, num_frames=10, frame_margin=4.0, **size)
+    for method in ("sir", "ps", "dps", "sps", "labelled"):
+        tracker = jaxpf.boxes.tracker(
+            scene.frames[0], scene.boxes[0], method=method, appearance="colour"
+        )
+        state, _ = jaxpf.run(tracker, key, scene.frames[1:])
+        yield f"filter-{method}", _dots(scene.frames[-1], state)
+    fish = scenes.make("fish", num_frames=10, frame_width=640, frame_height=360)
+    for method in ("eskil", "pffl"):
+        tracker = jaxpf.points.tracker(fish.frames[0], fish.extras["points"][0], method=method)
+        state, _ = jaxpf.run(tracker, key, fish.frames[1:])
+        yield f"filter-{method}", _dots(fish.frames[-1], state)
+
+
+def _dots(frame, state):
+    """The frame, enlarged and faded, with a dot for every particle."""
+    large = cv2.resize(frame, None, fx=2, fy=2, interpolation=cv2.INTER_AREA)
+    large = np.uint8(255 - 0.3 * (255.0 - large))
+    places = np.swapaxes(np.asarray(state.substates)[..., :2], 0, 1)
+    return overlay.draw_particles(large, 2 * places)
 
 
 def _lines(frame, lines, *, closed):

@@ -20,7 +20,7 @@ GRADIENTS = ("none", "stop_gradient", "soft", "transport")
 #: How the motion is differentiated.
 MOTION_GRADIENTS = ("pathwise", "score")
 #: What tuning makes large or small.
-OBJECTIVES = ("evidence", "position", "overlap")
+OBJECTIVES = ("evidence", "position", "overlap", "crps")
 #: Shape spaces of contours that need no examples.
 SHAPE_SPACES = ("translation", "similarity", "affine")
 #: How contours exclude one another: as wire frames, as opaque bodies, or not at all; and the first

@@ -57,11 +57,12 @@ class Tuned:
     )
     objective: str = option(
         "evidence",
-        "evidence (needs no labels), position or overlap (from the truth).",
+        "evidence (needs no labels), or from the truth: position, overlap, or crps, which also "
+        "asks for an honest spread.",
         choices=OBJECTIVES,
     )
     labels: int | None = option(
-        None, "Labelled frames, evenly spread, for position and overlap; by default all."
+        None, "Labelled frames, evenly spread, for all but evidence; by default all."
     )
 
 

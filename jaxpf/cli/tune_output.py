@@ -59,6 +59,7 @@ def write_traces(path: Path, result: Any, objective: str) -> None:
         "evidence": "- log evidence per frame",
         "position": "distance (pixels)",
         "overlap": "1 - overlap",
+        "crps": "CRPS (pixels)",
     }
     save_figure(traces(result, names[objective]), path)
 

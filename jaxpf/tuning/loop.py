@@ -56,8 +56,8 @@ def tune(
         sequences: one or several; the parameters are common to all of their trackers.
         parameters: paths such as "likelihood.sharpness", "dynamics.scale[0]" or, with bounds,
             "likelihood.sharpness=1:500"; see ``Parameter``.
-        objective: "evidence", "position", "overlap", or a function ``(tracker, keys, frames) ->
-            [R]`` to be made small; see ``loss_function``.
+        objective: "evidence", "position", "overlap", "crps", or a function
+            ``(tracker, keys, frames) -> [R]`` to be made small; see ``loss_function``.
         settings: default ``Settings()``.
         folder: existing folder for a checkpoint, from which the same call continues.
         label: whatever else distinguishes this call in the checkpoint, such as the sequences'

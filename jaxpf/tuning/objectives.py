@@ -24,6 +24,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.scipy.special import ndtr
+from jax.scipy.stats import norm
 from jax.typing import ArrayLike
 
 from jaxpf import contract, running
@@ -99,15 +101,42 @@ def position_error(
     Raises:
         InputError: as for ``log_evidence``; a truth of another shape or without labels.
     """
-    truth = _truth("truth", truth, tracker, frames, at_least=2)[..., :2]
-    _check_labelled("truth", truth)
-    labelled = jnp.all(jnp.isfinite(truth), axis=-1)
-    truth = jnp.where(labelled[..., None], truth, 0.0)
+    truth, labelled = _places(truth, tracker, frames)
     estimate = _record(tracker, keys, frames, _estimate, checkpoint)
     offset = jnp.where(labelled[:, None, :, None], estimate[..., :2] - truth[:, None], 0.0)
     square = jnp.sum(offset**2, axis=-1)
     distance = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
     return jnp.sum(distance, axis=(0, 2)) / jnp.sum(labelled)
+
+
+def crps(
+    tracker: Any,
+    keys: jax.Array,
+    frames: Any,
+    truth: ArrayLike,
+    *,
+    checkpoint: bool | int = True,
+) -> jax.Array:
+    """Mean continuous ranked probability score of the labelled positions.
+
+    Of u and of v by itself, as if the particles were normal with their mean and spread (Gneiting
+    and Raftery 2007, eq. 21): it is small where the estimate is near and the spread as wide as
+    estimates are wrong, and is the distance where there is no spread.  Arguments and errors as for
+    ``position_error``.
+
+    Returns:
+        ``[R]``, in the units of the substates (pixels).
+    """
+    truth, labelled = _places(truth, tracker, frames)
+    counts = labelled[:, None, :, None]
+    estimate, spread = _record(tracker, keys, frames, _estimate_and_spread, checkpoint)
+    offset = jnp.where(counts, estimate[..., :2] - truth[:, None], 0.0)
+    wide = counts & (spread[..., :2] > 0)
+    spread = jnp.where(wide, spread[..., :2], 1.0)
+    z = offset / spread
+    narrow = spread * (z * (2 * ndtr(z) - 1) + 2 * norm.pdf(z) - 1 / np.sqrt(np.pi))
+    scores = jnp.where(wide, narrow, jnp.abs(offset))
+    return jnp.sum(scores, axis=(0, 2, 3)) / (2 * jnp.sum(labelled))
 
 
 def overlap_loss(
@@ -193,6 +222,10 @@ def _estimate(state, summary):
     return summary.estimate
 
 
+def _estimate_and_spread(state, summary):
+    return summary.estimate, summary.spread
+
+
 def _record(
     tracker: Any,
     keys: jax.Array,
@@ -251,6 +284,14 @@ def _truth(name: str, truth: ArrayLike, tracker: Any, frames: Any, at_least: int
             f"it must be [{expected[0]}, {expected[1]}, {at_least}], NaN where not labelled."
         )
     return truth
+
+
+def _places(truth: ArrayLike, tracker: Any, frames: Any) -> tuple[jax.Array, jax.Array]:
+    """Labelled positions ``[T, P, 2]``, 0 where there is none, and where there is one."""
+    truth = _truth("truth", truth, tracker, frames, at_least=2)[..., :2]
+    _check_labelled("truth", truth)
+    labelled = jnp.all(jnp.isfinite(truth), axis=-1)
+    return jnp.where(labelled[..., None], truth, 0.0), labelled
 
 
 def _check_labelled(name: str, truth: jax.Array) -> None:

@@ -29,8 +29,8 @@ class TrainingSequence:
         tracker: starts just before the first frame and knows this sequence's objects.
         frames: array or pytree, leading axis T.
         truth: for supervised objectives: ``[T, P, 4]`` boxes x, y, w, h for "overlap";
-            ``[T, P, >= 2]`` substates, the centre first, for "position".  NaN where an object
-            is not labelled.
+            ``[T, P, >= 2]`` substates, the centre first, for "position" and "crps".  NaN where an
+            object is not labelled.
         sizes: ``[P, 2]``, width and height at scale 1, for "overlap".
         name: for messages.
         outlines: for "overlap" of other shapes than boxes, function of estimates and sizes, see
@@ -80,7 +80,7 @@ def check_objective(objective: Any, sequences: Sequence[TrainingSequence]) -> No
             raise InputError(
                 "the evidence of exp(-sharpness d^2) always prefers sharpness 0, because it is not "
                 "normalised; make the histogram with form='density' or 'ratio', or choose the "
-                "objective 'position' or 'overlap'."
+                "objective 'position', 'crps' or 'overlap'."
             )
 
 
@@ -91,6 +91,7 @@ def loss_function(objective: str | Callable, outlines: Callable | None = None) -
       lies below the log evidence by about half its variance, so that a low variance is rewarded
       too: it is the bound of Maddison et al., "Filtering variational objectives", NeurIPS 2017.
     * "position": mean distance to the labelled positions, pixels.
+    * "crps": continuous ranked probability score of these, pixels: near, and as sure as it is near.
     * "overlap": 1 - intersection over union with the labelled boxes.
     * a function of ``(tracker, keys, frames)``: the mean of what it returns.
 
@@ -107,6 +108,8 @@ def loss_function(objective: str | Callable, outlines: Callable | None = None) -
             return -jnp.mean(objectives.log_evidence(tracker, keys, frames)) / num_frames
         if objective == "position":
             return jnp.mean(objectives.position_error(tracker, keys, frames, truth))
+        if objective == "crps":
+            return jnp.mean(objectives.crps(tracker, keys, frames, truth))
         if outlines is not None:
             true = outlines(truth, sizes)
             return jnp.mean(

@@ -126,9 +126,8 @@ def training_sequence(
             )
         kept = len(shapes) - 1 - _spread(len(shapes), labels)
         shapes[np.setdiff1d(np.arange(len(shapes)), kept)] = np.nan
-    truth = np.asarray(of.outlines(start, shapes)).mean(axis=-2)
-    if objective != "position":
-        truth = shapes
+    of_places = objective in ("position", "crps")
+    truth = np.asarray(of.outlines(start, shapes)).mean(axis=-2) if of_places else shapes
     return TrainingSequence(
         tracker=tracker,
         frames=_at_hand(scene.frames[1:]),

@@ -13,6 +13,7 @@ from jaxpf import InputError, metrics, objectives, ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
 from jaxpf.geometry import boxes_from_substates
 from jaxpf.likelihoods import Gaussian
+from jaxpf.measures.calibration import crps
 
 T, R = 7, 4
 KEYS = jax.random.split(jax.random.key(0), R)
@@ -106,6 +107,41 @@ def test_position_error_of_an_exact_estimate_has_a_finite_gradient():
     value, slope = with_gradient(objectives.position_error, still, truth)
     np.testing.assert_array_equal(value, 0.0)
     assert np.isfinite(slope).all()
+
+
+def test_crps_is_that_of_a_normal_as_wide_as_the_particles(summaries):
+    found, slope = with_gradient(objectives.crps, tracker(), TRUTH)
+    offset = np.asarray(summaries.estimate)[:, [2, 5], 0, :2] - TRUTH[[2, 5], 0]
+    expected = crps(offset, np.asarray(summaries.spread)[:, [2, 5], 0, :2]).mean((1, 2))
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
+    assert np.isfinite(slope).all()
+    assert np.abs(slope[:2]).min() > 0
+
+
+def test_crps_without_a_spread_is_the_distance():
+    still = tracker(dynamics=RandomWalk(scale=np.zeros(3, np.float32)), num_particles=1)
+    value, slope = with_gradient(objectives.crps, still, TRUTH)
+    np.testing.assert_allclose(value, np.nanmean(np.abs(TRUTH - [20.0, 30.0])), rtol=1e-6)
+    assert np.isfinite(slope).all()
+
+
+def test_crps_asks_for_an_honest_spread():
+    """Of a filter that is as sure as the frames allow, one too sure, and one too unsure."""
+    rng = np.random.default_rng(3)
+    truth = np.float32(np.cumsum(rng.normal(0, 2, (60, 1, 3)), axis=0))
+    frames = truth + np.float32(rng.normal(0, 1, truth.shape))
+
+    @quick
+    def score(noise):
+        likelihood = Gaussian(noise=noise * np.eye(3, dtype=np.float32)[None])
+        walk = RandomWalk(scale=np.full(3, 2.0, np.float32))
+        made = tracker(likelihood=likelihood, dynamics=walk, initial=truth[0], num_particles=1000)
+        return objectives.crps(made, KEYS, frames, truth[..., :2], checkpoint=False)
+
+    honest, sure, unsure = (np.asarray(score(np.float32(x))) for x in (1.0, 0.1, 10.0))
+    for other in (sure, unsure):
+        # Runs share the truth, of which one is enough: they differ by chance alone.
+        assert (other - honest).mean() > 5 * (other - honest).std(ddof=1) / np.sqrt(R)
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ import pages  # noqa: E402
 import jaxpf  # noqa: E402
 
 project, version, release = "jaxpf", jaxpf.__version__, jaxpf.__version__
+author = "The jaxpf developers"
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 root_doc = "index"
 # What other pages include is no page.

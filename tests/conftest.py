@@ -8,8 +8,8 @@ import pytest
 _BESIDE_THE_PROJECT = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
-#: A third less to do in all; the arithmetic is the same, but for the last bits.  XLA's older emitters
-#: take half as long as its new ones where nothing is optimised.
+#: A third less to do in all; the arithmetic is the same, but for the last bits.  Where nothing is
+#: optimised, XLA's older emitters take half as long as its new ones.
 _COMPILE_QUICKLY = (
     "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true "
     "--xla_cpu_use_fusion_emitters=false"

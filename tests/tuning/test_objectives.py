@@ -13,7 +13,7 @@ from jaxpf import InputError, metrics, objectives, ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
 from jaxpf.geometry import boxes_from_substates
 from jaxpf.likelihoods import Gaussian
-from jaxpf.measures.calibration import crps
+from jaxpf.uncertainty import crps
 
 T, R = 7, 4
 KEYS = jax.random.split(jax.random.key(0), R)

@@ -168,6 +168,7 @@ def test_whole_numbers_are_missing_by_word_alone():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("compiled_quickly")
 def test_every_way_to_run_leaves_the_same_frames_out():
     its = partitioned(ordering.ps([0, 1, 2]))
     expected = jaxpf.run(its, KEY, GAPS)[1].estimate
@@ -211,6 +212,7 @@ def test_smoothing_goes_through_a_gap():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("compiled_quickly")
 def test_smoothing_with_a_lag_goes_through_a_gap():
     its = partitioned(ordering.ps([0, 1, 2]))
     lagged = list(smoothing.stream(its, KEY, iter(GAPS), 2))

@@ -306,11 +306,10 @@ def success_curves(results: Results, summaries: Sequence[Summary], places: Seque
 def _single_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None:
     for index, summary in enumerate(summaries):
         curve, area = summary.curve, summary.estimates["success_area"].value[place]
-        label = f"{_wrapped(summary.name)} [{100 * area:.1f}]"
-        axis.plot(OVERLAP_THRESHOLDS, 100 * curve.value[place], label=label, **_style(index))
+        label, style = f"{_wrapped(summary.name)} [{100 * area:.1f}]", _style(index)
+        axis.plot(OVERLAP_THRESHOLDS, 100 * curve.value[place], label=label, **style)
         ends = 100 * curve.lower[place], 100 * curve.upper[place]
-        colour = _style(index)["color"]
-        axis.fill_between(OVERLAP_THRESHOLDS, *ends, color=colour, alpha=0.18, linewidth=0)
+        axis.fill_between(OVERLAP_THRESHOLDS, *ends, color=style["color"], alpha=0.18, linewidth=0)
 
 
 def _grouped_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None:

@@ -4,7 +4,6 @@
 filter fared; ``observed_data`` the truth.  Imported tracks have no runs, and are left out.
 """
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 from jaxpf.errors import InputError
 from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.summary import configuration_name
-from jaxpf.files.writing import report_os_errors, temporary_sibling
+from jaxpf.files.writing import atomic_path
 
 #: Fields of a batch in ``sample_stats``: dimensions after those that all have.
 _STATISTICS: dict[str, list[str]] = {
@@ -90,10 +89,5 @@ def write_datatree(path: Path, results: Results) -> None:
         InputError: as for ``datatree``; the file cannot be written.
     """
     tree = datatree(results)
-    temporary = temporary_sibling(path)
-    try:
-        with report_os_errors("write", path):
-            tree.to_netcdf(temporary, engine="h5netcdf")
-            os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with atomic_path(path) as temporary:
+        tree.to_netcdf(temporary, engine="h5netcdf")

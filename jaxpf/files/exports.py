@@ -7,7 +7,6 @@ each writer says where its format counts otherwise.
 import csv
 import dataclasses
 import json
-import os
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -19,7 +18,7 @@ from jaxpf.errors import InputError
 from jaxpf.files.boxes import read_boxes
 from jaxpf.files.reading import read_text
 from jaxpf.files.tracks import dense
-from jaxpf.files.writing import atomic_write, report_os_errors, temporary_sibling
+from jaxpf.files.writing import atomic_path, atomic_write, report_os_errors
 from jaxpf.media.video import open_frames
 
 #: What all that is tracked is called.
@@ -289,14 +288,8 @@ def write_movement(path: Path, tracked: Tracked) -> None:
         "fps": tracked.fps,
         "time_unit": "seconds",
     }
-    temporary = temporary_sibling(path)
-    try:
-        with report_os_errors("write", path):
-            dataset = xarray.Dataset(values, coordinates, about)
-            dataset.to_netcdf(temporary, engine="scipy")
-            os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with atomic_path(path) as temporary:
+        xarray.Dataset(values, coordinates, about).to_netcdf(temporary, engine="scipy")
 
 
 def _rounded(values: Any) -> list[float]:

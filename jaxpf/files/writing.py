@@ -46,6 +46,25 @@ def temporary_sibling(path: Path) -> Path:
 
 
 @contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """A name to write to, of a file that appears at ``path`` only once the block ends well.
+
+    For libraries that open their files themselves; see ``atomic_write``.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    temporary = temporary_sibling(path)
+    try:
+        with report_os_errors("write", path):
+            yield temporary
+            os.replace(temporary, path)
+    finally:
+        with suppress(OSError):  # gone already, or never there
+            temporary.unlink()
+
+
+@contextmanager
 def atomic_write(
     path: str | os.PathLike[str], mode: str = "w", encoding: str | None = "utf-8"
 ) -> Iterator[IO[Any]]:
@@ -69,20 +88,13 @@ def atomic_write(
     if mode not in ("w", "wb"):
         raise ValueError(f"mode is 'w' or 'wb', not {mode!r}")
     path = Path(path)
-    temporary = temporary_sibling(path)
     text = mode == "w"
     # newline="" keeps "\n" on every platform: the same run gives the same bytes.
     options: dict[str, Any] = {"encoding": encoding, "newline": ""} if text else {}
-    try:
-        with report_os_errors("write", path):
-            with open(temporary, mode, **options) as file:
-                yield file
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(temporary, path)
-    finally:
-        with suppress(OSError):  # gone already, or never there
-            temporary.unlink()
+    with atomic_path(path) as temporary, open(temporary, mode, **options) as file:
+        yield file
+        file.flush()
+        os.fsync(file.fileno())
 
 
 class LineWriter:

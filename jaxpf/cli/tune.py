@@ -57,8 +57,8 @@ class Tuned:
     )
     objective: str = option(
         "evidence",
-        "evidence (needs no labels), or from the truth: position, overlap, or crps, which also "
-        "asks for an honest spread.",
+        "evidence (needs no labels), or from the truth: position, overlap, crps (judges the "
+        "spread, too).",
         choices=OBJECTIVES,
     )
     labels: int | None = option(

@@ -57,8 +57,7 @@ class Tuned:
     )
     objective: str = option(
         "evidence",
-        "evidence (needs no labels), or from the truth: position, overlap, crps (judges the "
-        "spread, too).",
+        "evidence (no labels), or from the truth: position, overlap, crps (spread judged, too).",
         choices=OBJECTIVES,
     )
     labels: int | None = option(

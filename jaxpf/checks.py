@@ -60,6 +60,20 @@ def check_pytree(tracker: Any) -> None:
         raise InputError(f"{place} is {_a(type(leaf).__name__)}, which is no pytree; {remedy}.")
 
 
+def check_uncoupled(dynamics: Any, what: str) -> None:
+    """Refuse coupled dynamics where a particle holds no whole state, or is to be taken apart.
+
+    Raises:
+        InputError: ``what`` does not go with them.
+    """
+    if contract.is_coupled(dynamics):
+        raise InputError(
+            f"{type(dynamics).__name__} moves a partition by all the others, which does not go "
+            f"with {what}; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single "
+            "partitions."
+        )
+
+
 def check_frames(frames: Any) -> None:
     """Refuse frames that are a list, no numbers, or complex.
 
@@ -101,15 +115,26 @@ def _check_methods(
     many = jax.ShapeDtypeStruct((size, _TRIED), kind)
     places = jax.ShapeDtypeStruct((_TRIED,), jnp.int32)
 
+    coupled = contract.is_coupled(tracker.dynamics)
+    base = contract.CoupledDynamics if coupled else contract.Dynamics
+
+    def others(substates: Any) -> list[Any]:
+        whole = jax.ShapeDtypeStruct((num_partitions, *substates.shape), kind)
+        return [whole] if coupled else []
+
     dynamics = type(tracker.dynamics).__name__
-    if _defines(tracker.dynamics, contract.Dynamics, "propagate_all"):
+    if _defines(tracker.dynamics, base, "propagate_all"):
         moved = jax.eval_shape(
-            lambda its, *x: its.dynamics.propagate_all(*x), tracker, key, places, many, many, many
+            lambda its, *x: contract.at_frame(its, 0).dynamics.propagate_all(*x),
+            *(tracker, key, places, many, many, many),
+            *others(many),
         )
         _check(moved, many.shape, f"{dynamics}.propagate_all", "the moved substates [D, N]")
-    elif _defines(tracker.dynamics, contract.Dynamics, "propagate"):
+    elif _defines(tracker.dynamics, base, "propagate"):
         moved = jax.eval_shape(
-            lambda its, *x: its.dynamics.propagate(*x), tracker, key, place, one, one, one
+            lambda its, *x: contract.at_frame(its, 0).dynamics.propagate(*x),
+            *(tracker, key, place, one, one, one),
+            *others(one),
         )
         _check(moved, one.shape, f"{dynamics}.propagate", "the moved substate [D]")
 

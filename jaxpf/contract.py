@@ -13,7 +13,9 @@ dynamics      ``propagate`` or ``propagate_all``                           ``log
                                                                            ``predict``,
                                                                            ``predict_all``,
                                                                            ``propagate_label``,
-                                                                           ``log_label``
+                                                                           ``log_label``,
+                                                                           ``coupled``,
+                                                                           ``at_frame``
 likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log_joint``,
                                                                            ``log_joint_labelled``,
                                                                            ``state_gradient``,
@@ -28,6 +30,7 @@ sampler       ``__call__(key) -> [P, D]``                                  ``ind
 Whatever is optional is asked for by the functions at the end, and nowhere else.
 """
 
+import copy
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -81,7 +84,12 @@ class Dynamics:
 
     A part moves given its own past and its parent, and nothing else.  The exchanges of
     ``jaxpf.ordering.sps`` rest on that: a part is traded together with what hangs from it, and
-    whatever else it depended on would stay behind, without a word.
+    whatever else it depended on would stay behind.  What moves by all that was before says so, see
+    ``CoupledDynamics``.
+
+    Where the motion changes with time, the method ``at_frame(time []) -> dynamics`` gives the one
+    that leads to a frame, counted from 0: for a camera whose path is known, or frames that are not
+    evenly spaced, it looks into an array ``[T, ...]`` of its own.  There is no default.
     """
 
     def propagate(
@@ -110,6 +118,48 @@ class Dynamics:
         keys = jax.random.split(key, partition.shape[0])
         return jax.vmap(self.propagate, in_axes=(0, 0, 1, 1, 1), out_axes=1)(
             keys, partition, current, previous, parent
+        )
+
+
+class CoupledDynamics:
+    """Dynamics in which a partition moves by all partitions of the frame before.
+
+    People who keep apart, or a chaotic system on a grid.  Define ``propagate`` or
+    ``propagate_all``, as of ``Dynamics``, with one argument more: ``others``, the particle's whole
+    state in the frame before, of which ``current`` is the partition's own.  For
+    ``jaxpf.Partitioned`` without exchange, whose particles hold whole states.
+    """
+
+    coupled = True
+
+    def propagate(
+        self,
+        key: jax.Array,
+        partition: jax.Array,
+        current: jax.Array,
+        previous: jax.Array,
+        parent: jax.Array,
+        others: jax.Array,
+    ) -> jax.Array:
+        """The new substate ``[D]``, given ``others`` ``[P, D]``."""
+        _check_defined(self, CoupledDynamics, "propagate", "propagate_all")
+        columns = (x[..., None] for x in (current, previous, parent, others))
+        return self.propagate_all(key, jnp.asarray(partition)[None], *columns)[:, 0]
+
+    def propagate_all(
+        self,
+        key: jax.Array,
+        partition: jax.Array,
+        current: jax.Array,
+        previous: jax.Array,
+        parent: jax.Array,
+        others: jax.Array,
+    ) -> jax.Array:
+        """The same for N particles, ``[D, N]``, given ``others`` ``[P, D, N]``."""
+        _check_defined(self, CoupledDynamics, "propagate", "propagate_all")
+        keys = jax.random.split(key, partition.shape[0])
+        return jax.vmap(self.propagate, in_axes=(0, 0, 1, 1, 1, 2), out_axes=1)(
+            keys, partition, current, previous, parent, others
         )
 
 
@@ -240,10 +290,42 @@ def frame_of(observations: Any, place: jax.Array) -> Any:
     return jax.tree.map(take, observations, is_leaf=finds_itself)
 
 
-def propagate_all(dynamics, key, partition, current, previous, parent) -> jax.Array:
+def propagate_all(dynamics, key, partition, current, previous, parent, *others) -> jax.Array:
     """All particles moved, ``[D, N]``, by the batched method if there is one."""
-    method = method_of(dynamics, Dynamics, "propagate_all")
-    return method(key, partition, current, previous, parent)
+    base = CoupledDynamics if is_coupled(dynamics) else Dynamics
+    method = method_of(dynamics, base, "propagate_all")
+    return method(key, partition, current, previous, parent, *others)
+
+
+def is_coupled(dynamics: Any) -> bool:
+    """Whether moves ask for the whole state of the frame before, see ``CoupledDynamics``."""
+    return getattr(dynamics, "coupled", False)
+
+
+def at_frame(tracker: Any, time: Any) -> Any:
+    """The tracker that leads to frame ``time``, counted from 0: with the dynamics of that frame.
+
+    Itself, where its dynamics do not change with time (they have no ``at_frame``).
+    """
+    inner = tracker
+    while not hasattr(inner, "dynamics") and hasattr(inner, "tracker"):
+        inner = inner.tracker
+    if not hasattr(getattr(inner, "dynamics", None), "at_frame"):
+        return tracker
+    return changed_inside(tracker, "dynamics", lambda dynamics: dynamics.at_frame(time))
+
+
+def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any:
+    """A tracker, or the one that it wraps as its ``tracker``, with one field changed.
+
+    Without its constructor, which would check it again, traced as it is.
+    """
+    changed = copy.copy(tracker)
+    if hasattr(tracker, name):
+        object.__setattr__(changed, name, change(getattr(tracker, name)))
+    else:
+        object.__setattr__(changed, "tracker", changed_inside(tracker.tracker, name, change))
+    return changed
 
 
 def has_log_density(dynamics: Any) -> bool:

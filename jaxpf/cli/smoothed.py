@@ -23,8 +23,9 @@ class SmoothedTracks:
         """
         output, request, start = recorder.output, recorder.request, recorder.start_at
         run, adapter, tracker = request.run, request.adapter, recorder.filter
-        self._look_back = LookBack(tracker, key, run.smooth_lag, total)
-        self._first, self._start = run.start + recorder.before[1], start
+        before = recorder.before[1]
+        self._look_back = LookBack(tracker, key, run.smooth_lag, total, first=before)
+        self._first, self._start = run.start, start
         self._shapes = lambda estimate: request.target.shapes(start, np.asarray(estimate), tracker)
         self._stack = contextlib.ExitStack()
         enter = self._stack.enter_context
@@ -33,7 +34,7 @@ class SmoothedTracks:
         self._uncertainty = enter(
             UncertaintyWriter(output / "smoothed_uncertainty.csv", names, size)
         )
-        if recorder.before[1] == 0:
+        if before == 0:
             self._append(run.start, start.shapes)
 
     def __enter__(self) -> "SmoothedTracks":

@@ -11,6 +11,7 @@ import jax
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.checks import check_uncoupled
 from jaxpf.errors import InputError
 from jaxpf.filters import resampling, transport
 from jaxpf.filters.components import Components
@@ -186,6 +187,8 @@ def check_gradients(tracker: Any) -> None:
             f"motion_gradient={tracker.motion_gradient!r} is unknown; choose one of "
             f"{', '.join(MOTION_GRADIENTS)}."
         )
+    if tracker.motion_gradient == "score":
+        check_uncoupled(tracker.dynamics, "motion_gradient='score'")
     if tracker.motion_gradient == "score" and not contract.has_log_density(tracker.dynamics):
         raise InputError(
             f"motion_gradient='score' needs the method log_density of the dynamics, and "

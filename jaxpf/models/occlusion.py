@@ -4,6 +4,7 @@ maccormick1999, section 4: "if x^A and x^B overlap then the occlusion relationsh
 otherwise the label flips with a small probability.
 """
 
+import dataclasses
 from functools import partial
 from typing import Any
 
@@ -31,9 +32,22 @@ class WithOcclusion(contract.Dynamics):
     shapes: Any
     flip: Any = FLIP
 
-    def propagate_all(self, key, partition, current, previous, parent):
+    @property
+    def coupled(self):
+        """As ``dynamics`` are."""
+        return contract.is_coupled(self.dynamics)
+
+    def propagate_all(self, key, partition, current, previous, parent, *others):
         """The new substates ``[D, N]``."""
-        return contract.propagate_all(self.dynamics, key, partition, current, previous, parent)
+        return contract.propagate_all(
+            self.dynamics, key, partition, current, previous, parent, *others
+        )
+
+    @property
+    def at_frame(self):
+        """The dynamics that lead to a frame; absent where they are ever the same."""
+        at_frame = self.dynamics.at_frame
+        return lambda time: dataclasses.replace(self, dynamics=at_frame(time))
 
     @property
     def predict_all(self):

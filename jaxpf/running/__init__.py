@@ -220,7 +220,7 @@ def frame_step(
         observation = observe(frame)
 
         def advance(tracker: Any, key: jax.Array, state: Any) -> Any:
-            step = contract.observed_apart(tracker)[1]
+            step = contract.observed_apart(contract.at_frame(tracker, time))[1]
             state, summary = step(frame_key(key, time), state, observation)
             return state, record(state, summary)
 

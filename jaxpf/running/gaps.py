@@ -7,7 +7,6 @@ neither to its ``observe`` nor into a derivative.  Where single partitions were 
 out of view for example, their log-likelihoods alone are 0.
 """
 
-import copy
 import dataclasses
 import inspect
 import itertools
@@ -160,13 +159,15 @@ class WithGaps(contract.Tracker):
 
     def observe(self, frame):
         """What the tracker needs of a frame, and whether it was seen."""
-        inner = _of_frames_with_gaps(self.tracker, self._wraps)
+        inner = contract.changed_inside(self.tracker, "likelihood", self._wraps)
         return contract.observed_apart(inner)[0](frame), jnp.asarray(frame[1])
 
     def step_observed(self, key, state, observation):
         """The tracker's next state and summary."""
         observation, seen = observation
-        step = contract.observed_apart(_of_frames_with_gaps(self.tracker, self._wraps))[1]
+        step = contract.observed_apart(
+            contract.changed_inside(self.tracker, "likelihood", self._wraps)
+        )[1]
         after, summary = step(key, state, observation)
 
         def replaced(target, name, value, seen):
@@ -331,14 +332,3 @@ def _check_parts(tracker: Any) -> None:
                 f"{type(likelihood).__name__}.{name} does not say what a missing partition means; "
                 "give it an argument observed [P], or observed for whole frames, [T]."
             )
-
-
-def _of_frames_with_gaps(tracker: Any, wraps: Callable[[Any], Any]) -> Any:
-    """The tracker with its likelihood in a wrapper."""
-    name = "likelihood" if hasattr(tracker, "likelihood") else "tracker"
-    inner = getattr(tracker, name)
-    # Without its constructor, which would check it again, traced as it is.
-    changed = copy.copy(tracker)
-    inner = wraps(inner) if name == "likelihood" else _of_frames_with_gaps(inner, wraps)
-    object.__setattr__(changed, name, inner)
-    return changed

@@ -12,6 +12,7 @@ before, the one that drew it.  There is no second factor at the last frame but o
 The cost is quadratic: each of M trajectories tries all N particles of every frame.
 """
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -79,6 +80,7 @@ def backward(
     parents: jax.Array,
     num_trajectories: int,
     keep: bool,
+    first: Any = 0,
 ) -> Pass:
     """Draw trajectories of one group of partitions.
 
@@ -90,6 +92,7 @@ def backward(
         parents: ``[G]`` int32, place in the group of each one's parent, -1 for a root.
         num_trajectories: M.
         keep: whether to return the trajectories themselves.
+        first: number of the history's first frame.
     """
     num_frames = history.log_weights.shape[0]
     dimension, dtype = history.current.shape[1], history.current.dtype
@@ -110,7 +113,9 @@ def backward(
         frames_left = num_frames - 1 - time
 
         def draw(one: tuple[Drawn, jax.Array]) -> tuple[jax.Array, jax.Array]:
-            log_moves = log_densities(tracker, here, one[0], parts, parents, frames_left)
+            log_moves = log_densities(
+                tracker, here, one[0], parts, parents, frames_left, first + time
+            )
             possible = jnp.isfinite(log_moves) & ~jnp.isneginf(log_weights)
             broken = ~jnp.any(possible)
             by_move = jnp.where(possible, log_weights + log_moves, -jnp.inf)
@@ -140,6 +145,7 @@ def log_densities(
     parts: jax.Array,
     parents: jax.Array,
     frames_left: jax.Array,
+    time: Any,
 ) -> jax.Array:
     """Log-densities ``[N]`` of a trajectory's next moves from every particle of a frame.
 
@@ -150,8 +156,10 @@ def log_densities(
         parts: see ``backward``.
         parents: see ``backward``.
         frames_left: ``[]``, how many frames come after this one.
+        time: the frame's number, which tells whose dynamics lead on.
     """
-    dynamics, num_particles = tracker.dynamics, here.log_weights.shape[0]
+    num_particles = here.log_weights.shape[0]
+    to_next, to_after = (contract.at_frame(tracker, time + step).dynamics for step in (1, 2))
 
     def columns(values: jax.Array) -> jax.Array:
         return jnp.broadcast_to(values[:, None], (values.shape[0], num_particles))
@@ -159,7 +167,7 @@ def log_densities(
     def parents_of(values: jax.Array) -> jax.Array:
         return jnp.where(parents >= 0, values[:, jnp.maximum(parents, 0)], 0.0)
 
-    def move(part, new, current, previous, parent):
+    def move(dynamics, part, new, current, previous, parent):
         partition = jnp.full((num_particles,), part)
         parent = columns(parent)
         log_density = contract.log_density_all(
@@ -168,10 +176,10 @@ def log_densities(
         return log_density.astype(here.log_weights.dtype)
 
     def move_on(part, after, new, current, parent):
-        return move(part, after, columns(new), current, parent)
+        return move(to_after, part, after, columns(new), current, parent)
 
     previous = here.current if here.previous is None else here.previous
-    of_parts = jax.vmap(move, in_axes=(0, 1, 1, 1, 1))(
+    of_parts = jax.vmap(partial(move, to_next), in_axes=(0, 1, 1, 1, 1))(
         parts, drawn.next, here.current, previous, parents_of(drawn.next)
     )
     log_moves = jnp.where(frames_left > 0, jnp.sum(of_parts, axis=0), 0.0)
@@ -185,7 +193,7 @@ def log_densities(
     # Told for every label, then looked up: there are few of them.
     labels = jnp.arange(jnp.shape(tracker.initial_label)[0])
     log_label = jax.vmap(contract.log_label, in_axes=(None, None, 0, None))(
-        dynamics, drawn.label, labels, drawn.next.T
+        to_next, drawn.label, labels, drawn.next.T
     )
     log_label = log_label.astype(log_moves.dtype)
     return log_moves + jnp.where(frames_left > 0, log_label[here.label], 0.0)

@@ -172,7 +172,7 @@ def sweep(
     model = gaps.unmarked(tracker, frames)[0]
     num_frames = running.num_frames(frames)
     parts, parents = jnp.arange(model.num_partitions), jnp.asarray(model.parents, jnp.int32)
-    slots = jnp.arange(model.num_particles)
+    slots = jnp.arange(model.num_particles, dtype=jnp.int32)
     init_key, end_key, frames_key = jax.random.split(key, 3)
 
     start = model.init(init_key)
@@ -184,7 +184,7 @@ def sweep(
     def one_frame(state, item):
         frame, time, key = item
         if reference is None:
-            state, _ = tracker.step(key, state, frame)
+            state, _ = contract.at_frame(tracker, time).step(key, state, frame)
             return state, (state.lagged[0], state.sources[0])
         key, ancestor_key = jax.random.split(key)
         following = reference[time + 1]
@@ -192,9 +192,11 @@ def sweep(
         previous, after = (state.lagged[1], after) if second_order else (None, None)
         here = History(state.lagged[0], previous, state.log_weights, None)
         drawn, frames_left = Drawn(following, after, None), num_frames - time
-        moves = state.log_weights + log_densities(model, here, drawn, parts, parents, frames_left)
+        moves = state.log_weights + log_densities(
+            model, here, drawn, parts, parents, frames_left, time - 1
+        )
         moves = jnp.where(jnp.isnan(moves), -jnp.inf, moves)
-        ancestor = jax.random.categorical(ancestor_key, moves)
+        ancestor = jax.random.categorical(ancestor_key, moves).astype(jnp.int32)
         # The reference goes on from slot 0: its new past changes places with the old one there.
         places = slots.at[0].set(ancestor).at[ancestor].set(0)
         state = dataclasses.replace(
@@ -202,7 +204,7 @@ def sweep(
         )
         holding = dataclasses.replace(
             model,
-            dynamics=_HoldsFirst(model.dynamics, following),
+            dynamics=_HoldsFirst(contract.at_frame(model, time).dynamics, following),
             resampling=_KeepsFirst("multinomial"),
             gradient=NoGradient(),
             motion_gradient="pathwise",
@@ -214,7 +216,7 @@ def sweep(
 
     items = frames, jnp.arange(num_frames), jax.random.split(frames_key, num_frames)
     state, history = lax.scan(one_frame, start, items)
-    last = jax.random.categorical(end_key, state.log_weights)
+    last = jax.random.categorical(end_key, state.log_weights).astype(jnp.int32)
 
     def trace_back(slot, item):
         substates, sources = item

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.checks import check_uncoupled
 from jaxpf.errors import InputError
 from jaxpf.filters.partitioned.ordering import SWAPS
 from jaxpf.filters.partitioned.tracker import Partitioned
@@ -62,12 +63,13 @@ def looks_back(tracker: Partitioned) -> bool:
     Told by the traced program: it is on the safe side where the method does not say.
     """
     state = jax.eval_shape(tracker.init, jax.random.key(0))
+    dynamics = contract.at_frame(tracker, 0).dynamics
     substates = jax.ShapeDtypeStruct((state.lagged.shape[1], 1), state.lagged.dtype)
 
     def of_previous(previous: jax.Array) -> jax.Array:
         other = jnp.ones(previous.shape, previous.dtype)
         partition = jnp.zeros((1,), jnp.int32)
-        return contract.log_density_all(tracker.dynamics, partition, other, other, previous, other)
+        return contract.log_density_all(dynamics, partition, other, other, previous, other)
 
     program = jax.make_jaxpr(of_previous)(substates).jaxpr
     previous = program.invars[0]
@@ -85,6 +87,7 @@ def check_smoothing(tracker: Any) -> None:
             f"{type(tracker).__name__} cannot be smoothed, as its particles hold no whole states "
             f"with one weight each; {_SUPPORTED}."
         )
+    check_uncoupled(tracker.dynamics, "smoothing")
     dynamics = type(tracker.dynamics).__name__
     if not contract.has_log_density(tracker.dynamics):
         raise InputError(

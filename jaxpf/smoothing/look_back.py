@@ -20,7 +20,12 @@ class LookBack:
     """
 
     def __init__(
-        self, tracker: Any, key: jax.Array, lag: int | None = None, num_frames: int | None = None
+        self,
+        tracker: Any,
+        key: jax.Array,
+        lag: int | None = None,
+        num_frames: int | None = None,
+        first: int = 0,
     ):
         """Nothing is tracked yet.
 
@@ -29,6 +34,7 @@ class LookBack:
             key: with which it tracks.
             lag: as for ``jaxpf.smooth``.
             num_frames: that will be tracked, where that is known.
+            first: number of the first of them, where others were tracked before.
 
         Raises:
             InputError: what cannot be smoothed; a lag below 1; too many frames for the memory.
@@ -42,7 +48,7 @@ class LookBack:
             check_length(tracker, kept, tracker.num_particles)
         self._has_two_lags = looks_back(tracker)
         self._kept: list[History] = []
-        self._start = self._passes = self.broken = 0
+        self._start, self._passes, self.broken = first, 0, 0
 
     def add(self, state: Any) -> Iterator[SmoothedFrame]:
         """The next frame's ``ParticleState``; gives the frames that it was the last to wait for."""
@@ -69,7 +75,8 @@ class LookBack:
         if self._lag is not None:
             key = jax.random.fold_in(key, self._passes)
         history = jax.tree.map(lambda *x: np.stack(x), *self._kept)
-        passed = back_over(self._tracker, key, history, self._tracker.num_particles, False)
+        num_trajectories = self._tracker.num_particles
+        passed = back_over(self._tracker, key, history, num_trajectories, False, self._start)
         self.broken += int(passed.broken)
         estimate, spread = np.asarray(passed.estimate), np.asarray(passed.spread)
         for place in range(min(length, len(self._kept))):

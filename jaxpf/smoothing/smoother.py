@@ -162,7 +162,7 @@ def stream(
         if following is not None:
             history = jax.tree.map(lambda *x: jnp.concatenate(x), history, following[0])
         block_key = jax.random.fold_in(backward_key(key), number)
-        passed = back_over(tracker, block_key, history, drawn, False)
+        passed = back_over(tracker, block_key, history, drawn, False, start)
         broken += int(passed.broken)
         found = jax.tree.map(np.asarray, (passed.estimate[:length], passed.spread[:length]))
         for place, (estimate, spread) in enumerate(zip(*found, strict=True)):
@@ -222,23 +222,23 @@ def backward_key(key: jax.Array) -> jax.Array:
 
 
 @partial(jax.jit, static_argnames=("num_trajectories", "keep"))
-def _backward_groups(tracker, keys, history, parts, parents, num_trajectories, keep):
+def _backward_groups(tracker, keys, history, parts, parents, num_trajectories, keep, first):
     """One pass after the other over groups of one size, ``[Q, G]``."""
 
     def one(group):
         key, parts, parents = group
-        return backward(tracker, key, history, parts, parents, num_trajectories, keep)
+        return backward(tracker, key, history, parts, parents, num_trajectories, keep, first)
 
     return lax.map(one, (keys, parts, parents))
 
 
-def back_over(tracker, key, history, num_trajectories, keep) -> Pass:
+def back_over(tracker, key, history, num_trajectories, keep, first=0) -> Pass:
     """All partitions' passes, put together: ``[T, P, D]``, and trajectories ``[M, T, P, D]``."""
     found, order = [], []
     for number, (parts, parents) in enumerate(together(tracker)):
         keys = jax.random.split(jax.random.fold_in(key, number), len(parts))
         found.append(
-            _backward_groups(tracker, keys, history, parts, parents, num_trajectories, keep)
+            _backward_groups(tracker, keys, history, parts, parents, num_trajectories, keep, first)
         )
         order.append(parts.reshape(-1))
     back = np.argsort(np.concatenate(order))

@@ -89,8 +89,8 @@ def test_a_reference_that_is_not_kept_is_found_out(monkeypatch):
 def test_ancestors_that_forget_the_frame_after_next_are_found_out(monkeypatch):
     right = gibbs.log_densities
 
-    def forgetful(tracker, here, drawn, parts, parents, frames_left):
-        return right(tracker, here, drawn, parts, parents, jnp.minimum(frames_left, 1))
+    def forgetful(tracker, here, drawn, parts, parents, frames_left, time):
+        return right(tracker, here, drawn, parts, parents, jnp.minimum(frames_left, 1), time)
 
     monkeypatch.setattr(gibbs, "log_densities", forgetful)
     assert np.abs(drift("second order")).max() > WRONG

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.checks import check_uncoupled
 from jaxpf.errors import InputError
 from jaxpf.filters import initial as filters_initial
 from jaxpf.filters import resampling
@@ -71,12 +72,13 @@ def checked_initial(initial: Any) -> Any:
     return initial
 
 
-def check_factors(likelihood: Any) -> None:
-    """Refuse a likelihood that does not factor over partitions.
+def check_factors(dynamics: Any, likelihood: Any) -> None:
+    """Refuse a model that does not factor over partitions.
 
     Raises:
-        InputError: it has ``log_joint``.
+        InputError: the dynamics are coupled, or the likelihood has ``log_joint``.
     """
+    check_uncoupled(dynamics, "particles that hold one partition each")
     if contract.has_log_joint(likelihood):
         raise InputError(
             f"{type(likelihood).__name__} weighs all objects together (log_joint), and factored "

@@ -176,7 +176,7 @@ def _log_ratio(dynamics, new, diffused, lagged):
 def _check(tracker: Eskil) -> None:
     check_count("num_particles", tracker.num_particles)
     check_count("upsampling", tracker.upsampling)
-    cloud.check_factors(tracker.likelihood)
+    cloud.check_factors(tracker.dynamics, tracker.likelihood)
     for name, valid in (("drift", DRIFTS), ("shape", SHAPES)):
         value = getattr(tracker, name)
         if value not in valid:

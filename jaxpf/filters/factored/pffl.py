@@ -67,7 +67,7 @@ class PFFL(Tracker):
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
         check_count("num_particles", self.num_particles)
         check_count("upsampling", self.upsampling)
-        cloud.check_factors(self.likelihood)
+        cloud.check_factors(self.dynamics, self.likelihood)
         if self.form not in FORMS:
             raise InputError(f"form={self.form!r} is unknown; choose one of {', '.join(FORMS)}.")
         if is_concrete(self.safety) and not 0 < float(self.safety) <= 1:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.checks import check_uncoupled
 from jaxpf.errors import InputError
 from jaxpf.filters.gradients import check_gradients
 from jaxpf.filters.initial import check_count
@@ -20,7 +21,7 @@ def check_tracker(tracker: Any) -> None:
         InputError: an unknown name; fewer particles than targets; an initial state of another
             shape; coordinates that it does not have; rates outside (0, 1]; and combinations
             without a meaning: ``reseed`` without equal shares, ``score`` with feedback,
-            a likelihood with ``log_joint``.
+            a likelihood with ``log_joint``, coupled dynamics.
     """
     check_count("num_particles", tracker.num_particles)
     for name, known in (
@@ -44,6 +45,7 @@ def check_tracker(tracker: Any) -> None:
         _check_open(tracker)
     _check_coordinates(tracker)
     _check_rates(tracker)
+    check_uncoupled(tracker.dynamics, "particles that hold one target each")
     if contract.has_log_joint(tracker.likelihood):
         raise InputError(
             f"{type(tracker.likelihood).__name__} weighs all objects together (log_joint), and a "

@@ -186,10 +186,11 @@ def move(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry) -> Draw
         past = lagged.reshape(-1, tracker.num_partitions * num_particles)
         left = past[:, source].reshape(2, -1, num_particles)
     conditions = left[0], left[1], _parent_substates(shared, partition, carry)
+    others = (_whole_past(shared, stage, carry),) if contract.is_coupled(tracker.dynamics) else ()
     substates = computed_once(
-        lambda: contract.propagate_all(tracker.dynamics, key, partition, *conditions).astype(
-            lagged.dtype
-        ),
+        lambda: contract.propagate_all(
+            tracker.dynamics, key, partition, *conditions, *others
+        ).astype(lagged.dtype),
         like=left[0],
         unforeseen=ordering.order[0, 0] >= 0,
     )
@@ -289,3 +290,17 @@ def _parent_substates(shared: Shared, partition: jax.Array, carry: Carry) -> jax
     slot = jnp.take_along_axis(carry.lineage, row[None], axis=0)[0]
     drawn = carry.stages[0].reshape(dimension, -1)
     return jnp.where(parent >= 0, drawn[:, row * num_particles + slot], 0.0)
+
+
+def _whole_past(shared: Shared, stage: jax.Array, carry: Carry) -> jax.Array:
+    """``[P, D, N]``, all partitions of the frame before, whether they have moved since or not."""
+    ordering, num_partitions = shared.tracker.ordering, shared.tracker.num_partitions
+    left, ahead = carry.stages[1], carry.stages[0]
+    if not shared.tracker.gradient.blends:
+        partition = ordering.order[shared.components.index].T  # [P, N], of every row
+        past = shared.state.lagged[0]
+        ahead = past[:, partition, carry.lineage]
+        left = left[:, jnp.arange(num_partitions)[:, None], carry.lineage]
+    rows = jnp.where(jnp.arange(num_partitions)[:, None] < stage, left, ahead)
+    rank = ordering.rank[shared.components.index].T  # [P, N], the row of every partition
+    return jnp.swapaxes(jnp.take_along_axis(rows, rank[None], axis=1), 0, 1)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.checks import check_uncoupled
 from jaxpf.errors import InputError
 from jaxpf.filters.gradients import check_gradients
 from jaxpf.filters.initial import check_count
@@ -133,10 +134,11 @@ def check_exchange(tracker: Any) -> None:
 
     Raises:
         InputError: a swap together with ``log_joint``, tempering, an unlike tree or jointly
-            drawn roots.
+            drawn roots; coupled dynamics.
     """
     ordering = tracker.ordering
     swap = SWAPS[int(ordering.swap)]
+    check_uncoupled(tracker.dynamics, f"swap={swap!r}")
     tree = tuple(np.asarray(ordering.tree).tolist())
     if contract.has_log_joint(tracker.likelihood):
         raise InputError(

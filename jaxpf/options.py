@@ -45,6 +45,7 @@ class Option:
         places: the numbers are places of objects, which people count from 1 and programs from 0.
         implies: (name, value) of another option of the same owner: this one counts only there, and
             who gives it says so much of the other, too, where that is left open ("auto").
+        opens: the word "auto" is a value, too: to be chosen before it counts.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Option:
     compiles: bool = False
     places: bool = False
     implies: tuple[str, str] | None = None
+    opens: bool = False
 
     @property
     def flag(self) -> str:
@@ -81,8 +83,8 @@ class Option:
         Raises:
             InputError: another type, or out of range; the sentence says what is allowed.
         """
-        if value is None and self.default is None:
-            return None
+        if (value is None and self.default is None) or (self.opens and value == OPEN):
+            return value
         shown = shown or f"{self.name} ="
         if self.choices and value not in self.choices:
             raise InputError(

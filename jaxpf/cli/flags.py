@@ -17,18 +17,20 @@ from jaxpf import filters
 from jaxpf.adapters import adapters
 from jaxpf.building import filled
 from jaxpf.errors import InputError
-from jaxpf.options import Option, counting, options_of, plain
+from jaxpf.options import OPEN, Option, counting, options_of, plain
 
 
 class NumberList(click.ParamType):
     """Numbers separated by commas, such as ``4,2,0.003``."""
 
-    def __init__(self, kind: type = float, length: int | None = None):
-        self.kind, self.length = kind, length
+    def __init__(self, kind: type = float, length: int | None = None, opens: bool = False):
+        self.kind, self.length, self.opens = kind, length, opens
         self.name = "whole numbers" if kind is int else "numbers"
 
-    def convert(self, value: Any, param: Any, ctx: Any) -> list[Any]:
-        """Text or a list (from a TOML file) to a list of numbers."""
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        """Text or a list (from a TOML file) to a list of numbers; "auto" where that is a value."""
+        if self.opens and value == OPEN:
+            return value
         parts = value.split(",") if isinstance(value, str) else list(value)
         try:
             numbers = [self.kind(part) for part in parts]
@@ -196,7 +198,7 @@ def _click_type(one: Option, grid: bool) -> tuple[Any, bool]:
         return str, True
     if one.length:
         counted = one.length > 0 and not one.per_object
-        return NumberList(one.kind, one.length if counted else None), grid
+        return NumberList(one.kind, one.length if counted else None, one.opens), grid
     if not grid or one.kind is bool:
         return one.kind, False
     return (str if one.kind is str else NumberList(one.kind)), False
@@ -271,7 +273,9 @@ def as_typed(options: Any) -> dict[str, Any]:
     counts, found = counting(options), {}
     for name, one in options_of(options).items():
         value = getattr(options, name) if counts[name] else None
-        found[name] = [place + 1 for place in value] if one.places and value else value
+        if one.places and value and value != OPEN:
+            value = [place + 1 for place in value]
+        found[name] = value
     return found
 
 
@@ -293,7 +297,7 @@ def picked(
 
 def _from_people(one: Option, value: Any) -> Any:
     """People count places from 1."""
-    if not one.places:
+    if not one.places or value == OPEN:
         return value
     if any(place < 1 for place in value):
         raise InputError(f"{one.flag} {plain(value)} counts from 1; name no place below.")

@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxpf.building import build, looks_of_frame
 from jaxpf.cli import births as births_of
-from jaxpf.cli import motion
+from jaxpf.cli import motion, order
 from jaxpf.cli.config import write_config
 from jaxpf.cli.live import check_live, open_window, start_when_compiled, used_to_the_light
 from jaxpf.cli.population_recorder import PopulationRecorder
@@ -75,6 +75,9 @@ def track(request: Request) -> None:
 
     from jaxpf import smoothing
 
+    opens = order.is_open(request)
+    if opens:
+        request = order.with_order(request, None)
     tracker = _build_tracker(request, start, source, first)
     fewer = " or fewer runs (--runs)" if run.runs else ""
     check_memory(needed_by(tracker), f"ask for fewer particles (-n){fewer}")
@@ -92,6 +95,13 @@ def track(request: Request) -> None:
         )
         click.echo(f"Note: {told}", err=True)
         request = dataclasses.replace(request, model=model)
+        start = dataclasses.replace(start, remarks=(*start.remarks, told))
+        tracker = _build_tracker(request, start, source, first)
+    if opens:
+        one = tracker.tracker if run.runs or run.error_bars else tracker
+        best, told, frames = order.chosen(request, one, frames)
+        click.echo(f"Note: {told}", err=True)
+        request = order.with_order(request, best)
         start = dataclasses.replace(start, remarks=(*start.remarks, told))
         tracker = _build_tracker(request, start, source, first)
     existed = output.is_dir()

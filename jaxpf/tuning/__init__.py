@@ -6,6 +6,7 @@ uncertainty, and a comparison on sequences that tuning did not see.
 
 from jaxpf.tuning.comparison import Comparison, compare
 from jaxpf.tuning.loop import Diverged, tune
+from jaxpf.tuning.orders import Pilot, best_order, candidate_orders
 from jaxpf.tuning.parameters import Parameter, names, parameter, read, replace
 from jaxpf.tuning.problem import OBJECTIVES, TrainingSequence, loss_function
 from jaxpf.tuning.result import Descent, Result
@@ -19,10 +20,13 @@ __all__ = [
     "Descent",
     "Diverged",
     "Parameter",
+    "Pilot",
     "Recipe",
     "Result",
     "Settings",
     "TrainingSequence",
+    "best_order",
+    "candidate_orders",
     "compare",
     "held_out",
     "loss_function",

@@ -9,7 +9,7 @@ from jaxpf.filters.filter import Filter, Variant
 from jaxpf.filters.looking import relocate_option, relocation_of
 from jaxpf.models.model import Model
 from jaxpf.names import METHODS, SCHEMES, SWAPS
-from jaxpf.options import check_options, option
+from jaxpf.options import OPEN, check_options, option
 
 #: For ``orders`` of an evaluation: PS in every circular shift, each a variant of its own.
 SHIFTS = "shifts"
@@ -26,10 +26,12 @@ class Options:
         choices=METHODS,
         common=True,
     )
-    order: tuple[int, ...] | None = option(
+    order: Any = option(  # noqa: RUF009
         None,
-        "For ps, the order in which to treat them, by place from 1, such as 3,1,2.",
+        "For ps, the order in which to treat them, by place from 1, such as 3,1,2; or auto, chosen "
+        "by pilot runs.",
         kind=int,
+        opens=True,
         length=-1,
         least=0,
         places=True,
@@ -116,6 +118,11 @@ class PartitionedFilter(Filter):
             raise InputError(
                 f"particles = {options.particles} is fewer than the {count} components of dps, one "
                 f"per object; give at least {count}, better some hundreds."
+            )
+        if options.order == OPEN:
+            raise InputError(
+                "the order 'auto' is chosen by pilot runs over frames, as jaxpf track and "
+                "jaxpf.tuning.best_order make them; name an order here."
             )
         if options.order is not None and sorted(options.order) != list(range(count)):
             shown = ",".join(str(place + 1) for place in options.order)

@@ -209,6 +209,20 @@ def test_fitted_motion_is_kept_and_run_toml_repeats_it(track, tmp_path):
     assert tracks[0] == tracks[1]
 
 
+@pytest.mark.slow
+def test_a_chosen_order_is_kept_and_run_toml_repeats_it(track, tmp_path):
+    outcome = track(*BOXES, "--method", "ps", "--order", "auto", "--no-overlay")
+    assert outcome.code == 0, outcome.err
+    kept = tomllib.loads((tmp_path / "out" / "run.toml").read_text())["track"]
+    told = summary_of(tmp_path / "out")["remarks"][-1]
+    assert told in outcome.err.replace("\n", " ")
+    assert f"of 2 orders {''.join(map(str, kept['order']))} was chosen" in told
+    again = jaxpf("track", "--config", tmp_path / "out" / "run.toml", "-o", tmp_path / "again")
+    assert again.code == 0, again.err
+    tracks = [(tmp_path / name / "tracks.csv").read_bytes() for name in ("out", "again")]
+    assert tracks[0] == tracks[1]
+
+
 def test_every_object_may_have_a_noise_of_its_own(track, tmp_path):
     still = ("--relative-scale", ".045,.18,.02,0,0,0")
     assert track(*BOXES, *still, "--no-overlay").code == 0

@@ -97,6 +97,7 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
             (*BOXES, "--method", "ps", "--order", "1"),
             "the order 1 is not a permutation of the 2 object(s)",
         ),
+        ((*BOXES, "--order", "auto"), "method 'dps' has none; use method 'ps'"),
         ((*BOXES, "--method", "ps", "--order", "0,x"), "'0,x' is not whole numbers"),
         ((*BOXES, "--seed", "-1"), "--seed -1 must be a whole number from 0 to 4294967295"),
         ((*BOXES, "--seed", "4294967296"), "must be a whole number from 0 to 4294967295"),

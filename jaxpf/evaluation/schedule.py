@@ -147,7 +147,7 @@ def costs(configuration: Configuration, scene: Any, adapter: Adapter) -> Costs |
     bytes_per_frame = _bytes(jax.eval_shape(tracker.observe, frame))
     recorded = 4 * num_frames * (tracker.num_partitions * 8 + 2)
     bytes_per_run = 3 * size + 4 * recorded
-    queries = tracker.num_partitions * configuration.parameters["particles"]
+    queries = tracker.num_partitions * tracker.num_particles
     fixed, per_query = estimate(scene.frames.shape[1:3])
     kernel = filters.filter_of(configuration.variant["method"]).nanoseconds
     seconds = 1e-9 * num_frames

@@ -226,6 +226,16 @@ def test_a_dry_run_shows_the_plan_of_a_grid_and_writes_nothing(place, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_methods_with_numbers_of_particles_of_their_own_are_planned(tmp_path):
+    """Where nobody says how many, a factored filter has another default, which is no option's."""
+    outcome = jaxpf(
+        *("evaluate", "distracter", *SMALL, "--methods", "eskil,pffl", "--runs", "2"),
+        *("-o", tmp_path / "out", "--dry-run"),
+    )
+    assert outcome.code == 0, outcome.err
+    assert "4 runs to do" in outcome.out
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

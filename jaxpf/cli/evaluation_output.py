@@ -16,7 +16,15 @@ from jaxpf.options import chosen, counting, plain
 #: What a finished evaluation prints again; written last, once tables and report are.
 FINISHED = "finished.json"
 #: Files that people look for.
-_WRITTEN = ("report.html", "results.csv", "summary.csv", "summary.md", "summary.tex", "run.toml")
+_WRITTEN = (
+    "report.html",
+    "results.csv",
+    "summary.csv",
+    "summary.md",
+    "summary.tex",
+    "curves.csv",
+    "run.toml",
+)
 
 
 def show_plan(prepared: Any, workers: int, devices: int) -> None:

@@ -1,14 +1,14 @@
 """What the figures of an evaluation show: one function per figure, for 1 or 40 configurations."""
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from jaxpf.evaluation.equal_time import curves, times_of
 from jaxpf.evaluation.layout import difference_heading, heading, object_name
-from jaxpf.evaluation.measures import COMPARED, COORDINATES, by_name
+from jaxpf.evaluation.measures import COMPARED, COORDINATES, CURVES, DISTANCE, by_name
 from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.summary import Summary
 from jaxpf.evaluation.tables import Tables
@@ -248,7 +248,7 @@ def against_time(summaries: Sequence[Summary], place: int) -> Any:
                 marker="o",
                 markersize=3.5,
                 capsize=2,
-                **_style(index),
+                **line_style(index),
                 label=_wrapped(label),
             )
         axis.set(xscale="log", xlabel="ms a frame", ylabel=heading(measure))
@@ -256,7 +256,7 @@ def against_time(summaries: Sequence[Summary], place: int) -> Any:
         axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axis.xaxis.set_minor_locator(NullLocator())
         axis.grid(alpha=0.3)
-    _legend_below(axes[0][0])
+    legend_below(axes[0][0])
     return figure
 
 
@@ -271,7 +271,7 @@ def calibration(summaries: Sequence[Summary]) -> Any:
     names = [s.name if len(known) <= MOST_LINES else s.configuration.method for s in known]
     labels = list(dict.fromkeys(names))
     for number, label in enumerate(labels):
-        style = _style(number)
+        style = line_style(number)
         left.plot([], [], label=_wrapped(label), **style)
         for summary in (s for s, name in zip(known, names, strict=True) if name == label):
             share = summary.transforms / summary.transforms.sum()
@@ -285,7 +285,7 @@ def calibration(summaries: Sequence[Summary]) -> Any:
     right.set(xlabel="probability given to values below the truth", ylabel="density", xlim=(0, 1))
     for axis in axes[0]:
         axis.grid(alpha=0.3)
-    _legend_below(left)
+    legend_below(left)
     return figure
 
 
@@ -299,14 +299,44 @@ def success_curves(results: Results, summaries: Sequence[Summary], places: Seque
         axis.set(title=object_name(results.object_ids, place), xlim=(0, 1), ylim=(0, 102))
         axis.set(xlabel="overlap threshold", ylabel="frames above the threshold (%)")
         axis.grid(alpha=0.3)
-        _legend_below(axis)
+        legend_below(axis)
+    return figure
+
+
+def curves_over_sequences(
+    methods: Sequence[str], curves: Mapping[tuple[str, str], np.ndarray]
+) -> Any:
+    """Success and precision curves with sequences as units.
+
+    Args:
+        methods: names, for the legend.
+        curves: (method, curve) -> number of sequences, mean and interval, ``[K, 4]``.
+    """
+    size = (9.2, 3.9 + 0.17 * min(len(methods), MOST_LINES))
+    figure, axes = new_figure(1, len(CURVES), figsize=size)
+    for axis, (name, thresholds) in zip(axes[0], CURVES.items(), strict=True):
+        for number, method in enumerate(methods):
+            _, mean, lower, upper = 100 * curves[method, name].T
+            shown = mean.mean() if name == "success" else mean[DISTANCE]
+            style = line_style(number)
+            axis.plot(thresholds, mean, label=f"{_wrapped(method)} [{shown:.0f}]", **style)
+            axis.fill_between(
+                *(thresholds, lower, upper), color=style["color"], alpha=0.13, linewidth=0
+            )
+        axis.set(xlim=(0, thresholds[-1]), ylim=(0, 102), ylabel="frames (%)")
+        axis.grid(alpha=0.3)
+        legend_below(axis)
+    axes[0][0].set(title="success [area]", xlabel="overlap above")
+    axes[0][1].set(
+        title=f"precision [within {DISTANCE} pixels]", xlabel="centre error up to, pixels"
+    )
     return figure
 
 
 def _single_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None:
     for index, summary in enumerate(summaries):
-        curve, area = summary.curve, summary.estimates["success_area"].value[place]
-        label, style = f"{_wrapped(summary.name)} [{100 * area:.1f}]", _style(index)
+        curve, area = summary.success, summary.estimates["success_area"].value[place]
+        label, style = f"{_wrapped(summary.name)} [{100 * area:.1f}]", line_style(index)
         axis.plot(OVERLAP_THRESHOLDS, 100 * curve.value[place], label=label, **style)
         ends = 100 * curve.lower[place], 100 * curve.upper[place]
         axis.fill_between(OVERLAP_THRESHOLDS, *ends, color=style["color"], alpha=0.18, linewidth=0)
@@ -321,21 +351,21 @@ def _grouped_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None
         reach = f"{min(areas):.1f}" + (f" to {max(areas):.1f}" if len(areas) > 1 else "")
         for index, summary in enumerate(group):
             axis.plot(
-                *(OVERLAP_THRESHOLDS, 100 * summary.curve.value[place]),
+                *(OVERLAP_THRESHOLDS, 100 * summary.success.value[place]),
                 linewidth=1,
                 alpha=0.8,
                 label=f"{method} [{reach}]" if index == 0 else None,
-                **_style(number),
+                **line_style(number),
             )
 
 
-def _style(number: int) -> dict[str, str]:
+def line_style(number: int) -> dict[str, str]:
     """Of a line, one of several: seven colours, then the same ones dashed."""
     dashes, colour = divmod(number, len(COLOURS))
     return {"color": COLOURS[colour], "linestyle": ("-", "--")[dashes % 2]}
 
 
-def _legend_below(axis: Any) -> None:
+def legend_below(axis: Any) -> None:
     """Where it covers no curve."""
     axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16))
 

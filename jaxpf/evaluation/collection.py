@@ -16,10 +16,10 @@ import numpy as np
 
 from jaxpf.evaluation.batches import Batch
 from jaxpf.evaluation.estimates import LEVEL, with_all
-from jaxpf.evaluation.measures import COLUMNS, SCORES, Measured, measure_batch
+from jaxpf.evaluation.measures import COLUMNS, SCORES, measure_batch
 from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
 from jaxpf.files.writing import report_os_errors
-from jaxpf.measures.scores import OVERLAP_THRESHOLDS, tracking_scores
+from jaxpf.measures.scores import tracking_scores
 
 #: Quantiles of the centre error that are drawn over time.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -34,7 +34,7 @@ _BLOCK = 256
 
 
 class Curve(NamedTuple):
-    """Success curves with intervals, ``[P + 1, 21]`` each; all objects come last."""
+    """Success or precision curves with intervals, ``[P + 1, K]`` each; all objects come last."""
 
     value: np.ndarray
     lower: np.ndarray
@@ -67,7 +67,8 @@ class Collected(NamedTuple):
         runs: ``[R]`` numbers of the finished runs.
         column: function of a column's name, gives ``[R, P]``.
         quantiles: of the centre error, ``[len(QUANTILES), T, P + 1]``; all objects come last.
-        curve: see ``Curve``.
+        success: at K of ``OVERLAP_THRESHOLDS``.
+        precision: at K of ``CENTRE_THRESHOLDS``.
         transforms: counts of probability integral transforms in ``BINS`` equal bins, of all
             objects, x and y and frames in which they are followed.
         shown: the runs that are exported.
@@ -79,7 +80,8 @@ class Collected(NamedTuple):
     runs: np.ndarray
     column: Callable[[str], np.ndarray]
     quantiles: np.ndarray
-    curve: Curve
+    success: Curve
+    precision: Curve
     transforms: np.ndarray
     shown: list[ShownRun]
     scores: np.ndarray
@@ -112,7 +114,8 @@ def collect(
     has_places = configuration.kind == BUILT_IN and results.target.has_places
     runs: list[np.ndarray] = []
     transforms = np.zeros(BINS, np.int64)
-    errors, curves = ErrorQuantiles(*truth.shape[:2]), _CurveMean(truth.shape[1])
+    errors = ErrorQuantiles(*truth.shape[:2])
+    success, precision = _CurveMean(), _CurveMean()
     paths = [store / f"{index}.f4" for index in range(len(COLUMNS))]
     with report_os_errors("write", store), ExitStack() as stack:
         files = [stack.enter_context(open(path, "wb")) for path in paths]
@@ -123,7 +126,9 @@ def collect(
                 file.write(measured.columns[:, :, index].astype(np.float32).tobytes())
             runs.append(batch.runs)
             errors.add(measured.centre_error)
-            curves.add(measured)
+            frames = measured.columns[:, :, COLUMNS.index("frames"), None]
+            success.add(measured.success, frames)
+            precision.add(measured.precision, frames)
             on_batch(batch, measured.columns)
     if not runs:
         return None
@@ -139,7 +144,8 @@ def collect(
         runs=numbers,
         column=column,
         quantiles=errors.quantiles(QUANTILES),
-        curve=curves.interval(),
+        success=success.interval(),
+        precision=precision.interval(),
         transforms=transforms,
         shown=_shown_runs(results.batches(configuration), numbers, overlap),
         scores=_scores(results.batches(configuration), truth, results.target.has_boxes),
@@ -184,20 +190,18 @@ class ErrorQuantiles:
 
 
 class _CurveMean:
-    """Mean over runs of success curves, from the sums of their moments."""
+    """Mean over runs of curves, from the sums of their moments."""
 
-    def __init__(self, num_objects: int):
-        self._runs = 0
-        self._sums = np.zeros((2, num_objects + 1, len(OVERLAP_THRESHOLDS)))
+    def __init__(self) -> None:
+        self._runs, self._sums = 0, np.zeros(())
 
-    def add(self, measured: Measured) -> None:
-        frames = measured.columns[:, :, COLUMNS.index("frames"), None]
-        curve = measured.curve.astype(np.float64)  # NaN for an object that never has truth
+    def add(self, curve: np.ndarray, frames: np.ndarray) -> None:
+        curve = curve.astype(np.float64)  # NaN for an object that never has truth
         total = np.maximum(np.sum(frames, axis=1, keepdims=True), 1)
         pooled = np.sum(frames * np.nan_to_num(curve), axis=1, keepdims=True) / total
         curve = np.concatenate([curve, pooled], axis=1)
         self._runs += len(curve)
-        self._sums += np.sum([curve, curve**2], axis=1)
+        self._sums = self._sums + np.sum([curve, curve**2], axis=1)
 
     def interval(self) -> Curve:
         value, square = self._sums / self._runs

@@ -54,21 +54,26 @@ def write_figures(results: Results, tables: Tables) -> list[Figure]:
     Raises:
         InputError: a file cannot be written.
     """
-    from matplotlib import rc_context
-
     folder = results.folder / "figures"
     with report_os_errors("create the folder", folder):
         folder.mkdir(exist_ok=True)
     if not tables.summaries:
         return []
     written = []
-    with rc_context(_STYLE):
+    with in_style():
         for plan in _plans(results, tables):
             figure = plan.draw()
             path = folder / f"{plan.name}.png"
             save(figure, path)
             written.append(Figure(plan.name, plan.title, plan.caption, path))
     return written
+
+
+def in_style() -> Any:
+    """The context in which figures are drawn and saved."""
+    from matplotlib import rc_context
+
+    return rc_context(_STYLE)
 
 
 def save(figure: Any, png: str | os.PathLike[str]) -> None:

@@ -12,7 +12,7 @@ from jax import Array
 
 from jaxpf.evaluation.batches import Batch
 from jaxpf.measures import calibration, metrics
-from jaxpf.measures.scores import OVERLAP_THRESHOLDS
+from jaxpf.measures.scores import CENTRE_THRESHOLDS, OVERLAP_THRESHOLDS
 from jaxpf.targets.target import Start, Target
 
 #: Coordinates by which the spread of a particle set is named.
@@ -59,6 +59,8 @@ SCORES = (
     Measure("Frag", "interruptions"),
 )
 
+#: Curves of OTB (wu2013) and their thresholds: overlaps, and pixels from centre to centre.
+CURVES = {"success": OVERLAP_THRESHOLDS, "precision": CENTRE_THRESHOLDS}
 #: Columns that say how many frames a mean is over.
 FRAMES, TRACKED_FRAMES = "frames", "tracked_frames"
 
@@ -119,14 +121,16 @@ class Measured(NamedTuple):
     Attributes:
         columns: ``[R, P, K]``, one for each of ``COLUMNS``; NaN where a measure does not exist.
         centre_error: ``[R, T, P]`` in pixels, NaN where there is no truth or no estimate.
-        curve: ``[R, P, 21]``, see ``jaxpf.scores.success_curve``.
+        success: ``[R, P, 21]``, see ``jaxpf.scores.success_curve``.
+        precision: ``[R, P, 51]``, see ``jaxpf.scores.precision_curve``.
         transforms: ``[R, T, P, 2]`` of x and y, see ``jaxpf.uncertainty.transforms``; NaN where an
             object is not tracked, or nobody knows.
     """
 
     columns: np.ndarray
     centre_error: np.ndarray
-    curve: np.ndarray
+    success: np.ndarray
+    precision: np.ndarray
     transforms: np.ndarray
 
 
@@ -169,8 +173,10 @@ def _measure_piece(
     tracked, error = frames["tracked"] > 0, frames["centre_error"]
     # OTB's thresholds come last; frames are averaged away.
     exceeds = frames["overlap"][..., None] > OVERLAP_THRESHOLDS.astype(np.float32)
-    curve = _mean(exceeds, present[..., None])
-    near = np.where(np.isfinite(error), error <= DISTANCE, 0)
+    success = _mean(exceeds, present[..., None])
+    # An object without an estimate is near nothing.
+    within = error[..., None] <= CENTRE_THRESHOLDS.astype(np.float32)
+    precision = _mean(within, present[..., None])
     offset = np.stack([frames["offset_x"], frames["offset_y"]], axis=-1)
     # Of frames in which the object is followed: where it is lost, no region can hold it.
     asked = np.broadcast_to(has_places & tracked[..., None], offset.shape)
@@ -191,8 +197,8 @@ def _measure_piece(
         "recall_all": _mean(frames["recall"], present),
         "overlap": _mean(frames["overlap"], present),
         "success_half": _mean(frames["overlap"] > HALF, present),
-        "success_area": np.mean(curve, axis=-1),
-        "distance_precision": _mean(near, present),
+        "success_area": np.mean(success, axis=-1),
+        "distance_precision": precision[..., DISTANCE],
         "centre_error": _mean(error, present),
         "corner_error": _mean(frames["corner_error"], present),
         "uniqueness": _mean(batch.uniqueness),
@@ -213,7 +219,8 @@ def _measure_piece(
         values[f"effective_dynamics_var_{name}"] = _mean(ratio**2)
     shape = batch.shapes.shape[0], batch.shapes.shape[2]
     columns = np.stack([np.broadcast_to(values[name], shape) for name in COLUMNS], axis=-1)
-    return Measured(columns.astype(np.float64), error, curve, transforms.astype(np.float32))
+    transforms = transforms.astype(np.float32)
+    return Measured(columns.astype(np.float64), error, success, precision, transforms)
 
 
 def _mean(values: np.ndarray, counts: np.ndarray | bool = True) -> np.ndarray:

@@ -6,7 +6,7 @@ over sequences, which are wide for a few of them, whatever the number of runs.
 """
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,7 +22,7 @@ from jaxpf.evaluation.layout import (
     heading,
     to_markdown,
 )
-from jaxpf.evaluation.measures import MEASURES, SCORES, by_name
+from jaxpf.evaluation.measures import CURVES, MEASURES, SCORES, by_name
 from jaxpf.files.writing import atomic_write
 from jaxpf.measures.intervals import student_interval
 
@@ -31,7 +31,7 @@ _SHOWN = ("success_half", "success_area", "distance_precision", "overlap", "HOTA
 SHOWN = (*map(by_name, _SHOWN), *CALIBRATION[-2:])
 #: What a reader must know.
 UNITS = "Sequences are the units: 95 % intervals (Student's) are over their means."
-FILES = ("overall.md", "overall.csv", "sequences.csv")
+FILES = ("overall.md", "overall.csv", "sequences.csv", "overall.png", "overall.pdf")
 
 
 class OverSequences(NamedTuple):
@@ -64,7 +64,10 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
     Raises:
         InputError: a file cannot be written.
     """
-    found = {name: _of_sequence(folder / name / "summary.csv", varied) for name in names}
+    found = {
+        name: _of_sequence(folder / name / "summary.csv", varied, lambda row: row["measure"])
+        for name in names
+    }
     methods = list(dict.fromkeys(method for each in found.values() for method in each))
     measures = [each.name for each in (*MEASURES, *SCORES)]
     values = {
@@ -97,6 +100,7 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
             writer.writerows(
                 [name, method, measure, f"{x:.7g}"] for name, x in rows if np.isfinite(x)
             )
+    _draw(folder, names, methods, varied)
     return tables
 
 
@@ -106,21 +110,50 @@ def over_sequences(values: np.ndarray) -> OverSequences:
     return OverSequences(np.isfinite(values).sum(), found.value, found.lower, found.upper)
 
 
-def _of_sequence(path: Path, varied: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Method, with the options that vary -> measure -> figure of all objects."""
-    gathered: dict[str, dict[str, list[float]]] = {}
+def _of_sequence(
+    path: Path, varied: Sequence[str], key: Callable[[dict[str, str]], Any]
+) -> dict[str, dict[Any, float]]:
+    """Method, with the options that vary -> key of a row -> figure of all objects."""
+    gathered: dict[str, dict[Any, list[float]]] = {}
     with path.open(newline="") as file:
         for row in csv.DictReader(file):
             if row["object"] != "all":
                 continue
             options = [f"{name} {row[name]}" for name in varied if row.get(name)]
             method = ", ".join([row["method"], *options])
-            by_measure = gathered.setdefault(method, {})
-            by_measure.setdefault(row["measure"], []).append(float(row["value"]))
+            by_key = gathered.setdefault(method, {})
+            by_key.setdefault(key(row), []).append(float(row["value"]))
     return {
-        method: {measure: float(np.mean(each)) for measure, each in by_measure.items()}
-        for method, by_measure in gathered.items()
+        method: {name: float(np.mean(each)) for name, each in by_key.items()}
+        for method, by_key in gathered.items()
     }
+
+
+def _draw(
+    folder: Path, names: Sequence[str], methods: Sequence[str], varied: Sequence[str]
+) -> None:
+    """Success and precision curves: means over sequences, and their intervals."""
+    from jaxpf.evaluation import charts
+    from jaxpf.evaluation.figures import in_style, save
+
+    def point(row: dict[str, str]) -> tuple[str, float]:
+        return row["curve"], float(row["threshold"])
+
+    found = [_of_sequence(folder / name / "curves.csv", varied, point) for name in names]
+    curves = {
+        (method, curve): np.array(
+            [
+                over_sequences(
+                    np.array([each[method][curve, t] for each in found if method in each])
+                )
+                for t in thresholds.tolist()
+            ]
+        )
+        for curve, thresholds in CURVES.items()
+        for method in methods
+    }
+    with in_style():
+        save(charts.curves_over_sequences(methods, curves), folder / "overall.png")
 
 
 def _table(

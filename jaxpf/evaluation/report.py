@@ -33,8 +33,9 @@ CLIP_BYTES = 9_000_000
 _MOST_SHOWN = 4
 
 _FILES = (
-    "results.csv (every run), summary.csv, summary.md and summary.tex, differences.csv, tracks/ "
-    "(best, median and worst run of every configuration, MOT format), figures/ (PNG and PDF)"
+    "results.csv (every run), summary.csv, summary.md and summary.tex, curves.csv, "
+    "differences.csv, tracks/ (best, median and worst run of every configuration, MOT format), "
+    "figures/ (PNG and PDF)"
 )
 
 

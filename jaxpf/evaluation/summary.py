@@ -37,7 +37,8 @@ class Summary:
         adjusted: Holm's p of each difference, ``[P + 1]``: the family is all comparisons of one
             measure and object.
         quantiles: of the centre error, ``[5, T, P + 1]``.
-        curve: success curves.
+        success: success curves.
+        precision: precision curves.
         transforms: counts of probability integral transforms in equal bins, see ``Collected``.
         shown: the best, the median and the worst run.
         frames_per_second: of one run alone; NaN where nobody measured it, see ``speed``.
@@ -52,7 +53,8 @@ class Summary:
     differences: dict[str, Difference]
     adjusted: dict[str, np.ndarray]
     quantiles: np.ndarray
-    curve: Curve
+    success: Curve
+    precision: Curve
     transforms: np.ndarray
     shown: list[ShownRun]
     frames_per_second: float
@@ -93,7 +95,8 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
             differences=differences[index],
             adjusted=adjusted[index],
             quantiles=entry.quantiles,
-            curve=entry.curve,
+            success=entry.success,
+            precision=entry.precision,
             transforms=entry.transforms,
             shown=entry.shown,
             frames_per_second=speeds[index],

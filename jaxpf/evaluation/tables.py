@@ -5,6 +5,7 @@
 * ``results.csv``: one row per scene, method, ordering, parameters, seed, run and object, which
   ``pandas.read_csv`` reads as it is;
 * ``summary.csv``: one row per configuration, object ("all" for all of them) and measure;
+* ``curves.csv``: success and precision curves of every configuration and object;
 * ``differences.csv``: configurations against their references, on common seeds;
 * ``summary.md`` and ``summary.tex``: what a paper shows of them;
 * ``tracks/``: the best, the median and the worst run of each configuration in MOT format, and
@@ -29,7 +30,7 @@ import numpy as np
 
 from jaxpf import filters
 from jaxpf.evaluation.batches import Batch
-from jaxpf.evaluation.collection import SCORED_RUNS, Collected, collect, has_scores
+from jaxpf.evaluation.collection import SCORED_RUNS, Collected, Curve, collect, has_scores
 from jaxpf.evaluation.layout import (
     PRINTED,
     Table,
@@ -41,7 +42,7 @@ from jaxpf.evaluation.layout import (
     to_latex,
     to_markdown,
 )
-from jaxpf.evaluation.measures import COLUMNS
+from jaxpf.evaluation.measures import COLUMNS, CURVES
 from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
 from jaxpf.evaluation.summary import (
     Summary,
@@ -103,6 +104,7 @@ def write_tables(results: Results) -> Tables:
     hardest = hardest_object(summaries, len(results.object_ids))
     remarks = _remarks(results, summaries)
     _write_summary(results, summaries)
+    _write_curves(results, summaries)
     _write_differences(results, summaries)
     ids = results.object_ids
     places = [len(ids), *range(len(ids))]
@@ -195,6 +197,19 @@ def _write_summary(results: Results, summaries: Iterable[Summary]) -> None:
             if np.isfinite(speed := summary.frames_per_second):
                 row = [*_keys(results, summary.configuration), "all", "frames_per_second", 1]
                 rows.writerow([*row, _number(speed), "", "", ""])
+
+
+def _write_curves(results: Results, summaries: Iterable[Summary]) -> None:
+    header = [*_KEYS, *_parameters(results), "object", "curve", "threshold", *Curve._fields]
+    with _csv_writer(results.folder / "curves.csv", header) as rows:
+        for summary in summaries:
+            keys = _keys(results, summary.configuration)
+            for name, thresholds in CURVES.items():
+                curve = getattr(summary, name)
+                for place, identity in _known(results, curve.value[:, 0]):
+                    for number, threshold in enumerate(thresholds):
+                        ends = [_number(each[place, number]) for each in curve]
+                        rows.writerow([*keys, identity, name, f"{threshold:g}", *ends])
 
 
 def _write_differences(results: Results, summaries: Sequence[Summary]) -> None:

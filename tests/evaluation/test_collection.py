@@ -1,5 +1,6 @@
 """What is collected over the runs: shown tracks, quantiles, curves, in bounded memory."""
 
+import csv
 import math
 import tracemalloc
 
@@ -64,19 +65,26 @@ def test_quantiles_are_within_a_hundredth():
     np.testing.assert_allclose(got[:, 2, 2], exact, rtol=0.0101)
 
 
-def test_success_curves_are_means_over_runs(tmp_path):
-    from jaxpf.scores import success_curve
+def test_curves_are_means_over_runs(tmp_path):
+    from jaxpf.scores import precision_curve, success_curve
 
     truth, boxes = walks(seed=8, runs=30, frames=6, objects=2)
     results = make(tmp_path / "results", [(SIR, [batch(boxes[:20]), batch(boxes[20:], 20)])], truth)
     (summary,) = write_tables(results).summaries
-    curves = jax.jit(success_curve)(np.float32(boxes), truth)
-    wanted = jax.jit(mean_interval)(curves)
-    np.testing.assert_allclose(summary.curve.value[:2], wanted.value, atol=1e-6)
-    np.testing.assert_allclose(summary.curve.lower[:2], wanted.lower, atol=1e-5)
-    np.testing.assert_allclose(summary.curve.upper[:2], wanted.upper, atol=1e-5)
-    area = summary.estimates["success_area"].value[2]
-    assert area == pytest.approx(float(np.mean(curves)), rel=1e-5)
+    for found, curve in ((summary.success, success_curve), (summary.precision, precision_curve)):
+        curves = jax.jit(curve)(np.float32(boxes), truth)
+        wanted = jax.jit(mean_interval)(curves)
+        np.testing.assert_allclose(found.value[:2], wanted.value, atol=1e-6)
+        np.testing.assert_allclose(found.lower[:2], wanted.lower, atol=1e-5)
+        np.testing.assert_allclose(found.upper[:2], wanted.upper, atol=1e-5)
+        if curve is success_curve:
+            area = summary.estimates["success_area"].value[2]
+            assert area == pytest.approx(float(np.mean(curves)), rel=1e-5)
+    with open(results.folder / "curves.csv", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["object"] == "all"]
+    assert [row["curve"] for row in rows] == ["success"] * 21 + ["precision"] * 51
+    (at_20,) = (row for row in rows if (row["curve"], row["threshold"]) == ("precision", "20"))
+    assert float(at_20["value"]) == pytest.approx(np.mean(summary.precision.value[2, 20]))
 
 
 @pytest.mark.slow

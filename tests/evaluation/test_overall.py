@@ -6,15 +6,27 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from jaxpf import scores
+from jaxpf.evaluation import charts
 from jaxpf.evaluation.overall import FILES, over_sequences, write_overall
 
 HEADER = ["scene", "method", "ordering", "gain", "object", "measure", "runs", "value"]
 
 
-def write(folder, name, rows):
+def write(folder, name, rows, curve=lambda threshold: 1 - threshold):
+    """Tables of one sequence: ``rows``, and for each method of them the same curves."""
     (folder / name).mkdir()
     with open(folder / name / "summary.csv", "w", newline="") as file:
         csv.writer(file).writerows([HEADER, *([name, *row] for row in rows)])
+    keys = dict.fromkeys(tuple(row[:4]) for row in rows)
+    with open(folder / name / "curves.csv", "w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow([*HEADER[:5], "curve", "threshold", "value", "lower", "upper"])
+        for key in keys:
+            for t in scores.OVERLAP_THRESHOLDS:
+                writer.writerow([name, *key, "success", f"{t:g}", curve(t), "", ""])
+            for t in scores.CENTRE_THRESHOLDS:
+                writer.writerow([name, *key, "precision", f"{t:g}", 1 - curve(t / 50), "", ""])
 
 
 def test_a_mean_over_sequences_has_students_interval():
@@ -71,3 +83,24 @@ def test_only_options_that_vary_stand_in_names(tmp_path, varied):
         write(tmp_path, name, [["SIR", "", "2.0", "all", "overlap", 9, 0.5]])
     (means,) = write_overall(tmp_path, ["one", "two"], varied)
     assert means.rows[0][0] == ("SIR, gain 2.0" if varied else "SIR")
+
+
+def test_curves_are_means_over_sequences_with_their_intervals(tmp_path, monkeypatch):
+    drawn = {}
+
+    def keep(methods, curves):
+        drawn.update(curves)
+        return right(methods, curves)
+
+    right = charts.curves_over_sequences
+    monkeypatch.setattr(charts, "curves_over_sequences", keep)
+    row = ["SIR", "", "2.0", "all", "overlap", 9, 0.5]
+    write(tmp_path, "one", [row, ["PS", *row[1:]]])
+    write(tmp_path, "two", [row], lambda threshold: 1 - threshold**2)
+    write_overall(tmp_path, ["one", "two"], [])
+    at_half = [0.5, 0.75]
+    low, high = stats.t.interval(0.95, 1, np.mean(at_half), stats.sem(at_half))
+    np.testing.assert_allclose(drawn["SIR", "success"][10], (2, np.mean(at_half), low, high))
+    np.testing.assert_allclose(drawn["SIR", "precision"][25, 1], 1 - np.mean(at_half))
+    assert drawn["PS", "success"][10, 0] == 1
+    assert np.isnan(drawn["PS", "success"][10, 2:]).all()

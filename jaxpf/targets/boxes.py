@@ -53,7 +53,7 @@ class Options:
     bands: int = bands_option(2)
     likelihood: str = likelihood_option("auto", "integral", "sampled")
     appearance: str = appearance_option()
-    gain: float = gain_option(2.0)
+    gain: float = gain_option(1.0)
     motion: str = motion_option()
     relative_scale: tuple[float, ...] = steps_option(DEFAULT_STEPS)
     momentum: float = momentum_option(DEFAULT_MOMENTUM)

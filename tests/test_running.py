@@ -68,13 +68,13 @@ def test_a_longer_sequence_begins_like_a_shorter_one():
 @pytest.mark.slow
 @pytest.mark.parametrize("float64", [False, True], ids=["float32", "float64"])
 def test_a_run_does_not_depend_on_how_many_runs_share_its_batch(float64):
-    """Bit for bit, for 1, 3, 7 and 20 runs in batches of one width."""
+    """Bit for bit, for 1, 7 and 20 runs in batches of one width."""
     with jax.enable_x64(float64):
         made = tracker(ordering.dps(3))
         keys = jax.random.split(jax.random.key(5), 20)
         all_runs = jax.device_get(jaxpf.monte_carlo(made, keys, FRAMES))
         assert all_runs.estimate.dtype == (np.float64 if float64 else np.float32)
-        for count in (1, 3, 7):
+        for count in (1, 7):
             fewer = jaxpf.monte_carlo(made, keys[:count], FRAMES)
             trees_equal(fewer, jax.tree.map(lambda x, n=count: x[:n], all_runs))
         shuffled = jaxpf.monte_carlo(made, keys[::-1], FRAMES)

@@ -12,7 +12,7 @@ from jaxpf import ordering
 pytestmark = pytest.mark.statistical
 
 RUNS, FRAMES = 40, 6
-SIZES = (50, 200, 800)
+SIZES = (50, 800)
 #: One motion of first order, one of second, and a tree, whose parts must be smoothed together.
 CASES = {
     "ar1": (lambda: problem((-1, -1), num_frames=FRAMES), ordering.ps([1, 0])),

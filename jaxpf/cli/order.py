@@ -9,15 +9,9 @@ import numpy as np
 
 from jaxpf.cli.motion import again
 from jaxpf.cli.request import Request
-from jaxpf.options import OPEN
 
 #: Frames that pilot runs follow, and how many of them there are of each order.
 FRAMES, RUNS = 20, 16
-
-
-def is_open(request: Request) -> bool:
-    """Whether the order is to be chosen."""
-    return getattr(request.filter_options, "order", None) == OPEN
 
 
 def with_order(request: Request, order: tuple[int, ...] | None) -> Request:

@@ -143,6 +143,11 @@ class Request:
         """What is tracked."""
         return self.adapter.target
 
+    @property
+    def chooses_order(self) -> bool:
+        """Whether pilot runs are to choose the order."""
+        return getattr(self.filter_options, "order", None) == OPEN
+
     def table(self) -> dict[str, Any]:
         """What ``run.toml`` holds: everything that repeats the run, as people write it."""
         found = {"target": self.target.name, "video": self.video, **self.starts}
@@ -183,11 +188,13 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
 
 
 def _check_fit(request: Request) -> None:
-    """Refuse to fit the motion where there is none to fit.
+    """Refuse to fit the motion, or to choose an order, where there is none.
 
     Raises:
         InputError: the sentence says why.
     """
+    if request.chooses_order and request.run.tracker:
+        raise InputError("--order auto is about the built-in filters; leave it or --tracker out.")
     if request.run.fit_motion is None:
         return
     if request.run.tracker:

@@ -75,8 +75,8 @@ def track(request: Request) -> None:
 
     from jaxpf import smoothing
 
-    opens = order.is_open(request)
-    if opens:
+    chooses_order = request.chooses_order
+    if chooses_order:
         request = order.with_order(request, None)
     tracker = _build_tracker(request, start, source, first)
     fewer = " or fewer runs (--runs)" if run.runs else ""
@@ -97,7 +97,7 @@ def track(request: Request) -> None:
         request = dataclasses.replace(request, model=model)
         start = dataclasses.replace(start, remarks=(*start.remarks, told))
         tracker = _build_tracker(request, start, source, first)
-    if opens:
+    if chooses_order:
         one = tracker.tracker if run.runs or run.error_bars else tracker
         best, told, frames = order.chosen(request, one, frames)
         click.echo(f"Note: {told}", err=True)

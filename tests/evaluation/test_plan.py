@@ -67,7 +67,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
         "bands": 2,
         "likelihood": "integral",
         "appearance": "colour",  # which a sharpness says
-        "gain": 2.0,
+        "gain": 1.0,
         "motion": "auto",
         "relative_scale": (0.045, 0.18, 0.02),
         "momentum": 0.3,

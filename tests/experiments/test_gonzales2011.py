@@ -2,6 +2,8 @@
 
 import re
 from contextlib import suppress
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -202,22 +204,33 @@ def test_growth_is_compared_with_linear_growth():
 
 
 def test_methods_are_timed_in_turn_for_every_cell(monkeypatch):
+    """By a clock that goes on while a method works, by its place times the size of the cell."""
+    clock, worked = [0.0], []
+
     def compiled(num_parts, num_particles, num_frames, num_runs):
-        size = 1000 * num_parts * num_particles
+        def work(method, seconds):
+            worked.append(method)
+            clock[0] += seconds
+
         return {
-            method: lambda k=k: sum(range(k * size)) and None
+            method: partial(work, method, float(k * num_parts * num_particles))
             for k, method in enumerate(times.METHODS, 1)
         }
 
     monkeypatch.setattr(times, "_compiled", compiled)
+    monkeypatch.setattr(times, "time", SimpleNamespace(process_time=lambda: clock[0]))
     found = times.measure_times((3, 5), (10, 20), num_frames=3, repeats=3, num_runs=5)
     assert list(found) == [(3, 10), (3, 20), (5, 10), (5, 20)]
-    for cell in found.values():
-        assert {method: len(seconds) for method, seconds in cell.items()} == dict.fromkeys(
-            times.METHODS, 3
-        )
-        one, _, three = (np.median(cell[method]) for method in times.METHODS)
-        assert 1.5 * one < three < 6 * one
+    for (parts, particles), cell in found.items():
+        for k, method in enumerate(times.METHODS, 1):
+            # Of all frames of all runs; the ratios are what counts.
+            np.testing.assert_allclose(
+                cell[method] / cell[times.METHODS[0]], np.full(3, k), rtol=1e-12
+            )
+        assert cell[times.METHODS[0]][0] / (parts * particles) > 0
+    # After a warm-up of each, to and fro.
+    names = list(times.METHODS)
+    assert worked[:12] == [*names, *names, *names[::-1], *names]
 
 
 def test_more_samples_come_closer_to_every_pixel():

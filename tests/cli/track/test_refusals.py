@@ -98,6 +98,10 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
             "the order 1 is not a permutation of the 2 object(s)",
         ),
         ((*BOXES, "--order", "auto"), "method 'dps' has none; use method 'ps'"),
+        (
+            (*BOXES, "--method", "ps", "--order", "auto", "--tracker", "mine.py:tracker"),
+            "--order auto is about the built-in filters; leave it or --tracker out",
+        ),
         ((*BOXES, "--method", "ps", "--order", "0,x"), "'0,x' is not whole numbers"),
         ((*BOXES, "--seed", "-1"), "--seed -1 must be a whole number from 0 to 4294967295"),
         ((*BOXES, "--seed", "4294967296"), "must be a whole number from 0 to 4294967295"),

@@ -30,16 +30,18 @@ def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndar
     """Quantiles of weighted particles: the smallest values that at least so much weight reaches.
 
     Args:
-        values: ``[N, P, C]``, such as coordinates of ``state.substates``.
+        values: ``[N, P, C]``, such as coordinates of ``state.substates``; NaN, of a particle that
+            holds another target, has no weight.
         log_weights: ``[N]``, or ``[P, N]`` where each partition has weights of its own.
         levels: L of them, from 0 to 1.
 
     Returns:
-        ``[L, P, C]``.
+        ``[L, P, C]``; NaN of a partition that no particle holds.
     """
     values = np.moveaxis(np.asarray(values), 0, -1)
     weights = np.exp(np.asarray(log_weights, np.float64))
     weights = np.broadcast_to(weights if weights.ndim == 1 else weights[:, None], values.shape)
+    weights = np.where(np.isnan(values), 0.0, weights)
     order = np.argsort(values, axis=-1)
     reached = np.cumsum(np.take_along_axis(weights, order, axis=-1), axis=-1)
     below = [np.sum(reached < level * reached[..., -1:], axis=-1) for level in levels]

@@ -97,4 +97,6 @@ def learn(
     write_learned(output, learned)
     for line in report:
         click.echo(line)
-    click.echo(f"{output}: for `jaxpf track VIDEO --contours FILE.json --learned {output}`")
+    click.echo(
+        f"{output}: for `jaxpf track contours VIDEO --contours FILE.json --learned {output}`"
+    )

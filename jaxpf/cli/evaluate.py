@@ -52,6 +52,7 @@ class Compared:
         ("shifts",),
         "For ps: 'shifts', every circular shift on its own, or an order.  That names the objects "
         "by their place from 1, such as 3,1,2; repeat it for several orders.",
+        length=-1,
     )
     swaps: str = option("combinatorial", "For sps: how objects change places.")
     tracks: tuple[str, ...] = option(

@@ -8,7 +8,12 @@ import click
 @click.command("frame")
 @click.argument("video")
 @click.option("--number", "-n", default=0, show_default=True, help="Frame, counting from 0.")
-@click.option("--step", type=int, default=None, help="Pixels between grid lines.  [default: auto]")
+@click.option(
+    "--step",
+    type=int,
+    default=None,
+    help="Pixels between grid lines.  [default: by the picture's size]",
+)
 @click.option(
     "--output",
     "-o",

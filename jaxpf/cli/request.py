@@ -53,8 +53,8 @@ class Run:
     )
     error_bars: int | None = option(
         None,
-        "How much another run would differ, told from one run by ancestors so many frames back, "
-        "such as 5.",
+        "Monte-Carlo error from one run, by ancestors so many frames back, such as 2; empty where "
+        "too few are left.",
         least=1,
         most=10_000,
     )

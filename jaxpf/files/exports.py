@@ -147,7 +147,9 @@ def _read_intervals(path: Path, names: tuple[str, ...], num_frames: int) -> np.n
     for row in _rows(path):
         if row.get("x_50") and row["id"] in names and int(row["frame"]) < num_frames:
             found[int(row["frame"]), names.index(row["id"])] = [
-                [float(row[f"{axis}_{level}"]) for level in _INTERVAL] for axis in "xy"
+                # An end that nobody knows is an empty field.
+                [float(row[f"{axis}_{level}"] or "nan") for level in _INTERVAL]
+                for axis in "xy"
             ]
     return found if np.isfinite(found).any() else None
 

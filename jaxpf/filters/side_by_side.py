@@ -108,6 +108,9 @@ class SideBySide(contract.Tracker):
         so_far = state.log_evidence + jnp.where(possible, summaries.log_evidence, 0.0)
         seen = jax.nn.logsumexp(jnp.where(possible, so_far, -jnp.inf))
         increment = seen - jax.nn.logsumexp(state.log_evidence)
+        # Of a filter that has no evidence, nothing is said.
+        unknown = jnp.all(jnp.isnan(summaries.log_evidence))
+        increment = jnp.where(unknown, jnp.nan, increment)
         return RunsState(runs, so_far), _pooled(summaries, increment, so_far)
 
     def _keys(self, key: jax.Array) -> jax.Array:

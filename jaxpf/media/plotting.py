@@ -61,14 +61,16 @@ def diagnostics(
         frames: frame numbers ``[T]``.
         ess: ``[T]``.
         uniqueness: ``[T, P]``.
-        log_evidence: increments ``[T]``; ``-inf`` is marked, not drawn.
+        log_evidence: increments ``[T]``; ``-inf`` is marked, not drawn; no panel if all are NaN.
         ids: the objects' names ``[P]``.
         num_particles: N.
         confidence: ``[T, P]``, or None where nobody can tell.
     """
-    rows = 3 if confidence is None else 4
+    has_evidence = not np.isnan(log_evidence).all()
+    rows = 2 + (confidence is not None) + has_evidence
     figure, axes = new_figure(rows, 1, figsize=(9, 2 + 2 * rows), share_x=True)
-    upper, middle, *between, lower = axes[:, 0]
+    upper, middle, *between = axes[:, 0]
+    lower = between.pop() if has_evidence else None
     upper.plot(frames, ess, color="black")
     upper.set(ylabel=f"effective sample size\n(of {num_particles})", ylim=(0, None))
     for column, (name, colour) in enumerate(zip(ids, colours(len(ids)), strict=True)):
@@ -81,11 +83,13 @@ def diagnostics(
             axis.plot(frames, np.asarray(confidence)[:, column], color=colour)
         axis.axhline(PROBABLY_LOST, color="black", linestyle="dotted")
         axis.set(ylabel="confidence", ylim=(-0.02, 1.02))
-    possible = np.isfinite(log_evidence)
-    lower.plot(frames[possible], log_evidence[possible], color="black")
-    for frame in frames[~possible]:
-        lower.axvline(frame, color="red", alpha=0.5)
-    lower.set(ylabel="log evidence of the frame", xlabel="frame")
+    if lower is not None:
+        possible = np.isfinite(log_evidence)
+        lower.plot(frames[possible], log_evidence[possible], color="black")
+        for frame in frames[~possible]:
+            lower.axvline(frame, color="red", alpha=0.5)
+        lower.set(ylabel="log evidence of the frame")
+    axes[-1, 0].set(xlabel="frame")
     for axis in axes[:, 0]:
         axis.grid(alpha=0.3)
     return figure

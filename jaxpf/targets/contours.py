@@ -71,8 +71,8 @@ class Options:
     )
     line_length: int = option(
         41,
-        "Of contours, length of a measurement line, an odd number of pixels: how far off an edge "
-        "may lie, twice.",
+        "Of contours, length of a measurement line, an odd number of pixels: twice how far off an "
+        "edge may lie.",
         least=3,
         most=253,
         compiles=True,

@@ -13,6 +13,7 @@ import scenes
 from jaxpf import cli, overlay
 from jaxpf.cli.flags import ALL
 from jaxpf.experiments import verdicts
+from jaxpf.experiments.claims import CONTRADICTS
 from jaxpf.experiments.comparison_table import CLAIM_COLUMNS, CLAIM_FIELDS, markdown_table
 from jaxpf.experiments.paper import PAPERS
 
@@ -102,7 +103,17 @@ def _titled(title):
 
 def _verdicts():
     """The stored verdicts, a table for each paper, and the claims that have none."""
-    blocks = []
+    against = [
+        [paper, *(claim[field] for field in ("statement", "published", "measured"))]
+        for paper in PAPERS
+        for claim in verdicts.stored(paper)
+        if claim["verdict"] == CONTRADICTS
+    ]
+    blocks = [
+        "### What does not hold\n",
+        *markdown_table(["paper", "claim", "published", "measured [95 %]"], against),
+        "",
+    ]
     for paper in PAPERS:
         claims, left = verdicts.stored(paper), verdicts.not_judged(paper)
         if not claims:

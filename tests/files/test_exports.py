@@ -37,6 +37,8 @@ def result(tmp_path):
             with UncertaintyWriter(folder / "uncertainty.csv", ("x", "y", "scale"), 2) as writer:
                 quantiles = np.arange(6.0).reshape(2, 3).T[:, None]
                 writer.append(1, [1], [[15, 8]], [[1, 2]], quantiles=quantiles)
+                some = [[[np.nan, 1]], [[2, 2]], [[np.nan, 3]]]  # of slots that come and go
+                writer.append(0, [2], [[30, 20]], [[1, 2]], quantiles=some)
         elif target == "parts":
             with PartTrackWriter(tracks) as writer:
                 writer.append(0, ["arm"], POSE, SIZE)
@@ -107,6 +109,8 @@ def test_tracks_in_movements_layout(result, target):
         assert np.isnan(data.position.isel(time=1, individuals=1)).all()
         known = data.interval.sel(individuals="id_1").isel(time=1)
         np.testing.assert_allclose(known.sel(space="y"), [3, 4, 5])
+        partly = data.interval.sel(individuals="id_2", space="x").isel(time=0)
+        np.testing.assert_allclose(partly, [np.nan, 2, np.nan])
 
 
 @pytest.mark.parametrize(

@@ -78,8 +78,9 @@ class EdgeDetector:
             )
         if not 1 <= self.max_features <= self.length // 2 + 1:
             raise InputError(
-                f"max_features {self.max_features} must be 1 to {self.length // 2 + 1}: two "
-                "features are two pixels apart at least."
+                f"max_features {self.max_features} must be 1 to {self.length // 2 + 1} on lines of "
+                f"{self.length} pixels, as two features are two pixels apart at least; give fewer, "
+                "or longer lines (--line-length)."
             )
         if not 0 <= self.smoothing <= 20:
             raise InputError(f"smoothing {self.smoothing} must be 0 to 20 pixels.")

@@ -1,8 +1,9 @@
 """Gradients through resampling: what ``jax.grad`` of a particle filter means.
 
 A resampling draws integers, which have no derivative.  ``Partitioned(gradient=...)`` says
-what stands in for it; all four compose with every scheme, ordering and component, and three
-of them with every swap.  x is a particle, w its weight, g a likelihood, n a component's size.
+what stands in for it; all four compose with every scheme and component, and the first two
+with every swap: ``Soft`` runs it as none, and ``Transport`` refuses it.  x is a particle, w its
+weight, g a likelihood, n a component's size.
 
 ``NoGradient()``
     Weights are differentiated, ancestors are not: the derivative of the weights is forgotten

@@ -9,7 +9,8 @@ by ``jax.tree_util.Partial``) that goes wherever a name of ``SCHEMES`` does, as 
 It must be unbiased: particle i has ``count * w_i`` offspring on average, w its weight, and none
 where that is zero.  The weights that it is given sum to one, and ``count`` is a Python int.
 Filters call it within components and labels as they do the built-in ones: with C components it
-draws N ancestors in each of them, C times the work, of which one of n slots uses n, evenly spread.
+draws N ancestors in each of them, C times the work, and a component of n slots keeps n of its N,
+evenly spaced.
 """
 
 from jaxpf.filters.components import (

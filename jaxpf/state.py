@@ -67,7 +67,9 @@ class ParticleState:
 
 @pytree_dataclass
 class Summary:
-    """What one frame reports: the weighted set before the frame's last resampling.
+    """What one frame reports: the weighted set after its last weighing.
+
+    The next frame begins by resampling it.
 
     A filter with more to report adds a field at the end whose default is None.  None is no leaf
     of a pytree: all that maps over summaries, batches and devices passes it by.

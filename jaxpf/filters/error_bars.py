@@ -68,8 +68,8 @@ class ErrorBars(Summary):
     Attributes:
         estimate_variance: ``[P, D]``, of ``estimate``; NaN where it is not known.
         evidence_variance: ``[]``, relative variance of the evidence of all frames so far, which
-            is about the variance of its logarithm; NaN where it is not known, with a lag beyond
-            that, where parts are exchanged, and unless resampling is multinomial.
+            is about the variance of its logarithm; NaN where it is not known, with a lag from the
+            frame after it on, where parts are exchanged, and unless resampling is multinomial.
         num_ancestors: ``[P]`` int32, from how many each partition's draws descend.
         unknown: ``[P]`` bool, these were fewer than sqrt(N), and nothing can be said.
         estimate_terms: ``[S, P, D]``, what each stage of the frames looked back over adds to

@@ -32,8 +32,9 @@ def transforms(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
 def crps(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
     """Continuous ranked probability score, in the units of the offset; small is good.
 
-    Proper: its expectation is least for the true distribution.  Without spread it is the distance
-    (Gneiting and Raftery 2007, eq. 21).  Arguments and NaN as for ``transforms``.
+    Proper: its expectation is least for the true distribution (Gneiting and Raftery 2007, eq. 21).
+    As the spread falls to nothing it tends to the distance.  Arguments and NaN as for
+    ``transforms``.
     """
     from scipy.special import ndtr
 

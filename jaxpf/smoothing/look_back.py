@@ -50,7 +50,7 @@ class LookBack:
         self._kept: list[History] = []
         self._start, self._passes, self.broken = first, 0, 0
 
-    def add(self, state: Any) -> Iterator[SmoothedFrame]:
+    def add(self, state: Any) -> list[SmoothedFrame]:
         """The next frame's ``ParticleState``; gives the frames that it was the last to wait for."""
         lagged = np.asarray(state.lagged)
         # Copies, so that the device need not keep every state.
@@ -61,8 +61,9 @@ class LookBack:
             state.label,
         )
         self._kept.append(History._make(None if one is None else np.array(one) for one in kept))
-        if self._lag is not None and len(self._kept) == 2 * self._lag:
-            yield from self._pass(self._lag)
+        if self._lag is None or len(self._kept) < 2 * self._lag:
+            return []
+        return list(self._pass(self._lag))
 
     def finish(self) -> Iterator[SmoothedFrame]:
         """All other frames."""

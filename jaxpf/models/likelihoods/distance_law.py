@@ -148,13 +148,27 @@ def learn_background(likelihood: Any, frames: Any, *, num_boxes: int = 100_000) 
             ]
             squared.append(np.concatenate(pieces)[: len(centres)])
         learned.append(compressed(np.concatenate(squared)))
-    return jnp.asarray(np.stack(learned), float)
+    # A small frame has fewer places than there are groups, the fewer the larger the object.
+    longest = max(one.shape[1] for one in learned)
+    return jnp.asarray(np.stack([_filled_up(one, longest) for one in learned]), float)
 
 
 def _pieces(substates: np.ndarray) -> list[np.ndarray]:
     """``[3, n]`` in pieces of one width, the last one filled up."""
     filled = np.pad(substates, ((0, 0), (0, -substates.shape[1] % _AT_ONCE)), mode="edge")
     return np.split(filled, filled.shape[1] // _AT_ONCE, axis=1)
+
+
+def _filled_up(background: np.ndarray, count: int) -> np.ndarray:
+    """``[2, count]`` of fewer columns; those that are added have no share."""
+    values, logs = background
+    missing = count - len(values)
+    return np.stack(
+        [
+            np.pad(values, (0, missing), mode="edge"),
+            np.pad(logs, (0, missing), constant_values=-np.inf),
+        ]
+    )
 
 
 def compressed(squared: np.ndarray) -> np.ndarray:

@@ -326,6 +326,16 @@ def test_a_wrong_choice_is_refused(options, words):
         histogram_from_patches([picture()[:20, :20]], **options)
 
 
+def test_objects_of_two_sizes_in_a_small_frame_have_the_backgrounds_that_they_have_alone():
+    small, boxes = picture()[:44, :60], np.array([[10.0, 12, 16, 24], [40, 20, 9, 12]])
+    both = np.asarray(histogram(small, boxes, form="ratio").background)
+    for place, box in enumerate(boxes):
+        alone = np.asarray(histogram(small, box[None], form="ratio").background)[0]
+        np.testing.assert_allclose(both[place, :, : alone.shape[1]], alone, rtol=1e-5, atol=1e-6)
+        assert np.isneginf(both[place, 1, alone.shape[1] :]).all()
+    assert np.isneginf(both[0, 1]).any()  # the larger one has fewer places
+
+
 def test_a_background_needs_boxes_that_fit():
     likelihood = histogram(picture(), BOXES)
     with pytest.raises(InputError, match="larger than the frame of 10 x 10"):

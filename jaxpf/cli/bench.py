@@ -8,10 +8,11 @@ from typing import Any
 import click
 
 from jaxpf.cli.console import print_table
+from jaxpf.cli.speaking import Speaking
 from jaxpf.cli.startup import start_jax
 
 
-@click.command("bench")
+@click.command("bench", cls=Speaking)
 @click.option("--repeats", default=15, show_default=True, help="Interleaved repeats.")
 @click.option(
     "--scaling", is_flag=True, help="Also how cost grows with N, P and R, to N = 10^6 (2 minutes)."

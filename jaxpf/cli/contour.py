@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from jaxpf.cli.speaking import Speaking
 from jaxpf.cli.startup import use_compile_cache
 from jaxpf.names import ANNOTATIONS, COEFFICIENTS
 
@@ -13,7 +14,7 @@ def command() -> None:
     """Learn what contours look like and how they move."""
 
 
-@command.command("learn")
+@command.command("learn", cls=Speaking)
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option(
     "--kind",

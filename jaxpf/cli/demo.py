@@ -11,6 +11,7 @@ import numpy as np
 from jaxpf.cli.config import config_option, write_config
 from jaxpf.cli.console import print_table
 from jaxpf.cli.flags import declared_flags
+from jaxpf.cli.speaking import Speaking
 from jaxpf.cli.startup import start_jax
 from jaxpf.filters.partitioned.options import Options
 from jaxpf.memory import check_memory, needed_by
@@ -21,7 +22,7 @@ _ALL = options_of(Options, boxes.Options)
 _DECLARED = {name: _ALL[name] for name in ("particles", "sharpness", "appearance")}
 
 
-@click.command("demo", params=declared_flags(_DECLARED, "Options"))
+@click.command("demo", cls=Speaking, params=declared_flags(_DECLARED, "Options"))
 @click.option("--runs", default=50, show_default=True, help="Independent runs per method.")
 @click.option("--seed", default=100, show_default=True, help="Seed of the scene; runs follow it.")
 @click.option(

@@ -4,10 +4,11 @@ from pathlib import Path
 
 import click
 
+from jaxpf.cli.speaking import Speaking
 from jaxpf.errors import InputError
 
 
-@click.command("detections")
+@click.command("detections", cls=Speaking)
 @click.argument("video", type=click.Path(path_type=Path))
 @click.argument("truth", type=click.Path(path_type=Path))
 @click.option("--misses", default=0.2, show_default=True, help="Share of the objects not found.")

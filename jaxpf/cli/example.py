@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 import click
 
+from jaxpf.cli.speaking import Speaking
+
 _SEED = 1
 
 
@@ -19,7 +21,7 @@ class _Example(NamedTuple):
     commands: tuple[str, ...]
 
 
-@click.command("example")
+@click.command("example", cls=Speaking)
 @click.argument("kind", type=click.Choice(["boxes", "parts", "points", "contours", "births"]))
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")

@@ -4,10 +4,11 @@ from pathlib import Path
 
 import click
 
+from jaxpf.cli.speaking import Speaking
 from jaxpf.errors import InputError
 
 
-@click.command("export")
+@click.command("export", cls=Speaking)
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.argument("form", metavar="FORMAT", type=click.Choice(["coco", "cvat", "movement", "arviz"]))
 @click.argument("output", metavar="FILE", type=click.Path(path_type=Path))

@@ -16,6 +16,7 @@ import click
 from jaxpf import filters
 from jaxpf.adapters import adapters
 from jaxpf.building import filled
+from jaxpf.cli.speaking import Speaking
 from jaxpf.errors import InputError
 from jaxpf.options import OPEN, Option, counting, options_of, plain
 
@@ -67,7 +68,7 @@ class Flag(click.Option):
         return record[0], first.removesuffix(".") + (default or ".")
 
 
-class Command(click.Command):
+class Command(Speaking):
     """A command whose help has sections: see ``Flag``.
 
     ``--help`` tells of the common options what each is in a sentence, and of the others the names;

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import click
 
+from jaxpf.cli.speaking import Speaking
 
-@click.command("frame")
+
+@click.command("frame", cls=Speaking)
 @click.argument("video")
 @click.option("--number", "-n", default=0, show_default=True, help="Frame, counting from 0.")
 @click.option(

@@ -13,6 +13,7 @@ import click
 from jaxpf.cli.cluster import cluster
 from jaxpf.cli.config import config_option, write_config
 from jaxpf.cli.console import print_table
+from jaxpf.cli.speaking import Speaking
 from jaxpf.cli.startup import start_jax
 
 #: Folder of what each look measured, by its runs; and the time that looks may take.
@@ -21,7 +22,7 @@ LOOKS, MINUTES = "looks", 35.0
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
 
 
-@click.command("reproduce")
+@click.command("reproduce", cls=Speaking)
 @click.argument("paper", type=click.Choice(PAPERS))
 @click.option("--runs", type=int, help="Independent runs per cell.  [default: as in the paper]")
 @click.option("--seed", default=0, show_default=True, help="First seed of the scenes and runs.")

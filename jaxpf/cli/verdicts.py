@@ -4,9 +4,10 @@ import click
 
 from jaxpf.cli.console import print_table
 from jaxpf.cli.reproduce import PAPERS
+from jaxpf.cli.speaking import Speaking
 
 
-@click.command("verdicts")
+@click.command("verdicts", cls=Speaking)
 @click.argument("papers", nargs=-1, type=click.Choice(PAPERS), metavar="[PAPER]...")
 def command(papers: tuple[str, ...]) -> None:
     """Print every claim of the papers with its stored verdict, then those that have none.

@@ -88,7 +88,7 @@ BOX = ("--box", "6,8,12,16")
             (*BOX, *BOX, "--capacity", "1"),
             "object 2 is one more than the capacity",
         ),
-        ("1,-1,1,1,9,9,1\n", ("-n", "15"), "particles = 15 is fewer than the 16"),
+        ("1,-1,1,1,9,9,1\n", ("-n", "15"), "--particles 15 is fewer than the 16"),
         ("1,-1,1,1,9,9,1\n", ("--method", "dps"), "partitioned is not one; use --filter labelled"),
         ("1,-1,1,1,9,9,1\n", ("--capacity", "0"), "--capacity 0 must be a whole number from 1"),
         ("1,-1,1,1,9,9,1\n", ("--weights", "plain"), "has none to give"),
@@ -120,7 +120,7 @@ def test_a_user_can_simulate_a_detector(place, tmp_path):
     assert {tuple(row[2:6]) for row in rows if row[0] == LENGTH} == truth
     assert "is there already" in jaxpf(*arguments).err
     for more, sentence in (
-        (("--misses", "2"), "misses = 2.0 must be from 0 to 1"),
+        (("--misses", "2"), "--misses 2.0 must be from 0 to 1"),
         (("-o", place / "clip.avi"), "is what is read; choose another --output"),
         (("-o", place / "gt.csv"), "is what is read; choose another --output"),
         (("-o", os.devnull), "is a device or a pipe; choose another --output"),

@@ -81,7 +81,7 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
         ((*BOXES, "--exclusion", "boxes", "--appearance", "colour"), "--exclusion goes with"),
         ((*BOXES, "--exclusion", "boxes", "--method", "sps"), "use --swap none"),
         ((*BOXES, "-n", "0"), "--particles 0 must be a whole number from 1"),
-        ((*BOXES, "-n", "1"), "particles = 1 is fewer than the 2 components of dps"),
+        ((*BOXES, "-n", "1"), "--particles 1 is fewer than the 2 components of dps"),
         ((*BOXES, "-n", "1" + 12 * "0"), "must be a whole number from 1 to 2147483647"),
         ((*BOXES, "--method", "foo"), "'foo' is unknown; choose one of sir, ps, dps, sps"),
         ((*BOXES, "--relocate", "2"), "--relocate 2 must be a finite number from 0 to 1"),

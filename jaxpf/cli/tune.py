@@ -107,6 +107,11 @@ class Options(Outcome, Descent, Tuned, Scenes):
 
     def __post_init__(self) -> None:
         check_options(self)
+        if self.labels is not None and self.objective == "evidence":
+            raise InputError(
+                f"labels = {self.labels} is of the other objectives, and evidence needs none; "
+                "leave one of them out."
+            )
 
 
 def _command(**values: Any) -> None:

@@ -79,6 +79,15 @@ class Plan:
         self._keep("orders", [_order(value) for value in self.orders])
         swaps = options_of(*(one.options for one in filters.filters().values()))["swap"]
         self._keep("swaps", [swaps.checked(value, "swaps:") for value in self.swaps])
+        for name, given, default, owner in (
+            ("orders", self.orders, ("shifts",), "ps"),
+            ("swaps", self.swaps, ("combinatorial",), "sps"),
+        ):
+            if given != default and self.methods is not None and owner not in self.methods:
+                raise InputError(
+                    f"{name} are those of {owner}, which is not among the methods "
+                    f"{', '.join(self.methods)}; leave them out, or name it."
+                )
         object.__setattr__(self, "grid", self._checked_grid())
         for name, least, bound in (("runs", 1, _MOST_RUNS), ("seed", 0, 2**32)):
             self._check_whole(name, least, bound)
@@ -118,8 +127,13 @@ class Plan:
         found = options_of(of.options)
         for one in self._filters():
             its = options_of(one.options)
-            found |= {n: its[n] for n in its if n not in one.varied and n not in found}
+            own = {n: its[n] for n in its if n not in one.varied and n not in found}
+            found |= {n: option for n, option in own.items() if self._has(option)}
         return found
+
+    def _has(self, option: Option) -> bool:
+        """Whether it counts for some of the methods."""
+        return self.methods is None or any(_is_of(option, method) for method in self.methods)
 
     def _filters(self) -> list[Filter]:
         """The filters of the methods."""
@@ -148,9 +162,11 @@ class Plan:
                 f"{name} is no option{whose}, but of {' and '.join(having)}; leave it out."
             )
         for one in filters.filters().values():
-            if name in options_of(one.options) and name not in one.varied:
+            option = options_of(one.options).get(name)
+            if option and name not in one.varied:
+                having = [method for method in one.methods if _is_of(option, method)]
                 return InputError(
-                    f"{name} is an option of {', '.join(one.methods)}, and not of "
+                    f"{name} is an option of {', '.join(having)}, and not of "
                     f"{', '.join(self.methods or ())}; leave it out, or name one of them among "
                     "the methods."
                 )
@@ -228,7 +244,9 @@ class Plan:
             for method in self.methods or ():
                 its = filters.filter_of(method)
                 declared = options_of(of.options, its.options)
-                own = {n: v for n, v in point.items() if n in declared}
+                own = {
+                    n: v for n, v in point.items() if n in declared and _is_of(declared[n], method)
+                }
                 for name, option in options_of(its.options).items():
                     if name not in its.varied:
                         own.setdefault(name, option.default)
@@ -253,6 +271,12 @@ class Plan:
         for values in itertools.product(*(self.grid[name] for name in loops)):
             point = dict(zip(loops, values, strict=True))
             yield {name: point[name] for name in names}
+
+
+def _is_of(option: Option, method: str) -> bool:
+    """Whether an option of a filter or target counts for a method."""
+    name, wanted = option.implies or ("", "")
+    return name != "method" or wanted == method
 
 
 @dataclasses.dataclass(frozen=True)

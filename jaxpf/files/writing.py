@@ -211,7 +211,7 @@ def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False)
         is_file = path.exists() and not path.is_dir()
     if is_file:
         raise InputError(
-            f"output folder '{path}' is a file; choose another --output or remove the file"
+            f"output folder '{path}' is a file; choose another folder or remove the file"
         )
     with report_os_errors("create the output folder", path):
         path.mkdir(parents=True, exist_ok=True)
@@ -219,7 +219,7 @@ def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False)
         first = next((name for name in names if not _is_left_over(name)), None)
     if first is not None and not overwrite:
         raise InputError(
-            f"output folder '{path}' is not empty (it holds '{first}'); choose another --output "
+            f"output folder '{path}' is not empty (it holds '{first}'); choose another folder "
             "or add --overwrite"
         )
     # Found out now rather than after an hour of tracking; permission bits alone do not tell

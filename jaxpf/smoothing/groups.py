@@ -20,8 +20,8 @@ from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.pytree import is_concrete
 
 _SUPPORTED = (
-    "supported are jaxpf.Partitioned with method sir, ps, dps, branched, and sps but for "
-    "swap='sorted' and for roots with children that are exchanged"
+    "supported are methods sir, ps, dps, branched, and sps but for swap='sorted' and for roots "
+    "with children that are exchanged"
 )
 
 

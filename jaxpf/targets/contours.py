@@ -14,12 +14,13 @@ from jaxpf.errors import InputError
 from jaxpf.models.model import Model
 from jaxpf.models.splines import basis, even_places, points_on
 from jaxpf.names import EXCLUSIONS, SHAPE_SPACES
-from jaxpf.options import check_options, option
+from jaxpf.options import check_options, option, plain
 from jaxpf.targets.contour_data import DEFAULT_SCALE, Contours, Learned
 from jaxpf.targets.target import Looks, Start, Target
 
 #: Pieces of the polyline that a contour is reported as.
 PIECES = 64
+_FLIP = 0.01
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,16 +105,32 @@ class Options:
         kind=float,
         above=0,
     )
-    flip: float = option(
-        0.01,
+    flip: float | None = option(
+        None,
         "Of opaque contours, probability per frame that they change places in depth while they do "
-        "not overlap.",
+        f"not overlap; by default {_FLIP:g}.",
+        kind=float,
         least=0,
         most=1,
     )
 
     def __post_init__(self) -> None:
         check_options(self)
+        if self.flip is not None and not self.hides:
+            raise InputError(
+                f"flip = {plain(self.flip)} is of contours that hide one another, and exclusion is "
+                f"{self.exclusion!r}; choose exclusion 'opaque', or leave it out."
+            )
+        if self.bend_noise is not None and self.shape_space == "translation":
+            raise InputError(
+                f"bend_noise = {plain(self.bend_noise)} is of shapes that change, and "
+                "'translation' only shifts them; leave one of them out."
+            )
+
+    @property
+    def hides(self) -> bool:
+        """Whether contours hide one another."""
+        return self.exclusion.startswith("opaque")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -193,7 +210,7 @@ class ContourTarget(Target):
                 default if value is None else value
                 for value, default in zip(noise, DEFAULT_SCALE, strict=True)
             ],
-            flip=options.flip if options.exclusion.startswith("opaque") else None,
+            flip=(_FLIP if options.flip is None else options.flip) if options.hides else None,
         )
 
     def noise(self, options: Options, start: Start) -> np.ndarray:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf.errors import InputError
 from jaxpf.models.model import Model
 from jaxpf.options import check_options, option
 from jaxpf.targets.appearance import (
@@ -49,6 +50,7 @@ class Options:
         common=True,
         factors=tuple(_DEGREES),
         tuned=("[2]",),
+        implies=("dynamics", "relative"),
     )
     bands: int = bands_option(1)
     likelihood: str = likelihood_option("auto", "sampled", "patch")
@@ -62,6 +64,11 @@ class Options:
 
     def __post_init__(self) -> None:
         check_options(self)
+        if self.likelihood == "patch" and self.bands > 1:
+            raise InputError(
+                f"bands = {self.bands} goes with histograms, and likelihood 'patch' compares "
+                "pixels; leave one of them out."
+            )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -51,6 +51,11 @@ class Options:
 
     def __post_init__(self) -> None:
         check_options(self)
+        if self.window_size % 2 == 0:
+            raise InputError(
+                f"window_size = {self.window_size} must be an odd number of pixels, such as "
+                f"{self.window_size + 1}."
+            )
 
 
 class PointTarget(Target):

@@ -126,6 +126,12 @@ LEAF = [[10, 20], [30, 18], [32, 40], [12, 38]]
         ),
         ({}, ("--line-length", "20"), "length 20 of the measurement lines must be an odd number"),
         ({}, ("--edge-threshold", "1000"), "clutter cannot be learned; lower the threshold"),
+        ({}, ("--flip", "0.1"), "--flip 0.1 is of contours that hide one another"),
+        (
+            {},
+            ("--shape-space", "translation", "--bend-noise", "1"),
+            "--bend-noise 1 is of shapes that change",
+        ),
         ({}, ("--lines", "3"), "--lines 3 must be a whole number from 4"),
         ({}, ("--shape-space", "bent"), "'bent' is unknown; choose one of translation, similarity"),
         ({}, ("--method", "sps"), "swap='combinatorial' needs a likelihood of single objects"),

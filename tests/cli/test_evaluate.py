@@ -243,6 +243,8 @@ def test_methods_with_numbers_of_particles_of_their_own_are_planned(tmp_path):
         (("--methods", ""), "methods is empty"),
         (("--orders", "1,2,3"), "the order 1,2,3 is not a permutation of the 2 object(s)"),
         (("--orders", "first"), "--orders 'first' is no order"),
+        (("--methods", "sir", "--orders", "2,1"), "orders are those of ps, which is not among"),
+        (("--methods", "dps", "--swaps", "none"), "swaps are those of sps, which is not among"),
         (("--swaps", "shuffle"), "--swaps 'shuffle' is unknown"),
         (("--sharpness", "20,-1"), "--sharpness -1 must be a finite number above 0"),
         (("--sharpness", "20,many"), "'20,many' is not numbers separated by commas"),

@@ -182,7 +182,9 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
             "--likelihood 'integral' is unknown; choose one of auto, sampled, patch",
         ),
         (("--dynamics", "free"), "--dynamics 'free' is unknown; choose one of relative, absolute"),
-        (("--method", "ps", "--order", "2,1,3,4,5"), "puts part 1 before its parent 0"),
+        (("--method", "ps", "--order", "2,1,3,4,5"), "puts part 2 before 1, on which it"),
+        (("--likelihood", "patch", "--bands", "2"), "--bands 2 goes with histograms"),
+        (("--dynamics", "absolute", "--joint-scale", "1,1,2"), "--joint-scale goes with"),
         (
             ("--method", "ps", "--order", "1,2"),
             "the order 1,2 is not a permutation of the 5 object",

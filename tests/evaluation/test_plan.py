@@ -169,7 +169,7 @@ def test_an_option_of_another_target_is_refused_once_the_target_is_known():
 
 
 def test_an_option_of_other_methods_is_refused():
-    with pytest.raises(InputError, match="drift is an option of eskil, pffl, and not of sir, ps;"):
+    with pytest.raises(InputError, match="drift is an option of eskil, and not of sir, ps;"):
         Plan(SCENE, methods=["sir", "ps"], grid={"drift": ["clip"]})
 
 

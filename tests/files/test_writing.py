@@ -63,7 +63,7 @@ def test_an_output_folder_with_files_needs_overwrite(tmp_path):
     (tmp_path / "tracks.txt").write_text("old")
     message = message_of(prepare_output_folder, tmp_path)
     assert f"output folder '{tmp_path}' is not empty (it holds 'tracks.txt')" in message
-    assert "another --output or add --overwrite" in message
+    assert "another folder or add --overwrite" in message
     assert prepare_output_folder(tmp_path, overwrite=True) == tmp_path
     assert (tmp_path / "tracks.txt").read_text() == "old"
 
@@ -71,7 +71,7 @@ def test_an_output_folder_with_files_needs_overwrite(tmp_path):
 def test_an_output_folder_that_is_a_file_or_cannot_be_made_is_refused(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     message = message_of(prepare_output_folder, tmp_path / "file")
-    assert f"output folder '{tmp_path / 'file'}' is a file; choose another --output" in message
+    assert f"output folder '{tmp_path / 'file'}' is a file; choose another folder" in message
     message = message_of(prepare_output_folder, tmp_path / "file" / "sub")
     assert f"cannot create the output folder '{tmp_path / 'file' / 'sub'}'" in message
 

@@ -142,7 +142,7 @@ def forest(**changes):
             lambda: jaxpf.PFFL(
                 AR2(scale=1.0), Gaussian(noise=jnp.ones((2, 1, 1))), initial=jnp.zeros((2, 1))
             ),
-            "PFFL cannot be smoothed.*supported are jaxpf.Partitioned",
+            "PFFL cannot be smoothed.*supported are methods sir",
         ),
     ],
 )

@@ -13,6 +13,7 @@ from jaxpf.options import check_options, option
 #: Of every partition, as published.
 _PARTICLES = {"eskil": 10, "pffl": 50}
 _UPSAMPLING = {"eskil": 3, "pffl": 1}
+_ESKIL = ("method", "eskil")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,25 +45,46 @@ class Options:
         compiles=True,
     )
     drift: str = option(
-        "clip", "How eskil's objects carry one another along.", choices=DRIFTS, compiles=True
+        "clip",
+        "How eskil's objects carry one another along.",
+        choices=DRIFTS,
+        compiles=True,
+        implies=_ESKIL,
     )
     shape: str = option(
-        "relative", "How eskil's objects hold one another in place.", choices=SHAPES, compiles=True
+        "relative",
+        "How eskil's objects hold one another in place.",
+        choices=SHAPES,
+        compiles=True,
+        implies=_ESKIL,
     )
     shape_scale: float = option(
         0.1,
         "How far eskil's distances may stretch: a share of them, or pixels.",
         above=0,
         path="shape_scale",
+        implies=_ESKIL,
     )
     velocity_memory: int = option(
-        10, "Frames over which eskil compares velocities.", least=2, most=1000, compiles=True
+        10,
+        "Frames over which eskil compares velocities.",
+        least=2,
+        most=1000,
+        compiles=True,
+        implies=_ESKIL,
     )
     proper: bool = option(
-        False, "Whether eskil's drift is a proposal and no part of the dynamics.", compiles=True
+        False,
+        "Whether eskil's drift is a proposal and no part of the dynamics.",
+        compiles=True,
+        implies=_ESKIL,
     )
     form: str = option(
-        "auxiliary", "How pffl weighs: soundly, or as published.", choices=FORMS, compiles=True
+        "auxiliary",
+        "How pffl weighs: soundly, or as published.",
+        choices=FORMS,
+        compiles=True,
+        implies=("method", "pffl"),
     )
 
     def __post_init__(self) -> None:

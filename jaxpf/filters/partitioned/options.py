@@ -124,12 +124,20 @@ class PartitionedFilter(Filter):
                 "the order 'auto' is chosen by pilot runs over frames, as jaxpf track and "
                 "jaxpf.tuning.best_order make them; name an order here."
             )
-        if options.order is not None and sorted(options.order) != list(range(count)):
-            shown = ",".join(str(place + 1) for place in options.order)
+        if options.order is None:
+            return
+        shown = ",".join(str(place + 1) for place in options.order)
+        if sorted(options.order) != list(range(count)):
             raise InputError(
                 f"the order {shown} is not a permutation of the {count} object(s); name each of 1 "
                 f"to {count} once."
             )
+        for part, parent in enumerate(parents):
+            if parent >= 0 and options.order.index(part) < options.order.index(parent):
+                raise InputError(
+                    f"the order {shown} puts part {part + 1} before {parent + 1}, on which it "
+                    "hangs; name what parts hang on first."
+                )
 
     def variants(
         self, method: str, parents: Sequence[int], asked: dict[str, Sequence[Any]]

@@ -69,7 +69,7 @@ def check_sizes(sizes, parts, name):
         if width < 1 or height < parts:
             raise InputError(
                 f"{name}[{i}] is {width} pixels wide and {height} high: use at least 1 pixel "
-                f"of width and {parts} of height, one for each part."
+                f"of width and {parts} of height, one for each band."
             )
 
 

@@ -91,6 +91,8 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
         ((*BOXES, "--likelihood", "foo"), "choose one of auto, integral, sampled"),
         ((*BOXES, "--codec", "foo"), "choose one of h264, vp9"),
         ((*BOXES, "--method", "sir", "--swap", "sorted"), "--swap goes with --method sps, and sir"),
+        ((*BOXES, "--method", "pffl", "--drift", "none"), "--drift goes with --method eskil"),
+        ((*BOXES, "--method", "eskil", "--form", "literal"), "--form goes with --method pffl"),
         ((*BOXES, "--order", "2,1"), "method 'dps' has none; use method 'ps'"),
         ((*BOXES, "--method", "ps", "--order", "0,0"), "--order 0,0 counts from 1"),
         (
@@ -160,7 +162,7 @@ def test_an_output_folder_in_use_is_refused_and_stays_as_it_is(track, tmp_path):
     (tmp_path / "out" / "tracks.csv").write_text("precious")
     outcome = track(*BOXES)
     assert outcome.code == 2
-    assert "is not empty (it holds 'tracks.csv'); choose another --output" in outcome.err
+    assert "is not empty (it holds 'tracks.csv'); choose another folder" in outcome.err
     assert (tmp_path / "out" / "tracks.csv").read_text() == "precious"
 
 
@@ -172,7 +174,7 @@ def test_an_output_folder_that_cannot_be_made_is_refused(place, tmp_path):
     assert "cannot create the output folder" in outcome.err
     outcome = jaxpf(*run, "-o", tmp_path / "file")
     assert outcome.code == 2
-    assert "is a file; choose another --output" in outcome.err
+    assert "is a file; choose another folder" in outcome.err
 
 
 def test_results_are_never_mixed_with_the_frames_they_come_from(place, tmp_path):

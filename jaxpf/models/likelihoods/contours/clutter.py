@@ -87,7 +87,7 @@ def learn_clutter(
         raise InputError(
             f"none of {total:.0f} random lines shows an edge above the threshold "
             f"{float(detector.threshold):g}, so that clutter cannot be learned; lower the "
-            "threshold, or give Poisson clutter with a mean."
+            "threshold, or give clutter, the mean number of edges on a line."
         )
     geometric = (mean / (1 + mean)) ** np.arange(len(counts))
     smoothed = counts + smoothing * geometric / geometric.sum()

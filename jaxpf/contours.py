@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf import building
+from jaxpf.errors import InputError
 from jaxpf.targets.contour_data import Annotated, Contours, Learned
 from jaxpf.targets.contour_models import contours_model, start_space
 from jaxpf.targets.contours import CONTOURS, contour_start, polylines, shapes_of
@@ -49,6 +50,11 @@ def tracker(
     Raises:
         InputError: an option that there is not, or a value out of range; the sentence says which.
     """
+    if not isinstance(contours, Contours):
+        raise InputError(
+            f"contours is {type(contours).__name__}: give jaxpf.contours.Contours, such as "
+            "Contours(names=(1, 2), points=points) with control points [P, K, 2]."
+        )
     given = {"method": method, "particles": particles, **options}
     start = contour_start(contours, learned)
     return building.make(CONTOURS, frame, start, given, likelihood=likelihood, ordering=ordering)

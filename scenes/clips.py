@@ -6,7 +6,7 @@ A folder holds
   counted from 0), ``n_frames``, ``width``, ``height``, ``fps``;
 * ``gt.csv``: a header ``frame,id,x,y,w,h,occ`` and one line per frame and object, frames counted
   from 0, (x, y) the box's top left corner in pixels, and occ 0 visible, 1 partly hidden, 2 mostly
-  or fully hidden, -1 not annotated.
+  or fully hidden, -1 not annotated; the last column may be left out.
 """
 
 import csv
@@ -250,18 +250,20 @@ def _read_truth(path: Path, num_frames: int) -> dict[tuple[int, int], tuple[list
     rows: dict[tuple[int, int], tuple[list[float], int]] = {}
     lines = _csv_rows(path)
     _, header = next(lines, (1, []))
-    if [name.strip() for name in header] != _COLUMNS:
+    columns = [name.strip() for name in header]
+    if columns not in (_COLUMNS, _COLUMNS[:-1]):
         raise SceneError(
-            f"{path}, line 1: the header must be {','.join(_COLUMNS)!r}, "
+            f"{path}, line 1: the header must be {','.join(_COLUMNS)!r}, occ being optional, "
             f"not {shown(','.join(header))}"
         )
     for line, cells in lines:
         if not cells:  # an empty line, such as the last one
             continue
         place = f"{path}, line {line}: {shown(','.join(cells))}"
-        if len(cells) != len(_COLUMNS):
-            raise SceneError(f"{place} has {len(cells)} values, not {len(_COLUMNS)}")
-        frame, number, hidden = (whole_number(cells[k], _COLUMNS[k], place) for k in (0, 1, 6))
+        if len(cells) != len(columns):
+            raise SceneError(f"{place} has {len(cells)} values, not {len(columns)}")
+        whole = [whole_number(cells[k], _COLUMNS[k], place) for k in (0, 1, 6) if k < len(cells)]
+        frame, number, hidden = (*whole, NOT_ANNOTATED)[:3]
         box = [real_number(cells[k], _COLUMNS[k], place) for k in (2, 3, 4, 5)]
         if not 0 <= frame < num_frames:
             raise SceneError(f"{place}: frame must lie in 0..{num_frames - 1}")

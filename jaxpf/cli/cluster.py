@@ -2,6 +2,7 @@
 
 import contextlib
 import logging
+import socket
 import warnings
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -46,6 +47,9 @@ def cluster(address: str, devices: int | None = None) -> Iterator[Cluster]:
     # It tells of every attempt in several lines.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
+        # Beforehand, since a client that reaches nobody complains again when it is thrown away.
+        there = distributed.comm.get_address_host_port(address)
+        socket.create_connection(there, _PATIENCE).close()
         client = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError):
         raise InputError(

@@ -32,7 +32,7 @@ class SmoothedTracks:
         self._tracks = enter(adapter.track_writer(output / "smoothed.csv", start))
         names, size = request.target.coordinates, tracker.initial.shape[-1]
         self._uncertainty = enter(
-            UncertaintyWriter(output / "smoothed_uncertainty.csv", names, size)
+            UncertaintyWriter(output / "smoothed_uncertainty.csv", names, size, quantiles=False)
         )
         if before == 0:
             self._append(run.start, start.shapes)

@@ -23,20 +23,27 @@ class UncertaintyWriter(LineWriter):
     below; empty where there are too many particles to sort.
     """
 
-    def __init__(self, path: str | os.PathLike[str], coordinates: Sequence[str], dimension: int):
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        coordinates: Sequence[str],
+        dimension: int,
+        quantiles: bool = True,
+    ):
         """Create the file.
 
         Args:
             path: the file.
             coordinates: names of the first ones; others are numbered.
             dimension: D.
+            quantiles: whether there are columns of them.
 
         Raises:
             InputError: it cannot be written.
         """
         names = [*coordinates[:dimension]]
         names += [f"c{number}" for number in range(len(names) + 1, dimension + 1)]
-        self._places = 2 if tuple(names[:2]) == _PLACE else 0
+        self._places = 2 if quantiles and tuple(names[:2]) == _PLACE else 0
         columns = ["frame", "id", *names]
         columns += [f"{what}_{name}" for what in ("spread", "error") for name in names]
         columns += [f"{name}_{level:g}" for name in names[: self._places] for level in LEVELS]

@@ -10,6 +10,9 @@ from jax import Array
 from jax.scipy.special import ndtri
 from jax.typing import ArrayLike
 
+from jaxpf.errors import InputError
+from jaxpf.pytree import is_concrete
+
 
 class Interval(NamedTuple):
     """A figure with its uncertainty; all four have the same shape.
@@ -164,6 +167,8 @@ def student_quantile(freedom: float, level: float = 0.95) -> float:
 
 def _quantile(level: ArrayLike) -> Array:
     """z with P(|normal| < z) = level."""
+    if is_concrete(level) and not np.all((np.asarray(level) > 0) & (np.asarray(level) < 1)):
+        raise InputError(f"level={level} must be above 0 and below 1, such as 0.95.")
     return ndtri((1 + jnp.asarray(level)) / 2)
 
 

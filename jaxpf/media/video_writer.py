@@ -143,7 +143,10 @@ class VideoWriter:
 
         Raises:
             InputError: an earlier frame could not be encoded or written.
+            ValueError: a frame of another shape or type, or the video is closed.
         """
+        if self._closed:
+            raise ValueError(f"video '{self.path}' is closed; write every frame before")
         if frame.shape != self._shape or frame.dtype != np.uint8:
             raise ValueError(
                 f"expected a uint8 frame of shape {self._shape}, got {frame.dtype} {frame.shape}"

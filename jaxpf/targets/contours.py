@@ -218,6 +218,11 @@ class ContourTarget(Target):
         shift = DEFAULT_SCALE[0] if options.shift_noise is None else options.shift_noise
         return np.array([shift, shift, np.nan])
 
+    @property
+    def has_places(self) -> bool:
+        """See ``Target``: every shape space begins with the shift of the middle."""
+        return True
+
     def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
         """See ``Target``."""
         return shapes_of(tracker, estimate)

@@ -175,7 +175,7 @@ class Target(abc.ABC):
 
     @property
     def has_places(self) -> bool:
-        """Whether a substate begins with a place in pixels, x and y."""
+        """Whether a substate begins with x and y of a place in pixels, or with its shift."""
         return tuple(self.coordinates[:2]) == ("x", "y")
 
     def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:

@@ -127,13 +127,18 @@ def names(tracker: Any) -> list[str]:
     return [name for name, leaf in _leaves(tracker).items() if _is_tunable(name, leaf)]
 
 
-def read(tracker: Any, wanted: Parameter) -> jax.Array:
+def read(tracker: Any, wanted: Parameter | str) -> jax.Array:
     """The value of a parameter.
+
+    Args:
+        tracker: of which.
+        wanted: the parameter, or its path.
 
     Raises:
         InputError: there is no such path, it is not of floats, or its value is outside its
             bounds.
     """
+    wanted = parameter(wanted) if isinstance(wanted, str) else wanted
     leaves = _leaves(tracker)
     leaf = leaves.get(wanted.name)
     if leaf is None or not _is_tunable(wanted.name, leaf):

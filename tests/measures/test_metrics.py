@@ -186,6 +186,8 @@ def test_wilson_interval_widens_with_its_level_and_knows_nothing_without_trials(
     narrow = wilson_interval(5, 10, level=0.5)
     wide = wilson_interval(5, 10, level=0.99)
     assert wide.lower < narrow.lower < 0.5 < narrow.upper < wide.upper
+    with pytest.raises(InputError, match="level=95 must be above 0 and below 1"):
+        intervals.wilson_interval(5, 10, level=95)
     nothing = wilson_interval(0, 0)
     assert np.isnan(nothing.value)
     assert (nothing.lower, nothing.upper) == (0, 1)

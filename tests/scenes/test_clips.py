@@ -41,6 +41,15 @@ def test_a_clip_is_read_with_gaps_where_an_object_has_no_line(folder):
     np.testing.assert_array_equal(clip.occlusion, [[0, -1], [1, -1], [2, 0]])
 
 
+def test_how_hidden_objects_are_may_be_left_out(folder):
+    boxes = scenes.read_clip(folder).boxes
+    rows = (folder / "gt.csv").read_text().splitlines()
+    (folder / "gt.csv").write_text("".join(row.rpartition(",")[0] + "\n" for row in rows))
+    clip = scenes.read_clip(folder)
+    np.testing.assert_array_equal(clip.boxes, boxes)
+    assert (clip.occlusion == -1).all()
+
+
 def test_a_clip_decodes_pictures_to_rgb_only_when_asked(folder):
     clip = scenes.read_clip(folder)
     (folder / "frames" / "0002.png").unlink()

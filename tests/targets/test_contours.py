@@ -95,6 +95,11 @@ def test_what_cannot_be_tracked_is_refused(wires, options, message):
         jaxpf.contours.tracker(wires[0].frames[0], wires[1], **{"clutter": 0.5, **options})
 
 
+def test_contours_are_no_bare_points(wires):
+    with pytest.raises(InputError, match=r"contours is ndarray: give jaxpf.contours.Contours"):
+        jaxpf.contours.tracker(wires[0].frames[0], wires[1].points)
+
+
 def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, wires, tracked):
     scene, _ = wires
     start, truth = CONTOUR_FILES.scene_start(scene), CONTOUR_FILES.scene_shapes(scene)

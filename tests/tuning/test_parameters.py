@@ -19,6 +19,7 @@ from jaxpf.tuning import Parameter, TrainingSequence
 def test_parameters_are_named_by_their_path():
     assert tuning.names(tracker()) == ["dynamics.scale", "likelihood.noise", "initial"]
     one = tuning.read(tracker(scale=3.0), Parameter("dynamics.scale[0]", low=0.0))
+    assert one == tuning.read(tracker(scale=3.0), "dynamics.scale[0]=0:")
     assert one.shape == ()
     assert one == 3.0
     changed = tuning.replace(tracker(), {"dynamics.scale[0]": 5.0, "likelihood.noise": [[[2.0]]]})

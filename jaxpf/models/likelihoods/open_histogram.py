@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jaxpf.errors import InputError
 from jaxpf.models.likelihoods._integral import LANES
 from jaxpf.models.likelihoods._references import box_histogram, check_sizes
 from jaxpf.models.likelihoods.color import NUM_BINS, check_frame, hsv_bins
@@ -77,9 +78,14 @@ def with_object(
         box: x, y, w, h in pixels; what is outside the frame is left out.
 
     Raises:
-        InputError: a band of the box has no pixel inside the frame.
+        InputError: a place that there is not; a band of the box has no pixel inside the frame.
     """
     check_frame(frame)
+    if not 0 <= place < len(likelihood.references):
+        raise InputError(
+            f"place is {place}, and the likelihood has {len(likelihood.references)} places; count "
+            "them from 0."
+        )
     box, parts = np.asarray(box, np.float64), likelihood.references.shape[1]
     check_sizes(box[None, 2:], parts, "boxes")
     learned = np.zeros(likelihood.references.shape[1:])

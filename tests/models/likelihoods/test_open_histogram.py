@@ -42,6 +42,8 @@ def test_a_box_that_cannot_be_seen_is_refused():
         with_object(places, 0, FRAME, [10, 70, 8, 8])
     with pytest.raises(jaxpf.InputError, match="at least 1 pixel"):
         with_object(places, 0, FRAME, [10, 10, 0.5, 8])
+    with pytest.raises(jaxpf.InputError, match="place is 2, and the likelihood has 2 places"):
+        with_object(places, 2, FRAME, [10, 10, 8, 8])
 
 
 def test_a_detection_pulls_by_its_distance_and_no_farther_than_its_trust():

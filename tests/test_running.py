@@ -266,6 +266,7 @@ def test_few_runs_cost_about_their_share_of_many():
         assert cost <= (1.5 if count >= 4 else 2) * share, count
 
 
+@pytest.mark.slow
 def test_runs_that_are_added_leave_the_bits_of_full_blocks():
     """In blocks of another width they are equal to rounding."""
     keys = jax.random.split(jax.random.key(0), 50)

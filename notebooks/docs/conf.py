@@ -29,6 +29,7 @@ myst_heading_anchors = 3
 nb_execution_mode = "off"
 napoleon_use_ivar = True
 autodoc_typehints = "none"  # docstrings tell shapes and units
+autoclass_content = "both"  # what making an instance takes stands in __init__
 html_theme = "sphinx_book_theme"
 html_title = "jaxpf"
 html_copy_source = html_show_copyright = False

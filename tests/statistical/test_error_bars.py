@@ -62,6 +62,7 @@ def test_one_run_tells_the_variance_over_many(case):
     assert (np.abs(ratio[np.isfinite(ratio)] - 1) < 0.1).all()
 
 
+@pytest.mark.slow
 def test_stages_add_up_to_the_whole():
     exact = problem(TREE, num_frames=3)
     tracker = exact.tracker(ordering.ps([0, 1, 2]), num_particles=400, resampling="multinomial")

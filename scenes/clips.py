@@ -262,8 +262,8 @@ def _read_truth(path: Path, num_frames: int) -> dict[tuple[int, int], tuple[list
         place = f"{path}, line {line}: {shown(','.join(cells))}"
         if len(cells) != len(columns):
             raise SceneError(f"{place} has {len(cells)} values, not {len(columns)}")
-        whole = [whole_number(cells[k], _COLUMNS[k], place) for k in (0, 1, 6) if k < len(cells)]
-        frame, number, hidden = (*whole, NOT_ANNOTATED)[:3]
+        frame, number = (whole_number(cells[k], _COLUMNS[k], place) for k in (0, 1))
+        hidden = NOT_ANNOTATED if len(cells) < 7 else whole_number(cells[6], _COLUMNS[6], place)
         box = [real_number(cells[k], _COLUMNS[k], place) for k in (2, 3, 4, 5)]
         if not 0 <= frame < num_frames:
             raise SceneError(f"{place}: frame must lie in 0..{num_frames - 1}")

@@ -20,7 +20,7 @@ from jaxpf.errors import InputError
 from jaxpf.evaluation.results import Configuration
 from jaxpf.files.writing import report_os_errors
 from jaxpf.filters.filter import Filter
-from jaxpf.options import Option, check_distinct, chosen, implied, options_of
+from jaxpf.options import Option, check_distinct, chosen, counting, implied, options_of
 from jaxpf.targets.target import Start, Target
 
 #: Runs of a configuration stay below: planning the batches of more would take minutes.
@@ -127,13 +127,10 @@ class Plan:
         found = options_of(of.options)
         for one in self._filters():
             its = options_of(one.options)
-            own = {n: its[n] for n in its if n not in one.varied and n not in found}
-            found |= {n: option for n, option in own.items() if self._has(option)}
+            asked = [m for m in one.methods if self.methods is None or m in self.methods]
+            having = {n for m in asked for n, counts in _counting(one, m).items() if counts}
+            found |= {n: its[n] for n in its if n in having - {*one.varied, *found}}
         return found
-
-    def _has(self, option: Option) -> bool:
-        """Whether it counts for some of the methods."""
-        return self.methods is None or any(_is_of(option, method) for method in self.methods)
 
     def _filters(self) -> list[Filter]:
         """The filters of the methods."""
@@ -162,9 +159,8 @@ class Plan:
                 f"{name} is no option{whose}, but of {' and '.join(having)}; leave it out."
             )
         for one in filters.filters().values():
-            option = options_of(one.options).get(name)
-            if option and name not in one.varied:
-                having = [method for method in one.methods if _is_of(option, method)]
+            if name in options_of(one.options) and name not in one.varied:
+                having = [method for method in one.methods if _counting(one, method)[name]]
                 return InputError(
                     f"{name} is an option of {', '.join(having)}, and not of "
                     f"{', '.join(self.methods or ())}; leave it out, or name one of them among "
@@ -244,9 +240,8 @@ class Plan:
             for method in self.methods or ():
                 its = filters.filter_of(method)
                 declared = options_of(of.options, its.options)
-                own = {
-                    n: v for n, v in point.items() if n in declared and _is_of(declared[n], method)
-                }
+                counts = _counting(its, method)
+                own = {n: v for n, v in point.items() if n in declared and counts.get(n, True)}
                 for name, option in options_of(its.options).items():
                     if name not in its.varied:
                         own.setdefault(name, option.default)
@@ -273,10 +268,9 @@ class Plan:
             yield {name: point[name] for name in names}
 
 
-def _is_of(option: Option, method: str) -> bool:
-    """Whether an option of a filter or target counts for a method."""
-    name, wanted = option.implies or ("", "")
-    return name != "method" or wanted == method
+def _counting(its: Filter, method: str) -> dict[str, bool]:
+    """Name -> whether an option of a filter counts for one of its methods."""
+    return counting(its.options(method=method))
 
 
 @dataclasses.dataclass(frozen=True)

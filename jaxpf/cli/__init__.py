@@ -1,7 +1,6 @@
 """The command line.  Each command's module is imported only when it is used."""
 
 import importlib
-import re
 import sys
 from typing import Any
 
@@ -65,7 +64,7 @@ def main(arguments: list[str] | None = None) -> Any:
     try:
         return group.main(arguments, prog_name="jaxpf", standalone_mode=False)
     except InputError as error:
-        click.echo(f"Error: {_cut(_as_typed(str(error)), _LONGEST_MESSAGE)}", err=True)
+        click.echo(f"Error: {_cut(str(error), _LONGEST_MESSAGE)}", err=True)
         sys.exit(2)
     except click.ClickException as error:
         error.show()
@@ -93,11 +92,6 @@ def main(arguments: list[str] | None = None) -> Any:
             err=True,
         )
         sys.exit(2)
-
-
-def _as_typed(text: str) -> str:
-    """A refusal of the library names options as Python does, ``swap='none'``; people type flags."""
-    return re.sub(r"\buse (\w+)='(\w+)'", lambda m: f"use --{m[1].replace('_', '-')} {m[2]}", text)
 
 
 #: Letters of a message that somebody may read.

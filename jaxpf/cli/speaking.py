@@ -17,12 +17,19 @@ class Speaking(click.Command):
         try:
             return super().invoke(ctx)
         except InputError as error:
-            flags = {
-                str(param.name): max(param.opts, key=len)
-                for param in self.params
-                if isinstance(param, click.Option) and ctx.params.get(str(param.name)) is not None
-            }
-            raise InputError(_in_flags(str(error), flags)) from error
+            options = [param for param in self.params if isinstance(param, click.Option)]
+            flags = {str(param.name): max(param.opts, key=len) for param in options}
+            given = {name: flag for name, flag in flags.items() if ctx.params.get(name) is not None}
+            raise InputError(_values_as_typed(_in_flags(str(error), given), flags)) from error
+
+
+def _values_as_typed(text: str, flags: Mapping[str, str]) -> str:
+    """Options and their values: ``--swap none`` and not ``swap='none'``."""
+    return re.sub(
+        r"\b(\w+)='(\w+)'",
+        lambda found: f"{flags[found[1]]} {found[2]}" if found[1] in flags else found[0],
+        text,
+    )
 
 
 def _in_flags(text: str, flags: Mapping[str, str]) -> str:

@@ -158,8 +158,8 @@ def place(joint, parent, parent_anchor, part_anchor):
     Args:
         joint: (offset_x, offset_y, angle).
         parent: substate of the parent, beginning with its pose.
-        parent_anchor: ``[2, ...]``, see the module.
-        part_anchor: ``[2, ...]``.
+        parent_anchor: ``[2, ...]``, the joint's place in the parent's own coordinates.
+        part_anchor: ``[2, ...]``, and in the part's.
     """
     theta = parent[2] + joint[2]
     x, y = turned(parent_anchor + joint[:2], parent[2])

@@ -4,17 +4,6 @@ Every objective runs a tracker R times over a sequence and gives one number per 
 the spread over runs is seen.  ``jax.grad`` with ``allow_int=True`` differentiates it with
 respect to the tracker, whose tables of integers are not differentiated.  What the gradient
 means is decided by the tracker: see ``jaxpf.gradients``.
-
-The log evidence compares models of the *observations*, so it needs a likelihood that is a
-density of them.  ``exp(-lambda d^2)`` of a distance d (smith2004) is not normalised over
-observations: every factor is at most one and lambda = 0 makes it one, so its evidence always
-prefers lambda = 0, whatever the frames show.  Tune such a sharpness by a supervised loss, or
-give the likelihood a normalised form first.
-
-Reverse-mode differentiation keeps what every frame computed.  With ``checkpoint=True`` only
-the particles between frames and their ancestors are kept, and each frame is computed again on
-the way back, for about one more forward pass; with a number k, only the particles of every
-k-th frame, for two more: with k near sqrt(T) memory grows with the root of the number of frames.
 """
 
 from collections.abc import Callable
@@ -43,14 +32,22 @@ def log_evidence(
     """Log of each run's estimate of ``p(y_1:T)``.
 
     ``exp`` of it is unbiased for the evidence where the tracker's is; the log of it is not,
-    but too low by about half its variance.  Beware of likelihoods that are not normalised
-    over observations, see the module's docstring.
+    but too low by about half its variance.
+
+    It compares models of the *observations*, so it needs a likelihood that is a density of
+    them.  ``exp(-lambda d^2)`` of a distance d (smith2004) is none: every factor is at most one
+    and lambda = 0 makes it one, so its evidence always prefers lambda = 0, whatever the frames
+    show.  Tune such a sharpness by a supervised loss, or give the likelihood a normalised form.
 
     Args:
         tracker: as for ``jaxpf.run``.
         keys: ``[R]``, one per run; the same keys give the same random numbers.
         frames: array or pytree with a leading time axis.
-        checkpoint: see the module's docstring; it changes memory and time, not the result.
+        checkpoint: what reverse-mode differentiation keeps, which changes memory and time, not
+            the result.  False: what every frame computed.  True: only the particles between
+            frames and their ancestors; each frame is computed again on the way back, for about
+            one more forward pass.  A number k: only the particles of every k-th frame, for two
+            more; with k near sqrt(T) memory grows with the root of the number of frames.
 
     Returns:
         ``[R]``; -inf for a run in which a frame was impossible for every particle.
@@ -93,7 +90,7 @@ def position_error(
         frames: array or pytree with a leading time axis T.
         truth: ``[T, P, >= 2]``, true substates, of which (u, v) are used; NaN where an
             object is not labelled, which does not count.
-        checkpoint: see the module's docstring.
+        checkpoint: as for :func:`log_evidence`.
 
     Returns:
         ``[R]``, in the units of the substates (pixels).
@@ -161,7 +158,7 @@ def overlap_loss(
         truth_boxes: ``[T, P, 4]``, x, y, w, h in pixels; NaN or without width or height where
             an object is not labelled, which does not count.
         sizes: ``[P, 2]``, width and height at scale 1, in pixels.
-        checkpoint: see the module's docstring.
+        checkpoint: as for :func:`log_evidence`.
 
     Returns:
         ``[R]``, between 0 and 1.
@@ -196,7 +193,7 @@ def outline_loss(
         frames: array or pytree with a leading time axis T.
         truth: ``[T, P, V, 2]`` corners in order, pixels; NaN where an object is not labelled.
         outlines: function of estimates ``[..., P, D]`` that gives ``[..., P, V, 2]``.
-        checkpoint: see the module's docstring.
+        checkpoint: as for :func:`log_evidence`.
 
     Returns:
         ``[R]``, between 0 and 1.

@@ -134,7 +134,7 @@ LEAF = [[10, 20], [30, 18], [32, 40], [12, 38]]
         ),
         ({}, ("--lines", "3"), "--lines 3 must be a whole number from 4"),
         ({}, ("--shape-space", "bent"), "'bent' is unknown; choose one of translation, similarity"),
-        ({}, ("--method", "sps"), "swap='combinatorial' needs a likelihood of single objects"),
+        ({}, ("--method", "sps"), "--swap combinatorial needs a likelihood of single objects"),
         ({}, ("--method", "labelled"), "log_joint"),
         ({}, ("--truth", "gt.csv"), "--truth is an option of boxes, and contours are tracked"),
     ],

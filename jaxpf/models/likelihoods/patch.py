@@ -131,7 +131,8 @@ def patch(
         sizes: [P, 2], width and height of the windows, pixels.
         sigma: the smaller, the sharper; .1 in eskil2014, there with ``norm="sum"``.
         window: columns and rows of the grid on which pixels are taken (eskil2014: 21 x 21).
-        norm: ``"mean"`` or ``"sum"``, see the module.
+        norm: ``"mean"``, squared differences over their number, or ``"sum"``, the paper's eq. 7,
+            far too sharp for particles on a large window.
         interpolation: ``"nearest"`` or ``"bilinear"``.
         names: what messages call the windows; by default their numbers.
 

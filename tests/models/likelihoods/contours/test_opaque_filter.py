@@ -5,6 +5,7 @@ from itertools import product
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jaxpf import Partitioned, monte_carlo, pytree_dataclass
 from jaxpf.dynamics import WithOcclusion
@@ -86,6 +87,7 @@ def enumerated():
     return total, sum(weight for (_, label), weight in weights.items() if label == 0)
 
 
+@pytest.mark.slow
 def test_evidence_and_label_posterior_are_those_of_enumeration():
     tracker = Partitioned(
         dynamics=WithOcclusion(ThreeSteps(), LIKELIHOOD, FLIP),

@@ -1,5 +1,6 @@
 """Shape spaces: how a contour may differ from its template, given or learned."""
 
+from jaxpf.models.bending import BendingSpace, bending_space
 from jaxpf.models.shape_learning import learn_shape_space, outline_of, varied
 from jaxpf.models.shapes import (
     ShapeSpace,
@@ -10,7 +11,9 @@ from jaxpf.models.shapes import (
 )
 
 __all__ = [
+    "BendingSpace",
     "ShapeSpace",
+    "bending_space",
     "check_contours",
     "explained_share",
     "key_frame_space",

@@ -22,6 +22,7 @@ def fit(
     *,
     coefficients: str = "steps",
     pooled: bool = False,
+    momentum: float | None = None,
 ) -> LinearGaussian:
     """The autoregression that tracks follow, ``x_t = A x_{t-1} + B x_{t-2} + b + L n``.
 
@@ -34,6 +35,9 @@ def fit(
             momentum of its own for each coordinate).  ``"own"``: free multiples of its own past,
             and an offset.  ``"all"``: full matrices and an offset.
         pooled: one dynamics for all targets, from the tracks of all; else one for each.
+        momentum: of order 2 with ``"steps"``, the share of its last step that every coordinate
+            repeats, instead of one that is learned: where marks jitter from frame to frame, what
+            is learned is too low, since a step is followed by the way back.
 
     Returns:
         A dynamics for P partitions, with a full noise covariance.
@@ -47,6 +51,14 @@ def fit(
         raise InputError(
             f"coefficients {coefficients!r} are unknown; choose one of {', '.join(COEFFICIENTS)}."
         )
+    if momentum is not None:
+        if (order, coefficients) != (2, "steps"):
+            raise InputError(
+                f"momentum {momentum:g} is of order 2 with coefficients 'steps', and order {order} "
+                f"with {coefficients!r} was asked for; leave it out."
+            )
+        if not 0 <= momentum <= 1:
+            raise InputError(f"momentum {momentum:g} must be 0 to 1.")
     pieces = [np.asarray(piece, float) for piece in _as_list(tracks)]
     if not pieces or any(
         piece.ndim != 3 or piece.shape[1:] != pieces[0].shape[1:] for piece in pieces
@@ -58,7 +70,7 @@ def fit(
     fits: dict[int, tuple[np.ndarray, ...]] = {}
     for targets in groups:
         examples = [_triples(piece[:, target], order) for piece in pieces for target in targets]
-        found = _fit_one(np.concatenate(examples), order, coefficients, targets)
+        found = _fit_one(np.concatenate(examples), order, coefficients, momentum, targets)
         fits |= dict.fromkeys(targets, found)
     transition, lag, offset, noise = (
         as_array(np.stack([fits[target][k] for target in range(num_targets)]), float)
@@ -83,11 +95,12 @@ def _triples(track: np.ndarray, order: int) -> np.ndarray:
     return every[np.isfinite(every).all(axis=(1, 2))]
 
 
-def _fit_one(examples, order, coefficients, targets) -> tuple[np.ndarray, ...]:
+def _fit_one(examples, order, coefficients, given, targets) -> tuple[np.ndarray, ...]:
     """A, B, b and L of one group of targets."""
     dimension = examples.shape[2]
     new, last = examples[:, -1], examples[:, -2]
     learned = {"steps": order - 1, "own": order + 1, "all": order * dimension + 1}[coefficients]
+    learned = 0 if given is not None else learned
     if len(examples) < learned + dimension + 1:
         name = f"target {targets[0]}" if len(targets) == 1 else "all targets together"
         raise InputError(
@@ -114,6 +127,7 @@ def _fit_one(examples, order, coefficients, targets) -> tuple[np.ndarray, ...]:
             step = last[:, k] - examples[:, 0, k]
             moved = step @ step
             momentum = step @ (new[:, k] - last[:, k]) / moved if moved > 0 else 0.0
+            momentum = momentum if given is None else given
             lag[k, k] = -momentum
         transition[k, k] = stay + momentum
     left = new - last @ transition.T - examples[:, 0] @ lag.T * (order == 2) - offset

@@ -48,6 +48,11 @@ class ShapeSpace:
         """K, control points of a contour."""
         return np.shape(self.template)[1]
 
+    @property
+    def num_templates(self) -> int:
+        """How many targets it tells apart; 1 serves all."""
+        return np.shape(self.template)[0]
+
     def control_points(self, substates):
         """Control points ``[..., P, K, 2]`` of substates ``[..., P, D]``, in pixels."""
         substates = jnp.asarray(substates)
@@ -55,6 +60,32 @@ class ShapeSpace:
         modes = jnp.asarray(self.modes, substates.dtype)
         modes = jnp.broadcast_to(modes, (substates.shape[-2], *modes.shape[1:]))
         return template + jnp.einsum("...pd,pdkc->...pkc", substates, modes)
+
+    def points_all(self, rows, partition, substates):
+        """Weighted means ``[2, R, N]`` of the control points of all particles, x before y.
+
+        Args:
+            rows: the weights, ``[R, K]``, such as a spline's basis.
+            partition: the target of every particle, ``[N]``.
+            substates: ``[D, N]``.
+        """
+        template = jnp.asarray(self.template, substates.dtype)
+        modes = jnp.asarray(self.modes, substates.dtype)
+        num_targets, dimension, num_points = modes.shape[:3]
+
+        def matrix(control):
+            """From the coordinates ``[n]`` of control points to x, then y, ``[2 R, n]``."""
+            return jnp.einsum("mk,rkc->cmr", rows, control).reshape(-1, control.shape[0])
+
+        if num_targets == 1:
+            start, moved = matrix(template), matrix(modes[0]) @ substates
+        else:
+            # One product, in which all but each particle's own target are zero.
+            is_target = (jnp.arange(num_targets)[:, None] == partition).astype(substates.dtype)
+            start = matrix(template) @ is_target
+            placed = (is_target[:, None] * substates[None]).reshape(-1, substates.shape[1])
+            moved = matrix(modes.reshape(num_targets * dimension, num_points, 2)) @ placed
+        return (start + moved).reshape(2, rows.shape[0], -1)
 
     def project(self, control: ArrayLike) -> np.ndarray:
         """The substates ``[..., P, D]`` whose contours are nearest to given control points.

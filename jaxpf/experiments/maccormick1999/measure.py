@@ -14,7 +14,7 @@ from jaxpf.experiments.paper import Request
 RUNS_PER_SCENE = 5
 #: Opaque targets are dearer: as many sequences, and so many runs on each.
 _OPAQUE_RUNS = 1
-WIRE_PARTICLES, _WORM_PARTICLES = 300, 1000
+WIRE_PARTICLES, _WORM_PARTICLES = 300, 2000
 
 
 class Found(NamedTuple):

@@ -137,8 +137,8 @@ def _check(
             f"crossings {crossings} of each of {num_targets} targets must be {edges} or more, and "
             f"{_MOST_CROSSINGS} at most together."
         )
-    if len(np.shape(space.template)) != 3 or np.shape(space.template)[0] not in (1, num_targets):
+    if space.num_templates not in (1, num_targets):
         raise InputError(
-            f"the shape space has {np.shape(space.template)[0]} templates; give one for all "
+            f"the shape space has {space.num_templates} templates; give one for all "
             f"targets, or {num_targets}."
         )

@@ -98,26 +98,9 @@ class IndependentContours(Likelihood):
 
     def lines_of(self, partition, substates) -> Lines:
         """Measurement lines ``[M, N]`` of substates ``[D, N]``, pointing outwards if clockwise."""
-        dtype = substates.dtype
-        template = jnp.asarray(self.space.template, dtype)
-        modes = jnp.asarray(self.space.modes, dtype)
-        num_targets, dimension, num_points = modes.shape[:3]
-        points, slopes = (jnp.asarray(matrix, dtype) for matrix in self._bases())
-        both = jnp.concatenate([points, slopes])
-
-        def matrix(control):
-            """From the coordinates ``[rows]`` of control points to x, then y, ``[4M, rows]``."""
-            return jnp.einsum("mk,rkc->cmr", both, control).reshape(-1, control.shape[0])
-
-        if num_targets == 1:
-            start, moved = matrix(template), matrix(modes[0]) @ substates
-        else:
-            # One product, in which all but each particle's own target are zero.
-            is_target = (jnp.arange(num_targets)[:, None] == partition).astype(dtype)
-            start = matrix(template) @ is_target
-            placed = (is_target[:, None] * substates[None]).reshape(-1, substates.shape[1])
-            moved = matrix(modes.reshape(num_targets * dimension, num_points, 2)) @ placed
-        rows = (start + moved).reshape(2, 2, self.num_lines, -1)
+        points, slopes = (jnp.asarray(matrix, substates.dtype) for matrix in self._bases())
+        both = self.space.points_all(jnp.concatenate([points, slopes]), partition, substates)
+        rows = both.reshape(2, 2, self.num_lines, -1)
         return _lines_through(rows[0, 0], rows[1, 0], rows[0, 1], rows[1, 1])
 
     def outline_points(self, substates) -> jax.Array:
@@ -129,7 +112,7 @@ class IndependentContours(Likelihood):
         closed, degree = self.space.closed, self.space.degree
         first = 0.0 if closed else 0.5  # the ends of an open contour have no neighbours to check
         places = (np.arange(self.num_lines) + first) / self.num_lines
-        num_points = np.shape(self.space.template)[1]
+        num_points = self.space.num_points
         kwargs: dict[str, Any] = {"closed": closed, "degree": degree}
         return basis(places, num_points, **kwargs), basis(
             places, num_points, derivative=1, **kwargs

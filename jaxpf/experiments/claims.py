@@ -69,6 +69,8 @@ class Quantity(NamedTuple):
         at_least: lower end of the claimed range.
         at_most: upper end of the claimed range.
         margin: distance from an end of the range within which a figure counts as equal to it.
+        chosen_among: figures of which this one was chosen by how it came out: its intervals are
+            Bonferroni-corrected for as many.
     """
 
     what: str
@@ -77,15 +79,20 @@ class Quantity(NamedTuple):
     at_least: float = -math.inf
     at_most: float = math.inf
     margin: float = 0.0
+    chosen_among: int = 1
 
     @property
     def is_exact(self) -> bool:
         """Whether there is no chance in it."""
         return isinstance(self.interval, _Exact)
 
+    def at(self, level: float) -> tuple[float, float]:
+        """The interval at a level, corrected for the choice."""
+        return self.interval(1 - (1 - level) / self.chosen_among)
+
     def measured(self, level: float = 0.95) -> Measured:
         """The figure with its interval."""
-        return Measured(self.value, *self.interval(level))
+        return Measured(self.value, *self.at(level))
 
 
 class Claim(NamedTuple):
@@ -169,9 +176,10 @@ def _growth(part: Quantity, resolved: Callable[..., bool], level: float) -> floa
     """
     from scipy.special import ndtr, ndtri
 
-    low, high = part.interval(level)
+    low, high = part.at(level)
     if not low < high:
         return math.nan
+    level = 1 - (1 - level) / part.chosen_among
     fewest, most = 0.0, math.log(1e8)  # of the logarithm of g
     if not resolved(part, (part.value, part.value)):
         return math.inf
@@ -263,7 +271,7 @@ def shown(parts: Sequence[Quantity], digits: int = 0, level: float = 0.95) -> st
 
 
 def _clearly(holds: Callable[..., bool], part: Quantity, level: float) -> bool:
-    low, high = part.interval(level)
+    low, high = part.at(level)
     return (low < high or part.is_exact) and holds(part, (low, high))
 
 

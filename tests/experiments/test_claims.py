@@ -224,3 +224,15 @@ def test_cluster_intervals_cover_the_rate():
         covered += low <= 100 * 0.4 <= high
     # 95 %, less three standard errors of 400 repeats.
     assert covered / repeats > 0.95 - 3 * math.sqrt(0.95 * 0.05 / repeats)
+
+
+def test_a_chosen_figure_is_resolved_by_more_runs():
+    """The correction for the choice widens an interval, and does not keep it from shrinking."""
+    interval = newcombe((25, 25), (50, 50))
+    part = Quantity("", 0.0, interval, at_least=0, margin=5.0, chosen_among=20)
+    assert part.at(0.95) == interval(1 - 0.05 / 20)
+    times = growth([part])
+    assert 20 < times < 60  # half the interval is 27 points wide: about (27 / 5)^2
+    runs = round(50 * times * 1.1)
+    enough = newcombe((runs / 2, runs / 2), (runs, runs))
+    assert verdict([part._replace(interval=enough)]) == EQUAL

@@ -5,7 +5,7 @@ METHODS = ("sir", "ps", "dps", "sps")
 #: Methods of the factored filter.
 FACTORED_METHODS = ("eskil", "pffl")
 #: How partitions of eskil2014 carry one another along, and how they hold one another in place.
-DRIFTS = ("clip", "signed", "ridge", "none")
+DRIFTS = ("clip", "signed", "literal", "ridge", "none")
 SHAPES = ("relative", "pixels", "none")
 #: How PFFL weighs its particles.
 FORMS = ("auxiliary", "literal")

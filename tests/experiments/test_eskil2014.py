@@ -21,7 +21,7 @@ def made(proposed: float, pffl: float, spot: float) -> Outcome:
         return last * growth * rng.uniform(0.9, 1.1, (scenes, runs, 40, 4))
 
     visible = np.ones((40, 40, 4), bool)
-    visible[:, 10:20, 0] = False
+    visible[:, 2:8, 0] = False  # back for thirty frames
     found = {
         methods.PROPOSED: errors(proposed, 5),
         methods.PFFL: errors(pffl, 5),
@@ -31,9 +31,10 @@ def made(proposed: float, pffl: float, spot: float) -> Outcome:
 
 
 def test_claims_follow_the_figures():
-    verdicts = [c.verdict for c in claims.scene_claims({"fish": made(0.02, 0.2, 0.05)})]
-    # All kept is 4 of 4 here; the paper's 12 are not asked for.
-    assert verdicts.count(SUPPORTS) == 5
+    verdicts = [c.verdict for c in claims.scene_claims({"fish": made(0.02, 0.2, 0.03)})]
+    # PFFL's error grows from the first frame on: it parts too early.
+    assert verdicts.count(SUPPORTS) == 6
+    assert verdicts.count(CONTRADICTS) == 1
     turned = [c.verdict for c in claims.scene_claims({"fish": made(0.2, 0.02, 0.3)})]
     assert turned.count(CONTRADICTS) >= 4
 
@@ -62,6 +63,36 @@ def test_a_lost_run_does_not_hide_among_the_others():
     assert peak.verdict == CONTRADICTS
     # Frames count in which all three are near: 190 of 200.
     assert float(together.measured.split()[1]) == pytest.approx(95)
+
+
+def test_a_point_that_passes_by_is_not_found_again():
+    visible = np.ones((45, 1), bool)
+    visible[5:10] = False
+    errors = np.full((2, 45, 1), 0.5)
+    errors[0, 30:] = 0.02  # the first run's stays, the second's passes
+    errors[1, 35:38] = 0.02
+    np.testing.assert_array_equal(tables.found_again(errors, visible), [1, 0])
+    assert np.isnan(tables.found_again(errors[:, :35], visible[:35])).all()
+
+
+def test_blinks_are_judged_by_the_eyes_alone():
+    names = ("left eye outer", "nose tip")
+    rng = np.random.default_rng(0)
+    errors = 0.02 + 0.001 * rng.random((40, 5, 127, 2))
+    errors[..., 1] = 0.5
+
+    def verdict(errors):
+        found = {methods.PROPOSED: errors}
+        face = Outcome("face", (*names, "right lip corner"), found, np.ones((40, 127, 3), bool))
+        judged = claims.scene_claims({"face": face})
+        return next(c.verdict for c in judged if c.statement.startswith("Three blinks"))
+
+    errors = np.concatenate([errors, errors[..., :1]], axis=-1)
+    errors[0, 0, 28, 0] = 0.3
+    assert verdict(errors) == SUPPORTS
+    errors[:, :, 70:, 0] = rng.uniform(0.2, 0.4, errors[:, :, 70:, 0].shape)
+    errors[0, 0, 73:79, 0] = 0.02
+    assert verdict(errors) == CONTRADICTS
 
 
 def test_the_table_has_a_row_for_every_method():

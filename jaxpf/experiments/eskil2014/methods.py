@@ -1,5 +1,6 @@
 """The methods compared, by name: trackers of points from a frame and where they start."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -7,8 +8,12 @@ import numpy as np
 
 import jaxpf.points
 from jaxpf.experiments.eskil2014.published import PFFL_PARTICLES, SHAPE_SCALE, SIGMA
+from jaxpf.models.dynamics import AR2
 
 PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
+WITH_DRIFT = "PFFL with drift"
+#: How much of its last displacement a particle of that one repeats: not published.
+MOMENTUM = 0.5
 
 #: Options of ``jaxpf.points.tracker``; what is not said has its default.
 _OPTIONS: Mapping[str, dict[str, Any]] = {
@@ -18,6 +23,7 @@ _OPTIONS: Mapping[str, dict[str, Any]] = {
         "sigma": SIGMA,
         "shape": "pixels",
         "shape_scale": SHAPE_SCALE,
+        "drift": "literal",
     },
     "without drift": {"drift": "none"},
     "without shape": {"shape": "none"},
@@ -31,6 +37,8 @@ _OPTIONS: Mapping[str, dict[str, Any]] = {
         "norm": "sum",
         "sigma": SIGMA,
     },
+    # The paper's sketch of it moves particles by drift and diffusion, and defines no drift.
+    WITH_DRIFT: {"method": "pffl", "particles": PFFL_PARTICLES},
     # As many likelihoods for every point as PFFL.
     "SIR": {"method": "sir", "particles": 2 * PFFL_PARTICLES},
     "PS": {"method": "ps", "particles": 2 * PFFL_PARTICLES},
@@ -53,7 +61,12 @@ def trackers(
         scale: sigma_t, pixels.
         names: of ``FILTERS``.
     """
-    return {
+    found = {
         name: jaxpf.points.tracker(frame, points, diffusion=scale, **_OPTIONS[name])
         for name in names
+    }
+    return found | {
+        name: dataclasses.replace(found[name], dynamics=AR2(np.float32(scale), MOMENTUM))
+        for name in names
+        if name == WITH_DRIFT
     }

@@ -42,5 +42,10 @@ KEPT_PFFL, KEPT_PROPOSED = 7, 12
 SKYDIVER_LARGEST, SKYDIVER_MOSTLY = 0.25, 0.2
 #: Frames after which methods part (figures 7 and 10).
 PARTING = {"skydivers PFFL": 50, "skydivers SPOT": 75, "face": 85}
+#: Frames of the fish before PFFL's points drift ("as early as frame 15"), and after its curve parts
+#: ("from frame 20"); errors begin with frame 1.
+FISH_TOGETHER, FISH_PARTED = slice(0, 14), slice(19, 30)
+#: Frames of the face in whose middle the eyes are closed: three blinks, ours (scenes.face).
+BLINKS = (22, 68, 108)
 #: Frames in which the mouth smiles.
 SMILE = (56, 95)

@@ -1,6 +1,7 @@
 """The runs behind the tables: all methods on a set of scenes, or on one clip."""
 
 import functools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -20,8 +21,8 @@ from jaxpf.running.blocks import monte_carlo
 RUNS_PER_SCENE = 5
 #: Runs that are vectorised together.
 TOGETHER = 5
-#: SPOT takes about half a second for a frame: it is run on the first scenes only.
-SPOT_SCENES = 3
+#: SPOT takes about half a second for a frame: it is run on a share of the scenes only.
+SPOT_SHARE = 0.3
 
 
 class Outcome(NamedTuple):
@@ -31,7 +32,7 @@ class Outcome(NamedTuple):
         scene: name of the kind.
         names: of the points.
         errors: method -> ``[S, R, T, P]``, distances over the body's length; of SPOT the first
-            ``SPOT_SCENES`` scenes only.
+            scenes only.
         visible: ``[S, T, P]`` bool.
     """
 
@@ -39,6 +40,11 @@ class Outcome(NamedTuple):
     names: tuple[str, ...]
     errors: Mapping[str, np.ndarray]
     visible: np.ndarray
+
+
+def spot_scenes(number: int) -> int:
+    """Of so many scenes, those that SPOT is run on: a share, and at least three."""
+    return min(max(3, math.ceil(SPOT_SHARE * number)), number)
 
 
 def measure(
@@ -72,7 +78,7 @@ def measure(
             functools.partial(
                 _on_scene,
                 *(scene, seed, parameters, scale, filters),
-                *(others if done < SPOT_SCENES else fewer, runs),
+                *(others if done < spot_scenes(len(seeds)) else fewer, runs),
             ),
         )
         for done, seed in enumerate(seeds)

@@ -54,10 +54,11 @@ def drift(motion: Motion, seen: jax.Array, rule: str) -> jax.Array:
         seen: ``[P, E]``, the velocities that the partitions seem to have now.
         rule: ``"clip"``: correlations below 0 count as 0, and weights sum to one; ``"signed"``:
             weights are divided by the sum of their sizes, so that opposite motion pushes back;
+            ``"literal"``: by their plain sum, as eq. 9 has it, which explodes where correlations
+            cancel;
             ``"ridge"``: the best linear prediction of a partition's velocity by the others'
-            (ridge regression on the frames remembered).  Dividing by the plain sum, as eq. 9 has
-            it, explodes where correlations cancel.  Where nothing is known of a partition, the
-            others count alike.
+            (ridge regression on the frames remembered).  Where nothing is known of a partition,
+            the others count alike.
     """
     if rule == "none":
         return jnp.zeros_like(seen)
@@ -68,14 +69,15 @@ def drift(motion: Motion, seen: jax.Array, rule: str) -> jax.Array:
 
 
 def weights(motion: Motion, rule: str) -> jax.Array:
-    """rho ``[P, P]`` of ``"clip"`` and ``"signed"``, zero on the diagonal (eq. 8 and 9)."""
+    """rho ``[P, P]`` of all rules but ``"ridge"``, zero on the diagonal (eq. 8 and 9)."""
     related = correlations(motion)
     num_partitions = related.shape[0]
     if rule == "clip":
         related = jnp.maximum(related, 0.0)
-    total = jnp.sum(jnp.abs(related), axis=1, keepdims=True)
+    summed = related if rule == "literal" else jnp.abs(related)
+    total = jnp.sum(summed, axis=1, keepdims=True)
     alike = _others(num_partitions, related.dtype) / (num_partitions - 1)
-    enough = total > 1e-6
+    enough = jnp.abs(total) > 1e-6
     return jnp.where(enough, related / jnp.where(enough, total, 1.0), alike)
 
 

@@ -33,9 +33,12 @@ def outcome(seed=0, **errors):
     ratio[names.index("without size term")] *= 0.2
     astray = 0.01 * rng.random(shape[:-1])
     astray[names.index("neither")] = 0.5
+    between = 0.1 + 0.01 * rng.random((len(names), SCENES))
+    between[names.index("Condensation")] *= 10
+    within = 0.1 + 0.01 * rng.random((len(names), SCENES))
     strip = np.zeros((SCENES, FRAMES, TARGETS), bool)
     strip[:, :5] = True
-    return synthetic.Outcome(names, error, ratio, share, astray, strip)
+    return synthetic.Outcome(names, error, ratio, share, astray, between, within, strip)
 
 
 def verdicts(found, crossing=None):
@@ -62,6 +65,8 @@ def test_what_agrees_with_the_paper_is_supported():
     assert verdict_of(found, "to a negligible") == SUPPORTS
     assert verdict_of(found, "and eventually collapse") == SUPPORTS
     assert verdict_of(found, "Without the size term") == SUPPORTS
+    assert verdict_of(found, "Condensation's estimates") == SUPPORTS
+    assert verdict_of(found, "The proposal deals") == SUPPORTS
 
 
 def test_what_disagrees_is_contradicted():
@@ -71,6 +76,9 @@ def test_what_disagrees_is_contradicted():
     assert verdict_of(verdicts(kept), "and eventually collapse") == CONTRADICTS
     lost = verdicts(outcome(both=3.0))
     assert verdict_of(lost, "With both no target") == CONTRADICTS
+    assert verdict_of(lost, "The exponent that grows") == CONTRADICTS
+    steady = found._replace(between=0.01 * found.between)
+    assert verdict_of(verdicts(steady), "Condensation's estimates") == CONTRADICTS
 
 
 def test_what_is_open_says_how_many_runs_would_resolve_it():
@@ -138,7 +146,7 @@ def test_the_whole_comparison_is_measured_printed_and_written(tmp_path, monkeypa
     """Two short scenes; the figures mean nothing at this length."""
     make = scenes.make
     monkeypatch.setattr(
-        scenes, "make", lambda name, **settings: make(name, num_frames=12, **settings)
+        scenes, "make", lambda name, **settings: make(name, **settings | {"num_frames": 12})
     )
     some = distracter.Measured(300, 1.0, np.eye(4) > 0, np.eye(4) < 1, np.linspace(0.5, 0.6, 4))
     monkeypatch.setattr(distracter, "measure", lambda seeds: {"PS": some})
@@ -151,10 +159,19 @@ def test_the_whole_comparison_is_measured_printed_and_written(tmp_path, monkeypa
         found = rowe2005.PAPER.run(runs=2 * RUNS, quick=True)
     assert [table.texts() for table in found.tables] == [table.texts() for table in first.tables]
     names = [table.name for table in found.tables]
-    assert names == ["shares", "errors", "likelihoods", "sizes", "bias", "distracter"]
+    assert names == [
+        "shares",
+        "errors",
+        "likelihoods",
+        "sizes",
+        "variance",
+        "settings",
+        "bias",
+        "distracter",
+    ]
     assert all(table.texts() for table in found.tables)
     written = comparison_table.write(found, tmp_path)
-    assert {"figure_2.png", "figure_3.png", "figure_4.png", "rowe2005.md"} <= set(written)
+    assert {"figure_2.png", "figure_4.png", "figure_5.png", "rowe2005.md"} <= set(written)
     assert "49.5 to 50.5" in (tmp_path / "rowe2005.md").read_text()
     with pytest.raises(jaxpf.InputError, match="multiple of 4"):
         rowe2005.PAPER.run(runs=6)
@@ -164,5 +181,7 @@ def test_the_calibration_uses_scenes_that_no_report_uses():
     from jaxpf.experiments.rowe2005 import calibration
 
     assert min(calibration.SEEDS) >= 2**20
-    for field, values in calibration.GRID.items():
-        assert getattr(synthetic.SETTINGS, field) in values
+    for variant, settings in synthetic.TUNED.items():
+        assert variant in synthetic.VARIANTS
+        for field, values in calibration.GRID.items():
+            assert getattr(settings, field) in (*values, getattr(calibration.START, field))

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from jaxpf.experiments.claims import Claim, judged
-from jaxpf.experiments.estimates import gap_of, mean_of, share_of
+from jaxpf.experiments.estimates import gap_of, mean_of, ratio_of, share_of
 from jaxpf.experiments.rowe2005 import published, tables
 from jaxpf.experiments.rowe2005.measure import Found
 from jaxpf.experiments.rowe2005.scenes import Outcome
@@ -33,6 +33,8 @@ def scene_claims(outcome: Outcome, crossing: Outcome) -> list[Claim]:
     return [
         *_shares(outcome),
         *_errors(outcome),
+        *_variance(outcome),
+        *_power(outcome),
         *_likelihood(outcome, crossing),
         *_sizes(outcome),
     ]
@@ -105,6 +107,47 @@ def _errors(outcome: Outcome) -> Iterator[Claim]:
         "4, beside figure 3",
         '"negligible"',
         mean_of(tables.astray(outcome, "both"), "both, %", at_most=NEGLIGIBLE),
+        digits=1,
+    )
+
+
+def _variance(outcome: Outcome) -> Iterator[Claim]:
+    """Of Condensation: without eq. 4, feedback and regularising."""
+    of = {name: outcome.of(name) for name in ("Condensation", "both")}
+    between, within = outcome.between, outcome.within
+    yield judged(
+        "Condensation's estimates vary more from run to run than a run of its own tells (ratio of "
+        "standard deviations above 1)",
+        "2",
+        '"high" and "low"',
+        ratio_of(
+            between[of["Condensation"]],
+            within[of["Condensation"]],
+            "between runs / within one",
+            at_least=1,
+        ),
+        digits=2,
+    )
+    yield judged(
+        "The proposal deals with it: its estimates vary less from run to run than Condensation's "
+        "(ratio above 1)",
+        "abstract and 2",
+        "–",
+        ratio_of(between[of["Condensation"]], between[of["both"]], "without / with", at_least=1),
+        digits=2,
+    )
+
+
+def _power(outcome: Outcome) -> Iterator[Claim]:
+    lost = {name: tables.lost(outcome, name) for name in ("without power", "both")}
+    yield judged(
+        "The exponent that grows with the target's size lets samples that fit prevail: without it "
+        "more targets are lost",
+        "3.4, eq. 8",
+        "no figure",
+        gap_of(
+            lost["without power"], lost["both"], "without - with, points", at_least=0, margin=MARGIN
+        ),
         digits=1,
     )
 

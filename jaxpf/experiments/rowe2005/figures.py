@@ -1,9 +1,10 @@
-"""Figures 2 to 4: samples per target, lost samples, and the error of the size."""
+"""Figures 2 to 6: samples per target, lost samples, the error of the size, and runs in pictures."""
 
 from typing import Any
 
 import numpy as np
 
+from jaxpf.experiments.rowe2005 import pictures
 from jaxpf.experiments.rowe2005.measure import Found
 from jaxpf.experiments.rowe2005.scenes import Outcome
 from jaxpf.media import plotting
@@ -15,6 +16,7 @@ def figures(found: Found) -> dict[str, Any]:
         "figure_2": figure_2(found.outcome),
         "figure_3": figure_3(found.outcome),
         "figure_4": figure_4(found.outcome),
+        **pictures.figures(found.pictures),
     }
 
 

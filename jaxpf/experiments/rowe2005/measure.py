@@ -7,13 +7,14 @@ import numpy as np
 
 from jaxpf.experiments.paper import Request
 from jaxpf.experiments.parts import part
-from jaxpf.experiments.rowe2005 import bias, births, distracter
+from jaxpf.experiments.rowe2005 import bias, births, distracter, pictures
 from jaxpf.experiments.rowe2005.scenes import RUNS_PER_SCENE, VARIANTS, Outcome
 from jaxpf.experiments.rowe2005.scenes import measure as measure_scenes
 
 #: Scenes of the comparison with PS, DPS and SPS, and runs behind the table of biases.
 _COMPARED, _QUICK_COMPARED = 20, 4
 _QUICK_BIAS_RUNS = 2000
+_QUICK_PICTURED = 40
 
 
 class Found(NamedTuple):
@@ -25,6 +26,7 @@ class Found(NamedTuple):
         bias: variant -> evidence of linear-Gaussian targets.
         compared: method -> what smith2004's scene gave.
         births: tracker -> scores of people who come and go; None without the clip.
+        pictures: one run in pictures, by the figure's name.
     """
 
     outcome: Outcome
@@ -32,6 +34,7 @@ class Found(NamedTuple):
     bias: Mapping[str, Mapping[str, np.ndarray]]
     compared: Mapping[str, distracter.Measured]
     births: Mapping[str, np.ndarray] | None
+    pictures: Mapping[str, pictures.Pictures]
 
 
 def measure(request: Request) -> Found:
@@ -55,4 +58,6 @@ def measure(request: Request) -> Found:
         drawn = range(seed, seed + (births.QUICK_SEEDS if quick else births.SEEDS))
         report(f"People who come and go: {len(drawn)} seeds on {births.CLIP}")
         scores = births.measure(request.clips, drawn, report)
-    return Found(outcome, crossing, biased, compared, scores)
+    report("One run in pictures")
+    pictured = pictures.measure(request.data, seed, _QUICK_PICTURED if quick else None)
+    return Found(outcome, crossing, biased, compared, scores, pictured)

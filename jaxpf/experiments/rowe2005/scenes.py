@@ -43,8 +43,16 @@ class Settings(NamedTuple):
     rates: tuple[float, float]
 
 
-#: Found by ``calibration.search`` on its own seeds.
-SETTINGS = Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.25, (0.9, 0.4))
+#: Found by ``calibration.calibrate`` on its own seeds, each variant by itself.
+TUNED = {
+    "both": Settings(1.5, 0.02, 1.2, 50.0, 1.0, 0.5, (0.7, 0.2)),
+    "neither": Settings(2.5, 0.02, 1.2, 30.0, 1.0, 0.25, (0.9, 0.4)),
+    "feedback only": Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.25, (0.9, 0.4)),
+    "without eq. 4": Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.12, (0.9, 0.4)),
+    "Condensation": Settings(2.5, 0.1, 1.2, 30.0, 1.0, 0.5, (0.9, 0.4)),
+    "product": Settings(1.5, 0.02, 1.2, 80.0, 1.0, 1.0, (0.9, 0.4)),
+}
+SETTINGS = TUNED["both"]
 
 #: Variant -> what differs from the paper's filter: eq. 4, feedback and regularising on.
 VARIANTS: dict[str, dict[str, Any]] = {
@@ -53,12 +61,27 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "regularising only": {"feedback": "none"},
     "feedback only": {"rates": (1.0, 1.0)},
     "without eq. 4": {"weights": "plain"},
+    "Condensation": {"weights": "plain", "feedback": "none", "rates": (1.0, 1.0)},
     "eq. 4 corrected": {"weights": "corrected"},
     "systematic": {"resampling": "systematic"},
-    "product": {"pool": "product"},
+    # It takes no power: it is sharp enough.
+    "product": {"pool": "product", "min_slope": 0.0},
     "without size term": {"size_term": 0.0},
     "without power": {"min_slope": 0.0},
 }
+
+
+def settings_of(variant: str) -> Settings:
+    """What a variant is run with: its own settings, or those of the filter it is a form of.
+
+    Without feedback regularising changes what is reported and nothing else, so that "regularising
+    only" has the settings of "neither".  How weights are corrected and particles drawn asks for no
+    other noise than the whole filter's; what becomes of sizes without their term is seen at the
+    noise that it has; and without power all targets were lost with every setting that was tried.
+    """
+    if variant == "regularising only":
+        return TUNED["neither"]._replace(rates=SETTINGS.rates)
+    return TUNED.get(variant, SETTINGS)
 
 
 def tracker(scene: Any, settings: Settings = SETTINGS, **changes: Any) -> jaxpf.Labelled:
@@ -81,7 +104,7 @@ def tracker(scene: Any, settings: Settings = SETTINGS, **changes: Any) -> jaxpf.
         window=(8, 12),
         pool=pool,
         colour="grey",
-        min_slope=settings.min_slope if pool == "mean" else 0.0,
+        min_slope=settings.min_slope,
         size_term=settings.size_term,
     )
     boxes = np.asarray(scene.boxes[0], np.float32)
@@ -113,6 +136,9 @@ class Outcome(NamedTuple):
         area_ratio: ``[V, S, R, T, L]``, estimated over true area.
         share: ``[V, S, R, T, L]``, the target's share of the particles.
         astray: ``[V, S, R, T]``, share of the particles whose box misses their target's.
+        between: ``[V, S]``, how far the runs' estimates lie from their mean, over the root of the
+            true area: root of the mean square over runs, frames and targets.
+        within: ``[V, S]``, the same of a run's own particles, of targets that have some.
         in_strip: ``[S, T, L]`` bool, the true box meets a strip.
     """
 
@@ -121,6 +147,8 @@ class Outcome(NamedTuple):
     area_ratio: np.ndarray
     share: np.ndarray
     astray: np.ndarray
+    between: np.ndarray
+    within: np.ndarray
     in_strip: np.ndarray
 
     def of(self, variant: str) -> int:
@@ -131,12 +159,11 @@ class Outcome(NamedTuple):
 def measure(
     seeds: Sequence[int],
     variants: Mapping[str, Mapping[str, Any]] = VARIANTS,
-    settings: Settings = SETTINGS,
     progress: Callable[[int], None] = lambda done: None,
     name: str = "scene",
     **parameters: Any,
 ) -> Outcome:
-    """Run every variant on the scenes of the seeds, ``RUNS_PER_SCENE`` times.
+    """Run every variant on the scenes of the seeds, ``RUNS_PER_SCENE`` times, see ``settings_of``.
 
     ``parameters`` are the scene's, where they differ from its defaults.  A run's random numbers
     depend on its seed and number alone, which are common to all variants.  ``name`` is that under
@@ -144,8 +171,7 @@ def measure(
     """
     found = []
     for one in each(
-        (f"{name}-{seed}", partial(_on_scene, seed, variants, settings, parameters))
-        for seed in seeds
+        (f"{name}-{seed}", partial(_on_scene, seed, variants, parameters)) for seed in seeds
     ):
         found.append(one)
         progress(len(found))
@@ -159,20 +185,25 @@ def measure(
 def _on_scene(
     seed: int,
     variants: Mapping[str, Mapping[str, Any]],
-    settings: Settings,
     parameters: Mapping[str, Any],
 ) -> dict[str, np.ndarray]:
     """Fields of an ``Outcome`` of one scene, without the axis of the scenes."""
     scene = scenes.make("projectiles", seed=seed, **parameters)
-    keys = run_keys(seed, np.arange(RUNS_PER_SCENE))
-    frames, truth = jnp.asarray(scene.frames[1:]), np.asarray(scene.boxes[1:], np.float32)
     measured = [
-        _measured(tracker(scene, settings, **changes), keys, frames, truth)
-        for changes in variants.values()
+        run_on(scene, seed, changes, settings_of(name)) for name, changes in variants.items()
     ]
     columns = [np.stack(column) for column in zip(*measured, strict=True)]
-    in_strip = _in_strip(truth, scene.extras["strips"])
+    in_strip = _in_strip(np.asarray(scene.boxes[1:], np.float32), scene.extras["strips"])
     return dict(zip(Outcome._fields[1:], [*columns, in_strip], strict=True))
+
+
+def run_on(
+    scene: Any, seed: int, changes: Mapping[str, Any], settings: Settings
+) -> list[np.ndarray]:
+    """What ``RUNS_PER_SCENE`` runs on a scene give: fields of an ``Outcome``, one variant's."""
+    keys = run_keys(seed, np.arange(RUNS_PER_SCENE))
+    frames, truth = jnp.asarray(scene.frames[1:]), np.asarray(scene.boxes[1:], np.float32)
+    return _measured(tracker(scene, settings, **changes), keys, frames, truth)
 
 
 def _in_strip(boxes: np.ndarray, strips: np.ndarray) -> np.ndarray:
@@ -187,12 +218,13 @@ def _measured(tracker: Any, keys: Any, frames: Any, truth: np.ndarray) -> list[n
 
 def _record(state: Any, summary: Any) -> Any:
     """What is reported, and every particle's box and label."""
-    return summary.estimate, summary.uniqueness, state.lagged[0, :4], state.labels
+    reported = summary.estimate, summary.uniqueness, summary.spread[..., :2]
+    return *reported, state.lagged[0, :4], state.labels
 
 
 @jax.jit
 def _measures(found: Any, truth: jax.Array) -> tuple[jax.Array, ...]:
-    estimate, share, particles, labels = found
+    estimate, share, spread, particles, labels = found
     centres = truth[..., :2] + truth[..., 2:] / 2
     error = jnp.linalg.norm(estimate[..., :2] - centres, axis=-1) / jnp.sqrt(area(truth))
     ratio = estimate[..., 2] * estimate[..., 3] / area(truth)
@@ -200,4 +232,8 @@ def _measures(found: Any, truth: jax.Array) -> tuple[jax.Array, ...]:
     boxes = jnp.concatenate([particles[..., :2] - particles[..., 2:] / 2, particles[..., 2:]], -1)
     own = jnp.take_along_axis(truth[None], labels[..., None], axis=2)
     astray = jnp.mean(intersection_area(boxes, own) <= 0, axis=-1)
-    return error, ratio, share, astray
+    apart = estimate[..., :2] - estimate[..., :2].mean(axis=0)
+    freedom = len(apart) / (len(apart) - 1)
+    between = jnp.sqrt(freedom * jnp.mean(jnp.sum(apart**2, axis=-1) / area(truth)))
+    within = jnp.sqrt(jnp.nanmean(jnp.sum(spread**2, axis=-1) / area(truth)))
+    return error, ratio, share, astray, between, within

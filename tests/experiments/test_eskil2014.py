@@ -75,6 +75,19 @@ def test_a_point_that_passes_by_is_not_found_again():
     assert np.isnan(tables.found_again(errors[:, :35], visible[:35])).all()
 
 
+def test_the_printed_drift_divides_by_the_plain_sum():
+    from jaxpf.filters.factored import drift
+
+    rng = np.random.default_rng(3)
+    velocities = rng.normal(size=(10, 4, 2)).astype(np.float32)
+    motion = drift.Motion(np.zeros((4, 2), np.float32), velocities, np.int32(10))
+    related = np.asarray(drift.correlations(motion))
+    printed = np.asarray(drift.weights(motion, "literal"))
+    np.testing.assert_allclose(printed, related / related.sum(axis=1, keepdims=True), rtol=1e-4)
+    assert (related < 0).any()
+    np.testing.assert_allclose(printed.sum(axis=1), 1, rtol=1e-4)
+
+
 def test_blinks_are_judged_by_the_eyes_alone():
     names = ("left eye outer", "nose tip")
     rng = np.random.default_rng(0)

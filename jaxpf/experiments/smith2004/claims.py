@@ -301,7 +301,7 @@ def _by_order(outcome: Tracked) -> list[int]:
     return [count for name, count in outcome.recoveries.items() if name.startswith("PS ")]
 
 
-def _dps_over_ps(outcome: Tracked, **claimed: float) -> Quantity:
+def _dps_over_ps(outcome: Tracked, **claimed: Any) -> Quantity:
     orders = _by_order(outcome)
     counts, runs = (outcome.recoveries["DPS"], sum(orders)), outcome.runs * len(orders)
     value = 100 * (counts[0] / outcome.runs - counts[1] / runs)

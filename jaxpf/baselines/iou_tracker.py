@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.populations.association import Rules, advance, no_tracks
+from jaxpf.measures.association import Rules, advance, no_tracks
 
 
 def iou_tracks(detections: Iterable[np.ndarray], rules: Rules | None = None) -> np.ndarray:

@@ -220,7 +220,7 @@ class Recorder:
 
     def finish(self, stopped, truth):
         """Write what is known only at the end, and tell the user; ``stopped``: by what, or None."""
-        from jaxpf.files.writing import atomic_write
+        from jaxpf.files.writing import write_text
         from jaxpf.media import plotting
 
         rate = (self.num_tracked - 1) / self.seconds_rest if self.seconds_rest > 0 else None
@@ -246,9 +246,7 @@ class Recorder:
             "frames_per_second": None if rate is None else round(rate, 2),
             "versions": versions(),
         }
-        with atomic_write(self.output / "summary.json") as file:
-            json.dump(content, file, indent=2)
-            file.write("\n")
+        write_text(self.output / "summary.json", json.dumps(content, indent=2) + "\n")
         if self.num_tracked:
             table = np.loadtxt(self.output / "diagnostics.csv", delimiter=",", skiprows=1, ndmin=2)
             last = 3 + len(self.ids)

@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxpf.adapters import DEFAULT
 from jaxpf.cli.console import print_table
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.writing import atomic_write, write_text
 from jaxpf.options import options_of
 
 TUNED, TRACES, COMPARISON = "tuned.toml", "tuning.png", "comparison.csv"
@@ -145,5 +145,4 @@ def compare_before_and_after(
         ["", "before", "after", "paired difference", "here" if one else "for such scenes"],
         rows,
     )
-    with atomic_write(output / COMPARISON) as file:
-        file.write("\n".join(lines) + "\n")
+    write_text(output / COMPARISON, "\n".join(lines) + "\n")

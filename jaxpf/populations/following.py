@@ -24,10 +24,11 @@ from jaxpf.errors import InputError
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
+from jaxpf.measures import association
 from jaxpf.models.likelihoods.detected import Detected
 from jaxpf.models.likelihoods.open_histogram import open_histogram, with_object
 from jaxpf.models.model import Model
-from jaxpf.populations import association, lifetimes
+from jaxpf.populations import lifetimes
 from jaxpf.populations.lifetimes import EMPTY, Changes, Living, Refusal, Rules
 from jaxpf.targets.appearance import DISCRIMINATIVE, RELATIVE
 from jaxpf.targets.box_models import DEFAULT_SCALE, box_model, boxes_at

@@ -290,24 +290,19 @@ class Recorder:
         self.uncertainty.tell(self.ids)
         if self.source.note:
             click.echo(f"Note: {self.source.note}", err=True)
-        for where, frames_of in (
-            ("was outside the picture", self.frames_outside),
-            ("had no likelihood for any particle", self.frames_without_likelihood),
+        unsure = f" (confidence below {PROBABLY_LOST:g})"
+        for how, where, why, frames_of in (
+            ("Lost", " was outside the picture", "", self.frames_outside),
+            ("Lost", " had no likelihood for any particle", "", self.frames_without_likelihood),
+            ("Probably lost", "", unsure, self.frames_probably_lost),
         ):
             for name, frames in frames_of.items():
                 if frames:
                     click.echo(
-                        f"Lost: object {name} {where} in {counted(len(frames))}, first in frame "
-                        f"{frames[0]}.",
+                        f"{how}: object {name}{where} in {counted(len(frames))}, first in frame "
+                        f"{frames[0]}{why}.",
                         err=True,
                     )
-        for name, frames in self.frames_probably_lost.items():
-            if frames:
-                click.echo(
-                    f"Probably lost: object {name} in {counted(len(frames))}, first in frame "
-                    f"{frames[0]} (confidence below {PROBABLY_LOST:g}).",
-                    err=True,
-                )
         if self.num_impossible:
             click.echo(
                 f"Warning: {counted(self.num_impossible)} had no likelihood for any particle; "

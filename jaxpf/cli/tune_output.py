@@ -41,13 +41,9 @@ def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) ->
             file.write(f"# {remark}\n".encode())
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.6g}")
-
-
 def _numbers(value: Any) -> Any:
-    rounded = np.vectorize(_rounded)(np.asarray(value, float))
-    return rounded.tolist()
+    """Six digits of each, as TOML takes them."""
+    return np.vectorize(lambda x: float(f"{x:.6g}"))(np.asarray(value, float)).tolist()
 
 
 def write_traces(path: Path, result: Any, objective: str) -> None:

@@ -146,13 +146,9 @@ def open_box_tracker(
     """A labelled tracker with that many slots, all of them empty; ``follow`` fills them.
 
     Args:
-        frame_shape: see ``open_box_model``, like the next.
-        capacity: see there.
+        frame_shape, capacity: as in ``open_box_model``.
         num_particles: N, of all objects together; those that live share them.
-        resampling: see ``Labelled``, like the next three.
-        scope: see there.
-        feedback: see there.
-        regularise: see there.
+        resampling, scope, feedback, regularise: as in ``Labelled``.
         settings: of ``open_box_model``.
 
     Raises:

@@ -182,10 +182,7 @@ def patch_from_pictures(
         pictures: P pictures, uint8 RGB [h, w, 3], of any sizes.
         sizes: [P, 2], width and height of the windows at scale 1, pixels; by default the sizes
             of the pictures.
-        sigma: as in :func:`patch`, like all other arguments.
-        window: see :func:`patch`.
-        norm: see :func:`patch`.
-        interpolation: see :func:`patch`.
+        sigma, window, norm, interpolation: as in :func:`patch`.
 
     Raises:
         InputError: an argument is out of range, or a picture is black; the sentence says which.

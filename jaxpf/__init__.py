@@ -14,9 +14,9 @@ The map, downwards: a file imports from its own room and from rooms below it, ne
     How a program reads, writes, draws and asks for each target: one file per target, entered here.
 ``files/``, ``media/``
     Tables of tracks in and out; video, drawing and plots.
-``boxes``, ``parts``, ``points``, ``contours``, ``populations/``
-    Where a filter and a target's model meet: ``tracker`` makes what the command line tracks with,
-    all of them by ``building``; boxes that come and go.
+``boxes``, ``parts``, ``points``, ``contours``, ``building``, ``populations/``
+    Where a filter and a target's model meet: ``tracker`` makes what the command line tracks with;
+    boxes that come and go.
 ``baselines/``
     Other trackers to compare with: OpenCV's, optical flow, SPOT, IoU; simulated detections.
 ``targets/``

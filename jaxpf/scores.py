@@ -1,5 +1,7 @@
 """Scores of the tracking field: success curves, and CLEAR-MOT, IDF1 and HOTA by TrackEval."""
 
+from jaxpf.files.other_tracks import match_tracks, read_tracks
+from jaxpf.measures.association import pairwise_overlap
 from jaxpf.measures.scores import (
     CENTRE_THRESHOLDS,
     OVERLAP_THRESHOLDS,
@@ -11,7 +13,6 @@ from jaxpf.measures.scores import (
     success_curve,
     tracking_scores,
 )
-from jaxpf.measures.track_matching import match_tracks, pairwise_overlap, read_tracks
 
 __all__ = [
     "CENTRE_THRESHOLDS",

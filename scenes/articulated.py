@@ -9,9 +9,9 @@ here once and documented in ``ArticulatedParameters``.
 import dataclasses
 from typing import Literal
 
-import cv2
 import numpy as np
 
+from scenes.mosaics import coloured, scattered, with_noise
 from scenes.parameters import check_parameters, require
 from scenes.scene import Scene, SceneError
 
@@ -151,7 +151,7 @@ def articulated_scene(parameters: ArticulatedParameters, seed: int = 0) -> Scene
         name="articulated",
         frames=frames,
         boxes=np.concatenate([lowest, highest - lowest], axis=-1),
-        patches=[_with_noise(texture, parameters.object_noise, rng) for texture in textures],
+        patches=[with_noise(texture, parameters.object_noise, rng) for texture in textures],
         fps=parameters.fps,
         parameters={**dataclasses.asdict(parameters), "seed": seed},
         extras={
@@ -277,17 +277,10 @@ def _paint_textures(
     """Every part's look ``[h, w, 3]`` float: a mosaic of two hues, others in every part."""
     textures = []
     for part, (width, height) in enumerate(sizes):
-        columns, rows = -(-width // parameters.cell_size), -(-height // parameters.cell_size)
-        cells = np.arange(rows * columns) < round(parameters.accent_share * rows * columns)
-        grid = rng.permutation(cells).reshape(rows, columns)
-        block = np.ones((parameters.cell_size, parameters.cell_size), bool)
-        is_accent = np.kron(grid, block)[:height, :width].astype(bool)
-        hue = part / parameters.num_parts
-        hsv = np.empty((height, width, 3), np.float32)
-        hsv[..., 0] = 360 * (np.where(is_accent, hue + 0.12, hue) % 1)
-        hsv[..., 1] = parameters.saturation
-        hsv[..., 2] = parameters.brightness
-        textures.append(255.0 * cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB))
+        share, cell = parameters.accent_share, parameters.cell_size
+        is_accent = scattered(share, height, width, cell, rng)
+        hues = part / parameters.num_parts + np.where(is_accent, 0.12, 0.0)
+        textures.append(coloured(hues, parameters.saturation, parameters.brightness))
     return textures
 
 
@@ -302,7 +295,7 @@ def _draw_frames(
     shape = (parameters.frame_height, parameters.frame_width, 3)
     mean = np.full(shape, parameters.background_mean)
     rng = np.random.default_rng([seed, _BACKGROUND])
-    background = _with_noise(mean, parameters.background_noise, rng)
+    background = with_noise(mean, parameters.background_noise, rng)
     rng = np.random.default_rng([seed, _PIXELS])
     frames = np.repeat(background[None], parameters.num_frames, axis=0)
     for frame, pose, corner in zip(frames, poses, corners, strict=True):
@@ -329,9 +322,4 @@ def _paste(
     inner = _turned(offsets, -pose[2]) + np.array([width, height]) / 2
     column, row = np.floor(inner).astype(int).transpose(2, 0, 1)
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    window[inside] = _with_noise(texture[row[inside], column[inside]], noise, rng)
-
-
-def _with_noise(picture: np.ndarray, scale: float, rng: np.random.Generator) -> np.ndarray:
-    noisy = picture + scale * rng.standard_normal(picture.shape)
-    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+    window[inside] = with_noise(texture[row[inside], column[inside]], noise, rng)

@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from scenes.clips import NOT_ANNOTATED, Clip, real_number, whole_number
+from scenes.clips import NOT_ANNOTATED, Clip, Rows, real_number, tabulated, whole_number
 from scenes.scene import SceneError, shown
 
 _PICTURES = {".jpg", ".jpeg", ".png", ".bmp"}
@@ -56,12 +56,7 @@ def read_mot(folder: str | Path) -> Clip:
             f"{num_frames}"
         )
     rows = _read_mot_truth(folder / "gt" / "gt.txt", num_frames)
-    ids = tuple(sorted({number for _, number in rows}))
-    boxes = np.full((num_frames, len(ids), 4), np.nan)
-    occlusion = np.full(boxes.shape[:2], NOT_ANNOTATED)
-    for (frame, number), (box, hidden) in rows.items():
-        boxes[frame, ids.index(number)] = box
-        occlusion[frame, ids.index(number)] = hidden
+    ids, boxes, occlusion = tabulated(rows, num_frames)
     return Clip(
         name=info["name"],
         folder=folder,
@@ -181,14 +176,14 @@ def _read_seqinfo(path: Path) -> dict:
     return values
 
 
-def _read_mot_truth(path: Path, num_frames: int) -> dict[tuple[int, int], tuple[list[float], int]]:
-    """(frame, id) -> (box, occlusion), counting from 0, of the rows that count."""
+def _read_mot_truth(path: Path, num_frames: int) -> Rows:
+    """The rows that count."""
     if not path.is_file():
         raise SceneError(
             f"{path} is missing: a sequence without truth, such as the benchmark's test "
             "sequences, cannot be evaluated; give a training sequence"
         )
-    rows: dict[tuple[int, int], tuple[list[float], int]] = {}
+    rows: Rows = {}
     for place, cells in _lines(path, r"\s*,\s*"):
         if not 6 <= len(cells) <= 10:
             raise SceneError(f"{place} has {len(cells)} values, not 6 to 10: frame,id,x,y,w,h,...")

@@ -26,6 +26,8 @@ from scenes.frames import LazyFrames
 from scenes.scene import Scene, SceneError, shown
 
 NOT_ANNOTATED = -1
+#: (frame, id) -> (box, occlusion), frames counted from 0.
+Rows = dict[tuple[int, int], tuple[list[float], int]]
 
 _COLUMNS = ["frame", "id", "x", "y", "w", "h", "occ"]
 #: The numbers of meta.json, and what they may be at most: an array of that size can be thought of.
@@ -197,12 +199,7 @@ def read_clip(folder: str | Path, *, boxes_needed: bool = True) -> Clip:
     truth = folder / "gt.csv"
     rows = _read_truth(truth, meta["n_frames"]) if boxes_needed or truth.is_file() else {}
 
-    ids = tuple(sorted({number for _, number in rows}))
-    boxes = np.full((meta["n_frames"], len(ids), 4), np.nan)
-    occlusion = np.full(boxes.shape[:2], NOT_ANNOTATED)
-    for (frame, number), (box, hidden) in rows.items():
-        boxes[frame, ids.index(number)] = box
-        occlusion[frame, ids.index(number)] = hidden
+    ids, boxes, occlusion = tabulated(rows, meta["n_frames"])
     return Clip(
         name=str(meta["name"]),
         folder=folder,
@@ -215,6 +212,17 @@ def read_clip(folder: str | Path, *, boxes_needed: bool = True) -> Clip:
         boxes=boxes,
         occlusion=occlusion,
     )
+
+
+def tabulated(rows: Rows, num_frames: int) -> tuple[tuple[int, ...], np.ndarray, np.ndarray]:
+    """``ids``, ``boxes`` and ``occlusion`` of a ``Clip``."""
+    ids = tuple(sorted({number for _, number in rows}))
+    boxes = np.full((num_frames, len(ids), 4), np.nan)
+    occlusion = np.full(boxes.shape[:2], NOT_ANNOTATED)
+    for (frame, number), (box, hidden) in rows.items():
+        boxes[frame, ids.index(number)] = box
+        occlusion[frame, ids.index(number)] = hidden
+    return ids, boxes, occlusion
 
 
 def _read_meta(path: Path) -> dict[str, Any]:
@@ -243,25 +251,11 @@ def _read_meta(path: Path) -> dict[str, Any]:
     return meta
 
 
-def _read_truth(path: Path, num_frames: int) -> dict[tuple[int, int], tuple[list[float], int]]:
-    """(frame, id) -> (box, occlusion)."""
+def _read_truth(path: Path, num_frames: int) -> Rows:
     if not path.is_file():
         raise SceneError(f"{path} is missing: a clip's folder needs meta.json and gt.csv")
-    rows: dict[tuple[int, int], tuple[list[float], int]] = {}
-    lines = _csv_rows(path)
-    _, header = next(lines, (1, []))
-    columns = [name.strip() for name in header]
-    if columns not in (_COLUMNS, _COLUMNS[:-1]):
-        raise SceneError(
-            f"{path}, line 1: the header must be {','.join(_COLUMNS)!r}, occ being optional, "
-            f"not {shown(','.join(header))}"
-        )
-    for line, cells in lines:
-        if not cells:  # an empty line, such as the last one
-            continue
-        place = f"{path}, line {line}: {shown(','.join(cells))}"
-        if len(cells) != len(columns):
-            raise SceneError(f"{place} has {len(cells)} values, not {len(columns)}")
+    rows: Rows = {}
+    for place, cells in csv_lines(path, _COLUMNS, optional=1, remark="occ being optional, "):
         frame, number = (whole_number(cells[k], _COLUMNS[k], place) for k in (0, 1))
         hidden = NOT_ANNOTATED if len(cells) < 7 else whole_number(cells[6], _COLUMNS[6], place)
         box = [real_number(cells[k], _COLUMNS[k], place) for k in (2, 3, 4, 5)]
@@ -277,12 +271,34 @@ def _read_truth(path: Path, num_frames: int) -> dict[tuple[int, int], tuple[list
     return rows
 
 
-def _csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Number and cells of every line."""
+def csv_lines(
+    path: Path, columns: list[str], *, optional: int = 0, remark: str = ""
+) -> Iterator[tuple[str, list[str]]]:
+    """(place for messages, cells) of every line below the header that is not empty.
+
+    Args:
+        path: the file.
+        columns: names in its header.
+        optional: how many of the last ones may be left out.
+        remark: what the message says of a header that must be another.
+
+    Raises:
+        SceneError: another header, or a line with fewer or more values.
+    """
     lines = csv.reader(io.StringIO(_text_of(path), newline=""))
     try:
-        for cells in lines:
-            yield lines.line_num, cells
+        header = next(lines, [])
+        names = [name.strip() for name in header]
+        if names not in (columns, columns[: len(columns) - optional]):
+            raise SceneError(
+                f"{path}, line 1: the header must be {','.join(columns)!r}, {remark}"
+                f"not {shown(','.join(header))}"
+            )
+        for cells in filter(None, lines):
+            place = f"{path}, line {lines.line_num}: {shown(','.join(cells))}"
+            if len(cells) != len(names):
+                raise SceneError(f"{place} has {len(cells)} values, not {len(names)}")
+            yield place, cells
     except csv.Error as error:
         raise SceneError(f"{path}, line {lines.line_num} is no CSV: {error}") from None
 

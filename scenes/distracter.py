@@ -16,7 +16,8 @@ import numpy as np
 
 from scenes.distracter_layout import draw_layout
 from scenes.distracter_parameters import DistracterParameters
-from scenes.distracter_pictures import choose_cells, draw_frames, paint_textures, with_noise
+from scenes.distracter_pictures import choose_cells, draw_frames, paint_textures
+from scenes.mosaics import with_noise
 from scenes.scene import Scene
 
 # Every ingredient has its own random stream, so that, say, another noise level leaves the

@@ -1,9 +1,9 @@
 """Pictures of the distracter scene: mosaics of four hues, pasted over a background of noise."""
 
-import cv2
 import numpy as np
 
 from scenes.distracter_parameters import DistracterParameters
+from scenes.mosaics import coloured, scattered, with_noise
 
 
 def paint_textures(
@@ -52,22 +52,9 @@ def choose_cells(
     parameters: DistracterParameters, share: float, rng: np.random.Generator
 ) -> np.ndarray:
     """``[h, w]`` bool: the same share of the cells of each half, scattered."""
-    size = parameters.cell_size
-    columns = -(-parameters.object_width // size)
-    chosen = []
-    for height in np.bincount(_is_bottom(parameters).astype(int)):
-        rows = -(-int(height) // size)
-        cells = np.arange(rows * columns) < round(share * rows * columns)
-        grid = rng.permutation(cells).reshape(rows, columns)
-        half = np.kron(grid, np.ones((size, size), dtype=bool))
-        chosen.append(half[:height, : parameters.object_width])
-    return np.concatenate(chosen).astype(bool)
-
-
-def with_noise(picture: np.ndarray, scale: float, rng: np.random.Generator) -> np.ndarray:
-    """``picture`` with normal noise on every channel, rounded to uint8."""
-    noisy = picture + scale * rng.standard_normal(picture.shape)
-    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+    halves = np.bincount(_is_bottom(parameters).astype(int)).tolist()
+    width, size = parameters.object_width, parameters.cell_size
+    return np.concatenate([scattered(share, height, width, size, rng) for height in halves])
 
 
 def _paint(
@@ -83,11 +70,7 @@ def _paint(
         np.where(is_bottom, accent_hues[1], accent_hues[0]),
         np.where(is_bottom, main_hues[1], main_hues[0]),
     )
-    hsv = np.empty((*hues.shape, 3), np.float32)
-    hsv[..., 0] = 360 * (hues % 1)
-    hsv[..., 1] = parameters.saturation
-    hsv[..., 2] = parameters.brightness
-    return 255.0 * cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB)
+    return coloured(hues, parameters.saturation, parameters.brightness)
 
 
 def _is_bottom(parameters: DistracterParameters) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from scenes.mosaics import with_noise
 from scenes.scene import Scene, SceneError
 
 #: Fractions of a pixel to which OpenCV draws.
@@ -30,9 +31,7 @@ def wandering(rng: np.random.Generator, num_frames: int, count: int, period: flo
 
 def noisy(picture: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:
     """A grey picture ``[H, W]`` as uint8 RGB ``[H, W, 3]``, with noise of every pixel."""
-    grey = picture + noise * rng.standard_normal(picture.shape)
-    grey = np.clip(np.rint(grey), 0, 255).astype(np.uint8)
-    return np.repeat(grey[..., None], 3, axis=-1)
+    return np.repeat(with_noise(picture, noise, rng)[..., None], 3, axis=-1)
 
 
 def paint_inside(picture: np.ndarray, outline: np.ndarray, colour: Any) -> None:

@@ -6,7 +6,6 @@ is not to be had; what it does not say is chosen here, once.
 """
 
 import dataclasses
-from typing import Any
 
 import cv2
 import numpy as np
@@ -120,7 +119,7 @@ def fish_scene(parameters: FishParameters, seed: int = 0) -> Scene:
         list(POINTS),
         np.full(parameters.num_frames, LENGTH),
         parameters.fps,
-        _record(parameters, seed),
+        dataclasses.asdict(parameters) | {"seed": seed},
     )
 
 
@@ -164,7 +163,3 @@ def _swimming(amplitude: float, phase: float) -> Bend:
         return np.stack([np.zeros_like(across), across], axis=-1)
 
     return bend
-
-
-def _record(parameters: FishParameters, seed: int) -> dict[str, Any]:
-    return dataclasses.asdict(parameters) | {"seed": seed}

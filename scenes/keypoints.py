@@ -5,13 +5,13 @@ per frame, object and joint; frames and joints count from 0, (x, y) lies in pixe
 the annotator's or the network's confidence.
 """
 
-import csv
 import dataclasses
 import math
 from pathlib import Path
 
 import numpy as np
 
+from scenes.clips import csv_lines
 from scenes.scene import SceneError
 
 _COLUMNS = ["frame", "id", "joint", "name", "x", "y", "score"]
@@ -57,32 +57,19 @@ def read_keypoints(folder: str | Path) -> Keypoints:
         raise SceneError(f"{path} is missing: the clip has no keypoints")
     names: dict[int, str] = {}
     rows: dict[tuple[int, int, int], tuple[float, ...]] = {}
-    with path.open(newline="", encoding="utf-8") as file:
-        lines = csv.reader(file)
-        header = [name.strip() for name in next(lines, [])]
-        if header != _COLUMNS:
-            raise SceneError(
-                f"{path}, line 1: the header must be {','.join(_COLUMNS)!r}, "
-                f"not {','.join(header)!r}"
-            )
-        for cells in lines:
-            if not cells:
-                continue
-            place = f"{path}, line {lines.line_num}: {','.join(cells)!r}"
-            if len(cells) != len(_COLUMNS):
-                raise SceneError(f"{place} has {len(cells)} values, not {len(_COLUMNS)}")
-            try:
-                frame, identity, joint = (int(cell) for cell in cells[:3])
-                values = tuple(float(cell) if cell else math.nan for cell in cells[4:])
-            except ValueError:
-                raise SceneError(f"{place} holds something that is not a number") from None
-            if frame < 0 or joint < 0:
-                raise SceneError(f"{place}: frame and joint count from 0")
-            if names.setdefault(joint, cells[3]) != cells[3]:
-                raise SceneError(f"{place}: joint {joint} was called {names[joint]!r} before")
-            if (frame, identity, joint) in rows:
-                raise SceneError(f"{place}: a second line for this joint in frame {frame}")
-            rows[frame, identity, joint] = values
+    for place, cells in csv_lines(path, _COLUMNS):
+        try:
+            frame, identity, joint = (int(cell) for cell in cells[:3])
+            values = tuple(float(cell) if cell else math.nan for cell in cells[4:])
+        except ValueError:
+            raise SceneError(f"{place} holds something that is not a number") from None
+        if frame < 0 or joint < 0:
+            raise SceneError(f"{place}: frame and joint count from 0")
+        if names.setdefault(joint, cells[3]) != cells[3]:
+            raise SceneError(f"{place}: joint {joint} was called {names[joint]!r} before")
+        if (frame, identity, joint) in rows:
+            raise SceneError(f"{place}: a second line for this joint in frame {frame}")
+        rows[frame, identity, joint] = values
     if not rows:
         raise SceneError(f"{path} holds no keypoints")
     ids = tuple(sorted({identity for _, identity, _ in rows}))

@@ -5,13 +5,13 @@ and one line per frame and point; frames count from 0, (cx, cy) lies in pixels a
 a point that is hidden (visible 0).
 """
 
-import csv
 import dataclasses
 import math
 from pathlib import Path
 
 import numpy as np
 
+from scenes.clips import csv_lines
 from scenes.scene import SceneError
 
 _COLUMNS = ["frame", "id", "cx", "cy", "visible"]
@@ -44,33 +44,20 @@ def read_landmarks(folder: str | Path) -> Landmarks:
     if not path.is_file():
         raise SceneError(f"{path} is missing: the clip has no landmarks")
     rows: dict[tuple[int, int], tuple[float, float, bool]] = {}
-    with path.open(newline="", encoding="utf-8") as file:
-        lines = csv.reader(file)
-        header = [name.strip() for name in next(lines, [])]
-        if header not in (_COLUMNS, _COLUMNS[:4]):
-            raise SceneError(
-                f"{path}, line 1: the header must be {','.join(_COLUMNS)!r}, "
-                f"not {','.join(header)!r}"
-            )
-        for cells in lines:
-            if not cells:
-                continue
-            place = f"{path}, line {lines.line_num}: {','.join(cells)!r}"
-            if len(cells) != len(header):
-                raise SceneError(f"{place} has {len(cells)} values, not {len(header)}")
-            try:
-                frame, identity = int(cells[0]), int(cells[1])
-                x, y = (float(cell) if cell.strip() else math.nan for cell in cells[2:4])
-                visible = bool(int(cells[4])) if len(cells) > 4 else True
-            except ValueError:
-                raise SceneError(f"{place} holds something that is not a number") from None
-            if frame < 0:
-                raise SceneError(f"{place}: frames count from 0")
-            if (frame, identity) in rows:
-                raise SceneError(f"{place}: a second line for this point in frame {frame}")
-            if visible and not math.isfinite(x + y):
-                raise SceneError(f"{place}: a point in view needs cx and cy")
-            rows[frame, identity] = x, y, visible
+    for place, cells in csv_lines(path, _COLUMNS, optional=1):
+        try:
+            frame, identity = int(cells[0]), int(cells[1])
+            x, y = (float(cell) if cell.strip() else math.nan for cell in cells[2:4])
+            visible = bool(int(cells[4])) if len(cells) > 4 else True
+        except ValueError:
+            raise SceneError(f"{place} holds something that is not a number") from None
+        if frame < 0:
+            raise SceneError(f"{place}: frames count from 0")
+        if (frame, identity) in rows:
+            raise SceneError(f"{place}: a second line for this point in frame {frame}")
+        if visible and not math.isfinite(x + y):
+            raise SceneError(f"{place}: a point in view needs cx and cy")
+        rows[frame, identity] = x, y, visible
     if not rows:
         raise SceneError(f"{path} holds no landmarks")
     ids = tuple(sorted({identity for _, identity in rows}))

@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from scenes.mosaics import as_pixels
 from scenes.parameters import check_parameters, require
 from scenes.scene import Scene, SceneError
 
@@ -131,7 +132,7 @@ def projectiles_scene(parameters: ProjectilesParameters, seed: int = 0) -> Scene
         for look, box in zip(looks, boxes[time], strict=True):
             _paste(picture, look, box)
         noisy = picture + parameters.noise * rng.standard_normal(picture.shape, np.float32)
-        frames[time] = _as_pixels(noisy)[..., None]
+        frames[time] = as_pixels(noisy)[..., None]
     return Scene(
         name="projectiles",
         frames=frames,
@@ -282,8 +283,4 @@ def _patch(look: np.ndarray, size: np.ndarray) -> np.ndarray:
     width, height = np.rint(size).astype(int)
     picture = np.zeros((height, width))
     _paste(picture, look, np.array([0, 0, width, height]))
-    return np.repeat(_as_pixels(picture)[..., None], 3, axis=-1)
-
-
-def _as_pixels(picture: np.ndarray) -> np.ndarray:
-    return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+    return np.repeat(as_pixels(picture)[..., None], 3, axis=-1)

@@ -7,7 +7,7 @@ To add a target, write a ``Target`` (what it is, ``jaxpf.targets.target``) and a
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from jaxpf.errors import InputError
+from jaxpf.errors import InputError, check_known
 
 if TYPE_CHECKING:
     from jaxpf.adapters.adapter import Adapter
@@ -29,8 +29,7 @@ def find_adapter(name: str) -> "Adapter":
     Raises:
         InputError: there is none.
     """
-    if name not in _ADAPTERS:
-        raise InputError(f"target {name!r} is unknown; choose one of {', '.join(_ADAPTERS)}.")
+    check_known("target ", name, _ADAPTERS)
     return importlib.import_module(f"jaxpf.adapters.{name}").ADAPTER
 
 

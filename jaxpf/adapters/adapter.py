@@ -52,8 +52,8 @@ class Adapter(abc.ABC):
     """How a target is read, written, drawn and asked for.
 
     What an adapter must define: ``target``, ``read_start``, ``fits_scene``, ``scene_shapes``,
-    ``scene_start``, ``scaled``, ``track_writer`` and ``draw``; one that lacks a method cannot be
-    made.  ``draw_particles`` and the attributes below have defaults.
+    ``scene_start``, ``track_writer`` and ``draw``; one that lacks a method cannot be made.
+    ``scaled``, ``draw_particles`` and the attributes below have defaults.
 
     Attributes:
         target: what it is.
@@ -98,11 +98,14 @@ class Adapter(abc.ABC):
     def scene_start(self, scene: Any) -> Start:
         """Where the objects are in a scene's first frame."""
 
-    @abc.abstractmethod
     def scaled(
         self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
     ) -> tuple[Start, np.ndarray]:
-        """Where shapes lie in a picture that is so much wider and higher."""
+        """Where shapes lie in a picture that is so much wider and higher.
+
+        By default of shapes whose numbers are x and y in turn.
+        """
+        return start, shapes * np.tile(factors, shapes.shape[-1] // 2)
 
     @abc.abstractmethod
     def track_writer(self, path: Any, start: Start) -> TrackFile:

@@ -69,12 +69,6 @@ class BoxAdapter(Adapter):
         """See ``Adapter``."""
         return BOXES.start(scene.boxes[0], scene.extras.get("ids"))
 
-    def scaled(
-        self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
-    ) -> tuple[Start, np.ndarray]:
-        """See ``Adapter``."""
-        return start, shapes * np.tile(factors, 2)
-
     def track_writer(self, path: Any, start: Start) -> TrackFile:
         """See ``Adapter``: MOT format."""
         from jaxpf.files.tracks import TrackWriter

@@ -84,12 +84,6 @@ class ContourAdapter(Adapter):
             Contours(tuple(map(str, names)), np.array(points), closed=closed, width=width)
         )
 
-    def scaled(
-        self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
-    ) -> tuple[Start, np.ndarray]:
-        """See ``Adapter``."""
-        return start, shapes * np.tile(factors, shapes.shape[-1] // 2)
-
     def track_writer(self, path: Any, start: Start) -> TrackFile:
         """See ``Adapter``: CSV with the header ``frame,contour,kind,point,x,y``."""
         from jaxpf.files.contours import ContourTrackWriter

@@ -85,12 +85,6 @@ class PointAdapter(Adapter):
                 )
         return POINTS.start(scene.extras["points"][0], names)
 
-    def scaled(
-        self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
-    ) -> tuple[Start, np.ndarray]:
-        """See ``Adapter``."""
-        return start, shapes * np.asarray(factors)
-
     def track_writer(self, path: Any, start: Start) -> TrackFile:
         """See ``Adapter``."""
         from jaxpf.files.points import PointTrackWriter

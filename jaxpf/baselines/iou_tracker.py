@@ -11,8 +11,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from jaxpf.errors import InputError
-from jaxpf.populations.association import Rules, advance, no_tracks
+from jaxpf.errors import InputError, check_known
+from jaxpf.measures.association import Rules, advance, no_tracks
 
 
 def iou_tracks(detections: Iterable[np.ndarray], rules: Rules | None = None) -> np.ndarray:
@@ -64,5 +64,4 @@ def check_rules(rules: Rules) -> None:
             f"least_hits={rules.least_hits} must be at least 1, and "
             f"most_missed={rules.most_missed} at least 0."
         )
-    if rules.missed not in ("skip", "hold"):
-        raise InputError(f"missed={rules.missed!r} is unknown; choose one of skip, hold.")
+    check_known("missed=", rules.missed, ("skip", "hold"))

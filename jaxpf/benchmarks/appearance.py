@@ -8,13 +8,12 @@ import jax
 import jax.numpy as jnp
 
 import jaxpf
-from jaxpf.benchmarks.problems import BOX_SCALE, crowded_frame, keep_estimate, large_frame
+from jaxpf.benchmarks.problems import box_tracker, crowded_frame, keep_estimate, large_frame
 from jaxpf.benchmarks.rows import Row, compared
 from jaxpf.filters.partitioned import ordering as orderings
 from jaxpf.measures.timing import interleaved
 from jaxpf.models.likelihoods.discriminative import discriminative
 from jaxpf.models.likelihoods.histogram import histogram
-from jaxpf.targets.box_models import box_model
 
 RUNS, PARTICLES = 50, 300
 TITLE = f"Learned appearance: whole kernel, {PARTICLES} particles"
@@ -34,11 +33,8 @@ def rows(
         colour = histogram(frame, boxes, num_particles=num_particles, num_runs=runs)
         candidates: dict[str, Callable[[], Any]] = {}
         for name, likelihood in (("colour", colour), ("learned", discriminative(frame, boxes))):
-            tracker = jaxpf.Partitioned(
-                **box_model(likelihood, boxes, BOX_SCALE)._asdict(),
-                ordering=orderings.ps(range(len(boxes))),
-                num_particles=num_particles,
-            )
+            order = orderings.ps(range(len(boxes)))
+            tracker = box_tracker(likelihood, boxes, order, num_particles)
             candidates[name] = partial(
                 jaxpf.monte_carlo, tracker, keys, frames, keep_estimate, min(runs, 25)
             )

@@ -1,6 +1,5 @@
 """What the gradient of the evidence costs beside its value."""
 
-import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -8,14 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-import jaxpf
-from jaxpf.benchmarks.problems import BOX_SCALE, crowded_frame, line_tracker
+from jaxpf.benchmarks.problems import box_tracker, crowded_frame, line_tracker
 from jaxpf.benchmarks.rows import Row, compared
 from jaxpf.filters.gradients import StopGradient
 from jaxpf.filters.partitioned import ordering as orderings
 from jaxpf.measures.timing import interleaved
 from jaxpf.models.likelihoods.histogram import histogram
-from jaxpf.targets.box_models import box_model
 from jaxpf.tuning import objectives
 
 RUNS, PARTICLES, OBJECTS = 10, 1000, 3
@@ -35,13 +32,14 @@ def rows(
     frame, boxes = crowded_frame()
     boxes = boxes[:OBJECTS]
     video = jnp.stack([jnp.asarray(frame)] * max(num_frames // 6, 1))
-    model = box_model(histogram(frame, boxes, method="integral"), boxes, BOX_SCALE)
-    boxed = jaxpf.Partitioned(
-        **model._asdict(),
-        ordering=orderings.dps(OBJECTS),
-        num_particles=max(num_particles // 3, OBJECTS),
+    boxed = box_tracker(
+        histogram(frame, boxes, method="integral"),
+        boxes,
+        orderings.dps(OBJECTS),
+        max(num_particles // 3, OBJECTS),
+        gradient=StopGradient(),
+        motion_gradient="score",
     )
-    boxed = dataclasses.replace(boxed, gradient=StopGradient(), motion_gradient="score")
     models = [
         ("1-D, none", line_tracker(num_particles), line, 1),
         ("1-D, stop_gradient", line_tracker(num_particles, gradient=StopGradient()), line, 1),

@@ -9,12 +9,11 @@ import jax.numpy as jnp
 
 import jaxpf
 from jaxpf.benchmarks.histogram import LOOPED, PARTICLES, RUNS, opencv_loop
-from jaxpf.benchmarks.problems import BOX_SCALE, OBJECTS, crowded_frame, keep_estimate
+from jaxpf.benchmarks.problems import OBJECTS, box_tracker, crowded_frame, keep_estimate
 from jaxpf.benchmarks.rows import Row, compared
 from jaxpf.filters.partitioned import ordering as orderings
 from jaxpf.measures.timing import interleaved
 from jaxpf.models.likelihoods.histogram import histogram
-from jaxpf.targets.box_models import box_model
 
 TITLE = "Whole kernel: 50 runs, 300 particles, 7 objects, 360x288"
 
@@ -34,11 +33,7 @@ def rows(repeats: int, num_frames: int = 24) -> Iterator[Row]:
     devices = jax.local_devices()
 
     def candidate(ordering: Any, devices: Any = None) -> Callable[[], Any]:
-        tracker = jaxpf.Partitioned(
-            **box_model(likelihood, boxes, BOX_SCALE)._asdict(),
-            ordering=ordering,
-            num_particles=PARTICLES,
-        )
+        tracker = box_tracker(likelihood, boxes, ordering, PARTICLES)
         return partial(jaxpf.monte_carlo, tracker, keys, frames, keep_estimate, devices=devices)
 
     candidates: dict[str, Callable[[], Any]] = {n: candidate(o) for n, o in chosen.items()}

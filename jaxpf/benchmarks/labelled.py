@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 import jaxpf
-from jaxpf.benchmarks.problems import BOX_SCALE, crowded_frame, keep_estimate
+from jaxpf.benchmarks.problems import BOX_SCALE, box_tracker, crowded_frame, keep_estimate
 from jaxpf.benchmarks.rows import Row, compared
 from jaxpf.filters.labelled.options import LABELLED, Options
 from jaxpf.filters.partitioned import ordering as orderings
@@ -40,11 +40,7 @@ def rows(
     plain = Options(particles=num_particles)
     fed_back = dataclasses.replace(plain, feedback="estimate", regularise=(0.9, 0.5))
     trackers = {
-        "SIR, one box": jaxpf.Partitioned(
-            **box_model(likelihood, boxes[:1], BOX_SCALE)._asdict(),
-            ordering=orderings.sir(1),
-            num_particles=num_particles,
-        ),
+        "SIR, one box": box_tracker(likelihood, boxes[:1], orderings.sir(1), num_particles),
         "labelled, 7 boxes": LABELLED.tracker(model, plain),
         "the same, feedback": LABELLED.tracker(model, fed_back),
     }

@@ -14,6 +14,7 @@ from jaxpf.filters.partitioned import ordering as orderings
 from jaxpf.measures.timing import interleaved
 from jaxpf.models.dynamics import LinearGaussian
 from jaxpf.models.likelihoods.gaussian import Gaussian
+from jaxpf.targets.box_models import box_model
 
 OBJECTS, HEIGHT, WIDTH = 7, 288, 360
 #: Noise of u, v (pixels) and of the scale in all benchmarks with boxes.
@@ -38,6 +39,18 @@ def _colourful(height: int, width: int, boxes: np.ndarray) -> tuple[np.ndarray, 
         colours = rng.integers(0, 256, (12, 3))
         frame[y : y + h, x : x + w] = colours[rng.integers(0, 12, (h, w))]
     return frame, boxes.astype(float)
+
+
+def box_tracker(
+    likelihood: Any, boxes: np.ndarray, ordering: Any, num_particles: int, **settings: Any
+) -> jaxpf.Partitioned:
+    """Boxes ``[P, 4]`` that move by ``BOX_SCALE``."""
+    return jaxpf.Partitioned(
+        **box_model(likelihood, boxes, BOX_SCALE)._asdict(),
+        ordering=ordering,
+        num_particles=num_particles,
+        **settings,
+    )
 
 
 def line_tracker(num_particles: int, num_partitions: int = 1, **settings: Any) -> jaxpf.Partitioned:

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxpf.cli import console
 from jaxpf.files import tracks
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.writing import csv_text, write_text
 from jaxpf.measures import metrics, scores
 
 
@@ -42,8 +42,7 @@ def report_truth(output: Path, ids: Sequence[Any], first: int, truth: Any, which
     ]
     title = ", ".join(filter(None, ["Against the truth", which]))
     console.print_table(title, ["", *columns], rows)
-    with atomic_write(output / f"{which + '_' if which else ''}metrics.csv") as file:
-        names = [name.replace(" at .5", "_half").replace(" ", "_") for name in columns]
-        file.write("id," + ",".join(names) + "\n")
-        for k, name in enumerate(known):
-            file.write(f"{name}," + ",".join(f"{columns[c][k]:.6g}" for c in columns) + "\n")
+    names = [name.replace(" at .5", "_half").replace(" ", "_") for name in columns]
+    lines = [[name, *(f"{c[k]:.6g}" for c in columns.values())] for k, name in enumerate(known)]
+    path = output / f"{which + '_' if which else ''}metrics.csv"
+    write_text(path, csv_text([["id", *names], *lines]))

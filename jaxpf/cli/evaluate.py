@@ -137,7 +137,7 @@ class Request:
 
 def _request(values: Mapping[str, Any]) -> Request:
     options = picked(values, Options)
-    tracks = (pair("--tracks", text, _full) for text in options.tracks)
+    tracks = (pair("--tracks", text, lambda path: Path(path).resolve()) for text in options.tracks)
     named = [name for text in options.baseline for name in names_in(text)]
     options = dataclasses.replace(
         options,
@@ -311,10 +311,6 @@ def _own(text: str) -> tuple[str, str]:
         name, place = text.rpartition(":")[2], text
     path, colon, function = place.rpartition(":")
     return name, f"{Path(path).resolve()}:{function}" if colon else place
-
-
-def _full(path: str) -> str:
-    return str(Path(path).resolve())
 
 
 def _carry_out(prepared: Any, executor: Any) -> Any:

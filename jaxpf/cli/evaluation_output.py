@@ -10,7 +10,7 @@ import click
 from jaxpf.adapters import find_adapter
 from jaxpf.cli.console import print_table
 from jaxpf.evaluation.results import OWN
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.writing import write_text
 from jaxpf.options import chosen, counting, plain
 
 #: What a finished evaluation prints again; written last, once tables and report are.
@@ -93,8 +93,7 @@ def print_results(results: Any, tables: Any) -> None:
         "tables": [table._asdict() for table in tables.printed],
         "remarks": list(tables.remarks),
     }
-    with atomic_write(results.folder / FINISHED) as file:
-        json.dump(printed, file)
+    write_text(results.folder / FINISHED, json.dumps(printed))
     _print(results.folder, printed)
 
 

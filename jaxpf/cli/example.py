@@ -1,6 +1,5 @@
 """``jaxpf example``: a small clip to try the tracker on, with its start and its truth."""
 
-import csv
 import shlex
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -162,9 +161,6 @@ def _rounded(*numbers: float) -> list[str]:
 
 
 def _table(path: Path, header: str | None, rows: Iterable[Iterable[Any]]) -> None:
-    from jaxpf.files.writing import atomic_write
+    from jaxpf.files.writing import csv_text, write_text
 
-    with atomic_write(path) as file:
-        if header:
-            file.write(f"{header}\n")
-        csv.writer(file, lineterminator="\n").writerows(rows)
+    write_text(path, (f"{header}\n" if header else "") + csv_text(rows))

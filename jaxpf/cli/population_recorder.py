@@ -112,7 +112,7 @@ class PopulationRecorder(Recorder):
     def _report_truth(self, truth: Any, which: str = "") -> None:
         """Scores of the frames after the start, which judge identities."""
         from jaxpf.files import tracks
-        from jaxpf.files.writing import atomic_write
+        from jaxpf.files.writing import csv_text, write_text
         from jaxpf.measures.scores import tracking_scores
 
         estimated = tracks.read_boxes(self.output / "tracks.csv", empty_boxes="absent")
@@ -134,6 +134,5 @@ class PopulationRecorder(Recorder):
                 ]
             ],
         )
-        with atomic_write(self.output / "metrics.csv") as file:
-            file.write(",".join(scores) + "\n")
-            file.write(",".join(f"{value:.6g}" for value in scores.values()) + "\n")
+        values = [f"{value:.6g}" for value in scores.values()]
+        write_text(self.output / "metrics.csv", csv_text([scores, values]))

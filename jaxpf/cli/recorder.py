@@ -220,7 +220,7 @@ class Recorder:
 
     def finish(self, stopped, truth):
         """Write what is known only at the end, and tell the user; ``stopped``: by what, or None."""
-        from jaxpf.files.writing import atomic_write
+        from jaxpf.files.writing import write_text
         from jaxpf.media import plotting
 
         rate = (self.num_tracked - 1) / self.seconds_rest if self.seconds_rest > 0 else None
@@ -246,9 +246,7 @@ class Recorder:
             "frames_per_second": None if rate is None else round(rate, 2),
             "versions": versions(),
         }
-        with atomic_write(self.output / "summary.json") as file:
-            json.dump(content, file, indent=2)
-            file.write("\n")
+        write_text(self.output / "summary.json", json.dumps(content, indent=2) + "\n")
         if self.num_tracked:
             table = np.loadtxt(self.output / "diagnostics.csv", delimiter=",", skiprows=1, ndmin=2)
             last = 3 + len(self.ids)
@@ -292,24 +290,19 @@ class Recorder:
         self.uncertainty.tell(self.ids)
         if self.source.note:
             click.echo(f"Note: {self.source.note}", err=True)
-        for where, frames_of in (
-            ("was outside the picture", self.frames_outside),
-            ("had no likelihood for any particle", self.frames_without_likelihood),
+        unsure = f" (confidence below {PROBABLY_LOST:g})"
+        for how, where, why, frames_of in (
+            ("Lost", " was outside the picture", "", self.frames_outside),
+            ("Lost", " had no likelihood for any particle", "", self.frames_without_likelihood),
+            ("Probably lost", "", unsure, self.frames_probably_lost),
         ):
             for name, frames in frames_of.items():
                 if frames:
                     click.echo(
-                        f"Lost: object {name} {where} in {counted(len(frames))}, first in frame "
-                        f"{frames[0]}.",
+                        f"{how}: object {name}{where} in {counted(len(frames))}, first in frame "
+                        f"{frames[0]}{why}.",
                         err=True,
                     )
-        for name, frames in self.frames_probably_lost.items():
-            if frames:
-                click.echo(
-                    f"Probably lost: object {name} in {counted(len(frames))}, first in frame "
-                    f"{frames[0]} (confidence below {PROBABLY_LOST:g}).",
-                    err=True,
-                )
         if self.num_impossible:
             click.echo(
                 f"Warning: {counted(self.num_impossible)} had no likelihood for any particle; "

@@ -178,12 +178,11 @@ def _typed(options: Mapping[str, Any]) -> str:
 
 def _show_calibration(table: Any, folder: Path) -> None:
     from jaxpf.experiments.comparison_table import table_csv
-    from jaxpf.files.writing import atomic_write
+    from jaxpf.files.writing import write_text
 
     print_table(table.title, table.columns, table.texts())
     click.echo(table.note)
-    with atomic_write(folder / f"{table.name}.csv") as file:
-        file.write(table_csv(table))
+    write_text(folder / f"{table.name}.csv", table_csv(table))
     click.echo(f"{folder}/: {table.name}.csv")
 
 

@@ -11,7 +11,7 @@ from jaxpf import filters
 from jaxpf.adapters.adapter import Adapter
 from jaxpf.cli.births import Births, defaults_of, read_births
 from jaxpf.cli.flags import as_typed, picked, refuse_others
-from jaxpf.errors import InputError
+from jaxpf.errors import InputError, check_known
 from jaxpf.files.writing import check_output_file
 from jaxpf.media.video_writer import SUFFIXES
 from jaxpf.options import OPEN, check_options, option, options_of
@@ -285,8 +285,8 @@ def _filter_of(values: Mapping[str, Any], target: Target, opens: bool) -> tuple[
     """The filter that was named, by itself or by its method; and the method, where one is meant."""
     known = filters.filters()
     name, method = values["filter"], values["method"]
-    if name and name not in known:
-        raise InputError(f"--filter {name!r} is unknown; choose one of {', '.join(known)}.")
+    if name:
+        check_known("--filter ", name, known)
     its = known[name] if name else None
     if its is None and opens and not method:
         its = next(one for one in known.values() if one.opens)

@@ -136,18 +136,14 @@ def _methods_of(values: Mapping[str, Any]) -> list[str]:
 
 def resolved_scene(source: str) -> str:
     """A scene with its folder or file in full, so that run.toml works from anywhere."""
+    import scenes
+
     place, colon, function = source.rpartition(":")
     if colon and Path(place).is_file():
         return f"{Path(place).resolve()}:{function}"
     path = Path(source)
-    is_folder = path.exists() and (source != path.name or not _is_registered(source))
+    is_folder = path.exists() and (source != path.name or source not in scenes.names())
     return str(path.resolve()) if is_folder else source
-
-
-def _is_registered(name: str) -> bool:
-    import scenes
-
-    return name in scenes.names()
 
 
 def scene_name(source: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxpf.adapters import DEFAULT
 from jaxpf.cli.console import print_table
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.writing import atomic_write, write_text
 from jaxpf.options import options_of
 
 TUNED, TRACES, COMPARISON = "tuned.toml", "tuning.png", "comparison.csv"
@@ -41,13 +41,9 @@ def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) ->
             file.write(f"# {remark}\n".encode())
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.6g}")
-
-
 def _numbers(value: Any) -> Any:
-    rounded = np.vectorize(_rounded)(np.asarray(value, float))
-    return rounded.tolist()
+    """Six digits of each, as TOML takes them."""
+    return np.vectorize(lambda x: float(f"{x:.6g}"))(np.asarray(value, float)).tolist()
 
 
 def write_traces(path: Path, result: Any, objective: str) -> None:
@@ -145,5 +141,4 @@ def compare_before_and_after(
         ["", "before", "after", "paired difference", "here" if one else "for such scenes"],
         rows,
     )
-    with atomic_write(output / COMPARISON) as file:
-        file.write("\n".join(lines) + "\n")
+    write_text(output / COMPARISON, "\n".join(lines) + "\n")

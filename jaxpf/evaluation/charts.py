@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.evaluation.equal_time import curves, times_of
-from jaxpf.evaluation.layout import difference_heading, heading, object_name
+from jaxpf.evaluation.layout import difference_heading, heading, object_name, triples
 from jaxpf.evaluation.measures import COMPARED, COORDINATES, CURVES, DISTANCE, by_name
 from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.summary import Summary
@@ -47,10 +47,9 @@ def _per_object(results: Results, tables: Tables, names: Sequence[str], unit: st
     figure, axes = _forest(summaries, len(places), 1.25 if len(places) > 1 else 4)
     for axis, place in zip(axes, places, strict=True):
         for index, name in enumerate(names):
-            found = [summary.estimates[name] for summary in summaries]
-            triples = [[100 * x[place] for x in (e.value, e.lower, e.upper)] for e in found]
+            found = 100 * triples([summary.estimates[name] for summary in summaries], place)
             label, shift = by_name(name).title, 0.34 * index - 0.17
-            _points(axis, triples, shift, COLOURS[index], "oD"[index], label)
+            _points(axis, found, shift, COLOURS[index], "oD"[index], label)
         axis.set(title=object_name(ids, place), xlim=(-4, 104), xticks=(0, 50, 100))
         axis.set_xlabel(unit)
     _legend(figure, axes[0])
@@ -66,11 +65,10 @@ def differences(results: Results, tables: Tables, places: Sequence[int]) -> Any:
         factor = 100 if measure.percent else 1
         axis.axvline(0, color="0.4", linewidth=0.8, zorder=1)
         for index, place in enumerate(places):
-            found = [summary.differences[measure.name] for summary in compared]
-            triples = [[factor * x[place] for x in (d.value, d.lower, d.upper)] for d in found]
+            found = triples([summary.differences[measure.name] for summary in compared], place)
             shift = 0.17 * (2 * index - 1) if len(places) > 1 else 0
             label = object_name(results.object_ids, place)
-            _points(axis, triples, shift, COLOURS[index], "oD"[index], label)
+            _points(axis, factor * found, shift, COLOURS[index], "oD"[index], label)
         axis.set_xlabel(difference_heading(measure))
     names = {summaries[s.reference].name for s in compared if s.reference is not None}
     first = names.pop() if len(names) == 1 else "the first method of equal parameters"
@@ -105,9 +103,9 @@ def _new_settings(summaries: Sequence[Summary]) -> list[int]:
 
 
 def _points(
-    axis: Any, triples: Sequence[Sequence[float]], shift: float, colour: str, marker: str, name: str
+    axis: Any, found: np.ndarray, shift: float, colour: str, marker: str, name: str
 ) -> None:
-    value, lower, upper = np.asarray(triples, float).T
+    value, lower, upper = found.T
     rows = np.arange(len(value)) + shift
     known = np.isfinite(lower) & np.isfinite(upper)
     axis.hlines(rows[known], lower[known], upper[known], color=colour, linewidth=1.3, zorder=2)
@@ -237,11 +235,8 @@ def against_time(summaries: Sequence[Summary], place: int) -> Any:
         measure = by_name(name)
         factor = 100 if measure.percent else 1
         for index, (label, line) in enumerate(lines.items()):
-            found = [summary.estimates[name] for summary in line]
-            value, lower, upper = (
-                factor
-                * np.array([[x[place] for x in (e.value, e.lower, e.upper)] for e in found]).T
-            )
+            found = triples([summary.estimates[name] for summary in line], place)
+            value, lower, upper = factor * found.T
             axis.errorbar(
                 1000 * times_of([summary.frames_per_second for summary in line]),
                 *(value, [value - lower, upper - value]),

@@ -261,7 +261,7 @@ def _missing_imports(
             if hasattr(function, "seconds"):  # a baseline remembers its boxes
                 seconds = function.seconds(scene)
         else:
-            from jaxpf.measures.track_matching import read_tracks
+            from jaxpf.files.other_tracks import read_tracks
 
             boxes = read_tracks(
                 plan.tracks[name], scene.boxes, object_ids(scene), start_frame(scene)

@@ -10,6 +10,7 @@ from jaxpf.errors import InputError
 from jaxpf.evaluation.measures import COMPARED, REGIONS, SCORES, Measure, by_name
 
 if TYPE_CHECKING:
+    from jaxpf.evaluation.estimates import Difference, Estimate
     from jaxpf.evaluation.summary import Summary
 
 #: Measures that the tables show; all of them are in ``summary.csv``.
@@ -66,6 +67,12 @@ class Table(NamedTuple):
     title: str
     columns: list[str]
     rows: list[list[str]]
+
+    def add(self, column: str, texts: Iterable[str]) -> None:
+        """Add a column, a text for each row."""
+        self.columns.append(column)
+        for row, text in zip(self.rows, texts, strict=True):
+            row.append(text)
 
 
 def estimate_tables(
@@ -125,25 +132,20 @@ def equal_time_tables(
     object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
 ) -> list[Table]:
     """Differences from the first method at the same time, one table per object."""
-    compared = [summary for summary in summaries if summary.at_equal_time is not None]
+    compared = [(each.name, each.at_equal_time) for each in summaries if each.at_equal_time]
     tables = []
     for place in _distinct(object_ids, places) if compared else ():
-        columns, cells = ["method", "compared with", "ms a frame"], []
-        for summary in compared:
-            found = summary.at_equal_time
-            assert found is not None
-            fewer, more = (summaries[index] for index in found.references)
+        title = f"{object_name(object_ids, place)}: differences at equal time"
+        table = Table(title, ["method", "compared with", "ms a frame"], [])
+        for name, at in compared:
+            fewer, more = (summaries[index] for index in at.references)
             pair = f"{fewer.name} to {more.configuration.parameters['particles']}"
-            cells.append([summary.name, pair, f"{1000 * found.seconds:.3g}"])
+            table.rows.append([name, pair, f"{1000 * at.seconds:.3g}"])
         for measure in COMPARED:
-            each = [s.at_equal_time.differences[measure.name] for s in compared if s.at_equal_time]
-            triples = np.array([[x[place] for x in (d.value, d.lower, d.upper)] for d in each])
-            if np.isfinite(triples[:, 0]).any():
-                columns.append(difference_heading(measure))
-                for row, text in zip(cells, cells_of(measure, triples, sign="+"), strict=True):
-                    row.append(text)
-        name = object_name(object_ids, place)
-        tables.append(Table(f"{name}: differences at equal time", columns, cells))
+            found = triples([at.differences[measure.name] for _, at in compared], place)
+            if are_known(found):
+                table.add(difference_heading(measure), cells_of(measure, found, sign="+"))
+        tables.append(table)
     return tables
 
 
@@ -160,44 +162,45 @@ def _distinct(object_ids: Sequence[int], places: Iterable[int]) -> list[int]:
 def _estimates(
     title: str, summaries: Sequence["Summary"], place: int, measures: Sequence[Measure]
 ) -> Table:
-    columns, cells = ["method"], [[summary.name] for summary in summaries]
+    table = Table(title, ["method"], [[summary.name] for summary in summaries])
     if len({summary.runs for summary in summaries}) > 1:
-        columns.append("runs")
-        for row, summary in zip(cells, summaries, strict=True):
-            row.append(f"{summary.runs}")
+        table.add("runs", [f"{summary.runs}" for summary in summaries])
     for measure in measures:
-        found = [summary.estimates[measure.name] for summary in summaries]
-        triples = np.array([[x[place] for x in (e.value, e.lower, e.upper)] for e in found])
-        if np.isfinite(triples[:, 0]).any():
-            columns.append(heading(measure))
-            for row, text in zip(cells, cells_of(measure, triples), strict=True):
-                row.append(text)
-    return Table(title, columns, cells)
+        found = triples([summary.estimates[measure.name] for summary in summaries], place)
+        if are_known(found):
+            table.add(heading(measure), cells_of(measure, found))
+    return table
 
 
 def _add_speed(table: Table, summaries: Sequence["Summary"]) -> None:
-    speeds = [summary.frames_per_second for summary in summaries]
+    speeds = np.array([summary.frames_per_second for summary in summaries])
     if np.isfinite(speeds).any():
-        table.columns.append("frames/s")
-        for row, speed in zip(table.rows, speeds, strict=True):
-            row.append(f"{speed:.{1 if speed < 99.5 else 0}f}" if np.isfinite(speed) else "-")
+        texts = (f"{x:.{1 if x < 99.5 else 0}f}" if np.isfinite(x) else "-" for x in speeds)
+        table.add("frames/s", texts)
 
 
 def _differences(title: str, summaries: Sequence["Summary"], place: int) -> Table:
-    title = f"{title}: differences on common seeds"
     compared = [summary for summary in summaries if summary.reference is not None]
-    columns = ["method", "compared with"]
-    cells = [[s.name, summaries[s.reference or 0].name] for s in compared]
+    rows = [[s.name, summaries[s.reference or 0].name] for s in compared]
+    table = Table(f"{title}: differences on common seeds", ["method", "compared with"], rows)
     for measure in COMPARED:
-        found = [summary.differences[measure.name] for summary in compared]
-        triples = np.array([[x[place] for x in (d.value, d.lower, d.upper)] for d in found])
-        if np.isfinite(triples[:, 0]).any():
-            columns.append(difference_heading(measure))
-            texts = cells_of(measure, triples, sign="+")
-            for row, text, summary in zip(cells, texts, compared, strict=True):
-                star = summary.adjusted[measure.name][place] < SIGNIFICANT
-                row.append(f"{text} *" if star else text)
-    return Table(title, columns, cells)
+        found = triples([summary.differences[measure.name] for summary in compared], place)
+        if are_known(found):
+            p = [summary.adjusted[measure.name][place] for summary in compared]
+            texts = zip(cells_of(measure, found, sign="+"), p, strict=True)
+            starred = (f"{text} *" if p < SIGNIFICANT else text for text, p in texts)
+            table.add(difference_heading(measure), starred)
+    return table
+
+
+def triples(found: Sequence["Estimate | Difference"], place: int) -> np.ndarray:
+    """Value and ends of the interval ``[C, 3]`` of the object at ``place``, C configurations."""
+    return np.array([[x[place] for x in (e.value, e.lower, e.upper)] for e in found])
+
+
+def are_known(values: np.ndarray) -> bool:
+    """Whether any of ``triples`` has a value: a column of dashes tells nothing."""
+    return bool(np.isfinite(values[:, 0]).any())
 
 
 def heading(measure: Measure) -> str:
@@ -211,13 +214,13 @@ def difference_heading(measure: Measure) -> str:
     return heading(measure).replace("(%)", "(points)")
 
 
-def cells_of(measure: Measure, triples: np.ndarray, sign: str = "") -> list[str]:
-    """ "value [lower, upper]" for ``triples [C, 3]``, all with the same number of decimals.
+def cells_of(measure: Measure, found: np.ndarray, sign: str = "") -> list[str]:
+    """ "value [lower, upper]" for triples ``[C, 3]``, all with the same number of decimals.
 
     So many decimals that the typical half-width of an interval is 3 to 30 of the last digit.
     """
-    triples = triples * (100 if measure.percent else 1)
-    reach = (triples[:, 2] - triples[:, 1]) / 2
+    found = found * (100 if measure.percent else 1)
+    reach = (found[:, 2] - found[:, 1]) / 2
     known = reach[np.isfinite(reach) & (reach > _ROUNDING)]
     typical = float(np.median(known)) if len(known) else math.nan
     decimals = 1 if math.isnan(typical) else min(max(-math.floor(math.log10(typical / 3)), 0), 4)
@@ -227,7 +230,7 @@ def cells_of(measure: Measure, triples: np.ndarray, sign: str = "") -> list[str]
         return f"{round(value, decimals) + 0:{sign}.{decimals}f}"
 
     texts = []
-    for value, lower, upper in triples:
+    for value, lower, upper in found:
         text = number(value, sign) if np.isfinite(value) else "-"
         ends = number(lower), number(upper)
         if np.isfinite([value, lower, upper]).all() and (sign or ends[0] != ends[1]):

@@ -6,7 +6,7 @@ over sequences, which are wide for a few of them, whatever the number of runs.
 """
 
 import csv
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,12 +18,13 @@ from jaxpf.evaluation.layout import (
     CALIBRATION,
     NOTES,
     Table,
+    are_known,
     cells_of,
     heading,
     to_markdown,
 )
 from jaxpf.evaluation.measures import CURVES, MEASURES, SCORES, by_name
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.writing import csv_text, write_text
 from jaxpf.measures.intervals import student_interval
 
 _SHOWN = ("success_half", "success_area", "distance_precision", "overlap", "HOTA", "IDF1")
@@ -89,17 +90,17 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
         title = f"differences from {first}, paired by sequence"
         tables.append(_table(title, methods[1:], differences))
     notes = [UNITS, NOTES[ABOUT_MEASURES], NOTES[ABOUT_CALIBRATION]]
-    with atomic_write(folder / "overall.md") as file:
-        file.write(to_markdown("Over all sequences", tables, [", ".join(names)], notes))
-    _write_csv(folder / "overall.csv", means, differences)
-    with atomic_write(folder / "sequences.csv") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["sequence", "method", "measure", "value"])
-        for (method, measure), of in values.items():
-            rows = zip(names, of, strict=True)
-            writer.writerows(
-                [name, method, measure, f"{x:.7g}"] for name, x in rows if np.isfinite(x)
-            )
+    text = to_markdown("Over all sequences", tables, [", ".join(names)], notes)
+    write_text(folder / "overall.md", text)
+    write_text(folder / "overall.csv", csv_text(_rows(means, differences)))
+    rows = [
+        [name, method, measure, f"{x:.7g}"]
+        for (method, measure), of in values.items()
+        for name, x in zip(names, of, strict=True)
+        if np.isfinite(x)
+    ]
+    header = ["sequence", "method", "measure", "value"]
+    write_text(folder / "sequences.csv", csv_text([header, *rows]))
     _draw(folder, names, methods, varied)
     return tables
 
@@ -159,27 +160,21 @@ def _draw(
 def _table(
     title: str, methods: Sequence[str], found: Mapping[tuple[str, str], OverSequences]
 ) -> Table:
-    columns, rows = ["method"], [[method] for method in methods]
+    table = Table(title, ["method"], [[method] for method in methods])
     counts = [found[method, "overlap"].sequences for method in methods]
     if len(set(counts)) > 1:
-        columns.append("sequences")
-        for row, count in zip(rows, counts, strict=True):
-            row.append(str(count))
+        table.add("sequences", map(str, counts))
     for measure in SHOWN:
-        triples = np.array([found[method, measure.name][1:] for method in methods])
-        if np.isfinite(triples[:, 0]).any():
-            columns.append(heading(measure))
-            for row, text in zip(rows, cells_of(measure, triples), strict=True):
-                row.append(text)
-    return Table(title, columns, rows)
+        values = np.array([found[method, measure.name][1:] for method in methods])
+        if are_known(values):
+            table.add(heading(measure), cells_of(measure, values))
+    return table
 
 
-def _write_csv(path: Path, *given: Mapping[tuple[str, str], OverSequences]) -> None:
-    with atomic_write(path) as file:
-        writer: Any = csv.writer(file, lineterminator="\n")
-        writer.writerow(["what", "method", "measure", *OverSequences._fields])
-        for what, found in zip(("mean", "difference"), given, strict=True):
-            for (method, measure), of in found.items():
-                if of.sequences:
-                    ends = [f"{x:.7g}" if np.isfinite(x) else "" for x in of[1:]]
-                    writer.writerow([what, method, measure, of.sequences, *ends])
+def _rows(*given: Mapping[tuple[str, str], OverSequences]) -> Iterator[list[Any]]:
+    yield ["what", "method", "measure", *OverSequences._fields]
+    for what, found in zip(("mean", "difference"), given, strict=True):
+        for (method, measure), of in found.items():
+            if of.sequences:
+                ends = [f"{x:.7g}" if np.isfinite(x) else "" for x in of[1:]]
+                yield [what, method, measure, of.sequences, *ends]

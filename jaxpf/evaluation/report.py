@@ -25,7 +25,7 @@ from jaxpf.evaluation.layout import (
 from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.summary import Summary
 from jaxpf.evaluation.tables import Tables, write_tables
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.writing import write_text
 
 NAME = "report.html"
 #: Bytes of all clips together; in the file they take a third more.
@@ -72,8 +72,7 @@ def write_report(results: Results, tables: Tables | None = None) -> Path:
     )
     text = environment.from_string(source).render(_content(results, tables, figures))
     path = results.folder / NAME
-    with atomic_write(path) as file:
-        file.write(text.lstrip())
+    write_text(path, text.lstrip())
     return path
 
 

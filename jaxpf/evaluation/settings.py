@@ -1,5 +1,6 @@
 """What an evaluation keeps of its scene and configurations, and refuses to mix."""
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -50,16 +51,7 @@ def new_settings(plan: Plan, scene: Any, of: Target, start: Start) -> dict[str, 
             "digest": scene_digest(scene),
             "files": fingerprint(plan.scene),
         },
-        "configurations": [
-            {
-                "method": c.method,
-                "ordering": c.ordering,
-                "parameters": c.parameters,
-                "variant": c.variant,
-                "kind": c.kind,
-            }
-            for c in configurations
-        ],
+        "configurations": [dataclasses.asdict(one) for one in configurations],
     }
 
 

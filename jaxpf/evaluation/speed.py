@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.evaluation.results import Results
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.writing import write_text
 
 NAME = "speed.json"
 #: A run is timed for so many frames at most, and for about so many seconds.
@@ -87,8 +87,8 @@ def measure_speeds(
 
 
 def _write(results: Results, speeds: Sequence[float]) -> None:
-    with atomic_write(results.folder / NAME) as file:
-        json.dump([round(x, 4) if np.isfinite(x) else None for x in speeds], file)
+    known = [round(x, 4) if np.isfinite(x) else None for x in speeds]
+    write_text(results.folder / NAME, json.dumps(known))
 
 
 def _frames_per_second(tracker: Any, key: Any, frames: Sequence[np.ndarray]) -> float:

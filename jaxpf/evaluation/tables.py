@@ -15,10 +15,7 @@ Fields of a table that do not exist, such as the precision of an object that was
 are empty.
 """
 
-import contextlib
-import csv
 import dataclasses
-import io
 import re
 import shutil
 import tempfile
@@ -50,7 +47,7 @@ from jaxpf.evaluation.summary import (
     hardest_object,
     summarise,
 )
-from jaxpf.files.writing import atomic_write, report_os_errors
+from jaxpf.files.writing import atomic_write, csv_text, report_os_errors, write_text
 from jaxpf.options import plain
 
 #: What there is to say of a single object.
@@ -103,9 +100,12 @@ def write_tables(results: Results) -> Tables:
         summaries = summarise(results, collected)
     hardest = hardest_object(summaries, len(results.object_ids))
     remarks = _remarks(results, summaries)
-    _write_summary(results, summaries)
-    _write_curves(results, summaries)
-    _write_differences(results, summaries)
+    for name, rows in (
+        ("summary", _summary_rows(results, summaries)),
+        ("curves", _curve_rows(results, summaries)),
+        ("differences", _difference_rows(results, summaries)),
+    ):
+        write_text(results.folder / f"{name}.csv", csv_text(rows))
     ids = results.object_ids
     places = [len(ids), *range(len(ids))]
     everything = [
@@ -117,8 +117,7 @@ def write_tables(results: Results) -> Tables:
     ]
     title = f"{results.scene_name}, {results.runs} runs"
     for suffix, render in ((".md", to_markdown), (".tex", to_latex)):
-        with atomic_write(results.folder / f"summary{suffix}") as file:
-            file.write(render(title, everything, remarks))
+        write_text(results.folder / f"summary{suffix}", render(title, everything, remarks))
     _write_tracks(results, summaries)
     printed = [
         *estimate_tables(ids, summaries, [len(ids), hardest], PRINTED),
@@ -135,11 +134,11 @@ class _RowWriter:
     def __init__(self, file: IO[str], results: Results):
         self._file, self._results = file, results
         header = [*_KEYS, *_parameters(results), "seed", "run", "object", *COLUMNS]
-        file.write(_csv_line(header) + "\n")
+        file.write(csv_text([header]))
 
     def for_configuration(self, configuration: Configuration) -> Any:
         results, file = self._results, self._file
-        prefix = _csv_line(_keys(results, configuration))
+        prefix = csv_text([_keys(results, configuration)]).rstrip("\n")
         ids = results.object_ids
 
         def write(batch: Batch, columns: np.ndarray) -> None:
@@ -183,50 +182,45 @@ def _remarks(results: Results, summaries: Sequence[Summary]) -> list[str]:
     return remarks
 
 
-def _write_summary(results: Results, summaries: Iterable[Summary]) -> None:
+def _summary_rows(results: Results, summaries: Iterable[Summary]) -> Iterator[list[Any]]:
     fields = ("runs", "value", "standard_error", "lower", "upper")
-    header = [*_KEYS, *_parameters(results), "object", "measure", *fields]
-    with _csv_writer(results.folder / "summary.csv", header) as rows:
-        for summary in summaries:
-            for measure, found in summary.estimates.items():
-                for place, identity in _known(results, found.value):
-                    numbers = [_number(getattr(found, field)[place]) for field in fields]
-                    rows.writerow(
-                        [*_keys(results, summary.configuration), identity, measure, *numbers]
-                    )
-            if np.isfinite(speed := summary.frames_per_second):
-                row = [*_keys(results, summary.configuration), "all", "frames_per_second", 1]
-                rows.writerow([*row, _number(speed), "", "", ""])
+    yield [*_KEYS, *_parameters(results), "object", "measure", *fields]
+    for summary in summaries:
+        keys = _keys(results, summary.configuration)
+        for measure, found in summary.estimates.items():
+            for place, identity in _known(results, found.value):
+                numbers = [_number(getattr(found, field)[place]) for field in fields]
+                yield [*keys, identity, measure, *numbers]
+        if np.isfinite(speed := summary.frames_per_second):
+            yield [*keys, "all", "frames_per_second", 1, _number(speed), "", "", ""]
 
 
-def _write_curves(results: Results, summaries: Iterable[Summary]) -> None:
-    header = [*_KEYS, *_parameters(results), "object", "curve", "threshold", *Curve._fields]
-    with _csv_writer(results.folder / "curves.csv", header) as rows:
-        for summary in summaries:
-            keys = _keys(results, summary.configuration)
-            for name, thresholds in CURVES.items():
-                curve = getattr(summary, name)
-                for place, identity in _known(results, curve.value[:, 0]):
-                    for number, threshold in enumerate(thresholds):
-                        ends = [_number(each[place, number]) for each in curve]
-                        rows.writerow([*keys, identity, name, f"{threshold:g}", *ends])
+def _curve_rows(results: Results, summaries: Iterable[Summary]) -> Iterator[list[Any]]:
+    yield [*_KEYS, *_parameters(results), "object", "curve", "threshold", *Curve._fields]
+    for summary in summaries:
+        keys = _keys(results, summary.configuration)
+        for name, thresholds in CURVES.items():
+            curve = getattr(summary, name)
+            for place, identity in _known(results, curve.value[:, 0]):
+                for number, threshold in enumerate(thresholds):
+                    ends = [_number(each[place, number]) for each in curve]
+                    yield [*keys, identity, name, f"{threshold:g}", *ends]
 
 
-def _write_differences(results: Results, summaries: Sequence[Summary]) -> None:
+def _difference_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[Any]]:
     fields = ("runs", "value", "standard_error", "lower", "upper", "gained", "lost", "p")
     names = ("runs", "difference", *fields[2:], "p_holm")
-    header = [*_KEYS, *_parameters(results), "reference", "object", "measure", *names]
-    with _csv_writer(results.folder / "differences.csv", header) as rows:
-        for summary in summaries:
-            if summary.reference is None:
-                continue
-            keys = _keys(results, summary.configuration)
-            for measure, found in summary.differences.items():
-                for place, identity in _known(results, found.value):
-                    numbers = [_number(getattr(found, field)[place]) for field in fields]
-                    adjusted = _number(summary.adjusted[measure][place])
-                    reference = summaries[summary.reference].name
-                    rows.writerow([*keys, reference, identity, measure, *numbers, adjusted])
+    yield [*_KEYS, *_parameters(results), "reference", "object", "measure", *names]
+    for summary in summaries:
+        if summary.reference is None:
+            continue
+        keys = _keys(results, summary.configuration)
+        reference = summaries[summary.reference].name
+        for measure, found in summary.differences.items():
+            for place, identity in _known(results, found.value):
+                numbers = [_number(getattr(found, field)[place]) for field in fields]
+                adjusted = _number(summary.adjusted[measure][place])
+                yield [*keys, reference, identity, measure, *numbers, adjusted]
 
 
 def _write_tracks(results: Results, summaries: Sequence[Summary]) -> None:
@@ -247,14 +241,6 @@ def _write_tracks(results: Results, summaries: Sequence[Summary]) -> None:
         slug = re.sub(r"[^A-Za-z0-9.]+", "-", summary.name).strip("-.")
         for shown in summary.shown:
             write(f"{number:02d}-{slug}-{shown.role}-run{shown.run}", shown.shapes, shown.lost)
-
-
-@contextlib.contextmanager
-def _csv_writer(path: Path, header: Sequence[str]) -> Iterator[Any]:
-    with atomic_write(path) as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        yield writer
 
 
 def _known(results: Results, values: np.ndarray) -> Iterator[tuple[int, str]]:
@@ -281,9 +267,3 @@ def _cell(value: Any) -> Any:
 
 def _number(value: float) -> str:
     return f"{value:.7g}" if np.isfinite(value) else ""
-
-
-def _csv_line(fields: Iterable[Any]) -> str:
-    line = io.StringIO()
-    csv.writer(line, lineterminator="").writerow(list(fields))
-    return line.getvalue()

@@ -20,7 +20,7 @@ import numpy as np
 
 from jaxpf.errors import InputError
 from jaxpf.files.reading import read_text
-from jaxpf.files.writing import LineWriter, atomic_write
+from jaxpf.files.writing import LineWriter, write_text
 from jaxpf.models.splines import CUBIC, check_order, crosses_itself, points_on
 from jaxpf.targets.contour_data import Contours
 
@@ -95,8 +95,7 @@ def write_contours(path: str | os.PathLike[str], contours: Contours) -> None:
     if contours.width is not None:
         head["width"] = contours.width
     start = json.dumps(head)[:-1]
-    with atomic_write(path) as file:
-        file.write(start + ', "contours": {\n' + ",\n".join(lines) + "\n}}\n")
+    write_text(path, start + ', "contours": {\n' + ",\n".join(lines) + "\n}}\n")
 
 
 class ContourTrackWriter(LineWriter):

@@ -18,7 +18,7 @@ from jaxpf.errors import InputError
 from jaxpf.files.boxes import read_boxes
 from jaxpf.files.reading import read_text
 from jaxpf.files.tracks import dense
-from jaxpf.files.writing import atomic_path, atomic_write, report_os_errors
+from jaxpf.files.writing import atomic_path, atomic_write, report_os_errors, write_text
 from jaxpf.media.video import open_frames
 
 #: What all that is tracked is called.
@@ -185,8 +185,7 @@ def write_coco(path: Path, tracked: Tracked) -> None:
         ],
         "categories": [category],
     }
-    with atomic_write(path) as file:
-        json.dump(content, file)
+    write_text(path, json.dumps(content))
 
 
 def _shapes(tracked: Tracked) -> Any:

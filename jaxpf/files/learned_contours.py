@@ -14,7 +14,7 @@ import numpy as np
 
 from jaxpf.errors import InputError
 from jaxpf.files.reading import read_text
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.writing import write_text
 from jaxpf.models.dynamics import LinearGaussian
 from jaxpf.models.shapes import ShapeSpace
 from jaxpf.pytree import as_array
@@ -39,9 +39,8 @@ def write_learned(path: str | os.PathLike[str], learned: Learned) -> None:
         name: None if getattr(moves, name) is None else _list(getattr(moves, name)[0])
         for name in MATRICES
     }
-    with atomic_write(path) as file:
-        json.dump({"space": about, "dynamics": dynamics}, file, indent=1)
-        file.write("\n")
+    content = {"space": about, "dynamics": dynamics}
+    write_text(path, json.dumps(content, indent=1) + "\n")
 
 
 def read_learned(path: str | os.PathLike[str]) -> Learned:

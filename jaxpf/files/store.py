@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.files.writing import PARTIAL, atomic_write, report_os_errors
+from jaxpf.files.writing import PARTIAL, atomic_write, report_os_errors, write_text
 from jaxpf.options import plain
 
 SETTINGS = "settings.json"
@@ -59,8 +59,7 @@ class Store:
         """
         with report_os_errors("create the folder", self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
-        with atomic_write(self.folder / SETTINGS) as file:
-            json.dump(settings, file, indent=1)
+        write_text(self.folder / SETTINGS, json.dumps(settings, indent=1))
 
     def path(self, name: str) -> Path:
         """The file of a piece."""

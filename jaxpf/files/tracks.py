@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
 from jaxpf.files.boxes import BoxTable, read_boxes
-from jaxpf.files.writing import LineWriter, atomic_write
+from jaxpf.files.writing import LineWriter, write_text
 
 __all__ = [
     "BoxTable",
@@ -172,10 +172,8 @@ def write_mot(
     """
     frames = np.asarray(frames)
     confidence = np.ones(len(frames)) if confidence is None else np.asarray(confidence)
-    with atomic_write(path) as file:
-        file.write(
-            _rows(frames, np.asarray(ids), np.asarray(boxes).reshape(-1, 4), np.asarray(confidence))
-        )
+    boxes = np.asarray(boxes).reshape(-1, 4)
+    write_text(path, _rows(frames, np.asarray(ids), boxes, confidence))
 
 
 class TrackWriter(LineWriter):

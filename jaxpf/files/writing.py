@@ -6,7 +6,6 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Any, Self
 
 from jaxpf.errors import InputError
@@ -97,6 +96,19 @@ def atomic_write(
         os.fsync(file.fileno())
 
 
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write a text, completely or not at all; errors as for ``atomic_write``."""
+    with atomic_write(path) as file:
+        file.write(text)
+
+
+def csv_text(rows: Iterable[Iterable[Any]]) -> str:
+    """Rows as lines of CSV."""
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows(rows)
+    return buffer.getvalue()
+
+
 class LineWriter:
     """Append whole lines to a file that has its final name from the start.
 
@@ -130,9 +142,7 @@ class LineWriter:
         Raises:
             InputError: see ``write_lines``.
         """
-        buffer = io.StringIO()
-        csv.writer(buffer, lineterminator="\n").writerows(rows)
-        self.write_lines(buffer.getvalue())
+        self.write_lines(csv_text(rows))
 
     def write_lines(self, text: str) -> None:
         """Append lines, all of them or none.
@@ -159,12 +169,7 @@ class LineWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.close()
 
 

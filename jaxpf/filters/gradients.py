@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.checks import check_uncoupled
-from jaxpf.errors import InputError
+from jaxpf.errors import InputError, check_known
 from jaxpf.filters import resampling, transport
 from jaxpf.filters.components import Components
 from jaxpf.names import MOTION_GRADIENTS
@@ -182,11 +182,7 @@ def check_gradients(tracker: Any) -> None:
             f"{', '.join(f'{one.__name__}()' for one in _NAMED.values())}."
         )
     tracker.gradient.check(tracker)
-    if tracker.motion_gradient not in MOTION_GRADIENTS:
-        raise InputError(
-            f"motion_gradient={tracker.motion_gradient!r} is unknown; choose one of "
-            f"{', '.join(MOTION_GRADIENTS)}."
-        )
+    check_known("motion_gradient=", tracker.motion_gradient, MOTION_GRADIENTS)
     if tracker.motion_gradient == "score":
         check_uncoupled(tracker.dynamics, "motion_gradient='score'")
     if tracker.motion_gradient == "score" and not contract.has_log_density(tracker.dynamics):

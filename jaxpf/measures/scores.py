@@ -16,9 +16,9 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from jaxpf.errors import InputError
+from jaxpf.measures.association import pairwise_overlap
 from jaxpf.measures.intervals import masked_mean
 from jaxpf.measures.metrics import centre_error, has_truth, overlap
-from jaxpf.measures.track_matching import pairwise_overlap
 
 __all__ = [
     "CENTRE_THRESHOLDS",

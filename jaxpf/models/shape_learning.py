@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.errors import InputError
+from jaxpf.errors import InputError, check_known
 from jaxpf.models.shapes import ShapeSpace, key_frame_space
 from jaxpf.models.splines import fit_spline, resampled
 from jaxpf.names import ANNOTATIONS
@@ -47,8 +47,7 @@ def learn_shape_space(
     Raises:
         InputError: an unknown kind, no examples or too few, an empty mask.
     """
-    if kind not in ANNOTATIONS:
-        raise InputError(f"kind {kind!r} is unknown; choose one of {', '.join(ANNOTATIONS)}.")
+    check_known("kind ", kind, ANNOTATIONS)
     closed = kind != "centrelines"
     lines = (
         [outline_of(mask, k) for k, mask in enumerate(examples)] if kind == "masks" else examples

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.errors import InputError
+from jaxpf.errors import InputError, check_known
 from jaxpf.models.splines import CUBIC, check_order
 from jaxpf.names import SHAPE_SPACES
 from jaxpf.pytree import as_array, pytree_dataclass, static_field
@@ -119,10 +119,7 @@ def space_of(
     Raises:
         InputError: an unknown name, or contours that are none.
     """
-    if name not in SHAPE_SPACES:
-        raise InputError(
-            f"shape space {name!r} is unknown; choose one of {', '.join(SHAPE_SPACES)}."
-        )
+    check_known("shape space ", name, SHAPE_SPACES)
     contours = check_contours(contours, degree)
     return _scaled(contours, [_linear_modes(name, contour) for contour in contours], closed, degree)
 

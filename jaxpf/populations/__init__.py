@@ -1,12 +1,7 @@
 """Objects that come and go, by detections."""
 
-from jaxpf.populations.following import (
-    TrackedPopulation,
-    follow,
-    open_box_model,
-    open_box_tracker,
-    open_model,
-)
+from typing import TYPE_CHECKING, Any
+
 from jaxpf.populations.lifetimes import (
     EMPTY,
     Birth,
@@ -18,6 +13,15 @@ from jaxpf.populations.lifetimes import (
     advance,
     nobody,
 )
+
+if TYPE_CHECKING:
+    from jaxpf.populations.following import (
+        TrackedPopulation,
+        follow,
+        open_box_model,
+        open_box_tracker,
+        open_model,
+    )
 
 __all__ = [
     "EMPTY",
@@ -35,3 +39,11 @@ __all__ = [
     "open_box_tracker",
     "open_model",
 ]
+
+
+def __getattr__(name: str) -> Any:  # who only asks for the rules, as a help text, loads no JAX
+    if name in __all__:
+        from jaxpf.populations import following
+
+        return getattr(following, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

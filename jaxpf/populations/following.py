@@ -24,10 +24,11 @@ from jaxpf.errors import InputError
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
+from jaxpf.measures import association
 from jaxpf.models.likelihoods.detected import Detected
 from jaxpf.models.likelihoods.open_histogram import open_histogram, with_object
 from jaxpf.models.model import Model
-from jaxpf.populations import association, lifetimes
+from jaxpf.populations import lifetimes
 from jaxpf.populations.lifetimes import EMPTY, Changes, Living, Refusal, Rules
 from jaxpf.targets.appearance import DISCRIMINATIVE, RELATIVE
 from jaxpf.targets.box_models import DEFAULT_SCALE, box_model, boxes_at
@@ -145,13 +146,9 @@ def open_box_tracker(
     """A labelled tracker with that many slots, all of them empty; ``follow`` fills them.
 
     Args:
-        frame_shape: see ``open_box_model``, like the next.
-        capacity: see there.
+        frame_shape, capacity: as in ``open_box_model``.
         num_particles: N, of all objects together; those that live share them.
-        resampling: see ``Labelled``, like the next three.
-        scope: see there.
-        feedback: see there.
-        regularise: see there.
+        resampling, scope, feedback, regularise: as in ``Labelled``.
         settings: of ``open_box_model``.
 
     Raises:

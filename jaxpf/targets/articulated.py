@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.errors import InputError
+from jaxpf.errors import InputError, check_known
 from jaxpf.models.dynamics import RandomWalk
 from jaxpf.models.joints import (
     RelativeToParent,
@@ -84,8 +84,7 @@ def parts_model(
     """
     tree = check_tree(parents)
     poses, sizes = check_parts(poses, sizes, tree)
-    if dynamics not in DYNAMICS:
-        raise InputError(f"dynamics {dynamics!r} is unknown; choose one of {', '.join(DYNAMICS)}.")
+    check_known("dynamics ", dynamics, DYNAMICS)
     scale = _noise("scale", scale, len(tree))
     reach = np.broadcast_to(_noise("reach", reach, len(tree)), (len(tree), 3))
     moves: Any

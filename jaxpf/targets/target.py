@@ -129,9 +129,7 @@ class Target(abc.ABC):
         so that the evidence may choose among parameters.
 
         Args:
-            options: as for ``likelihood``, like the next two.
-            start: see there.
-            looks: see there.
+            options, start, looks: as for ``likelihood``.
             frames: ``[n, H, W, 3]``, from which a background is learned.
         """
         raise InputError(

@@ -12,6 +12,7 @@ from jaxpf.measures import metrics
 from jaxpf.measures.intervals import Interval, student_interval
 from jaxpf.running.blocks import monte_carlo
 from jaxpf.targets.target import Start, Target
+from jaxpf.tuning.objectives import keep_estimate
 
 #: Measures and whether more is better; "success" and "recovery" as in smith2004, the others
 #: over all frames with truth, whether tracked or not.
@@ -119,7 +120,7 @@ def compare(sequences: Sequence[HeldOut], *, runs: int = 20, seed: int = 1) -> C
 
 def _measured(tracker: Any, keys: Any, held_out: HeldOut) -> np.ndarray:
     """``[R, measures]``: means over frames and objects."""
-    estimates = np.asarray(monte_carlo(tracker, keys, held_out.frames, _estimate))
+    estimates = np.asarray(monte_carlo(tracker, keys, held_out.frames, keep_estimate))
     truth = np.asarray(held_out.truth)
     shapes = held_out.target.shapes(held_out.start, estimates, tracker)
     found = held_out.target.measures(held_out.start, shapes, truth)
@@ -145,7 +146,3 @@ def _measured(tracker: Any, keys: Any, held_out: HeldOut) -> np.ndarray:
         "corner error": error(found["corner_error"]),
     }
     return np.stack([values[name] for name in MEASURES], axis=-1)
-
-
-def _estimate(state: Any, summary: Any) -> Any:
-    return summary.estimate

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from jaxpf.running.blocks import monte_carlo
+from jaxpf.tuning.objectives import keep_log_evidence
 
 
 def log_evidences(
@@ -30,11 +31,7 @@ def log_evidences(
     keys = jax.random.split(key, num_runs)
     found = []
     for tracker in trackers:
-        of_frames = monte_carlo(tracker, keys, frames, _log_evidence, batch_size=num_runs)
+        of_frames = monte_carlo(tracker, keys, frames, keep_log_evidence, batch_size=num_runs)
         of_runs = np.sum(np.asarray(of_frames, np.float64), axis=1)
         found.append(logsumexp(of_runs) - np.log(num_runs))
     return np.array(found)
-
-
-def _log_evidence(state: Any, summary: Any) -> jax.Array:
-    return summary.log_evidence

@@ -55,7 +55,7 @@ def log_evidence(
     Raises:
         InputError: no frames, no keys, or ``checkpoint`` < 1.
     """
-    return jnp.sum(_record(tracker, keys, frames, _log_evidence, checkpoint), axis=0)
+    return jnp.sum(_record(tracker, keys, frames, keep_log_evidence, checkpoint), axis=0)
 
 
 def log_mean_evidence(
@@ -99,7 +99,7 @@ def position_error(
         InputError: as for ``log_evidence``; a truth of another shape or without labels.
     """
     truth, labelled = _places(truth, tracker, frames)
-    estimate = _record(tracker, keys, frames, _estimate, checkpoint)
+    estimate = _record(tracker, keys, frames, keep_estimate, checkpoint)
     offset = jnp.where(labelled[:, None, :, None], estimate[..., :2] - truth[:, None], 0.0)
     square = jnp.sum(offset**2, axis=-1)
     distance = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
@@ -126,7 +126,7 @@ def crps(
     """
     truth, labelled = _places(truth, tracker, frames)
     counts = labelled[:, None, :, None]
-    estimate, spread = _record(tracker, keys, frames, _estimate_and_spread, checkpoint)
+    estimate, spread = _record(tracker, keys, frames, keep_moments, checkpoint)
     offset = jnp.where(counts, estimate[..., :2] - truth[:, None], 0.0)
     wide = counts & (spread[..., :2] > 0)
     spread = jnp.where(wide, spread[..., :2], 1.0)
@@ -171,7 +171,7 @@ def overlap_loss(
     labelled = is_proper(truth)
     # A box in place of a missing one keeps 0/0, and so NaN, out of the gradient.
     truth = jnp.where(labelled[..., None], truth, jnp.ones_like(truth))
-    estimate = _record(tracker, keys, frames, _estimate, checkpoint)
+    estimate = _record(tracker, keys, frames, keep_estimate, checkpoint)
     overlap = metrics.overlap(boxes_from_substates(estimate, sizes), truth[:, None])
     return jnp.sum(jnp.where(labelled[:, None], 1 - overlap, 0.0), axis=(0, 2)) / jnp.sum(labelled)
 
@@ -204,22 +204,25 @@ def outline_loss(
     truth = jnp.asarray(truth)
     _check_labelled("truth", truth.reshape(*truth.shape[:2], -1))
     labelled = jnp.all(jnp.isfinite(truth), axis=(-2, -1))
-    estimate = outlines(_record(tracker, keys, frames, _estimate, checkpoint))
+    estimate = outlines(_record(tracker, keys, frames, keep_estimate, checkpoint))
     # An outline in place of a missing one keeps NaN out of the gradient.
     truth = jnp.where(labelled[..., None, None], truth, lax.stop_gradient(estimate[:, 0]))
     overlap = overlap_of_outlines(estimate, truth[:, None])
     return jnp.sum(jnp.where(labelled[:, None], 1 - overlap, 0.0), axis=(0, 2)) / jnp.sum(labelled)
 
 
-def _log_evidence(state, summary):
+def keep_log_evidence(state: Any, summary: Any) -> jax.Array:
+    """For ``record``."""
     return summary.log_evidence
 
 
-def _estimate(state, summary):
+def keep_estimate(state: Any, summary: Any) -> jax.Array:
+    """For ``record``."""
     return summary.estimate
 
 
-def _estimate_and_spread(state, summary):
+def keep_moments(state: Any, summary: Any) -> tuple[jax.Array, jax.Array]:
+    """For ``record``."""
     return summary.estimate, summary.spread
 
 

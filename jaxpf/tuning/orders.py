@@ -15,6 +15,7 @@ import numpy as np
 from jaxpf.errors import InputError
 from jaxpf.filters.partitioned.ordering import named, ps
 from jaxpf.running.blocks import monte_carlo
+from jaxpf.tuning.objectives import keep_moments
 
 #: Candidates at most, where nobody names them.
 CANDIDATES = 12
@@ -74,7 +75,7 @@ def best_order(
     estimates, variances = [], []
     for order in orders:
         its = dataclasses.replace(tracker, ordering=ps(order))
-        estimate, spread = monte_carlo(its, keys, frames, _moments, batch_size=num_runs)
+        estimate, spread = monte_carlo(its, keys, frames, keep_moments, batch_size=num_runs)
         estimates.append(np.asarray(estimate, np.float64))
         variances.append(np.mean(np.asarray(spread, np.float64) ** 2, axis=(0, 1, 2)))
     # Pixels and degrees do not add up: each coordinate in units of its own posterior variance, the
@@ -121,7 +122,3 @@ def candidate_orders(parents: Sequence[int], most: int = CANDIDATES) -> list[tup
         if tuple(order) not in found:
             found.append(tuple(order))
     return found[:most]
-
-
-def _moments(state: Any, summary: Any) -> tuple[jax.Array, jax.Array]:
-    return summary.estimate, summary.spread

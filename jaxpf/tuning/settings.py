@@ -3,7 +3,7 @@
 import dataclasses
 import math
 
-from jaxpf.errors import InputError
+from jaxpf.errors import InputError, check_known
 
 RANDOM_NUMBERS = ("fresh", "common")
 
@@ -59,10 +59,6 @@ class Settings:
             value = getattr(self, name)
             if not 0 <= value < math.inf:
                 raise InputError(f"{name} = {value} must be finite and at least 0.")
-        if self.random_numbers not in RANDOM_NUMBERS:
-            raise InputError(
-                f"random_numbers {self.random_numbers!r} is unknown; choose one of "
-                f"{', '.join(RANDOM_NUMBERS)}."
-            )
+        check_known("random_numbers ", self.random_numbers, RANDOM_NUMBERS)
         if not 0 <= self.seed < 2**32:
             raise InputError(f"seed = {self.seed} must be between 0 and {2**32 - 1}.")

@@ -6,7 +6,7 @@ import pytest
 import jaxpf
 from jaxpf.baselines.iou_tracker import iou_tracks
 from jaxpf.baselines.simulated_detections import simulated_detections
-from jaxpf.populations.association import Rules, assigned
+from jaxpf.measures.association import Rules, assigned
 
 NONE = np.zeros((0, 4))
 

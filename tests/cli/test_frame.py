@@ -132,5 +132,18 @@ def test_help_and_version_come_without_heavy_imports():
         assert done.stdout.endswith("[]\n")
 
 
+def test_no_help_text_loads_jax():
+    program = (
+        "import sys; from jaxpf.cli import group, main; commands = group.list_commands(None); "
+        "[main([name, '--help']) for name in commands]; "
+        "[main(['track', name, '--help']) for name in ('points', 'parts', 'contours')]; "
+        "print('jax' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.endswith("False\n")
+
+
 def test_an_unknown_command_is_refused(refuse):
     assert "No such command 'trac'" in refuse("trac")

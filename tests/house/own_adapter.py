@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-import numpy as np
 from own_target import SPOTS
 
 from jaxpf.adapters.adapter import Adapter, TrackFile
@@ -32,9 +31,6 @@ class SpotAdapter(Adapter):
 
     def scene_start(self, scene):
         return SPOTS.start(scene.extras["spots"][0])
-
-    def scaled(self, start, shapes, factors):
-        return start, shapes * np.asarray(factors)
 
     def track_writer(self, path, start):
         writer = PointTrackWriter(path)

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.errors import InputError
+from jaxpf.errors import InputError, check_known
 from jaxpf.filters.factored import cloud, drift, shape
 from jaxpf.filters.factored.cloud import FactoredState
 from jaxpf.filters.initial import check_count
@@ -177,10 +177,8 @@ def _check(tracker: Eskil) -> None:
     check_count("num_particles", tracker.num_particles)
     check_count("upsampling", tracker.upsampling)
     cloud.check_factors(tracker.dynamics, tracker.likelihood)
-    for name, valid in (("drift", DRIFTS), ("shape", SHAPES)):
-        value = getattr(tracker, name)
-        if value not in valid:
-            raise InputError(f"{name}={value!r} is unknown; choose one of {', '.join(valid)}.")
+    check_known("drift=", tracker.drift, DRIFTS)
+    check_known("shape=", tracker.shape, SHAPES)
     if tracker.memory < 2:
         raise InputError(f"memory={tracker.memory}: velocities are compared over 2 frames or more.")
     scale = tracker.shape_scale

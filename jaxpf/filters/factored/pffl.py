@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf.contract import Tracker
-from jaxpf.errors import InputError
+from jaxpf.errors import InputError, check_known
 from jaxpf.filters.factored import cloud
 from jaxpf.filters.factored.cloud import FactoredState
 from jaxpf.filters.initial import check_count
@@ -68,8 +68,7 @@ class PFFL(Tracker):
         check_count("num_particles", self.num_particles)
         check_count("upsampling", self.upsampling)
         cloud.check_factors(self.dynamics, self.likelihood)
-        if self.form not in FORMS:
-            raise InputError(f"form={self.form!r} is unknown; choose one of {', '.join(FORMS)}.")
+        check_known("form=", self.form, FORMS)
         if is_concrete(self.safety) and not 0 < float(self.safety) <= 1:
             raise InputError(f"safety={self.safety} must be above 0 and at most 1.")
 

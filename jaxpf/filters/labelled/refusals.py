@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.checks import check_uncoupled
-from jaxpf.errors import InputError
+from jaxpf.errors import InputError, check_known
 from jaxpf.filters.gradients import check_gradients
 from jaxpf.filters.initial import check_count
 from jaxpf.filters.labelled.choices import FEEDBACKS, POPULATIONS, SCOPES, WEIGHTS
@@ -30,10 +30,7 @@ def check_tracker(tracker: Any) -> None:
         ("feedback", FEEDBACKS),
         ("population", POPULATIONS),
     ):
-        if getattr(tracker, name) not in known:
-            raise InputError(
-                f"{name}={getattr(tracker, name)!r} is unknown; choose one of {', '.join(known)}."
-            )
+        check_known(f"{name}=", getattr(tracker, name), known)
     check_gradients(tracker)
     if tracker.gradient.blends or not tracker.gradient.equalises:
         raise InputError(

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.errors import InputError
+from jaxpf.errors import InputError, check_known
 from jaxpf.models.model import check_tree
 from jaxpf.names import METHODS, REASSEMBLIES, SWAPS
 from jaxpf.pytree import as_array, pytree_dataclass, static_field
@@ -125,10 +125,7 @@ def dps(
             f"orders={list(map(list, orders))} do not all hold the {num_partitions} partitions; "
             "give each component a permutation of all of them."
         )
-    if reassembly not in REASSEMBLIES:
-        raise InputError(
-            f"reassembly={reassembly!r} is unknown; choose one of {', '.join(REASSEMBLIES)}."
-        )
+    check_known("reassembly=", reassembly, REASSEMBLIES)
     if not orders:
         raise InputError("orders is empty; give at least one permutation of the partitions.")
     return _ordering(orders, _all_but_last(len(orders[0])), literal=reassembly == "literal")
@@ -190,8 +187,7 @@ def sps(
             raise InputError("sps() needs the part tree `parents` or a number of partitions.")
         _check_count(num_partitions)
         parents = [-1] * num_partitions
-    if swap not in SWAPS:
-        raise InputError(f"swap={swap!r} is unknown; choose one of {', '.join(SWAPS)}.")
+    check_known("swap=", swap, SWAPS)
     tree = check_tree(parents)
     depth = tree_levels(tree)
     order = sorted(range(len(tree)), key=lambda part: (depth[part], part))
@@ -239,8 +235,7 @@ def named(
             that has none; "dps" on a tree; a parent that does not exist, or a cycle.
     """
     tree = check_tree(parents)
-    if method not in METHODS:
-        raise InputError(f"method {method!r} is unknown; choose one of {', '.join(METHODS)}.")
+    check_known("method ", method, METHODS)
     if order is not None and method != "ps":
         raise InputError(f"an order was given, but method {method!r} has none; use method 'ps'.")
     if order is not None and len(order) != len(tree):

@@ -5,12 +5,12 @@ import math
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.models.likelihoods._checks import INTERPOLATIONS, check_choice, check_positive
 from jaxpf.models.likelihoods._sampled import LEVEL_LANES
 from jaxpf.models.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.models.likelihoods.distance_law import FORMS
 
 METHODS = ("integral", "sampled")
-INTERPOLATIONS = ("nearest", "bilinear")
 
 #: Samples per side of a box: more do not fit the counters of ``_sampled``.
 _MOST_SAMPLES = 500
@@ -78,18 +78,10 @@ def check_settings(
     background_frames,
 ):  # fmt: skip
     """Refuse what no histogram likelihood can be made with."""
-    if not (math.isfinite(sharpness) and sharpness > 0):
-        raise InputError(f"sharpness is {sharpness}: it must be positive and finite.")
-    if method not in ("auto", *METHODS):
-        raise InputError(
-            f"method is {method!r}: choose one of {', '.join(map(repr, ('auto', *METHODS)))}."
-        )
-    for name, value, known in (
-        ("interpolation", interpolation, INTERPOLATIONS),
-        ("form", form, FORMS),
-    ):
-        if value not in known:
-            raise InputError(f"{name} is {value!r}: choose one of {', '.join(map(repr, known))}.")
+    check_positive("sharpness", sharpness)
+    check_choice("method", method, ("auto", *METHODS))
+    check_choice("interpolation", interpolation, INTERPOLATIONS)
+    check_choice("form", form, FORMS)
     if form == "ratio" and background_frames is None:
         raise InputError(
             "form is 'ratio', but there is no background_frames: give frames that show what "

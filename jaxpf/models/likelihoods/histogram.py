@@ -159,9 +159,7 @@ class HistogramLikelihood(Likelihood):
         """Squared distances d^2 of N particles to their objects' references.
 
         Args:
-            observation: as for :meth:`log_prob_all`, like the others.
-            partition: see :meth:`log_prob_all`.
-            substates: see :meth:`log_prob_all`.
+            observation, partition, substates: as for :meth:`log_prob_all`.
 
         Returns:
             [N], 0 to the number of parts, and bool [N]: whether the box is large enough, and not
@@ -312,14 +310,8 @@ def histogram_from_patches(
         sizes: [P, 2], width and height of the boxes at scale 1, pixels; by default the
             sizes of the patches.
         frame_shape: height and width of the frames to come, for ``method="auto"``.
-        sharpness: as in :func:`histogram`, like all other arguments.
-        parts: see :func:`histogram`.
-        method: see :func:`histogram`.
-        num_particles: see :func:`histogram`.
-        num_runs: see :func:`histogram`.
-        samples: see :func:`histogram`.
-        interpolation: see :func:`histogram`.
-        form: see :func:`histogram`.
+        sharpness, parts, method, num_particles, num_runs, samples, interpolation, form: as in
+            :func:`histogram`.
         background_frames: uint8 RGB [H, W, 3], from which ``form="ratio"`` learns the background.
 
     Raises:

@@ -11,7 +11,6 @@ is the paper's literal rule.  A pixel (i, j), row i and column j, is the square
 [j, j + 1) x [i, i + 1); those outside the frame are black.
 """
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -20,12 +19,17 @@ import numpy as np
 
 from jaxpf.contract import Likelihood
 from jaxpf.errors import InputError
+from jaxpf.models.likelihoods._checks import (
+    INTERPOLATIONS,
+    NORMS,
+    check_choice,
+    check_positive,
+    check_window,
+    check_window_sizes,
+)
 from jaxpf.models.likelihoods._windows import window_colours, words_of
 from jaxpf.models.likelihoods.color import check_frame
 from jaxpf.pytree import as_array, pytree_dataclass, static_field
-
-NORMS = ("mean", "sum")
-INTERPOLATIONS = ("nearest", "bilinear")
 
 # A window as dark as this, on the scale 0 to 255, is divided by it and not by its mean: noise on
 # black must not look like contrast.
@@ -148,7 +152,7 @@ def patch(
     if not np.isfinite(poses).all():
         raise InputError(f"poses is {poses.tolist()}: every number must be finite.")
     _check(sigma, window, norm, interpolation)
-    _check_sizes(sizes, len(poses))
+    check_window_sizes(sizes, len(poses), "objects")
     u, v, theta = jnp.asarray(poses).T
     width, height = jnp.asarray(sizes).T
     words = words_of(jnp.asarray(frame))
@@ -178,10 +182,7 @@ def patch_from_pictures(
         pictures: P pictures, uint8 RGB [h, w, 3], of any sizes.
         sizes: [P, 2], width and height of the windows at scale 1, pixels; by default the sizes
             of the pictures.
-        sigma: as in :func:`patch`, like all other arguments.
-        window: see :func:`patch`.
-        norm: see :func:`patch`.
-        interpolation: see :func:`patch`.
+        sigma, window, norm, interpolation: as in :func:`patch`.
 
     Raises:
         InputError: an argument is out of range, or a picture is black; the sentence says which.
@@ -199,7 +200,7 @@ def patch_from_pictures(
         check_frame(picture, f"pictures[{i}]")
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
     sizes = extents if sizes is None else np.asarray(sizes, np.float32)
-    _check_sizes(sizes, len(pictures))
+    check_window_sizes(sizes, len(pictures), "objects")
     references = []
     for i, (picture, extent) in enumerate(zip(pictures, extents, strict=True)):
         middle = [(*(extent / 2), 0.0)]
@@ -226,28 +227,7 @@ def _build(references, sizes, sigma, window, norm, interpolation) -> PatchLikeli
 
 
 def _check(sigma, window, norm, interpolation) -> None:
-    if not (math.isfinite(sigma) and sigma > 0):
-        raise InputError(f"sigma is {sigma}: it must be positive and finite.")
-    if len(window) != 2 or not all(isinstance(n, int) and n >= 1 for n in window):
-        raise InputError(
-            f"window is {window!r}: give columns and rows of a grid, such as (21, 21)."
-        )
-    for name, value, valid in (
-        ("norm", norm, NORMS),
-        ("interpolation", interpolation, INTERPOLATIONS),
-    ):
-        if value not in valid:
-            raise InputError(f"{name} is {value!r}: choose one of {', '.join(map(repr, valid))}.")
-
-
-def _check_sizes(sizes, count):
-    if sizes.shape != (count, 2):
-        raise InputError(
-            f"sizes has shape {list(sizes.shape)}: give (width, height) for each of the {count} "
-            "objects."
-        )
-    for i, (width, height) in enumerate(sizes):
-        if not (math.isfinite(width * height) and width >= 1 and height >= 1):
-            raise InputError(
-                f"sizes[{i}] is {width:g} x {height:g} pixels: use at least 1 of each."
-            )
+    check_positive("sigma", sigma)
+    check_window(window, "(21, 21)")
+    check_choice("norm", norm, NORMS)
+    check_choice("interpolation", interpolation, INTERPOLATIONS)

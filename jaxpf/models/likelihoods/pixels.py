@@ -35,6 +35,13 @@ import numpy as np
 
 from jaxpf.contract import Likelihood, of_partition
 from jaxpf.errors import InputError
+from jaxpf.models.likelihoods._checks import (
+    INTERPOLATIONS,
+    check_choice,
+    check_positive,
+    check_window,
+    check_window_sizes,
+)
 from jaxpf.models.likelihoods._windows import window_colours, words_of
 from jaxpf.models.likelihoods.color import check_frame
 from jaxpf.pytree import as_array, pytree_dataclass, static_field
@@ -42,7 +49,6 @@ from jaxpf.pytree import as_array, pytree_dataclass, static_field
 POOLS = ("mean", "product")
 SIZES = ("sides", "scale")
 COLOURS = ("colour", "grey")
-INTERPOLATIONS = ("nearest", "bilinear")
 
 
 @pytree_dataclass
@@ -202,18 +208,16 @@ def pixels(
         check_frame(picture, f"pictures[{i}]")
     extents = np.array([(len(picture[0]), len(picture)) for picture in pictures], np.float32)
     sizes = extents if sizes is None else np.asarray(sizes, np.float32)
-    _check_sizes(sizes, len(pictures))
-    _check_numbers(sigma, min_slope, size_term)
-    if len(window) != 2 or not all(isinstance(n, int) and n >= 1 for n in window):
-        raise InputError(f"window is {window!r}: give columns and rows of a grid, such as (8, 12).")
-    for name, value, valid in (
-        ("pool", pool, POOLS),
-        ("size", size, SIZES),
-        ("colour", colour, COLOURS),
-        ("interpolation", interpolation, INTERPOLATIONS),
-    ):
-        if value not in valid:
-            raise InputError(f"{name} is {value!r}: choose one of {', '.join(map(repr, valid))}.")
+    check_window_sizes(sizes, len(pictures), "targets")
+    check_positive("sigma", sigma)
+    for name, value in (("min_slope", min_slope), ("size_term", size_term)):
+        if value is not None and not (math.isfinite(value) and value >= 0):
+            raise InputError(f"{name} is {value}: it must be at least 0 and finite, or None.")
+    check_window(window, "(8, 12)")
+    check_choice("pool", pool, POOLS)
+    check_choice("size", size, SIZES)
+    check_choice("colour", colour, COLOURS)
+    check_choice("interpolation", interpolation, INTERPOLATIONS)
     channels = 3 if colour == "colour" else 1
     references = []
     for picture, extent in zip(pictures, extents, strict=True):
@@ -244,24 +248,3 @@ def _words(frame, colour):
     # ITU-R BT.601, as most readers of video do.
     grey = frame.astype(jnp.float32) @ jnp.asarray([0.299, 0.587, 0.114], jnp.float32)
     return jnp.pad(jnp.round(grey).astype(jnp.uint32), 1)
-
-
-def _check_numbers(sigma, min_slope, size_term) -> None:
-    if not (math.isfinite(sigma) and sigma > 0):
-        raise InputError(f"sigma is {sigma}: it must be positive and finite.")
-    for name, value in (("min_slope", min_slope), ("size_term", size_term)):
-        if value is not None and not (math.isfinite(value) and value >= 0):
-            raise InputError(f"{name} is {value}: it must be at least 0 and finite, or None.")
-
-
-def _check_sizes(sizes, count):
-    if sizes.shape != (count, 2):
-        raise InputError(
-            f"sizes has shape {list(sizes.shape)}: give (width, height) for each of the {count} "
-            "targets."
-        )
-    for i, (width, height) in enumerate(sizes):
-        if not (math.isfinite(width * height) and width >= 1 and height >= 1):
-            raise InputError(
-                f"sizes[{i}] is {width:g} x {height:g} pixels: use at least 1 of each."
-            )

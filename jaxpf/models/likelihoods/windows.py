@@ -5,7 +5,6 @@ substate is a point (u, v, ...) alone: windows do not turn or grow, so that a wi
 bytes of the frame, and nothing is done to the rest of the frame.  Rounded to whole pixels.
 """
 
-import math
 from typing import Any
 
 import jax
@@ -15,10 +14,9 @@ from jax import lax
 
 from jaxpf.contract import Likelihood
 from jaxpf.errors import InputError
+from jaxpf.models.likelihoods._checks import NORMS, check_choice, check_positive
 from jaxpf.models.likelihoods.color import check_frame
 from jaxpf.pytree import as_array, pytree_dataclass, static_field
-
-NORMS = ("mean", "sum")
 
 # A window as dark as this, of 255, is divided by it and not by its mean; as in ``patch``.
 _DARKEST_MEAN = 1.0
@@ -96,10 +94,8 @@ def windows(
             the frame or black; the sentence says which.
     """
     check_frame(frame)
-    if not (math.isfinite(sigma) and sigma > 0):
-        raise InputError(f"sigma is {sigma}: it must be positive and finite.")
-    if norm not in NORMS:
-        raise InputError(f"norm is {norm!r}: choose one of {', '.join(map(repr, NORMS))}.")
+    check_positive("sigma", sigma)
+    check_choice("norm", norm, NORMS)
     if len(window) != 2 or not all(isinstance(n, int) and n >= 1 and n % 2 for n in window):
         raise InputError(f"window is {window!r}: give two odd numbers of pixels, such as (21, 21).")
     _check_fits(frame, window)

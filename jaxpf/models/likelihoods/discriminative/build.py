@@ -1,7 +1,6 @@
 """Making the likelihood of learned appearance from one frame."""
 
 import dataclasses
-import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -10,8 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.models.likelihoods._checks import INTERPOLATIONS, check_positive
 from jaxpf.models.likelihoods._integral import LANES
-from jaxpf.models.likelihoods._references import INTERPOLATIONS, check_parts
+from jaxpf.models.likelihoods._references import check_parts
 from jaxpf.models.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.models.likelihoods.discriminative.levels import factor_of, shrunk
 from jaxpf.models.likelihoods.discriminative.likelihood import (
@@ -218,9 +218,8 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
             raise InputError(
                 f"feature {one!r} is unknown; choose of {', '.join(FEATURES)}, or give a function."
             )
-    for name, value in (("gain", gain), ("penalty", penalty)):
-        if not (math.isfinite(value) and value > 0):
-            raise InputError(f"{name} is {value}: it must be positive and finite.")
+    check_positive("gain", gain)
+    check_positive("penalty", penalty)
     check_parts(bands)
     if len(grid) != 2 or min(grid) < 1:
         raise InputError(f"grid is {grid}: give the rows and columns of cells, at least 1 each.")

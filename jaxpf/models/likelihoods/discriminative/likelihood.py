@@ -179,9 +179,7 @@ class DiscriminativeLikelihood(Likelihood):
         """Scores of N particles: about how much their boxes overlap their objects.
 
         Args:
-            observation: as for :meth:`log_prob_all`, like the others.
-            partition: see there.
-            substates: see there.
+            observation, partition, substates: as for :meth:`log_prob_all`.
 
         Returns:
             [N], and bool [N]: whether the box is neither too small nor too large.
@@ -217,9 +215,7 @@ class DiscriminativeLikelihood(Likelihood):
         people, every clip counting the same.  Nothing tells a look-alike from the object.
 
         Args:
-            observation: as for :meth:`log_prob_all`, like the others.
-            partition: see there.
-            substates: see there, of estimates.
+            observation, partition, substates: as for :meth:`log_prob_all`; states are estimates.
 
         Returns:
             [N].
@@ -243,9 +239,7 @@ class DiscriminativeLikelihood(Likelihood):
         """What scores are linear in, [N, F]: colours first, then the maps' cells.
 
         Args:
-            observation: as for :meth:`log_prob_all`, like the others.
-            partition: see there.
-            substates: see there.
+            observation, partition, substates: as for :meth:`log_prob_all`.
         """
         boxes, _ = self._boxes(partition, substates)
         columns = []

@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
 from jaxpf.files.tracks import BoxTable, dense, read_boxes
-
-__all__ = ["match_tracks", "pairwise_overlap", "read_tracks"]
+from jaxpf.measures.association import pairwise_overlap
 
 # The overlap with the truth from which the MOTChallenge counts a box as a match.
 _MATCH = 0.5
@@ -102,32 +101,3 @@ def match_tracks(
             "counts frames and pixels from 1 if it has no header"
         )
     return matched
-
-
-def pairwise_overlap(one: ArrayLike, other: ArrayLike) -> np.ndarray:
-    """Intersection over union of every pair of boxes, in double precision.
-
-    ``jaxpf.metrics.overlap`` pairs box with box in JAX; scores that compare overlaps with
-    thresholds in double precision need this one to agree with other tools.
-
-    Args:
-        one: x, y, w, h ``[P, 4]``.
-        other: ``[Q, 4]``.
-
-    Returns:
-        float64 ``[P, Q]``; 0 where a box is not finite or has no width or no height.
-    """
-    one = _proper_or_empty(one)[:, None]
-    other = _proper_or_empty(other)[None, :]
-    start = np.maximum(one[..., :2], other[..., :2])
-    end = np.minimum(one[..., :2] + one[..., 2:], other[..., :2] + other[..., 2:])
-    common = np.prod(np.maximum(end - start, 0), axis=-1)
-    union = np.prod(one[..., 2:], axis=-1) + np.prod(other[..., 2:], axis=-1) - common
-    return np.divide(common, union, out=np.zeros_like(common), where=union > 0)
-
-
-def _proper_or_empty(boxes: ArrayLike) -> np.ndarray:
-    boxes = np.asarray(boxes, np.float64).reshape(-1, 4)
-    is_finite = np.isfinite(boxes).all(axis=1, keepdims=True)
-    has_area = (boxes[:, 2:] > 0).all(axis=1, keepdims=True)
-    return np.where(is_finite & has_area, boxes, 0)

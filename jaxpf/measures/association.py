@@ -1,4 +1,4 @@
-"""Detections joined by their overlap: candidates for birth, and the simplest tracker of all.
+"""Boxes joined by their overlap: candidates for birth, and the simplest tracker of all.
 
 After SORT (Bewley et al. 2016), which joins by the best assignment, and starts and ends tracks so.
 """
@@ -6,8 +6,7 @@ After SORT (Bewley et al. 2016), which joins by the best assignment, and starts 
 from typing import NamedTuple
 
 import numpy as np
-
-from jaxpf.measures.track_matching import pairwise_overlap
+from numpy.typing import ArrayLike
 
 
 class Rules(NamedTuple):
@@ -92,3 +91,32 @@ def without(tracks: Tracks, places: np.ndarray) -> Tracks:
     kept = np.setdiff1d(np.arange(len(tracks.ids)), places)
     ids, boxes, hits, missed = (values[kept] for values in tracks[:4])
     return Tracks(ids, boxes, hits, missed, tracks.next_id)
+
+
+def pairwise_overlap(one: ArrayLike, other: ArrayLike) -> np.ndarray:
+    """Intersection over union of every pair of boxes, in double precision.
+
+    ``jaxpf.metrics.overlap`` pairs box with box in JAX; scores that compare overlaps with
+    thresholds in double precision need this one to agree with other tools.
+
+    Args:
+        one: x, y, w, h ``[P, 4]``.
+        other: ``[Q, 4]``.
+
+    Returns:
+        float64 ``[P, Q]``; 0 where a box is not finite or has no width or no height.
+    """
+    one = _proper_or_empty(one)[:, None]
+    other = _proper_or_empty(other)[None, :]
+    start = np.maximum(one[..., :2], other[..., :2])
+    end = np.minimum(one[..., :2] + one[..., 2:], other[..., :2] + other[..., 2:])
+    common = np.prod(np.maximum(end - start, 0), axis=-1)
+    union = np.prod(one[..., 2:], axis=-1) + np.prod(other[..., 2:], axis=-1) - common
+    return np.divide(common, union, out=np.zeros_like(common), where=union > 0)
+
+
+def _proper_or_empty(boxes: ArrayLike) -> np.ndarray:
+    boxes = np.asarray(boxes, np.float64).reshape(-1, 4)
+    is_finite = np.isfinite(boxes).all(axis=1, keepdims=True)
+    has_area = (boxes[:, 2:] > 0).all(axis=1, keepdims=True)
+    return np.where(is_finite & has_area, boxes, 0)

@@ -1,0 +1,64 @@
+"""The map in ``jaxpf/__init__`` is true: imports run downwards, and none in a circle."""
+
+import ast
+import graphlib
+import re
+from pathlib import Path
+
+import jaxpf
+
+ROOT = Path(jaxpf.__file__).parent
+#: Rows of the map, the uppermost first: each the rooms that stand on one line.
+ROWS = [re.findall(r"``(\w+)/?``", row) for row in re.findall("^``.*", jaxpf.__doc__, re.MULTILINE)]
+LEVELS = {room: level for level, row in enumerate(ROWS) for room in row if room != "scenes"}
+
+
+def name_of(path):
+    parts = path.relative_to(ROOT.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {name_of(path): path for path in ROOT.rglob("*.py")}
+
+
+def imported(node):
+    """Modules of jaxpf that a program imports, wherever; what only a type checker sees is none."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING":
+            continue
+        if isinstance(child, ast.Import):
+            yield from (alias.name for alias in child.names if alias.name in MODULES)
+        if isinstance(child, ast.ImportFrom) and child.module in MODULES:
+            every = {f"{child.module}.{alias.name}" for alias in child.names}
+            yield from every & MODULES.keys() or {child.module}
+        yield from imported(child)
+
+
+IMPORTS = {
+    name: set(imported(ast.parse(path.read_text()))) - {name, "jaxpf"}
+    for name, path in MODULES.items()
+}
+
+
+def room_of(module):
+    return module.partition(".")[2].partition(".")[0]
+
+
+def test_every_room_stands_on_the_map():
+    folders = {path.name for path in ROOT.iterdir() if (path / "__init__.py").exists()}
+    assert folders <= LEVELS.keys()
+
+
+def test_imports_run_downwards():
+    upwards = {
+        (one, other)
+        for one, others in IMPORTS.items()
+        for other in others
+        if {room_of(one), room_of(other)} <= LEVELS.keys()
+        and LEVELS[room_of(other)] < LEVELS[room_of(one)]
+    }
+    assert not upwards
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    graphlib.TopologicalSorter(IMPORTS).prepare()

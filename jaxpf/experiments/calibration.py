@@ -1,7 +1,8 @@
 """The search for settings that a paper does not publish: one stage after the other.
 
 Each stage tries a few changes of the best settings of the last, on scenes of seeds that no report
-uses, and keeps those with the least score.
+uses, and keeps those with the least score; where the values it began with are among the changes it
+ends no worse than it began.  Stages may be judged by different scores.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -185,3 +185,26 @@ def test_the_calibration_uses_scenes_that_no_report_uses():
         assert variant in synthetic.VARIANTS
         for field, values in calibration.GRID.items():
             assert getattr(settings, field) in (*values, getattr(calibration.START, field))
+
+
+def test_the_search_takes_the_best_of_all_it_tried(monkeypatch):
+    """Also where a stage does worse than the value the search starts with, which it lacks."""
+    from jaxpf.experiments.rowe2005 import calibration
+
+    def tried(drawn, changes, settings):
+        lost = 0.0 if settings.sigma == calibration.START.sigma else 0.5
+        error = abs(settings.speed_scale - 0.05) + abs(settings.position_scale - 1.5)
+        return {"lost": f"{lost:g}"}, (lost, error)
+
+    monkeypatch.setattr(calibration, "SEEDS", ())
+    monkeypatch.setattr(calibration, "_tried", tried)
+    table = calibration.calibrate(lambda line: None, ["neither", "Condensation"])
+    for variant in ("neither", "Condensation"):
+        chosen = table.note.split(f"{variant} {{")[1].split("}")[0]
+        assert "'sigma': 40.0" in chosen
+        assert "'position_scale': 1.5" in chosen
+        assert "'speed_scale': 0.05" in chosen
+    # Values of a stage, of every stage but the rates', which neither has.
+    assert len(table.rows) == 2 * sum(
+        len(values) for field, values in calibration.GRID.items() if field != "rates"
+    )

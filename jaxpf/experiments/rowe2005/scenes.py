@@ -46,10 +46,10 @@ class Settings(NamedTuple):
 #: Found by ``calibration.calibrate`` on its own seeds, each variant by itself.
 TUNED = {
     "both": Settings(1.5, 0.02, 1.2, 50.0, 1.0, 0.5, (0.7, 0.2)),
-    "neither": Settings(2.5, 0.02, 1.2, 30.0, 1.0, 0.25, (0.9, 0.4)),
+    "neither": Settings(2.5, 0.02, 1.2, 40.0, 1.0, 0.5, (0.9, 0.4)),
     "feedback only": Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.25, (0.9, 0.4)),
     "without eq. 4": Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.12, (0.9, 0.4)),
-    "Condensation": Settings(2.5, 0.1, 1.2, 30.0, 1.0, 0.5, (0.9, 0.4)),
+    "Condensation": Settings(2.5, 0.1, 1.2, 40.0, 1.0, 0.5, (0.9, 0.4)),
     "product": Settings(1.5, 0.02, 1.2, 80.0, 1.0, 1.0, (0.9, 0.4)),
 }
 SETTINGS = TUNED["both"]

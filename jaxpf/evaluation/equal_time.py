@@ -76,17 +76,16 @@ def at_equal_time(
         places = [other for _, other in others]
         times = times_of([speeds[other] for other in places])
         seconds = 1 / speeds[index]
-        for (low, one), (high, other) in itertools.pairwise(zip(times, places, strict=False)):
-            if low <= seconds <= high and low < high:
-                share = float(np.log(seconds / low) / np.log(high / low))
-                differences = {}
-                for measure in measures:
-                    ours, less, more = (
-                        runs_of(collected[each], measure) for each in (index, one, other)
-                    )
-                    differences[measure.name] = _difference(ours, less, more, share)
-                found.append(AtEqualTime(index, (one, other), seconds, differences))
-                break
+        if (among := between(times, seconds)) is not None:
+            low, share = among
+            one, other = places[low], places[low + 1]
+            differences = {}
+            for measure in measures:
+                ours, less, more = (
+                    runs_of(collected[each], measure) for each in (index, one, other)
+                )
+                differences[measure.name] = _difference(ours, less, more, share)
+            found.append(AtEqualTime(index, (one, other), seconds, differences))
     return found
 
 
@@ -111,6 +110,19 @@ def times_of(speeds: Sequence[float]) -> np.ndarray:
     More particles take no less: what says so is how the times were measured.
     """
     return np.maximum.accumulate([1 / speed for speed in speeds] or [0.0])
+
+
+def between(times: Sequence[float], seconds: float) -> tuple[int, float] | None:
+    """Between which two of rising times another lies.
+
+    Returns:
+        The place of the one below, and how far it is from there to the next, by the logarithm of
+        time; None where the times do not reach to both sides.
+    """
+    for place, (low, high) in enumerate(itertools.pairwise(times)):
+        if low <= seconds <= high and low < high:
+            return place, float(np.log(seconds / low) / np.log(high / low))
+    return None
 
 
 def _number(summary: "Summary") -> Any:

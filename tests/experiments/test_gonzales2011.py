@@ -150,11 +150,16 @@ def test_one_bad_cell_contradicts_a_claim_about_every_cell():
 
 
 def test_gains_are_per_cent_of_ps_sequence_by_sequence():
-    values = {
-        ("absolute", "PS"): np.array([[[10.0, 30]], [[40, 40]]]),
-        ("absolute", "SPS sorted"): np.array([[[10.0, 20]], [[50, 50]]]),
-    }
-    np.testing.assert_allclose(tables.gain(values, "absolute", "SPS sorted"), [25, -25])
+    ours, base = np.array([15.0, 60.0]), np.array([20.0, 60.0])
+    found = tables.gain(ours, base)
+    np.testing.assert_allclose(found.value, 100 * (1 - np.sqrt(0.75)))
+    low, high = found.interval(0.9)
+    assert low < found.value < high
+
+
+def test_two_methods_that_lose_as_much_by_turns_are_equal():
+    ours = np.array([10.0, 40.0] * 10)
+    assert tables.gain(ours, ours[::-1]).value == pytest.approx(0)
 
 
 def fake_times():
@@ -188,6 +193,42 @@ def test_times_stand_beside_the_published_ones():
     assert verdicts == [CONTRADICTS, SUPPORTS]
     # Counted by hand in the paper's table: four cells are above 4 %.
     assert all("in 31 of 35 cells" in claim.published for claim in by_method.values())
+
+
+def test_figure_8_is_judged_at_equal_time_too():
+    """SPS takes twice PS's time: with half as many particles it makes the errors of the half."""
+
+    def outcome(number):
+        rng = np.random.default_rng(number)
+        # PS and the sorted SPS make an error of 100 / N, the combinatorial one of a quarter.
+        size = {"SPS combinatorial": 25.0}
+        noise = 1 + 0.001 * rng.normal(size=(4, 1, 1))
+        values = {
+            (d, m): size.get(m, 100.0) / number * noise * np.ones((4, RUNS_PER_SCENE, 9))
+            for d, m in KINDS
+        }
+        return Outcome(error=values, variance=values)
+
+    outcomes = {("smooth", 7, n): outcome(n) for n in published.FIGURE_8_PARTICLES}
+    seconds = {
+        (7, n): {m: np.full(3, n * (1.0 if m == "PS" else 2.0)) for m in times.METHODS}
+        for n in published.TABLE_1_PARTICLES
+    }
+    found = claims.equal_time_claims(outcomes, seconds)
+    assert len(found) == 4
+    for claim in found:
+        # Of N = 10 nothing is known: SPS would have 5, whose time nobody measured.
+        assert [part.what for part in claim.parts] == ["N = 20, of SPS 10", "N = 40, of SPS 20"]
+        worse = "sorted" in claim.statement
+        expected = -100 if worse else 50
+        np.testing.assert_allclose([part.value for part in claim.parts], expected, rtol=0.01)
+        assert claim.verdict == (CONTRADICTS if worse else SUPPORTS)
+    # Between two numbers: 30 of PS take the time of 15 of SPS.
+    slower = seconds | {(7, 40): {m: np.full(3, 40 if m == "PS" else 60.0) for m in times.METHODS}}
+    _, forty = claims.equal_time_claims(outcomes, slower)[1].parts
+    share = np.log(40 / 40) / np.log(60 / 40)
+    assert forty.what == f"N = 40, of SPS {20 ** (1 - share) * 40**share:.0f}"
+    assert claims.equal_time_claims(outcomes, {}) == []
 
 
 def test_growth_is_compared_with_linear_growth():

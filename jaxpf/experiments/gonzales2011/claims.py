@@ -1,15 +1,21 @@
 """What the paper concludes from figures 8 to 11 and table 1, judged by our runs.
 
 Every claim on the figures is judged under both dynamics, with the paper's swap and with the
-unbiased one.
+unbiased one.  Beside those on figure 8, which are at equal N, stand claims of our own at equal
+time, with as many particles of SPS as take the time of PS.
+
+Criteria that were changed after 50 runs had been judged, and why: errors are compared by the
+geometric mean of the sequences' ratios, for the plain one counts a method as worse that loses as
+much by turns as PS does; and "usually not more than 4 % slower" asks for most cells of table 1
+where a mean of the cells asked for something else.
 """
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from jaxpf.experiments.claims import Claim, exact, judged
-from jaxpf.experiments.estimates import mean_of
+from jaxpf.evaluation.equal_time import between, times_of
+from jaxpf.experiments.claims import Claim, Quantity, exact, judged, wilson
 from jaxpf.experiments.gonzales2011.measure import Found
 from jaxpf.experiments.gonzales2011.published import (
     FIGURE_8_PARTS,
@@ -17,10 +23,12 @@ from jaxpf.experiments.gonzales2011.published import (
     FIGURE_10_PARTICLES,
     FIGURE_11_PARTICLES,
     FIGURE_11_PARTS,
+    SLIP,
     TABLE_1,
+    TABLE_1_PARTICLES,
 )
-from jaxpf.experiments.gonzales2011.scenes import DYNAMICS, Outcomes
-from jaxpf.experiments.gonzales2011.tables import gain
+from jaxpf.experiments.gonzales2011.scenes import DYNAMICS, Outcome, Outcomes
+from jaxpf.experiments.gonzales2011.tables import by_scene, gain
 from jaxpf.experiments.gonzales2011.times import AT_MOST, METHODS, Times
 from jaxpf.filters.partitioned.ordering import named
 from jaxpf.measures import metrics
@@ -36,7 +44,11 @@ Cell = tuple[str, int, int]
 
 def claims(found: Found) -> list[Claim]:
     """All claims with their verdicts; those of which no cell was run are left out."""
-    return [*curve_claims(found.outcomes), *time_claims(found.times)]
+    return [
+        *curve_claims(found.outcomes),
+        *time_claims(found.times),
+        *equal_time_claims(found.outcomes, found.times),
+    ]
 
 
 def curve_claims(outcomes: Outcomes) -> list[Claim]:
@@ -76,7 +88,7 @@ def _of_variant(outcomes: Outcomes, dynamics: str, method: str) -> Iterator[Clai
             "error",
         ),
         ("Erratic motion disturbs SPS less", "figure 11", erratic, "error"),
-        ("and its variance is lower", "figure 11", erratic, "variance"),
+        ("Under erratic motion the variance is lower", "figure 11", erratic, "variance"),
     ]
     for statement, figure, cells, measure in stated:
         chosen = [cell for cell in cells if cell in outcomes]
@@ -86,16 +98,82 @@ def _of_variant(outcomes: Outcomes, dynamics: str, method: str) -> Iterator[Clai
                 f"4, {figure}",
                 "a curve below PS's",
                 *(
-                    mean_of(
-                        gain(getattr(outcomes[cell], measure), dynamics, method),
-                        _name(cell, chosen),
-                        at_least=0,
-                        margin=MARGIN,
-                    )
+                    _less_than_ps(outcomes[cell], measure, dynamics, method, _name(cell, chosen))
                     for cell in chosen
                 ),
                 digits=1,
             )
+
+
+def _less_than_ps(
+    outcome: Outcome, measure: str, dynamics: str, method: str, what: str
+) -> Quantity:
+    values = getattr(outcome, measure)
+    ours, base = (by_scene(values[dynamics, name]) for name in (method, "PS"))
+    return gain(ours, base, what, at_least=0, margin=MARGIN)
+
+
+def equal_time_claims(outcomes: Outcomes, times: Times) -> list[Claim]:
+    """Figure 8 at equal time: our own, from its errors and from table 1's times.
+
+    The number of particles of SPS that takes PS's time, and its error there, are read off straight
+    lines over logarithms, as in ``jaxpf.evaluation.equal_time``; the error sequence by sequence.
+    The times count as known: each is a median.
+    """
+    found = []
+    for dynamics in DYNAMICS:
+        for method in _SWAPS:
+            for num_parts in FIGURE_8_PARTS:
+                parts = _at_equal_time(outcomes, times, dynamics, method, num_parts)
+                if parts:
+                    found.append(
+                        judged(
+                            f"Beyond the paper: SPS follows {num_parts} parts more closely than "
+                            f"PS at equal time [{method}, {dynamics}; % less than PS]",
+                            "figure 8 with table 1",
+                            "equal N alone",
+                            *parts,
+                            digits=1,
+                        )
+                    )
+    return found
+
+
+def _at_equal_time(
+    outcomes: Outcomes, times: Times, dynamics: str, method: str, num_parts: int
+) -> list[Quantity]:
+    """A quantity for every N of PS whose time lies between those of two N of SPS."""
+    tracked = sorted(
+        number for motion, parts, number in outcomes if (motion, parts) == ("smooth", num_parts)
+    )
+    timed = [number for number in tracked if (num_parts, number) in times]
+
+    def seconds(name: str) -> np.ndarray:
+        return times_of([1 / np.median(times[num_parts, number][name]) for number in timed])
+
+    def errors(name: str, number: int) -> np.ndarray:
+        return by_scene(outcomes["smooth", num_parts, number].error[dynamics, name])
+
+    found = []
+    for number, spent in zip(timed, seconds("PS"), strict=False):
+        if (among := between(seconds(method), float(spent))) is None:
+            continue
+        place, share = among
+        affords = timed[place] ** (1 - share) * timed[place + 1] ** share
+        if (among := between(tracked, affords)) is None:
+            continue
+        place, share = among
+        fewer, more = (errors(method, each) for each in tracked[place : place + 2])
+        found.append(
+            gain(
+                (1 - share) * fewer + share * more,
+                errors("PS", number),
+                f"N = {number}, of SPS {affords:.0f}",
+                at_least=0,
+                margin=MARGIN,
+            )
+        )
+    return found
 
 
 def _name(cell: Cell, cells: Sequence[Cell]) -> str:
@@ -127,24 +205,32 @@ def _resamplings() -> Claim:
 
 def time_claims(times: Times) -> list[Claim]:
     """What the paper concludes from table 1."""
-    slower = [
-        100 * (other / one - 1)
-        for rows in TABLE_1.values()
-        for one, other in zip(rows["PS"], rows["SPS"], strict=True)
-    ]
     limit = 100 * (AT_MOST - 1)
-    within = sum(excess <= limit for excess in slower)
+    slower = {
+        (num_parts, number): 100 * (other / one - 1)
+        for num_parts, rows in TABLE_1.items()
+        for number, one, other in zip(TABLE_1_PARTICLES, rows["PS"], rows["SPS"], strict=True)
+    }
+    within = sum(excess <= limit for excess in slower.values())
+    mean = np.mean([each for cell, each in slower.items() if cell != (SLIP[0], SLIP[2])])
     found = []
     for method in METHODS[1:]:
         # The cells are the units: each has its own compiled kernel and its own overhead.
-        excess = [100 * (np.median(cell[method] / cell["PS"]) - 1) for cell in times.values()]
+        excess = np.array(
+            [100 * (np.median(cell[method] / cell["PS"]) - 1) for cell in times.values()]
+        )
+        usual = int((excess <= limit).sum())
         found.append(
             judged(
-                f"SPS is usually not more than 4 % slower than PS [{method}]",
+                f"SPS is usually (in most cells) not more than 4 % slower than PS [{method}]",
                 "4, table 1",
-                f"{np.mean(slower):.1f} % on average, <= 4 % in {within} of {len(slower)} cells",
-                mean_of(excess, "% slower, mean of the cells", at_most=limit),
-                digits=1,
+                f"in {within} of {len(slower)} cells; {mean:.1f} % on average, without a misprint",
+                Quantity(
+                    "cells, %",
+                    100 * usual / len(excess),
+                    wilson(usual, len(excess)),
+                    at_least=50,
+                ),
                 unit="cells",
             )
         )

@@ -5,7 +5,8 @@ from command_line import jaxpf
 
 from jaxpf.experiments import verdicts
 from jaxpf.experiments.claims import CANNOT_RESOLVE
-from jaxpf.experiments.maccormick1999 import claims
+from jaxpf.experiments.gonzales2011 import claims as gonzales2011
+from jaxpf.experiments.maccormick1999 import claims as maccormick1999
 from jaxpf.experiments.paper import PAPERS
 
 
@@ -29,15 +30,20 @@ def test_what_is_not_judged_has_a_reason(paper):
     assert all(each["claim"] and each["source"] and each["reason"] for each in left)
 
 
-def test_a_stored_figure_is_what_is_measured_today():
-    """Of the one claim that is computed; the others take minutes: ``jaxpf reproduce``."""
-    today = claims.line_claim()
-    (stored,) = (
-        claim
-        for claim in verdicts.stored("maccormick1999")
-        if claim["statement"] == today.statement
-    )
-    assert (stored["measured"], stored["verdict"]) == (today.measured, today.verdict)
+@pytest.mark.parametrize(
+    ("paper", "claim"),
+    [
+        ("maccormick1999", maccormick1999.line_claim),
+        ("gonzales2011", lambda: gonzales2011.curve_claims({})[-1]),
+    ],
+)
+def test_a_stored_figure_is_what_is_measured_today(paper, claim):
+    """Of the claims that are computed; the others take minutes: ``jaxpf reproduce``."""
+    today = claim()
+    assert all(part.is_exact for part in today.parts)
+    (stored,) = (each for each in verdicts.stored(paper) if each["statement"] == today.statement)
+    told = stored["source"], stored["published"], stored["measured"], stored["verdict"]
+    assert told == (today.source, today.published, today.measured, today.verdict)
 
 
 def test_the_whole_picture_is_printed_at_once():

@@ -112,7 +112,7 @@ def times_of(speeds: Sequence[float]) -> np.ndarray:
     return np.maximum.accumulate([1 / speed for speed in speeds] or [0.0])
 
 
-def between(times: Sequence[float], seconds: float) -> tuple[int, float] | None:
+def between(times: Sequence[float] | np.ndarray, seconds: float) -> tuple[int, float] | None:
     """Between which two of rising times another lies.
 
     Returns:

@@ -1,6 +1,7 @@
 """What figures 8 to 11 show as tables, table 1, and what they rest on."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,7 @@ def by_scene(values: np.ndarray) -> np.ndarray:
     return np.nanmean(values, axis=(1, 2))
 
 
-def gain(ours: np.ndarray, base: np.ndarray, what: str = "", **claimed: float) -> Quantity:
+def gain(ours: np.ndarray, base: np.ndarray, what: str = "", **claimed: Any) -> Quantity:
     """How much less a method has than PS, in per cent of PS.
 
     The geometric mean of the sequences' ratios: the plain mean of two methods that lose as much by

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from jaxpf.experiments.paper import Request
-from jaxpf.experiments.smith2004 import occlusions, published, sweep
+from jaxpf.experiments.parts import part
+from jaxpf.experiments.smith2004 import costs, occlusions, published, sweep
 from jaxpf.experiments.smith2004.conditions import ENDINGS, PARTICLES, Condition, measure_conditions
 from jaxpf.experiments.smith2004.occlusions import Tracked
 from jaxpf.experiments.smith2004.scenes import RUNS_PER_SCENE, Outcome
@@ -24,12 +25,14 @@ class Found(NamedTuple):
         swept: at several distances.
         tracked: on the real clip; empty without it.
         conditions: under which the order of objects may matter more.
+        costs: of every method.
     """
 
     outcome: Outcome
     swept: Sweep
     tracked: Sequence[Tracked]
     conditions: Sequence[Condition]
+    costs: costs.Costs
 
 
 def measure(request: Request) -> Found:
@@ -52,4 +55,7 @@ def measure(request: Request) -> Found:
     particles = (_FEW,) if request.quick else PARTICLES
     endings = _QUICK_ENDINGS if request.quick else tuple(ENDINGS)
     conditions = measure_conditions(seeds, particles, endings, report)
-    return Found(outcome, swept, tracked, conditions)
+    report("What the methods cost")
+    spent = part("costs", lambda: costs.measure(particles))
+    by_number = {number: spent[str(number)] for number in particles}
+    return Found(outcome, swept, tracked, conditions, by_number)

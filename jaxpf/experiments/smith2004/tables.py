@@ -7,7 +7,7 @@ import numpy as np
 from jaxpf.experiments.claims import Measured, wilson
 from jaxpf.experiments.comparison_table import Cell, Rows, Table
 from jaxpf.experiments.estimates import mean_cell, mean_of, rate_cell
-from jaxpf.experiments.smith2004 import occlusions
+from jaxpf.experiments.smith2004 import costs, occlusions
 from jaxpf.experiments.smith2004.conditions import Condition
 from jaxpf.experiments.smith2004.measure import Found
 from jaxpf.experiments.smith2004.occlusions import Tracked
@@ -21,6 +21,7 @@ from jaxpf.experiments.smith2004.published import (
 )
 from jaxpf.experiments.smith2004.scenes import METHODS, NUM_OBJECTS, RUNS_PER_SCENE, Outcome
 from jaxpf.experiments.smith2004.sweep import Sweep
+from jaxpf.measures.timing import median_interval
 
 
 def tables(found: Found) -> list[Table]:
@@ -32,6 +33,7 @@ def tables(found: Found) -> list[Table]:
         sweep_table(found.swept),
         *occlusion_tables(found.tracked),
         conditions_table(found.conditions),
+        cost_table(found.costs),
     ]
 
 
@@ -209,6 +211,24 @@ def conditions_table(found: Sequence[Condition]) -> Table:
         "last but one, last: PS that comes to object 1 so.  Drawn twice: by the weights at the "
         "end of a frame and at the start of the next, as figure 1 has it.  Counted twice: stages "
         "are resampled by, and not divided out of the last weights.",
+    )
+
+
+def cost_table(found: costs.Costs) -> Table:
+    """Processor time of every method, and over that of PS."""
+    rows: Rows = []
+    for number, by_method in found.items():
+        for method, seconds in by_method.items():
+            spent = Measured(*(1e3 * each for each in median_interval(seconds)))
+            ratio = Measured(*median_interval(seconds / by_method["PS"]))
+            rows.append((f"N = {number}, {method}", [Cell(None, spent, 2), Cell(None, ratio, 2)]))
+    return Table(
+        "costs",
+        "Beyond the paper: processor time of a frame",
+        ["", "milliseconds", "this / PS"],
+        rows,
+        f"Median and 95 % interval of {costs.REPEATS} interleaved timings of {costs.RUNS} runs "
+        "together, on one device.  Where the ratio is 1, equal N is equal time.",
     )
 
 

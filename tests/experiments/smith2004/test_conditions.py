@@ -7,9 +7,9 @@ from smith2004_outcomes import outcome_of
 
 import jaxpf
 from jaxpf.dynamics import LinearGaussian
-from jaxpf.experiments.smith2004 import conditions
+from jaxpf.experiments.smith2004 import claims, conditions, costs, tables
 from jaxpf.experiments.smith2004.orders import best_over_worst
-from jaxpf.experiments.smith2004.scenes import all_orderings
+from jaxpf.experiments.smith2004.scenes import METHODS, all_orderings
 from jaxpf.likelihoods import Gaussian
 
 ONE = jnp.ones((3, 1, 1))
@@ -78,3 +78,37 @@ def test_orders_are_told_by_the_stage_of_object_1(monkeypatch):
     (found,) = conditions.measure_conditions([0], [300], ["as here"])
     np.testing.assert_allclose(found.by_stage.mean(axis=0), [0, 0, 0, 0, 0, 0, 100])
     assert (found.best_over_worst == 100).all()
+
+
+def test_dps_is_read_off_where_it_takes_the_time_of_ps():
+    def condition(particles, ps, dps):
+        ps, dps = np.array(ps), np.array(dps)
+        return conditions.Condition(particles, "as here", ps, ps, dps - ps, ps)
+
+    found = [condition(300, [20.0, 30], [40.0, 50]), condition(50, [5.0, 6], [10.0, 20])]
+    taken = {
+        50: {"PS": np.full(3, 1.0), "DPS": np.full(3, 2.0)},
+        300: {"PS": np.full(3, 6.0), "DPS": np.full(3, 8.0)},
+    }
+    share = np.log(6 / 2) / np.log(8 / 2)
+    expected = np.array([10.0, 20]) * (1 - share) + np.array([40.0, 50]) * share - [20, 30]
+    np.testing.assert_allclose(costs.dps_over_ps(taken, found), expected)
+    (claim,) = claims.equal_time_claims(taken, found)
+    np.testing.assert_allclose(claim.parts[0].value, expected.mean())
+    assert "DPS takes 1.33 times as long" in claim.measured
+    # One N is no curve.
+    assert costs.dps_over_ps(taken, found[:1]) is None
+    assert claims.equal_time_claims(taken, found[:1]) == []
+
+
+def test_the_costs_of_all_methods_are_timed(monkeypatch):
+    monkeypatch.setattr(costs, "FRAMES", 1)
+    monkeypatch.setattr(costs, "RUNS", 2)
+    monkeypatch.setattr(costs, "REPEATS", 2)
+    found = costs.measure([20])
+    assert set(found["20"]) == set(METHODS)
+    assert all(seconds.shape == (2,) and (seconds > 0).all() for seconds in found["20"].values())
+    table = tables.cost_table({20: found["20"]})
+    assert [label for label, _ in table.rows] == [f"N = 20, {method}" for method in METHODS]
+    (ratio,) = [cells[1].measured.value for label, cells in table.rows if label.endswith(" PS")]
+    assert ratio == 1

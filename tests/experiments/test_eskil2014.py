@@ -1,12 +1,13 @@
 """The experiment on deforming bodies: its measures, its judgements, and a small whole of it."""
 
+import jax
 import numpy as np
 import pytest
 
 import jaxpf
 from jaxpf.experiments import eskil2014
 from jaxpf.experiments.claims import CONTRADICTS, SUPPORTS
-from jaxpf.experiments.eskil2014 import claims, clips, figures, methods, tables
+from jaxpf.experiments.eskil2014 import calibration, claims, clips, figures, methods, tables
 from jaxpf.experiments.eskil2014.scenes import Outcome
 
 NAMES = ("nose", "eye", "dorsal front", "tail")
@@ -139,3 +140,39 @@ def test_the_quick_version_runs_through():
     assert [table.name for table in comparison.tables] == ["errors_fish", "frames_per_second"]
     assert len(comparison.claims) >= 4
     assert all(claim.measured for claim in comparison.claims)
+
+
+def test_the_calibration_starts_with_what_is_in_use_and_needs_more_than_chance():
+    assert min(calibration.SEEDS) >= 2**20
+    frame = np.random.default_rng(0).integers(0, 255, (80, 80, 3), np.uint8)
+    points = np.array([[30.0, 30], [50, 40]])
+    for method, grid in calibration.GRIDS.items():
+        in_use = methods.tracker(method, frame, points, 5.0)
+        start = {name: values[0] for name, values in grid.items()}
+        same = methods.tracker(method, frame, points, 5.0, **start)
+        for one, other in zip(jax.tree.leaves(in_use), jax.tree.leaves(same), strict=True):
+            np.testing.assert_array_equal(one, other)
+        assert jax.tree.structure(in_use) == jax.tree.structure(same)
+    in_use = 3.0 + np.random.default_rng(1).random((3, 4))
+    noise = np.tile([0.1, -0.1, 0.1, -0.1], (3, 1))
+    scores = [
+        calibration._judged(in_use + noise + shift, in_use)[1] for shift in (-0.5, -0.02, 0.5)
+    ]
+    np.testing.assert_allclose(scores, [-0.5, 0, 0.5], atol=1e-9)
+
+
+def test_the_search_keeps_what_is_in_use_unless_another_is_clearly_better(monkeypatch):
+    def errors(method, settings, drawn):
+        asked.append(dict(settings))
+        better = settings.get("velocity_memory") == 5
+        return 3.0 - better + np.random.default_rng(len(asked)).normal(0, 0.1, (3, 4))
+
+    asked = []
+    monkeypatch.setattr(calibration, "SEEDS", ())
+    monkeypatch.setattr(calibration, "errors", errors)
+    table = calibration.calibrate(lambda line: None)
+    assert "'velocity_memory': 5, 'shape_scale': 0.1" in table.note
+    assert "'momentum': 0.25" in table.note
+    assert len(table.rows) == sum(
+        len(values) for grid in calibration.GRIDS.values() for values in grid.values()
+    )

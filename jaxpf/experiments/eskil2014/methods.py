@@ -13,7 +13,7 @@ from jaxpf.models.dynamics import AR2
 PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
 WITH_DRIFT = "PFFL with drift"
 #: How much of its last displacement a particle of that one repeats: not published.
-MOMENTUM = 0.5
+MOMENTUM = 0.25
 
 #: Options of ``jaxpf.points.tracker``; what is not said has its default.
 _OPTIONS: Mapping[str, dict[str, Any]] = {
@@ -50,23 +50,32 @@ OTHERS = (SPOT, FLOW, "not moving")
 QUICK = (PROPOSED, PFFL, "PS")
 
 
-def trackers(
-    frame: np.ndarray, points: np.ndarray, scale: float, names: Sequence[str] = FILTERS
-) -> dict[str, Any]:
-    """Method -> tracker.
+def tracker(
+    name: str,
+    frame: np.ndarray,
+    points: np.ndarray,
+    scale: float,
+    momentum: float = MOMENTUM,
+    **changes: Any,
+) -> Any:
+    """The tracker of a method.
 
     Args:
+        name: of ``FILTERS``.
         frame: uint8 RGB [H, W, 3], with the points in it.
         points: [P, 2], pixels.
         scale: sigma_t, pixels.
-        names: of ``FILTERS``.
+        momentum: of ``WITH_DRIFT``.
+        changes: of the method's options.
     """
-    found = {
-        name: jaxpf.points.tracker(frame, points, diffusion=scale, **_OPTIONS[name])
-        for name in names
-    }
-    return found | {
-        name: dataclasses.replace(found[name], dynamics=AR2(np.float32(scale), MOMENTUM))
-        for name in names
-        if name == WITH_DRIFT
-    }
+    found = jaxpf.points.tracker(frame, points, diffusion=scale, **(_OPTIONS[name] | changes))
+    if name == WITH_DRIFT:
+        found = dataclasses.replace(found, dynamics=AR2(np.float32(scale), np.float32(momentum)))
+    return found
+
+
+def trackers(
+    frame: np.ndarray, points: np.ndarray, scale: float, names: Sequence[str] = FILTERS
+) -> dict[str, Any]:
+    """Method -> its ``tracker``, of the names."""
+    return {name: tracker(name, frame, points, scale) for name in names}

@@ -124,13 +124,11 @@ def track(
     seed: int,
 ) -> dict[str, np.ndarray]:
     """Method -> places ``[R, T, P, 2]`` in the frames after the first, in which points start."""
-    keys = jax.random.split(jax.random.key(seed), runs)
-    found = {}
     later = jnp.asarray(frames[1:])
-    for name, tracker in methods.trackers(frames[0], points, scale, filters).items():
-        found[name] = np.asarray(
-            monte_carlo(tracker, keys, later, _estimate, batch_size=min(runs, TOGETHER))
-        )
+    found = {
+        name: places_of(tracker, later, runs, seed)
+        for name, tracker in methods.trackers(frames[0], points, scale, filters).items()
+    }
     if methods.SPOT in others:
         found[methods.SPOT] = spot(frames, points)[None]
     if methods.FLOW in others:
@@ -138,6 +136,12 @@ def track(
     if "not moving" in others:
         found["not moving"] = np.broadcast_to(points, (1, len(later), *points.shape))
     return found
+
+
+def places_of(tracker: Any, later: Any, runs: int, seed: int) -> np.ndarray:
+    """Places ``[R, T, P, 2]`` that a tracker finds in the frames after the first."""
+    keys = jax.random.split(jax.random.key(seed), runs)
+    return np.asarray(monte_carlo(tracker, keys, later, _estimate, batch_size=min(runs, TOGETHER)))
 
 
 def _estimate(state: Any, summary: Any) -> Any:

@@ -126,12 +126,12 @@ def _draw_paths(parameters: LeavesParameters, rng: np.random.Generator) -> np.nd
     leaf = leaf_outline(parameters.leaf_length, parameters.leaf_width)
     outlines = np.empty((count, parameters.leaves, _POINTS, 2))
     for target in range(parameters.leaves):
-        side, apart = np.array(_SIDES[target]), (-1) ** target * parameters.separation / 2
+        side = np.array(_SIDES[target])
+        beside = (-1) ** target * parameters.separation / 2 * (side == 0)
         sway = drawn.wandering(rng, count, 6, parameters.sway_period) * parameters.sway
         # The corners of a leaf lie about half its length from its middle.
         linear = np.eye(2) + sway[:, 2:].reshape(count, 2, 2) / (parameters.leaf_length / 2)
-        # To the opposite side, on a path beside that of the leaf that comes from there.
-        path = -side * share[:, None] * parameters.travel + apart * (side == 0)
+        path = -side * share[:, None] * parameters.travel + beside
         size = np.array([parameters.frame_width, parameters.frame_height])
         middle = size / 2 + path + sway[:, :2]
         outlines[:, target] = middle[:, None] + np.einsum("tij,sj->tsi", linear, leaf)

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf import building
 from jaxpf.errors import InputError
+from jaxpf.models.depth import depth_orders, in_front
 from jaxpf.targets.contour_data import Annotated, Contours, Learned
 from jaxpf.targets.contour_models import contours_model, start_space
 from jaxpf.targets.contours import CONTOURS, contour_start, polylines, shapes_of
@@ -16,6 +17,8 @@ __all__ = [
     "Contours",
     "Learned",
     "contours_model",
+    "depth_orders",
+    "in_front",
     "shapes",
     "start_space",
     "tracker",

@@ -1,23 +1,30 @@
-"""Two leaves before moving foliage, one of which passes in front of the other.
+"""Leaves before moving foliage that pass one another, some in front of others.
 
 After the leaf sequence of maccormick1999, figure 7, which was never published: two like leaves
-that move affinely, in moving clutter, with occlusion.  All numbers are choices.
+that move affinely, in moving clutter, with occlusion.  All numbers are choices.  A third leaf comes
+from above and a fourth from below, and all pass the middle at once.
 
-``extras``: ``outlines`` ``[T, 2, S, 2]``; ``closed``, true; ``front`` ``[T]``, which target is
-nearer the camera; ``overlap`` ``[T]``, share of the farther one's area that is hidden.
+``extras``, of P leaves: ``outlines`` ``[T, P, S, 2]``; ``closed``, true; ``order`` ``[T, P]``, the
+targets by depth, nearest to the camera first, and ``front`` ``[T]``, the nearest; ``overlaps``
+``[T, P, P]``, share of target i's area that lies inside j's outline, at ``[t, i, j]``, and
+``overlap`` ``[T]``, the largest share of a leaf that one nearer leaf hides.
 """
 
 import dataclasses
+from itertools import combinations, permutations
 
 import cv2
 import numpy as np
 
 from scenes import drawn_outlines as drawn
-from scenes.parameters import check_parameters
+from scenes.parameters import check_parameters, require
 from scenes.scene import Scene
 
 _PATHS, _BACKGROUND, _PIXELS = range(3)
 _POINTS = 60
+#: Where leaves come from, x and y in halves of their travel: those from above and below, for which
+#: there is less room, go less far.
+_SIDES = ((-1.0, 0.0), (1.0, 0.0), (0.0, -0.8), (0.0, 0.8))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,6 +32,7 @@ class LeavesParameters:
     """What the scene of leaves is made of; lengths in pixels, times in frames.
 
     Attributes:
+        leaves: their number, 2 to 4.
         num_frames: length of the sequence.
         frame_width: width of a frame.
         frame_height: height of a frame.
@@ -32,7 +40,7 @@ class LeavesParameters:
         leaf_length: of a leaf, from stem to tip.
         leaf_width: across it.
         travel: how far each leaf's middle moves towards the other's side and beyond.
-        separation: vertical distance of the two paths.
+        separation: distance of two paths in opposite directions.
         sway: standard deviation of each coordinate of a leaf's affine swaying: its corners move
             so many pixels.
         sway_period: of that swaying.
@@ -44,6 +52,7 @@ class LeavesParameters:
         noise: standard deviation of every pixel, in every frame.
     """
 
+    leaves: int = 2
     num_frames: int = 60
     frame_width: int = 320
     frame_height: int = 240
@@ -63,7 +72,9 @@ class LeavesParameters:
 
     def __post_init__(self) -> None:
         above_0 = ("num_frames", "frame_width", "frame_height", "fps", "leaf_length", "leaf_width")
-        check_parameters("leaves", self, above_0=(*above_0, "sway_period"))
+        check_parameters("leaves", self, above_0=(*above_0, "sway_period"), leaves=2)
+        most = len(_SIDES)
+        require("leaves", self, "leaves", self.leaves <= most, f"must be at most {most}")
 
 
 def leaves_scene(parameters: LeavesParameters, seed: int) -> Scene:
@@ -73,18 +84,21 @@ def leaves_scene(parameters: LeavesParameters, seed: int) -> Scene:
     height, width = parameters.frame_height, parameters.frame_width
     rng = np.random.default_rng([seed, _PIXELS])
     veins = parameters.leaf_texture * drawn.texture(rng, height, width, 2.0)
-    front = int(rng.integers(2))
+    orders = list(permutations(range(parameters.leaves)))
+    order = orders[rng.integers(len(orders))]
     frames = np.empty((parameters.num_frames, height, width, 3), np.uint8)
-    hidden = np.empty(parameters.num_frames)
+    overlaps = np.empty((parameters.num_frames, parameters.leaves, parameters.leaves))
     for t, (frame, leaves) in enumerate(zip(frames, outlines, strict=True)):
         picture = grounds[t]
-        for target in (1 - front, front):
+        for target in reversed(order):
             drawn.paint_inside(picture, leaves[target], parameters.leaf_grey + veins)
             # A dark seam: two leaves of one grey would have no edge between them.
             seam = np.concatenate([leaves[target], leaves[target][:1]])
             drawn.paint_line(picture, seam, parameters.leaf_grey - 60, 2)
         frame[...] = drawn.noisy(picture, parameters.noise, rng)
-        hidden[t] = _share_hidden(leaves[1 - front], leaves[front], (height, width))
+        overlaps[t] = _overlaps(leaves, (height, width))
+    by_depth = np.repeat([order], parameters.num_frames, axis=0)
+    pairs = combinations(order, 2)
     return drawn.make_scene(
         "leaves",
         frames,
@@ -92,8 +106,10 @@ def leaves_scene(parameters: LeavesParameters, seed: int) -> Scene:
         parameters,
         seed,
         closed=True,
-        front=np.full(parameters.num_frames, front),
-        overlap=hidden,
+        order=by_depth,
+        front=by_depth[:, 0],
+        overlaps=overlaps,
+        overlap=np.max([overlaps[:, farther, nearer] for nearer, farther in pairs], axis=0),
     )
 
 
@@ -108,19 +124,16 @@ def _draw_paths(parameters: LeavesParameters, rng: np.random.Generator) -> np.nd
     count = parameters.num_frames
     share = np.linspace(-0.5, 0.5, count)
     leaf = leaf_outline(parameters.leaf_length, parameters.leaf_width)
-    outlines = np.empty((count, 2, _POINTS, 2))
-    for target in range(2):
-        side = (-1) ** target
+    outlines = np.empty((count, parameters.leaves, _POINTS, 2))
+    for target in range(parameters.leaves):
+        side = np.array(_SIDES[target])
+        beside = (-1) ** target * parameters.separation / 2 * (side == 0)
         sway = drawn.wandering(rng, count, 6, parameters.sway_period) * parameters.sway
         # The corners of a leaf lie about half its length from its middle.
         linear = np.eye(2) + sway[:, 2:].reshape(count, 2, 2) / (parameters.leaf_length / 2)
-        middle = np.stack(
-            [
-                parameters.frame_width / 2 + side * share * parameters.travel + sway[:, 0],
-                parameters.frame_height / 2 + side * parameters.separation / 2 + sway[:, 1],
-            ],
-            axis=1,
-        )
+        path = -side * share[:, None] * parameters.travel + beside
+        size = np.array([parameters.frame_width, parameters.frame_height])
+        middle = size / 2 + path + sway[:, :2]
         outlines[:, target] = middle[:, None] + np.einsum("tij,sj->tsi", linear, leaf)
     return outlines
 
@@ -142,11 +155,12 @@ def _draw_foliage(parameters: LeavesParameters, rng: np.random.Generator) -> np.
     return grounds
 
 
-def _share_hidden(farther: np.ndarray, nearer: np.ndarray, shape: tuple[int, int]) -> float:
-    """Share of the farther outline's pixels that lie inside the nearer one."""
+def _overlaps(outlines: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """``[P, P]``: share of outline i's pixels that lie inside outline j."""
     masks = []
-    for outline in (farther, nearer):
+    for outline in outlines:
         mask = np.zeros(shape, np.uint8)
         cv2.fillPoly(mask, [np.rint(outline - 0.5).astype(np.int32)], 1)
-        masks.append(mask > 0)
-    return float((masks[0] & masks[1]).sum() / max(masks[0].sum(), 1))
+        masks.append(mask.ravel() > 0)
+    both = np.array([[(one & other).sum() for other in masks] for one in masks])
+    return both / np.maximum(np.diagonal(both), 1)[:, None]

@@ -1,6 +1,7 @@
 """Contours read from JSON, written and drawn."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -120,9 +121,9 @@ class ContourAdapter(Adapter):
         log_weights = np.asarray(state.log_weights)
         best = np.argsort(log_weights)[::-1][:_DRAWN]
         lines = polylines(CONTOURS.shapes(start, np.asarray(state.substates)[best], tracker))
-        hidden = None
-        if getattr(state, "label", None) is not None and lines.shape[1] == 2:
-            hidden = _hidden(lines, np.asarray(state.label)[best])
+        hidden, orders = None, getattr(tracker.likelihood, "orders_of_labels", None)
+        if getattr(state, "label", None) is not None and orders is not None:
+            hidden = _hidden(lines, [orders[label] for label in np.asarray(state.label)[best]])
         return draw_contour_particles(frame, lines, np.exp(log_weights[best]), hidden, colours)
 
 
@@ -137,16 +138,17 @@ def _polyline(outline: np.ndarray, closed: bool) -> np.ndarray:
     return np.concatenate([even, even[:1]] if closed else [even]).ravel()
 
 
-def _hidden(lines: np.ndarray, labels: np.ndarray) -> np.ndarray:
-    """Which points of ``[n, 2, V, 2]`` lie inside the contour that a label says is in front."""
+def _hidden(lines: np.ndarray, orders: Sequence[Sequence[int]]) -> np.ndarray:
+    """Which points of ``[n, P, V, 2]`` lie inside a nearer contour, by orders, nearest first."""
     import cv2
 
     found = np.zeros(lines.shape[:3], bool)
-    for number, (pair, front) in enumerate(zip(lines, labels, strict=True)):
-        if np.isfinite(pair).all():
-            outline = pair[front].astype(np.float32)[:, None]
-            found[number, 1 - front] = [
-                cv2.pointPolygonTest(outline, (float(x), float(y)), False) > 0
-                for x, y in pair[1 - front]
-            ]
+    for hidden, outlines, order in zip(found, lines, orders, strict=True):
+        for nearer, farther in combinations(order, 2):
+            if np.isfinite(outlines[[nearer, farther]]).all():
+                outline = outlines[nearer].astype(np.float32)[:, None]
+                hidden[farther] |= [
+                    cv2.pointPolygonTest(outline, (float(x), float(y)), False) > 0
+                    for x, y in outlines[farther]
+                ]
     return found

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.errors import InputError
+from jaxpf.models.depth import depth_orders
 from jaxpf.models.dynamics import RandomWalk
 from jaxpf.models.model import Model
 from jaxpf.models.occlusion import WithOcclusion
@@ -25,8 +26,8 @@ def contours_model(
 ) -> Model:
     """Contours that start at given ones.
 
-    Opaque targets carry a label that says which is in front, and partitioned sampling is branched:
-    a particle places the target first that it believes to be in front.
+    Opaque targets carry a label that says in which order they lie in depth, and partitioned
+    sampling is branched: a particle places the target first that it believes to be nearest.
 
     Args:
         likelihood: of points of the space, such as ``jaxpf.likelihoods.contours``.
@@ -35,8 +36,8 @@ def contours_model(
         dynamics: such as ``jaxpf.dynamics.fit`` learns; default a random walk.
         scale: of that walk: noise of the shift and of every other coordinate, ``[2]``, or of each
             coordinate, ``[D]``; pixels.
-        flip: of opaque targets, probability per frame that they change their order in depth; None:
-            they are not opaque.
+        flip: of opaque targets, probability per frame that two of them change places in depth, see
+            ``WithOcclusion``; None: they are not opaque.
 
     Raises:
         InputError: an argument is out of range; the sentence says which.
@@ -54,9 +55,10 @@ def contours_model(
         return model
     if is_concrete(flip) and not 0 <= np.asarray(flip) <= 1:
         raise InputError(f"flip {flip} must be a probability, 0 to 1.")
+    labels = len(depth_orders(len(start.points)))
     return model._replace(
         dynamics=WithOcclusion(dynamics, likelihood, flip),
-        initial_label=np.full(2, 0.5, np.float32),
+        initial_label=np.full(labels, 1 / labels, np.float32),
     )
 
 

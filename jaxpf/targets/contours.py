@@ -53,7 +53,7 @@ class Options:
     exclusion: str = option(
         "wires",
         "How contours exclude one another: wires, opaque or none.  Of wires no edge serves two; "
-        "opaque is the same of two closed contours, the nearer of which hides the other; with "
+        "opaque is the same of two to four closed contours, the nearer of which hide others; with "
         "none an edge may serve several, which lets look-alikes coalesce.  wires-literal and "
         "opaque-literal are as published: an edge counts again on every contour near it.",
         choices=EXCLUSIONS,
@@ -107,8 +107,8 @@ class Options:
     )
     flip: float | None = option(
         None,
-        "Of opaque contours, probability per frame that they change places in depth while they do "
-        f"not overlap; by default {_FLIP:g}.",
+        "Of opaque contours, probability per frame that two that are next to each other in depth "
+        f"change places, unless they overlap; by default {_FLIP:g}.",
         kind=float,
         least=0,
         most=1,

@@ -104,6 +104,30 @@ def test_a_contour_that_crosses_itself_is_accepted_and_said(clip, tmp_path):
 LEAF = [[10, 20], [30, 18], [32, 40], [12, 38]]
 
 
+@pytest.mark.slow
+def test_three_opaque_contours_are_tracked_and_drawn(tmp_path):
+    middles = np.array([(30, 40), (60, 45), (92, 50)])
+    for time in range(3):
+        grey = np.full((HEIGHT, WIDTH), 200, np.uint8)
+        for (x, y), level in zip(middles + np.array([time, 0]), (150, 100, 50), strict=True):
+            cv2.ellipse(grey, (int(x), int(y)), (18, 22), 0, 0, 360, level, -1)
+        cv2.imwrite(str(tmp_path / f"{time}.png"), grey)
+    corners = np.array([(0, -22), (18, 0), (0, 22), (-18, 0)]) * 1.3
+    start = contours(
+        tmp_path,
+        closed=True,
+        contours={
+            name: (corners + middle).tolist() for name, middle in zip("abc", middles, strict=True)
+        },
+    )
+    options = ("--exclusion", "opaque", "--clutter", "1", *FEW, "-o", tmp_path / "out")
+    outcome = jaxpf("track", "contours", tmp_path, "--contours", start, *options)
+    assert outcome.code == 0, outcome.err
+    rows = list(csv.DictReader((tmp_path / "out" / "tracks.csv").open()))
+    assert {row["contour"] for row in rows} == {"a", "b", "c"}
+    assert (tmp_path / "out" / "overlay.mp4").exists()
+
+
 @pytest.mark.parametrize(
     ("content", "options", "words"),
     [
@@ -111,10 +135,10 @@ LEAF = [[10, 20], [30, 18], [32, 40], [12, 38]]
         (
             {
                 "closed": True,
-                "contours": dict.fromkeys("abc", LEAF),
+                "contours": dict.fromkeys("abcde", LEAF),
             },
             ("--exclusion", "opaque"),
-            "3 opaque target.* with closed contours.* give two closed contours",
+            "5 opaque target.*give 2 to 4 closed contours, or treat the targets as wires",
         ),
         ({}, ("--independence", "2"), "--independence 2 must be a finite number above 0"),
         ({"contours": {"short": [[1, 2], [3, 4], [5, 6]]}}, (), "'short': 3 control point"),

@@ -85,6 +85,38 @@ def test_one_leaf_passes_in_front_of_the_other(drawn):
     assert (middles[0, 0] < middles[0, 1]) != (middles[-1, 0] < middles[-1, 1])
 
 
+@pytest.mark.parametrize("count", [3, 4])
+def test_several_leaves_pass_one_another_in_a_known_order(count):
+    scene = scenes.make("leaves", seed=3, leaves=count, noise=0, leaf_texture=0, **SMALL)
+    outlines, order = scene.extras["outlines"], scene.extras["order"]
+    assert outlines.shape[:2] == order.shape == (21, count)
+    assert sorted(order[0]) == list(range(count))
+    assert (order == order[0]).all()
+    np.testing.assert_array_equal(scene.extras["front"], order[:, 0])
+    overlaps = scene.extras["overlaps"]
+    np.testing.assert_array_equal(overlaps[:, range(count), range(count)], 1)
+    apart = overlaps[0][~np.eye(count, dtype=bool)]
+    assert apart.max() == 0
+    pairs = [overlaps[:, i, j].max() for i in range(count) for j in range(i)]
+    assert min(pairs) > 0.25
+    # Where the nearest of all lies, its seam and its grey are seen whole.
+    grey = scene.frames[10, ..., 0].astype(float)
+    for depth, target in enumerate(order[0][:2]):
+        outline = outlines[10, target]
+        inner = outline.mean(axis=0) + 0.97 * (outline - outline.mean(axis=0))
+        x, y = inner.T.astype(int)
+        seen = np.mean(grey[y, x] < 165)
+        assert seen > 0.8 if depth == 0 else seen < 0.8
+
+
+def test_two_leaves_are_labelled_as_an_order():
+    for seed in range(4):
+        extras = scenes.make("leaves", seed=seed, num_frames=3).extras
+        front = extras["front"][0]
+        assert extras["order"][0].tolist() == [front, 1 - front]
+        np.testing.assert_array_equal(extras["overlap"], extras["overlaps"][:, 1 - front, front])
+
+
 def test_walkers_vary_as_their_examples_do(drawn):
     scene = drawn["walkers"]
     examples = scene.extras["examples"]
@@ -105,5 +137,9 @@ def test_what_cannot_be_drawn_is_refused():
         scenes.make("wires", wire_width=2.5)
     with pytest.raises(SceneError, match="noise = -1"):
         scenes.make("leaves", noise=-1)
+    with pytest.raises(SceneError, match="leaves = 5 must be at most 4"):
+        scenes.make("leaves", leaves=5)
+    with pytest.raises(SceneError, match="leaves = 1 must be at least 2"):
+        scenes.make("leaves", leaves=1)
     with pytest.raises(SceneError, match="target 0 leaves the 60 x 240 frame"):
         scenes.make("walkers", frame_width=60, num_frames=2)

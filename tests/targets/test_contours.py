@@ -1,6 +1,7 @@
 """A tracker from start contours: it follows its targets, keeps them apart, and writes tracks."""
 
 import csv
+from itertools import permutations
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ import jaxpf
 import scenes
 from jaxpf import InputError
 from jaxpf.adapters.contours import ADAPTER as CONTOUR_FILES
+from jaxpf.adapters.contours import _hidden
 from jaxpf.contours import Contours
 from jaxpf.files.contours import ContourTrackWriter
 from jaxpf.filters.partitioned.options import PARTITIONED
@@ -79,6 +81,35 @@ def test_opaque_targets_are_branched_and_labelled(wires):
         scene.frames[0], closed, exclusion="opaque", clutter=0.5, method="sir"
     )
     assert not plain.ordering.keeps_components
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_each_order_in_depth_has_a_label_and_a_branch(count):
+    scene = scenes.make("leaves", seed=0, leaves=count, num_frames=2)
+    points = [fit_spline(line, 8, closed=True) for line in scene.extras["outlines"][0]]
+    start = Contours(tuple(range(count)), np.array(points))
+    made = jaxpf.contours.tracker(scene.frames[0], start, exclusion="opaque", clutter=0.5)
+    orders = list(permutations(range(count)))
+    np.testing.assert_allclose(made.initial_label, 1 / len(orders))
+    assert made.ordering.keeps_components
+    np.testing.assert_array_equal(made.ordering.order, orders)
+
+
+def test_what_particles_believe_to_be_hidden_is_drawn_so():
+    circle = np.stack(
+        [np.cos(np.linspace(0, 2 * np.pi, 65)), np.sin(np.linspace(0, 2 * np.pi, 65))]
+    )
+    lines = 20 * circle.T + np.array([(50, 50), (65, 50), (80, 50)])[:, None]
+    first, last = _hidden(np.stack([lines, lines]), [(0, 1, 2), (2, 1, 0)])
+    assert not first[0].any()
+    assert not last[2].any()
+    x = lines[..., 0]
+    np.testing.assert_array_equal(first[1], x[1] < 57.5)
+    np.testing.assert_array_equal(last[1], x[1] > 72.5)
+    # The third is hidden by both of the others: what lies in either.
+    in_first = np.linalg.norm(lines[2] - (50, 50), axis=-1) < 20
+    in_second = np.linalg.norm(lines[2] - (65, 50), axis=-1) < 20
+    np.testing.assert_array_equal(first[2], in_first | in_second)
 
 
 @pytest.mark.parametrize(

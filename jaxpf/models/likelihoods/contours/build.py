@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.models.depth import depth_orders
 from jaxpf.models.likelihoods.contours.clutter import check_clutter, learn_clutter, poisson_clutter
 from jaxpf.models.likelihoods.contours.edges import EdgeDetector
 from jaxpf.models.likelihoods.contours.exclusive import ExclusiveContours, OpaqueContours
@@ -48,7 +49,7 @@ def contours(
 
     Args:
         space: of the substates.
-        num_targets: P.
+        num_targets: P; of opaque ones 2 to 4.
         exclusion: one of ``EXCLUSIONS``: ``"wires"`` or ``"opaque"``, by which an edge is paid for
             once; ``"none"``, the paper's control; ``"wires-literal"`` and ``"opaque-literal"``,
             eq. 2 and 5 as printed, which pay for an edge on the lines of every target near it.
@@ -93,7 +94,10 @@ def contours(
             f"detection speaks of at most {len(detection) - 1} boundaries on a line, but "
             f"{together} may cross it; give {together + 1} rows."
         )
-    kind, options = _KINDS[exclusion]
+    kind, payment = _KINDS[exclusion]
+    options: dict[str, Any] = dict(payment)
+    if issubclass(kind, OpaqueContours):
+        options["num_targets"] = num_targets
     return kind(
         space=space,
         detector=detector,
@@ -123,14 +127,14 @@ def _check(
         raise InputError(f"num_lines {num_lines} must be 4 or more.")
     if edges == 2 and space.closed:
         raise InputError("a wire with two edges is an open contour, and this shape space's is not.")
-    is_opaque = issubclass(_KINDS[exclusion][0], OpaqueContours)
-    if is_opaque and (num_targets != 2 or not space.closed):
-        kind = "closed" if space.closed else "open"
-        raise InputError(
-            f"{num_targets} opaque target(s) with {kind} contours: occlusion is told by which of "
-            "two targets is in front, and what lies inside its closed contour; give two closed "
-            "contours, or treat the targets as wires."
-        )
+    if issubclass(_KINDS[exclusion][0], OpaqueContours):
+        depth_orders(num_targets)
+        if not space.closed:
+            raise InputError(
+                f"{num_targets} opaque target(s) with open contours: what is hidden is told by "
+                "what lies inside a nearer target's closed contour; give closed contours, or treat "
+                "the targets as wires."
+            )
     most = crossings * (1 if exclusion == "none" else num_targets)
     if crossings < edges or most > _MOST_CROSSINGS:
         raise InputError(

@@ -1,8 +1,12 @@
 """Likelihoods of contours that exclude one another: wire frames, and opaque bodies."""
 
+from functools import reduce
+
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
+from jaxpf.models.depth import depth_orders, depths
 from jaxpf.models.likelihoods.contours import crossings as crossing
 from jaxpf.models.likelihoods.contours.edges import Lines
 from jaxpf.models.likelihoods.contours.likelihood import IndependentContours, joined
@@ -113,52 +117,70 @@ class ExclusiveContours(IndependentContours):
 
 @pytree_dataclass
 class OpaqueContours(ExclusiveContours):
-    """Two opaque targets, one in front: ``P_occl`` of maccormick1999, section 4, rel. to clutter.
+    """Opaque targets, one behind another: ``P_occl`` of maccormick1999, section 4, rel. to clutter.
 
-    The label 0 says that the first target is nearer the camera, 1 the second.  What of the other
-    target's boundary lies inside the nearer one's outline is hidden, and is not counted.  While
-    nothing is hidden the labels are equally likely.
+    The label says in which order they lie in depth (``jaxpf.models.depth``).  What of a target's
+    boundary lies inside the outline of any nearer one is hidden, and is not counted.  While nothing
+    is hidden all labels are equally likely.
 
-    With ``payment="literal"`` it is eq. 5 as printed, by which a contour that is drawn inside the
-    nearer target is rewarded with that target's edge once more, and is as likely as the truth.
+    With ``payment="literal"`` it is eq. 5 as printed, by which a contour that is drawn inside a
+    nearer target is rewarded with that target's edge once more, and is as likely as the truth.  It
+    is printed for two targets, and is for more the same product over all lines.
+
+    Attributes:
+        num_targets: static, P.
     """
 
-    #: For each label the order of partitioned sampling: the nearer target first (figure 8).
-    orders_of_labels = ((0, 1), (1, 0))
+    num_targets: int = static_field(default=2)
+
+    @property
+    def orders_of_labels(self) -> tuple[tuple[int, ...], ...]:
+        """For each label the order of partitioned sampling: the nearer target first (figure 8)."""
+        return depth_orders(self.num_targets)
 
     def log_joint_all(self, observation, substates, log_probs):
-        """The mean over both labels ``[N]``, for a filter that carries none."""
+        """The mean over all labels ``[N]``, for a filter that carries none."""
         none = jnp.zeros(substates.shape[-1], int)
-        both = [self._judged_together(observation, substates, none + label) for label in (0, 1)]
-        return jnp.logaddexp(*both) - np.log(2.0)
+        labels = jnp.arange(len(depth_orders(substates.shape[0])))
+        each = lax.map(lambda y: self._judged_together(observation, substates, none + y), labels)
+        return reduce(jnp.logaddexp, each) - np.log(float(len(labels)))
 
     def log_joint_labelled(self, observation, substates, log_probs, label):
-        """``log(P_occl / P_0)`` ``[]`` of both targets' substates ``[2, D]``, given the label."""
+        """``log(P_occl / P_0)`` ``[]`` of all targets' substates ``[P, D]``, given the label."""
         return self.log_joint_labelled_all(
             observation, substates[..., None], log_probs[..., None], jnp.asarray(label)[None]
         )[0]
 
     def log_joint_labelled_all(self, observation, substates, log_probs, label):
-        """``log(P_occl / P_0)`` ``[N]`` of substates ``[2, D, N]``, given labels ``[N]``."""
+        """``log(P_occl / P_0)`` ``[N]`` of substates ``[P, D, N]``, given labels ``[N]``."""
         return self._judged_together(observation, substates, label)
 
     def _hidden(self, lines, places, label, step):
-        """See ``ExclusiveContours``: ``[K, M, 2, N]`` bool, what lies in the nearer target."""
-        outline = self._outline(lines)
-        front = crossing.Polyline(
-            jnp.where(label == 0, outline.x[:, 0], outline.x[:, 1]),
-            jnp.where(label == 0, outline.y[:, 0], outline.y[:, 1]),
-            outline.joined,
-        )
+        """See ``ExclusiveContours``: ``[K, M, P, N]`` bool, what lies in any nearer target."""
+        outline, num_targets = self._outline(lines), lines.x.shape[1]
         x, y = lines.x + places * lines.along_x, lines.y + places * lines.along_y
-        is_behind = ((jnp.arange(2) + step) % 2)[:, None] != label
-        return is_behind & crossing.is_inside(x, y, front)
+        order = jnp.asarray(depth_orders(num_targets))[label]  # [N, P]
+        depth = jnp.roll(jnp.asarray(depths(num_targets))[label].T, -step, axis=0)
+        hidden = jnp.zeros((), bool)
+        for place in range(num_targets - 1):  # nobody is behind the last one
+            nearer = crossing.Polyline(
+                _of_target(outline.x, order[:, place]),
+                _of_target(outline.y, order[:, place]),
+                outline.joined,
+            )
+            hidden = hidden | ((depth > place) & crossing.is_inside(x, y, nearer))
+        return hidden
 
-    def overlap(self, substates):
-        """Whether two targets' shapes ``[2, D]`` overlap, bool ``[]``."""
+    def overlap(self, substates, one=0, other=1):
+        """Whether two of the targets of substates ``[P, D]`` overlap, bool ``[]``."""
         outline = self._outline(self.lines_of_all(substates[..., None]))
-        one, other = (
+        first, second = (
             crossing.Polyline(outline.x[:, target], outline.y[:, target], outline.joined)
-            for target in range(2)
+            for target in (one, other)
         )
-        return crossing.overlap(one, other)[0]
+        return crossing.overlap(first, second)[0]
+
+
+def _of_target(values, target):
+    """``[V, N]``, of values ``[V, P, N]`` those of a target ``[N]`` in each particle."""
+    return jnp.take_along_axis(values, target[None, None], axis=1)[:, 0]

@@ -346,10 +346,7 @@ def test_what_cannot_work_is_refused(options, message):
         contours(SPACE, 2, **{"clutter": 0.5, "detector": DETECTOR, **options})
 
 
-def test_occlusion_is_told_of_two_closed_contours_only():
-    three = space_of("translation", np.stack([square(*A)] * 3), degree=1)
-    with pytest.raises(InputError, match="3 opaque target"):
-        contours(three, 3, exclusion="opaque", clutter=0.5)
+def test_detectors_that_cannot_work_are_refused():
     with pytest.raises(InputError, match="odd number"):
         EdgeDetector(length=40)
     with pytest.raises(InputError, match="max_features"):

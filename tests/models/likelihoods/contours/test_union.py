@@ -140,6 +140,37 @@ def test_a_hidden_boundary_adds_nothing_and_labels_have_one_evidence():
         assert np.sum(clutter * evidence * (part / evidence)) == pytest.approx(0.5, abs=1e-6)
 
 
+def test_three_targets_have_one_evidence_under_every_order_in_depth():
+    """Each body lies left of its boundary, and hides what is there of those behind it."""
+    _, clutter = every_line()
+    for places in ((-8.0, 0.0, 4.0), (3.0, 3.5, -1.0)):
+        found, evidence = of_sets(places), 0.0
+        of_label = []
+        for order in permutations(range(3)):
+            shown = sum(
+                1 << target
+                for depth, target in enumerate(order)
+                if all(places[nearer] < places[target] for nearer in order[:depth])
+            )
+            factors = []
+            for before in sets_before(3):
+                sets = [sum(1 << (j + step) % 3 for step in before) & shown for j in range(3)]
+                factors.append(
+                    np.stack([found[s | 1 << j & shown] - found[s] for j, s in enumerate(sets)])
+                )
+            joint = np.asarray(mean_over_orders([jnp.asarray(factor) for factor in factors]))
+            np.testing.assert_allclose(joint, found[shown], atol=1e-9)
+            assert np.sum(clutter * np.exp(joint)) == pytest.approx(1, abs=1e-6)
+            of_label.append(np.exp(joint) / 6)
+            evidence = evidence + of_label[-1]
+        # Posterior probabilities of the orders average to their prior.
+        for part in of_label:
+            assert np.sum(clutter * evidence * (part / evidence)) == pytest.approx(1 / 6, abs=1e-6)
+        assert (
+            len({round(float(np.sum(clutter * np.abs(p - of_label[0]))), 9) for p in of_label}) > 1
+        )
+
+
 @pytest.mark.parametrize("share", [0.3, 0.5, 1.0])
 @pytest.mark.parametrize("offsets", [(0.0,), (-2.0, 2.0)])
 def test_lines_that_count_for_less_are_a_density_alone_and_beside_another(share, offsets):

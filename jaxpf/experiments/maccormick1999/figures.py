@@ -9,7 +9,13 @@ from jaxpf.experiments.estimates import mean_of
 from jaxpf.experiments.maccormick1999 import published, toy
 from jaxpf.experiments.maccormick1999.measure import Found
 from jaxpf.experiments.maccormick1999.one_line import likelihood
-from jaxpf.experiments.maccormick1999.passing import AS_MANY, PARTITIONED, Passing
+from jaxpf.experiments.maccormick1999.passing import (
+    AS_MANY,
+    ENOUGH,
+    FAILING,
+    PARTITIONED,
+    Passing,
+)
 from jaxpf.experiments.maccormick1999.published import FEATURES
 from jaxpf.experiments.maccormick1999.tables import rate_of
 from jaxpf.media import plotting
@@ -23,7 +29,7 @@ def figures(found: Found) -> dict[str, Any]:
         "figure_11": ess_figure(found.leaves),
         "figure_12": success_figure(found.leaves),
         **{f"figure_4_{meeting.name}": meeting_figure(meeting) for meeting in found.meetings},
-        "figure_7": passing_figure(found.leaves),
+        "figure_7": passing_figure(found.leaves, (PARTITIONED, AS_MANY, FAILING, ENOUGH)),
         "figures_1_6": passing_figure(found.walkers),
     }
 
@@ -126,10 +132,16 @@ def meeting_figure(meeting: Passing, num_runs: int = 5) -> Any:
     return _frames_figure(meeting, times, title, 3.2 * len(meeting.methods), num_runs)
 
 
-def passing_figure(passing: Passing, num_runs: int = 5) -> Any:
-    """The first sequence before, in and after the occlusion, with contours of several runs."""
+def passing_figure(passing: Passing, methods: Sequence[str] = (), num_runs: int = 5) -> Any:
+    """The first sequence before, in and after the occlusion, with contours of several runs.
+
+    Of all methods, or of those that are named and were measured.
+    """
     case = passing.cases[0]
     times = 0, int(case.hidden.argmax()), len(case.frames) - 1
+    if methods:
+        kept = {name: passing.methods[name] for name in methods if name in passing.methods}
+        passing = passing._replace(methods=kept)
     runs = min(num_runs, passing.kept(next(iter(passing.methods))).shape[1])
     title = f"{case.name}: {runs} run(s), A and B by colour"
     return _frames_figure(passing, times, title, 3.2 * len(passing.methods), num_runs)

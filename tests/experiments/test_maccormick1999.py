@@ -65,18 +65,34 @@ def test_each_likelihood_has_a_noise_of_its_own(wires):
         np.testing.assert_allclose(noise, factor * learned, rtol=1e-6)
 
 
-def test_the_search_takes_the_noise_that_keeps_most(monkeypatch):
+def test_leaves_move_as_other_leaves_did_with_the_noise_that_was_chosen():
+    case, other = (cases.leaves(seed, num_frames=9) for seed in (0, 1))
+    for name in ("transition", "lag", "noise"):
+        found = (getattr(each.dynamics, name) for each in (case, other))
+        np.testing.assert_array_equal(*found)
+    tracked = tracking.tracker_of(case, "opaque", 10).dynamics.dynamics
+    factor = cases.NOISE_OF_LEAVES["opaque"]
+    np.testing.assert_allclose(tracked.noise, factor * case.dynamics.noise, rtol=1e-6)
+
+
+def test_the_search_takes_the_noise_that_keeps_most_and_of_those_the_best_labels(monkeypatch):
     def track(case, noise, runs, seed):
-        kept = np.array([noise == 3.0, True])
-        return tracking.Outcome(*[None] * 3, kept, ~kept, *[None] * 3)
+        kept = np.array([noise in (3.0, 4.0), True])
+        in_front = np.full((2, 4), 0.9 if noise == 4.0 else 0.1)
+        return tracking.Outcome(*[None] * 3, kept, ~kept, *[None] * 2, in_front)
+
+    def case(seed):
+        fields = cases.Case(*[None] * 8)
+        return fields._replace(hidden=np.full(4, 0.5), farther=1)
 
     monkeypatch.setattr(calibration, "SEEDS", (0,))
     monkeypatch.setattr(calibration, "track", track)
     monkeypatch.setattr(calibration, "tracker_of", lambda case, kind, _: case.noise[kind])
-    monkeypatch.setattr(calibration, "wires", lambda seed: cases.Case(*[None] * 8))
+    monkeypatch.setattr(cases, "wires", case)
+    monkeypatch.setattr(cases, "leaves", case)
     table = calibration.calibrate(lambda line: None)
-    assert len(table.rows) == 2 * len(calibration.FACTORS)
-    assert table.note == "Best: wires 3, none 3."
+    assert len(table.rows) == 3 * len(calibration.FACTORS)
+    assert table.note == "Best: wires 3, none 3, opaque 4."
 
 
 def test_who_ended_where_is_judged_by_the_truth(wires):
@@ -123,28 +139,100 @@ def test_claims_follow_from_the_rates(wires):
     assert verdicts == {"contradicts"}
 
 
-def test_labels_are_scored_by_the_truth_and_lost_runs_do_not_widen():
-    case = cases.leaves(0, num_frames=9)
+@pytest.fixture(scope="module")
+def one_kept_one_lost():
+    """A sequence of leaves; of two runs the first keeps both, and is right about who is in front.
+
+    Its hidden contour has three times the spread while it is hidden, and half of it afterwards.
+    """
+    case = cases.leaves(0, num_frames=30)
     runs, frames = 2, len(case.frames)
-    right = np.full((runs, frames), float(case.farther == 1))
+    right = np.full((runs, frames), 0.9 if case.farther == 1 else 0.1)
     right[1] = 1 - right[1]
+    covered = np.flatnonzero(case.hidden > 0)
     spread = np.ones((runs, frames, 2))
-    spread[0, case.hidden > 0] = 3
+    spread[0, covered] = 3
+    spread[0, covered[-1] + 1 :] = 1.5
     spread[1] = 50 + np.arange(frames)[:, None] ** 2
     ends = np.array([True, False]), np.zeros(2, bool), np.zeros(2, bool)
-    outcome = tracking.Outcome(
-        np.zeros((runs, frames, 2, 4, 2)),
-        np.ones((runs, frames)),
-        spread,
-        *ends,
-        np.zeros(2),
-        right,
-    )
-    found = passing.Passing([case], {"PS": [outcome]}, {"PS": passing.LEAVES["PS, 750"]})
+    outlines, ess = np.zeros((runs, frames, 2, 4, 2)), np.ones((runs, frames))
+    outcome = tracking.Outcome(outlines, ess, spread, *ends, np.zeros(2), right)
+    return passing.Passing([case], {"PS": [outcome]}, {"PS": passing.Method("opaque", "ps", 9)})
+
+
+def with_outcomes(found, methods):
+    """Every method with outcomes of its own on as many sequences as it has."""
+    cases_of = [found.cases[0]] * max(map(len, methods.values()))
+    return passing.Passing(cases_of, methods, dict.fromkeys(methods, found.methods["PS"]))
+
+
+def test_labels_are_scored_by_the_truth_and_lost_runs_do_not_widen(one_kept_one_lost):
+    found = one_kept_one_lost
     np.testing.assert_array_equal(found.labels_right("PS"), [0.5])
     np.testing.assert_allclose(found.widening("PS"), [3.0])
+    np.testing.assert_allclose(found.narrowing("PS"), [0.5])
+    (outcome,) = found.outcomes["PS"]
     lost = found._replace(outcomes={"PS": [outcome._replace(kept=np.zeros(2, bool))]})
     assert np.isnan(lost.widening("PS")).all()
+    assert np.isnan(lost.narrowing("PS")).all()
+
+
+def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost):
+    """Of runs that keep both with exclusion and end on one without; and the other way round."""
+    (outcome,) = one_kept_one_lost.outcomes["PS"]
+    good, bad = (
+        type(outcome)(*(None if value is None else value[[run]] for value in outcome))
+        for run in (0, 1)
+    )
+    bad = bad._replace(coalesced=np.ones(1, bool))
+    hidden = one_kept_one_lost.cases[0].hidden
+
+    def varied(outcome, k):
+        """Spreads differ between sequences, and on one of ten so does one frame's label."""
+        spread = np.where(hidden[:, None] > 0, 1 + 0.01 * k, 1) * outcome.spread
+        other = (k % 10 == 0) & (np.arange(len(hidden)) == hidden.argmax())
+        in_front = np.where(other, 1 - outcome.in_front, outcome.in_front)
+        return outcome._replace(spread=spread, in_front=in_front)
+
+    all_good, all_bad = ([varied(each, k) for k in range(40)] for each in (good, bad))
+    condensation = passing.OCCLUSION + passing.CONDENSATION
+
+    def verdicts(first, second):
+        methods = {passing.OCCLUSION: first, passing.INDEPENDENT: second, condensation: first[:20]}
+        walkers = claims.walker_claims(with_outcomes(one_kept_one_lost, methods))
+        methods = {
+            passing.PARTITIONED: first,
+            passing.AS_MANY: second[:20],
+            passing.FAILING: second[:20],
+            passing.ENOUGH: first[:20],
+        }
+        leaves = claims.leaf_claims(with_outcomes(one_kept_one_lost, methods))
+        return [claim.verdict for claim in walkers], [claim.verdict for claim in leaves]
+
+    supported, contradicted = (["supports"] * 7, ["supports"] * 4), ["contradicts"] * 4
+    walkers, leaves = verdicts(all_good, all_bad)
+    assert (walkers, [*leaves[:2], *leaves[3:]]) == supported
+    walkers, leaves = verdicts(all_bad, all_good)
+    assert [*walkers[:4], *leaves[:2], *leaves[3:]] == [*contradicted, *contradicted]
+    # Of targets that are lost nothing is said about spreads.
+    assert walkers[4:6] == ["cannot resolve"] * 2
+
+
+def test_dear_filters_track_the_first_sequences(monkeypatch):
+    seen = []
+
+    def outcome(case, method, runs, seed):
+        seen.append((method.num_particles, seed))
+        return dict.fromkeys(tracking.Outcome._fields, np.zeros(runs))
+
+    monkeypatch.setattr(passing, "_outcome", outcome)
+    blank = cases.Case("leaves", np.zeros((3, 2)), *[None] * 6)._replace(hidden=np.zeros(3))
+    methods = {"a": passing.Method("opaque", "ps", 1), "b": passing.Method("opaque", "sir", 2, 3)}
+    found = passing.measure([blank] * 4, range(4), methods, 1, lambda line: None)
+    assert seen == [(1, 0), (2, 0), (1, 1), (2, 1), (1, 2), (1, 3)]
+    assert [len(found.outcomes[name]) for name in methods] == [4, 2]
+    # Figures show the first; the others need not be kept in memory.
+    assert [len(case.frames) for case in found.cases] == [3, 0, 0, 0]
 
 
 def test_look_ahead_is_told_by_the_ratio_of_variances():
@@ -178,9 +266,27 @@ def test_hidden_shares_follow_the_overlap():
     assert case.farther in (0, 1)
 
 
+@pytest.mark.parametrize("method", [toy.CONVENTIONAL, toy.BRANCHED])
+def test_the_steps_of_the_toy_are_the_filters_own(method):
+    tracker, key = toy.tracker_of(method), jax.random.key(5)
+    init_key, step_key = jax.random.split(key)
+    frame = jnp.asarray(toy.TARGET).reshape(2, 1)
+    state, _ = jax.jit(tracker.step)(step_key, jax.jit(tracker.init)(init_key), frame)
+    _, moved, _, last = jax.jit(lambda: toy.frame(tracker, key))()
+    np.testing.assert_allclose(last[0], state.lagged[0, 0], rtol=1e-5)
+    np.testing.assert_allclose(last[1], state.log_weights, rtol=1e-4)
+    # Each particle has moved the target that its label says, and no other: as large a spread as
+    # that of prior and dynamics together, beside the prior's.
+    first = np.asarray(moved[2])
+    for target in set(first):
+        spread = np.asarray(moved[0])[:, first == target].std(axis=1)
+        assert spread[target] > 1.5 * spread[1 - target]
+    assert set(first) == ({0, 1} if method == toy.BRANCHED else {0})
+
+
 @pytest.mark.slow
 def test_the_toy_shows_that_partitioned_sets_are_finer():
-    assert claims.toy_claim(toy.particle_sets(0)).verdict == "supports"
+    assert claims.toy_claim(toy.steps(0)).verdict == "supports"
 
 
 def test_a_missing_clip_is_refused_before_the_work_begins(tmp_path):

@@ -29,19 +29,22 @@ NOTES = (
     "as the truth. They are there as wires-literal and opaque-literal.",
     "Measurement lines lie near to one another and see the same edges: each line across a wire "
     "or a leaf counts as .3 of an independent one, each across a worm as .2, so that the "
-    "particles' weights do not collapse. The paper counts each in full. A leaf keeps .95 of its "
-    "speed from frame to frame, hidden or not; a walker's shape moves by a fifth of the examples' "
-    "standard deviation per frame.",
+    "particles' weights do not collapse. The paper counts each in full. A walker's shape moves by "
+    "a fifth of the examples' standard deviation per frame.",
     "Motion is fitted to the truth of other sequences.  For wires its noise is taken four times "
     "with exclusion and three times without, each as it keeps most wires on seeds that are not "
-    "reported (jaxpf.experiments.maccormick1999.calibration).",
+    "reported (jaxpf.experiments.maccormick1999.calibration); for leaves three times, likewise.",
     "A worm bends and keeps its length (jaxpf.shapes.bending_space): in a space of principal "
     "components its contour shrank to a third of the worm in contact, and of 50 runs on "
     "worm_crossing_long none kept both. It keeps .9 of its motion; noise is three times that of "
     "the smoothed marks with exclusion and four times without, chosen on worm_crossing.",
-    "Wires, worms and walkers are tracked by partitioned sampling, too, where the paper's section "
-    "3 has ordinary Condensation; without exclusion both targets are in one filter with P', not in "
-    "two trackers as in figure 1. The toy of figures 9 and 10 has one order and no label.",
+    "Verdicts on wires, worms and walkers are on partitioned sampling, where the paper's section 3 "
+    "has ordinary Condensation, which has rows and claims of its own on wires and walkers, with as "
+    "many particles. Without exclusion both targets are in one filter with P', not in two trackers "
+    "as in figure 1.",
+    "Leaves are as many sequences as runs are asked for; dear filters, and those of few particles, "
+    "track one in five or ten of them, ordinary Condensation one in two of the walkers'. "
+    "Comparisons are made on sequences that both have.",
     "Figure 11 averages after 10 frames, before our leaves overlap.",
     "The width of a boundary's law is 2 pixels for wires, 3 for worms, 5 for leaves and 7, the "
     "paper's, for walkers.",

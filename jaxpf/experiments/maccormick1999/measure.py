@@ -3,34 +3,36 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from jaxpf.experiments.maccormick1999 import look_ahead, passing, scenes, toy
 from jaxpf.experiments.maccormick1999.look_ahead import Weighting
 from jaxpf.experiments.maccormick1999.passing import Passing
+from jaxpf.experiments.maccormick1999.toy import Step
 from jaxpf.experiments.paper import Request
 
 #: Runs of each likelihood in figure 4, on every sequence.
 RUNS_PER_SCENE = 5
-#: Opaque targets are dearer: as many sequences, and so many runs on each.
+#: Opaque targets are dearer, and their sequences differ more than runs: one run of each method.
 _OPAQUE_RUNS = 1
 WIRE_PARTICLES, _WORM_PARTICLES = 300, 2000
+#: Methods that are compared where there is little time.
+_QUICK_LEAVES = passing.PARTITIONED, passing.AS_MANY, passing.FAILING
+_QUICK_WALKERS = passing.OCCLUSION, passing.INDEPENDENT
 
 
 class Found(NamedTuple):
     """What was measured.
 
     Attributes:
-        toy: method -> substates and weights of figures 9 and 10.
+        toy: method -> the steps of figures 9 and 10.
         meetings: wires, and the filmed worms if there are any, with exclusion and without.
-        ahead: of each meeting, look-ahead weighting against the plain one.
-        leaves: that pass each other.
+        ahead: look-ahead weighting of wires against the plain one.
+        leaves: that pass each other, as many sequences as runs are asked for.
         walkers: that pass each other.
     """
 
-    toy: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    toy: Mapping[str, Sequence[Step]]
     meetings: Sequence[Passing]
-    ahead: Sequence[Mapping[str, Weighting]]
+    ahead: Mapping[str, Weighting]
     leaves: Passing
     walkers: Passing
 
@@ -39,27 +41,29 @@ def measure(request: Request) -> Found:
     """Measure all of it."""
     seeds, seed, report = request.seeds, request.seed, request.report
     report("Figure 3 and the toy of figures 9 and 10")
-    sets = toy.particle_sets(seed)
+    steps = toy.steps(seed)
     report(f"Figure 4, wires: {len(seeds)} sequences, {RUNS_PER_SCENE} runs of each likelihood")
     wires = map(scenes.wires, seeds)
-    methods = passing.likelihoods(WIRE_PARTICLES)
+    methods = passing.likelihoods(WIRE_PARTICLES, condensation=True)
     meetings = [passing.measure(wires, seeds, methods, RUNS_PER_SCENE, report)]
+    report(f"Look-ahead, wires: {len(seeds)} groups of runs")
+    ahead = look_ahead.measure(meetings[0].cases, len(seeds), WIRE_PARTICLES, seed)
     if request.clips is not None:
         methods = passing.likelihoods(_WORM_PARTICLES)
         for clip in request.clips:
             report(f"Figure 4, {clip.name}: {request.runs} runs of each likelihood")
             worms = [scenes.worms(clip, clip.name)]
             meetings.append(passing.measure(worms, [seed], methods, request.runs, report))
-    ahead = []
-    for meeting in meetings:
-        report(f"Look-ahead, {meeting.name}: {len(seeds)} groups of runs")
-        particles = meeting.methods[passing.EXCLUSIVE].num_particles
-        ahead.append(look_ahead.measure(meeting.cases, len(seeds), particles, seed))
-    few = dict(list(passing.LEAVES.items())[:3])
 
-    def passed(make, methods) -> Passing:
-        report(f"{make.__name__}: {len(seeds)} sequences, {_OPAQUE_RUNS} run(s) each")
+    def passed(make, seeds: range, methods) -> Passing:
+        report(f"{make.__name__}: {len(seeds)} sequences, one run of each method")
         return passing.measure(map(make, seeds), seeds, methods, _OPAQUE_RUNS, report)
 
-    leaves = passed(scenes.leaves, few if request.quick else passing.LEAVES)
-    return Found(sets, meetings, ahead, leaves, passed(scenes.walkers, passing.WALKERS))
+    # As many sequences as runs: what is claimed of leaves is claimed of sequences.
+    many = seeds if request.quick else range(seed, seed + request.runs)
+    of_leaves, of_walkers = passing.LEAVES, passing.WALKERS
+    if request.quick:
+        of_leaves = {name: of_leaves[name] for name in _QUICK_LEAVES}
+        of_walkers = {name: of_walkers[name] for name in _QUICK_WALKERS}
+    leaves = passed(scenes.leaves, many, of_leaves)
+    return Found(steps, meetings, ahead, leaves, passed(scenes.walkers, seeds, of_walkers))

@@ -15,13 +15,11 @@ from jaxpf.experiments.maccormick1999.passing import EXCLUSIVE, MUCH_HIDDEN, Pas
 
 def tables(found: Found) -> list[Table]:
     """All of them, in the order in which they are shown."""
-    pairs = zip(found.meetings, found.ahead, strict=True)
+    wires, *worms = found.meetings
     return [
-        *(
-            table
-            for meeting, ahead in pairs
-            for table in (meeting_table(meeting), look_ahead_table(meeting.name, ahead))
-        ),
+        meeting_table(wires),
+        look_ahead_table(wires.name, found.ahead),
+        *map(meeting_table, worms),
         passing_table(found.leaves),
         passing_table(found.walkers),
     ]
@@ -58,37 +56,53 @@ def meeting_table(meeting: Passing) -> Table:
             )
             for name in meeting.methods
         ],
-        "The paper shows one run of each on one sequence.",
+        "Partitioned sampling, but where it says Condensation.  The paper shows one run of each "
+        "likelihood on one sequence.",
     )
 
 
 def passing_table(passing: Passing) -> Table:
-    """Success and effective sample size of every method."""
-    cases, runs = passing.kept(next(iter(passing.methods))).shape
+    """Success, labels, spread and effective sample size of every method."""
+    methods = passing.methods
     return Table(
         f"passing_{passing.name}",
-        f"{passing.name}: {cases} sequence(s), {runs} runs each",
+        f"{passing.name}: one run on every sequence",
         [
             "method",
+            "N",
+            "sequences",
             "both kept (%)",
             "both on one (%)",
+            "exchanged (%)",
             "label right (%)",
+            "widening",
+            "narrowing",
             f"effective sample size, {published.FIRST_FRAMES} frames",
         ],
         [
             (
-                method,
+                name,
                 [
-                    _rate_cell(passing.kept(method)),
-                    _rate_cell(passing.coalesced(method)),
-                    _label_cell(passing.labels_right(method)),
-                    mean_cell(passing.ess(method), 1),
+                    str(methods[name].num_particles),
+                    str(len(passing.outcomes[name])),
+                    *(
+                        _rate_cell(ends(name))
+                        for ends in (passing.kept, passing.coalesced, passing.swapped)
+                    ),
+                    _label_cell(passing.labels_right(name)),
+                    *(
+                        _ratio_cell(spread(name), 1.0)
+                        for spread in (passing.widening, passing.narrowing)
+                    ),
+                    mean_cell(passing.ess(name), 1),
                 ],
             )
-            for method in passing.methods
+            for name in methods
         ],
         f"Labels are judged in the frames in which more than {100 * MUCH_HIDDEN:g} % of the "
-        "farther outline is hidden.",
+        "farther outline is hidden.  Widening is the spread of the hidden contour at the height "
+        "of the occlusion over that just before, narrowing that some frames after over that at the "
+        "height; both are of runs that keep both.  SIR is ordinary Condensation.",
     )
 
 
@@ -123,5 +137,5 @@ def look_ahead_table(name: str, found: Mapping[str, Weighting]) -> Table:
     )
 
 
-def _ratio_cell(first: np.ndarray, second: np.ndarray) -> Cell:
+def _ratio_cell(first: np.ndarray, second: np.ndarray | float) -> Cell:
     return Cell(None, ratio_of(first, second).measured(), 2)

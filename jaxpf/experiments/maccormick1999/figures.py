@@ -122,7 +122,7 @@ def success_figure(leaves: Passing) -> Any:
 
 
 def _sequences(passing: Passing, method: str) -> str:
-    return f"{len(passing.outcomes[method])} sequences"
+    return f"{len(passing.outcomes[method])} sequence(s)"
 
 
 def meeting_figure(meeting: Passing, num_runs: int = 5) -> Any:

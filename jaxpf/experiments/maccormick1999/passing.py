@@ -163,7 +163,9 @@ def measure(
 ) -> Passing:
     """Track cases ``runs`` times by each method; their runs follow their seeds."""
     kept: list[Case] = []
-    last = {name: -(-len(seeds) // method.one_in) for name, method in methods.items()}
+    # Two at least: one tells nothing of how sequences differ.
+    least = min(len(seeds), 2)
+    last = {name: max(len(seeds) // method.one_in, least) for name, method in methods.items()}
     tracked = [[name for name in methods if number < last[name]] for number in range(len(seeds))]
     outcomes: dict[str, list[Outcome]] = {name: [] for name in methods}
 

@@ -20,7 +20,8 @@ from jaxpf.targets.target import Looks, Start, Target
 
 #: Pieces of the polyline that a contour is reported as.
 PIECES = 64
-_FLIP = 0.01
+#: While contours are apart nothing tells their order, and what few particles keep of it is chance.
+_FLIP = 0.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,7 +109,8 @@ class Options:
     flip: float | None = option(
         None,
         "Of opaque contours, probability per frame that two that are next to each other in depth "
-        f"change places, unless they overlap; by default {_FLIP:g}.",
+        f"change places, unless they overlap; by default {_FLIP:g}, so that nothing of the order "
+        "is kept while they are apart; .01 as published.",
         kind=float,
         least=0,
         most=1,

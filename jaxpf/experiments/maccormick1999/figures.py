@@ -17,6 +17,7 @@ from jaxpf.experiments.maccormick1999.passing import (
     Passing,
 )
 from jaxpf.experiments.maccormick1999.published import FEATURES
+from jaxpf.experiments.maccormick1999.tracking import REDRAWN
 from jaxpf.experiments.maccormick1999.tables import rate_of
 from jaxpf.media import plotting
 
@@ -101,7 +102,11 @@ def success_figure(leaves: Passing) -> Any:
     (axis,) = axes[0]
     ways = ("ps", "PS"), ("sir", "SIR, ordinary Condensation")
     for (ordering, label), colour in zip(ways, plotting.colours(2), strict=True):
-        names = [name for name, method in leaves.methods.items() if method.ordering == ordering]
+        names = [
+            name
+            for name, method in leaves.methods.items()
+            if (method.ordering, method.flip) == (ordering, REDRAWN)
+        ]
         names.sort(key=lambda name: leaves.methods[name].num_particles)
         numbers = [leaves.methods[name].num_particles for name in names]
         rates = [rate_of(leaves.kept(name)).measured() for name in names]

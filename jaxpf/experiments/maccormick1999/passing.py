@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxpf.experiments.maccormick1999 import published
 from jaxpf.experiments.maccormick1999.scenes import Case
-from jaxpf.experiments.maccormick1999.tracking import Outcome, track, tracker_of
+from jaxpf.experiments.maccormick1999.tracking import REDRAWN, Outcome, track, tracker_of
 from jaxpf.experiments.parts import Measure, each
 
 #: Labels are judged where a larger share of the farther target is hidden.
@@ -25,12 +25,14 @@ class Method(NamedTuple):
         ordering: ``"ps"``, or ``"sir"``: ordinary Condensation.
         num_particles: N.
         one_in: it tracks one of so many sequences, the first ones: dear filters see fewer.
+        flip: see ``tracker_of``.
     """
 
     exclusion: str
     ordering: str
     num_particles: int
     one_in: int = 1
+    flip: float = REDRAWN
 
 
 EXCLUSIVE, NAIVE = "P, exclusion", "P', none"
@@ -44,6 +46,9 @@ FAILING, ENOUGH = (
 )
 LEAVES = {
     PARTITIONED: Method("opaque", "ps", published.LEAF_PARTICLES),
+    f"{PARTITIONED}, delta .01": Method(
+        "opaque", "ps", published.LEAF_PARTICLES, 5, published.DELTA
+    ),
     "PS, 100": Method("opaque", "ps", 100, 5),
     "PS, 300": Method("opaque", "ps", 300, 5),
     "SIR, 100": Method("opaque", "sir", 100, 5),
@@ -175,7 +180,7 @@ def measure(
             is_shown = not kept or case.hidden is None
             kept.append(case if is_shown else case._replace(frames=case.frames[:0]))
             for method in map(methods.__getitem__, names):
-                name = "-".join(map(str, (case.name, *method[:3], seed)))
+                name = "-".join(map(str, (case.name, *method[:3], method.flip, seed)))
                 yield name, partial(_outcome, case, method, runs, seed)
 
     found = each(parts())
@@ -188,5 +193,6 @@ def measure(
 
 def _outcome(case: Case, method: Method, runs: int, seed: int) -> dict[str, np.ndarray]:
     """Fields of the ``Outcome`` of a case's runs."""
-    tracker = tracker_of(case, method.exclusion, method.num_particles, method.ordering)
+    kind, ordering, particles, _, flip = method
+    tracker = tracker_of(case, kind, particles, ordering, flip)
     return track(case, tracker, runs, seed)._asdict()

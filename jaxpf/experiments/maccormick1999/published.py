@@ -7,6 +7,8 @@ likelihood (``jaxpf.likelihoods``), dimensions of the shape spaces with the scen
 #: N with partitioned sampling in figures 7 and 12, and unpartitioned, where tracking fails and
 #: where it succeeds.
 LEAF_PARTICLES, LEAF_PARTICLES_FAILING, LEAF_PARTICLES_ENOUGH = 750, 3000, 4000
+#: Probability per frame that the order in depth changes where targets do not overlap.
+DELTA = 0.01
 #: N of figure 6, and ours of figure 1.
 WALKER_PARTICLES = 2000
 #: Frames over which figure 11 averages.

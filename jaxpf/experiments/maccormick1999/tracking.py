@@ -16,6 +16,11 @@ from jaxpf.models.occlusion import WithOcclusion
 
 #: Runs that are vectorised together.
 _BATCH = 5
+#: Probability per frame with which targets that do not overlap change their order in depth.
+#: While they are apart nothing tells the order, and at the paper's .01 few particles forget one of
+#: the two before the targets meet.  On 26 sequences of leaves of seeds that no report uses, labels
+#: were right in 94 % of the frames with much overlap, for 80 with .01; 24 were kept, for 23.
+REDRAWN = 0.5
 
 
 class Outcome(NamedTuple):
@@ -42,7 +47,9 @@ class Outcome(NamedTuple):
     in_front: np.ndarray
 
 
-def tracker_of(case: Case, exclusion: str, num_particles: int, method: str = "ps") -> Partitioned:
+def tracker_of(
+    case: Case, exclusion: str, num_particles: int, method: str = "ps", flip: float = REDRAWN
+) -> Partitioned:
     """A tracker of both targets of a case.
 
     Args:
@@ -51,6 +58,8 @@ def tracker_of(case: Case, exclusion: str, num_particles: int, method: str = "ps
         num_particles: N.
         method: ``"ps"``, or ``"sir"`` for the unpartitioned filter; with opaque targets, particles
             of ``"ps"`` place the target first that they believe to be in front (figure 8).
+        flip: of opaque targets, probability per frame that they change their order in depth while
+            they do not overlap.
     """
     likelihood = contours(case.space, 2, exclusion=exclusion, **case.options)
     dynamics, label = case.dynamics, None
@@ -59,7 +68,7 @@ def tracker_of(case: Case, exclusion: str, num_particles: int, method: str = "ps
         dynamics = dataclasses.replace(dynamics, noise=noise)
     ordering = orderings.ps([0, 1]) if method == "ps" else orderings.sir(2)
     if exclusion == "opaque":
-        dynamics, label = WithOcclusion(dynamics, likelihood), np.full(2, 0.5, np.float32)
+        dynamics, label = WithOcclusion(dynamics, likelihood, flip), np.full(2, 0.5, np.float32)
         if method == "ps":
             ordering = orderings.branched([[0, 1], [1, 0]])
     return Partitioned(

@@ -25,7 +25,7 @@ but for a quantity that is computed and has no chance in it (``exact``).
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -122,7 +122,7 @@ class Claim(NamedTuple):
     digits: int = 0
 
 
-def exact(value: float, what: str = "", **claimed: float) -> Quantity:
+def exact(value: float, what: str = "", **claimed: Any) -> Quantity:
     """A part of a claim that is computed."""
     return Quantity(what, value, _Exact(value), **claimed)
 

@@ -19,7 +19,7 @@ from jaxpf.experiments.comparison_table import Cell
 from jaxpf.measures.intervals import student_interval
 
 
-def mean_of(values: Any, what: str = "", **claimed: float) -> Quantity:
+def mean_of(values: Any, what: str = "", **claimed: Any) -> Quantity:
     """The mean of what the scenes gave, ``[S]``; NaN is left out.
 
     Args:
@@ -31,7 +31,7 @@ def mean_of(values: Any, what: str = "", **claimed: float) -> Quantity:
     return Quantity(what, float(student_interval(values).value), student(values), **claimed)
 
 
-def ratio_of(first: Any, second: Any, what: str = "", **claimed: float) -> Quantity:
+def ratio_of(first: Any, second: Any, what: str = "", **claimed: Any) -> Quantity:
     """How many times one figure of the scenes, ``[S]``, is the other: the geometric mean.
 
     A mean of ratios is above one for either way to divide.  Scenes where one is not finite or not
@@ -49,7 +49,7 @@ def ratio_of(first: Any, second: Any, what: str = "", **claimed: float) -> Quant
     return Quantity(what, math.exp(found.value), of_ratio, **claimed)
 
 
-def rate_of(rates: Any, trials: int, what: str = "", **claimed: float) -> Quantity:
+def rate_of(rates: Any, trials: int, what: str = "", **claimed: Any) -> Quantity:
     """A percentage from the scenes' rates ``[S]``, 0 to 1, of so many trials each, but for NaN."""
     rates = np.asarray(rates, float)
     rates = rates[np.isfinite(rates)]
@@ -58,13 +58,13 @@ def rate_of(rates: Any, trials: int, what: str = "", **claimed: float) -> Quanti
     return Quantity(what, 100 * float(rates.mean()), cluster_interval(rates, trials), **claimed)
 
 
-def share_of(trials: Any, what: str = "", **claimed: float) -> Quantity:
+def share_of(trials: Any, what: str = "", **claimed: Any) -> Quantity:
     """The percentage of trials ``[S, trials]`` bool that succeeded."""
     trials = np.asarray(trials)
     return rate_of(trials.mean(axis=1), trials.shape[1], what, **claimed)
 
 
-def gap_of(first: Any, second: Any, what: str = "", **claimed: float) -> Quantity:
+def gap_of(first: Any, second: Any, what: str = "", **claimed: Any) -> Quantity:
     """The difference of two percentages of trials ``[S, trials]``, scene by scene, in points.
 
     Where all scenes differ alike nothing is seen of their variance: then each is one trial.

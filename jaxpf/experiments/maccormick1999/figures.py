@@ -17,8 +17,8 @@ from jaxpf.experiments.maccormick1999.passing import (
     Passing,
 )
 from jaxpf.experiments.maccormick1999.published import FEATURES
-from jaxpf.experiments.maccormick1999.tracking import REDRAWN
 from jaxpf.experiments.maccormick1999.tables import rate_of
+from jaxpf.experiments.maccormick1999.tracking import REDRAWN
 from jaxpf.media import plotting
 
 

@@ -1,6 +1,7 @@
 """Where contours end, how large the effective samples are, and what look-ahead is worth."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ def tables(found: Found) -> list[Table]:
     ]
 
 
-def rate_of(values: np.ndarray, what: str = "", **claimed: float) -> Quantity:
+def rate_of(values: np.ndarray, what: str = "", **claimed: Any) -> Quantity:
     """Percentage of ``[cases, runs]`` bool; on one sequence the runs are the units."""
     if len(values) > 1:
         return share_of(values, what, **claimed)

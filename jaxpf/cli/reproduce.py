@@ -126,7 +126,7 @@ def command(
     goes_on = not calibrate and parts.can_go_on(*kept)
     folder = prepare_output_folder(output, overwrite or goes_on)
     if one.calibrate is not None and calibrate:
-        _show_calibration(one.calibrate(click.echo), folder)
+        _show_calibration(one.calibrate(click.echo, data), folder)
         return
     if goes_on:
         click.echo(f"Going on with what '{folder}' holds.")

@@ -75,7 +75,8 @@ class Paper:
         with_clips: a note where there are clips.
         without_clips: a note where there are none.
         settings: what repeats the run beside the request; JSON values.
-        calibrate: repeats the search for unpublished settings, ``calibrate(report) -> Table``.
+        calibrate: repeats the search for unpublished settings, ``calibrate(report, data) ->
+            Table``, with a folder of real clips or None.
     """
 
     name: str
@@ -92,7 +93,7 @@ class Paper:
     without_clips: str
     with_clips: str = ""
     settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    calibrate: Callable[[Callable[[str], None]], Table] | None = None
+    calibrate: Callable[[Callable[[str], None], Path | None], Table] | None = None
 
     def request(
         self,

@@ -1,5 +1,7 @@
 """maccormick1999: what is measured is what is said; small versions of every part."""
 
+from pathlib import Path
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +13,7 @@ from jaxpf.experiments.maccormick1999 import (
     PAPER,
     calibration,
     claims,
+    contacts,
     look_ahead,
     one_line,
     passing,
@@ -93,6 +96,9 @@ def test_the_search_takes_the_noise_that_keeps_most_and_of_those_the_best_labels
     table = calibration.calibrate(lambda line: None)
     assert len(table.rows) == 3 * len(calibration.FACTORS)
     assert table.note == "Best: wires 3, none 3, opaque 4."
+    monkeypatch.setattr(contacts, "contact", lambda data, clip, seed: case(seed))
+    with_worms = calibration.calibrate(lambda line: None, Path("clips"))
+    assert with_worms.note == table.note[:-1] + ", worms, wires 3, worms, none 3."
 
 
 def test_who_ended_where_is_judged_by_the_truth(wires):
@@ -294,6 +300,22 @@ def test_a_missing_clip_is_refused_before_the_work_begins(tmp_path):
         PAPER.run(runs=5, data=tmp_path)
     with pytest.raises(InputError, match="multiple of 5"):
         PAPER.run(runs=7)
+
+
+def test_composed_contacts_show_two_worms_that_touch_for_so_long(data_folder):
+    case = contacts.contact(data_folder, cases.CLIP, 5)
+    one, other = np.moveaxis(case.truth, 1, 0)
+    gaps = np.linalg.norm(one[:, :, None] - other[:, None], axis=-1).min(axis=(1, 2))
+    low, high = contacts.CONTACT
+    assert low <= (gaps < 18).sum() <= high + 10
+    assert min(gaps[:2].min(), gaps[-12:].min()) > 15
+    # Dark on their middle lines, and what lies behind elsewhere.
+    x, y = case.truth[:, :, 4:-4].astype(int).reshape(-1, 2).T
+    on_lines = case.frames[np.repeat(np.arange(len(gaps)), 2 * 24), y, x, 0]
+    assert np.median(on_lines) < 110
+    assert abs(np.median(case.frames) - 147) < 2
+    again = contacts.contact(data_folder, cases.CLIP, 5)
+    np.testing.assert_array_equal(case.frames, again.frames)
 
 
 @pytest.mark.slow

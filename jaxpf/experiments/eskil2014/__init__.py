@@ -53,5 +53,5 @@ PAPER = Paper(
     read=clips.read_all,
     without_clips="The animals were left out: name the folder that holds "
     f"{', '.join(clips.CLIPS)} with --data or JAXPF_DATA.",
-    calibrate=calibration.calibrate,
+    calibrate=lambda report, data: calibration.calibrate(report),
 )

@@ -13,7 +13,7 @@ from jaxpf.experiments.paper import Request
 RUNS_PER_SCENE = 5
 #: Opaque targets are dearer, and their sequences differ more than runs: one run of each method.
 _OPAQUE_RUNS = 1
-WIRE_PARTICLES, _WORM_PARTICLES = 300, 2000
+WIRE_PARTICLES, WORM_PARTICLES = 300, 2000
 #: Methods that are compared where there is little time.
 _QUICK_LEAVES = passing.PARTITIONED, passing.AS_MANY, passing.FAILING
 _QUICK_WALKERS = passing.OCCLUSION, passing.INDEPENDENT
@@ -49,7 +49,7 @@ def measure(request: Request) -> Found:
     report(f"Look-ahead, wires: {len(seeds)} groups of runs")
     ahead = look_ahead.measure(meetings[0].cases, len(seeds), WIRE_PARTICLES, seed)
     if request.clips is not None:
-        methods = passing.likelihoods(_WORM_PARTICLES)
+        methods = passing.likelihoods(WORM_PARTICLES)
         for clip in request.clips:
             report(f"Figure 4, {clip.name}: {request.runs} runs of each likelihood")
             worms = [scenes.worms(clip, clip.name)]

@@ -39,8 +39,8 @@ NOISE_OF_WIRES: Mapping[str, float] = {"wires": 4.0, "none": 3.0}
 #: Likewise of leaves, whose starts tell no speed either.
 NOISE_OF_LEAVES: Mapping[str, float] = {"opaque": 3.0}
 #: Noise of a walker's shape per frame, in standard deviations of the examples; chosen on seeds that
-#: are not reported.  A pixel
-#: for every component is several of the smaller ones', and a hidden outline shrinks to a strip.
+#: are not reported.  A pixel for every component is several of the smaller ones', and a hidden
+#: outline shrinks to a strip.
 _SHAPE_NOISE = 0.2
 #: Share of its motion and of its bending that a worm keeps from frame to frame.  Marks jitter, by
 #: which a share that is learned is too low; they are smoothed over so many frames before what is
@@ -128,25 +128,39 @@ def walkers(seed: int, num_frames: int = 60) -> Case:
 def worms(data: Path, clip: str = CLIP) -> Case:
     """Two filmed worms that cross, as wires both of whose edges are seen.
 
-    Shapes, motion and clutter are learned from the frames before.  A worm bends, to either side and
-    whichever way it lies, and keeps its length.
+    Raises:
+        InputError: the clip is missing.
+    """
+    return case_of_worms(clip, *read_worms(data, clip, LEARNED_FRAMES + TRACKED_FRAMES))
+
+
+def read_worms(data: Path, clip: str, num_frames: int | None) -> tuple[np.ndarray, np.ndarray]:
+    """A clip's first frames ``[T, H, W, 3]`` and the worms' middle lines ``[T, 2, S, 2]`` in them.
 
     Raises:
         InputError: the clip is missing.
     """
     import csv
 
-    from scipy.signal import savgol_filter
-
     folder = clip_folder(data, clip, needed="centrelines.csv")
-    count = LEARNED_FRAMES + TRACKED_FRAMES
-    scene = load_scene(str(folder), start_frame=LEARNED_FRAMES - 1, num_frames=TRACKED_FRAMES + 1)
-    lines = np.full((count, 2, 18, 2), np.nan)
+    frames = load_scene(str(folder), start_frame=0, num_frames=num_frames).frames
+    lines = np.full((len(frames), 2, 18, 2), np.nan)
     with (folder / "centrelines.csv").open(newline="", encoding="utf-8") as file:
         for row in csv.DictReader(file):
-            if int(row["frame"]) < count:
+            if int(row["frame"]) < len(frames):
                 place = int(row["frame"]), int(row["id"]), int(row["k"])
                 lines[place] = float(row["x"]), float(row["y"])
+    return frames, lines
+
+
+def case_of_worms(name: str, frames: np.ndarray, lines: np.ndarray) -> Case:
+    """Worms in frames and with middle lines as ``read_worms`` has them.
+
+    Shapes, motion and clutter are learned from the first frames.  A worm bends, to either side and
+    whichever way it lies, and keeps its length.
+    """
+    from scipy.signal import savgol_filter
+
     num_points = 12
     control = np.array(
         [[fit_spline(line, num_points, closed=False) for line in pair] for pair in lines]
@@ -156,10 +170,9 @@ def worms(data: Path, clip: str = CLIP) -> Case:
     tracks = space.project(control)
     smooth = savgol_filter(tracks[:LEARNED_FRAMES], _SMOOTHED_OVER, 2, axis=0)
     detector = EdgeDetector(threshold=5.0, length=41, smoothing=2.5)
-    before = load_scene(str(folder), start_frame=0, num_frames=LEARNED_FRAMES)
     return Case(
-        name=clip,
-        frames=scene.frames[1:],
+        name=name,
+        frames=frames[LEARNED_FRAMES:],
         truth=points_on(control[LEARNED_FRAMES:], _POINTS, closed=False),
         start=tracks[LEARNED_FRAMES - 1].astype(np.float32),
         space=space,
@@ -170,7 +183,7 @@ def worms(data: Path, clip: str = CLIP) -> Case:
             "sigma": 3.0,
             "num_lines": 16,
             "independence": _INDEPENDENCE_OF_WORMS,
-            "clutter": learn_clutter(before.frames[::4], detector),
+            "clutter": learn_clutter(frames[:LEARNED_FRAMES:4], detector),
         },
         on_target=12.0,
         noise=NOISE_OF_WORMS,

@@ -56,5 +56,5 @@ PAPER = Paper(
         "tracker": {name: settings_of(name)._asdict() for name in VARIANTS},
         "particles": published.PARTICLES,
     },
-    calibrate=calibration.calibrate,
+    calibrate=lambda report, data: calibration.calibrate(report),
 )

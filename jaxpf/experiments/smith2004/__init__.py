@@ -52,5 +52,5 @@ PAPER = Paper(
     without_clips="Tables 3 and 4 need a real clip: name a folder that holds tud_campus with "
     "--data or JAXPF_DATA.",
     settings={"scene": SCENE},
-    calibrate=calibration.calibrate,
+    calibrate=lambda report, data: calibration.calibrate(report),
 )

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from three_steps import STEPS, ThreeSteps, square
 
 from jaxpf import Partitioned, monte_carlo, pytree_dataclass
 from jaxpf.contours import depth_orders
@@ -14,21 +15,8 @@ from jaxpf.likelihoods import EdgeDetector, contours
 from jaxpf.ordering import branched
 from jaxpf.shapes import space_of
 
-STEPS, FLIP, RUNS, PARTICLES, LIMIT = (-6.0, 0.0, 6.0), 0.3, 600, 120, 4.5
+FLIP, RUNS, PARTICLES, LIMIT = 0.3, 600, 120, 4.5
 ORDERS = list(permutations(range(3)))
-
-
-@pytree_dataclass
-class ThreeSteps:
-    """A step left, none, or one right, as likely each."""
-
-    def propagate(self, key, partition, current, previous, parent):
-        return current.at[0].add(jax.random.choice(key, jnp.array(STEPS)))
-
-
-def square(x, y, half=20.0):
-    corners = np.array([(-1, -1), (0, -1), (1, -1), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0)])
-    return half * corners + np.array([x, y])
 
 
 def frames():

@@ -3,7 +3,7 @@
 Each likelihood has a noise of its own, that with which it keeps both targets most often, and of
 those that keep as many the one with which labels are right in most frames, on sequences of seeds
 (``SEEDS``) that no reported figure uses.  Those of worms are contacts composed from one filmed pair
-(``contacts``); what is reported of worms is of filmed pairs.
+(``contacts``), which are harder than the pair itself; what is reported of worms is of filmed pairs.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -28,7 +28,10 @@ FACTORS = (1.0, 2.0, 3.0, 4.0, 6.0)
 
 
 def calibrate(report: Callable[[str], None] = print, data: Path | None = None) -> Table:
-    """Repeat the search that set the scenes' ``NOISE_OF_WIRES``, ``_LEAVES`` and ``_WORMS``.
+    """Repeat the search that set the scenes' ``NOISE_OF_WIRES`` and ``NOISE_OF_LEAVES``.
+
+    With clips also a search for that of worms on composed contacts: ``NOISE_OF_WORMS`` was chosen
+    on the filmed pair, which nearly every run keeps whatever its noise.
 
     Args:
         report: takes a line for each trial.

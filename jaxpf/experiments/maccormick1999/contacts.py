@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jaxpf.errors import InputError
 from jaxpf.experiments.maccormick1999.scenes import (
     LEARNED_FRAMES,
     TRACKED_FRAMES,
@@ -36,6 +37,7 @@ _ACROSS = np.arange(-_ASIDE, _ASIDE + 0.25, 0.5)
 _TRIES = 5000
 
 
+@functools.lru_cache(maxsize=16)  # a search asks for the same ones with every setting
 def contact(data: Path, clip: str, seed: int) -> Case:
     """A composed meeting of a clip's two worms, as ``scenes.worms`` has the filmed one.
 
@@ -45,11 +47,10 @@ def contact(data: Path, clip: str, seed: int) -> Case:
         seed: of everything that is drawn.
 
     Raises:
-        InputError: the clip is missing.
+        InputError: the clip is missing, or its worms make no such contact.
     """
-    _, lines = read_worms(data, clip, num_frames=None)
+    lines, looks = _filmed(data, clip)
     rng = np.random.default_rng(seed)
-    looks = _looks(data, clip)
     for _ in range(_TRIES):
         worms = [_one(rng, lines) for _ in range(2)]
         placed = _placed(rng, [line for line, _, _, _ in worms])
@@ -66,7 +67,11 @@ def contact(data: Path, clip: str, seed: int) -> Case:
         noisy = np.stack(pictures) + rng.normal(0, _NOISE, (len(pictures), *_SIZE))
         grey = np.clip(noisy, 0, 255).astype(np.uint8)
         return case_of_worms(f"{clip}, contact {seed}", np.repeat(grey[..., None], 3, -1), placed)
-    raise ValueError(f"no contact of {CONTACT} frames was found for seed {seed}")
+    low, high = CONTACT
+    raise InputError(
+        f"{clip}: of {_TRIES} pairs none is in contact for {low} to {high} frames; name a clip of "
+        "two worms that move."
+    )
 
 
 def _one(rng: np.random.Generator, lines: np.ndarray) -> tuple[np.ndarray, int, bool, bool]:
@@ -116,22 +121,26 @@ def _distance(one: np.ndarray, other: np.ndarray) -> float:
 
 
 @functools.lru_cache(maxsize=2)
-def _looks(data: Path, clip: str) -> list[np.ndarray]:
-    """Grey levels along and across each worm, of the frames before the two meet."""
+def _filmed(data: Path, clip: str) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Middle lines ``[T, 2, S, 2]`` of a clip, and its worms' grey levels along and across.
+
+    Grey levels are those of the frames before the two meet.
+    """
     import cv2
 
-    frames, lines = read_worms(data, clip, num_frames=LEARNED_FRAMES)
+    frames, lines = read_worms(data, clip, num_frames=None)
+    before = slice(0, LEARNED_FRAMES, 2)
     found = []
     for worm in range(2):
         straightened = []
-        for frame, pair in zip(frames[::2], lines[::2], strict=True):
+        for frame, pair in zip(frames[before], lines[before], strict=True):
             points, aside = _prolonged(pair[worm])
             places = points[:, None] + _ACROSS[:, None] * aside[:, None] - 0.5
             x, y = np.moveaxis(places.astype(np.float32), -1, 0)
             grey = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)
             straightened.append(cv2.remap(grey, x, y, cv2.INTER_LINEAR))
         found.append(np.median(straightened, axis=0).astype(np.float32))
-    return found
+    return lines, found
 
 
 def _drawn(line: np.ndarray, texture: np.ndarray) -> np.ndarray:

@@ -6,11 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from three_steps import STEPS, ThreeSteps, square
+from three_steps import STEPS, ThreeSteps, opaque, square
 
 from jaxpf import Partitioned, monte_carlo
 from jaxpf.dynamics import WithOcclusion
-from jaxpf.likelihoods import EdgeDetector, contours
 from jaxpf.ordering import branched
 from jaxpf.shapes import space_of
 
@@ -28,16 +27,7 @@ def frames():
 
 
 SPACE = space_of("translation", np.stack([square(60, 50), square(88, 50)]), degree=1)
-LIKELIHOOD = contours(
-    SPACE,
-    2,
-    exclusion="opaque",
-    clutter=0.5,
-    detector=EdgeDetector(length=21),
-    sigma=3.0,
-    num_lines=12,
-    independence=0.15,
-)
+LIKELIHOOD = opaque(SPACE, 2, num_lines=12)
 
 
 @jax.jit

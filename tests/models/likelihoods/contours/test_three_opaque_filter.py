@@ -6,12 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from three_steps import STEPS, ThreeSteps, square
+from three_steps import STEPS, ThreeSteps, opaque, square
 
 from jaxpf import Partitioned, monte_carlo, pytree_dataclass
 from jaxpf.contours import depth_orders
 from jaxpf.dynamics import WithOcclusion
-from jaxpf.likelihoods import EdgeDetector, contours
 from jaxpf.ordering import branched
 from jaxpf.shapes import space_of
 
@@ -32,16 +31,7 @@ def frames():
 SPACE = space_of(
     "translation", np.stack([square(60, 46), square(92, 50), square(128, 54)]), degree=1
 )
-LIKELIHOOD = contours(
-    SPACE,
-    3,
-    exclusion="opaque",
-    clutter=0.5,
-    detector=EdgeDetector(length=21),
-    sigma=3.0,
-    num_lines=8,
-    independence=0.15,
-)
+LIKELIHOOD = opaque(SPACE, 3, num_lines=8)
 
 
 @jax.jit

@@ -4,7 +4,6 @@ import math
 import os
 import time
 from collections.abc import Mapping
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from jaxpf.cli.console import print_table
 from jaxpf.cli.speaking import Speaking
 from jaxpf.cli.startup import start_jax
 
-#: Folder of what each look measured, by its runs; and the time that looks may take.
+#: Folder of what the looks measured, and the time that they may take.
 LOOKS, MINUTES = "looks", 35.0
 #: As ``jaxpf.experiments.paper.PAPERS``, without importing it.
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
@@ -118,11 +117,7 @@ def command(
     if dask:
         executor = click.get_current_context().with_resource(cluster(dask)).executor
     output = output or Path(f"jaxpf-{paper}-quick" if quick else f"jaxpf-{paper}")
-
-    def of_look(runs: int) -> tuple[Path, dict[str, Any]]:
-        return output / LOOKS / str(runs), settings | {"runs": runs}
-
-    kept = of_look(one.runs) if until_resolved else (output, settings)
+    kept = output / LOOKS if until_resolved else output, settings
     goes_on = not calibrate and parts.can_go_on(*kept)
     folder = prepare_output_folder(output, overwrite or goes_on)
     if one.calibrate is not None and calibrate:
@@ -132,18 +127,14 @@ def command(
         click.echo(f"Going on with what '{folder}' holds.")
     looks = {"until_resolved": True, "minutes": minutes} if until_resolved else {}
     typed = _typed(options | looks)
-    with parts.sharing(executor):
-        if until_resolved:
-
-            def keeping(runs: int) -> AbstractContextManager:
-                return parts.keeping(*of_look(runs), for_good=True)
-
-            for comparison in look_until_resolved(one, request, keeping, minutes or MINUTES):
-                written = comparison_table.write(comparison, folder, typed)
-        else:
-            with parts.keeping(folder, settings):
-                comparison = one.compare(request)
-                written = comparison_table.write(comparison, folder, typed)
+    with parts.sharing(executor), parts.keeping(*kept, for_good=until_resolved):
+        found = (
+            look_until_resolved(one, request, minutes or MINUTES)
+            if until_resolved
+            else iter([one.compare(request)])
+        )
+        for comparison in found:
+            written = comparison_table.write(comparison, folder, typed)
     for table in comparison.tables:
         print_table(table.title, table.columns, table.texts())
         if table.note:

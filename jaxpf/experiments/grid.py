@@ -110,7 +110,9 @@ def run_grid(
         # The last batch is padded: another width would compile anew.
         return (works + works[-1:] * batch)[:batch]
 
-    found = each((f"{name}-{its[0]}-by-{batch}", partial(track, works(its))) for its in chosen)
+    found = each(
+        (f"{name}-{its[0]}-{its[-1]}-by-{batch}", partial(track, works(its))) for its in chosen
+    )
     for its, recorded in zip(chosen, found, strict=True):
         for place, i in enumerate(its):
             estimate, *others = (np.asarray(recorded[what][place]) for what in _RECORDED)

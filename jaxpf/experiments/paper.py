@@ -3,7 +3,8 @@
 Each paper has a folder with the same files: ``published`` (its figures, as data), ``scenes`` (what
 is drawn or read, and the runs on it), ``tables``, ``claims`` and ``figures``, each of which makes
 what its name says from what was measured, and ``__init__`` with the ``PAPER``.  What it measures it
-keeps piece by piece (``jaxpf.experiments.parts``), so that it goes on after a stop.
+keeps piece by piece (``jaxpf.experiments.parts``), so that it goes on after a stop.  The names of
+the pieces tell the number of runs where that matters: looks at more and more runs share them.
 """
 
 import contextlib
@@ -163,41 +164,35 @@ class Paper:
         return self.compare(self.request(**asked))
 
 
-def until_resolved(
-    paper: Paper,
-    request: Request,
-    keeping: Callable[[int], contextlib.AbstractContextManager],
-    minutes: float,
-) -> Iterator[Comparison]:
+def until_resolved(paper: Paper, request: Request, minutes: float) -> Iterator[Comparison]:
     """Look at a paper's claims with twice the runs each time, until every one is resolved.
 
-    No look is begun that would end after ``minutes``, if it takes twice as long as the last took
-    when it was measured, which may have been in another call.
+    Where parts are kept, a look measures only what those before it have not.  None is begun that
+    would end after ``minutes``, if it takes as long as all before it took when they were measured,
+    which may have been in another call.
 
     Args:
         paper: which.
         request: of the first look.
-        keeping: of a look's runs, the block in which its parts are kept.
         minutes: from now.
 
     Yields:
         What each look found.
     """
-    began, runs = time.monotonic(), request.runs
+    began, runs, spent = time.monotonic(), request.runs, 0.0
     for look in itertools.count(1):
         looked = time.monotonic()
         seeds = range(request.seed, request.seed + runs // paper.runs_per_scene)
-        with keeping(runs):
-            comparison = paper.compare(dataclasses.replace(request, runs=runs, seeds=seeds), look)
-            now = time.monotonic()
-            took = part("look", partial(_seconds, now - looked))
+        comparison = paper.compare(dataclasses.replace(request, runs=runs, seeds=seeds), look)
+        now = time.monotonic()
+        spent += float(part(f"look-{runs}", partial(_seconds, now - looked))["seconds"])
         pending = [claim for claim in comparison.claims if claim.verdict == CANNOT_RESOLVE]
         request.report(
             f"Look {look}: {runs} runs, {len(pending)} of {len(comparison.claims)} claims open"
         )
         yield comparison
         hopeless = all(math.isinf(claim.growth) for claim in pending)
-        if hopeless or now - began + 2 * float(took["seconds"]) > 60 * minutes:
+        if hopeless or now - began + spent > 60 * minutes:
             return
         runs *= 2
 

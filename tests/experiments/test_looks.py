@@ -39,15 +39,14 @@ def a_paper():
 
 
 def looked(one, folder, minutes):
-    def keeping(runs):
-        return parts.keeping(folder / str(runs), {"runs": runs}, for_good=True)
-
     lines = []
-    *_, last = paper.until_resolved(one, one.request(report=lines.append), keeping, minutes)
+    with parts.keeping(folder, {}, for_good=True):
+        *_, last = paper.until_resolved(one, one.request(report=lines.append), minutes)
     return last, lines
 
 
 def test_runs_are_doubled_until_a_claim_is_resolved(tmp_path):
+    measured.clear()
     comparison, lines = looked(a_paper(), tmp_path, 60)
     (claim,) = comparison.claims
     assert claim.verdict == SUPPORTS
@@ -57,7 +56,8 @@ def test_runs_are_doubled_until_a_claim_is_resolved(tmp_path):
     assert lines[-1] == f"Look {len(lines)}: {runs[-1]} runs, 0 of 1 claims open"
     assert comparison.settings["runs"] == runs[-1]
     assert f"Look {len(lines)}, at {runs[-1]} runs" in comparison.notes[1]
-    # What a look has measured is not measured again.
+    # What a look has measured is not measured again, by the next or by another call.
+    assert measured == list(range(runs[-1] // 2))
     measured.clear()
     again, _ = looked(a_paper(), tmp_path, 60)
     assert measured == []

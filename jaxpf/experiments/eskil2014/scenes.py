@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -13,7 +13,7 @@ import scenes
 from jaxpf.baselines.optical_flow import follow_points
 from jaxpf.baselines.spot import spot
 from jaxpf.experiments.eskil2014 import methods
-from jaxpf.experiments.parts import each
+from jaxpf.experiments.parts import Measure, each
 from jaxpf.measures import points as measures
 from jaxpf.running.blocks import monte_carlo
 
@@ -72,18 +72,19 @@ def measure(
     errors: dict[str, list[np.ndarray]] = {}
     visible, names = [], ()
     fewer = [name for name in others if name != methods.SPOT]
-    tracked = each(
-        (
-            f"{scene}-{seed}",
-            functools.partial(
-                _on_scene,
-                *(scene, seed, parameters, scale, filters),
-                *(others if done < spot_scenes(len(seeds)) else fewer, runs),
-            ),
-        )
-        for done, seed in enumerate(seeds)
-    )
-    for done, (seed, found) in enumerate(zip(seeds, tracked, strict=True), start=1):
+    by_spot = seeds[: spot_scenes(len(seeds))] if methods.SPOT in others else ()
+
+    def parts() -> Iterator[tuple[str, Measure]]:
+        for seed in seeds:
+            on_scene = functools.partial(_on_scene, scene, seed, parameters, scale, runs)
+            yield f"{scene}-{seed}", functools.partial(on_scene, filters, fewer)
+            if seed in by_spot:
+                # Apart: the more scenes, the more of them SPOT is run on.
+                yield f"{scene}-{seed}-spot", functools.partial(on_scene, (), [methods.SPOT])
+
+    tracked = each(parts())
+    for done, seed in enumerate(seeds, start=1):
+        found = next(tracked) | (next(tracked) if seed in by_spot else {})
         drawn = _drawn(scene, seed, **parameters)
         truth, names = drawn.extras["points"], drawn.extras["point_names"]
         for method, places in found.items():
@@ -105,9 +106,9 @@ def _on_scene(
     seed: int,
     parameters: Mapping[str, Any],
     scale: float,
+    runs: int,
     filters: Sequence[str],
     others: Sequence[str],
-    runs: int,
 ) -> dict[str, np.ndarray]:
     """``track`` on a scene that is drawn where the work is done."""
     drawn = _drawn(scene, seed, **parameters)

@@ -25,6 +25,8 @@ from jaxpf.targets.articulated import OfFixedSize, parts_model
 
 #: Runs on each sequence; sequences are the units of the intervals.
 RUNS_PER_SCENE = 5
+#: Sequences that are tracked together.
+_TOGETHER = 10
 #: Samples per side of a part: d^2 is off by .017 (standard deviation), the log-likelihood by .8.
 SAMPLES = 10
 
@@ -122,31 +124,39 @@ def measure(
             same for all methods.
         num_frames: of a sequence; the trackers start at the first.
         dynamics: which of ``DYNAMICS``.
-        progress: is told a line per cell.
+        progress: is told a line per cell and block of sequences.
     """
 
     def by_method(values: Mapping[str, Mapping[str, np.ndarray]]) -> dict:
         return {(kind, method): values[kind][method] for kind in dynamics for method in METHODS}
 
-    outcomes = {}
-    # Two at a time: one compiles while the other tracks.
-    measured = each(
+    # Blocks outside: those of one cell share a kernel, which is compiled once.
+    blocks = [seeds[first : first + _TOGETHER] for first in range(0, len(seeds), _TOGETHER)]
+    parts = [
         (
-            (
-                f"{cell.motion}-{cell.num_parts}",
-                partial(_measured, cell, seeds, num_frames, dynamics),
+            f"{cell.motion}-{cell.num_parts}-{block[0]}-{len(block)}",
+            partial(_measured, cell, block, num_frames, dynamics),
+        )
+        for block in blocks
+        for cell in cells
+    ]
+    # Two at a time: one compiles while the other tracks.
+    measured = each(parts, threads=2)
+    by_cell: dict[Cell, list[Any]] = {cell: [] for cell in cells}
+    for block in blocks:
+        for cell in cells:
+            by_cell[cell].append(next(measured))
+            progress(
+                f"  {cell.motion}, {cell.num_parts} parts: sequences {block[0]} to {block[-1]} done"
             )
-            for cell in cells
-        ),
-        threads=2,
-    )
-    for (motion, num_parts, particles), found in zip(cells, measured, strict=True):
-        for number in particles:
+    outcomes = {}
+    for cell, its in by_cell.items():
+        found = jax.tree.map(lambda *rows: np.concatenate(rows), *its)
+        for number in cell.particles:
             values = found[str(number)]
-            outcomes[motion, num_parts, number] = Outcome(
+            outcomes[cell.motion, cell.num_parts, number] = Outcome(
                 *(by_method(values[what]) for what in Outcome._fields)
             )
-        progress(f"  {motion}, {num_parts} parts, N = {', '.join(map(str, particles))} done")
     return outcomes
 
 

@@ -43,7 +43,7 @@ def measure(
         num_particles: of plain weighting.
         seed: of the runs.
     """
-    name = f"look_ahead-{cases[0].name}"
+    name = f"look_ahead-{cases[0].name}-{groups}"
     plain = _run(f"{name}-plain", cases, groups, False, num_particles, seed)
     ahead = _run(f"{name}-same_number", cases, groups, True, num_particles, seed)
     as_dear = max(round(num_particles * plain.seconds / ahead.seconds), 2)

@@ -180,7 +180,7 @@ def measure(
             is_shown = not kept or case.hidden is None
             kept.append(case if is_shown else case._replace(frames=case.frames[:0]))
             for method in map(methods.__getitem__, names):
-                name = "-".join(map(str, (case.name, *method[:3], method.flip, seed)))
+                name = "-".join(map(str, (case.name, *method[:3], method.flip, seed, runs)))
                 yield name, partial(_outcome, case, method, runs, seed)
 
     found = each(parts())

@@ -96,7 +96,7 @@ def measure(
                 [SHARPNESS],
                 num_particles=count,
                 scale=SCALE,
-                name=f"{name}-{count}",
+                name=f"{name}-{count}-{runs}",
                 **settings,
             )
         )

@@ -206,8 +206,10 @@ def _measured(
                 [_stacked([found[kind, method].initial for found in by_scene]) for kind in dynamics]
             )
             base = by_scene[0][dynamics[0], method]
-            poses, spread = _track(
-                base, moves, starts, OfFixedSize(Observed(likelihood)), keys, frames, mesh
+            # Off the devices: what they did together would wait for another thread's program,
+            # which holds one of them and waits for the other.
+            poses, spread = jax.device_get(
+                _track(base, moves, starts, OfFixedSize(Observed(likelihood)), keys, frames, mesh)
             )
             error = metrics.corner_distances(corners_from_poses(poses, sizes), truth)
             variance = metrics.pose_variance(spread, sizes)

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from jaxpf.experiments.claims import Claim, Quantity, exact, judged, newcombe
-from jaxpf.experiments.estimates import gap_of, mean_of, ratio_of
+from jaxpf.experiments.estimates import gap_of, ratio_of
 from jaxpf.experiments.maccormick1999 import one_line, toy
 from jaxpf.experiments.maccormick1999.measure import Found
 from jaxpf.experiments.maccormick1999.passing import (
@@ -20,7 +20,7 @@ from jaxpf.experiments.maccormick1999.passing import (
     PARTITIONED,
     Passing,
 )
-from jaxpf.experiments.maccormick1999.tables import rate_of
+from jaxpf.experiments.maccormick1999.tables import rate_of, rate_of_labels
 
 #: Runs of which this share end on their own targets count as exclusion that works, in percent.
 KEEPS_BOTH = 90.0
@@ -125,7 +125,7 @@ def leaf_claims(passing: Passing) -> list[Claim]:
             "one run shown",
             rate_of(passing.kept(PARTITIONED), at_least=KEEPS_BOTH),
         ),
-        labels_claim("Leaves", passing.labels_right(PARTITIONED), "4, figure 7"),
+        labels_claim(passing, PARTITIONED, "4, figure 7"),
         judged(
             "The effective sample size of partitioned sampling is far above the unpartitioned "
             f"filter's (ratio above {FAR_ABOVE:g})",
@@ -176,7 +176,7 @@ def walker_claims(passing: Passing) -> list[Claim]:
             "one run shown of each",
             _gap(passing.coalesced(INDEPENDENT), passing.coalesced(OCCLUSION)),
         ),
-        labels_claim("Walkers", passing.labels_right(OCCLUSION), "4, figure 6"),
+        labels_claim(passing, OCCLUSION, "4, figure 6"),
         judged(
             "The hidden contour diffuses: its spread grows while it is hidden (ratio above 1)",
             "4, figure 6",
@@ -207,14 +207,14 @@ def walker_claims(passing: Passing) -> list[Claim]:
     return found
 
 
-def labels_claim(name: str, right: np.ndarray, source: str) -> Claim:
-    """That the occlusion is correctly inferred, by the truth of the scenes, ``[S]`` rates."""
+def labels_claim(passing: Passing, method: str, source: str) -> Claim:
+    """That the occlusion is correctly inferred, by the truth of the scenes."""
     return judged(
-        f"{name}: the label says who is in front (in at least {INFERRED:g} % of the frames with "
-        "much overlap)",
+        f"{passing.name.capitalize()}: the label says who is in front (in at least {INFERRED:g} % "
+        "of the frames with much overlap)",
         source,
         "one run shown",
-        mean_of(100 * right, at_least=INFERRED),
+        rate_of_labels(passing, method, at_least=INFERRED),
     )
 
 

@@ -114,6 +114,12 @@ class Passing(NamedTuple):
             found.append(np.mean(np.where(np.isnan(of_front), np.nan, of_front > 0.5)))
         return np.array(found)
 
+    @property
+    def frames_judged(self) -> int:
+        """Frames of a sequence in which labels are judged, the mean over all."""
+        much = [np.sum(case.hidden > MUCH_HIDDEN) for case in self.cases]
+        return max(round(float(np.mean(much))), 1)
+
     def ess(self, method: str) -> np.ndarray:
         """``[cases]``, mean over the runs and the first frames."""
         return self.ess_by_frame(method)[:, : published.FIRST_FRAMES].mean(axis=1)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf.experiments import estimates
 from jaxpf.experiments.claims import Quantity, wilson
 from jaxpf.experiments.comparison_table import Cell, Table
 from jaxpf.experiments.estimates import mean_cell, only, ratio_of, share_of
@@ -32,6 +33,15 @@ def rate_of(values: np.ndarray, what: str = "", **claimed: Any) -> Quantity:
         return share_of(values, what, **claimed)
     interval = wilson(values.sum(), values.size)
     return Quantity(what, 100 * float(values.mean()), interval, **claimed)
+
+
+def rate_of_labels(passing: Passing, method: str, **claimed: Any) -> Quantity:
+    """Percentage of the frames with much overlap in which the label says who is in front.
+
+    Frames of a sequence resemble each other, as runs do.
+    """
+    rates = passing.labels_right(method)
+    return estimates.rate_of(rates, passing.frames_judged, **claimed)
 
 
 def _rate_cell(values: np.ndarray) -> Cell:
@@ -90,7 +100,7 @@ def passing_table(passing: Passing) -> Table:
                         _rate_cell(ends(name))
                         for ends in (passing.kept, passing.coalesced, passing.swapped)
                     ),
-                    _label_cell(passing.labels_right(name)),
+                    _label_cell(passing, name),
                     *(
                         _ratio_cell(spread(name), 1.0)
                         for spread in (passing.widening, passing.narrowing)
@@ -107,8 +117,10 @@ def passing_table(passing: Passing) -> Table:
     )
 
 
-def _label_cell(shares: np.ndarray) -> Cell | str:
-    return "-" if np.isnan(shares).all() else mean_cell(100 * shares)
+def _label_cell(passing: Passing, method: str) -> Cell | str:
+    if np.isnan(passing.labels_right(method)).all():
+        return "-"
+    return Cell(None, rate_of_labels(passing, method).measured())
 
 
 def look_ahead_table(name: str, found: Mapping[str, Weighting]) -> Table:

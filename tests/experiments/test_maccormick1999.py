@@ -21,7 +21,7 @@ from jaxpf.experiments.maccormick1999 import (
     tracking,
 )
 from jaxpf.experiments.maccormick1999 import scenes as cases
-from jaxpf.experiments.maccormick1999.tables import look_ahead_table
+from jaxpf.experiments.maccormick1999.tables import look_ahead_table, rate_of_labels
 
 
 def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
@@ -222,6 +222,17 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
     assert [*walkers[:4], *leaves[:2], *leaves[3:]] == [*contradicted, *contradicted]
     # Of targets that are lost nothing is said about spreads.
     assert walkers[4:6] == ["cannot resolve"] * 2
+
+
+def test_labels_that_were_always_right_may_be_wrong_on_the_next_sequence(one_kept_one_lost):
+    (outcome,) = one_kept_one_lost.outcomes["PS"]
+    right = outcome._replace(in_front=outcome.in_front[:1])
+    found = with_outcomes(one_kept_one_lost, {"PS": [right] * 10})
+    value, low, high = rate_of_labels(found, "PS").measured()
+    assert (value, round(low), high) == (100, 72, 100)  # Wilson's interval of ten trials
+    claim = claims.labels_claim(found, "PS", "a source")
+    assert claim.verdict == "cannot resolve"
+    assert 2 < claim.growth < 10
 
 
 def test_dear_filters_track_the_first_sequences(monkeypatch):

@@ -42,8 +42,8 @@ NOTES = (
     "has ordinary Condensation, which has rows and claims of its own on wires and walkers, with as "
     "many particles. Without exclusion both targets are in one filter with P', not in two trackers "
     "as in figure 1.",
-    "Leaves are as many sequences as runs are asked for; dear filters, and those of few particles, "
-    "track one in five or ten of them, ordinary Condensation one in two of the walkers'. "
+    "Leaves and walkers are as many sequences as runs are asked for; one in five or ten of them is "
+    "tracked by dear filters, those of few particles and those that lose nearly every target. "
     "Comparisons are made on sequences that both have.",
     "Figure 11 averages after 10 frames, before our leaves overlap.",
     "The width of a boundary's law is 2 pixels for wires, 3 for worms, 5 for leaves and 7, the "

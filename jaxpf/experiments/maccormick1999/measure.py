@@ -27,7 +27,7 @@ class Found(NamedTuple):
         meetings: wires, and the filmed worms if there are any, with exclusion and without.
         ahead: look-ahead weighting of wires against the plain one.
         leaves: that pass each other, as many sequences as runs are asked for.
-        walkers: that pass each other.
+        walkers: likewise.
     """
 
     toy: Mapping[str, Sequence[Step]]
@@ -59,11 +59,11 @@ def measure(request: Request) -> Found:
         report(f"{make.__name__}: {len(seeds)} sequences, one run of each method")
         return passing.measure(map(make, seeds), seeds, methods, _OPAQUE_RUNS, report)
 
-    # As many sequences as runs: what is claimed of leaves is claimed of sequences.
+    # As many sequences as runs: what is claimed of opaque targets is claimed of sequences.
     many = seeds if request.quick else range(seed, seed + request.runs)
     of_leaves, of_walkers = passing.LEAVES, passing.WALKERS
     if request.quick:
         of_leaves = {name: of_leaves[name] for name in _QUICK_LEAVES}
         of_walkers = {name: of_walkers[name] for name in _QUICK_WALKERS}
     leaves = passed(scenes.leaves, many, of_leaves)
-    return Found(steps, meetings, ahead, leaves, passed(scenes.walkers, seeds, of_walkers))
+    return Found(steps, meetings, ahead, leaves, passed(scenes.walkers, many, of_walkers))

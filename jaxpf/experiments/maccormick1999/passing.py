@@ -60,9 +60,9 @@ LEAVES = {
 OCCLUSION, INDEPENDENT = "occlusion", "independent"
 WALKERS = {
     OCCLUSION: Method("opaque", "ps", published.WALKER_PARTICLES),
-    INDEPENDENT: Method("none", "ps", published.WALKER_PARTICLES),
-    OCCLUSION + CONDENSATION: Method("opaque", "sir", published.WALKER_PARTICLES, 2),
-    INDEPENDENT + CONDENSATION: Method("none", "sir", published.WALKER_PARTICLES, 2),
+    INDEPENDENT: Method("none", "ps", published.WALKER_PARTICLES, 5),
+    OCCLUSION + CONDENSATION: Method("opaque", "sir", published.WALKER_PARTICLES, 10),
+    INDEPENDENT + CONDENSATION: Method("none", "sir", published.WALKER_PARTICLES, 10),
 }
 
 

@@ -8,7 +8,8 @@ parts at the level 95 %:
   needs no correction: a false claim is false in some part, which passes in at most 2.5 % of
   the replications on either side.)
 * *contradicts*: some part's interval at the level 1 - .05 / k (Bonferroni: with many parts one
-  or another would stray by chance) lies outside its claimed range.
+  or another would stray by chance) lies outside its claimed range, and of one that has a margin
+  farther from it than that: the margin holds the error of the paper's own few runs.
 * *equal within the margin*: neither, but the 95 % interval of every part lies in its range or, of
   one that has a margin, no farther from an end of the range than that.
 * *cannot resolve*: all else; it is told how many runs would resolve it, if figures stay where they
@@ -16,7 +17,8 @@ parts at the level 95 %:
 
 Who looks again and again, with more runs each time, uses up level: look k has .05 / (k (k + 1)) of
 it, ``at_look``, which sums to .05 over all looks, so that a verdict is right at whatever look it
-falls, as often as one of a single look.
+falls, as often as one of a single look.  What does not grow with the runs, such as timings, is
+looked at once.
 
 An interval without a width is what two scenes that agree give, not certainty: it resolves nothing,
 but for a quantity that is computed and has no chance in it (``exact``).
@@ -45,9 +47,11 @@ _MOST_RUNS = 10**6
 #: The rule in one sentence, for reports.
 RULE = (
     "A claim is supported if the 95 % interval of every quantity it speaks of lies in the claimed "
-    "range, contradicted if the interval of one of them (Bonferroni-corrected for their number) "
-    "lies outside, equal within the margin if all lie in their range or near its end, within a "
-    "margin stated beforehand, and otherwise cannot be resolved at this number of runs."
+    "range, equal within the margin if all lie in their range or no farther from its end than a "
+    "margin, where one is stated, contradicted if the interval of one of them "
+    "(Bonferroni-corrected for their number) lies outside of both, and otherwise cannot be "
+    "resolved at this number of runs.  With --until-resolved the intervals of the k-th look have "
+    "the level 1 - .05 / (k (k + 1)) instead."
 )
 
 
@@ -143,7 +147,7 @@ def verdict(parts: Sequence[Quantity], level: float = 0.95) -> str:
     if not parts:
         return CANNOT_RESOLVE
     corrected = _corrected(parts, level)
-    if any(_clearly(_lies_outside, part, corrected) for part in parts):
+    if any(_clearly(_lies_beyond, part, corrected) for part in parts):
         return CONTRADICTS
     if all(_clearly(_lies_inside, part, level) for part in parts):
         return SUPPORTS
@@ -155,11 +159,12 @@ def verdict(parts: Sequence[Quantity], level: float = 0.95) -> str:
 def growth(parts: Sequence[Quantity], level: float = 0.95) -> float:
     """How many times as much would have to be measured to resolve a claim.
 
-    If figures stay where they are: where one lies outside its range the claim is resolved once one
-    of those does so clearly; and once all lie clearly inside, or near an end where that counts.
+    If figures stay where they are: where one lies beyond its range and margin the claim is resolved
+    once one of those does so clearly; and once all lie clearly inside, or near an end where that
+    counts.
     """
-    outside = [part for part in parts if not part.at_least <= part.value <= part.at_most]
-    needed = [_growth(part, _lies_outside, _corrected(parts, level)) for part in outside]
+    outside = [part for part in parts if _lies_beyond(part, (part.value, part.value))]
+    needed = [_growth(part, _lies_beyond, _corrected(parts, level)) for part in outside]
     one_outside = min((each for each in needed if not math.isnan(each)), default=math.nan)
     needed = [_growth(part, _lies_inside_or_near, level) for part in parts]
     all_inside = math.nan if any(map(math.isnan, needed)) else max(needed, default=math.nan)
@@ -247,8 +252,15 @@ def level_of(look: int) -> float:
     return 1 - 0.05 / (look * (look + 1))
 
 
+def grows(claim: Claim) -> bool:
+    """Whether more runs tell more of a claim: timings, say, are as many at every look."""
+    return claim.unit == "runs"
+
+
 def at_look(claim: Claim, look: int) -> Claim:
     """A claim judged anew, at the k-th look at data that grow, from 1."""
+    if not grows(claim):
+        return claim
     level = level_of(look)
     found = verdict(claim.parts, level)
     return claim._replace(
@@ -290,9 +302,9 @@ def _lies_inside_or_near(part: Quantity, interval: tuple[float, float]) -> bool:
     return _lies_inside(part, interval) or any(near)
 
 
-def _lies_outside(part: Quantity, interval: tuple[float, float]) -> bool:
+def _lies_beyond(part: Quantity, interval: tuple[float, float]) -> bool:
     low, high = interval
-    return high < part.at_least or low > part.at_most
+    return high < part.at_least - part.margin or low > part.at_most + part.margin
 
 
 def student(values: np.ndarray) -> Callable[[float], tuple[float, float]]:

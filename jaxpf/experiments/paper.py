@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.errors import InputError
-from jaxpf.experiments.claims import CANNOT_RESOLVE, Claim, at_look, level_of, told
+from jaxpf.experiments.claims import CANNOT_RESOLVE, Claim, at_look, grows, level_of, told
 from jaxpf.experiments.comparison_table import Comparison, Table
 from jaxpf.experiments.parts import part
 
@@ -169,7 +169,7 @@ def until_resolved(paper: Paper, request: Request, minutes: float) -> Iterator[C
 
     Where parts are kept, a look measures only what those before it have not.  None is begun that
     would end after ``minutes``, if it takes as long as all before it took when they were measured,
-    which may have been in another call.
+    which may have been in another call.  (What a call that was stopped measured is not counted.)
 
     Args:
         paper: which.
@@ -191,7 +191,7 @@ def until_resolved(paper: Paper, request: Request, minutes: float) -> Iterator[C
             f"Look {look}: {runs} runs, {len(pending)} of {len(comparison.claims)} claims open"
         )
         yield comparison
-        hopeless = all(math.isinf(claim.growth) for claim in pending)
+        hopeless = all(math.isinf(claim.growth) or not grows(claim) for claim in pending)
         if hopeless or now - began + spent > 60 * minutes:
             return
         runs *= 2

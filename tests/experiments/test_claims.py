@@ -74,7 +74,11 @@ def test_near_an_end_within_the_margin_is_equal():
     assert verdict([fixed(0, 2, at_least=0), fixed(0, 2, at_least=0, margin=3)]) == CANNOT_RESOLVE
     assert verdict([fixed(2, 2.5, at_least=0, margin=3)]) == CANNOT_RESOLVE
     assert verdict([fixed(4, 2, at_least=0, margin=3)]) == SUPPORTS
-    assert verdict([fixed(-4, 2, at_least=0, margin=3)]) == CONTRADICTS
+    # Outside of the range, and not clearly outside of the margin.
+    assert verdict([fixed(-4, 2, at_least=0, margin=3)]) == CANNOT_RESOLVE
+    assert verdict([fixed(-6, 2, at_least=0, margin=3)]) == CONTRADICTS
+    # However narrow the interval becomes.
+    assert verdict([fixed(-1, 0.5, at_least=0, margin=3)]) == EQUAL
 
 
 def test_agreement_without_a_width_is_no_certainty():
@@ -140,13 +144,13 @@ def at_looks(effect, **claimed):
         (-0.5, (SUPPORTS, EQUAL)),
         (0.0, (SUPPORTS, CONTRADICTS)),  # at the end of the range
         (0.3, (CONTRADICTS, EQUAL)),  # on the margin, which is not within it
-        (-0.3, (SUPPORTS, EQUAL)),
+        (-0.3, (SUPPORTS, EQUAL, CONTRADICTS)),  # no runs tell on which side of the margin it lies
     ],
 )
 def test_looking_again_and_again_misleads_as_seldom_as_looking_once(effect, wrong):
     found = at_looks(effect, at_least=0, margin=0.3)
     assert np.isin(found, wrong).mean() <= 0.05 + 3 * math.sqrt(0.05 * 0.95 / len(found))
-    assert (found != CANNOT_RESOLVE).mean() > 0.9
+    assert len(wrong) == 3 or (found != CANNOT_RESOLVE).mean() > 0.9
 
 
 def test_looks_share_the_level_among_them():

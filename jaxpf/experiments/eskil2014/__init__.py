@@ -37,6 +37,8 @@ NOTES = (
     f"'{methods.WITH_DRIFT}'.  Not searched for: how many times a particle is moved, for more is "
     "always better; the published values; and how squares and distances are read.",
     "SPOT is written from its published description, not its authors' program.",
+    "Some criteria were changed after scenes that are among these had been judged: "
+    "jaxpf.experiments.eskil2014.claims says which, and why.",
 )
 
 PAPER = Paper(

@@ -47,18 +47,25 @@ def kept(errors: np.ndarray, visible: np.ndarray) -> np.ndarray:
 
 
 def found_again(errors: np.ndarray, visible: np.ndarray) -> np.ndarray:
-    """Share of the ended occlusions after which a point was found again; NaN without any.
+    """Share of the ``ended_occlusions`` after which a point was found again; NaN without any.
 
     It is if its median distance in the last ten of ``WITHIN`` frames is small: one frame in which
-    it happens to pass by is not enough.  Occlusions that end later than that before the film's end
-    are left out.
+    it happens to pass by is not enough.
     """
     again = [
         np.median(errors[:, back + WITHIN - _STAYS : back + WITHIN, point], axis=1) <= NEAR
-        for point, _, back in measures.recoveries(visible)
-        if back + WITHIN <= len(visible)
+        for point, back in ended_occlusions(visible)
     ]
     return np.mean(again, axis=0) if again else np.full(len(errors), np.nan)
+
+
+def ended_occlusions(visible: np.ndarray) -> list[tuple[int, int]]:
+    """Points that come back into view and stay there for ``WITHIN`` frames, and when they do."""
+    return [
+        (point, back)
+        for point, _, back in measures.recoveries(visible)
+        if back + WITHIN <= len(visible) and visible[back : back + WITHIN, point].all()
+    ]
 
 
 def scene_table(outcome: Outcome) -> Table:

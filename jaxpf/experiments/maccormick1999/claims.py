@@ -18,6 +18,7 @@ from jaxpf.experiments.maccormick1999.passing import (
     NAIVE,
     OCCLUSION,
     PARTITIONED,
+    PUBLISHED_FLIP,
     Passing,
 )
 from jaxpf.experiments.maccormick1999.tables import rate_of, rate_of_labels
@@ -71,6 +72,7 @@ def toy_claim(steps: Mapping[str, Sequence[toy.Step]]) -> Claim:
         "figure only",
         ratio_of(branched, conventional, "PS / SIR", at_least=1.0),
         digits=1,
+        unit="repeats",
     )
 
 
@@ -125,7 +127,11 @@ def leaf_claims(passing: Passing) -> list[Claim]:
             "one run shown",
             rate_of(passing.kept(PARTITIONED), at_least=KEEPS_BOTH),
         ),
-        labels_claim(passing, PARTITIONED, "4, figure 7"),
+        *(
+            labels_claim(passing, method, "4, figure 7")
+            for method in (PARTITIONED, PARTITIONED + PUBLISHED_FLIP)
+            if method in passing.methods
+        ),
         judged(
             "The effective sample size of partitioned sampling is far above the unpartitioned "
             f"filter's (ratio above {FAR_ABOVE:g})",
@@ -210,8 +216,8 @@ def walker_claims(passing: Passing) -> list[Claim]:
 def labels_claim(passing: Passing, method: str, source: str) -> Claim:
     """That the occlusion is correctly inferred, by the truth of the scenes."""
     return judged(
-        f"{passing.name.capitalize()}: the label says who is in front (in at least {INFERRED:g} % "
-        "of the frames with much overlap)",
+        f"{passing.name.capitalize()}, {method}: the label says who is in front (in at least "
+        f"{INFERRED:g} % of the frames with much overlap)",
         source,
         "one run shown",
         rate_of_labels(passing, method, at_least=INFERRED),

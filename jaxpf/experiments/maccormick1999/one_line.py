@@ -37,7 +37,10 @@ def _likelihood(boundaries: jax.Array) -> jax.Array:
     places = jnp.broadcast_to(jnp.array(FEATURES).reshape(-1, *[1] * len(shape)), (count, *shape))
     features = Features(places, jnp.ones(places.shape, bool))
     weights = line_weights(
-        poisson_clutter(_CLUTTER, count), detection_probabilities(len(boundaries)), _LENGTH
+        # A longer law than there are features: a full line may have shown more.
+        poisson_clutter(_CLUTTER, 3 * count),
+        detection_probabilities(len(boundaries)),
+        _LENGTH,
     )
     there = jnp.ones(boundaries.shape, bool)
     return jnp.exp(log_ratio(weights, features, boundaries, there, _SIGMA, _LENGTH / 2))

@@ -39,6 +39,8 @@ EXCLUSIVE, NAIVE = "P, exclusion", "P', none"
 LIKELIHOODS = {EXCLUSIVE: "wires", NAIVE: "none"}
 #: The paper's section 3 has ordinary Condensation.
 CONDENSATION = ", Condensation"
+#: The paper's probability that labels change.
+PUBLISHED_FLIP = f", delta {published.DELTA:g}".replace("0.", ".")
 PARTITIONED, AS_MANY = f"PS, {published.LEAF_PARTICLES}", f"SIR, {published.LEAF_PARTICLES}"
 FAILING, ENOUGH = (
     f"SIR, {number}"
@@ -46,7 +48,7 @@ FAILING, ENOUGH = (
 )
 LEAVES = {
     PARTITIONED: Method("opaque", "ps", published.LEAF_PARTICLES),
-    f"{PARTITIONED}, delta .01": Method(
+    PARTITIONED + PUBLISHED_FLIP: Method(
         "opaque", "ps", published.LEAF_PARTICLES, 5, published.DELTA
     ),
     "PS, 100": Method("opaque", "ps", 100, 5),
@@ -55,13 +57,13 @@ LEAVES = {
     "SIR, 300": Method("opaque", "sir", 300, 5),
     AS_MANY: Method("opaque", "sir", published.LEAF_PARTICLES, 5),
     FAILING: Method("opaque", "sir", published.LEAF_PARTICLES_FAILING, 5),
-    ENOUGH: Method("opaque", "sir", published.LEAF_PARTICLES_ENOUGH, 10),
+    ENOUGH: Method("opaque", "sir", published.LEAF_PARTICLES_ENOUGH, 5),
 }
 OCCLUSION, INDEPENDENT = "occlusion", "independent"
 WALKERS = {
     OCCLUSION: Method("opaque", "ps", published.WALKER_PARTICLES),
     INDEPENDENT: Method("none", "ps", published.WALKER_PARTICLES, 5),
-    OCCLUSION + CONDENSATION: Method("opaque", "sir", published.WALKER_PARTICLES, 10),
+    OCCLUSION + CONDENSATION: Method("opaque", "sir", published.WALKER_PARTICLES, 5),
     INDEPENDENT + CONDENSATION: Method("none", "sir", published.WALKER_PARTICLES, 10),
 }
 

@@ -62,7 +62,8 @@ def contours(
         sigma: width of the law of a boundary's feature, pixels.
         independence: share of its log-ratio that each line counts, above 0 to 1; less than 1 where
             lines lie so near to each other that they see the same.  Each line is still a density,
-            so that evidence may choose among shares; see ``share`` for where it is one nearly.
+            so that evidence may choose among shares, but of the literal likelihoods and with
+            further ``crossings``; see ``share`` for where it is one nearly.
         width: of a wire both of whose edges are seen, pixels; None: the contour is one edge.
         num_lines: M, lines per contour.
         crossings: at most so many crossings of one contour with one line count; default 1, or 2

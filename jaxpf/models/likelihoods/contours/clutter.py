@@ -2,7 +2,7 @@
 
 Learned from lines at random places, in random directions, of typical frames; what was never seen
 gets a little from a geometric law with the same mean, since no line can be worth infinitely much.
-Or Poisson with a given mean.  Counts above the largest that is kept are cut off;
+Or Poisson with a given mean.  Counts above the largest that is kept count as that one;
 ``lost_tail`` says how much that is.
 """
 
@@ -23,7 +23,8 @@ SMOOTHING = 5.0
 def poisson_clutter(mean: float, max_features: int) -> jax.Array:
     """b(n) for n = 0 .. max_features of Poisson clutter, ``[max_features + 1]``.
 
-    The ratios of the line model are those of the whole law, ``(L / mean)^k``.
+    The ratios of the line model are those of the whole law, ``(L / mean)^k``, on lines that show
+    fewer than ``max_features``; a line of so many may have shown more.
 
     Args:
         mean: features per line.

@@ -283,9 +283,8 @@ def _face(outcome: Outcome) -> Iterator[Claim]:
             )
             statement = f"From frame {after} on the proposed method is more accurate than {method}"
             parts = [mean_of(gap, "% of the width", at_least=0, margin=ERROR_MARGIN)]
-            if (
-                method == methods.PFFL
-            ):  # whose curve parts there; nothing of the kind is said of SPOT
+            # PFFL's curve parts there; nothing of the kind is said of SPOT.
+            if method == methods.PFFL:
                 statement += f"; before their errors are within {_TOGETHER:g} % of the width"
                 together = {"at_least": -_TOGETHER, "at_most": _TOGETHER}
                 parts.append(mean_of(before, "before", **together))

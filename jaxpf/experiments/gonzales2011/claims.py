@@ -7,7 +7,8 @@ time, with as many particles of SPS as take the time of PS.
 Criteria that were changed after 50 runs had been judged, and why: errors are compared by the
 geometric mean of the sequences' ratios, for the plain one counts a method as worse that loses as
 much by turns as PS does; and "usually not more than 4 % slower" asks for most cells of table 1
-where a mean of the cells asked for something else.
+where a mean of the cells asked for something else.  After 200: claims at equal time speak of every
+N that can be set against another, where they spoke of one.
 """
 
 from collections.abc import Iterator, Sequence

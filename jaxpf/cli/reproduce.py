@@ -77,8 +77,8 @@ def command(
     """Repeat a paper's experiment; print its figures beside ours, and judge its claims.
 
     Published figures stand left of ours, which have 95 % intervals.  A claim is supported,
-    contradicted, equal within a margin stated beforehand, or cannot be resolved at this number of
-    runs.  Interrupted, it goes on where it was by the same command.
+    contradicted, equal within a stated margin, or cannot be resolved at this number of runs.
+    Interrupted, it goes on where it was by the same command.
     """
     from jaxpf.errors import InputError
     from jaxpf.files.writing import prepare_output_folder

@@ -115,6 +115,11 @@ def _less(outcome: Outcome, other: str, measure: Any, than: str = methods.PROPOS
     return values[0][:common] - values[1][:common]
 
 
+def _in_turn(outcome: Outcome, other: str, *frames: slice) -> list[np.ndarray]:
+    """How much less the proposed method's error is than another's, in stretches of frames."""
+    return [_less(outcome, other, _error(stretch)) for stretch in frames]
+
+
 def _times(
     outcome: Outcome, more: str, less: str, measure: Any, claimed: tuple[float, float]
 ) -> Quantity:
@@ -186,10 +191,8 @@ def _fish(outcome: Outcome) -> Iterator[Claim]:
             digits=1,
         )
     if outcome.visible.shape[1] > published.FISH_PARTED.stop:
-        before, after = (
-            _less(outcome, methods.PFFL, _error(frames))
-            for frames in (published.FISH_TOGETHER, published.FISH_PARTED)
-        )
+        together, parted = published.FISH_TOGETHER, published.FISH_PARTED
+        before, after = _in_turn(outcome, methods.PFFL, together, parted)
         yield judged(
             "PFFL parts from the proposed method between frames 15 and 20: their errors are "
             f"within {_TOGETHER:g} % of the length of one another before, and PFFL's is larger "
@@ -258,10 +261,7 @@ def _skydivers(outcome: Outcome) -> Iterator[Claim]:
     for method in (methods.PFFL, methods.SPOT):
         after = published.PARTING[f"skydivers {method}"]
         if method in outcome.errors and outcome.visible.shape[1] > after:
-            before, gap = (
-                _less(outcome, method, _error(frames))
-                for frames in (slice(0, after), slice(after, None))
-            )
+            before, gap = _in_turn(outcome, method, slice(0, after), slice(after, None))
             lost = 100 * published.SKYDIVER_LARGEST
             yield judged(
                 f"{method} is lost from frame {after} on, and not before ({method}'s error is "
@@ -277,10 +277,7 @@ def _face(outcome: Outcome) -> Iterator[Claim]:
     after = published.PARTING["face"]
     for method in (methods.PFFL, methods.SPOT):
         if method in outcome.errors and outcome.visible.shape[1] > after:
-            before, gap = (
-                _less(outcome, method, _error(frames))
-                for frames in (slice(0, after), slice(after, None))
-            )
+            before, gap = _in_turn(outcome, method, slice(0, after), slice(after, None))
             statement = f"From frame {after} on the proposed method is more accurate than {method}"
             parts = [mean_of(gap, "% of the width", at_least=0, margin=ERROR_MARGIN)]
             # PFFL's curve parts there; nothing of the kind is said of SPOT.

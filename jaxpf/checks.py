@@ -66,7 +66,7 @@ def check_uncoupled(dynamics: Any, what: str) -> None:
     Raises:
         InputError: ``what`` does not go with them.
     """
-    if contract.is_coupled(dynamics):
+    if contract.is_coupled(contract.first_motion(dynamics)):
         raise InputError(
             f"{type(dynamics).__name__} moves a partition by all the others, which does not go "
             f"with {what}; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single "
@@ -115,7 +115,8 @@ def _check_methods(
     many = jax.ShapeDtypeStruct((size, _TRIED), kind)
     places = jax.ShapeDtypeStruct((_TRIED,), jnp.int32)
 
-    coupled = contract.is_coupled(tracker.dynamics)
+    motion = jax.eval_shape(lambda its: contract.first_motion(its.dynamics), tracker)
+    coupled = contract.is_coupled(motion)
     base = contract.CoupledDynamics if coupled else contract.Dynamics
 
     def others(substates: Any) -> list[Any]:

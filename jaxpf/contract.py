@@ -315,6 +315,11 @@ def at_frame(tracker: Any, time: Any) -> Any:
     return changed_inside(tracker, "dynamics", lambda dynamics: dynamics.at_frame(time))
 
 
+def first_motion(dynamics: Any) -> Any:
+    """The dynamics that lead to frame 0: themselves, unless they change with time."""
+    return dynamics.at_frame(0) if hasattr(dynamics, "at_frame") else dynamics
+
+
 def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any:
     """A tracker, or the one that it wraps as its ``tracker``, with one field changed.
 
@@ -330,6 +335,7 @@ def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any
 
 def has_log_density(dynamics: Any) -> bool:
     """Whether the density of a move is known."""
+    dynamics = first_motion(dynamics)
     return hasattr(dynamics, "log_density") or hasattr(dynamics, "log_density_all")
 
 
@@ -340,7 +346,8 @@ def log_density_all(dynamics, partition, new, current, previous, parent) -> jax.
 
 
 def has_prediction(dynamics: Any) -> bool:
-    """Whether it is known where a substate is expected."""
+    """Whether the dynamics say where a substate is expected."""
+    dynamics = first_motion(dynamics)
     return hasattr(dynamics, "predict") or hasattr(dynamics, "predict_all")
 
 
@@ -394,7 +401,7 @@ def has_log_label(dynamics: Any) -> bool:
     The method ``log_label(new [], label [], substates [P, D]) -> []`` gives the log-probability
     with which ``propagate_label`` draws; ``jaxpf.smooth`` asks for it.  There is no default.
     """
-    return hasattr(dynamics, "log_label")
+    return hasattr(first_motion(dynamics), "log_label")
 
 
 def log_label(dynamics, new, label, substates) -> jax.Array:
@@ -428,6 +435,16 @@ def log_odds_all(likelihood, observation, partition, substates) -> jax.Array:
     if hasattr(likelihood, "log_odds_all"):
         return likelihood.log_odds_all(observation, partition, substates)
     return jax.vmap(likelihood.log_odds, in_axes=(None, 0, 1))(observation, partition, substates)
+
+
+def was_observed(likelihood: Any, observation: Any) -> Any:
+    """Whether a frame was observed: ``[]`` or ``[P]`` bool, or true of every frame.
+
+    Its method ``was_observed(observation)`` is defined by ``jaxpf.running``'s wrapper for missing
+    frames; a confidence does not change in a frame that was not observed.
+    """
+    method = getattr(likelihood, "was_observed", None)
+    return True if method is None else method(observation)
 
 
 def has_state_gradient(likelihood: Any) -> bool:

@@ -41,7 +41,9 @@ class ParticleState:
         log_odds: ``[P]``, that each object is where it is reported, smoothed over the frames so
             far; None where the likelihood cannot tell.
         sources: ``[P, N]`` int32, which particle of the frame before each draw continues, for
-            ``jaxpf.uncertainty``; None where nobody asks.
+            ``jaxpf.uncertainty``; None unless asked for.
+        selections: ``[]``, how many selections this frame made, the draws of the first frame being
+            one; a selection of some components counts as their share.  None unless asked for.
     """
 
     lagged: jax.Array
@@ -53,6 +55,7 @@ class ParticleState:
     label: jax.Array | None = None
     log_odds: jax.Array | None = None
     sources: jax.Array | None = None
+    selections: jax.Array | None = None
 
     @property
     def substates(self) -> jax.Array:

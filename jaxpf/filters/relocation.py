@@ -9,7 +9,8 @@ To propose places uniformly would find nothing.  Draws come from a density that 
 cell of a coarse grid over the frame, and there in proportion to the likelihood at the cell's
 centre, tempered, and mixed with the uniform density.  A draw has the weight uniform / density,
 which stands beside its likelihood: of the mixture, given its epsilons, every weight is proper, and
-the evidence unbiased.
+the evidence unbiased.  That is the evidence of a model only where the odds, and so the epsilons,
+depend on the frames alone; odds that depend on the run's own estimates make a model of each run.
 """
 
 import math

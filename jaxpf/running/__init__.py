@@ -94,19 +94,21 @@ def forecast(
     state: Any,
     steps: int,
     record: Callable[[Any, Any], Any] = summary_only,
-    time: int = 0,
+    *,
+    time: Any,
 ) -> tuple[Any, Any]:
-    """Where targets are going, of which no more frames were seen: as ``run`` over missing ones.
+    """Predict where targets go after the last frame: ``run`` over missing frames.
 
-    Particles move by their dynamics; ``summary.spread`` tells how fast the doubt grows.
+    Particles move by their dynamics alone; ``summary.spread`` shows how uncertainty grows.
 
     Args:
-        tracker: which has tracked so far.
+        tracker: the tracker of the frames so far.
         key: as for ``run``.
         state: after the last frame.
         steps: frames ahead, S.
         record: as for ``run``.
-        time: number of frames so far; with the same key it goes on as ``run`` would.
+        time: number of frames tracked so far.  With the run's key the forecast goes on exactly as
+            ``run`` would; a smaller number would reuse the noise of frames that are tracked.
 
     Returns:
         The state S frames ahead, and what ``record`` kept, with a leading axis S.

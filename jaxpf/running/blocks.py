@@ -136,15 +136,17 @@ def run_blocks(
 
     states, kept, length = None, [], 0
     for first, count, chunk in in_chunks(frames, frames_per_chunk, len(used)):
-        its, chunk = gaps.marked(tracker, chunk)  # frames one by one may turn out to be missing
+        of_chunk = tracker
+        if come_one_by_one(frames):
+            of_chunk, chunk = gaps.marked(tracker, chunk)  # only now is it known which are missing
         if states is None:
-            check_run(*gaps.unmarked(its, chunk))
+            check_run(*gaps.unmarked(of_chunk, chunk))
             states = _begin_compiled(tracker, batches, used)
         else:
             # One chunk is computed while the next one is read, and no more are waiting.
             jax.block_until_ready(kept[-1])
         times, groups = in_groups(first, chunk, used)
-        states, recorded = _advance_compiled(its, batches, states, times, groups, record, used)
+        states, recorded = _advance_compiled(of_chunk, batches, states, times, groups, record, used)
         kept.append(recorded)
         length = first + count
 

@@ -205,7 +205,7 @@ def _pick(uniform: jax.Array, log_weights: jax.Array) -> jax.Array:
     In two looks, first for the block and then inside it: a sum over all costs as much as the
     weights themselves, a running sum several times as much.
     """
-    num_particles = log_weights.shape[0]
+    num_particles, log_weights = log_weights.shape[0], lax.stop_gradient(log_weights)
     side = max(1, round(num_particles**0.5))
     weights = jnp.exp(log_weights - jnp.max(log_weights))
     blocks = jnp.pad(weights, (0, -num_particles % side)).reshape(-1, side)

@@ -133,7 +133,12 @@ def check_conditional(tracker: Any) -> None:
             f"under {tracker.resampling}; give resampling='multinomial'."
         )
     ordering = tracker.ordering
-    if is_concrete(ordering) and (ordering.is_split or np.any(ordering.exchanged)):
+    # In NumPy: within a user's trace a JAX operation would give a tracer.
+    if is_concrete(ordering) and (
+        ordering.keeps_components
+        or np.asarray(ordering.fractions)[0] < 1
+        or np.asarray(ordering.exchanged).any()
+    ):
         raise InputError(
             "a conditional sweep keeps its reference in one component without exchange; use "
             "jaxpf.ordering.ps or sir."

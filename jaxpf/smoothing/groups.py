@@ -96,7 +96,7 @@ def check_smoothing(tracker: Any) -> None:
             "from which propagate draws (see jaxpf.contract.DynamicsWithDensity)."
         )
     moves_labels = tracker.initial_label is not None and hasattr(
-        tracker.dynamics, "propagate_label"
+        contract.first_motion(tracker.dynamics), "propagate_label"
     )
     if moves_labels and not contract.has_log_label(tracker.dynamics):
         raise InputError(

@@ -7,6 +7,7 @@ import jax
 import numpy as np
 
 from jaxpf.errors import InputError
+from jaxpf.pytree import check_not_traced
 from jaxpf.smoothing.backward import History
 from jaxpf.smoothing.groups import check_smoothing, looks_back
 from jaxpf.smoothing.smoother import SmoothedFrame, back_over, backward_key, check_length
@@ -52,6 +53,7 @@ class LookBack:
 
     def add(self, state: Any) -> list[SmoothedFrame]:
         """The next frame's ``ParticleState``; gives the frames that it was the last to wait for."""
+        check_not_traced("LookBack", "jaxpf.smooth", state)
         lagged = np.asarray(state.lagged)
         # Copies, so that the device need not keep every state.
         kept: Any = (

@@ -14,7 +14,7 @@ from jaxpf import memory, running
 from jaxpf.checks import check_frames, check_run
 from jaxpf.chunks import come_one_by_one
 from jaxpf.errors import InputError
-from jaxpf.pytree import pytree_dataclass
+from jaxpf.pytree import check_not_traced, pytree_dataclass
 from jaxpf.running import gaps
 from jaxpf.smoothing.backward import History, Pass, backward
 from jaxpf.smoothing.groups import check_smoothing, looks_back, together
@@ -158,6 +158,7 @@ def stream(
     tracked = itertools.chain(_tracked(*gaps.marked(tracker, frames, observed), key, lag), [None])
     for number, (block, following) in enumerate(itertools.pairwise(tracked)):
         history, summaries = block
+        check_not_traced("smoothing with a lag", "jaxpf.smooth without a lag", history)
         length = len(history.log_weights)
         if following is not None:
             history = jax.tree.map(lambda *x: jnp.concatenate(x), history, following[0])
@@ -175,11 +176,13 @@ def _tracked(tracker: Any, frames: Any, key: jax.Array, lag: int) -> Iterator[An
     """What is kept of block after block of frames, as ``jaxpf.run`` tracks them."""
     record, state, first = _record(gaps.unmarked(tracker, frames)[0]), None, 0
     for block in _blocks(frames, lag):
-        its, block = gaps.marked(tracker, block)  # frames one by one may turn out to be missing
+        of_block = tracker
+        if come_one_by_one(frames):
+            of_block, block = gaps.marked(tracker, block)  # only now is it known which are missing
         if state is None:
-            check_run(*gaps.unmarked(its, block))
+            check_run(*gaps.unmarked(of_block, block))
             state = jax.jit(running.init)(tracker, key)
-        state, kept = _advance(its, key, state, first, block, record)
+        state, kept = _advance(of_block, key, state, first, block, record)
         first += running.num_frames(block)
         yield kept
     if state is None:

@@ -29,6 +29,7 @@ class Carry(NamedTuple):
         label: ``[N]`` int32, of each particle; its component where particles carry no labels.
         path_scores: ``[P, N]``, by slot of drawing, see ``ParticleState``; or None.
         sources: ``[P, N]`` int32, by slot of drawing, see ``ParticleState``; or None.
+        selections: ``[]``, made so far in this frame, see ``ParticleState``; or None.
         offers: every entry ``[P, N]``, what each part of the level offers for exchange; None
             where nothing is ever exchanged.
         groups: every entry ``[P, N]``, who shares the draw of each stage once its level has
@@ -47,6 +48,7 @@ class Carry(NamedTuple):
     label: jax.Array
     path_scores: jax.Array | None
     sources: jax.Array | None
+    selections: jax.Array | None
     offers: Offer | None
     groups: Groups | None
 

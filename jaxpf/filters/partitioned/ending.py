@@ -88,6 +88,7 @@ def finish(
         path_scores=path_scores,
         label=label,
         sources=None if carry.sources is None else carry.sources.reshape(-1)[drawn],
+        selections=carry.selections,
     )
     log_evidence = jnp.where(all_impossible, -jnp.inf, log_total)
     status = (

@@ -168,6 +168,7 @@ def begin(
         label=component if state.label is None else state.label[ancestors],
         path_scores=None if state.path_scores is None else jnp.zeros(shape, log_weights.dtype),
         sources=None if state.sources is None else jnp.zeros(shape, jnp.int32),
+        selections=None if state.selections is None else selected.share,
         offers=rules.no_offers(shape, log_weights.dtype) if exchanging else None,
         groups=rules.everyone(*shape) if exchanging else None,
     )

@@ -29,11 +29,13 @@ class Selected(NamedTuple):
         ancestors: ``[N]`` int32, whom each slot goes on from.
         log_weights: ``[N]``, of the slots.
         equal: ``[]`` bool, the weights are equal now.
+        share: ``[]``, share of the slots that were drawn; less than 1 where adaptive.
     """
 
     ancestors: jax.Array
     log_weights: jax.Array
     equal: jax.Array
+    share: jax.Array
 
 
 def select_between_frames(
@@ -49,12 +51,13 @@ def select_between_frames(
     if state.path_scores is not None:
         incoming = lax.stop_gradient(incoming)  # the scores hold their derivative
     whole = one_component(tracker.num_particles)
-    ancestors, log_weights, equal = resample(tracker, key, incoming, incoming, whole)
+    ancestors, log_weights, equal, share = resample(tracker, key, incoming, incoming, whole)
     uniform = jnp.full_like(log_weights, -np.log(tracker.num_particles))
     return state, Selected(
         ancestors=jnp.where(state.weighted, ancestors, _themselves(tracker)),
         log_weights=jnp.where(state.weighted & ~equal, log_weights, uniform),
         equal=equal | ~state.weighted,
+        share=jnp.where(state.weighted, share, 1.0),  # draws of the first frame are independent
     )
 
 
@@ -74,9 +77,11 @@ def select(
         change = jnp.where(possible, selection - before, 0.0)
         selection = jnp.where(possible, before + tracker.tempering * change, -jnp.inf)
         largest = None
-    ancestors, log_weights, equal = resample(
+    ancestors, log_weights, equal, share = resample(
         tracker, key, carry.log_weights, selection, components, largest
     )
+    if carry.selections is not None:
+        carry = carry._replace(selections=carry.selections + share)
     if tracker.initial_label is not None:
         carry = carry._replace(label=carry.label[ancestors])
     return carry._replace(lineage=carry.lineage_of(ancestors), log_weights=log_weights, equal=equal)
@@ -100,13 +105,16 @@ def resample(
     new_log_weights = tracker.gradient.selected(new_log_weights, log_weights, components)
     ancestors = checkpoint_name(ancestors, ANCESTORS)
     if tracker.ess_threshold is None:
-        return Selected(ancestors, new_log_weights, jnp.array(tracker.gradient.equalises))
+        everyone = jnp.ones((), log_weights.dtype)
+        equal = jnp.array(tracker.gradient.equalises)
+        return Selected(ancestors, new_log_weights, equal, everyone)
     few_in = few_effective(log_selection, components, tracker.ess_threshold)
     few = components.spread(few_in)
     return Selected(
         ancestors=jnp.where(few, ancestors, _themselves(tracker)),
         log_weights=jnp.where(few, new_log_weights, log_weights),
         equal=jnp.all(few) & tracker.gradient.equalises,
+        share=jnp.mean(few, dtype=log_weights.dtype),
     )
 
 

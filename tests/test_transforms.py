@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, objectives, ordering, smoothing, streaming
+from jaxpf import InputError, ordering, smoothing, tuning
 from jaxpf.dynamics import RandomWalk
+from jaxpf.filters import SideBySide, WithErrorBars
 from jaxpf.likelihoods import Gaussian
-from jaxpf.uncertainty import SideBySide, WithErrorBars
+from jaxpf.running import streaming
 
 KEY = jax.random.key(1)
 FRAMES = np.random.default_rng(0).normal(size=(3, 2, 1)).astype(np.float32)
@@ -57,8 +58,8 @@ FUNCTIONS = {
         its, key, jaxpf.run(its, key, frames)[0], 2, final, time=3
     )[1],
     "step": lambda its, key, frames: streaming.step(its, key, 0, its.init(key), frames[0])[1],
-    "log_evidence": lambda its, key, frames: objectives.log_evidence(its, key[None], frames),
-    "log_mean_evidence": lambda its, key, frames: objectives.log_mean_evidence(
+    "log_evidence": lambda its, key, frames: tuning.log_evidence(its, key[None], frames),
+    "log_mean_evidence": lambda its, key, frames: tuning.log_mean_evidence(
         its, key[None], frames, checkpoint=False
     ),
     "smooth": lambda its, key, frames: jaxpf.smooth(its, key, frames).estimate,

@@ -6,8 +6,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxpf.errors import InputError
-from jaxpf.pytree import check_not_traced
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import check_not_traced
 from jaxpf.smoothing.backward import History
 from jaxpf.smoothing.groups import check_smoothing, looks_back
 from jaxpf.smoothing.smoother import SmoothedFrame, back_over, backward_key, check_length

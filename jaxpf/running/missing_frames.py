@@ -1,0 +1,345 @@
+"""Missing frames: particles move by their dynamics and are not weighed.
+
+Filters need no code for it.  Their likelihood is wrapped in one whose log-likelihoods are 0 in a
+missing frame, so that weights stay, in whatever order and by whatever rule partitions are weighed.
+The inner likelihood is not called, so that nothing in a missing frame reaches its ``observe`` or a
+derivative.  If single partitions are missing, such as a landmark out of view, only their
+log-likelihoods are 0.
+
+The evidence of a missing frame is the filter's own total of weights.  It is 1 for most filters; it
+is random with mean 1 where selections do not preserve it (``Soft`` gradients, ``Labelled`` with
+corrected weights), and has a derivative of its own where weights carry one (``StopGradient``,
+``motion_gradient="score"``).  Without them the evidence and its gradient would be biased.
+"""
+
+import dataclasses
+import inspect
+import itertools
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxpf import contract
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete, pytree_dataclass
+from jaxpf.running.chunks import come_one_by_one
+
+#: Rounding of a sum of weights, in units of the last place: some stages of a million particles.
+_ROUNDING = 1000
+#: Methods of a likelihood that take an observation, beyond ``log_prob``.
+_OF_OBSERVATIONS = frozenset(
+    f"{name}{suffix}"
+    for name in ("log_joint", "log_joint_labelled", "log_odds")
+    for suffix in ("", "_all")
+)
+
+
+@pytree_dataclass
+class LikelihoodWithGaps(contract.Likelihood):
+    """A likelihood of frames ``(frame, seen)``, ``seen`` ``[]`` or, by partition, ``[P]`` bool.
+
+    With ``[P]`` the inner ``log_joint`` is called with ``observed=seen``.
+
+    Attributes:
+        likelihood: the inner likelihood.
+    """
+
+    likelihood: Any
+
+    def __getattr__(self, name):
+        """Optional methods, only if the inner likelihood defines them."""
+        if name.startswith("__") or name == "likelihood":
+            raise AttributeError(name)
+        inner = getattr(self.likelihood, name)
+        if name not in _OF_OBSERVATIONS:
+            return inner
+
+        def of_seen(observation, *rest):
+            observation, seen = observation
+            if not seen.ndim:
+                return _if_seen(seen, lambda: inner(observation, *rest))
+            if not name.startswith("log_odds"):
+                return inner(observation, *rest, observed=seen)
+            partition = rest[0]
+            return jnp.where(seen[partition], inner(observation, *rest), 0)
+
+        return of_seen
+
+    @property
+    def expecting(self):
+        """That of the inner likelihood, in the same wrapper."""
+        inner = self.likelihood.expecting
+        return lambda estimates: type(self)(inner(estimates))
+
+    @property
+    def state_gradient(self):
+        """That of the inner likelihood."""
+        return contract.has_state_gradient(self.likelihood)
+
+    @property
+    def form(self):
+        """That of the inner likelihood."""
+        return getattr(self.likelihood, "form", None)
+
+    def was_observed(self, observation):
+        """See ``contract.was_observed``."""
+        return observation[1]
+
+    def observe(self, frame):
+        """The inner observation of a frame, zeros if it was not seen."""
+        frame, seen = frame
+        seen = jnp.asarray(seen)
+
+        def without_nan(x):
+            # A compiler may compute both branches: the unseen one must not meet NaN either.
+            x = jnp.where(seen.any(), x, jnp.zeros_like(x))
+            is_part = seen.ndim and jnp.issubdtype(x.dtype, jnp.floating)
+            return jnp.where(jnp.isnan(x), 0, x) if is_part else x
+
+        frame = jax.tree.map(without_nan, frame)
+        return _if_seen(seen.any(), lambda: self.likelihood.observe(frame)), seen
+
+    def log_prob_all(self, observation, partition, substates):
+        """The inner log-likelihoods ``[N]``, 0 for what was not seen."""
+        observation, seen = observation
+
+        def inner():
+            return contract.log_prob_all(self.likelihood, observation, partition, substates)
+
+        if seen.ndim:
+            return jnp.where(contract.of_partition(seen, partition), inner(), 0)
+        return _if_seen(seen, inner)
+
+
+@pytree_dataclass
+class LikelihoodOfNoFrame(LikelihoodWithGaps):
+    """A likelihood that never sees a frame."""
+
+    def __getattr__(self, name):
+        """As above; every function of an observation is 0."""
+        inner = super().__getattr__(name)
+        if name not in _OF_OBSERVATIONS:
+            return inner
+
+        def of_nothing(observation, *rest):
+            return jnp.zeros(rest[-1].shape[-1:] if name.endswith("_all") else ())
+
+        return of_nothing
+
+    def was_observed(self, observation):
+        """Never."""
+        return np.zeros((), bool)
+
+    def observe(self, frame):
+        """Nothing."""
+        return ()
+
+    def log_prob_all(self, observation, partition, substates):
+        """0 for every particle, ``[N]``."""
+        return jnp.zeros(substates.shape[-1:], substates.dtype)
+
+
+@pytree_dataclass
+class WithGaps(contract.Tracker):
+    """A tracker of frames ``(frame, seen)``, ``seen`` ``[]`` or ``[P]`` bool.
+
+    In a frame that was not seen ``log_evidence`` is the filter's own, exactly 0 where it is 0 by
+    construction, and a confidence stays as it was.
+
+    Attributes:
+        tracker: has a ``likelihood``, or a ``tracker`` that has one.
+    """
+
+    tracker: Any
+
+    _wraps = LikelihoodWithGaps
+
+    @property
+    def num_partitions(self) -> int:
+        """That of the tracker."""
+        return self.tracker.num_partitions
+
+    def init(self, key):
+        """The tracker's first state."""
+        return self.tracker.init(key)
+
+    def observe(self, frame):
+        """The tracker's observation of a frame, and whether it was seen."""
+        inner = contract.changed_inside(self.tracker, "likelihood", self._wraps)
+        return contract.observed_apart(inner)[0](frame), jnp.asarray(frame[1])
+
+    def step_observed(self, key, state, observation):
+        """The tracker's next state and summary."""
+        observation, seen = observation
+        step = contract.observed_apart(
+            contract.changed_inside(self.tracker, "likelihood", self._wraps)
+        )[1]
+        state, summary = step(key, state, observation)
+        totals = {
+            name: _without_rounding(getattr(summary, name), seen.any())
+            for name in ("log_evidence", "label_log_evidence")
+            if getattr(summary, name, None) is not None
+        }
+        return state, dataclasses.replace(summary, **totals) if totals else summary
+
+
+@pytree_dataclass
+class WithoutFrames(WithGaps):
+    """A tracker of frames ``(anything, False)``."""
+
+    _wraps = LikelihoodOfNoFrame
+
+
+def _without_rounding(log_total: jax.Array, seen: jax.Array) -> jax.Array:
+    """Log totals of weights; in an unseen frame exactly 0 where they are 0 up to rounding.
+
+    The derivative stays: that of a total may be random where its value is not.
+    """
+    is_one = ~seen & (jnp.abs(log_total) < _ROUNDING * jnp.finfo(log_total.dtype).eps)
+    one = jnp.where(is_one, log_total, 0.0)
+    return jnp.where(is_one, one - lax.stop_gradient(one), log_total)
+
+
+def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
+    """Mark which frames are missing: the tracker and frames unchanged if none is.
+
+    Args:
+        tracker: any tracker.
+        frames: ``[T, ...]``, or frames one by one.
+        observed: ``[T]`` bool, which frames were seen, or ``[T, P]``, which partitions; None: all
+            but frames of floats that are NaN throughout, which of traced frames is found as they
+            come.
+
+    Raises:
+        InputError: ``observed`` has another shape, or the tracker cannot leave out what is missing.
+    """
+    if isinstance(tracker, WithGaps):
+        return tracker, frames
+    if observed is None:
+        seen = None if come_one_by_one(frames) else _seen(frames)
+        if seen is None or not _can_have_gaps(tracker):
+            return tracker, frames
+        return WithGaps(tracker), (frames, seen)
+    check_gaps(tracker)
+    if come_one_by_one(frames):
+        return WithGaps(tracker), _pairs(frames, observed)
+    total, parts = len(jax.tree.leaves(frames)[0]), getattr(tracker, "num_partitions", None)
+    shape = np.shape(observed)
+    if shape != (total,) and shape != (total, parts):
+        of_parts = "" if parts is None else f", or which partitions, [{total}, {parts}]"
+        raise InputError(
+            f"observed has shape {shape}; say of each of the {total} frames whether it was seen, "
+            f"[{total}]{of_parts}."
+        )
+    if len(shape) == 2:
+        _check_parts(tracker)
+    return WithGaps(tracker), (frames, _as_bool(observed))
+
+
+def unmarked(tracker: Any, frames: Any) -> tuple[Any, Any]:
+    """A tracker and its frames, as they were before ``marked``."""
+    if not isinstance(tracker, WithGaps):
+        return tracker, frames
+    return tracker.tracker, frames if come_one_by_one(frames) else frames[0]
+
+
+def marked_one_by_one(tracker: Any, frames: Any, observed: Any = None) -> Iterator[Any]:
+    """For each frame: the frame, the tracker for it, and the frame as that tracker takes it."""
+    if observed is not None:
+        check_gaps(tracker)
+        for frame, seen in _pairs(frames, observed):
+            yield frame, WithGaps(tracker), (frame, seen)
+        return
+    for frame in frames:
+        marked_tracker = marked(tracker, jax.tree.map(lambda x: np.asarray(x)[None], frame))[0]
+        yield frame, marked_tracker, frame if marked_tracker is tracker else (frame, False)
+
+
+def _pairs(frames: Any, observed: Any) -> Iterator[Any]:
+    for frame, seen in itertools.zip_longest(frames, observed):
+        if frame is None or seen is None:
+            raise InputError("observed and frames differ in length; give one bool per frame.")
+        yield frame, _as_bool(seen)
+
+
+def _as_bool(observed: Any) -> Any:
+    return observed.astype(bool) if isinstance(observed, jax.Array) else np.asarray(observed, bool)
+
+
+def _seen(frames: Any) -> Any:
+    """``[T]`` bool, which frames are not NaN throughout; None where all are seen."""
+    leaves = jax.tree.leaves(frames)
+    if not leaves or not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in leaves):
+        return None
+    if not is_concrete(frames):
+        return ~_nan_throughout(jnp, leaves)
+    # Within a user's trace, indexing a JAX array would give a tracer.
+    leaves = [np.asarray(x) for x in leaves]
+    # A frame that is NaN throughout begins with NaN: the others need not be read.
+    first = [np.isnan(x[(slice(None), *[0] * (x.ndim - 1))]) for x in leaves]
+    places = np.flatnonzero(np.all(first, axis=0))
+    missing = np.zeros(len(leaves[0]), bool)
+    if len(places):
+        missing[places] = _nan_throughout(np, [x[places] for x in leaves])
+    return ~missing if missing.any() else None
+
+
+def _nan_throughout(library: Any, leaves: list[Any]) -> Any:
+    of_leaves = [library.isnan(x).reshape(len(x), -1).all(axis=1) for x in leaves]
+    return library.all(library.stack(of_leaves), axis=0)
+
+
+def _if_seen(seen: jax.Array, compute: Callable[[], Any]) -> Any:
+    """``compute()`` if seen, else zeros of its shapes."""
+
+    def zeros() -> Any:
+        return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(compute))
+
+    return lax.cond(seen, compute, zeros)
+
+
+def _can_have_gaps(tracker: Any) -> bool:
+    return hasattr(tracker, "likelihood") or (
+        hasattr(tracker, "tracker") and _can_have_gaps(tracker.tracker)
+    )
+
+
+def check_gaps(tracker: Any) -> None:
+    """Refuse a tracker that cannot do without a frame.
+
+    Raises:
+        InputError: it has no likelihood to leave out.
+    """
+    if not _can_have_gaps(tracker):
+        raise InputError(
+            f"{type(tracker).__name__} has no field likelihood that could be left out where a "
+            "frame is missing; give it one, or frames that were all seen."
+        )
+
+
+def _check_parts(tracker: Any) -> None:
+    """Refuse a tracker of which single partitions cannot be missing.
+
+    Raises:
+        InputError: its particles carry one target each; its joint likelihood does not say how.
+    """
+    while not hasattr(tracker, "likelihood"):
+        tracker = tracker.tracker
+    if hasattr(tracker, "population"):
+        raise InputError(
+            f"{type(tracker).__name__} compares particles of different targets, which a missing "
+            "target would upset; give observed for whole frames, [T]."
+        )
+    likelihood = tracker.likelihood
+    for name in _OF_OBSERVATIONS:
+        joint = getattr(likelihood, name, None)
+        takes = joint is None or "observed" in inspect.signature(joint).parameters
+        if name.startswith("log_joint") and not takes:
+            raise InputError(
+                f"{type(likelihood).__name__}.{name} does not say what a missing partition means; "
+                "give it an argument observed [P], or observed for whole frames, [T]."
+            )

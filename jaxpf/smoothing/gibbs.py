@@ -168,9 +168,9 @@ def sweep(
     """One trajectory ``[T + 1, P, D]``, given another; given None, by a filter as any other.
 
     Args:
-        tracker: as ``gaps.marked`` leaves it.
+        tracker: as ``missing_frames.marked`` leaves it.
         key: a random key.
-        frames: as ``gaps.marked`` leaves them.
+        frames: as ``missing_frames.marked`` leaves them.
         reference: ``[T + 1, P, D]``.
         second_order: static, whether moves depend on the substate before the current one.
     """

@@ -143,7 +143,7 @@ def in_jit(function):
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (in_jit(lambda its, key: [*streaming.stream(its, key, FRAMES)]), "use jaxpf.run"),
+        (in_jit(lambda its, key: [*jaxpf.stream(its, key, FRAMES)]), "use jaxpf.run"),
         (
             in_jit(lambda its, key: jaxpf.smooth(its, key, FRAMES, lag=1).estimate),
             "use jaxpf.smooth without a lag",

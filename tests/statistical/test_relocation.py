@@ -141,8 +141,10 @@ def test_draws_weigh_as_much_as_the_uniform_density():
 
 
 @pytest.mark.statistical
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ORDERINGS)
+@pytest.mark.parametrize(
+    "method",
+    ["ps", *(pytest.param(name, marks=pytest.mark.slow) for name in ("sir", "dps", "sps"))],
+)
 def test_evidence_and_places_of_the_mixture_are_unbiased(method):
     evidence, places, expected = runs(method)
     assert z_score(evidence, 1) < LIMIT

@@ -421,14 +421,14 @@ def has_log_label(dynamics: Any) -> bool:
 
 
 def log_label(dynamics, new, label, substates) -> jax.Array:
-    """Log-probability ``[]`` that a label moves so; a label that nobody moves stays."""
+    """Log-probability ``[]`` of a label's move; without ``propagate_label`` labels stay."""
     if not hasattr(dynamics, "propagate_label"):
         return jnp.where(new == label, 0.0, -jnp.inf)
     return dynamics.log_label(new, label, substates)
 
 
 def expecting(likelihood: Any, estimates: jax.Array) -> Any:
-    """The likelihood, told what a filter last reported, ``[P, D]``, if it wants to know.
+    """The likelihood, given the filter's last estimates ``[P, D]`` if it asks for them.
 
     Its method ``expecting(estimates [P, D]) -> likelihood`` is asked once a frame, by filters that
     keep an estimate; there is no default.
@@ -437,7 +437,7 @@ def expecting(likelihood: Any, estimates: jax.Array) -> Any:
 
 
 def has_log_odds(likelihood: Any) -> bool:
-    """Whether a likelihood can tell how sure it is that an object is where it is reported.
+    """Whether a likelihood knows the odds that an object is where it is reported.
 
     Its method ``log_odds(observation, partition [], substate [D]) -> []``, or ``log_odds_all`` of
     ``partition`` ``[N]`` and ``substates`` ``[D, N]``, is asked once a frame, of the estimates, by

@@ -70,13 +70,13 @@ def particle_gibbs(
 
     Args:
         tracker: a ``jaxpf.Partitioned`` with ``resampling="multinomial"``, an ordering of ``sir``
-            or ``ps``, and dynamics with ``log_density``.  A handful of particles will do.
+            or ``ps``, and dynamics with ``log_density``.  A handful of particles is enough.
         key: a random key.
         frames: ``[T, ...]``, as for ``jaxpf.run``.
         num_sweeps: S.
         reference: ``[T + 1, P, D]``, the trajectory to start from, the substates just before the
             first frame in front; None: one drawn by the filter itself, and the first sweeps still
-            hang on it.
+            depend on it.
         observed: as for ``jaxpf.run``.
 
     Returns:

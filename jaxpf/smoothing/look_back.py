@@ -1,4 +1,4 @@
-"""Smoothing beside a loop that tracks: frame by frame in, what is smoothed out."""
+"""Smoothing beside a tracking loop: states in, frame by frame; smoothed frames out."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -17,7 +17,7 @@ class LookBack:
     """What ``smooth`` and, with a lag, ``stream`` give, of states that are tracked elsewhere.
 
     Attributes:
-        broken: moves that no particle could explain, so far.
+        broken: moves that no particle could explain, up to now.
     """
 
     def __init__(

@@ -45,13 +45,13 @@ class Smoothed:
 
 
 class SmoothedFrame(NamedTuple):
-    """One frame of ``stream``, in NumPy arrays.
+    """One smoothed frame, in NumPy arrays.
 
     Attributes:
         time: number of the frame, from 0.
         estimate: ``[P, D]``.
         spread: ``[P, D]``.
-        summary: what the filter reported of it; None of ``LookBack``, which did not ask.
+        summary: the filter's; None from ``LookBack``.
         broken: moves that no particle could explain, of all frames looked back over.
     """
 
@@ -85,8 +85,8 @@ def smooth(
         frames: as for ``jaxpf.run``; with a ``lag`` also an iterable of single frames.
         num_trajectories: M; default as many as there are particles.  The time is proportional to
             M N.
-        lag: look ahead by so many frames at least, and twice as many at most, instead of by all:
-            memory then does not grow with the length of the clip.
+        lag: L, look ahead by L to 2 L frames instead of all: memory then does not grow with the
+            length of the clip.
         keep_trajectories: return the trajectories themselves, too.
         observed: as for ``jaxpf.run``.
 

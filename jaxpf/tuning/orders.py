@@ -1,8 +1,8 @@
-"""The order of partitioned sampling, chosen by pilot runs: which one wastes the fewest particles.
+"""Choose the order of partitioned sampling by pilot runs.
 
-Which order is best is not told by one order's error, stage by stage: another order has other
-stages.  So candidates are tried, on the first frames, and what is compared is what matters: how
-much the estimates of independent runs differ.
+One order's errors, stage by stage, do not show which order is best: another order has other stages.
+So candidates are tried on the first frames, and compared by how much the estimates of independent
+runs differ.
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ from jaxpf.ordering import named, ps
 from jaxpf.running.blocks import monte_carlo
 from jaxpf.tuning.objectives import keep_moments
 
-#: Candidates at most, where nobody names them.
+#: Most candidates by default.
 CANDIDATES = 12
 
 

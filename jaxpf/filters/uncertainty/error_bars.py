@@ -24,13 +24,13 @@ a variance (measured: .84 to .89 of the true one).
 *Adaptive resampling.*  With ``ess_threshold`` G counts the selections that happen.
 
 *What theory covers*: multinomial resampling at every selection, without exchange.  The rest is
-measured: what one run tells over the variance of 1000 runs, N = 1000, four objects or a tree of
-three parts, 5 frames, standard errors .05.  Estimates: systematic resampling .92 to 1.05, DPS .88
+measured: a single run's estimate over the variance of 1000 runs, N = 1000, four objects or a tree
+of three parts, 5 frames, standard errors .05.  Estimates: systematic resampling .92 to 1.05, DPS .88
 to 1.08, SPS .90 to 1.13; looking ahead, of three objects that are seen jointly, .65 to .69, and two
 of three runs did not know.  The evidence under systematic resampling .24 to .33, far too small:
-what is subtracted is the chance of multinomial draws.  It is told with those alone; else compare
-runs.  Where parts are exchanged, each partition has ancestors of its own, and the evidence no error
-bar.
+what is subtracted is the chance of multinomial draws.  It is reported with those alone; otherwise
+compare runs.  Where parts are exchanged, each partition has ancestors of its own, and the evidence
+has no error bar.
 """
 
 import dataclasses
@@ -107,7 +107,7 @@ class WithErrorBars(contract.Tracker):
         stages: static, whether to report what each stage adds (``estimate_terms``,
             ``evidence_terms``); with ``lag`` alone.  Stage j is the turn of partition
             ``tracker.ordering.order[0, j]``.
-        by_partition: static, whether each partition has ancestors of its own; told by the ordering.
+        by_partition: static, whether each partition has its own ancestors; found from the ordering.
 
     Raises:
         InputError: another filter; transport, which has no ancestors; a lag below 0; stages without

@@ -70,6 +70,25 @@ def test_smoothed_moments_converge_to_the_exact_ones(case):
     assert worst < LIMIT
 
 
+@pytest.mark.parametrize(
+    ("make", "order"),
+    [
+        pytest.param(
+            lambda: problem((-1,), transition=1.4, lag=-0.8, initial_scale=1.0),
+            ordering.sir(1),
+            id="second order",
+        ),
+        pytest.param(lambda: problem((-1, 0)), ordering.ps([0, 1]), id="tree"),
+    ],
+)
+def test_three_frames_are_smoothed_exactly(make, order):
+    exact = make()
+    mean, second = smoothed_runs(exact.tracker(order, num_particles=300), exact.frames, RUNS)
+    expected = exact.smoothed_variance + exact.smoothed_mean**2
+    assert np.abs(scores_of(mean, exact.smoothed_mean)).max() < LIMIT
+    assert np.abs(scores_of(second, expected)).max() < LIMIT
+
+
 def test_smoothing_sees_what_comes_after():
     exact = problem((-1,), num_frames=4)
     mean, _ = smoothed_runs(exact.tracker(ordering.sir(1), num_particles=200), exact.frames, 40)

@@ -25,9 +25,9 @@ a variance (measured: .84 to .89 of the true one).
 
 *What theory covers*: multinomial resampling at every selection, without exchange.  The rest is
 measured: a single run's estimate over the variance of 1000 runs, N = 1000, four objects or a tree
-of three parts, 5 frames, standard errors .05.  Estimates: systematic resampling .92 to 1.05, DPS .88
-to 1.08, SPS .90 to 1.13; looking ahead, of three objects that are seen jointly, .65 to .69, and two
-of three runs did not know.  The evidence under systematic resampling .24 to .33, far too small:
+of three parts, 5 frames, standard errors .05.  Estimates: systematic resampling .92 to 1.05, DPS
+.88 to 1.08, SPS .90 to 1.13; looking ahead, of three objects that are seen jointly, .65 to .69, and
+two of three runs did not know.  The evidence under systematic resampling .24 to .33, far too small:
 what is subtracted is the chance of multinomial draws.  It is reported with those alone; otherwise
 compare runs.  Where parts are exchanged, each partition has ancestors of its own, and the evidence
 has no error bar.

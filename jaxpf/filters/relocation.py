@@ -21,6 +21,7 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.checks import check_uncoupled
 from jaxpf.errors import InputError
 from jaxpf.lowering.prefix import running_sum
 from jaxpf.names import PROBABLY_LOST
@@ -78,6 +79,7 @@ def check_relocation(tracker: Any) -> None:
             f"{type(likelihood).__name__} has no log_odds; leave relocation out, or use a "
             "discriminative one."
         )
+    check_uncoupled(tracker.dynamics, "relocation")
     for used, what in (
         (any(parent >= 0 for parent in getattr(tracker, "parents", ())), "a part tree"),
         (getattr(tracker, "population", "fixed") == "open", "an open population"),

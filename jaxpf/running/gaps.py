@@ -78,6 +78,10 @@ class LikelihoodWithGaps(contract.Likelihood):
         """That of the inner likelihood."""
         return getattr(self.likelihood, "form", None)
 
+    def as_seen(self, observation):
+        """See ``jaxpf.contract.as_seen``."""
+        return self.likelihood, *observation
+
     def observe(self, frame):
         """What the inner likelihood needs of a frame, zeros of one that was not seen."""
         frame, seen = frame
@@ -124,6 +128,10 @@ class LikelihoodOfNoFrame(LikelihoodWithGaps):
         """The inner likelihood told what is expected, in the same wrapper."""
         inner = self.likelihood.expecting
         return lambda estimates: LikelihoodOfNoFrame(inner(estimates))
+
+    def as_seen(self, observation):
+        """See ``jaxpf.contract.as_seen``: nothing was."""
+        return self.likelihood, None, np.False_
 
     def observe(self, frame):
         """Nothing."""

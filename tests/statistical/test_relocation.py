@@ -16,6 +16,7 @@ from quick_compiling import quick
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
 from jaxpf.filters import relocation
+from jaxpf.pytree import static_field
 from jaxpf.relocation import Relocation
 
 COLUMNS, ROWS, FRAMES, N, RUNS, LIMIT = 4, 3, 4, 12, 20_000, 4.5
@@ -210,6 +211,13 @@ def test_nothing_changes_while_nobody_is_lost():
 
 
 @pytree_dataclass
+class Coupled(Steps):
+    """Steps that ask for the others, too."""
+
+    coupled: bool = static_field(default=True)
+
+
+@pytree_dataclass
 class Sure:
     """A likelihood that cannot tell who is lost."""
 
@@ -224,16 +232,17 @@ class Sure:
     ("settings", "message"),
     [
         ({"likelihood": Sure()}, "Sure has no log_odds"),
+        ({"dynamics": Coupled()}, "Coupled moves a partition by all the others"),
         ({"parents": (-1, 0)}, "relocation does not go with a part tree"),
         ({"gradient": jaxpf.gradients.Soft()}, "relocation does not go with gradient Soft"),
         ({"relocation": Relocation(1.5, np.ones(2))}, "epsilon 1.5 must be from 0 to 1"),
     ],
 )
 def test_where_it_cannot_work_it_is_refused(settings, message):
-    options = {"likelihood": Tables(), "relocation": Relocation(0.1, np.ones(2))}
+    lost = Relocation(0.1, np.ones(2))
+    options = {"dynamics": Steps(), "likelihood": Tables(), "relocation": lost}
     with pytest.raises(InputError, match=message):
         jaxpf.Partitioned(
-            dynamics=Steps(),
             ordering=ordering.ps([0, 1]),
             initial=np.zeros((2, 3)),
             **(options | settings),

@@ -8,6 +8,7 @@ from exact import COMPILER_OPTIONS, LIMIT, OBJECTS, TREE, objects, problem
 
 import jaxpf
 from jaxpf import ordering
+from jaxpf.proposals import LocallyOptimal
 
 pytestmark = pytest.mark.statistical
 
@@ -70,9 +71,11 @@ def test_smoothed_moments_converge_to_the_exact_ones(case):
     assert worst < LIMIT
 
 
-def test_smoothing_sees_what_comes_after():
+@pytest.mark.parametrize("proposal", [None, LocallyOptimal()], ids=["dynamics", "proposal"])
+def test_smoothing_sees_what_comes_after(proposal):
     exact = problem((-1,), num_frames=4)
-    mean, _ = smoothed_runs(exact.tracker(ordering.sir(1), num_particles=200), exact.frames, 40)
+    tracker = exact.tracker(ordering.sir(1), num_particles=200, proposal=proposal)
+    mean, _ = smoothed_runs(tracker, exact.frames, 40)
     assert np.abs(scores_of(mean, exact.smoothed_mean)).max() < LIMIT
     # The filter's own answer is another, of which this tells.
     assert np.abs(scores_of(mean, exact.mean)[:-1]).max() > 10

@@ -11,10 +11,14 @@ from jaxpf.contract import Tracker
 from jaxpf.filters import confidence
 from jaxpf.filters.gradients import NoGradient
 from jaxpf.filters.initial import checked_initial
-from jaxpf.filters.partitioned import kernel
+from jaxpf.filters.partitioned import kernel, labels
+from jaxpf.filters.partitioned.motion import Motion, motion_of
 from jaxpf.filters.partitioned.ordering import Ordering
 from jaxpf.filters.partitioned.refusals import check_tracker
+from jaxpf.filters.partitioned.selection import Always, WhereFew
+from jaxpf.filters.partitioned.weighing import Weighing, weighing_of
 from jaxpf.filters.schemes import scheme_of
+from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.threefry import written_out
 from jaxpf.models.model import check_tree
 from jaxpf.pytree import pytree_dataclass, static_field
@@ -44,9 +48,12 @@ class Partitioned(Tracker):
             of the particles; ``None`` always resamples.
         look_ahead: static, whether each stage weighs by the joint likelihood, with the partitions
             to come where ``dynamics.predict`` expects them, instead of by ``log_prob``; see
-            ``jaxpf.filters.partitioned.look_ahead``.
+            ``jaxpf.filters.partitioned.weighing.LookAhead``.
         relocation: where objects that are probably lost may be, a
-            ``jaxpf.relocation.Relocation``; None: they move as ever.
+            ``jaxpf.relocation.Relocation``; None: they move by the dynamics alone.
+        proposal: what draws substates in place of the dynamics, a ``jaxpf.contract.Proposal``
+            such as those of ``jaxpf.proposals``; a stage's weight is then likelihood times
+            transition density over proposal density.  None: the dynamics draw.
         resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
         gradient: what resampling passes on to a derivative, a strategy of ``jaxpf.gradients``.
         parents: static, the part tree of the model, -1 for a root; default all roots.
@@ -66,6 +73,7 @@ class Partitioned(Tracker):
     tempering: Any = None
     ess_threshold: Any = None
     relocation: Any = None
+    proposal: Any = None
     resampling: Any = "systematic"
     gradient: Any = NoGradient()
     look_ahead: bool = static_field(default=False)
@@ -85,6 +93,21 @@ class Partitioned(Tracker):
         """Number of partitions, P."""
         return self.ordering.num_partitions
 
+    @property
+    def motion(self) -> Motion:
+        """How a stage draws."""
+        return motion_of(self)
+
+    @property
+    def weighing(self) -> Weighing:
+        """What a stage multiplies the weights by."""
+        return weighing_of(self)
+
+    @property
+    def trigger(self) -> Always:
+        """Which components are resampled."""
+        return Always() if self.ess_threshold is None else WhereFew(self.ess_threshold)
+
     def init(self, key: jax.Array) -> ParticleState:
         """Draw the state just before the first frame, with equal weights."""
         key = written_out(key)
@@ -97,19 +120,21 @@ class Partitioned(Tracker):
             values = jnp.repeat(values, self.num_particles, axis=-1)
         chex.assert_axis_dimension(values, 1, self.num_partitions)
         shape = (self.num_partitions, self.num_particles)
+        path_scores = jnp.zeros(shape, values.dtype) if self.gradient.keeps_scores else None
         label = None
         if self.initial_label is not None:
             label_key = jax.random.fold_in(key, self.num_particles)
-            log_probabilities = jnp.log(jnp.asarray(self.initial_label, values.dtype))
-            label = jax.random.categorical(label_key, log_probabilities, shape=shape[1:])
-            label = label.astype(jnp.int32)
+            label, score = labels.draw_first(self, label_key, values.dtype)
+            if path_scores is not None:
+                shares = jnp.broadcast_to(score / self.num_partitions, shape)
+                path_scores = with_gradient_of(path_scores, shares)
         return ParticleState(
             lagged=jnp.stack([values, values]),
             log_weights=jnp.full((self.num_particles,), -np.log(self.num_particles), values.dtype),
             lineage=jnp.broadcast_to(jnp.arange(self.num_particles, dtype=jnp.int32), shape),
             component=jnp.zeros((self.num_particles,), jnp.int32),
             weighted=jnp.zeros((), bool),
-            path_scores=jnp.zeros(shape, values.dtype) if self.gradient.keeps_scores else None,
+            path_scores=path_scores,
             label=label,
             log_odds=confidence.at_start(self.likelihood, self.num_partitions, values.dtype),
         )

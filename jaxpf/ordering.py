@@ -1,4 +1,4 @@
-"""In which order partitions are treated, and who is resampled when: an ordering is data."""
+"""Orderings as data: in which order partitions are processed, and when to resample."""
 
 from jaxpf.filters.partitioned.ordering import (
     SWAPS,

@@ -63,7 +63,7 @@ class Eskil(contract.Tracker):
         drift: static, one of ``jaxpf.names.DRIFTS``.
         shape: static, one of ``jaxpf.names.SHAPES``.
         proper: static, see above.
-        resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
+        resampling: a name of ``jaxpf.resampling.SCHEMES``, or your own scheme, see there.
 
     Raises:
         InputError: an argument is out of range; fewer than two partitions for a drift; two

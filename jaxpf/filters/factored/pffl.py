@@ -47,7 +47,7 @@ class PFFL(Tracker):
         upsampling: static, every ancestor moves this many times; the set is thinned to M when
             the next frame comes.
         form: static, one of ``jaxpf.names.FORMS``.
-        resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
+        resampling: a name of ``jaxpf.resampling.SCHEMES``, or your own scheme, see there.
 
     Raises:
         InputError: an argument is out of range, or the likelihood does not factor.

@@ -46,7 +46,7 @@ class Labelled(Tracker):
         reseed: standard deviations ``[D]`` or ``[L, D]``; a target that was lost is given its
             share of the particles again in the next frame, around its last estimate.  None
             (default) leaves lost targets to themselves.
-        resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
+        resampling: a name of ``jaxpf.resampling.SCHEMES``, or your own scheme, see there.
         gradient: ``NoGradient()`` or ``StopGradient()`` of ``jaxpf.gradients``.
         num_targets: static, L; only needed where ``initial`` is a sampler.
         num_particles: static, N, of all targets together.

@@ -104,7 +104,7 @@ def finish(
         + STATUS_IMPOSSIBLE * all_impossible
         + STATUS_LOST * jnp.any(lost)
     ).astype(jnp.int32)
-    # Whoever was neither resampled nor traded inside the frame is a draw of its own.
+    # Without resampling or exchange inside the frame all draws are distinct.
     num_unique = choose(
         jnp.any(ordering.resample_after | ordering.exchange_after),
         lambda: count_unique(lineage),

@@ -9,8 +9,8 @@ part of the level, the factor that multiplies each particle's weight; ``draw`` t
 the particle from which each resampled slot takes the part.  The candidates are always the
 particles *before* resampling: drawing again from the resampled set is biased.
 
-Nothing is sorted for the combinatorial rule: whoever draws a part lays out the slots group
-by group, and its children's groups are these.
+Nothing is sorted for the combinatorial rule: each draw of a part lays out the slots group by
+group, and these are the groups of its children.
 """
 
 from typing import Any, NamedTuple
@@ -170,7 +170,7 @@ def draw(
     return lax.switch(
         _rule(swap, is_root),
         [
-            # The permuting rules tell groups by the lineage.
+            # The permuting rules find groups by the lineage.
             lambda: (offer.giver[slots.ancestors], groups),
             lambda: _draw_from_all(key, offer.share),
             lambda: _draw_from_groups(key, offer.share, groups, slots),
@@ -277,7 +277,7 @@ def _deal(
     begin = jnp.concatenate([jnp.zeros((1,), jnp.int32), end[:-1]])
     taker = ancestors_of_thresholds(end)
 
-    # One random number serves all groups: the golden ratio's multiples tell them apart.
+    # One random number serves all groups: multiples of the golden ratio decorrelate them.
     offset = offset + start_of_slot.astype(jnp.uint32) * _GOLDEN
     offset = (offset >> 8).astype(jnp.float32) / EXACT * room_of_slot
     strides = _strides(share.shape[0])

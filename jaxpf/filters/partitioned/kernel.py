@@ -1,9 +1,10 @@
 """The partitioned kernel: SIR, PS, DPS, SPS and branched sampling in one compiled program.
 
 A frame is P stages, and a stage is four verbs, each a function of its own: *move* the partition
-whose turn it is in the particle's component, *weigh* it, *exchange* parts where the ordering says
-so, and *select* within components.  When all have had their turn, *finish* puts the particles
-together and reports.  Two ideas keep it short and fast:
+that the ordering gives to the particle's component, *weigh* it, *exchange* parts where the ordering
+says so, and *select* within components.  After the last stage, *finish* puts the particles together
+and reports.  How a stage draws, weighs and selects is left to the tracker's strategies: ``motion``,
+``weighing``, ``trigger``, ``resampling`` and ``gradient``.  Two ideas keep it short and fast:
 
 - *Stage rows.*  Inside a frame, row j of every array belongs to stage j, whatever
   partition a component processes there, so that a stage writes one row in place.
@@ -90,7 +91,7 @@ def begin(
             shuffle = jax.random.permutation(split_key, identity)
             return ancestors[shuffle], log_weights[shuffle]
 
-        # The order of particles matters only where it decides who joins which component.
+        # The order of particles matters only where they are split into components.
         ancestors, log_weights = choose(
             ordering.is_split,
             shuffled,
@@ -123,7 +124,7 @@ def begin(
 
 
 def move(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry) -> Drawn:
-    """Draw the partition whose turn it is, given its past and its parent."""
+    """Draw each particle's partition of this stage, given its past and its parent."""
     tracker, lagged = shared.tracker, shared.state.lagged
     ordering, num_particles = tracker.ordering, tracker.num_particles
     partition = ordering.order[shared.components.index, stage]
@@ -193,7 +194,7 @@ def exchange(
     """Select, and let particles trade the parts of a level that ends with this stage."""
     tracker = shared.tracker
     if tracker.num_partitions == 1:
-        return computed_before(carry)  # nobody comes after who would need a selection
+        return computed_before(carry)  # no later stage needs a selection
     if not levels.may_exchange(tracker):
         return select(carry)
     # Offers do not change: they stay outside of what the branches return.
@@ -221,7 +222,7 @@ def _parent_substates(shared: Shared, partition: jax.Array, carry: Carry) -> jax
 
 
 def _whole_past(shared: Shared, stage: jax.Array, carry: Carry) -> jax.Array:
-    """``[P, D, N]``, all partitions of the frame before, whether they have moved since or not."""
+    """``[P, D, N]``, all partitions in the frame before, moved since or not."""
     ordering, num_partitions = shared.tracker.ordering, shared.tracker.num_partitions
     left, ahead = carry.stages[1], carry.stages[0]
     if not shared.tracker.gradient.blends:

@@ -15,7 +15,7 @@ from jaxpf.filters.partitioned.carry import Carry
 
 
 def weigh_part(tracker, key, stage, carry, log_factor) -> tuple[jax.Array, exchange.Offer | None]:
-    """Log of what a stage multiplies the weights by, ``[N]``, and the level's offers so far.
+    """Log of what a stage multiplies the weights by, ``[N]``, and the level's offers.
 
     Without exchange that is the part's own ``log_factor``, ``[N]``.
     """

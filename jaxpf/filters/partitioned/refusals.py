@@ -1,4 +1,4 @@
-"""What a partitioned tracker refuses, before it runs: what cannot work or would be wrong."""
+"""Checks of a partitioned tracker when it is made; strategies check themselves."""
 
 from typing import Any
 
@@ -15,13 +15,7 @@ from jaxpf.pytree import is_concrete
 
 
 def check_tracker(tracker: Any) -> None:
-    """Refuse what cannot work, or would be silently wrong.
-
-    Raises:
-        InputError: fewer particles than components; an initial state of another shape; an order
-            that puts a child before its parent; see also ``gradients.check_gradients`` and
-            ``check_exchange``.
-    """
+    """Refuse what cannot work, or would be silently wrong."""
     check_count("num_particles", tracker.num_particles)
     check_gradients(tracker)
     for name, least in (("tempering", "above 0"), ("ess_threshold", "at least 0")):
@@ -68,12 +62,7 @@ def check_tracker(tracker: Any) -> None:
 
 
 def check_exchange(tracker: Any) -> None:
-    """Refuse an exchange that would be biased, given that the ordering has one.
-
-    Raises:
-        InputError: a swap together with ``log_joint``, tempering, an unlike tree or jointly
-            drawn roots; coupled dynamics.
-    """
+    """Refuse an exchange that would be biased, given that the ordering has one."""
     ordering = tracker.ordering
     swap = SWAPS[int(ordering.swap)]
     check_uncoupled(tracker.dynamics, f"swap={swap!r}")

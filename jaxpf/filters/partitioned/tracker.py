@@ -54,15 +54,12 @@ class Partitioned(Tracker):
         proposal: what draws substates in place of the dynamics, a ``jaxpf.contract.Proposal``
             such as those of ``jaxpf.proposals``; a stage's weight is then likelihood times
             transition density over proposal density.  None: the dynamics draw.
-        resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
+        resampling: a name of ``jaxpf.resampling.SCHEMES``, or your own scheme, see there.
         gradient: what resampling passes on to a derivative, a strategy of ``jaxpf.gradients``.
         parents: static, the part tree of the model, -1 for a root; default all roots.
         num_particles: static, N.
         motion_gradient: static, how the motion is differentiated, one of
             ``jaxpf.gradients.MOTION_GRADIENTS``.
-
-    Raises:
-        InputError: see ``refusals.check_tracker`` and ``jaxpf.filters.initial``.
     """
 
     dynamics: Any

@@ -4,13 +4,14 @@ The dynamics alone propose blindly: where observations are precise, few of their
 proposal draws where the frame says, and a stage's weight is likelihood times transition density
 over proposal density, so that the evidence stays unbiased::
 
-    jaxpf.Partitioned(..., proposal=jaxpf.proposals.Mixture(jaxpf.proposals.Linearised()))
+    jaxpf.Partitioned(..., proposal=jaxpf.proposals.Mixture(jaxpf.proposals.LocallyOptimal()))
 
 To write your own, see ``jaxpf.contract.Proposal``.  What a frame does not show moves by the
 dynamics.
 """
 
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any
 
 import jax
@@ -140,41 +141,41 @@ class LocallyOptimal(_Normal):
 class Linearised(_Normal):
     """A normal density fitted where a substate is expected, as in an extended Kalman filter.
 
-    Gradients and curvatures of the transition's and the likelihood's log-densities there give it
-    its mean and covariance (Doucet, Godsill & Andrieu 2000, section II.D).  Exact for a
-    linear-Gaussian model.  Where the log-likelihood curves upwards it counts as straight.  For
-    likelihoods with a derivative in the substate, and noise of full rank; put it into a
-    ``Mixture`` where its tails may be too thin.
+    The observation is linearised there (Doucet, Godsill & Andrieu 2000, section II.D); for a linear
+    one with normal noise this is ``LocallyOptimal``.  The dynamics' noise must be normal and have
+    full rank.  Put it into a ``Mixture`` where the linearisation may be poor.
 
     Attributes:
+        residual: ``(observation, partition [], substate [D]) -> [E]``, the difference between what
+            is seen and what the substate predicts, in units of its noise (whitened).
         dynamics: filled in by the filter.
-        likelihood: filled in by the filter.
     """
 
+    residual: Any
     dynamics: Any = None
-    likelihood: Any = None
+
+    def __post_init__(self):
+        if isinstance(self.residual, FunctionType):
+            object.__setattr__(self, "residual", jax.tree_util.Partial(self.residual))
 
     def of_model(self, dynamics, likelihood):
         """See ``jaxpf.contract.Proposal``."""
-        if not contract.has_state_gradient(likelihood):
-            raise InputError(
-                f"Linearised needs a likelihood with a derivative in the substate, and "
-                f"{type(likelihood).__name__} changes in steps; use its interpolated mode."
-            )
-        return Linearised(dynamics, likelihood)
+        return Linearised(self.residual, dynamics)
 
     def _moments(self, observation, partition, current, previous, parent):
         index = jnp.arange(current.shape[1])
         transition = _transition(self.dynamics, partition, current, previous, parent)
-        evidence = _evidence(self.likelihood, observation, partition)
-        of_transition = _curvature(transition, current)
-        expected = current + _solve(of_transition, index, _slope(transition, current))
-        values, vectors = jnp.linalg.eigh(_curvature(evidence, expected))
-        values = jnp.maximum(values, 0.0)
-        of_evidence = (vectors * values[:, None, :]) @ jnp.swapaxes(vectors, 1, 2)
-        precision = of_transition + of_evidence
-        mean = expected + _solve(precision, index, _slope(evidence, expected))
-        return mean, jnp.linalg.cholesky(precision), index
+        precision = _curvature(transition, current)
+        expected = current + _solve(precision, index, _slope(transition, current))
+        # Axes: the residual [N, E] and its derivative [N, E, D].
+        axes = {"in_axes": (None, 0, 1)}
+        residual = jax.vmap(self.residual, **axes)(observation, partition, expected)
+        slope = jax.vmap(jax.jacfwd(self.residual, argnums=2), **axes)(
+            observation, partition, expected
+        )
+        precision = precision + jnp.swapaxes(slope, 1, 2) @ slope
+        step = _solve(precision, index, jnp.einsum("ned,ne->dn", slope, residual))
+        return expected - step, jnp.linalg.cholesky(precision), index
 
 
 def _transition(dynamics, partition, current, previous, parent) -> Callable:

@@ -1,4 +1,4 @@
-"""A proposal that sees nothing and is wrong, for tests that a filter bears it."""
+"""A proposal that sees nothing and is wrong, and what a linearised one needs to know."""
 
 import jax
 import jax.numpy as jnp
@@ -20,3 +20,8 @@ class Bad(Proposal):
     def log_density(self, observation, partition, new, current, previous, parent):
         normal = (new[0] - current[0] - self.shift) / self.scale
         return -0.5 * normal**2 - jnp.log(self.scale * jnp.sqrt(2 * jnp.pi))
+
+
+def residual(observation, partition, substate):
+    """Of observations with unit noise."""
+    return jnp.atleast_1d(observation[partition]) - substate

@@ -7,6 +7,7 @@ transition density gives each draw the weight that makes up for it, ``Drawn.log_
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -152,6 +153,7 @@ class Proposed(Motion):
 
         like = conditions[0], jnp.zeros(partition.shape, dtype)
         substates, log_weight = _once(shared, either, like=like)
+        chex.assert_equal_shape((substates, conditions[0]))
         return Drawn(partition, source, conditions, substates, log_weight)
 
 

@@ -94,8 +94,11 @@ class _Normal(Proposal):
         return -0.5 * jnp.sum(residual**2, axis=0) + of_partition(volume, index) - constant
 
     def _at(self, observation, *past) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """Means ``[D, N]``, roots C ``[K, D, D]`` of precisions, each particle's row of these."""
         return lax.stop_gradient(self._moments(observation, *past))
+
+    def _moments(self, observation, partition, current, previous, parent):
+        """Means ``[D, N]``, roots C ``[K, D, D]`` of precisions, each particle's row of these."""
+        raise NotImplementedError
 
 
 @pytree_dataclass
@@ -115,7 +118,8 @@ class LocallyOptimal(_Normal):
 
     def of_model(self, dynamics, likelihood):
         """See ``jaxpf.contract.Proposal``."""
-        if np.ndim(getattr(likelihood, "noise", None)) != 3:
+        noise = getattr(likelihood, "noise", None)
+        if noise is None or np.ndim(noise) != 3:
             raise InputError(
                 f"LocallyOptimal is the proposal of jaxpf.likelihoods.Gaussian, and the likelihood "
                 f"is a {type(likelihood).__name__}; use Linearised."
@@ -168,11 +172,9 @@ class Linearised(_Normal):
         precision = _curvature(transition, current)
         expected = current + _solve(precision, index, _slope(transition, current))
         # Axes: the residual [N, E] and its derivative [N, E, D].
-        axes = {"in_axes": (None, 0, 1)}
-        residual = jax.vmap(self.residual, **axes)(observation, partition, expected)
-        slope = jax.vmap(jax.jacfwd(self.residual, argnums=2), **axes)(
-            observation, partition, expected
-        )
+        seen = observation, partition, expected
+        residual = jax.vmap(self.residual, in_axes=(None, 0, 1))(*seen)
+        slope = jax.vmap(jax.jacfwd(self.residual, argnums=2), in_axes=(None, 0, 1))(*seen)
         precision = precision + jnp.swapaxes(slope, 1, 2) @ slope
         step = _solve(precision, index, jnp.einsum("ned,ne->dn", slope, residual))
         return expected - step, jnp.linalg.cholesky(precision), index

@@ -65,7 +65,7 @@ class Relocating(Motion):
         jumps: of one frame.
     """
 
-    def __init__(self, jumps: relocation.Jumps | None = None):
+    def __init__(self, jumps: Any = None):
         self.jumps = jumps
 
     def check(self, tracker: "Partitioned") -> None:

@@ -21,8 +21,8 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract import Proposal, of_partition
-from jaxpf.errors import InputError
-from jaxpf.pytree import is_concrete, pytree_dataclass
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 
 
 @pytree_dataclass

@@ -15,9 +15,8 @@ from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
-from jaxpf.filters import relocation
-from jaxpf.pytree import static_field
-from jaxpf.relocation import Relocation
+from jaxpf.contract.pytree import static_field
+from jaxpf.filters import Relocation, relocation
 
 COLUMNS, ROWS, FRAMES, N, RUNS, LIMIT = 4, 3, 4, 12, 20_000, 4.5
 START = ((0, 1), (3, 2))

@@ -7,7 +7,7 @@ weighted by how similarly they moved in the last frames.
 import jax
 import jax.numpy as jnp
 
-from jaxpf.pytree import pytree_dataclass
+from jaxpf.contract.pytree import pytree_dataclass
 
 #: The ridge's strength, as a share of the partitions' mean squared velocity.
 _RIDGE = 0.1

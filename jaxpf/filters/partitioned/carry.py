@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxpf.filters.components import Components, component_max
+from jaxpf.contract.state import ParticleState
 from jaxpf.filters.partitioned.exchange import Groups, Offer
 from jaxpf.lowering.columns import pick_in_rows
-from jaxpf.state import ParticleState
+from jaxpf.resampling.components import Components, component_max
 
 if TYPE_CHECKING:
     from jaxpf.filters.partitioned.motion import Motion

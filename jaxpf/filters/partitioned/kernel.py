@@ -24,15 +24,15 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.contract.state import ParticleState, Summary, sanitised
 from jaxpf.filters import confidence
-from jaxpf.filters.components import Components, component_max, components_of_sizes
 from jaxpf.filters.partitioned import ending, levels, selection
 from jaxpf.filters.partitioned import exchange as rules
 from jaxpf.filters.partitioned.carry import Carry, Drawn, Keys, Shared
 from jaxpf.lowering.branches import choose, computed_before
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.integers import order_by_group
-from jaxpf.state import ParticleState, Summary, sanitised
+from jaxpf.resampling.components import Components, component_max, components_of_sizes
 
 if TYPE_CHECKING:
     from jaxpf.filters.partitioned.tracker import Partitioned

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.errors import InputError
-from jaxpf.pytree import is_concrete
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete
 
 if TYPE_CHECKING:
     from jaxpf.filters.partitioned.tracker import Partitioned

@@ -14,12 +14,12 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.checks import check_uncoupled
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.state import ParticleState
 from jaxpf.filters import relocation
 from jaxpf.filters.partitioned.carry import Drawn, Shared
 from jaxpf.lowering.branches import computed_once
-from jaxpf.state import ParticleState
+from jaxpf.running.checks import check_uncoupled
 
 if TYPE_CHECKING:
     from jaxpf.filters.partitioned.tracker import Partitioned

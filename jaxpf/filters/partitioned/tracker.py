@@ -8,21 +8,21 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
+from jaxpf.contract.model import check_tree
+from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.filters import confidence
-from jaxpf.filters.gradients import NoGradient
 from jaxpf.filters.initial import checked_initial
 from jaxpf.filters.partitioned import kernel, labels
 from jaxpf.filters.partitioned.motion import Motion, motion_of
-from jaxpf.filters.partitioned.ordering import Ordering
 from jaxpf.filters.partitioned.refusals import check_tracker
 from jaxpf.filters.partitioned.selection import Always, WhereFew
 from jaxpf.filters.partitioned.weighing import Weighing, weighing_of
-from jaxpf.filters.schemes import scheme_of
+from jaxpf.gradients import NoGradient
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.threefry import written_out
-from jaxpf.models.model import check_tree
-from jaxpf.pytree import pytree_dataclass, static_field
-from jaxpf.state import ParticleState, Summary
+from jaxpf.ordering import Ordering
+from jaxpf.resampling.schemes import scheme_of
 
 
 @pytree_dataclass
@@ -50,7 +50,7 @@ class Partitioned(Tracker):
             to come where ``dynamics.predict`` expects them, instead of by ``log_prob``; see
             ``jaxpf.filters.partitioned.weighing.LookAhead``.
         relocation: where objects that are probably lost may be, a
-            ``jaxpf.relocation.Relocation``; None: they move by the dynamics alone.
+            ``jaxpf.filters.Relocation``; None: they move by the dynamics alone.
         proposal: what draws substates in place of the dynamics, a ``jaxpf.contract.Proposal``
             such as those of ``jaxpf.proposals``; a stage's weight is then likelihood times
             transition density over proposal density.  None: the dynamics draw.

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf import contract
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 from jaxpf.filters.partitioned.carry import Carry, Drawn, Shared
 
 if TYPE_CHECKING:

@@ -1,0 +1,41 @@
+"""Particle filters: one folder or file for each family, and what they share.
+
+To add a filter, write a ``Filter`` and enter it in ``_FILTERS``.
+"""
+
+import importlib
+from typing import TYPE_CHECKING
+
+from jaxpf.contract.errors import InputError
+
+if TYPE_CHECKING:
+    from jaxpf.filters.filter import Filter
+
+#: Name -> address of its ``Filter``.
+_FILTERS = {
+    "partitioned": "jaxpf.filters.partitioned.options:PARTITIONED",
+    "factored": "jaxpf.filters.factored.options:FACTORED",
+    "labelled": "jaxpf.filters.labelled.options:LABELLED",
+}
+
+
+def filters() -> "dict[str, Filter]":
+    """All filters, by name."""
+    loaded = {}
+    for name, place in _FILTERS.items():
+        module, _, attribute = place.partition(":")
+        loaded[name] = getattr(importlib.import_module(module), attribute)
+    return loaded
+
+
+def methods() -> tuple[str, ...]:
+    """The methods of all filters."""
+    return tuple(method for filter_ in filters().values() for method in filter_.methods)
+
+
+def filter_of(method: str) -> "Filter":
+    """The filter that a method belongs to."""
+    for filter_ in filters().values():
+        if method in filter_.methods:
+            return filter_
+    raise InputError(f"method {method!r} is unknown; choose one of {', '.join(methods())}.")

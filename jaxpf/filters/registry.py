@@ -19,7 +19,7 @@ _FILTERS = {
 }
 
 
-def filters() -> "dict[str, Filter]":
+def all_filters() -> "dict[str, Filter]":
     """All filters, by name."""
     loaded = {}
     for name, place in _FILTERS.items():
@@ -30,12 +30,12 @@ def filters() -> "dict[str, Filter]":
 
 def methods() -> tuple[str, ...]:
     """The methods of all filters."""
-    return tuple(method for filter_ in filters().values() for method in filter_.methods)
+    return tuple(method for filter_ in all_filters().values() for method in filter_.methods)
 
 
 def filter_of(method: str) -> "Filter":
     """The filter that a method belongs to."""
-    for filter_ in filters().values():
+    for filter_ in all_filters().values():
         if method in filter_.methods:
             return filter_
     raise InputError(f"method {method!r} is unknown; choose one of {', '.join(methods())}.")

@@ -26,8 +26,7 @@ from jax import lax
 from jaxpf import contract
 from jaxpf.contract.state import ParticleState, Summary, sanitised
 from jaxpf.filters import confidence
-from jaxpf.filters.partitioned import ending, levels, selection
-from jaxpf.filters.partitioned import exchange as rules
+from jaxpf.filters.partitioned import ending, exchange as rules, levels, selection
 from jaxpf.filters.partitioned.carry import Carry, Drawn, Keys, Shared
 from jaxpf.lowering.branches import choose, computed_before
 from jaxpf.lowering.derivatives import with_gradient_of

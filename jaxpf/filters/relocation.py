@@ -25,7 +25,6 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import PROBABLY_LOST
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass, static_field
 from jaxpf.lowering.prefix import running_sum
-from jaxpf.running.checks import check_uncoupled
 
 #: Of the grid, about.
 _CELLS = 800
@@ -79,7 +78,7 @@ def check_relocation(tracker: Any) -> None:
             f"{type(likelihood).__name__} has no log_odds; leave relocation out, or use a "
             "discriminative one."
         )
-    check_uncoupled(tracker.dynamics, "relocation")
+    contract.check_uncoupled(tracker.dynamics, "relocation")
     for used, what in (
         (any(parent >= 0 for parent in getattr(tracker, "parents", ())), "a part tree"),
         (getattr(tracker, "population", "fixed") == "open", "an open population"),

@@ -19,7 +19,6 @@ from jaxpf.contract.state import ParticleState
 from jaxpf.filters import relocation
 from jaxpf.filters.partitioned.carry import Drawn, Shared
 from jaxpf.lowering.branches import computed_once
-from jaxpf.running.checks import check_uncoupled
 
 if TYPE_CHECKING:
     from jaxpf.filters.partitioned.tracker import Partitioned
@@ -106,7 +105,7 @@ class Proposed(Motion):
     def check(self, tracker: "Partitioned") -> None:
         """See ``Motion``."""
         dynamics = type(tracker.dynamics).__name__
-        check_uncoupled(tracker.dynamics, "a proposal")
+        contract.check_uncoupled(tracker.dynamics, "a proposal")
         if not contract.has_log_density(tracker.dynamics):
             raise InputError(
                 f"a proposal is weighed by the transition density, and {dynamics} has none; add "

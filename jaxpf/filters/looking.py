@@ -1,4 +1,4 @@
-"""The option to look for objects that are probably lost, which several filters have."""
+"""The option ``relocate``, which several filters have."""
 
 from typing import Any
 
@@ -7,11 +7,11 @@ from jaxpf.contract.options import option, plain
 
 
 def relocate_option() -> Any:
-    """Probability per frame that an object that is lost for certain is anywhere."""
+    """Chance per frame of searching the whole frame for a lost object."""
     return option(
         0.0,
-        "Probability per frame that an object that is lost for certain is anywhere in the frame; "
-        "0 for never.  Of likelihoods that tell who is lost, such as discriminative appearance.",
+        "Chance per frame of searching the whole frame for a lost object; 0 never does.  Needs a "
+        "likelihood that reports lost objects, such as discriminative appearance.",
         least=0,
         most=1,
         compiles=True,
@@ -19,11 +19,7 @@ def relocate_option() -> Any:
 
 
 def relocation_of(likelihood: Any, epsilon: float) -> Any:
-    """The settings for the frames that a likelihood knows; None where nothing is relocated.
-
-    Raises:
-        InputError: it cannot tell who is lost.
-    """
+    """The relocation in a likelihood's frames; None where ``epsilon`` is 0."""
     if epsilon == 0:
         return None
     from jaxpf.contract import has_log_odds
@@ -31,7 +27,7 @@ def relocation_of(likelihood: Any, epsilon: float) -> Any:
 
     if not has_log_odds(likelihood) or not hasattr(likelihood, "frame_shape"):
         raise InputError(
-            f"--relocate {plain(epsilon)} looks for objects that are lost, and this likelihood "
-            "cannot tell who is; choose the appearance discriminative, or leave it out."
+            f"--relocate {plain(epsilon)} searches for lost objects, and this likelihood does not "
+            "report which are lost; use --appearance discriminative, or leave --relocate out."
         )
     return relocation_in(likelihood.frame_shape, epsilon)

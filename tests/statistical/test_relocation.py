@@ -129,7 +129,7 @@ def test_draws_weigh_as_much_as_the_uniform_density():
     state = dataclasses.replace(state, log_odds=jnp.array([-20.0, 3.0]))
     frame = jnp.asarray(TABLES[0], jnp.float32), jnp.asarray(ODDS[0], jnp.float32)
     uniform = jax.random.uniform(jax.random.key(1), (2, 4, made.num_particles), np.float32)
-    jumps = relocation.drawn(made, uniform, state.log_odds, state.lagged[0, ..., 0], frame)
+    jumps = relocation.draw_jumps(made, uniform, state.log_odds, state.lagged[0, ..., 0], frame)
     weight = np.exp(np.asarray(jumps.log_weight[0], float))
     assert weight.std() > 0.5
     assert z_score(weight, 1) < LIMIT
@@ -177,7 +177,7 @@ def test_each_label_has_the_evidence_of_its_own_mixture():
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", ["weight forgotten", "not at rest"])
 def test_kills(fault, monkeypatch):
-    original = relocation.taken
+    original = relocation.apply_jumps
 
     def mutant(jumps, partition, substates, left):
         moved, rest, log_weight = original(jumps, partition, substates, left)
@@ -185,7 +185,7 @@ def test_kills(fault, monkeypatch):
             return moved, left, log_weight
         return moved, rest, jnp.zeros_like(log_weight)
 
-    monkeypatch.setattr(relocation, "taken", mutant)
+    monkeypatch.setattr(relocation, "apply_jumps", mutant)
     jax.clear_caches()
     evidence, places, expected = runs("dps")
     jax.clear_caches()

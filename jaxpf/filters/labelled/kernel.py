@@ -136,8 +136,8 @@ def relocated(
     # A particle holds one target, and needs no numbers for others.
     uniform = jax.random.uniform(key, (4, tracker.num_particles), state.lagged.dtype)
     uniform = jnp.broadcast_to(uniform, (tracker.num_targets, *uniform.shape))
-    jumps = relocation.drawn(tracker, uniform, state.log_odds, state.estimate, observation)
-    moved, left, log_weight = relocation.taken(jumps, state.labels, *state.lagged)
+    jumps = relocation.draw_jumps(tracker, uniform, state.log_odds, state.estimate, observation)
+    moved, left, log_weight = relocation.apply_jumps(jumps, state.labels, *state.lagged)
     return dataclasses.replace(state, lagged=jnp.stack([moved, left])), log_weight
 
 

@@ -43,14 +43,27 @@ class Keys(NamedTuple):
     weigh: jax.Array
 
 
-class Drawn(NamedTuple):
-    """What a stage draws.
+class Turn(NamedTuple):
+    """What a stage draws from.
 
     Attributes:
         partition: ``[N]`` int32, the partition that each particle processes.
-        source: ``[N]`` int32, the draw's origin among the P * N substates of the frame before.
+        source: ``[N]`` int32, its place among the P * N substates of the frame before.
         conditions: three of ``[D, N]``: the substates of the two frames before, and the parent's
             of this one.
+        others: for coupled dynamics ``[P, D, N]``, all of the frame before; else empty.
+    """
+
+    partition: jax.Array
+    source: jax.Array
+    conditions: tuple[jax.Array, jax.Array, jax.Array]
+    others: tuple[jax.Array, ...] = ()
+
+
+class Drawn(NamedTuple):
+    """What a stage draws; ``partition``, ``source`` and ``conditions`` as in ``Turn``.
+
+    Attributes:
         substates: ``[D, N]``.
         log_weight: ``[N]``, log of the transition density over the density that was drawn from;
             None where these are the same.

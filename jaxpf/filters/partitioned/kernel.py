@@ -27,7 +27,7 @@ from jaxpf import contract
 from jaxpf.contract.state import ParticleState, Summary, sanitised
 from jaxpf.filters import confidence
 from jaxpf.filters.partitioned import ending, exchange as rules, levels, selection
-from jaxpf.filters.partitioned.carry import Carry, Drawn, Keys, Shared
+from jaxpf.filters.partitioned.carry import Carry, Drawn, Keys, Shared, Turn
 from jaxpf.lowering.branches import choose, computed_before
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.integers import order_by_group
@@ -135,7 +135,7 @@ def move(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry) -> Draw
         left = past[:, source].reshape(2, -1, num_particles)
     conditions = left[0], left[1], _parent_substates(shared, partition, carry)
     others = (_whole_past(shared, stage, carry),) if contract.is_coupled(tracker.dynamics) else ()
-    return shared.motion.draw(shared, key, partition, source, conditions, others)
+    return shared.motion.draw(shared, key, Turn(partition, source, conditions, others))
 
 
 def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn: Drawn) -> Carry:

@@ -5,6 +5,7 @@ transition density gives each draw the weight that makes up for it, ``Drawn.log_
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import chex
@@ -17,7 +18,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.state import ParticleState
 from jaxpf.filters import relocation
-from jaxpf.filters.partitioned.carry import Drawn, Shared
+from jaxpf.filters.partitioned.carry import Drawn, Shared, Turn
 from jaxpf.lowering.branches import computed_once
 
 if TYPE_CHECKING:
@@ -36,25 +37,17 @@ class Motion:
         """The strategy for one frame, given the weighted set of the frame before."""
         return self
 
-    def draw(
-        self,
-        shared: Shared,
-        key: jax.Array,
-        partition: jax.Array,
-        source: jax.Array,
-        conditions: tuple[jax.Array, jax.Array, jax.Array],
-        others: tuple[jax.Array, ...],
-    ) -> Drawn:
-        """One substate for every particle; ``others`` are for coupled dynamics, else empty."""
-        dynamics = shared.tracker.dynamics
-        substates = _once(
-            shared,
-            lambda: contract.propagate_all(dynamics, key, partition, *conditions, *others).astype(
-                conditions[0].dtype
-            ),
-            like=conditions[0],
-        )
-        return Drawn(partition, source, conditions, substates)
+    def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
+        """One substate for every particle."""
+        dynamics, like = shared.tracker.dynamics, turn.conditions[0]
+
+        def move() -> jax.Array:
+            moved = contract.propagate_all(
+                dynamics, key, turn.partition, *turn.conditions, *turn.others
+            )
+            return moved.astype(like.dtype)
+
+        return Drawn(turn.partition, turn.source, turn.conditions, _once(shared, move, like))
 
 
 class Relocating(Motion):
@@ -78,21 +71,20 @@ class Relocating(Motion):
         weights = jnp.exp(state.log_weights)
         estimate = jnp.where(weights > 0, state.lagged[0], 0.0) @ weights  # [D, P]
         # All at once: a generator of random numbers takes long to compile.
+        key = jax.random.fold_in(key, tracker.num_partitions + 1)
         shape = (tracker.num_partitions, 4, tracker.num_particles)
-        uniform = jax.random.uniform(
-            jax.random.fold_in(key, tracker.num_partitions + 1), shape, estimate.dtype
-        )
+        uniform = jax.random.uniform(key, shape, estimate.dtype)
         log_odds = jnp.asarray(state.log_odds)
-        return Relocating(relocation.drawn(tracker, uniform, log_odds, estimate, observation))
+        return Relocating(relocation.draw_jumps(tracker, uniform, log_odds, estimate, observation))
 
-    def draw(self, shared, key, partition, source, conditions, others) -> Drawn:
+    def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
         """See ``Motion``."""
-        drawn = super().draw(shared, key, partition, source, conditions, others)
-        substates, left, log_weight = relocation.taken(
-            self.jumps, partition, drawn.substates, conditions[0]
+        drawn = super().draw(shared, key, turn)
+        substates, left, log_weight = relocation.apply_jumps(
+            self.jumps, turn.partition, drawn.substates, turn.conditions[0]
         )
         return drawn._replace(
-            substates=substates, conditions=(left, *conditions[1:]), log_weight=log_weight
+            substates=substates, conditions=(left, *turn.conditions[1:]), log_weight=log_weight
         )
 
 
@@ -104,71 +96,67 @@ class Proposed(Motion):
 
     def check(self, tracker: "Partitioned") -> None:
         """See ``Motion``."""
-        dynamics = type(tracker.dynamics).__name__
         contract.check_uncoupled(tracker.dynamics, "a proposal")
         if not contract.has_log_density(tracker.dynamics):
             raise InputError(
-                f"a proposal is weighed by the transition density, and {dynamics} has none; add "
-                "the method log_density (see jaxpf.contract.DynamicsWithDensity) or leave out "
-                "proposal."
+                f"a proposal is weighed by the transition density, and "
+                f"{type(tracker.dynamics).__name__} has none; add the method log_density (see "
+                "jaxpf.contract.DynamicsWithDensity) or leave out proposal."
             )
-        contract.proposal_of(self.proposal, tracker.dynamics, tracker.likelihood)
         if tracker.relocation is not None:
             raise InputError(
                 "proposal and relocation both replace the draw of the dynamics; leave out one."
             )
+        contract.proposal_of(self.proposal, tracker.dynamics, tracker.likelihood)
 
-    def draw(self, shared, key, partition, source, conditions, others) -> Drawn:
+    def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
         """See ``Motion``: the weight is the transition density over the proposal's."""
-        dynamics, dtype = shared.tracker.dynamics, conditions[0].dtype
+        dynamics, partition, conditions = shared.tracker.dynamics, turn.partition, turn.conditions
         likelihood, observation, seen = contract.as_seen(
             shared.tracker.likelihood, shared.observation
         )
         proposal = contract.proposal_of(self.proposal, dynamics, likelihood)
+        like = conditions[0], jnp.zeros(partition.shape, conditions[0].dtype)
 
-        def moved() -> tuple[jax.Array, jax.Array]:
+        def move() -> tuple[jax.Array, jax.Array]:
             substates = contract.propagate_all(dynamics, key, partition, *conditions)
-            return substates.astype(dtype), jnp.zeros(partition.shape, dtype)
+            return substates.astype(like[0].dtype), like[1]
 
-        def proposed() -> tuple[jax.Array, jax.Array]:
-            substates = contract.propose_all(
-                proposal, key, observation, partition, *conditions
-            ).astype(dtype)
-            transition = contract.log_density_all(dynamics, partition, substates, *conditions)
-            density = contract.proposal_log_density_all(
-                proposal, observation, partition, substates, *conditions
-            )
-            return substates, (transition - density).astype(dtype)
+        def propose() -> tuple[jax.Array, jax.Array]:
+            substates = contract.propose_all(proposal, key, observation, partition, *conditions)
+            substates = substates.astype(like[0].dtype)
+            move = partition, substates, *conditions
+            log_weight = contract.log_density_all(dynamics, *move)
+            log_weight -= contract.proposal_log_density_all(proposal, observation, *move)
+            return substates, log_weight.astype(like[1].dtype)
 
         def either() -> tuple[jax.Array, jax.Array]:
             if seen is None:
-                return proposed()
+                return propose()
             if seen is np.False_:
-                return moved()
+                return move()
             if not seen.ndim:
-                return lax.cond(seen, proposed, moved)
-            here = seen[partition]
-            return jax.tree.map(lambda x, y: jnp.where(here, x, y), proposed(), moved())
+                return lax.cond(seen, propose, move)
+            return jax.tree.map(partial(jnp.where, seen[partition]), propose(), move())
 
-        like = conditions[0], jnp.zeros(partition.shape, dtype)
-        substates, log_weight = _once(shared, either, like=like)
-        chex.assert_equal_shape((substates, conditions[0]))
-        return Drawn(partition, source, conditions, substates, log_weight)
+        substates, log_weight = _once(shared, either, like)
+        chex.assert_equal_shape((substates, like[0]))
+        return Drawn(partition, turn.source, conditions, substates, log_weight)
 
 
 class Scored(Motion):
     """Stops the draws of another strategy; their density's derivative goes to the weights.
 
-    Whatever the draws come from, only the transition density depends on the dynamics'
-    parameters: a proposal's own density is stopped like its draws.
+    Of the weights only the transition density depends on the dynamics' parameters: a proposal's
+    density is stopped like its draws.
     """
 
-    def __init__(self, drawn_by: Motion):
-        self.drawn_by = drawn_by
+    def __init__(self, inner: Motion):
+        self.inner = inner
 
     def check(self, tracker: "Partitioned") -> None:
         """See ``Motion``."""
-        self.drawn_by.check(tracker)
+        self.inner.check(tracker)
         moves_labels = hasattr(tracker.dynamics, "propagate_label")
         if tracker.initial_label is None or not moves_labels:
             return
@@ -181,18 +169,16 @@ class Scored(Motion):
 
     def begin(self, tracker, key, state, observation) -> "Scored":
         """See ``Motion``."""
-        return Scored(self.drawn_by.begin(tracker, key, state, observation))
+        return Scored(self.inner.begin(tracker, key, state, observation))
 
-    def draw(self, shared, key, partition, source, conditions, others) -> Drawn:
+    def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
         """See ``Motion``."""
-        drawn = self.drawn_by.draw(shared, key, partition, source, conditions, others)
-        drawn = drawn._replace(substates=lax.stop_gradient(drawn.substates))
-        if drawn.log_weight is not None:
-            drawn = drawn._replace(log_weight=lax.stop_gradient(drawn.log_weight))
+        drawn = self.inner.draw(shared, key, turn)
+        substates, log_weight = lax.stop_gradient((drawn.substates, drawn.log_weight))
         score = contract.log_density_all(
-            shared.tracker.dynamics, partition, drawn.substates, *drawn.conditions
-        )
-        return drawn._replace(score=score.astype(drawn.substates.dtype))
+            shared.tracker.dynamics, drawn.partition, substates, *drawn.conditions
+        ).astype(substates.dtype)
+        return drawn._replace(substates=substates, log_weight=log_weight, score=score)
 
 
 def motion_of(tracker: "Partitioned") -> Motion:
@@ -208,4 +194,4 @@ def motion_of(tracker: "Partitioned") -> Motion:
 def _once(shared: Shared, function: Callable[[], Any], like: Any) -> Any:
     """``function()``, computed once however often it is used."""
     unforeseen = shared.tracker.ordering.order[0, 0] >= 0
-    return computed_once(function, like=like, unforeseen=unforeseen)
+    return computed_once(function, like, unforeseen)

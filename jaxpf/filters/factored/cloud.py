@@ -129,14 +129,12 @@ def survivors(tracker, key, state: FactoredState) -> tuple[jax.Array, jax.Array]
 
 def choose(tracker, key, log_weights, log_selection) -> tuple[jax.Array, jax.Array]:
     """Weighted resampling within every partition: ancestors and log-weights ``[P, N]``."""
-    keys = keys_of(key, log_weights.shape[0])
-    if log_weights is log_selection:
-        return jax.vmap(lambda k, w: resampling.weighted_resample(k, w, w, tracker.resampling))(
-            keys, log_weights
-        )
-    return jax.vmap(lambda k, w, s: resampling.weighted_resample(k, w, s, tracker.resampling))(
-        keys, log_weights, log_selection
-    )
+    weights = (log_weights,) if log_weights is log_selection else (log_weights, log_selection)
+
+    def choose_in_one(key, *weights):
+        return resampling.weighted_resample(key, weights[0], weights[-1], tracker.resampling)
+
+    return jax.vmap(choose_in_one)(keys_of(key, log_weights.shape[0]), *weights)
 
 
 def taken(lagged: jax.Array, ancestors: jax.Array) -> jax.Array:

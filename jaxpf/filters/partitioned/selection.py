@@ -25,28 +25,20 @@ if TYPE_CHECKING:
 ANCESTORS = "ancestors"
 
 
-class Always:
-    """Resamples every component."""
+class Trigger(NamedTuple):
+    """When to resample a component.
 
-    threshold: Any = None
+    Attributes:
+        threshold: where the effective sample size is at most this share of the component's
+            particles; None: always.
+    """
+
+    threshold: Any
 
     def chosen(self, log_weights: jax.Array, components: Components) -> jax.Array | None:
         """``[C]`` bool, the components to resample; None for all."""
-        return None
-
-
-class WhereFew(Always):
-    """Resamples components whose effective sample size is low.
-
-    Attributes:
-        threshold: at most this share of the component's particles.
-    """
-
-    def __init__(self, threshold: Any):
-        self.threshold = threshold
-
-    def chosen(self, log_weights: jax.Array, components: Components) -> jax.Array | None:
-        """See ``Always``."""
+        if self.threshold is None:
+            return None
         return few_effective(log_weights, components, self.threshold)
 
 

@@ -16,7 +16,7 @@ from jaxpf.filters.initial import checked_initial
 from jaxpf.filters.partitioned import kernel, labels
 from jaxpf.filters.partitioned.motion import Motion, motion_of
 from jaxpf.filters.partitioned.refusals import check_tracker
-from jaxpf.filters.partitioned.selection import Always, WhereFew
+from jaxpf.filters.partitioned.selection import Trigger
 from jaxpf.filters.partitioned.weighing import Weighing, weighing_of
 from jaxpf.gradients import NoGradient
 from jaxpf.lowering.derivatives import with_gradient_of
@@ -101,9 +101,9 @@ class Partitioned(Tracker):
         return weighing_of(self)
 
     @property
-    def trigger(self) -> Always:
-        """Which components are resampled."""
-        return Always() if self.ess_threshold is None else WhereFew(self.ess_threshold)
+    def trigger(self) -> Trigger:
+        """When a component is resampled."""
+        return Trigger(self.ess_threshold)
 
     def init(self, key: jax.Array) -> ParticleState:
         """Draw the state just before the first frame, with equal weights."""

@@ -10,7 +10,7 @@ from jaxpf.contract.names import SCHEMES
 from jaxpf.contract.options import check_options, option
 from jaxpf.filters.filter import Filter
 from jaxpf.filters.labelled.choices import FEEDBACKS, SCOPES, WEIGHTS
-from jaxpf.filters.looking import relocate_option, relocation_of
+from jaxpf.filters.relocation_option import relocate_option, relocation_of
 
 METHODS = ("labelled",)
 

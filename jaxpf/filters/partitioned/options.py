@@ -9,7 +9,7 @@ from jaxpf.contract.model import Model
 from jaxpf.contract.names import METHODS, SCHEMES, SWAPS
 from jaxpf.contract.options import OPEN, check_options, option
 from jaxpf.filters.filter import Filter, Variant
-from jaxpf.filters.looking import relocate_option, relocation_of
+from jaxpf.filters.relocation_option import relocate_option, relocation_of
 
 #: For ``orders`` of an evaluation: PS in every circular shift, each a variant of its own.
 SHIFTS = "shifts"

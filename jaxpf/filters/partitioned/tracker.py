@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import check_tree
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import ParticleState, Summary
@@ -79,6 +80,11 @@ class Partitioned(Tracker):
     motion_gradient: str = static_field(default="pathwise")
 
     def __post_init__(self):
+        if not isinstance(self.ordering, Ordering):
+            raise InputError(
+                f"ordering={self.ordering!r} is not an ordering; make one by jaxpf.ordering, such "
+                "as jaxpf.ordering.ps([0, 1, 2])."
+            )
         tree = (-1,) * self.ordering.num_partitions if self.parents is None else self.parents
         object.__setattr__(self, "parents", check_tree(tree))
         object.__setattr__(self, "initial", checked_initial(self.initial))

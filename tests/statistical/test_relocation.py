@@ -15,7 +15,7 @@ from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
-from jaxpf.contract.pytree import static_field
+from jaxpf.contract import static_field
 from jaxpf.filters import Relocation, relocation
 
 COLUMNS, ROWS, FRAMES, N, RUNS, LIMIT = 4, 3, 4, 12, 20_000, 4.5

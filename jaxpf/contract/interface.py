@@ -277,29 +277,13 @@ class Proposal:
     there is no default.
     """
 
-    def propose(
-        self,
-        key: jax.Array,
-        observation: Any,
-        partition: jax.Array,
-        current: jax.Array,
-        previous: jax.Array,
-        parent: jax.Array,
-    ) -> jax.Array:
+    def propose(self, key, observation, partition, current, previous, parent) -> jax.Array:
         """The new substate ``[D]``; ``parent`` ``[D]`` is already moved, zeros for a root."""
         _check_defined(self, Proposal, "propose", "propose_all")
         columns = (x[:, None] for x in (current, previous, parent))
         return self.propose_all(key, observation, jnp.asarray(partition)[None], *columns)[:, 0]
 
-    def propose_all(
-        self,
-        key: jax.Array,
-        observation: Any,
-        partition: jax.Array,
-        current: jax.Array,
-        previous: jax.Array,
-        parent: jax.Array,
-    ) -> jax.Array:
+    def propose_all(self, key, observation, partition, current, previous, parent) -> jax.Array:
         """The same for N particles, ``[D, N]``: ``partition`` ``[N]``, substates ``[D, N]``."""
         _check_defined(self, Proposal, "propose", "propose_all")
         keys = jax.random.split(key, partition.shape[0])
@@ -307,29 +291,13 @@ class Proposal:
             keys, observation, partition, current, previous, parent
         )
 
-    def log_density(
-        self,
-        observation: Any,
-        partition: jax.Array,
-        new: jax.Array,
-        current: jax.Array,
-        previous: jax.Array,
-        parent: jax.Array,
-    ) -> jax.Array:
+    def log_density(self, observation, partition, new, current, previous, parent) -> jax.Array:
         """Log of the density ``[]`` from which ``propose`` draws ``new`` ``[D]``."""
         _check_defined(self, Proposal, "log_density", "log_density_all")
         columns = (x[:, None] for x in (new, current, previous, parent))
         return self.log_density_all(observation, jnp.asarray(partition)[None], *columns)[0]
 
-    def log_density_all(
-        self,
-        observation: Any,
-        partition: jax.Array,
-        new: jax.Array,
-        current: jax.Array,
-        previous: jax.Array,
-        parent: jax.Array,
-    ) -> jax.Array:
+    def log_density_all(self, observation, partition, new, current, previous, parent) -> jax.Array:
         """The same for N particles, ``[N]``: substates ``[D, N]``."""
         _check_defined(self, Proposal, "log_density", "log_density_all")
         return jax.vmap(self.log_density, in_axes=(None, 0, 1, 1, 1, 1))(

@@ -5,7 +5,9 @@ from .interface import (
     DynamicsWithDensity as DynamicsWithDensity,
     DynamicsWithPrediction as DynamicsWithPrediction,
     Likelihood as Likelihood,
+    Proposal as Proposal,
     Tracker as Tracker,
+    as_seen as as_seen,
     at_frame as at_frame,
     changed_inside as changed_inside,
     check_uncoupled as check_uncoupled,
@@ -31,6 +33,9 @@ from .interface import (
     predict_all as predict_all,
     propagate_all as propagate_all,
     propagate_label_all as propagate_label_all,
+    proposal_log_density_all as proposal_log_density_all,
+    proposal_of as proposal_of,
+    propose_all as propose_all,
     was_observed as was_observed,
 )
 from .pytree import (

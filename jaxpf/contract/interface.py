@@ -23,6 +23,8 @@ likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log
                                                                            ``form``,
                                                                            ``expecting``,
                                                                            ``log_odds``
+proposal      ``propose`` or ``propose_all``,                              ``of_model``
+              ``log_density`` or ``log_density_all``
 observation   any pytree                                                   ``take_frame``
 sampler       ``__call__(key) -> [P, D]``                                  ``independent``
 ============  ===========================================================  =====================
@@ -265,6 +267,44 @@ class Likelihood:
         return jax.vmap(self.log_prob, in_axes=(None, 0, 1))(observation, partition, substates)
 
 
+class Proposal:
+    """What draws a substate in place of the dynamics, given the frame.
+
+    For ``jaxpf.Partitioned(proposal=...)``, on dynamics with ``log_density``.  Define ``propose``
+    or ``propose_all``, and ``log_density`` or ``log_density_all``; ``log_density`` must be positive
+    wherever the transition density is.  A proposal that needs the model's own dynamics and
+    likelihood also defines ``of_model(dynamics, likelihood) -> proposal``, called in every frame;
+    there is no default.
+    """
+
+    def propose(self, key, observation, partition, current, previous, parent) -> jax.Array:
+        """The new substate ``[D]``; ``parent`` ``[D]`` is already moved, zeros for a root."""
+        _check_defined(self, Proposal, "propose", "propose_all")
+        columns = (x[:, None] for x in (current, previous, parent))
+        return self.propose_all(key, observation, jnp.asarray(partition)[None], *columns)[:, 0]
+
+    def propose_all(self, key, observation, partition, current, previous, parent) -> jax.Array:
+        """The same for N particles, ``[D, N]``: ``partition`` ``[N]``, substates ``[D, N]``."""
+        _check_defined(self, Proposal, "propose", "propose_all")
+        keys = jax.random.split(key, partition.shape[0])
+        return jax.vmap(self.propose, in_axes=(0, None, 0, 1, 1, 1), out_axes=1)(
+            keys, observation, partition, current, previous, parent
+        )
+
+    def log_density(self, observation, partition, new, current, previous, parent) -> jax.Array:
+        """Log of the density ``[]`` from which ``propose`` draws ``new`` ``[D]``."""
+        _check_defined(self, Proposal, "log_density", "log_density_all")
+        columns = (x[:, None] for x in (new, current, previous, parent))
+        return self.log_density_all(observation, jnp.asarray(partition)[None], *columns)[0]
+
+    def log_density_all(self, observation, partition, new, current, previous, parent) -> jax.Array:
+        """The same for N particles, ``[N]``: substates ``[D, N]``."""
+        _check_defined(self, Proposal, "log_density", "log_density_all")
+        return jax.vmap(self.log_density, in_axes=(None, 0, 1, 1, 1, 1))(
+            observation, partition, new, current, previous, parent
+        )
+
+
 # --- What is optional, asked for -----------------------------------------------------------
 
 
@@ -371,6 +411,35 @@ def predict_all(dynamics, partition, current, previous) -> jax.Array:
     """Substates ``[D, N]`` moved without noise, by the batched method if there is one."""
     method = method_of(dynamics, DynamicsWithPrediction, "predict_all")
     return method(partition, current, previous)
+
+
+def proposal_of(proposal: Any, dynamics: Any, likelihood: Any) -> Any:
+    """A proposal that knows the model, if it asks for it (``of_model``)."""
+    return proposal.of_model(dynamics, likelihood) if hasattr(proposal, "of_model") else proposal
+
+
+def propose_all(proposal, key, observation, partition, current, previous, parent) -> jax.Array:
+    """Proposed substates ``[D, N]``, by the batched method if there is one."""
+    method = method_of(proposal, Proposal, "propose_all")
+    return method(key, observation, partition, current, previous, parent)
+
+
+def proposal_log_density_all(
+    proposal, observation, partition, new, current, previous, parent
+) -> jax.Array:
+    """Log-densities ``[N]`` of proposing ``new`` ``[D, N]``, by the batched method if any."""
+    method = method_of(proposal, Proposal, "log_density_all")
+    return method(observation, partition, new, current, previous, parent)
+
+
+def as_seen(likelihood: Any, observation: Any) -> tuple[Any, Any, Any]:
+    """The model's likelihood, its observation, and whether that was seen, ``[]`` or ``[P]``.
+
+    None: all was.  A likelihood that wraps another for missing frames has ``as_seen(observation)``.
+    """
+    if hasattr(likelihood, "as_seen"):
+        return likelihood.as_seen(observation)
+    return likelihood, observation, None
 
 
 def log_prob_all(likelihood, observation, partition, substates) -> jax.Array:

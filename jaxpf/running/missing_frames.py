@@ -89,6 +89,10 @@ class LikelihoodWithGaps(contract.Likelihood):
         """See ``contract.was_observed``."""
         return observation[1]
 
+    def as_seen(self, observation):
+        """See ``jaxpf.contract.as_seen``."""
+        return self.likelihood, *observation
+
     def observe(self, frame):
         """The inner observation of a frame, zeros if it was not seen."""
         frame, seen = frame
@@ -133,6 +137,10 @@ class LikelihoodOfNoFrame(LikelihoodWithGaps):
     def was_observed(self, observation):
         """Never."""
         return np.zeros((), bool)
+
+    def as_seen(self, observation):
+        """See ``jaxpf.contract.as_seen``: nothing was."""
+        return self.likelihood, None, np.False_
 
     def observe(self, frame):
         """Nothing."""

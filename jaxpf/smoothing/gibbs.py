@@ -148,6 +148,7 @@ def check_conditional(tracker: Any) -> None:
         ("tempering", None),
         ("initial_label", None),
         ("look_ahead", False),
+        ("proposal", None),
     ):
         if getattr(tracker, name) is not without:
             raise InputError(f"a conditional sweep is not proved with {name}; leave it out.")

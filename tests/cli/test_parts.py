@@ -182,7 +182,7 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
             "--likelihood 'integral' is unknown; choose one of auto, sampled, patch",
         ),
         (("--dynamics", "free"), "--dynamics 'free' is unknown; choose one of relative, absolute"),
-        (("--method", "ps", "--order", "2,1,3,4,5"), "puts part 2 before 1, on which it"),
+        (("--method", "ps", "--order", "2,1,3,4,5"), "puts part 2 before its parent 1"),
         (("--likelihood", "patch", "--bands", "2"), "--bands 2 goes with histograms"),
         (("--dynamics", "absolute", "--joint-scale", "1,1,2"), "--joint-scale goes with"),
         (

@@ -8,6 +8,7 @@ from exact import COMPILER_OPTIONS, LIMIT, OBJECTS, TREE, objects, problem
 
 import jaxpf
 from jaxpf import ordering
+from jaxpf.proposals import LocallyOptimal
 
 pytestmark = pytest.mark.statistical
 
@@ -89,9 +90,11 @@ def test_three_frames_are_smoothed_exactly(make, order):
     assert np.abs(scores_of(second, expected)).max() < LIMIT
 
 
-def test_smoothing_sees_what_comes_after():
+@pytest.mark.parametrize("proposal", [None, LocallyOptimal()], ids=["dynamics", "proposal"])
+def test_smoothing_sees_what_comes_after(proposal):
     exact = problem((-1,), num_frames=4)
-    mean, _ = smoothed_runs(exact.tracker(ordering.sir(1), num_particles=200), exact.frames, 40)
+    tracker = exact.tracker(ordering.sir(1), num_particles=200, proposal=proposal)
+    mean, _ = smoothed_runs(tracker, exact.frames, 40)
     assert np.abs(scores_of(mean, exact.smoothed_mean)).max() < LIMIT
     # The filter's own answer is another, of which this tells.
     assert np.abs(scores_of(mean, exact.mean)[:-1]).max() > 10

@@ -71,10 +71,12 @@ _NAMES = {
     "forecast": "running",
     "load": "files.states",
     "monte_carlo": "running.blocks",
+    "pmmh": "tuning.metropolis",
     "pytree_dataclass": "pytree",
     "run": "running",
     "save": "files.states",
     "smooth": "smoothing",
+    "state_space": "filters.functions",
     "tune": "tuning",
 }
 
@@ -121,6 +123,7 @@ if TYPE_CHECKING:
     from jaxpf.files.states import load, save
     from jaxpf.filters.factored.eskil import Eskil
     from jaxpf.filters.factored.pffl import PFFL
+    from jaxpf.filters.functions import state_space
     from jaxpf.filters.labelled.tracker import Labelled
     from jaxpf.filters.partitioned.tracker import Partitioned
     from jaxpf.pytree import pytree_dataclass
@@ -129,6 +132,7 @@ if TYPE_CHECKING:
     from jaxpf.smoothing import smooth
     from jaxpf.state import ParticleState, Summary
     from jaxpf.tuning import tune
+    from jaxpf.tuning.metropolis import pmmh
 
 __all__ = [
     "PFFL",
@@ -141,10 +145,12 @@ __all__ = [
     "forecast",
     "load",
     "monte_carlo",
+    "pmmh",
     "pytree_dataclass",
     "run",
     "save",
     "smooth",
+    "state_space",
     "tune",
 ]
 

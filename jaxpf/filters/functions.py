@@ -176,9 +176,7 @@ class FunctionLikelihood(contract.Likelihood):
         if _asks_for(self.function, "previous"):
             extras["previous"] = _state(substate[math.prod(self.shape) :], self.shape)
         x = _state(substate, self.shape)
-        return _number(
-            "log_likelihood", self.function(observation, x, self.parameters, **extras)
-        )
+        return _number("log_likelihood", self.function(observation, x, self.parameters, **extras))
 
 
 def _state(substate: jax.Array, shape: tuple[int, ...]) -> jax.Array:

@@ -208,7 +208,9 @@ def _leaves(tracker: Any) -> dict[str, Any]:
 
 
 def _name(path: Any) -> str:
-    return ".".join(str(getattr(k, "name", getattr(k, "key", getattr(k, "idx", k)))) for k in path)
+    """Names joined by dots; ``parameters`` of a tracker's parts are the same, and its own."""
+    names = [str(getattr(k, "name", getattr(k, "key", getattr(k, "idx", k)))) for k in path]
+    return ".".join(names[1:] if names[1:2] == ["parameters"] else names)
 
 
 def _is_tunable(name: str, leaf: Any) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.errors import InputError
 from jaxpf.names import OBJECTIVES
-from jaxpf.pytree import pytree_dataclass
+from jaxpf.pytree import described, pytree_dataclass
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
 
@@ -44,6 +44,8 @@ class TrainingSequence:
     sizes: Any = None
     name: str = "the sequence"
     outlines: Callable | None = None
+
+    __repr__ = described
 
     @property
     def num_frames(self) -> int:

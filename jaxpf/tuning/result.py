@@ -6,11 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf.pytree import described
 from jaxpf.tuning.parameters import Parameter, replace
 from jaxpf.tuning.settings import Settings
 
 #: Half the width of a 95 % interval, in standard errors.
 _REACH = 1.96
+#: Numbers of an array that are printed.
+_SHOWN = 6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,6 +35,8 @@ class Descent:
     gradient_norm: np.ndarray
     moments: list[np.ndarray]
     stopped: str
+
+    __repr__ = described
 
     @property
     def num_steps(self) -> int:
@@ -64,6 +69,18 @@ class Result:
     curvature_errors: dict[str, np.ndarray]
     descents: list[Descent]
     no_curvature: str = ""
+
+    def __repr__(self) -> str:
+        intervals, values = self.intervals(), self.values
+        lines = [f"Result of {len(self.descents)} repeats, with 95 % intervals:"]
+        for name, value in values.items():
+            numbers = [np.ravel(x)[:_SHOWN] for x in (value, *intervals[name])]
+            shown = [
+                f"{x:.4g} [{low:.4g}, {high:.4g}]" for x, low, high in zip(*numbers, strict=True)
+            ]
+            shown += ["..."] * (np.size(value) > _SHOWN)
+            lines.append(f"  {name} = {', '.join(shown)}")
+        return "\n".join([*lines, *(f"  {remark}" for remark in self.remarks)])
 
     @property
     def settled(self) -> bool:

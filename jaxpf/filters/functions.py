@@ -9,10 +9,10 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf import contract
-from jaxpf.errors import InputError
-from jaxpf.filters.partitioned.ordering import sir
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.pytree import pytree_dataclass, static_field
+from jaxpf.ordering import sir
 
 
 def state_space(

@@ -18,10 +18,10 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from jaxpf import running
-from jaxpf.checks import check_run
-from jaxpf.errors import InputError
-from jaxpf.pytree import is_concrete, pytree_dataclass, static_field
-from jaxpf.running import gaps
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete, pytree_dataclass, static_field
+from jaxpf.running import missing_frames
+from jaxpf.running.checks import check_run
 from jaxpf.tuning.objectives import keep_log_evidence
 
 #: Share of accepted moves that warm-up aims at; noise in the evidence alone rejects half of them.
@@ -122,12 +122,12 @@ def pmmh(
     initial = jax.tree.map(lambda x: jnp.asarray(x, float), initial)
     tracker = build(initial)
     check_run(tracker, frames)
-    marked, frames = gaps.marked(tracker, frames, observed)
+    marked, frames = missing_frames.marked(tracker, frames, observed)
     is_known = is_concrete(key, frames, initial, tracker)
     if is_known and not np.isfinite(log_prior(initial)):
         raise InputError(f"the prior excludes the start {initial!r:.200}; start inside of it.")
     number = num_particles or tracker.num_particles
-    model = _Model(build, log_prior, isinstance(marked, gaps.WithGaps), number)
+    model = _Model(build, log_prior, isinstance(marked, missing_frames.WithGaps), number)
     pilot_key, start_key, *keys = jax.random.split(running.as_key(key), 5)
     start, unravel = ravel_pytree(initial)
     spread = _FIRST_STEP * jnp.maximum(jnp.abs(start), _FIRST_STEP)
@@ -168,7 +168,7 @@ class _Model(NamedTuple):
         """An estimate ``[]``; -inf where it is no number."""
         tracker = dataclasses.replace(self.build(parameters), num_particles=self.num_particles)
         if self.has_gaps:
-            tracker = gaps.WithGaps(tracker)
+            tracker = missing_frames.WithGaps(tracker)
         total = jnp.sum(running.run_compiled(tracker, key, frames, keep_log_evidence)[1])
         return jnp.where(jnp.isnan(total), -jnp.inf, total)
 

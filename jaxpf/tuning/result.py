@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.pytree import described
+from jaxpf.contract.pytree import described
 from jaxpf.tuning.parameters import Parameter, replace
 from jaxpf.tuning.settings import Settings
 

@@ -210,7 +210,8 @@ def _with_chosen_number(model: _Model, key: jax.Array, frames: Any, parameters: 
         variance = float(np.var(log_evidences, ddof=1)) if np.isfinite(log_evidences).all() else 16
         if 0.7 < variance < 1.4:
             return model
-        number = max(16, math.ceil(model.num_particles * min(variance, 16)))
+        wanted = math.log2(max(16, model.num_particles * min(variance, 16)))
+        number = round(2 ** (math.ceil(2 * wanted) / 2))  # few values: each compiles programs
         if np.isneginf(log_evidences).all() and attempt == 3:
             raise InputError(
                 f"the parameters {parameters!r:.200} cannot explain the frames with "

@@ -42,7 +42,7 @@ from jaxpf.shapes.rectangles import boxes_from_substates, is_proper
 def log_evidence(
     tracker: Any, keys: jax.Array, frames: Any, *, checkpoint: bool | int = True
 ) -> jax.Array:
-    """Log of each run's estimate of ``p(y_1:T)``; -inf if a frame was impossible for every particle.
+    """Log of each run's estimate of ``p(y_1:T)``; -inf if a frame was impossible everywhere.
 
     ``exp`` of it is unbiased for the evidence where the tracker's is; the log of it is too low by
     about half its variance.

@@ -14,6 +14,12 @@ from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.ordering import sir
 
+#: Fields of ``Partitioned`` that a model with one state has not.
+_NO_OPTIONS = {
+    *("dynamics", "likelihood", "ordering", "initial", "initial_label", "parents", "num_particles"),
+    *("look_ahead", "relocation"),
+}
+
 
 def state_space(
     *,
@@ -38,11 +44,12 @@ def state_space(
         )
         state, summaries = jaxpf.run(tracker, jax.random.key(0), y)
 
-    The tracker is a ``Partitioned`` with one partition, so whatever takes one of those takes it.
+    The tracker is a ``Partitioned`` with one partition and works wherever one of those does.
     ``parameters`` are traced: a sweep is a ``vmap`` over calls of ``state_space``, a gradient a
-    ``grad``, and new values compile nothing; ``jaxpf.tune`` calls them ``parameters.a``.  What
-    does compile anew is a new function: pass named functions, or make lambdas once, and let them
-    read what varies from ``parameters`` rather than from outside.
+    ``grad``, and new values compile nothing; ``jaxpf.tune`` calls them ``parameters.a``.  A new
+    function recompiles, and every evaluation of a lambda makes one: outside of a ``jit`` call
+    ``state_space`` once and change values by ``jaxpf.tuning.replace(tracker, {"parameters.a":
+    0.5})``, or pass named functions.  Functions should read what varies from ``parameters``.
 
     Args:
         initial: ``(key, parameters) -> x``, a draw of the state just before the first frame; or
@@ -63,13 +70,17 @@ def state_space(
     Raises:
         InputError: a function that takes or returns something else, or an unknown option.
     """
-    _check_functions(initial, transition, log_likelihood, transition_log_density)
-    fields = Partitioned.__dataclass_fields__
-    fixed = {"dynamics", "likelihood", "ordering", "initial", "parents", "num_particles"}
-    if unknown := sorted(options.keys() - (fields.keys() - fixed)):
+    _check_arguments("transition", transition)
+    _check_arguments("log_likelihood", log_likelihood)
+    if callable(initial):
+        _check_arguments("initial", initial)
+    if transition_log_density is not None:
+        _check_arguments("transition_log_density", transition_log_density)
+    known = Partitioned.__dataclass_fields__.keys() - _NO_OPTIONS
+    if unknown := sorted(options.keys() - known):
         raise InputError(
             f"state_space has no option {unknown[0]!r}; besides its own arguments it takes "
-            f"{', '.join(sorted(fields.keys() - fixed))}."
+            f"{', '.join(sorted(known))}."
         )
     keeps_previous = _asks_for(log_likelihood, "previous")
     if keeps_previous and transition_log_density is not None:
@@ -77,7 +88,7 @@ def state_space(
             "transition_log_density serves smoothing, which does not go with a log_likelihood that "
             "asks for the previous state; leave one of them out."
         )
-    shape = _state_shape(initial, transition, parameters, transition_log_density)
+    shape = _state_shape(initial, transition, transition_log_density, parameters)
     copies = 2 if keeps_previous else 1
     return Partitioned(
         dynamics=FunctionDynamics(parameters, transition, transition_log_density, shape, copies),
@@ -190,71 +201,62 @@ def _asks_for(function: Callable, name: str) -> bool:
         return False
 
 
-def _check_functions(initial, transition, log_likelihood, transition_log_density) -> None:
-    functions = (
-        ("initial", initial, ("key", "parameters"), ()),
-        ("transition", transition, ("key", "x", "parameters"), ("previous", "time")),
-        ("log_likelihood", log_likelihood, ("y", "x", "parameters"), ("previous",)),
-        (
-            "transition_log_density",
-            transition_log_density,
-            ("new", "x", "parameters"),
-            ("previous", "time"),
-        ),
-    )
-    for name, function, arguments, extras in functions:
-        if not callable(function):
-            if name in ("transition", "log_likelihood") or (
-                name == "transition_log_density" and function is not None
-            ):
-                raise InputError(f"{name} is {function!r:.40}, which is no function.")
-            continue
-        try:
-            signature = inspect.signature(function)
-        except (TypeError, ValueError):
-            continue
-        asked = {extra: None for extra in extras if extra in signature.parameters}
-        try:
-            signature.bind(*arguments, **asked)
-        except TypeError:
-            optional = f", and if it likes {' or '.join(extras)}" if extras else ""
-            raise InputError(
-                f"{name} takes {signature}; it must take ({', '.join(arguments)}){optional}."
-            ) from None
+#: What every function takes, and what it may ask for by name.
+_ARGUMENTS = {
+    "initial": (("key", "parameters"), ()),
+    "transition": (("key", "x", "parameters"), ("previous", "time")),
+    "log_likelihood": (("y", "x", "parameters"), ("previous",)),
+    "transition_log_density": (("new", "x", "parameters"), ("previous", "time")),
+}
 
 
-def _state_shape(initial, transition, parameters, transition_log_density) -> tuple[int, ...]:
-    """The shape of a state; the functions are traced, not run."""
+def _check_arguments(name: str, function: Any) -> None:
+    """Refuse what is no function, or takes other arguments."""
+    arguments, extras = _ARGUMENTS[name]
+    if not callable(function):
+        raise InputError(f"{name} is {function!r:.40}, which is no function.")
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return
+    try:
+        signature.bind(*arguments, **{x: None for x in extras if x in signature.parameters})
+    except TypeError:
+        optional = f"; it may also take {' and '.join(extras)}" if extras else ""
+        raise InputError(
+            f"{name} takes {signature}, but must take ({', '.join(arguments)}){optional}."
+        ) from None
+
+
+def _state_shape(initial, transition, log_density, parameters) -> tuple[int, ...]:
+    """The shape of a state; refuses functions that return something else.  None is run."""
     key = jax.eval_shape(lambda: jax.random.key(0))
-    if callable(initial):
-        x = _array("initial", jax.eval_shape(initial, key, parameters))
-    else:
-        x = jax.eval_shape(jnp.asarray, initial)
-    x = jax.ShapeDtypeStruct(x.shape, jnp.promote_types(x.dtype, jnp.float32))
 
-    def extras(function):
-        time = jax.ShapeDtypeStruct((), jnp.int32)
-        known = {"previous": x, "time": time}
-        return {name: value for name, value in known.items() if _asks_for(function, name)}
+    def returned(name, function, *arguments):
+        known = {"previous": x, "time": jax.ShapeDtypeStruct((), jnp.int32)}
+        extras = {name: value for name, value in known.items() if _asks_for(function, name)}
+        value = jax.eval_shape(
+            lambda arguments, extras: function(*arguments, **extras),
+            (*arguments, parameters),
+            extras,
+        )
+        return _array(name, value) if log_density is not function else _number(name, value)
 
-    new = jax.eval_shape(
-        lambda *arguments: transition(*arguments[:-1], **arguments[-1]),
-        *(key, x, parameters, extras(transition)),
+    x = None
+    x = (
+        returned("initial", initial, key)
+        if callable(initial)
+        else jax.eval_shape(jnp.asarray, initial)
     )
-    new = _array("transition", new)
+    x = jax.ShapeDtypeStruct(x.shape, jnp.promote_types(x.dtype, jnp.float32))
+    new = returned("transition", transition, key, x)
     if new.shape != x.shape:
         raise InputError(
             f"transition returns shape {list(new.shape)}, and initial {list(x.shape)}; both must "
             "return a state of one shape."
         )
-    if transition_log_density is not None:
-        _number(
-            "transition_log_density",
-            jax.eval_shape(
-                lambda *arguments: transition_log_density(*arguments[:-1], **arguments[-1]),
-                *(x, x, parameters, extras(transition_log_density)),
-            ),
-        )
+    if log_density is not None:
+        returned("transition_log_density", log_density, x, x)
     return x.shape
 
 

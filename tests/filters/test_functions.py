@@ -214,7 +214,7 @@ def test_tuning_names_a_parameter_once_and_changes_it_everywhere():
     [
         (
             {"transition": lambda key, x: x},
-            r"transition takes \(key, x\); it must take \(key, x, p",
+            r"transition takes \(key, x\), but must take \(key, x, p",
         ),
         ({"transition": lambda key, x, p: jnp.ones(3)}, r"returns shape \[3\], and initial \[\]"),
         ({"transition": 0.9}, "transition is 0.9, which is no function"),

@@ -141,13 +141,13 @@ class FunctionDynamics(contract.Dynamics):
     @property
     def log_density(self):
         """Log of the density ``[]`` from which ``propagate`` draws."""
-        if self.density is None:
+        density = self.density
+        if density is None:
             raise AttributeError("log_density")
 
         def log_density(partition, new, current, previous, parent):
             states = (_state(x, self.shape) for x in (new, current))
-            extras = self._extras(self.density, previous)
-            return self.density(*states, self.parameters, **extras)
+            return density(*states, self.parameters, **self._extras(density, previous))
 
         return log_density
 

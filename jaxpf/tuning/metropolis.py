@@ -59,20 +59,19 @@ class Posterior:
                 "ArviZ's trees need arviz-base, which is missing; pip install 'jaxpf[formats]'."
             ) from None
         leaves = jax.tree_util.tree_leaves_with_path(self.parameters)
-        statistics = {
-            "lp": self.log_evidence + self.log_prior,
-            "log_evidence": self.log_evidence,
-            "accepted": self.accepted,
+        groups = {
+            "posterior": {
+                jax.tree_util.keystr(path, simple=True, separator=".") or "parameter": leaf
+                for path, leaf in leaves
+            },
+            "sample_stats": {
+                "lp": self.log_evidence + self.log_prior,
+                "log_evidence": self.log_evidence,
+                "accepted": self.accepted,
+            },
         }
-        named = {
-            jax.tree_util.keystr(path, simple=True, separator=".") or "parameter": np.asarray(leaf)
-            for path, leaf in leaves
-        }
-        statistics = {name: np.asarray(value) for name, value in statistics.items()}
         attributes = {"inference_library": "jaxpf", "num_particles": self.num_particles}
-        return arviz_base.from_dict(
-            {"posterior": named, "sample_stats": statistics}, attrs={"/": attributes}
-        )
+        return arviz_base.from_dict(jax.tree.map(np.asarray, groups), attrs={"/": attributes})
 
 
 def pmmh(

@@ -65,11 +65,11 @@ class Parameter:
         value = jnp.asarray(value, float)
         if self._is_unbounded:
             return value
-        above = None if math.isinf(self.low) else jnp.log(value - self.low)
-        below = None if math.isinf(self.high) else jnp.log(self.high - value)
-        if below is None:
-            return above
-        return -below if above is None else above - below
+        if math.isinf(self.high):
+            return jnp.log(value - self.low)
+        if math.isinf(self.low):
+            return -jnp.log(self.high - value)
+        return jnp.log(value - self.low) - jnp.log(self.high - value)
 
     def to_value(self, free: Any) -> jax.Array:
         """The value that a free number stands for."""

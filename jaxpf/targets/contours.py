@@ -53,10 +53,10 @@ class Options:
     )
     exclusion: str = option(
         "wires",
-        "How contours exclude one another: wires, opaque or none.  Of wires no edge serves two; "
-        "opaque is the same of two to four closed contours, the nearer of which hide others; with "
-        "none an edge may serve several, which lets look-alikes coalesce.  wires-literal and "
-        "opaque-literal are as published: an edge counts again on every contour near it.",
+        "How contours exclude one another: wires, opaque or none.  An edge serves one wire only; "
+        "opaque is the same for two to four closed contours, where nearer ones hide others; with "
+        "none an edge may serve several contours, so that look-alikes coalesce.  wires-literal, "
+        "opaque-literal and none-literal are as published: every line near an edge counts it.",
         choices=EXCLUSIONS,
         common=True,
         compiles=True,

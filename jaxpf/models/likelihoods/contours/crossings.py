@@ -59,6 +59,12 @@ def own_sides(num_lines: int, num_edges: int, closed: bool) -> np.ndarray:
     return (point[:, None] == order) | (before[:, None] == order)
 
 
+def sides_from(num_lines: int, num_edges: int, closed: bool) -> np.ndarray:
+    """``[V, M]`` bool: the sides that end at a line or at a later one along the contour."""
+    end = np.tile(np.arange(num_lines + closed), num_edges)
+    return end[:, None] >= np.arange(num_lines)
+
+
 def nearest_crossings(lines: Lines, polyline: Polyline, reach: float, keep: int, left_out=None):
     """Where a polyline crosses lines, the crossings nearest to the lines' middles.
 

@@ -1,8 +1,9 @@
 """The likelihood of contours each of which is judged alone.
 
 The substate is a point of a shape space (``jaxpf.models.shapes``).  Lines are normals of its
-contour, and each is judged by the line model; lines count as independent, so that a contour's
-log-likelihood is a sum over its lines (maccormick1999, eq. 2).
+contour, and each is judged by the line model; a contour's log-likelihood is a sum over its lines
+(maccormick1999, eq. 2).  A contour that folds back on itself shows one edge to the lines of both
+legs; ``union`` says how that edge is paid for once.
 """
 
 from typing import Any, NamedTuple
@@ -55,8 +56,11 @@ class IndependentContours(Likelihood):
             with one edge.
         edges: static, 1 where the spline is itself the boundary, 2 for both edges of a wire.
         num_lines: static, M, measurement lines per contour.
-        crossings: static, at most so many crossings of one contour with one line count, those
+        crossings: static, at most this many crossings of one contour with one line count, those
             nearest to the line's middle.
+        payment: static, ``"once"`` or ``"literal"``.  With ``"once"`` an edge that several lines
+            show is paid for once, see ``union``.  ``"literal"`` is the product over all lines as
+            printed, where a contour folded back on half of its length scores like the truth.
     """
 
     space: ShapeSpace
@@ -69,6 +73,7 @@ class IndependentContours(Likelihood):
     edges: int = static_field(default=1)
     num_lines: int = static_field(default=32)
     crossings: int = static_field(default=1)
+    payment: str = static_field(default="once")
 
     #: Lines are read at whole pixels.
     state_gradient = False
@@ -90,10 +95,7 @@ class IndependentContours(Likelihood):
         finite = jnp.all(jnp.isfinite(substates), axis=0)
         lines = self.lines_of(partition, jnp.where(finite, substates, 0.0))
         own = self._of_their_own(observation, lines)
-        every = [range(self.crossings)]
-        (ratios,) = self._log_ratios(observation, lines, own, every)
-        (means,) = self._log_means(observation, own, every)
-        total = jnp.sum(self._share(ratios) - means, axis=0)
+        (total,) = self._factors(observation, lines, own, [[]])
         return jnp.where(finite, total, jnp.nan)
 
     def lines_of(self, partition, substates) -> Lines:
@@ -125,18 +127,48 @@ class IndependentContours(Likelihood):
     def _of_their_own(self, observation, lines):
         """Places ``[crossings, M, ...]`` of a contour on its own lines, and which are seen.
 
-        The first ``edges`` rows are the boundary that a line belongs to, the others what else of
-        the contour crosses it.
+        The first ``edges`` rows are the boundary that a line belongs to.  The others are what else
+        of the contour crosses it: paid once, what comes earlier along the contour.
         """
         places = jnp.stack([jnp.full_like(lines.x, offset) for offset in self._offsets()])
-        found = places, self._in_view(observation, lines, places)
-        if self.crossings == self.edges:
-            return found
-        left_out = crossing.own_sides(self.num_lines, self.edges, self.space.closed)
-        others = self._crossings_of(
-            observation, lines, self._outline(lines), self.crossings - self.edges, left_out
+        own = places, self._in_view(observation, lines, places)
+        further = self._own_rows - self.edges
+        if not further:
+            return own
+        sides = crossing.own_sides if self.payment == "literal" else crossing.sides_from
+        left_out = sides(self.num_lines, self.edges, self.space.closed)
+        return joined(
+            own, self._crossings_of(observation, lines, self._outline(lines), further, left_out)
         )
-        return joined(found, others)
+
+    @property
+    def _own_rows(self) -> int:
+        """How many rows of ``_of_their_own`` there are."""
+        return self.crossings + (0 if self.payment == "literal" else self.edges)
+
+    def _factors(self, observation, lines, boundaries, others):
+        """What contours' own lines gain by them: sums over lines, ``[S, ...]``.
+
+        Args:
+            observation: of the frame.
+            lines: ``[M, ...]``.
+            boundaries: places ``[C, M, ...]`` and which are seen; own rows first.
+            others: S groups of the further rows: boundaries that were there before.
+        """
+        own = list(range(self._own_rows))
+        earlier = [] if self.payment == "literal" else own[self.edges :]
+        after = [[*own, *rows] for rows in others]
+        before = [[*earlier, *rows] for rows in others]
+        if any(before):
+            ratios = self._log_ratios(observation, lines, boundaries, after + before)
+            top, bottom = ratios[: len(after)], ratios[len(after) :]
+            # Where lines cannot be without their target, nothing was there before it.
+            possible = ~jnp.isneginf(bottom)
+            ratio = jnp.where(possible, top - jnp.where(possible, bottom, 0.0), -jnp.inf)
+        else:
+            ratio = self._log_ratios(observation, lines, boundaries, after)
+        share = ratio * jnp.asarray(self.independence, ratio.dtype)
+        return jnp.sum(share - self._log_means(observation, boundaries, after), axis=1)
 
     def _crossings_of(self, observation, lines, polyline, keep, left_out=None, is_hidden=None):
         """The seen crossings ``[keep, M, ...]`` nearest to the lines' middles, and which there are.
@@ -171,10 +203,6 @@ class IndependentContours(Likelihood):
         weights = line_weights(self.clutter, self.detection, self.detector.length)
         sigma, reach = jnp.asarray(self.sigma, lines.x.dtype), self.detector.reach
         return log_ratios(weights, features, places, seen, sigma, reach, groups)
-
-    def _share(self, log_ratio):
-        """What of a line's log-ratio counts."""
-        return log_ratio * jnp.asarray(self.independence, log_ratio.dtype)
 
     def _log_means(self, observation, boundaries, groups):
         """What makes densities ``[groups, M, ...]`` of shared lines ``[M, ...]``.

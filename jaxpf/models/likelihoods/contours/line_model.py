@@ -91,6 +91,10 @@ def line_weights(clutter, detection, length: float) -> jax.Array:
     """
     clutter, detection = jnp.asarray(clutter), jnp.asarray(detection)
     most, counts = detection.shape[0] - 1, np.arange(clutter.shape[0])
+    # A line shows n_max of more detected boundaries, any of them as likely.
+    detection = detection.at[:, min(counts[-1], most)].add(
+        jnp.sum(detection[:, counts[-1] + 1 :], axis=1)
+    )
     or_more = jnp.cumsum(at_most_shown(clutter)[::-1])[::-1]
     rows = []
     for k in range(most + 1):

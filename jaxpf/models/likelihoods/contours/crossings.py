@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.custom_batching import custom_vmap
 
 from jaxpf.models.likelihoods.contours.edges import Lines
 
@@ -112,6 +113,17 @@ def nearest_crossings(lines: Lines, polyline: Polyline, reach: float, keep: int,
     (found, _), _ = lax.scan(step, begin, (polyline.x[1:], polyline.y[1:], counts[1:]))
     there = jnp.abs(found) <= reach
     return jnp.where(there, found, 0.0), there
+
+
+@custom_vmap
+def anywhere(there):
+    """Whether anything is true, bool ``[]``: in any run, so that a branch on it stays a branch."""
+    return jnp.any(there)
+
+
+@anywhere.def_vmap
+def _anywhere_in_all(size, batched, there):
+    return anywhere(there), False
 
 
 def first(places, there, keep: int):

@@ -88,9 +88,9 @@ class ExclusiveContours(IndependentContours):
             (means,) = self._log_means(observation, boundaries, [range(len(boundaries[0]))])
             joint = jnp.sum(ratios * self.independence - means, axis=(0, 1))
         else:
-            first, block = self._own_rows - self.crossings, self.crossings
+            block = self.crossings
             others = [
-                [first + step * block + row for step in steps for row in range(block)]
+                [(step - 1) * block + row for step in steps for row in range(block)]
                 for steps in sets_before(lines.x.shape[1])
             ]
             joint = mean_over_orders(self._factors(observation, lines, boundaries, others))

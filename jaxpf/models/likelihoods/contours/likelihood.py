@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 from jaxpf.contract import Likelihood
 from jaxpf.models.likelihoods.contours import crossings as crossing
@@ -135,11 +136,15 @@ class IndependentContours(Likelihood):
         further = self._own_rows - self.edges
         if not further:
             return own
-        sides = crossing.own_sides if self.payment == "literal" else crossing.sides_from
-        left_out = sides(self.num_lines, self.edges, self.space.closed)
-        return joined(
-            own, self._crossings_of(observation, lines, self._outline(lines), further, left_out)
+        kind = self.num_lines, self.edges, self.space.closed
+        outline = self._outline(lines)
+        if self.payment == "literal":
+            left_out = crossing.own_sides(*kind)
+            return joined(own, self._crossings_of(observation, lines, outline, further, left_out))
+        places, there = crossing.nearest_crossings(
+            lines, outline, self.detector.reach, further, crossing.sides_from(*kind)
         )
+        return joined(own, (places, there & self._in_view(observation, lines, places)))
 
     @property
     def _own_rows(self) -> int:
@@ -153,22 +158,37 @@ class IndependentContours(Likelihood):
             observation: of the frame.
             lines: ``[M, ...]``.
             boundaries: places ``[C, M, ...]`` and which are seen; own rows first.
-            others: S groups of the further rows: boundaries that were there before.
+            others: S groups of the rows after the own ones: boundaries that were there before.
         """
-        own = list(range(self._own_rows))
-        earlier = [] if self.payment == "literal" else own[self.edges :]
-        after = [[*own, *rows] for rows in others]
-        before = [[*earlier, *rows] for rows in others]
-        if any(before):
-            ratios = self._log_ratios(observation, lines, boundaries, after + before)
-            top, bottom = ratios[: len(after)], ratios[len(after) :]
-            # Where lines cannot be without their target, nothing was there before it.
-            possible = ~jnp.isneginf(bottom)
-            ratio = jnp.where(possible, top - jnp.where(possible, bottom, 0.0), -jnp.inf)
-        else:
-            ratio = self._log_ratios(observation, lines, boundaries, after)
-        share = ratio * jnp.asarray(self.independence, ratio.dtype)
-        return jnp.sum(share - self._log_means(observation, boundaries, after), axis=1)
+
+        def gains(num_own, boundaries):
+            rows = [[num_own + row for row in group] for group in others]
+            after = [[*range(num_own), *group] for group in rows]
+            earlier = () if self.payment == "literal" else range(self.edges, num_own)
+            before = [[*earlier, *group] for group in rows]
+            groups = after + before if any(before) else after
+            ratios = self._log_ratios(observation, lines, boundaries, groups)
+            ratio, given = ratios[: len(after)], ratios[len(after) :]
+            if any(before):
+                # Where lines cannot be without their target, nothing was there before it.
+                possible = ~jnp.isneginf(given)
+                ratio = jnp.where(possible, ratio - jnp.where(possible, given, 0.0), -jnp.inf)
+            share = ratio * jnp.asarray(self.independence, ratio.dtype)
+            return jnp.sum(share - self._log_means(observation, boundaries, after), axis=1)
+
+        num_own, edges = self._own_rows, self.edges
+        if self.payment == "literal":
+            return gains(num_own, boundaries)
+        # Few contours fold back: what this costs is spent where one does.
+        folds = crossing.anywhere(boundaries[1][edges:num_own])
+        return lax.cond(
+            folds,
+            lambda every: gains(num_own, every),
+            lambda every: gains(
+                edges, tuple(jnp.concatenate([rows[:edges], rows[num_own:]]) for rows in every)
+            ),
+            boundaries,
+        )
 
     def _crossings_of(self, observation, lines, polyline, keep, left_out=None, is_hidden=None):
         """The seen crossings ``[keep, M, ...]`` nearest to the lines' middles, and which there are.

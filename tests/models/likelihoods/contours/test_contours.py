@@ -248,7 +248,7 @@ def test_eight_wires_are_a_program_of_bounded_size():
         made = contours(eight, 8, exclusion=exclusion, clutter=0.5, detector=DETECTOR)
         observation = jax.eval_shape(made.observe, BOTH)
         program = jax.make_jaxpr(made.log_joint_all)(observation, substates, None)
-        assert str(program).count(" = ") < 2500
+        assert str(program).count(" = ") < 3500
 
 
 @pytest.mark.parametrize("shift", [18.0, 10.0, 3.0])

@@ -21,9 +21,9 @@ class PartAdapter(Adapter):
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "parts_file": {
             "type": Path,
-            "help": "Instead of boxes, the parts of an articulated object: CSV with the header "
-            "part,parent,x,y,w,h,angle (x, y the centre, angle in degrees clockwise, no parent: "
-            "root).",
+            "help": "CSV of the parts of one or several articulated objects, with the header "
+            "part,parent,x,y,w,h,angle (x, y: centre; angle: degrees clockwise; leave parent empty "
+            "for each object's root).",
         }
     }
 

@@ -200,12 +200,6 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
                 "colour."
             )
         inside = max(min(x + w, width) - max(x, 0), 0) * max(min(y + h, height) - max(y, 0), 0)
-        if inside > 0.5 * width * height:
-            raise InputError(
-                f"boxes[{i}] is {box.tolist()}: it covers more than half of the frame of {width} x "
-                f"{height} pixels, too much to learn what is around it; choose the appearance "
-                "colour."
-            )
         if inside < 0.25 * w * h:
             raise InputError(
                 f"boxes[{i}] is {box.tolist()}: less than a quarter of it lies in the frame of "

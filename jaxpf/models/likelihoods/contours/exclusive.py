@@ -84,9 +84,11 @@ class ExclusiveContours(IndependentContours):
         lines = self.lines_of_all(jnp.where(finite, substates, 0.0))
         boundaries = self.all_crossings(observation, lines, label)
         if self.payment == "literal":
-            (ratios,) = self._log_ratios(observation, lines, boundaries, [range(len(boundaries[0]))])
-            (means,) = self._log_means(observation, boundaries, [range(len(boundaries[0]))])
-            joint = jnp.sum(ratios * self.independence - means, axis=(0, 1))
+            every = [range(len(boundaries[0]))]
+            (ratios,) = self._log_ratios(observation, lines, boundaries, every)
+            (means,) = self._log_means(observation, boundaries, every)
+            share = ratios * jnp.asarray(self.independence, ratios.dtype)
+            joint = jnp.sum(share - means, axis=(0, 1))
         else:
             block = self.crossings
             others = [

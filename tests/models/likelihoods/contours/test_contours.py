@@ -227,9 +227,7 @@ def test_both_sides_of_a_narrow_body_are_paid(apart):
         float(
             np.asarray(
                 alone(
-                    contours(
-                        space, 1, exclusion=e, clutter=0.5, detector=DETECTOR, sigma=3.0
-                    ),
+                    contours(space, 1, exclusion=e, clutter=0.5, detector=DETECTOR, sigma=3.0),
                     frame,
                     rest,
                 )

@@ -44,7 +44,7 @@ class PartAdapter(Adapter):
         return PARTS.start(parts)
 
     def fits_scene(self, scene: Any) -> bool:
-        """Scenes of parts tell poses and who hangs on whom."""
+        """Whether the truth has poses and a part tree."""
         return {"poses", "parents"} <= set(scene.extras)
 
     def scene_shapes(self, scene: Any) -> np.ndarray:

@@ -23,7 +23,7 @@ _KINDS: dict[str, tuple[type[IndependentContours], dict[str, str]]] = {
     "wires-literal": (ExclusiveContours, {"payment": "literal"}),
     "opaque-literal": (OpaqueContours, {"payment": "literal"}),
 }
-#: Subsets of so many crossings are still summed in a moment.
+#: More crossings make too many subsets to sum.
 _MOST_CROSSINGS = 8
 
 
@@ -64,7 +64,7 @@ def contours(
             further ``crossings``; see ``share`` for where it is one nearly.
         width: of a wire both of whose edges are seen, pixels; None: the contour is one edge.
         num_lines: M, lines per contour.
-        crossings: at most so many crossings of one contour with one line count; default 1, or 2
+        crossings: most crossings of one contour with one line that count; default 1, or 2
             for a wire with two edges.
 
     Raises:

@@ -73,7 +73,7 @@ def nearest_crossings(lines: Lines, polyline: Polyline, reach: float, keep: int,
         lines: ``[M, ...]``.
         polyline: ``[V, ...]``, with the lines' axes after their first.
         reach: lines extend this far to both sides, pixels.
-        keep: at most so many crossings of a line are kept.
+        keep: number of crossings kept per line, at most.
         left_out: ``[V, M]`` bool, sides that do not count for a line; or None.
 
     Returns:
@@ -132,7 +132,7 @@ def first(places, there, keep: int):
     Args:
         places: ``[C, ...]``.
         there: bool, like ``places``.
-        keep: so many are kept.
+        keep: how many are kept.
 
     Returns:
         Places ``[keep, ...]``, 0 where there are no more, and which of them there are, bool.

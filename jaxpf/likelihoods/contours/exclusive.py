@@ -52,7 +52,7 @@ class ExclusiveContours(IndependentContours):
         Args:
             observation: of the frame.
             lines: ``[M, P, N]``.
-            label: who is in front, ``[N]``; None where nothing hides another.
+            label: depth order, ``[N]``; None for targets that hide nothing.
 
         Returns:
             Places and bool, ``[C, M, P, N]``.
@@ -146,7 +146,7 @@ class OpaqueContours(ExclusiveContours):
         order = jnp.asarray(depth_orders(num_targets))[label]  # [N, P]
         depth = jnp.roll(jnp.asarray(depths(num_targets))[label].T, -step, axis=0)
         hidden = jnp.zeros((), bool)
-        for place in range(num_targets - 1):  # nobody is behind the last one
+        for place in range(num_targets - 1):  # the last one hides nothing
             nearer = crossing.Polyline(
                 _of_target(outline.x, order[:, place]),
                 _of_target(outline.y, order[:, place]),

@@ -22,7 +22,7 @@ from jaxpf.likelihoods.contours.share import log_mean_of, log_means
 from jaxpf.shapes.spaces import ShapeSpace
 from jaxpf.shapes.splines import basis
 
-#: So many crossings of a contour with one line are looked at, to find those that are seen.
+#: Crossings of a contour with one line that are examined to find those that are seen.
 _CANDIDATES = 4
 
 

@@ -58,9 +58,9 @@ def orders(num_targets: int) -> list[tuple[int, ...]]:
 
 
 def sets_before(num_targets: int) -> list[tuple[int, ...]]:
-    """Which targets come before one, in any of the orders: so many places after it, counted round.
+    """Sets of targets that come before a target in any order, as cyclic offsets from it.
 
-    Each set once, the first with nobody.
+    Each set once; the first is empty.
     """
     return list(
         dict.fromkeys(

@@ -201,8 +201,8 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
         inside = max(min(x + w, width) - max(x, 0), 0) * max(min(y + h, height) - max(y, 0), 0)
         if inside > _MOST_OF_FRAME * width * height:
             raise InputError(
-                f"boxes[{i}] is {box.tolist()}: it fills the frame of {width} x {height} pixels, so "
-                "that nothing is left to tell it from; choose the appearance colour."
+                f"boxes[{i}] is {box.tolist()}: it fills the frame of {width} x {height} pixels, "
+                "so that nothing is left to tell it from; choose the appearance colour."
             )
         if inside < 0.25 * w * h:
             raise InputError(

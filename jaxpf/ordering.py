@@ -209,7 +209,7 @@ def named(
         parents: the part tree, -1 for a root; all of them for independent objects.
         order: for "ps", all partitions, each after its parent; by default level by level, which
             for objects is 0, 1, ..., P-1.
-        swap: for "sps".
+        swap: for "sps"; roots are exchanged only if no part hangs on them.
         reassembly: for "dps".
     """
     tree = check_tree(parents)
@@ -222,7 +222,8 @@ def named(
             "object once."
         )
     if method == "sps":
-        return sps(tree, swap)
+        # Exact: roots that carry parts keep their pasts.
+        return sps(tree, swap, exchange_roots=all(parent < 0 for parent in tree))
     if method == "dps":
         if any(parent >= 0 for parent in tree):
             raise InputError(

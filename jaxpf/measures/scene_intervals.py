@@ -63,13 +63,18 @@ def paired_rates_interval(first: ArrayLike, second: ArrayLike, level: float = 0.
         first: ``[S]``, each scene's rate, 0 to 1.
         second: likewise.
         level: confidence, in (0, 1).
+
+    Returns:
+        Scalars; the ends are NaN with fewer than two scenes.
     """
     first, second = np.asarray(first, float), np.asarray(second, float)
+    if len(first) < 2:
+        return scene_interval(first - second)
     both = [scene_interval(rates, level, (0.0, 1.0)) for rates in (first, second)]
     varies = np.ptp(first) > 0 and np.ptp(second) > 0
     correlation = float(np.corrcoef(first, second)[0, 1]) if varies else 0.0
     ends = newcombe_ends(*((rate.value, rate.lower, rate.upper) for rate in both), correlation)
-    error = (first - second).std(ddof=1) / math.sqrt(len(first)) if len(first) > 1 else math.nan
+    error = (first - second).std(ddof=1) / math.sqrt(len(first))
     return Interval(both[0].value - both[1].value, error, *ends)
 
 

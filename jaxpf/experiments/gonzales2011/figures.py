@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.experiments.gonzales2011.measure import Found
+from jaxpf.experiments.gonzales2011.measure import Measurement
 from jaxpf.experiments.gonzales2011.scenes import DYNAMICS, METHODS, Outcomes
 from jaxpf.media import plotting
 
 
-def figures(found: Found) -> dict[str, Any]:
+def figures(measured: Measurement) -> dict[str, Any]:
     """All figures by the stem of their files."""
-    return curves(found.outcomes)
+    return curves(measured.outcomes)
 
 
 def curves(outcomes: Outcomes) -> dict[str, Any]:

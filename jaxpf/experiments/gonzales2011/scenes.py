@@ -24,7 +24,7 @@ from jaxpf.running import run
 from jaxpf.targets.articulated import OfFixedSize, parts_model
 
 #: Runs on each sequence; sequences are the units of the intervals.
-RUNS_PER_SCENE = 5
+RUNS_PER_SCENE = 1
 #: Sequences that are tracked together.
 _TOGETHER = 10
 #: Samples per side of a part: d^2 is off by .017 (standard deviation), the log-likelihood by .8.

@@ -1,19 +1,17 @@
 """What figures 8 to 11 show as tables, table 1, and what they rest on."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from jaxpf.experiments.claims import Measured, Quantity
 from jaxpf.experiments.comparison_table import Cell, Rows, Table
 from jaxpf.experiments.estimates import mean_cell, only, ratio_of
-from jaxpf.experiments.gonzales2011 import accuracy, flies, times
-from jaxpf.experiments.gonzales2011.measure import Found
+from jaxpf.experiments.gonzales2011 import times
+from jaxpf.experiments.gonzales2011.measure import Measurement
 from jaxpf.experiments.gonzales2011.published import (
     FRAMES,
     RUNS,
-    SHARPNESS,
     SLIP,
     TABLE_1,
     TABLE_1_PARTICLES,
@@ -24,15 +22,13 @@ from jaxpf.experiments.gonzales2011.times import Times
 from jaxpf.measures.timing import median_interval
 
 
-def tables(found: Found) -> list[Table]:
+def tables(measured: Measurement) -> list[Table]:
     """All of them, in the order in which they are shown."""
     return [
-        *error_tables(found.outcomes),
-        *([] if found.flies is None else [fly_table(found.flies)]),
-        *time_tables(found.times),
-        growth_table(found.times),
-        accuracy_table(),
-        *([] if found.largest is None else [speed_table(found.largest)]),
+        *error_tables(measured.outcomes),
+        *time_tables(measured.times),
+        growth_table(measured.times),
+        *([] if measured.largest is None else [speed_table(measured.largest)]),
     ]
 
 
@@ -41,17 +37,15 @@ def by_scene(values: np.ndarray) -> np.ndarray:
     return np.nanmean(values, axis=(1, 2))
 
 
-def gain(ours: np.ndarray, base: np.ndarray, what: str = "", **claimed: Any) -> Quantity:
-    """How much less a method has than PS, in per cent of PS.
+def gain(ours: np.ndarray, base: np.ndarray, what: str = "") -> Quantity:
+    """How much less a method has than PS, in per cent of PS: 1 less the geometric mean of ratios.
 
-    The geometric mean of the sequences' ratios: the plain mean of two methods that lose as much by
-    turns is above one for either way to divide, and says that each is worse than the other.
+    The plain mean of ratios can be above 1 whichever method is divided by the other.
 
     Args:
         ours: of each sequence, ``[S]``.
         base: of PS.
         what: for reports.
-        claimed: ``at_least``, ``at_most``, ``margin``.
     """
     ratio = ratio_of(ours, base)
 
@@ -59,7 +53,7 @@ def gain(ours: np.ndarray, base: np.ndarray, what: str = "", **claimed: Any) -> 
         low, high = ratio.interval(level)
         return 100 * (1 - high), 100 * (1 - low)
 
-    return Quantity(what, 100 * (1 - ratio.value), interval, **claimed)
+    return ratio._replace(value=100 * (1 - ratio.value), interval=interval, what=what)
 
 
 def error_tables(outcomes: Outcomes) -> list[Table]:
@@ -104,36 +98,6 @@ def error_tables(outcomes: Outcomes) -> list[Table]:
             ),
         ]
     return tables
-
-
-def fly_table(found: Mapping[str, np.ndarray]) -> Table:
-    """Mean distance of the joints, by the kind of joint."""
-    kinds = {
-        "all joints": list(range(len(flies.SEGMENTS) + 1)),
-        "neck, thorax, head": [0, 1, 2],
-        "abdomen, wings": [3, 4, 5],
-        "knees": list(range(6, 12)),
-        "feet": list(range(12, 18)),
-    }
-    rows: Rows = [
-        (
-            method,
-            [
-                mean_cell(np.nanmean(distance[..., joints], axis=(1, 2)), 2)
-                for joints in kinds.values()
-            ],
-        )
-        for method, distance in found.items()
-    ]
-    return Table(
-        "flies",
-        f"{flies.CLIP}, fly {flies.FLY}: mean distance of the joints from those marked (pixels)",
-        ["", *kinds],
-        rows,
-        f"{len(flies.SEGMENTS)} parts, N = {flies.PARTICLES}, relative dynamics, frames 1 to "
-        f"{next(iter(found.values())).shape[1]}; the marks are a network's, not a person's.  Not "
-        "in the paper.",
-    )
 
 
 def time_tables(found: Times) -> list[Table]:
@@ -224,25 +188,6 @@ def growth_table(found: Times) -> Table:
         rows,
         "At most as much as linear: what a frame costs once for all parts and particles counts "
         "less and less.",
-    )
-
-
-def accuracy_table(num_parts: int = 7, poses_per_part: int = 40) -> Table:
-    """The sampled log-likelihood against one that counts every pixel."""
-    rows = []
-    for samples in (8, SAMPLES, 12, 16):
-        error = accuracy.likelihood_errors(samples, num_parts, poses_per_part)
-        # Within a part: what all its particles share changes no weight.
-        spread = np.sqrt(error.var(axis=1, ddof=1).mean())
-        rows.append((f"{samples} x {samples}", [f"{error.mean():.2f}", f"{spread:.2f}"]))
-    return Table(
-        "likelihood_error",
-        "Log-likelihood from samples of a part, less that from every pixel",
-        ["samples", "mean", "standard deviation"],
-        rows,
-        f"Sharpness {SHARPNESS:g}; {num_parts} parts, poses strewn around the truth as the "
-        "absolute dynamics strew them.  The mean is nearly the same for all particles of a part "
-        "and leaves their weights alone; the standard deviation is that around the part's mean.",
     )
 
 

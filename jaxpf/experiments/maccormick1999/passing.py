@@ -24,7 +24,7 @@ class Method(NamedTuple):
         exclusion: of its likelihood.
         ordering: ``"ps"``, or ``"sir"``: ordinary Condensation.
         num_particles: N.
-        one_in: it tracks one of so many sequences, the first ones: dear filters see fewer.
+        one_in: it tracks the first 1 / one_in of the sequences; slow filters track fewer.
         flip: see ``tracker_of``.
     """
 
@@ -49,21 +49,25 @@ FAILING, ENOUGH = (
 LEAVES = {
     PARTITIONED: Method("opaque", "ps", published.LEAF_PARTICLES),
     PARTITIONED + PUBLISHED_FLIP: Method(
-        "opaque", "ps", published.LEAF_PARTICLES, 5, published.DELTA
+        "opaque", "ps", published.LEAF_PARTICLES, 2, published.DELTA
     ),
     "PS, 100": Method("opaque", "ps", 100, 5),
     "PS, 300": Method("opaque", "ps", 300, 5),
     "SIR, 100": Method("opaque", "sir", 100, 5),
     "SIR, 300": Method("opaque", "sir", 300, 5),
     AS_MANY: Method("opaque", "sir", published.LEAF_PARTICLES, 5),
-    FAILING: Method("opaque", "sir", published.LEAF_PARTICLES_FAILING, 5),
-    ENOUGH: Method("opaque", "sir", published.LEAF_PARTICLES_ENOUGH, 5),
+    FAILING: Method("opaque", "sir", published.LEAF_PARTICLES_FAILING, 2),
+    ENOUGH: Method("opaque", "sir", published.LEAF_PARTICLES_ENOUGH, 2),
+}
+FIGURE_11 = {
+    PARTITIONED: LEAVES[PARTITIONED],
+    AS_MANY: LEAVES[AS_MANY]._replace(one_in=1),
 }
 OCCLUSION, INDEPENDENT = "occlusion", "independent"
 WALKERS = {
     OCCLUSION: Method("opaque", "ps", published.WALKER_PARTICLES),
-    INDEPENDENT: Method("none", "ps", published.WALKER_PARTICLES, 5),
-    OCCLUSION + CONDENSATION: Method("opaque", "sir", published.WALKER_PARTICLES, 5),
+    INDEPENDENT: Method("none", "ps", published.WALKER_PARTICLES, 2),
+    OCCLUSION + CONDENSATION: Method("opaque", "sir", published.WALKER_PARTICLES, 2),
     INDEPENDENT + CONDENSATION: Method("none", "sir", published.WALKER_PARTICLES, 10),
 }
 
@@ -115,12 +119,6 @@ class Passing(NamedTuple):
             of_front = of_front[:, case.hidden > MUCH_HIDDEN]
             found.append(np.mean(np.where(np.isnan(of_front), np.nan, of_front > 0.5)))
         return np.array(found)
-
-    @property
-    def frames_judged(self) -> int:
-        """Frames of a sequence in which labels are judged, the mean over all."""
-        much = [np.sum(case.hidden > MUCH_HIDDEN) for case in self.cases]
-        return max(round(float(np.mean(much))), 1)
 
     def ess(self, method: str) -> np.ndarray:
         """``[cases]``, mean over the runs and the first frames."""
@@ -176,7 +174,7 @@ def measure(
 ) -> Passing:
     """Track cases ``runs`` times by each method; their runs follow their seeds."""
     kept: list[Case] = []
-    # Two at least: one tells nothing of how sequences differ.
+    # At least two, for an interval.
     least = min(len(seeds), 2)
     last = {name: max(len(seeds) // method.one_in, least) for name, method in methods.items()}
     tracked = [[name for name in methods if number < last[name]] for number in range(len(seeds))]

@@ -17,7 +17,7 @@ from jaxpf.models.dynamics import FirstOrder
 from jaxpf.models.geometry import area, intersection_area
 from jaxpf.models.likelihoods.pixels import pixels
 
-#: Runs on each scene.  Scenes differ more than runs do.
+#: Runs on each scene: claims about the variance from run to run need several.
 RUNS_PER_SCENE = 4
 
 
@@ -43,7 +43,7 @@ class Settings(NamedTuple):
     rates: tuple[float, float]
 
 
-#: Found by ``calibration.calibrate`` on its own seeds, each variant by itself.
+#: Chosen for each variant by itself; ``settings.csv`` says how.
 TUNED = {
     "both": Settings(1.5, 0.02, 1.2, 50.0, 1.0, 0.5, (0.7, 0.2)),
     "neither": Settings(2.5, 0.02, 1.2, 40.0, 1.0, 0.5, (0.9, 0.4)),

@@ -6,25 +6,22 @@ import numpy as np
 
 from jaxpf.experiments.comparison_table import Rows, Table
 from jaxpf.experiments.estimates import mean_cell, share_cell
-from jaxpf.experiments.rowe2005 import bias, births, distracter, published
-from jaxpf.experiments.rowe2005.measure import Found
+from jaxpf.experiments.rowe2005 import published
+from jaxpf.experiments.rowe2005.measure import Measurement
 from jaxpf.experiments.rowe2005.scenes import VARIANTS, Outcome, Settings, settings_of
 
 COMBINATIONS = ("neither", "regularising only", "feedback only", "both")
 
 
-def tables(found: Found) -> list[Table]:
+def tables(measured: Measurement) -> list[Table]:
     """All of them, in the order in which they are shown."""
     return [
-        share_table(found.outcome),
-        error_table(found.outcome),
-        likelihood_table(found.outcome, found.crossing),
-        size_table(found.outcome),
-        variance_table(found.outcome),
+        share_table(measured.outcome),
+        error_table(measured.outcome),
+        likelihood_table(measured.outcome, measured.crossing),
+        size_table(measured.outcome),
+        variance_table(measured.outcome),
         settings_table(),
-        bias.bias_table(found.bias),
-        distracter.table(found.compared),
-        *([] if found.births is None else [births.births_table(found.births)]),
     ]
 
 
@@ -192,7 +189,7 @@ def size_table(outcome: Outcome) -> Table:
 
 
 def variance_table(outcome: Outcome) -> Table:
-    """How far estimates vary from run to run, and what a run tells of it."""
+    """How far estimates vary from run to run, and what a run shows of it."""
     rows: Rows = [
         (
             variant,
@@ -227,8 +224,7 @@ def settings_table() -> Table:
         "Settings of the tracker, found for each variant on other seeds",
         ["", *Settings._fields],
         rows,
-        "Noises in pixels a frame, sigma in grey levels; `jaxpf reproduce rowe2005 --calibrate` "
-        "repeats the search.",
+        "Noises in pixels a frame, sigma in grey levels.",
     )
 
 

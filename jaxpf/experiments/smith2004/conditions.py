@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.experiments.smith2004.orders import best_over_worst
+from jaxpf.experiments.smith2004.orders import best_and_worst
 from jaxpf.experiments.smith2004.scenes import SCENE, all_orderings, measure
 from jaxpf.filters.resampling import ancestors
 from jaxpf.pytree import pytree_dataclass, static_field
@@ -155,6 +155,7 @@ def measure_conditions(
             ps, dps = orders.mean(axis=1), rates[:, outcome.of("DPS")[0]]
             # The shift by k comes to object 1 at stage -k.
             by_stage = orders[:, -np.arange(orders.shape[1])]
-            found.append(Condition(count, ending, ps, best_over_worst(orders), dps - ps, by_stage))
+            best, worst = best_and_worst(orders)
+            found.append(Condition(count, ending, ps, best - worst, dps - ps, by_stage))
             report(f"  N = {count}, {ending}: done")
     return found

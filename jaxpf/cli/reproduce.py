@@ -9,13 +9,13 @@ from typing import Any
 
 import click
 
-from jaxpf.cli.cluster import cluster
-from jaxpf.cli.config import config_option, write_config
-from jaxpf.cli.console import print_table
-from jaxpf.cli.speaking import Speaking
-from jaxpf.cli.startup import start_jax
+from jaxpf.cli.evaluating.cluster import cluster
+from jaxpf.cli.shared.config import config_option, write_config
+from jaxpf.cli.shared.console import print_table
+from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.startup import start_jax
 
-#: As ``jaxpf.experiments.paper.PAPERS``, without importing it.
+#: As ``jaxpf.papers.paper.PAPERS``, without importing it.
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
 
 
@@ -64,7 +64,7 @@ def command(
     Published figures stand left of ours, which have 95 % intervals.  Every claim is supported,
     contradicted or open.  After an interruption, the same command resumes.
     """
-    from jaxpf.errors import InputError
+    from jaxpf.contract.errors import InputError
     from jaxpf.files.writing import prepare_output_folder
 
     if not 0 <= seed < 2**20:
@@ -73,9 +73,10 @@ def command(
     options = {"paper": paper, "scenes": scenes, "seed": seed, "quick": quick, "data": data}
     settings = options | {"data": data and str(data.resolve())}
     start_jax()
-    from jaxpf.experiments import comparison_table, parts, verdicts
-    from jaxpf.experiments.claims import RULE
-    from jaxpf.experiments.paper import paper_of
+    from jaxpf.papers.judging import comparison_table, verdicts
+    from jaxpf.papers.judging.claims import RULE
+    from jaxpf.papers.measuring import checkpoints
+    from jaxpf.papers.paper import paper_of
 
     began = time.perf_counter()
     chosen = paper_of(paper)
@@ -85,11 +86,11 @@ def command(
     if dask:
         executor = click.get_current_context().with_resource(cluster(dask)).executor
     output = output or Path(f"jaxpf-{paper}-quick" if quick else f"jaxpf-{paper}")
-    resumes = parts.can_resume(output, settings)
+    resumes = checkpoints.can_resume(output, settings)
     folder = prepare_output_folder(output, overwrite or resumes)
     if resumes:
         click.echo(f"Resuming from '{folder}'.")
-    with parts.sharing(executor), parts.keeping(output, settings):
+    with checkpoints.sharing(executor), checkpoints.keeping(output, settings):
         comparison = chosen.compare(request)
         written = comparison_table.write(comparison, folder, _typed(options))
     for table in comparison.tables:
@@ -121,7 +122,7 @@ def _typed(options: Mapping[str, Any]) -> str:
 
 def _data_folder(given: Path | None) -> Path | None:
     """The folder named by ``--data`` or ``JAXPF_DATA``; None if neither is."""
-    from jaxpf.errors import InputError
+    from jaxpf.contract.errors import InputError
 
     from_environment = os.environ.get("JAXPF_DATA", "")
     if given is None and not from_environment:

@@ -5,7 +5,7 @@ import textwrap
 import click
 
 from jaxpf.cli.reproduce import PAPERS
-from jaxpf.cli.speaking import Speaking
+from jaxpf.cli.shared.speaking import Speaking
 
 
 @click.command("verdicts", cls=Speaking)
@@ -22,8 +22,8 @@ def command(papers: tuple[str, ...], details: bool) -> None:
     Nothing is run; `jaxpf reproduce PAPER` measures a paper again.
     PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999; all by default.
     """
-    from jaxpf.experiments import verdicts
-    from jaxpf.experiments.claims import RULE
+    from jaxpf.papers.judging import verdicts
+    from jaxpf.papers.judging.claims import RULE
 
     for paper in papers or PAPERS:
         for line in verdicts.report(paper, verdicts.stored(paper), details):

@@ -1,0 +1,43 @@
+"""Everything that is measured for the paper."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from jaxpf.papers.eskil2014 import methods, published, speed
+from jaxpf.papers.eskil2014.scenes import Outcome
+from jaxpf.papers.eskil2014.scenes import measure as measure_scenes
+from jaxpf.papers.measuring.checkpoints import part
+from jaxpf.papers.paper import Request
+
+_QUICK_FRAMES = 60
+#: Timings of table 3.
+_REPEATS, _QUICK_REPEATS = 5, 3
+
+
+class Measurement(NamedTuple):
+    """Everything that was measured.
+
+    Attributes:
+        outcomes: on every kind of scene.
+        rates: sequence -> method -> frames per second, one for each timing.
+    """
+
+    outcomes: Mapping[str, Outcome]
+    rates: speed.Rates
+
+
+def measure(request: Request) -> Measurement:
+    """Measure all of it."""
+    quick, seeds, report = request.quick, request.seeds, request.report
+    names = ["platty"] if quick else list(published.SEQUENCES)
+    filters = methods.QUICK if quick else methods.FILTERS
+    shorter = {"num_frames": _QUICK_FRAMES} if quick else {}
+    outcomes = {}
+    for name in names:
+        scene, scale = published.SEQUENCES[name].scene, published.SEQUENCES[name].scale_here
+        report(f"{name}: {len(seeds)} scenes, one run of every method on each")
+        outcomes[scene] = measure_scenes(scene, scale, seeds, filters, report=report, **shorter)
+    report("Table 3: frames per second")
+    repeats = _QUICK_REPEATS if quick else _REPEATS
+    rates = part("speed", lambda: speed.measure(names, repeats, with_spot=not quick))
+    return Measurement(outcomes, rates)

@@ -1,0 +1,124 @@
+"""The runs behind the tables: all methods on a set of scenes."""
+
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import scenes
+from jaxpf.evaluation.baselines.optical_flow import follow_points
+from jaxpf.measures import points as measures
+from jaxpf.papers.eskil2014 import methods
+from jaxpf.papers.measuring.checkpoints import Measure, each
+from jaxpf.running.blocks import monte_carlo
+
+#: Runs on each scene; the paper has one film of each kind.
+RUNS_PER_SCENE = 1
+
+
+class Outcome(NamedTuple):
+    """S scenes of one kind, R runs on each (1 of a deterministic method), T frames, P points.
+
+    Attributes:
+        scene: name of the kind.
+        names: of the points.
+        errors: method -> ``[S, R, T, P]``, distances over the body's length.
+        visible: ``[S, T, P]`` bool.
+    """
+
+    scene: str
+    names: tuple[str, ...]
+    errors: Mapping[str, np.ndarray]
+    visible: np.ndarray
+
+
+def measure(
+    scene: str,
+    scale: float,
+    seeds: Sequence[int],
+    filters: Sequence[str] = methods.FILTERS,
+    others: Sequence[str] = methods.OTHERS,
+    report: Callable[[str], None] = print,
+    **parameters: Any,
+) -> Outcome:
+    """Track the scenes of the seeds by all methods.
+
+    Args:
+        scene: name of a scene of points.
+        scale: sigma_t, pixels.
+        seeds: of the scenes, S.
+        filters: of ``methods.FILTERS``.
+        others: of ``methods.OTHERS``.
+        report: takes a line of progress.
+        parameters: of the scene, where they differ from its defaults.
+    """
+    errors: dict[str, list[np.ndarray]] = {}
+    visible, names = [], ()
+
+    def parts() -> Iterator[tuple[str, Measure]]:
+        for seed in seeds:
+            args = scene, seed, parameters, scale, filters, others
+            yield f"{scene}-{seed}", functools.partial(_on_scene, *args)
+
+    for done, (seed, places) in enumerate(zip(seeds, each(parts()), strict=True), start=1):
+        drawn = _drawn(scene, seed, **parameters)
+        truth, names = drawn.extras["points"], drawn.extras["point_names"]
+        for method, estimates in places.items():
+            distance = measures.distances(estimates, truth[1:], drawn.extras["body_length"][1:])
+            errors.setdefault(method, []).append(distance)
+        visible.append(drawn.extras["visible"][1:])
+        report(f"  {scene}: scene {done} of {len(seeds)} done")
+    stacked = {method: np.stack(each) for method, each in errors.items()}
+    return Outcome(scene, tuple(names), stacked, np.stack(visible))
+
+
+@functools.lru_cache(maxsize=1)  # used to track and then to judge
+def _drawn(scene: str, seed: int, **parameters: Any) -> scenes.Scene:
+    return scenes.make(scene, seed=seed, **parameters)
+
+
+def _on_scene(
+    scene: str,
+    seed: int,
+    parameters: Mapping[str, Any],
+    scale: float,
+    filters: Sequence[str],
+    others: Sequence[str],
+) -> dict[str, np.ndarray]:
+    """``track`` on a scene that is drawn where the work is done."""
+    drawn = _drawn(scene, seed, **parameters)
+    return track(drawn.frames, drawn.extras["points"][0], scale, filters, others, seed)
+
+
+def track(
+    frames: np.ndarray,
+    points: np.ndarray,
+    scale: float,
+    filters: Sequence[str],
+    others: Sequence[str],
+    seed: int,
+) -> dict[str, np.ndarray]:
+    """Method -> places ``[R, T, P, 2]`` in the frames after the first, in which points start."""
+    later = jnp.asarray(frames[1:])
+    found = {
+        name: places_of(tracker, later, RUNS_PER_SCENE, seed)
+        for name, tracker in methods.trackers(frames[0], points, scale, filters).items()
+    }
+    if methods.FLOW in others:
+        found[methods.FLOW] = follow_points(frames, points)[0][None]
+    if "not moving" in others:
+        found["not moving"] = np.broadcast_to(points, (1, len(later), *points.shape))
+    return found
+
+
+def places_of(tracker: Any, later: Any, runs: int, seed: int) -> np.ndarray:
+    """Places ``[R, T, P, 2]`` that a tracker finds in the frames after the first."""
+    keys = jax.random.split(jax.random.key(seed), runs)
+    return np.asarray(monte_carlo(tracker, keys, later, _estimate, batch_size=runs))
+
+
+def _estimate(state: Any, summary: Any) -> Any:
+    return summary.estimate

@@ -1,0 +1,149 @@
+"""The figures that judge the paper's claims, by the claims' keys.
+
+Keys without a prefix are of the paper's own swap and dynamics.  "combinatorial" is the unbiased
+swap; under "relative" dynamics parts follow their parents.  At equal time SPS has as many particles
+as take the time of PS.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from jaxpf.evaluation.equal_time import between, times_of
+from jaxpf.measures import metrics
+from jaxpf.ordering import named
+from jaxpf.papers.gonzales2011.measure import Measurement
+from jaxpf.papers.gonzales2011.published import (
+    FIGURE_8_PARTICLES,
+    FIGURE_8_PARTS,
+    FIGURE_9_PARTICLES,
+    FIGURE_10_PARTICLES,
+    FIGURE_11_PARTICLES,
+    FIGURE_11_PARTS,
+    PARTS,
+)
+from jaxpf.papers.gonzales2011.scenes import DYNAMICS, Outcomes
+from jaxpf.papers.gonzales2011.tables import by_scene, gain
+from jaxpf.papers.gonzales2011.times import AT_MOST, METHODS, Times
+from jaxpf.papers.judging.claims import Quantity, computed
+from jaxpf.papers.judging.estimates import ratio_of, share_of
+
+Quantities = dict[str, Sequence[Quantity]]
+_SWAPS = ("sorted", "combinatorial")
+
+
+def quantities(measured: Measurement) -> Quantities:
+    """Key of a claim -> its figures; claims without a measured cell are left out."""
+    found: Quantities = {"resamplings": resamplings()}
+    times = {**measured.times, **measured.others}
+    for dynamics in DYNAMICS:
+        for swap in _SWAPS:
+            found |= of_curves(measured.outcomes, dynamics, swap)
+            found[f"equal_time_{swap}_{dynamics}"] = [
+                part
+                for num_parts in FIGURE_8_PARTS
+                for part in at_equal_time(
+                    measured.outcomes, times, dynamics, f"SPS {swap}", num_parts
+                )
+            ]
+    return found | of_times(measured.times)
+
+
+def of_curves(outcomes: Outcomes, dynamics: str, swap: str) -> Quantities:
+    """Figures 8 to 11: per cent by which SPS is below PS."""
+    own = (dynamics, swap) == (DYNAMICS[0], _SWAPS[0])
+    prefix = "" if own else f"{swap}_{dynamics}_"
+
+    def gains(motion: str, parts: Sequence[int], number: int, measure: str) -> list[Quantity]:
+        found = []
+        for num_parts in parts:
+            if outcome := outcomes.get((motion, num_parts, number)):
+                values = getattr(outcome, measure)
+                ours, base = (by_scene(values[dynamics, m]) for m in (f"SPS {swap}", "PS"))
+                found.append(gain(ours, base, f"{num_parts} parts"))
+        return found
+
+    erratic = partial(gains, "erratic", [FIGURE_11_PARTS], FIGURE_11_PARTICLES)
+    found = {
+        f"{prefix}error_{number}": gains("smooth", FIGURE_8_PARTS, number, "error")
+        for number in FIGURE_8_PARTICLES
+    }
+    return found | {
+        f"{prefix}variance": gains("smooth", FIGURE_8_PARTS, FIGURE_9_PARTICLES, "variance"),
+        f"{prefix}strong_start": gains("strong_start", PARTS, FIGURE_10_PARTICLES, "error"),
+        f"{prefix}erratic_error": erratic("error"),
+        f"{prefix}erratic_variance": erratic("variance"),
+    }
+
+
+def resamplings() -> list[Quantity]:
+    """How many times as often PS resamples in a frame as SPS."""
+    found = []
+    for num_parts in FIGURE_8_PARTS:
+        tree = [-1 if part == 0 else max(part - 2, 0) for part in range(num_parts)]
+        ps, sps = (
+            int(metrics.resamplings_per_frame(named(method, tree).resample_after))
+            for method in ("ps", "sps")
+        )
+        found.append(computed(ps / sps, f"{num_parts} parts, {ps} / {sps}"))
+    return found
+
+
+def of_times(times: Times) -> Quantities:
+    """Table 1: cells in which SPS is at most 4 % slower than PS; each has a kernel of its own."""
+    found = {}
+    for method in METHODS[1:]:
+        slower = [np.median(cell[method] / cell["PS"]) for cell in times.values()]
+        key = f"time_{method.removeprefix('SPS ')}"
+        found[key] = [share_of((np.array(slower) <= AT_MOST)[:, None])]
+    return found
+
+
+def at_equal_time(
+    outcomes: Outcomes, times: Times, dynamics: str, method: str, num_parts: int
+) -> list[Quantity]:
+    """Figure 8 for every N of PS whose time lies between those of two N of SPS.
+
+    The number of particles of SPS that takes PS's time, and its error there, are read off straight
+    lines over logarithms, as in ``jaxpf.evaluation.equal_time``, the error scene by scene.
+    Intervals cover what is read off at either end of the interval of the times' ratio.
+    """
+    tracked = sorted(
+        number for motion, parts, number in outcomes if (motion, parts) == ("smooth", num_parts)
+    )
+    timed = [number for number in tracked if (num_parts, number) in times]
+
+    def seconds(name: str) -> np.ndarray:
+        return times_of([1 / np.median(times[num_parts, number][name]) for number in timed])
+
+    def errors(name: str, number: int) -> np.ndarray:
+        return by_scene(outcomes["smooth", num_parts, number].error[dynamics, name])
+
+    def read_off(number: int, spent: float) -> Quantity | None:
+        if (among := between(seconds(method), spent)) is None:
+            return None
+        place, share = among
+        affords = timed[place] ** (1 - share) * timed[place + 1] ** share
+        if (among := between(tracked, affords)) is None:
+            return None
+        place, share = among
+        fewer, more = (errors(method, each) for each in tracked[place : place + 2])
+        what = f"{num_parts} parts, N = {number}, of SPS {affords:.0f}"
+        return gain((1 - share) * fewer + share * more, errors("PS", number), what)
+
+    found = []
+    for number, spent in zip(timed, seconds("PS"), strict=False):
+        both = times[num_parts, number]
+        ratio = ratio_of(both["PS"], both[method])
+        ends = [float(spent) * end / ratio.value for end in ratio.interval(0.95)]
+        parts = [part for each in (spent, *ends) if (part := read_off(number, float(each)))]
+        if len(parts) == 3:
+            found.append(parts[0]._replace(interval=partial(_widest, parts)))
+    return found
+
+
+def _widest(parts: Sequence[Quantity], level: float) -> tuple[float, float]:
+    """From the lowest end of the parts' intervals to the highest."""
+    lows, highs = zip(*(part.interval(level) for part in parts), strict=True)
+    return min(lows), max(highs)

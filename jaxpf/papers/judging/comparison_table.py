@@ -1,0 +1,249 @@
+"""The result of repeating a paper: published figures beside ours, claims with verdicts, plots.
+
+A ``Comparison`` is written as Markdown, CSV, JSON and PNG.
+"""
+
+import csv
+import dataclasses
+import datetime
+import io
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jaxpf import __version__
+from jaxpf.files.writing import atomic_write
+from jaxpf.papers.judging.claims import GROUPS, RULE, Judged, Measured
+
+
+@dataclasses.dataclass(frozen=True)
+class Cell:
+    """A published figure and ours; either may be missing.
+
+    Attributes:
+        published: the paper's figure, or None where it has none.
+        measured: ours with its 95 % interval, or None.
+        digits: decimal places to show.
+    """
+
+    published: float | None = None
+    measured: Measured | None = None
+    digits: int = 0
+
+    def text(self) -> str:
+        """``published | measured [low, high]``, with a dash for what is missing."""
+        left = "–" if self.published is None else f"{self.published:.{self.digits}f}"
+        if self.measured is None or math.isnan(self.measured.value):
+            return f"{left} | –"
+        value, low, high = (f"{x:.{self.digits}f}" for x in self.measured)
+        interval = "" if math.isnan(self.measured.low) else f" [{low}, {high}]"
+        return f"{left} | {value}{interval}"
+
+
+#: A label and a cell, or a text, per column.
+Rows = list[tuple[str, Sequence[Cell | str]]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """One table; every row has a label, and a cell or a text per column.
+
+    Attributes:
+        name: stem of its CSV file.
+        title: one line above it, with the units.
+        columns: header, the label's column first.
+        rows: ``(label, cells)``.
+        note: what a reader must know; may be empty.
+    """
+
+    name: str
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[tuple[str, Sequence[Cell | str]]]
+    note: str = ""
+
+    def texts(self) -> list[list[str]]:
+        """Rows of text, to print."""
+        return [
+            [label, *(cell if isinstance(cell, str) else cell.text() for cell in cells)]
+            for label, cells in self.rows
+        ]
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """A paper's figures beside ours.
+
+    Attributes:
+        paper: key of the paper, such as "smith2004".
+        title: one line.
+        tables: in the order in which they are shown.
+        claims: with their verdicts.
+        figures: stem of the file -> matplotlib figure.
+        notes: sentences on what was done, and its limits.
+        settings: all that is needed to repeat the run; JSON values.
+    """
+
+    paper: str
+    title: str
+    tables: Sequence[Table]
+    claims: Sequence[Judged]
+    figures: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    notes: Sequence[str] = ()
+    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+
+#: Columns of ``verdicts.csv``.
+VERDICT_FIELDS = ("key", *Judged._fields[1:])
+
+
+def markdown(comparison: Comparison) -> str:
+    """The whole comparison as one Markdown text; figures are linked by their file names."""
+    lines = [f"# {comparison.title}", ""]
+    if comparison.tables:
+        lines += ["Cells read: published | measured [95 % interval].", ""]
+    for table in comparison.tables:
+        lines += [f"## {table.title}", "", *markdown_table(table.columns, table.texts()), ""]
+        if table.note:
+            lines += [table.note, ""]
+    if comparison.claims:
+        lines += ["## Claims", "", RULE, "", *claims_markdown(comparison.claims)]
+    for stem in comparison.figures:
+        lines += [f"![{stem}]({stem}.png)", ""]
+    if comparison.notes:
+        lines += ["## Notes", "", *(f"- {note}" for note in comparison.notes), ""]
+    return "\n".join(lines)
+
+
+def claims_markdown(claims: Sequence[Judged]) -> list[str]:
+    """A table of the claims of every group, as lines of Markdown."""
+    lines = []
+    for group, title in GROUPS.items():
+        rows = [
+            [claim.sentence, claim.source, claim.published, each.figures, each.verdict]
+            for each in claims
+            if (claim := each.claim).group == group
+        ]
+        if rows:
+            columns = ("claim", "source", "published", "ours", "verdict")
+            lines += [f"### {title.capitalize()}", "", *markdown_table(columns, rows), ""]
+    return lines
+
+
+def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """A table as lines of Markdown."""
+
+    def line(cells: Sequence[str]) -> str:
+        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+    return [line(columns), "|" + " --- |" * len(columns), *(line(row) for row in rows)]
+
+
+def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
+    """Write ``PAPER.md``, ``PAPER.json``, ``verdicts.csv``, a CSV per table and the figures.
+
+    Args:
+        comparison: what is written.
+        folder: where to; it exists.
+        command: repeats the measurement; ``verdicts.csv`` has it, with version and date.
+
+    Returns:
+        The names of the files, in the order written.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    from jaxpf.media import plotting
+
+    written = []
+
+    def text(name: str, content: str) -> None:
+        with atomic_write(folder / name) as file:
+            file.write(content)
+        written.append(name)
+
+    for table in comparison.tables:
+        text(f"{table.name}.csv", table_csv(table))
+    if comparison.claims:
+        text("verdicts.csv", _csv([VERDICT_FIELDS, *_verdict_rows(comparison, command)]))
+    for stem, figure in comparison.figures.items():
+        plotting.save_figure(figure, folder / f"{stem}.png")
+        written.append(f"{stem}.png")
+    text(f"{comparison.paper}.json", json.dumps(as_json(comparison), indent=1) + "\n")
+    text(f"{comparison.paper}.md", markdown(comparison))
+    return written
+
+
+def _verdict_rows(comparison: Comparison, command: str) -> list[list[str]]:
+    today = datetime.date.today().isoformat()
+    dated = (
+        each._replace(command=command, version=__version__, date=today)
+        for each in comparison.claims
+    )
+    return [[each.claim.key, *each[1:]] for each in dated]
+
+
+def table_csv(table: Table) -> str:
+    """Long form: a line per cell, with its published and measured figures in columns."""
+    header = ("row", "column", "published", "measured", "low", "high", "text")
+    lines: list[Sequence[Any]] = [header]
+    for label, cells in table.rows:
+        for column, cell in zip(table.columns[1:], cells, strict=True):
+            if isinstance(cell, str):
+                lines.append((label, column, "", "", "", "", cell))
+                continue
+            published = "" if cell.published is None else cell.published
+            measured = [""] * 3 if cell.measured is None else [f"{x:.6g}" for x in cell.measured]
+            lines.append((label, column, published, *measured, ""))
+    return _csv(lines)
+
+
+def as_json(comparison: Comparison) -> dict[str, Any]:
+    """Everything but the figures, as JSON values; NaN becomes null."""
+    content = {
+        "paper": comparison.paper,
+        "title": comparison.title,
+        "settings": dict(comparison.settings),
+        "notes": list(comparison.notes),
+        "claims": [
+            each.claim._asdict() | each._asdict() | {"claim": each.claim.claim}
+            for each in comparison.claims
+        ],
+        "tables": [
+            {
+                "name": table.name,
+                "title": table.title,
+                "note": table.note,
+                "columns": list(table.columns),
+                "rows": [
+                    {"label": label, "cells": [_json_cell(cell) for cell in cells]}
+                    for label, cells in table.rows
+                ],
+            }
+            for table in comparison.tables
+        ],
+    }
+    return _without_nan(content)
+
+
+def _json_cell(cell: Cell | str) -> Any:
+    if isinstance(cell, str):
+        return cell
+    measured = None if cell.measured is None else cell.measured._asdict()
+    return {"published": cell.published, "measured": measured}
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _csv(lines: Sequence[Sequence[Any]]) -> str:
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows(lines)
+    return buffer.getvalue()

@@ -1,0 +1,94 @@
+"""Figures with their intervals from what scenes gave: means, rates, ratios and differences.
+
+Scenes are the units of all intervals; on one clip alone its runs are (``trials [1, R]``).
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from jaxpf.measures.scene_intervals import paired_rates_interval, scene_interval
+from jaxpf.papers.judging.claims import Measured, Quantity
+from jaxpf.papers.judging.comparison_table import Cell
+
+
+def mean_of(
+    values: Any,
+    what: str = "",
+    bounds: tuple[float, float] | None = None,
+) -> Quantity:
+    """The mean of the scenes' figures ``[S]``; NaN is left out.  See ``scene_interval``."""
+    values = np.asarray(values, float)
+    values = values[np.isfinite(values)]
+
+    def interval(level: float) -> tuple[float, float]:
+        found = scene_interval(values, level, bounds)
+        return float(found.lower), float(found.upper)
+
+    value = float(values.mean()) if len(values) else math.nan
+    return Quantity(value, interval, max(len(values), 1), what)
+
+
+def ratio_of(first: Any, second: Any, what: str = "") -> Quantity:
+    """The geometric mean of the scenes' ratios ``[S]``, first over second.
+
+    Their plain mean is above 1 whichever figure is divided by the other.  Scenes in which one is
+    not finite or not above 0 are left out.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        logarithms = mean_of(np.log(np.asarray(first, float) / np.asarray(second, float)))
+
+    def interval(level: float) -> tuple[float, float]:
+        low, high = logarithms.interval(level)
+        return math.exp(low), math.exp(high)
+
+    return logarithms._replace(value=math.exp(logarithms.value), interval=interval, what=what)
+
+
+def rate_of(rates: Any, what: str = "") -> Quantity:
+    """The mean of the scenes' rates ``[S]``, 0 to 1, in per cent."""
+    return mean_of(100 * np.asarray(rates, float), what, (0.0, 100.0))
+
+
+def share_of(trials: Any, what: str = "") -> Quantity:
+    """The percentage of trials ``[S, trials]`` bool that succeeded."""
+    return rate_of(_by_unit(trials), what)
+
+
+def gap_of(first: Any, second: Any, what: str = "", chosen_among: int = 1) -> Quantity:
+    """The difference of two percentages of trials ``[S, trials]`` on the same scenes, in points."""
+    rates = _by_unit(first), _by_unit(second)
+
+    def interval(level: float) -> tuple[float, float]:
+        found = paired_rates_interval(*rates, level)
+        return 100 * float(found.lower), 100 * float(found.upper)
+
+    value = 100 * float(rates[0].mean() - rates[1].mean()) if len(rates[0]) else math.nan
+    return Quantity(value, interval, max(len(rates[0]), 1), what, chosen_among)
+
+
+def _by_unit(trials: Any) -> np.ndarray:
+    """The scenes' rates ``[S]``; of a single scene, its runs."""
+    trials = np.asarray(trials, float)
+    return trials[0] if len(trials) == 1 else trials.mean(axis=1)
+
+
+def mean_cell(values: Any, digits: int = 0, published: float | None = None) -> Cell:
+    """The mean of the scenes' figures ``[S]`` beside the published one."""
+    return Cell(published, mean_of(values).measured(), digits)
+
+
+def rate_cell(rates: Any, published: float | None = None) -> Cell:
+    """A percentage from the scenes' rates ``[S]``, 0 to 1, beside the published one."""
+    return Cell(published, rate_of(rates).measured())
+
+
+def share_cell(trials: Any, published: float | None = None) -> Cell:
+    """The percentage of trials ``[S, trials]`` bool beside the published one."""
+    return Cell(published, share_of(trials).measured())
+
+
+def only(value: float) -> Measured:
+    """A figure without an interval."""
+    return Measured(float(value), math.nan, math.nan)

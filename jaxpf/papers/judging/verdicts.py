@@ -1,0 +1,111 @@
+"""The stored verdicts on the papers' claims, and how verdicts are printed.
+
+Each paper's folder holds ``verdicts.csv``, which ``jaxpf reproduce`` writes, beside ``claims.csv``,
+and ``not_judged.csv``: what else the paper claims, and why it has no verdict.
+"""
+
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+
+from jaxpf.papers.judging.claims import (
+    CONTRADICTED,
+    GROUPS,
+    OPEN,
+    SUPPORTED,
+    Judged,
+    claims_of,
+    read_rows,
+)
+
+COLUMNS = ("claim", "published", "ours", "verdict")
+#: Characters of each column; with a space between them at most 100 in all.
+_WIDTHS = (44, 16, 25, 12)
+
+
+def stored(paper: str) -> list[Judged]:
+    """A paper's claims with their stored verdicts."""
+    claims = claims_of(paper)
+    return [
+        Judged(claims[row["key"]], **{name: row[name] for name in Judged._fields[1:]})
+        for row in read_rows(paper, "verdicts.csv")
+    ]
+
+
+def not_judged(paper: str) -> list[dict[str, str]]:
+    """A paper's claims without a verdict: ``claim``, ``source`` and ``reason``."""
+    return list(read_rows(paper, "not_judged.csv"))
+
+
+def of_group(judged: Iterable[Judged], group: str) -> list[Judged]:
+    """The claims of one of ``GROUPS``."""
+    return [each for each in judged if each.claim.group == group]
+
+
+def summary(paper: str, judged: Sequence[Judged]) -> str:
+    """How many of the paper's own claims hold: "smith2004: 10 of 13 hold, 1 does not, 2 open"."""
+    own = [each.verdict for each in of_group(judged, "paper")]
+    hold, not_, open_ = (own.count(verdict) for verdict in (SUPPORTED, CONTRADICTED, OPEN))
+    negation = "does" if not_ == 1 else "do"
+    return f"{paper}: {hold} of {len(own)} hold, {not_} {negation} not, {open_} open"
+
+
+def origin(judged: Sequence[Judged]) -> str:
+    """What most of the paper's own claims rest on: scenes, level, date and rule."""
+    texts = [
+        f"{each.units}, {each.level} % intervals, {each.date}{each.rule and f'; {each.rule}'}"
+        for each in of_group(judged, "paper")
+        if each.units != "computed"
+    ]
+    most = max(texts, key=texts.count)
+    others = len(texts) - texts.count(most)
+    return f"{most}; {others} rows otherwise" if others else most
+
+
+def lines(judged: Sequence[Judged], details: bool = False) -> Iterator[str]:
+    """The claims as lines of at most 100 characters.
+
+    Args:
+        judged: with their verdicts.
+        details: under each line the whole sentence, its source and all figures.
+    """
+    for each in judged:
+        cells = each.claim.claim, each.claim.published, each.ours, each.verdict
+        yield _line(cells)
+        if details:
+            yield from textwrap.wrap(detail(each), 98, initial_indent="  ", subsequent_indent="  ")
+
+
+def _line(cells: Sequence[str]) -> str:
+    padded = (f"{cell:<{width}}" for cell, width in zip(cells, _WIDTHS, strict=True))
+    return " ".join(padded).rstrip()
+
+
+def detail(judged: Judged) -> str:
+    """The sentence behind a line: the claim, its source, every figure, and what to beware of."""
+    claim, units = judged.claim, judged.units
+    if units != "computed":
+        units += f", {judged.level} %"
+    notes = [each[0].upper() + each[1:] for each in (judged.remark, judged.rule) if each]
+    ours = f"Ours: {judged.figures} ({units})"
+    return ".  ".join([f"{claim.sentence[:-1]} ({claim.source})", ours, *notes]) + "."
+
+
+def report(paper: str, judged: Sequence[Judged], details: bool = False) -> Iterator[str]:
+    """All lines on a paper: its own claims; with ``details`` all others and those not judged."""
+    yield summary(paper, judged)
+    if not judged:
+        return
+    yield f"({origin(judged)})"
+    yield _line(COLUMNS)
+    yield from lines(of_group(judged, "paper"), details)
+    if not details:
+        return
+    for group, title in list(GROUPS.items())[1:]:
+        if others := of_group(judged, group):
+            yield f"\n{paper}, {title}:"
+            yield from lines(others, details)
+    if left := not_judged(paper):
+        yield f"\n{paper}, not judged:"
+        for row in left:
+            text = f"- {row['claim']} ({row['source']}): {row['reason']}"
+            yield from textwrap.wrap(text, 98, subsequent_indent="  ")

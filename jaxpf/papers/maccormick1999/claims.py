@@ -1,0 +1,105 @@
+"""The figures that judge the paper's claims, by the claims' keys."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from jaxpf.papers.judging.claims import Quantity, computed
+from jaxpf.papers.judging.estimates import gap_of, ratio_of, share_of
+from jaxpf.papers.maccormick1999 import one_line, toy
+from jaxpf.papers.maccormick1999.measure import Measurement
+from jaxpf.papers.maccormick1999.passing import (
+    AS_MANY,
+    CONDENSATION,
+    ENOUGH,
+    EXCLUSIVE,
+    FAILING,
+    INDEPENDENT,
+    NAIVE,
+    OCCLUSION,
+    PARTITIONED,
+    PUBLISHED_FLIP,
+    Passing,
+)
+from jaxpf.papers.maccormick1999.tables import rate_of_labels
+
+Quantities = dict[str, Quantity]
+
+
+def quantities(measured: Measurement) -> dict[str, Sequence[Quantity]]:
+    """Key of a claim -> its figures; those of methods that were not run are left out."""
+    found = {"line": of_line(), "toy": of_toy(measured.toy)}
+    for meeting in measured.meetings:
+        found |= of_meeting(meeting)
+    found |= of_leaves(measured.leaves) | of_walkers(measured.walkers)
+    found["leaves_ess"] = of_figure_11(measured.figure_11)
+    return {key: [figure] for key, figure in found.items()}
+
+
+def of_line() -> Quantity:
+    """Figure 3, which has no chance in it: the peaks on the diagonal over those beside it."""
+    together, apart = one_line.peaks()
+    return computed(float(together.max() / apart.min()))
+
+
+def of_toy(steps: Mapping[str, Sequence[toy.Step]]) -> Quantity:
+    """Figures 9 and 10: the ratio of the effective sample sizes."""
+    conventional, branched = (steps[method][-1].ess for method in (toy.CONVENTIONAL, toy.BRANCHED))
+    return ratio_of(branched, conventional)
+
+
+def of_meeting(meeting: Passing) -> Quantities:
+    """Figure 4: exclusion keeps the targets apart, and its absence does not."""
+    name = meeting.name
+    found = {
+        f"{name}_kept": share_of(meeting.kept(EXCLUSIVE)),
+        f"{name}_fewer_kept": _gap(meeting.kept(EXCLUSIVE), meeting.kept(NAIVE)),
+        f"{name}_coalesce": _gap(meeting.coalesced(NAIVE), meeting.coalesced(EXCLUSIVE)),
+    }
+    if NAIVE + CONDENSATION in meeting.methods:
+        naive, exclusive = (each + CONDENSATION for each in (NAIVE, EXCLUSIVE))
+        found |= {
+            f"{name}_condensation_kept": share_of(meeting.kept(exclusive)),
+            f"{name}_condensation": _gap(meeting.coalesced(naive), meeting.coalesced(exclusive)),
+        }
+    return found
+
+
+def of_leaves(passing: Passing) -> Quantities:
+    """Figures 7 and 12."""
+    found = {
+        "leaves_kept": share_of(passing.kept(PARTITIONED)),
+        "leaves_labels": rate_of_labels(passing, PARTITIONED),
+        "leaves_fewer_particles": _gap(passing.kept(PARTITIONED), passing.kept(FAILING)),
+    }
+    if PARTITIONED + PUBLISHED_FLIP in passing.methods:
+        found["leaves_labels_flip"] = rate_of_labels(passing, PARTITIONED + PUBLISHED_FLIP)
+    if ENOUGH in passing.methods:
+        found["leaves_enough"] = share_of(passing.kept(ENOUGH))
+    return found
+
+
+def of_figure_11(passing: Passing) -> Quantity:
+    """The ratio of effective sample sizes, mean over the first frames."""
+    return ratio_of(passing.ess(PARTITIONED), passing.ess(AS_MANY))
+
+
+def of_walkers(passing: Passing) -> Quantities:
+    """Figures 1 and 6."""
+    found = {
+        "walkers_kept": share_of(passing.kept(OCCLUSION)),
+        "walkers_more_kept": _gap(passing.kept(OCCLUSION), passing.kept(INDEPENDENT)),
+        "walkers_coalesce": _gap(passing.coalesced(INDEPENDENT), passing.coalesced(OCCLUSION)),
+        "walkers_labels": rate_of_labels(passing, OCCLUSION),
+        "walkers_widen": ratio_of(passing.widening(OCCLUSION), 1.0),
+        "walkers_narrow": ratio_of(passing.narrowing(OCCLUSION), 1.0),
+    }
+    if OCCLUSION + CONDENSATION in passing.methods:
+        found["walkers_condensation"] = share_of(passing.kept(OCCLUSION + CONDENSATION))
+    return found
+
+
+def _gap(one: np.ndarray, other: np.ndarray) -> Quantity:
+    """Points by which the first rate is above the second, on the sequences that both have."""
+    number = min(len(one), len(other))
+    return gap_of(one[:number], other[:number])

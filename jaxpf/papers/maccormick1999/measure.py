@@ -1,0 +1,66 @@
+"""Everything that is measured for the paper."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+from jaxpf.papers.maccormick1999 import passing, scenes, toy
+from jaxpf.papers.maccormick1999.passing import Method, Passing
+from jaxpf.papers.maccormick1999.toy import Step
+from jaxpf.papers.paper import Request
+
+WIRE_PARTICLES, WORM_PARTICLES, WORM_RUNS = 300, 2000, 50
+#: Methods of the quick version.
+_QUICK_LEAVES = passing.PARTITIONED, passing.AS_MANY, passing.FAILING
+_QUICK_WALKERS = passing.OCCLUSION, passing.INDEPENDENT
+
+
+class Measurement(NamedTuple):
+    """Everything that was measured.
+
+    Attributes:
+        toy: method -> steps of one frame.
+        meetings: of drawn wires, and of filmed worms if there are any, with exclusion and without.
+        leaves: that pass each other.
+        walkers: likewise.
+        figure_11: leaves again, before they overlap, with the paper's lines, which count in full.
+    """
+
+    toy: Mapping[str, Sequence[Step]]
+    meetings: Sequence[Passing]
+    leaves: Passing
+    walkers: Passing
+    figure_11: Passing
+
+
+def measure(request: Request) -> Measurement:
+    """Measure all of it."""
+    seeds, seed, report = request.seeds, request.seed, request.report
+
+    def passed(
+        name: str, make: Callable[[int], scenes.Case], methods: Mapping[str, Method]
+    ) -> Passing:
+        report(f"{name}: {len(seeds)} sequences, one run of each method")
+        cases: Iterable[scenes.Case] = map(make, seeds)
+        return passing.measure(cases, seeds, methods, 1, report)
+
+    report("Figure 3 and the toy of figures 9 and 10")
+    steps = toy.steps(seed)
+    methods = passing.likelihoods(WIRE_PARTICLES, condensation=True)
+    meetings = [passed("Figure 4, wires", scenes.wires, methods)]
+    for clip in request.clips or ():
+        runs = len(seeds) if request.quick else WORM_RUNS
+        report(f"Figure 4, {clip.name}: {runs} runs of each likelihood")
+        methods = passing.likelihoods(WORM_PARTICLES)
+        worms = [scenes.worms(clip, clip.name)]
+        meetings.append(passing.measure(worms, [seed], methods, runs, report))
+    of_leaves, of_walkers = passing.LEAVES, passing.WALKERS
+    if request.quick:
+        of_leaves = {name: of_leaves[name] for name in _QUICK_LEAVES}
+        of_walkers = {name: of_walkers[name] for name in _QUICK_WALKERS}
+    return Measurement(
+        steps,
+        meetings,
+        passed("Leaves", scenes.leaves, of_leaves),
+        passed("Walkers", scenes.walkers, of_walkers),
+        passed("Figure 11", scenes.leaves_of_figure_11, passing.FIGURE_11),
+    )

@@ -1,0 +1,165 @@
+"""A paper that is repeated: the frame that all papers share.
+
+Each paper has a folder with the same files: ``published`` (its figures, as data), ``scenes`` (what
+is drawn or read, and the runs on it), ``measure``, ``tables``, ``figures``, ``claims`` (key of a
+claim -> measured figures), ``claims.csv``, ``settings.csv`` (settings that the paper leaves open,
+and how they were chosen) and ``__init__`` with the ``PAPER``.
+"""
+
+import contextlib
+import dataclasses
+import importlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jaxpf.contract.errors import InputError
+from jaxpf.papers.judging.claims import Quantity, judge_all, read_rows
+from jaxpf.papers.judging.comparison_table import Comparison, Table
+
+#: Papers that can be repeated; each is a module here, with a ``PAPER``.
+PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
+
+
+def paper_of(name: str) -> "Paper":
+    """The paper of that name."""
+    return importlib.import_module(f"jaxpf.papers.{name}").PAPER
+
+
+@dataclasses.dataclass(frozen=True)
+class Request:
+    """What of a paper is to be repeated.
+
+    Attributes:
+        seeds: of the scenes.
+        seed: the first of them.
+        quick: measure much less, as a preview.
+        clips: what ``Paper.read`` returned; None without real clips.
+        report: takes a line of progress.
+    """
+
+    seeds: range
+    seed: int
+    quick: bool
+    clips: Any
+    report: Callable[[str], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Paper:
+    """How a paper is repeated.
+
+    Attributes:
+        name: such as "smith2004".
+        title: one line.
+        scenes: their planned number, the units of the intervals; they are looked at once.
+        measure: measures everything behind tables, claims and figures.
+        tables: of what was measured, in the order in which they are shown.
+        quantities: key of a claim -> the figures that judge it.
+        figures: stem of the file -> matplotlib figure.
+        notes: sentences on what was done, and its limits.
+        read: reads the clips of a folder before the work begins, ``read(data, quick)``; None if
+            the paper needs none.
+        without_clips: a note for a run without clips.
+        with_clips: a note for a run with clips.
+        settings: JSON values that are needed to repeat the run, beside the request.
+        quick_scenes: their number in the quick version.
+    """
+
+    name: str
+    title: str
+    scenes: int
+    measure: Callable[[Request], Any]
+    tables: Callable[[Any], Sequence[Table]]
+    quantities: Callable[[Any], Mapping[str, Sequence[Quantity]]]
+    figures: Callable[[Any], Mapping[str, Any]]
+    notes: Sequence[str]
+    read: Callable[[Path, bool], Any] | None = None
+    without_clips: str = ""
+    with_clips: str = ""
+    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    quick_scenes: int = 2
+
+    def request(
+        self,
+        scenes: int | None = None,
+        seed: int = 0,
+        quick: bool = False,
+        data: Path | None = None,
+        report: Callable[[str], None] = print,
+    ) -> Request:
+        """Read the clips and settle the number of scenes, before the work begins.
+
+        Args:
+            scenes: None: the planned number, or ``quick_scenes``.
+            seed: of the first scene.
+            quick: a much smaller version, as a preview.
+            data: a folder with real clips.
+            report: takes a line of progress.
+
+        Raises:
+            InputError: a clip is missing.
+        """
+        if scenes is None:
+            scenes = self.quick_scenes if quick else self.scenes
+        clips = None if data is None or self.read is None else self.read(data, quick)
+        return Request(range(seed, seed + scenes), seed, quick, clips, report)
+
+    def compare(self, request: Request) -> Comparison:
+        """Measure what is asked, and put it beside what is published."""
+        measured = self.measure(request)
+        about_clips = self.without_clips if request.clips is None else self.with_clips
+        return Comparison(
+            paper=self.name,
+            title=self.title,
+            tables=[*self.tables(measured), *settings_tables(self.name)],
+            claims=judge_all(self.name, self.quantities(measured)),
+            figures=self.figures(measured),
+            notes=[*self.notes, *filter(None, [about_clips])],
+            settings={
+                "scenes": len(request.seeds),
+                "seed": request.seed,
+                "quick": request.quick,
+                "data": request.clips is not None,
+                **self.settings,
+            },
+        )
+
+    def run(self, **asked: Any) -> Comparison:
+        """``compare`` what ``request`` is asked for, in one call."""
+        return self.compare(self.request(**asked))
+
+
+def settings_tables(paper: str) -> list[Table]:
+    """The paper's ``settings.csv`` as a table; none without the file."""
+    settings = read_rows(paper, "settings.csv")
+    rows = [(row["setting"], [row["value"], row["how"]]) for row in settings]
+    title = "Settings that the paper leaves open, chosen on scenes that no report uses"
+    columns = ["setting", "value", "how it was chosen"]
+    return [Table("chosen_settings", title, columns, rows)] if rows else []
+
+
+def clip_folder(data: Path, name: str, needed: str = ".") -> Path:
+    """The folder of a clip: ``data`` itself, or the one in it.
+
+    Raises:
+        InputError: it is not there, or holds no file ``needed``.
+    """
+    folder = data if data.name == name else data / name
+    if not (folder.is_dir() and (folder / needed).exists()):
+        what = name if needed == "." else f"{name} with {needed}"
+        raise InputError(
+            f"the folder '{data}' holds no {what}; name one that does, or leave out --data."
+        )
+    return folder
+
+
+@contextlib.contextmanager
+def reading_clips() -> Iterator[None]:
+    """Raise an ``InputError`` for what is wrong with a clip that is read within the block."""
+    from scenes import SceneError
+
+    try:
+        yield
+    except SceneError as error:
+        raise InputError(f"{error}.") from error

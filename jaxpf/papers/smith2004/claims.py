@@ -1,0 +1,163 @@
+"""The figures that judge the paper's claims, by the claims' keys.
+
+Methods are compared scene by scene, on common scenes and seeds.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from jaxpf.papers.judging.claims import Quantity
+from jaxpf.papers.judging.estimates import gap_of, mean_of
+from jaxpf.papers.smith2004 import costs
+from jaxpf.papers.smith2004.conditions import ENDINGS, Condition
+from jaxpf.papers.smith2004.measure import Measurement
+from jaxpf.papers.smith2004.occlusions import Tracked
+from jaxpf.papers.smith2004.orders import best_and_worst
+from jaxpf.papers.smith2004.published import SHARPNESS
+from jaxpf.papers.smith2004.scenes import NUM_OBJECTS, Outcome
+
+Quantities = dict[str, Sequence[Quantity]]
+
+
+def quantities(measured: Measurement) -> Quantities:
+    """Key of a claim -> its figures."""
+    return {
+        **of_scenes(measured.outcome),
+        **of_occlusions(measured.tracked),
+        **at_equal_time(measured.costs, measured.conditions),
+    }
+
+
+def of_scenes(outcome: Outcome) -> Quantities:
+    """Tables 1 and 2, and figure 4."""
+    recovered = outcome.recovered.mean(axis=-1)
+    return {
+        "easy_success": _rates(outcome, outcome.success, "PS", "Non-PS"),
+        "easy_precision": _differences(outcome, outcome.precision, "PS", "Non-PS"),
+        "easy_recall": _differences(outcome, outcome.recall, "PS", "Non-PS"),
+        "easy_on_a_par": _differences(outcome, outcome.precision, "DPS", "PS"),
+        "ps_recovers": _rates(outcome, recovered, "PS", "Non-PS"),
+        "dps_recovers_each": _rates(outcome, recovered, "DPS", "PS"),
+        "dps_recovers": [gap_of(*_averages(outcome, recovered))],
+        "orders": _orders(outcome),
+        "dps_precision": [mean_of(_averaged(outcome, outcome.leader_precision))],
+        "dps_recall": [mean_of(_averaged(outcome, outcome.leader_recall))],
+        **_impoverishment(outcome),
+    }
+
+
+def _pairs(outcome: Outcome, values: np.ndarray, *methods: str) -> Iterator[tuple[Any, ...]]:
+    """Two methods' values ``[S, 1]`` and the name of the sharpness; ``values`` ``[S, O, L]``."""
+    first, second = (values[:, outcome.of(method)].mean(axis=1).T for method in methods)
+    for one, other, sharpness in zip(first, second, SHARPNESS, strict=True):
+        yield one[:, None], other[:, None], f"{sharpness:g}"
+
+
+def _rates(outcome: Outcome, values: np.ndarray, *methods: str) -> list[Quantity]:
+    """``first - second`` at every sharpness, in points, of rates."""
+    return [gap_of(*pair) for pair in _pairs(outcome, values, *methods)]
+
+
+def _differences(outcome: Outcome, values: np.ndarray, *methods: str) -> list[Quantity]:
+    """The same of mean shares, which hardly differ between scenes."""
+    return [
+        mean_of(100 * (one - other)[:, 0], name)
+        for one, other, name in _pairs(outcome, values, *methods)
+    ]
+
+
+def _averages(outcome: Outcome, values: np.ndarray) -> list[np.ndarray]:
+    """DPS and the mean of PS's orders ``[S, 1]``, over all sharpness values."""
+    places = outcome.of("DPS"), outcome.orders()
+    return [np.nanmean(values[:, place], axis=(1, 2))[:, None] for place in places]
+
+
+def _averaged(outcome: Outcome, values: np.ndarray) -> np.ndarray:
+    dps, ps = _averages(outcome, values)
+    return 100 * (dps - ps)[:, 0]
+
+
+def _orders(outcome: Outcome) -> list[Quantity]:
+    """Half of the scenes choose the best and the worst order of PS, the others compare them."""
+    best, worst = best_and_worst(outcome.recovered[:, outcome.orders()].mean(axis=-1))
+    return [
+        gap_of(best[:, [column]], worst[:, [column]], f"{sharpness:g}")
+        for column, sharpness in enumerate(SHARPNESS)
+    ]
+
+
+def _impoverishment(outcome: Outcome) -> Quantities:
+    """At the first sharpness, as in figure 4."""
+    uniqueness = outcome.uniqueness[:, :, 0]  # [S, O, P]
+    dynamics = outcome.dynamics[:, :, 0].mean(axis=-1)  # of u and v
+    orders, dps, last = outcome.orders(), outcome.of("DPS")[0], NUM_OBJECTS - 1
+    first_stage = [uniqueness[:, place, shift] for shift, place in enumerate(orders)]
+
+    def evened(values: np.ndarray) -> list[Quantity]:
+        """How much farther apart the objects are under PS; object 1 is spread by the distracter."""
+        ps, other = (np.ptp(values[:, place, 1:], axis=1) for place in (orders[0], dps))
+        return [mean_of(100 * (ps - other))]
+
+    shrinks = dynamics[:, orders[0], last] - dynamics[:, orders[0], 1]
+    return {
+        "first_stage": [mean_of(100 * np.mean(first_stage, axis=0))],
+        "dynamics_shrink": [mean_of(100 * shrinks)],
+        "even_uniqueness": evened(uniqueness),
+        "even_dynamics": evened(dynamics),
+    }
+
+
+def of_occlusions(outcomes: Sequence[Tracked]) -> Quantities:
+    """Section 5.2 on the hidden objects of another clip, at the largest N and at the least."""
+    hidden = [outcome for outcome in outcomes if outcome.hidden]
+    if not hidden:
+        return {}
+    numbers = [outcome.particles for outcome in hidden]
+    many = [each for each in hidden if each.particles == max(numbers)]
+    few = [each for each in hidden if each.particles == min(numbers)]
+
+    def over_mean(outcome: Tracked) -> Quantity:
+        orders = np.mean(outcome.orders(), axis=0)
+        return gap_of(outcome.recovered["DPS"][None], orders[None], _object(outcome))
+
+    found = {
+        "real_dps": [over_mean(each) for each in many],
+        "real_orders": [_best_less_worst(each) for each in many],
+        "real_every_order": [part for each in many for part in _over(each, best=True)],
+    }
+    if few != many:
+        found["real_starved"] = [over_mean(each) for each in few]
+        found["real_still_better"] = [part for each in few for part in _over(each, best=False)]
+    return found
+
+
+def _object(outcome: Tracked) -> str:
+    return f"object {outcome.identity}"
+
+
+def _best_less_worst(outcome: Tracked) -> Quantity:
+    """Corrected for the choice among all pairs of orders."""
+    *_, best = ordered = sorted(outcome.orders(), key=np.mean)
+    pairs = len(ordered) * (len(ordered) - 1)
+    return gap_of(best[None], ordered[0][None], _object(outcome), chosen_among=pairs)
+
+
+def _over(outcome: Tracked, best: bool) -> list[Quantity]:
+    """DPS less PS's best or worst order, and less the plain filter."""
+    ordered = sorted(outcome.orders(), key=np.mean)
+    what, order = ("best order", ordered[-1]) if best else ("worst order", ordered[0])
+    dps, plain = (outcome.recovered[method][None] for method in ("DPS", "Non-PS"))
+    name = _object(outcome)
+    return [
+        gap_of(dps, order[None], f"{name}, {what}", chosen_among=len(ordered)),
+        gap_of(dps, plain, f"{name}, plain filter"),
+    ]
+
+
+def at_equal_time(spent: costs.Costs, conditions: Sequence[Condition]) -> Quantities:
+    """DPS in the time of PS; the times count as known, for each is a median."""
+    here = [each for each in conditions if each.ending == next(iter(ENDINGS))]
+    gap = costs.dps_over_ps(spent, here)
+    return {} if gap is None else {"equal_time": [mean_of(gap)]}

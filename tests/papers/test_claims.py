@@ -1,0 +1,164 @@
+"""The rule by which claims are judged."""
+
+import math
+
+import numpy as np
+import pytest
+
+from jaxpf.measures.scene_intervals import paired_rates_interval, scene_interval
+from jaxpf.papers.judging.claims import (
+    CONTRADICTED,
+    NOT_SEEN,
+    OPEN,
+    SUPPORTED,
+    Claim,
+    Quantity,
+    computed,
+    growth,
+    judge,
+)
+from jaxpf.papers.judging.estimates import gap_of, mean_of, rate_of, ratio_of, share_of
+
+
+def claim(at_least=-math.inf, at_most=math.inf, margin=0.0, group="paper", digits=0):
+    return Claim(
+        "key",
+        group,
+        "It holds",
+        "10",
+        "It holds.",
+        "3",
+        at_least,
+        at_most,
+        margin,
+        digits,
+        "scenes",
+    )
+
+
+def fixed(value, reach, count=20, what=""):
+    """A figure with the interval ``value +- reach`` at 95 %, and a wider one at higher levels."""
+
+    def interval(level):
+        wider = reach * (1 if level <= 0.95 else 1.5)
+        return value - wider, value + wider
+
+    return Quantity(value, interval, count, what)
+
+
+def verdict(*figures, **claimed):
+    return judge(claim(**claimed), figures).verdict
+
+
+def test_a_claim_is_supported_if_the_whole_interval_lies_in_its_range():
+    assert verdict(fixed(10, 5), at_least=0) == SUPPORTED
+    assert verdict(fixed(-10, 5), at_most=0) == SUPPORTED
+    assert verdict(fixed(0, 1), at_least=-2, at_most=2) == SUPPORTED
+
+
+def test_a_claim_is_contradicted_if_the_whole_interval_lies_outside_by_more_than_the_margin():
+    assert verdict(fixed(-10, 5), at_least=0) == CONTRADICTED
+    assert verdict(fixed(5, 1), at_least=-2, at_most=2) == CONTRADICTED
+    assert verdict(fixed(-10, 5), at_least=0, margin=4) == CONTRADICTED
+    assert verdict(fixed(-10, 5), at_least=0, margin=6) == OPEN
+
+
+def test_one_film_is_not_contradicted():
+    assert verdict(fixed(-10, 5), at_least=0, group="once") == NOT_SEEN
+
+
+def test_an_interval_across_the_end_of_the_range_leaves_a_claim_open():
+    assert verdict(fixed(3, 5), at_least=0) == OPEN
+    assert verdict(fixed(-3, 5), at_least=0) == OPEN
+    assert verdict(fixed(math.nan, math.nan), at_least=0) == OPEN
+
+
+def test_every_figure_must_support_and_one_is_enough_to_contradict():
+    good, open_, bad = (fixed(value, 5) for value in (10, 1, -20))
+    assert verdict(good, good, at_least=0) == SUPPORTED
+    assert verdict(good, open_, at_least=0) == OPEN
+    assert verdict(good, bad, at_least=0) == CONTRADICTED
+
+
+def test_more_figures_make_it_harder_to_contradict():
+    slightly = fixed(-6, 5)  # outside at 95 %, but not at the level of two figures
+    assert verdict(slightly, at_least=0) == CONTRADICTED
+    assert verdict(fixed(10, 5), slightly, at_least=0) == OPEN
+
+
+def test_a_zero_width_interval_resolves_nothing_unless_it_is_computed():
+    equal = mean_of(np.full(10, -0.08) + 1e-9 * np.arange(10))
+    assert verdict(equal, at_least=-0.0801) == OPEN
+    assert verdict(equal, at_least=-0.02) == OPEN
+    assert verdict(computed(10), at_least=0) == SUPPORTED
+    assert verdict(computed(-10), at_least=0) == CONTRADICTED
+
+
+def test_an_open_claim_says_how_many_scenes_would_resolve_it():
+    judged = judge(claim(at_least=0), [fixed(5, 10)])
+    assert growth(claim(at_least=0), [fixed(5, 10)]) == pytest.approx(4)
+    assert judged.remark == "about 80 scenes would resolve it"
+    assert judge(claim(at_least=0), [fixed(0, 1)]).remark == "more scenes would not resolve it"
+    assert judge(claim(at_least=0), [fixed(5, 0)]).remark == "too few scenes to say more"
+    equal = judge(claim(at_least=0, margin=3), [fixed(-0.5, 2)])
+    assert equal.remark == "equal within our margin of 3"
+
+
+def test_that_many_scenes_do_resolve_it():
+    """A mean of normal figures, judged again on 1.5 times as many scenes as it says."""
+    rng = np.random.default_rng(0)
+    few = mean_of(rng.normal(0.4, 1, 25))
+    times = growth(claim(at_least=0), [few])
+    assert times > 1
+    steps = np.linspace(-1, 1, math.ceil(1.5 * 25 * times))
+    many = mean_of(few.value + steps / steps.std())
+    assert verdict(many, at_least=0) == SUPPORTED
+
+
+def test_a_judged_claim_shows_its_figures_and_their_span():
+    judged = judge(claim(at_least=0), [fixed(10, 5, what="20"), fixed(20, 5, 30, "30")])
+    assert judged.ours == "10 to 20 [5, 25]"
+    assert judged.figures == "20: 10 [5, 15]; 30: 20 [15, 25]"
+    assert judged.units == "20 scenes"
+    assert judge(claim(digits=2), [computed(0.5)])[1:6] == (
+        "0.50",
+        SUPPORTED,
+        "0.50",
+        "95",
+        "computed",
+    )
+
+
+def test_a_chosen_figure_gets_a_wider_interval():
+    rates = np.random.default_rng(0).random((2, 40))
+    plain = gap_of(*rates[:, :, None])
+    chosen = gap_of(*rates[:, :, None], chosen_among=20)
+    assert chosen.at(0.95) == plain.at(1 - 0.05 / 20)
+    assert chosen.at(0.95)[0] < plain.at(0.95)[0]
+
+
+def test_figures_are_those_of_scene_intervals():
+    rng = np.random.default_rng(0)
+    values, trials = rng.exponential(size=30), rng.random((30, 4)) < 0.7
+    found = scene_interval(values)
+    assert mean_of([*values, math.nan]).measured() == (found.value, found.lower, found.upper)
+    found = scene_interval(trials.mean(axis=1), bounds=(0, 1))
+    np.testing.assert_allclose(share_of(trials).measured(), 100 * np.array(found)[[0, 2, 3]])
+    found = paired_rates_interval(trials[:, 0], trials[:, 1])
+    gap = gap_of(trials[:, :1], trials[:, 1:2])
+    np.testing.assert_allclose(gap.measured(), 100 * np.array(found)[[0, 2, 3]])
+    assert rate_of([1.0] * 20).measured().high == 100
+
+
+def test_on_one_clip_the_runs_are_the_units():
+    trials = np.random.default_rng(0).random((1, 40)) < 0.7
+    assert share_of(trials).count == 40
+    assert share_of(trials).measured() == share_of(trials.T).measured()
+
+
+def test_a_ratio_is_the_geometric_mean():
+    ratio = ratio_of([1.0, 4.0, 0.0, 2.0], [2.0, 2.0, 1.0, math.nan])
+    assert ratio.value == pytest.approx(1)
+    assert ratio.count == 2
+    low, high = ratio.interval(0.95)
+    assert low == pytest.approx(1 / high, rel=0.05)

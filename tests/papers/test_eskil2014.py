@@ -1,0 +1,134 @@
+"""The experiment on deforming bodies: its measures, its judgements, and a small whole of it."""
+
+import numpy as np
+import pytest
+
+from jaxpf.papers import eskil2014
+from jaxpf.papers.eskil2014 import claims, figures, methods, published, tables
+from jaxpf.papers.eskil2014.scenes import Outcome
+from jaxpf.papers.judging.claims import CONTRADICTED, NOT_SEEN, SUPPORTED, judge_all
+
+NAMES = ("nose", "eye", "dorsal front", "tail")
+
+
+def verdicts(measured):
+    return {each.claim.key: each.verdict for each in judge_all("eskil2014", measured)}
+
+
+def made(proposed: float, pffl: float) -> Outcome:
+    """Many scenes of a fish, four points; errors grow to the given ones at the end."""
+    rng = np.random.default_rng(0)
+    growth = np.linspace(0, 1, 40)[:, None]
+
+    def errors(last):
+        return last * growth * rng.uniform(0.9, 1.1, (50, 1, 40, 4))
+
+    visible = np.ones((50, 40, 4), bool)
+    visible[:, 2:8, 0] = False  # back for thirty frames
+    found = {methods.PROPOSED: errors(proposed), methods.PFFL: errors(pffl)}
+    return Outcome("fish", NAMES, found, visible)
+
+
+def test_claims_follow_the_figures():
+    found = verdicts(claims.of_scenes({"fish": made(0.02, 0.2)}))
+    assert found.pop("fish_together") == NOT_SEEN  # PFFL's error grows from the first frame on
+    assert set(found.values()) == {SUPPORTED}
+    turned = verdicts(claims.of_scenes({"fish": made(0.2, 0.02)}))
+    assert list(turned.values()).count(CONTRADICTED) == 5
+
+
+def test_noise_is_scaled_to_our_film():
+    assert published.SEQUENCES["platty"].scale == 10
+    assert published.SEQUENCES["platty"].scale_here == 5
+    assert published.SEQUENCES["face"].scale_here == published.SEQUENCES["face"].scale
+
+
+def test_speeds_are_judged():
+    def judged(proposed, pffl, spot):
+        timings = np.array([0.98, 1.0, 1.01, 1.02])
+        rate = {methods.PROPOSED: proposed * timings, methods.PFFL: pffl + 0 * timings}
+        rates = {"platty": rate | {methods.SPOT: spot * timings[::-1]}}
+        return list(verdicts(claims.of_speed(rates)).values())
+
+    assert judged(100.0, 110.0, 2.0) == [SUPPORTED, SUPPORTED]
+    assert judged(60.0, 110.0, 80.0) == [CONTRADICTED, CONTRADICTED]
+    # A little faster is not considerably faster.
+    assert judged(100.0, 110.0, 80.0) == [SUPPORTED, CONTRADICTED]
+
+
+def test_a_lost_run_does_not_hide_among_the_others():
+    errors = np.full((3, 5, 40, 3), 0.1) + 1e-3 * np.random.default_rng(0).random((3, 5, 40, 3))
+    errors[:, 0, -5:] = 1.5  # its mean with the other four is .38, above .25
+    errors[:, 1, :5] = 0.6  # but this one's would be .2
+    names = ("head", "left hand", "right hand")
+    found = Outcome("skydivers", names, {methods.PROPOSED: errors}, np.ones((3, 40, 3), bool))
+    measured = claims.of_scenes({"skydivers": found})
+    (peak,), (near,) = measured["skydivers_peak"], measured["skydivers_near"]
+    assert peak.value == pytest.approx((1.5 + 0.6 + 3 * 0.1) / 5, abs=0.02)
+    assert verdicts(measured)["skydivers_peak"] == CONTRADICTED
+    # Frames count in which all three are near: 190 of 200.
+    assert near.value == pytest.approx(95)
+
+
+def test_a_point_that_passes_by_is_not_found_again():
+    visible = np.ones((45, 1), bool)
+    visible[5:10] = False
+    errors = np.full((2, 45, 1), 0.5)
+    errors[0, 30:] = 0.02  # the first run's stays, the second's passes
+    errors[1, 35:38] = 0.02
+    np.testing.assert_array_equal(tables.found_again(errors, visible), [1, 0])
+    assert np.isnan(tables.found_again(errors[:, :35], visible[:35])).all()
+
+
+def test_the_printed_drift_divides_by_the_plain_sum():
+    from jaxpf.filters.factored import drift
+
+    rng = np.random.default_rng(3)
+    velocities = rng.normal(size=(10, 4, 2)).astype(np.float32)
+    motion = drift.Motion(np.zeros((4, 2), np.float32), velocities, np.int32(10))
+    related = np.asarray(drift.correlations(motion))
+    printed = np.asarray(drift.weights(motion, "literal"))
+    np.testing.assert_allclose(printed, related / related.sum(axis=1, keepdims=True), rtol=1e-4)
+    assert (related < 0).any()
+    np.testing.assert_allclose(printed.sum(axis=1), 1, rtol=1e-4)
+
+
+def test_blinks_are_judged_by_the_eyes_alone():
+    names = ("left eye outer", "nose tip")
+    rng = np.random.default_rng(0)
+    errors = 0.02 + 0.001 * rng.random((40, 5, 127, 2))
+    errors[..., 1] = 0.5
+
+    def verdict(errors):
+        found = {methods.PROPOSED: errors}
+        face = Outcome("face", (*names, "right lip corner"), found, np.ones((40, 127, 3), bool))
+        return verdicts(claims.of_scenes({"face": face}))["face_blinks"]
+
+    errors = np.concatenate([errors, errors[..., :1]], axis=-1)
+    errors[0, 0, 28, 0] = 0.3
+    assert verdict(errors) == SUPPORTED
+    errors[:, :, 70:, 0] = rng.uniform(0.2, 0.4, errors[:, :, 70:, 0].shape)
+    errors[0, 0, 73:79, 0] = 0.02
+    assert verdict(errors) == CONTRADICTED
+
+
+def test_the_table_has_a_row_for_every_method():
+    table = tables.scene_table(made(0.02, 0.2))
+    assert [label for label, _ in table.rows] == [methods.PROPOSED, methods.PFFL]
+    kept = {label: cells[3].measured.value for label, cells in table.rows}
+    assert kept[methods.PROPOSED] == 4
+    assert kept[methods.PFFL] == 0
+    drawn = figures.curves({"fish": made(0.02, 0.2)})
+    assert set(drawn) == {"figure_1", "figure_3", "figure_4"}
+
+
+@pytest.mark.slow
+def test_the_quick_version_runs_through():
+    comparison = eskil2014.PAPER.run(scenes=2, quick=True, report=lambda line: None)
+    assert [table.name for table in comparison.tables] == [
+        "errors_fish",
+        "frames_per_second",
+        "chosen_settings",
+    ]
+    assert len(comparison.claims) >= 4
+    assert all(claim.figures for claim in comparison.claims)

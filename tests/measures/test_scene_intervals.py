@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import betaincinv, ndtr
 
-from jaxpf.measures.intervals import student_interval
-from jaxpf.measures.scene_intervals import has_width, paired_rates_interval, scene_interval
+from jaxpf.measures import has_width, paired_rates_interval, scene_interval, student_interval
 
 REPEATS, TRIALS = 4000, 30
 #: At most 2.5 % wrong on either side, and three standard errors of the simulation.

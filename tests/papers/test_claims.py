@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from jaxpf.measures.scene_intervals import paired_rates_interval, scene_interval
+from jaxpf.measures import paired_rates_interval, scene_interval
 from jaxpf.papers.judging.claims import (
     CONTRADICTED,
     NOT_SEEN,

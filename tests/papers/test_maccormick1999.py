@@ -8,8 +8,16 @@ import pytest
 from jaxpf import InputError
 from jaxpf.cli.benchmarks import contours
 from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, SUPPORTED, judge_all
-from jaxpf.papers.maccormick1999 import PAPER, claims, one_line, passing, published, toy, tracking
-from jaxpf.papers.maccormick1999 import scenes as cases
+from jaxpf.papers.maccormick1999 import (
+    PAPER,
+    claims,
+    one_line,
+    passing,
+    published,
+    scenes as cases,
+    toy,
+    tracking,
+)
 from jaxpf.papers.maccormick1999.tables import rate_of_labels
 
 

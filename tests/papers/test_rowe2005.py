@@ -11,8 +11,7 @@ from jaxpf.papers import rowe2005
 from jaxpf.papers.judging import comparison_table
 from jaxpf.papers.judging.claims import CONTRADICTED, SUPPORTED, judge_all
 from jaxpf.papers.measuring.checkpoints import keeping
-from jaxpf.papers.rowe2005 import claims, published, tables
-from jaxpf.papers.rowe2005 import scenes as synthetic
+from jaxpf.papers.rowe2005 import claims, published, scenes as synthetic, tables
 
 SCENES, RUNS, FRAMES, TARGETS = 25, synthetic.RUNS_PER_SCENE, 20, 2
 

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from jaxpf.papers.eskil2014 import methods, published, speed
-from jaxpf.papers.eskil2014.scenes import Outcome
-from jaxpf.papers.eskil2014.scenes import measure as measure_scenes
+from jaxpf.papers.eskil2014.scenes import Outcome, measure as measure_scenes
 from jaxpf.papers.measuring.checkpoints import part
 from jaxpf.papers.paper import Request
 

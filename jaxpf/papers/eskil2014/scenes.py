@@ -65,10 +65,11 @@ def measure(
 
     for done, (seed, places) in enumerate(zip(seeds, each(parts()), strict=True), start=1):
         drawn = _drawn(scene, seed, **parameters)
-        truth, names = drawn.extras["points"], drawn.extras["point_names"]
+        truth, names = drawn.extras["points"][1:], drawn.extras["point_names"]
+        lengths = drawn.extras["body_length"][1:]
         for method, estimates in places.items():
-            distance = measures.distances(estimates, truth[1:], drawn.extras["body_length"][1:])
-            errors.setdefault(method, []).append(distance)
+            distances = measures.point_distances(estimates, truth, lengths)
+            errors.setdefault(method, []).append(distances)
         visible.append(drawn.extras["visible"][1:])
         report(f"  {scene}: scene {done} of {len(seeds)} done")
     stacked = {method: np.stack(each) for method, each in errors.items()}

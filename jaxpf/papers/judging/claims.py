@@ -148,7 +148,7 @@ def claims_of(paper: str) -> dict[str, Claim]:
 
 def read_rows(paper: str, name: str) -> Iterator[dict[str, str]]:
     """Rows of a CSV file in a paper's folder; none without the file."""
-    path = Path(__file__).with_name(paper) / name
+    path = Path(__file__).parents[1] / paper / name
     if path.exists():
         with path.open(newline="", encoding="utf-8") as file:
             yield from csv.DictReader(file)

@@ -117,8 +117,8 @@ def markdown(comparison: Comparison) -> str:
     return "\n".join(lines)
 
 
-def claims_markdown(claims: Sequence[Judged]) -> list[str]:
-    """A table of the claims of every group, as lines of Markdown."""
+def claims_markdown(claims: Sequence[Judged], level: int = 3) -> list[str]:
+    """A table of the claims of every group under a heading of a level, as lines of Markdown."""
     lines = []
     for group, title in GROUPS.items():
         rows = [
@@ -128,7 +128,7 @@ def claims_markdown(claims: Sequence[Judged]) -> list[str]:
         ]
         if rows:
             columns = ("claim", "source", "published", "ours", "verdict")
-            lines += [f"### {title.capitalize()}", "", *markdown_table(columns, rows), ""]
+            lines += [f"{'#' * level} {title.capitalize()}", "", *markdown_table(columns, rows), ""]
     return lines
 
 

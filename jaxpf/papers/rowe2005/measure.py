@@ -3,8 +3,12 @@
 from typing import NamedTuple
 
 from jaxpf.papers.paper import Request
-from jaxpf.papers.rowe2005.scenes import RUNS_PER_SCENE, VARIANTS, Outcome
-from jaxpf.papers.rowe2005.scenes import measure as measure_scenes
+from jaxpf.papers.rowe2005.scenes import (
+    RUNS_PER_SCENE,
+    VARIANTS,
+    Outcome,
+    measure as measure_scenes,
+)
 
 
 class Measurement(NamedTuple):

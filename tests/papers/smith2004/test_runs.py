@@ -17,8 +17,7 @@ from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, SUPPORTED, judge_all
 from jaxpf.papers.measuring.checkpoints import sharing
 from jaxpf.papers.measuring.comparison import scene_tracker
 from jaxpf.papers.measuring.grid import run_grid, run_keys
-from jaxpf.papers.smith2004 import occlusions
-from jaxpf.papers.smith2004 import scenes as synthetic
+from jaxpf.papers.smith2004 import occlusions, scenes as synthetic
 from jaxpf.papers.smith2004.claims import of_occlusions
 from jaxpf.papers.smith2004.scenes import Outcome
 from jaxpf.papers.smith2004.tables import occlusion_tables

@@ -220,19 +220,6 @@ def test_figure_8_is_judged_at_equal_time_too():
     assert claims.at_equal_time(outcomes, {}, "absolute", "SPS sorted", 7) == []
 
 
-def test_growth_is_compared_with_linear_growth():
-    rows = dict(tables.growth_table(fake_times()).rows)
-    assert len(rows) == len(published.PARTS) + len(published.TABLE_1_PARTICLES)
-    linear, ps, _, combinatorial = rows["7 parts, N from 100 to 200"]
-    assert linear == "2.00"
-    np.testing.assert_allclose(ps.published, 17.10 / 7.86)
-    # The times were made to grow linearly.
-    np.testing.assert_allclose([ps.measured.value, combinatorial.measured.value], 2, rtol=0.01)
-    linear, ps, *_ = rows["3 to 11 parts, N = 200"]
-    assert linear == "3.67"
-    np.testing.assert_allclose(ps.measured.value, 11 / 3, rtol=0.01)
-
-
 def test_methods_are_timed_in_turn_for_every_cell(monkeypatch):
     """By a clock that goes on while a method works, by its place times the size of the cell."""
     clock, worked = [0.0], []
@@ -289,7 +276,6 @@ def test_everything_is_written(tmp_path):
         tables=[
             *tables.error_tables(outcomes),
             *tables.time_tables(fake_times()),
-            tables.growth_table(fake_times()),
         ],
         claims=judge_all("gonzales2011", claims.of_curves(outcomes, "absolute", "sorted")),
         figures=figures.curves(outcomes),

@@ -15,7 +15,7 @@ from jaxpf.papers.judging.estimates import mean_cell, only
 NEAR = 0.1
 #: Frames after an occlusion in which a point is to be found again.
 WITHIN = 30
-#: In the last so many of these it is near, in the median.
+#: The last frames of these, in which its median distance must be small.
 _STAYS = 10
 
 

@@ -1,9 +1,6 @@
 """Everything that is measured for the paper."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
-
-import numpy as np
 
 from jaxpf.papers.gonzales2011 import published, scenes, times
 from jaxpf.papers.gonzales2011.scenes import Cell, Outcomes
@@ -21,14 +18,11 @@ class Measurement(NamedTuple):
         outcomes: of every cell of figures 8 to 11.
         times: of table 1.
         others: of the numbers of particles that figure 8 has and table 1 lacks.
-        largest: method -> seconds of table 1's largest cell with all runs of a figure batched;
-            None of the quick version.
     """
 
     outcomes: Outcomes
     times: times.Times
     others: times.Times
-    largest: Mapping[str, np.ndarray] | None
 
 
 def measure(request: Request) -> Measurement:
@@ -46,15 +40,12 @@ def measure(request: Request) -> Measurement:
         report=report,
     )
     if quick:
-        return Measurement(outcomes, timed, {}, None)
+        return Measurement(outcomes, timed, {})
     lacking = sorted({*published.FIGURE_8_PARTICLES} - {*published.TABLE_1_PARTICLES})
     report(f"At equal time: the time of N = {', '.join(map(str, lacking))}")
     parts = published.FIGURE_8_PARTS
     others = times.measure_times(parts, lacking, repeats=repeats, report=report)
-    most, particles = times.LARGEST
-    report(f"Speed: {most} parts, N = {particles}, {published.RUNS} runs batched")
-    largest = times.measure_times((most,), (particles,), 10, repeats, published.RUNS, report)
-    return Measurement(outcomes, timed, others, largest[times.LARGEST])
+    return Measurement(outcomes, timed, others)
 
 
 def _cells(quick: bool) -> list[Cell]:

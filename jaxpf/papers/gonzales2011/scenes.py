@@ -124,7 +124,7 @@ def measure(
             same for all methods.
         num_frames: of a sequence; the trackers start at the first.
         dynamics: which of ``DYNAMICS``.
-        progress: is told a line per cell and block of sequences.
+        progress: takes a line per cell and block of sequences.
     """
 
     def by_method(values: Mapping[str, Mapping[str, np.ndarray]]) -> dict:

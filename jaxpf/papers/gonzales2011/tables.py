@@ -1,7 +1,5 @@
 """What figures 8 to 11 show as tables, table 1, and what they rest on."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from jaxpf.measures.timing import median_interval
@@ -9,17 +7,16 @@ from jaxpf.papers.gonzales2011 import times
 from jaxpf.papers.gonzales2011.measure import Measurement
 from jaxpf.papers.gonzales2011.published import (
     FRAMES,
-    RUNS,
     SLIP,
     TABLE_1,
     TABLE_1_PARTICLES,
     TIMED_RUNS,
 )
-from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, SAMPLES, Outcomes
+from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, Outcomes
 from jaxpf.papers.gonzales2011.times import Times
 from jaxpf.papers.judging.claims import Measured, Quantity
 from jaxpf.papers.judging.comparison_table import Cell, Rows, Table
-from jaxpf.papers.judging.estimates import mean_cell, only, ratio_of
+from jaxpf.papers.judging.estimates import mean_cell, ratio_of
 
 
 def tables(measured: Measurement) -> list[Table]:
@@ -27,8 +24,6 @@ def tables(measured: Measurement) -> list[Table]:
     return [
         *error_tables(measured.outcomes),
         *time_tables(measured.times),
-        growth_table(measured.times),
-        *([] if measured.largest is None else [speed_table(measured.largest)]),
     ]
 
 
@@ -159,59 +154,6 @@ def time_tables(found: Times) -> list[Table]:
             "at 11 parts and N = 200 to PS's 40 microseconds; see the nanoseconds for ours.",
         ),
     ]
-
-
-def growth_table(found: Times) -> Table:
-    """How table 1 grows with N and with P; one that is linear grows as they do."""
-    parts, particles = (sorted({key[k] for key in found}) for k in (0, 1))
-    few, many = particles[-2], particles[-1]
-    steps = [
-        *(((p, few), (p, many), f"{p} parts, N from {few} to {many}") for p in parts),
-        *(
-            ((parts[0], n), (parts[-1], n), f"{parts[0]} to {parts[-1]} parts, N = {n}")
-            for n in (particles if len(parts) > 1 else ())
-        ),
-    ]
-    rows = []
-    for before, after, label in steps:
-        linear = after[0] * after[1] / (before[0] * before[1])
-        cells: list[Cell | str] = [f"{linear:.2f}"]
-        for method in times.METHODS:
-            ratio = Measured(*median_interval(found[after][method] / found[before][method]))
-            known = _quotient(_published(method, after), _published(method, before))
-            cells.append(Cell(known, ratio, digits=2))
-        rows.append((label, cells))
-    return Table(
-        "growth",
-        "How many times longer table 1 takes as N and P grow",
-        ["", "linear", *times.METHODS],
-        rows,
-        "At most as much as linear: what a frame costs once for all parts and particles counts "
-        "less and less.",
-    )
-
-
-def speed_table(seconds: Mapping[str, np.ndarray]) -> Table:
-    """Table 1's largest cell with all runs of a figure batched, beside the published times."""
-    parts, particles = times.LARGEST
-    unit = 1e9 / (parts * particles * FRAMES)
-    rows: Rows = []
-    for method, ours in seconds.items():
-        published, baseline = (_published(each, times.LARGEST) for each in (method, "PS"))
-        assert published is not None
-        assert baseline is not None
-        ratio = Measured(*median_interval(ours / seconds["PS"]))
-        cost = Cell(unit * published, only(unit * float(np.median(ours))))
-        rows.append((f"{parts} parts, {method}", [cost, Cell(published / baseline, ratio, 3)]))
-    return Table(
-        "speed",
-        f"CPU nanoseconds per particle, part and frame: N = {particles}, {RUNS} runs batched",
-        ["", "ns", "this / PS"],
-        rows,
-        f"Median of {len(seconds['PS'])} interleaved repeats, {SAMPLES} x {SAMPLES} samples of "
-        f"every part, one device; the goal was {times.GOAL} ns, and at most {times.AT_MOST} for "
-        "SPS combinatorial.",
-    )
 
 
 def _time_cell(found: Times, method: str, cell: tuple[int, int], unit: float, digits: int) -> Cell:

@@ -58,8 +58,7 @@ class Case(NamedTuple):
         space: of the substates.
         dynamics: how they move.
         options: of ``jaxpf.likelihoods.contours``, exclusion apart.
-        on_target: a contour is on its target if it lies within so many pixels of its outline, on
-            average.
+        on_target: largest mean distance in pixels at which a contour is on its target.
         hidden: ``[T]``, share of the farther of two opaque targets that is hidden.
         farther: which of the two that is.
         noise: exclusion -> how many times the noise of the dynamics is taken, where not once.

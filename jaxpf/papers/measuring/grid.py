@@ -161,7 +161,7 @@ def with_bins(likelihood: HistogramLikelihood, num_bins: int) -> HistogramLikeli
 def _sharded(
     num_devices: int, num_particles: int, resampling: str, wrap: Callable | None
 ) -> Callable:
-    """The compiled kernel for scenes that so many devices share."""
+    """The compiled kernel for scenes that ``num_devices`` devices share."""
     one = partial(_run_scene, num_particles=num_particles, resampling=resampling, wrap=wrap)
 
     def rows(works: Work, *settings: Any) -> Any:

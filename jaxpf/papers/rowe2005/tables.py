@@ -206,7 +206,7 @@ def variance_table(outcome: Outcome) -> Table:
         ["", "between runs", "of the particles within one"],
         rows,
         "Condensation is without eq. 4, feedback and regularising.  A target without samples has "
-        "an estimate, and no particles that could tell how uncertain it is.",
+        "an estimate, but no particles that show its uncertainty.",
     )
 
 

@@ -136,7 +136,7 @@ def measure_conditions(
         seeds: of the scenes, at least two.
         particles: numbers of particles.
         endings: of ``ENDINGS``.
-        report: is told a line per condition.
+        report: takes a line per condition.
     """
     chosen = {n: o for n, o in all_orderings().items() if n.startswith("PS ") or n == "DPS"}
     found = []

@@ -73,7 +73,8 @@ def paired_rates_interval(first: ArrayLike, second: ArrayLike, level: float = 0.
     both = [scene_interval(rates, level, (0.0, 1.0)) for rates in (first, second)]
     varies = np.ptp(first) > 0 and np.ptp(second) > 0
     correlation = float(np.corrcoef(first, second)[0, 1]) if varies else 0.0
-    ends = newcombe_ends(*((rate.value, rate.lower, rate.upper) for rate in both), correlation)
+    one, other = ((rate.value, rate.lower, rate.upper) for rate in both)
+    ends = newcombe_ends(one, other, correlation)
     error = (first - second).std(ddof=1) / math.sqrt(len(first))
     return Interval(both[0].value - both[1].value, error, *ends)
 

@@ -152,13 +152,13 @@ def test_figures_are_those_of_scene_intervals():
 
 def test_on_one_clip_the_runs_are_the_units():
     trials = np.random.default_rng(0).random((1, 40)) < 0.7
-    assert share_of(trials).count == 40
+    assert share_of(trials).units == 40
     assert share_of(trials).measured() == share_of(trials.T).measured()
 
 
 def test_a_ratio_is_the_geometric_mean():
     ratio = ratio_of([1.0, 4.0, 0.0, 2.0], [2.0, 2.0, 1.0, math.nan])
     assert ratio.value == pytest.approx(1)
-    assert ratio.count == 2
+    assert ratio.units == 2
     low, high = ratio.interval(0.95)
     assert low == pytest.approx(1 / high, rel=0.05)

@@ -1,6 +1,6 @@
 """The figures that judge the paper's claims, by the claims' keys."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from jaxpf.papers.eskil2014.tables import NEAR, by_scene, found_again, kept
 from jaxpf.papers.judging.claims import Quantity
 from jaxpf.papers.judging.estimates import gap_of, mean_of, rate_of, ratio_of
 
-Quantities = dict[str, Sequence[Quantity]]
+Quantities = dict[str, list[Quantity]]
 #: Frames after a blink's middle in which the eye is open again.
 _OPEN = range(5, 11)
 
@@ -25,11 +25,11 @@ def quantities(measured: Measurement) -> Quantities:
 
 def of_scenes(outcomes: Mapping[str, Outcome]) -> Quantities:
     """Those of the three sequences."""
-    found: dict[str, Quantity] = {}
+    figures: dict[str, Quantity] = {}
     for scene, measure in {"fish": _fish, "skydivers": _skydivers, "face": _face}.items():
         if scene in outcomes:
-            found |= measure(outcomes[scene])
-    return {key: [figure] for key, figure in found.items()}
+            figures |= measure(outcomes[scene])
+    return {key: [figure] for key, figure in figures.items()}
 
 
 def of_speed(rates: speed.Rates) -> Quantities:
@@ -58,7 +58,7 @@ def _gap(outcome: Outcome, other: str, frames: slice = slice(None)) -> Quantity:
 def _fish(outcome: Outcome) -> dict[str, Quantity]:
     share = {name: by_scene(outcome, name, kept) / len(outcome.names) for name in outcome.errors}
     last = slice(-10, None)
-    found = {
+    figures = {
         "fish_kept": rate_of(share[methods.PROPOSED]),
         "fish_tenfold": ratio_of(
             _errors(outcome, methods.PFFL, last), _errors(outcome, methods.PROPOSED, last)
@@ -66,21 +66,21 @@ def _fish(outcome: Outcome) -> dict[str, Quantity]:
         "fish_found_again": rate_of(by_scene(outcome, methods.PROPOSED, found_again)),
     }
     if methods.PRINTED in share:
-        found["fish_kept_printed"] = rate_of(share[methods.PRINTED])
+        figures["fish_kept_printed"] = rate_of(share[methods.PRINTED])
     for key, pffl in (
         ("fish_pffl", methods.PFFL),
         ("fish_pffl_printed", "PFFL as printed"),
         ("fish_pffl_drift", methods.WITH_DRIFT),
     ):
         if pffl in share:
-            found[key] = gap_of(share[methods.PROPOSED][:, None], share[pffl][:, None])
+            figures[key] = gap_of(share[methods.PROPOSED][:, None], share[pffl][:, None])
     if outcome.visible.shape[1] > published.FISH_PARTED.stop:
-        found["fish_together"] = _gap(outcome, methods.PFFL, published.FISH_TOGETHER)
-        found["fish_parted"] = _gap(outcome, methods.PFFL, published.FISH_PARTED)
+        figures["fish_together"] = _gap(outcome, methods.PFFL, published.FISH_TOGETHER)
+        figures["fish_parted"] = _gap(outcome, methods.PFFL, published.FISH_PARTED)
     for ablation in ("without drift", "without shape"):
         if ablation in outcome.errors:
-            found[f"fish_{ablation.replace(' ', '_')}"] = _gap(outcome, ablation)
-    return found
+            figures[f"fish_{ablation.replace(' ', '_')}"] = _gap(outcome, ablation)
+    return figures
 
 
 def _skydivers(outcome: Outcome) -> dict[str, Quantity]:
@@ -92,23 +92,23 @@ def _skydivers(outcome: Outcome) -> dict[str, Quantity]:
 
     # The peak of each run, for the mean over runs would hide a lost one.
     peak = by_scene(outcome, methods.PROPOSED, lambda e, v: e.mean(axis=2).max(axis=1))
-    found = {
+    figures = {
         "skydivers_peak": mean_of(peak),
         "skydivers_near": rate_of(by_scene(outcome, methods.PROPOSED, together)),
     }
     after = published.PARTING["skydivers"]
     if methods.PFFL in outcome.errors and outcome.visible.shape[1] > after:
-        found["skydivers_before"] = _gap(outcome, methods.PFFL, slice(0, after))
-        found["skydivers_after"] = _gap(outcome, methods.PFFL, slice(after, None))
-    return found
+        figures["skydivers_before"] = _gap(outcome, methods.PFFL, slice(0, after))
+        figures["skydivers_after"] = _gap(outcome, methods.PFFL, slice(after, None))
+    return figures
 
 
 def _face(outcome: Outcome) -> dict[str, Quantity]:
-    found, num_frames = {}, outcome.visible.shape[1]
+    figures, num_frames = {}, outcome.visible.shape[1]
     after = published.PARTING["face"]
     if methods.PFFL in outcome.errors and num_frames > after:
-        found["face_before"] = _gap(outcome, methods.PFFL, slice(0, after))
-        found["face_after"] = _gap(outcome, methods.PFFL, slice(after, None))
+        figures["face_before"] = _gap(outcome, methods.PFFL, slice(0, after))
+        figures["face_after"] = _gap(outcome, methods.PFFL, slice(after, None))
     if num_frames > published.BLINKS[-1] + _OPEN.stop:
         eyes = [place for place, name in enumerate(outcome.names) if "eye" in name]
         frames = [blink + after for blink in published.BLINKS for after in _OPEN]
@@ -116,7 +116,7 @@ def _face(outcome: Outcome) -> dict[str, Quantity]:
         def after_blinks(errors: Any, visible: Any) -> Any:
             return (errors[:, frames][..., eyes] <= NEAR).mean(axis=(1, 2))
 
-        found["face_blinks"] = rate_of(by_scene(outcome, methods.PROPOSED, after_blinks))
+        figures["face_blinks"] = rate_of(by_scene(outcome, methods.PROPOSED, after_blinks))
     begin, end = published.SMILE
     if num_frames > end:
         corner = outcome.names.index("right lip corner")
@@ -125,5 +125,5 @@ def _face(outcome: Outcome) -> dict[str, Quantity]:
             * by_scene(outcome, methods.PROPOSED, lambda e, v, f=f: e[:, f, corner].mean(axis=1))
             for f in (slice(begin + 6, end - 6), slice(-10, None))
         )
-        found["face_smile"] = mean_of(smiling - later)
-    return found
+        figures["face_smile"] = mean_of(smiling - later)
+    return figures

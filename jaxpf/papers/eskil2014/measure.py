@@ -1,7 +1,7 @@
 """Everything that is measured for the paper."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from jaxpf.papers.eskil2014 import methods, published, speed
 from jaxpf.papers.eskil2014.scenes import Outcome, measure as measure_scenes
@@ -30,7 +30,7 @@ def measure(request: Request) -> Measurement:
     quick, seeds, report = request.quick, request.seeds, request.report
     names = ["platty"] if quick else list(published.SEQUENCES)
     filters = methods.QUICK if quick else methods.FILTERS
-    shorter = {"num_frames": _QUICK_FRAMES} if quick else {}
+    shorter: dict[str, Any] = {"num_frames": _QUICK_FRAMES} if quick else {}
     outcomes = {}
     for name in names:
         scene, scale = published.SEQUENCES[name].scene, published.SEQUENCES[name].scale_here

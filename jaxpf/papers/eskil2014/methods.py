@@ -64,10 +64,11 @@ def tracker(
         points: [P, 2], pixels.
         scale: sigma_t, pixels.
     """
-    found = jaxpf.points.tracker(frame, points, diffusion=scale, **_OPTIONS[name])
+    point_tracker = jaxpf.points.tracker(frame, points, diffusion=scale, **_OPTIONS[name])
     if name == WITH_DRIFT:
-        found = dataclasses.replace(found, dynamics=AR2(np.float32(scale), np.float32(MOMENTUM)))
-    return found
+        dynamics = AR2(np.float32(scale), np.float32(MOMENTUM))
+        return dataclasses.replace(point_tracker, dynamics=dynamics)
+    return point_tracker
 
 
 def trackers(

@@ -104,15 +104,15 @@ def track(
 ) -> dict[str, np.ndarray]:
     """Method -> places ``[R, T, P, 2]`` in the frames after the first, in which points start."""
     later = jnp.asarray(frames[1:])
-    found = {
+    places = {
         name: places_of(tracker, later, RUNS_PER_SCENE, seed)
         for name, tracker in methods.trackers(frames[0], points, scale, filters).items()
     }
     if methods.FLOW in others:
-        found[methods.FLOW] = follow_points(frames, points)[0][None]
+        places[methods.FLOW] = follow_points(frames, points)[0][None]
     if "not moving" in others:
-        found["not moving"] = np.broadcast_to(points, (1, len(later), *points.shape))
-    return found
+        places["not moving"] = np.broadcast_to(points, (1, len(later), *points.shape))
+    return places
 
 
 def places_of(tracker: Any, later: Any, runs: int, seed: int) -> np.ndarray:

@@ -108,7 +108,7 @@ def scene_table(outcome: Outcome) -> Table:
 def speed_table(rates: speed.Rates) -> Table:
     """Table 3: published beside ours."""
     rows: Rows = []
-    for name, found in rates.items():
+    for name, by_method in rates.items():
         sequence = published.SEQUENCES[name]
         known = {
             methods.PROPOSED: sequence.proposed,
@@ -116,7 +116,7 @@ def speed_table(rates: speed.Rates) -> Table:
             methods.SPOT: sequence.spot,
         }
         cells = [
-            Cell(figure, only(found[method].max()) if method in found else None, 2)
+            Cell(figure, only(by_method[method].max()) if method in by_method else None, 2)
             for method, figure in known.items()
         ]
         rows.append((f"{name} ({sequence.scene})", cells))

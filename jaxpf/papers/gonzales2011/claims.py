@@ -29,25 +29,25 @@ from jaxpf.papers.gonzales2011.times import AT_MOST, METHODS, Times
 from jaxpf.papers.judging.claims import Quantity, computed
 from jaxpf.papers.judging.estimates import ratio_of, share_of
 
-Quantities = dict[str, Sequence[Quantity]]
+Quantities = dict[str, list[Quantity]]
 _SWAPS = ("sorted", "combinatorial")
 
 
 def quantities(measured: Measurement) -> Quantities:
     """Key of a claim -> its figures; claims without a measured cell are left out."""
-    found: Quantities = {"resamplings": resamplings()}
+    figures: Quantities = {"resamplings": resamplings()}
     times = {**measured.times, **measured.others}
     for dynamics in DYNAMICS:
         for swap in _SWAPS:
-            found |= of_curves(measured.outcomes, dynamics, swap)
-            found[f"equal_time_{swap}_{dynamics}"] = [
+            figures |= of_curves(measured.outcomes, dynamics, swap)
+            figures[f"equal_time_{swap}_{dynamics}"] = [
                 part
                 for num_parts in FIGURE_8_PARTS
                 for part in at_equal_time(
                     measured.outcomes, times, dynamics, f"SPS {swap}", num_parts
                 )
             ]
-    return found | of_times(measured.times)
+    return figures | of_times(measured.times)
 
 
 def of_curves(outcomes: Outcomes, dynamics: str, swap: str) -> Quantities:
@@ -56,20 +56,20 @@ def of_curves(outcomes: Outcomes, dynamics: str, swap: str) -> Quantities:
     prefix = "" if own else f"{swap}_{dynamics}_"
 
     def gains(motion: str, parts: Sequence[int], number: int, measure: str) -> list[Quantity]:
-        found = []
+        figures = []
         for num_parts in parts:
             if outcome := outcomes.get((motion, num_parts, number)):
                 values = getattr(outcome, measure)
                 ours, base = (by_scene(values[dynamics, m]) for m in (f"SPS {swap}", "PS"))
-                found.append(gain(ours, base, f"{num_parts} parts"))
-        return found
+                figures.append(gain(ours, base, f"{num_parts} parts"))
+        return figures
 
     erratic = partial(gains, "erratic", [FIGURE_11_PARTS], FIGURE_11_PARTICLES)
-    found = {
+    figures = {
         f"{prefix}error_{number}": gains("smooth", FIGURE_8_PARTS, number, "error")
         for number in FIGURE_8_PARTICLES
     }
-    return found | {
+    return figures | {
         f"{prefix}variance": gains("smooth", FIGURE_8_PARTS, FIGURE_9_PARTICLES, "variance"),
         f"{prefix}strong_start": gains("strong_start", PARTS, FIGURE_10_PARTICLES, "error"),
         f"{prefix}erratic_error": erratic("error"),
@@ -79,25 +79,25 @@ def of_curves(outcomes: Outcomes, dynamics: str, swap: str) -> Quantities:
 
 def resamplings() -> list[Quantity]:
     """How many times as often PS resamples in a frame as SPS."""
-    found = []
+    figures = []
     for num_parts in FIGURE_8_PARTS:
         tree = [-1 if part == 0 else max(part - 2, 0) for part in range(num_parts)]
         ps, sps = (
             int(metrics.resamplings_per_frame(named(method, tree).resample_after))
             for method in ("ps", "sps")
         )
-        found.append(computed(ps / sps, f"{num_parts} parts, {ps} / {sps}"))
-    return found
+        figures.append(computed(ps / sps, f"{num_parts} parts, {ps} / {sps}"))
+    return figures
 
 
 def of_times(times: Times) -> Quantities:
     """Table 1: cells in which SPS is at most 4 % slower than PS; each has a kernel of its own."""
-    found = {}
+    figures = {}
     for method in METHODS[1:]:
         slower = [np.median(cell[method] / cell["PS"]) for cell in times.values()]
         key = f"time_{method.removeprefix('SPS ')}"
-        found[key] = [share_of((np.array(slower) <= AT_MOST)[:, None])]
-    return found
+        figures[key] = [share_of((np.array(slower) <= AT_MOST)[:, None])]
+    return figures
 
 
 def at_equal_time(
@@ -132,15 +132,15 @@ def at_equal_time(
         what = f"{num_parts} parts, N = {number}, of SPS {affords:.0f}"
         return gain((1 - share) * fewer + share * more, errors("PS", number), what)
 
-    found = []
+    figures = []
     for number, spent in zip(timed, seconds("PS"), strict=False):
         both = times[num_parts, number]
         ratio = ratio_of(both["PS"], both[method])
         ends = [float(spent) * end / ratio.value for end in ratio.interval(0.95)]
         parts = [part for each in (spent, *ends) if (part := read_off(number, float(each)))]
         if len(parts) == 3:
-            found.append(parts[0]._replace(interval=partial(_widest, parts)))
-    return found
+            figures.append(parts[0]._replace(interval=partial(_widest, parts)))
+    return figures
 
 
 def _widest(parts: Sequence[Quantity], level: float) -> tuple[float, float]:

@@ -95,9 +95,9 @@ def error_tables(outcomes: Outcomes) -> list[Table]:
     return tables
 
 
-def time_tables(found: Times) -> list[Table]:
+def time_tables(timed: Times) -> list[Table]:
     """Seconds, nanoseconds and ratios, the published ones beside ours."""
-    parts, particles = (sorted({key[k] for key in found}) for k in (0, 1))
+    parts, particles = (sorted({key[k] for key in timed}) for k in (0, 1))
     columns = ["", *(f"N = {n}" for n in particles)]
     seconds: Rows = []
     cost: Rows = []
@@ -105,13 +105,13 @@ def time_tables(found: Times) -> list[Table]:
     for p in parts:
         for method in times.METHODS:
             label, cells = f"{p} parts, {method}", [(p, n) for n in particles]
-            seconds.append((label, [_time_cell(found, method, cell, 1, 3) for cell in cells]))
+            seconds.append((label, [_time_cell(timed, method, cell, 1, 3) for cell in cells]))
             units = [1e9 / (p * n * FRAMES) for n in particles]
             cost.append(
                 (
                     label,
                     [
-                        _time_cell(found, method, cell, unit, 0)
+                        _time_cell(timed, method, cell, unit, 0)
                         for cell, unit in zip(cells, units, strict=True)
                     ],
                 )
@@ -120,7 +120,7 @@ def time_tables(found: Times) -> list[Table]:
                 row = [
                     Cell(
                         _quotient(_published(method, cell), _published("PS", cell)),
-                        Measured(*median_interval(found[cell][method] / found[cell]["PS"])),
+                        Measured(*median_interval(timed[cell][method] / timed[cell]["PS"])),
                         digits=3,
                     )
                     for cell in cells
@@ -156,9 +156,9 @@ def time_tables(found: Times) -> list[Table]:
     ]
 
 
-def _time_cell(found: Times, method: str, cell: tuple[int, int], unit: float, digits: int) -> Cell:
+def _time_cell(timed: Times, method: str, cell: tuple[int, int], unit: float, digits: int) -> Cell:
     published = _published(method, cell)
-    ours = Measured(*(unit * x for x in median_interval(found[cell][method])))
+    ours = Measured(*(unit * x for x in median_interval(timed[cell][method])))
     return Cell(None if published is None else unit * published, ours, digits)
 
 
@@ -170,5 +170,5 @@ def _published(method: str, cell: tuple[int, int]) -> float | None:
     return row[TABLE_1_PARTICLES.index(cell[1])]
 
 
-def _quotient(one: float | None, other: float | None) -> float | None:
-    return None if one is None or other is None else one / other
+def _quotient(upper: float | None, lower: float | None) -> float | None:
+    return None if upper is None or lower is None else upper / lower

@@ -55,7 +55,7 @@ class Quantity(NamedTuple):
     Attributes:
         value: the estimate.
         interval: level -> its confidence interval (low, high).
-        count: scenes, or other units, behind it; 0 if it is computed and has no chance in it.
+        units: number of scenes, or of other units; 0 if it is computed and has no chance in it.
         what: for reports, such as "sharpness 20".
         chosen_among: number of figures of which this one was chosen by its value; the interval is
             Bonferroni-corrected for them.
@@ -63,7 +63,7 @@ class Quantity(NamedTuple):
 
     value: float
     interval: Callable[[float], tuple[float, float]]
-    count: int
+    units: int
     what: str = ""
     chosen_among: int = 1
 
@@ -167,7 +167,7 @@ def _read(row: Mapping[str, str]) -> Claim:
 
 def judge(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> Judged:
     """Judge a claim by what was measured; see the module's docstring."""
-    count = min((each.count for each in figures), default=0)
+    count = min((each.units for each in figures), default=0)
     verdict = _verdict(claim, figures, level)
     if verdict == CONTRADICTED and claim.group == "once":
         verdict = NOT_SEEN
@@ -203,7 +203,7 @@ def _verdict(claim: Claim, figures: Sequence[Quantity], level: float) -> str:
 def _clearly(holds: Callable[..., bool], claim: Claim, figure: Quantity, level: float) -> bool:
     """Whether it holds of the whole interval; scenes that all agree are not certainty."""
     low, high = figure.at(level)
-    return (figure.count == 0 or has_width(low, high)) and holds(claim, low, high)
+    return (figure.units == 0 or has_width(low, high)) and holds(claim, low, high)
 
 
 def _is_inside(claim: Claim, low: float, high: float) -> bool:
@@ -240,22 +240,18 @@ def growth(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> fl
     Intervals shrink with the root of the number of scenes.  NaN without intervals; infinite where
     a figure lies at an end of the range, or outside of it within the margin.
     """
+    corrected = 1 - (1 - level) / len(figures)
     inside, beyond = [], []
     for figure in figures:
-        value = figure.value
-        for goals, inner, used in (
-            (inside, (claim.at_least, claim.at_most), level),
-            (beyond, (claim.at_least - claim.margin, claim.at_most + claim.margin), 0.0),
-        ):
-            low, high = figure.at(used or 1 - (1 - level) / len(figures))
-            if not has_width(low, high):
-                return math.nan
-            above, below = value - inner[0], inner[1] - value
-            if goals is inside:
-                goals.append(max(_square(value - low, above), _square(high - value, below)))
-            else:
-                goals.append(min(_square(high - value, -above), _square(value - low, -below)))
-    return min(max(inside, default=math.nan), min(beyond, default=math.nan))
+        value, low, high = figure.measured(level)
+        if not has_width(low, high):
+            return math.nan
+        above, below = value - claim.at_least, claim.at_most - value
+        inside.append(max(_square(value - low, above), _square(high - value, below)))
+        low, high = figure.at(corrected)
+        above, below = above + claim.margin, below + claim.margin
+        beyond.append(min(_square(high - value, -above), _square(value - low, -below)))
+    return min(max(inside), min(beyond))
 
 
 def _square(reach: float, distance: float) -> float:
@@ -266,7 +262,7 @@ def _square(reach: float, distance: float) -> float:
 def _shown(figure: Quantity, digits: int, level: float) -> str:
     value, low, high = figure.measured(level)
     text = f"{value:.{digits}f}"
-    if figure.count:
+    if figure.units:
         text += f" [{low:.{digits}f}, {high:.{digits}f}]"
     return f"{figure.what}: {text}" if figure.what else text
 
@@ -274,7 +270,7 @@ def _shown(figure: Quantity, digits: int, level: float) -> str:
 def _hull(figures: Sequence[Quantity], digits: int, level: float) -> str:
     """All figures in short."""
     values, lows, highs = zip(*(each.measured(level) for each in figures), strict=True)
-    if not any(each.count for each in figures):
+    if not any(each.units for each in figures):
         return _span(values, digits)
     return hull(values, lows, highs, digits)
 

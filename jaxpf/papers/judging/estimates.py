@@ -23,8 +23,8 @@ def mean_of(
     values = values[np.isfinite(values)]
 
     def interval(level: float) -> tuple[float, float]:
-        found = scene_interval(values, level, bounds)
-        return float(found.lower), float(found.upper)
+        ends = scene_interval(values, level, bounds)
+        return float(ends.lower), float(ends.upper)
 
     value = float(values.mean()) if len(values) else math.nan
     return Quantity(value, interval, max(len(values), 1), what)
@@ -61,8 +61,8 @@ def gap_of(first: Any, second: Any, what: str = "", chosen_among: int = 1) -> Qu
     rates = _by_unit(first), _by_unit(second)
 
     def interval(level: float) -> tuple[float, float]:
-        found = paired_rates_interval(*rates, level)
-        return 100 * float(found.lower), 100 * float(found.upper)
+        ends = paired_rates_interval(*rates, level)
+        return 100 * float(ends.lower), 100 * float(ends.upper)
 
     value = 100 * float(rates[0].mean() - rates[1].mean()) if len(rates[0]) else math.nan
     return Quantity(value, interval, max(len(rates[0]), 1), what, chosen_among)

@@ -26,14 +26,14 @@ from jaxpf.papers.maccormick1999.tables import rate_of_labels
 Quantities = dict[str, Quantity]
 
 
-def quantities(measured: Measurement) -> dict[str, Sequence[Quantity]]:
+def quantities(measured: Measurement) -> dict[str, list[Quantity]]:
     """Key of a claim -> its figures; those of methods that were not run are left out."""
-    found = {"line": of_line(), "toy": of_toy(measured.toy)}
+    figures = {"line": of_line(), "toy": of_toy(measured.toy)}
     for meeting in measured.meetings:
-        found |= of_meeting(meeting)
-    found |= of_leaves(measured.leaves) | of_walkers(measured.walkers)
-    found["leaves_ess"] = of_figure_11(measured.figure_11)
-    return {key: [figure] for key, figure in found.items()}
+        figures |= of_meeting(meeting)
+    figures |= of_leaves(measured.leaves) | of_walkers(measured.walkers)
+    figures["leaves_ess"] = of_figure_11(measured.figure_11)
+    return {key: [figure] for key, figure in figures.items()}
 
 
 def of_line() -> Quantity:
@@ -51,32 +51,32 @@ def of_toy(steps: Mapping[str, Sequence[toy.Step]]) -> Quantity:
 def of_meeting(meeting: Passing) -> Quantities:
     """Figure 4: exclusion keeps the targets apart, and its absence does not."""
     name = meeting.name
-    found = {
+    figures = {
         f"{name}_kept": share_of(meeting.kept(EXCLUSIVE)),
         f"{name}_fewer_kept": _gap(meeting.kept(EXCLUSIVE), meeting.kept(NAIVE)),
         f"{name}_coalesce": _gap(meeting.coalesced(NAIVE), meeting.coalesced(EXCLUSIVE)),
     }
     if NAIVE + CONDENSATION in meeting.methods:
         naive, exclusive = (each + CONDENSATION for each in (NAIVE, EXCLUSIVE))
-        found |= {
+        figures |= {
             f"{name}_condensation_kept": share_of(meeting.kept(exclusive)),
             f"{name}_condensation": _gap(meeting.coalesced(naive), meeting.coalesced(exclusive)),
         }
-    return found
+    return figures
 
 
 def of_leaves(passing: Passing) -> Quantities:
     """Figures 7 and 12."""
-    found = {
+    figures = {
         "leaves_kept": share_of(passing.kept(PARTITIONED)),
         "leaves_labels": rate_of_labels(passing, PARTITIONED),
         "leaves_fewer_particles": _gap(passing.kept(PARTITIONED), passing.kept(FAILING)),
     }
     if PARTITIONED + PUBLISHED_FLIP in passing.methods:
-        found["leaves_labels_flip"] = rate_of_labels(passing, PARTITIONED + PUBLISHED_FLIP)
+        figures["leaves_labels_flip"] = rate_of_labels(passing, PARTITIONED + PUBLISHED_FLIP)
     if ENOUGH in passing.methods:
-        found["leaves_enough"] = share_of(passing.kept(ENOUGH))
-    return found
+        figures["leaves_enough"] = share_of(passing.kept(ENOUGH))
+    return figures
 
 
 def of_figure_11(passing: Passing) -> Quantity:
@@ -86,7 +86,7 @@ def of_figure_11(passing: Passing) -> Quantity:
 
 def of_walkers(passing: Passing) -> Quantities:
     """Figures 1 and 6."""
-    found = {
+    figures = {
         "walkers_kept": share_of(passing.kept(OCCLUSION)),
         "walkers_more_kept": _gap(passing.kept(OCCLUSION), passing.kept(INDEPENDENT)),
         "walkers_coalesce": _gap(passing.coalesced(INDEPENDENT), passing.coalesced(OCCLUSION)),
@@ -95,11 +95,11 @@ def of_walkers(passing: Passing) -> Quantities:
         "walkers_narrow": ratio_of(passing.narrowing(OCCLUSION), 1.0),
     }
     if OCCLUSION + CONDENSATION in passing.methods:
-        found["walkers_condensation"] = share_of(passing.kept(OCCLUSION + CONDENSATION))
-    return found
+        figures["walkers_condensation"] = share_of(passing.kept(OCCLUSION + CONDENSATION))
+    return figures
 
 
-def _gap(one: np.ndarray, other: np.ndarray) -> Quantity:
+def _gap(first: np.ndarray, second: np.ndarray) -> Quantity:
     """Points by which the first rate is above the second, on the sequences that both have."""
-    number = min(len(one), len(other))
-    return gap_of(one[:number], other[:number])
+    number = min(len(first), len(second))
+    return gap_of(first[:number], second[:number])

@@ -48,8 +48,8 @@ def line_figure() -> Any:
 def toy_figure(steps: Mapping[str, Sequence[toy.Step]]) -> Any:
     """All steps of both figures, of one run, y in black and grey."""
     drawing, axes = plotting.new_figure(2, 4, figsize=(16, 8.4))
-    for row, (method, found) in zip(axes, steps.items(), strict=True):
-        for axis, step in zip(row, found, strict=True):
+    for row, (method, shown) in zip(axes, steps.items(), strict=True):
+        for axis, step in zip(row, shown, strict=True):
             weights, labels = step.weights[0], step.labels[0]
             axis.scatter(
                 *step.substates[0].T, s=1000 * weights, facecolors="none", linewidths=1.2,
@@ -74,9 +74,9 @@ def ess_figure(leaves: Passing) -> Any:
     drawing, axes = plotting.new_figure(1, 1, figsize=(8, 4.6))
     (axis,) = axes[0]
     for name, colour in zip((PARTITIONED, AS_MANY), plotting.colours(2), strict=True):
-        found = np.array([mean_of(each).measured() for each in leaves.ess_by_frame(name).T])
-        values, lows, highs = found.T
-        frames = np.arange(1, len(found) + 1)
+        curve = np.array([mean_of(each).measured() for each in leaves.ess_by_frame(name).T])
+        values, lows, highs = curve.T
+        frames = np.arange(1, len(curve) + 1)
         axis.plot(frames, values, color=colour, label=f"{name} ({_sequences(leaves, name)})")
         axis.fill_between(frames, lows, highs, color=colour, alpha=0.2, lw=0)
     axis.set(xlabel="frame", ylabel="effective sample size", ylim=(0, None))

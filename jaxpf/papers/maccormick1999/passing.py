@@ -74,11 +74,11 @@ WALKERS = {
 
 def likelihoods(num_particles: int, condensation: bool = False) -> dict[str, Method]:
     """With exclusion and without, by partitioned sampling, and by Condensation if asked for."""
-    found = {name: Method(kind, "ps", num_particles) for name, kind in LIKELIHOODS.items()}
+    methods = {name: Method(kind, "ps", num_particles) for name, kind in LIKELIHOODS.items()}
     if condensation:
         for name, kind in LIKELIHOODS.items():
-            found[name + CONDENSATION] = Method(kind, "sir", num_particles)
-    return found
+            methods[name + CONDENSATION] = Method(kind, "sir", num_particles)
+    return methods
 
 
 class Passing(NamedTuple):
@@ -113,12 +113,12 @@ class Passing(NamedTuple):
 
     def labels_right(self, method: str) -> np.ndarray:
         """``[cases]``: share of the frames with much overlap in which the label is likely right."""
-        found = []
+        shares = []
         for case, outcome in self._of(method):
             of_front = outcome.in_front if case.farther == 1 else 1 - outcome.in_front
             of_front = of_front[:, case.hidden > MUCH_HIDDEN]
-            found.append(np.mean(np.where(np.isnan(of_front), np.nan, of_front > 0.5)))
-        return np.array(found)
+            shares.append(np.mean(np.where(np.isnan(of_front), np.nan, of_front > 0.5)))
+        return np.array(shares)
 
     def ess(self, method: str) -> np.ndarray:
         """``[cases]``, mean over the runs and the first frames."""
@@ -147,19 +147,19 @@ class Passing(NamedTuple):
 
     def _spreads(self, method: str) -> np.ndarray:
         """``[3, cases]``: just before the occlusion, at its height, and some frames after it."""
-        found = []
+        spreads = []
         for case, outcome in self._of(method):
             spread = outcome.spread[outcome.kept][:, :, case.farther]  # [kept, T]
             if not len(spread):
-                found.append([np.nan] * 3)
+                spreads.append([np.nan] * 3)
                 continue
             spread, hidden = spread.mean(axis=0), case.hidden
             covered = np.flatnonzero(hidden > 0)
             first, after = max(covered[0], 1), spread[covered[-1] + 1 :][_AFTER]
             before = spread[max(first - _BEFORE, 0) : first].mean()
             height = spread[hidden > 0.5 * hidden.max()].mean()
-            found.append([before, height, after.mean() if len(after) else np.nan])
-        return np.array(found).T
+            spreads.append([before, height, after.mean() if len(after) else np.nan])
+        return np.array(spreads).T
 
     def _of(self, method: str) -> Iterator[tuple[Case, Outcome]]:
         return zip(self.cases, self.outcomes[method], strict=False)
@@ -189,10 +189,10 @@ def measure(
                 name = "-".join(map(str, (case.name, *method[:3], method.flip, seed, runs)))
                 yield name, partial(_outcome, case, method, runs, seed)
 
-    found = each(parts())
+    measured = each(parts())
     for done, names in enumerate(tracked, start=1):
         for name in names:
-            outcomes[name].append(Outcome(**next(found)))
+            outcomes[name].append(Outcome(**next(measured)))
         report(f"  {kept[done - 1].name}: sequence {done} of {len(seeds)} done")
     return Passing(kept, outcomes, methods)
 

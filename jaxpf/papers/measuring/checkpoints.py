@@ -64,15 +64,15 @@ def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[dic
             yield part(name, measure)
         return
     pieces = [_Piece(name, measure, double_precision()) for name, measure in parts]
-    found = {piece.name: _known(piece.name) for piece in pieces}
-    missing = [piece for piece in pieces if found[piece.name] is None]
+    known = {piece.name: _known(piece.name) for piece in pieces}
+    missing = [piece for piece in pieces if known[piece.name] is None]
     measured = in_turn(_measure, missing, executor or partial(ThreadPoolExecutor, threads))
     for piece in pieces:
-        while (its := found[piece.name]) is None:
+        while (values := known[piece.name]) is None:
             done, flat = next(measured)
-            found[done.name] = _kept(done.name, flat)
-        yield its
-        del found[piece.name]
+            known[done.name] = _kept(done.name, flat)
+        yield values
+        del known[piece.name]
 
 
 @contextlib.contextmanager
@@ -112,28 +112,28 @@ def _known(name: str) -> dict[str, Any] | None:
     return None
 
 
-def _kept(name: str, found: Mapping[str, np.ndarray]) -> dict[str, Any]:
+def _kept(name: str, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
     store = _store.get()
     if store is not None:
-        store.write(name, found)
-    return _nested(found)
+        store.write(name, arrays)
+    return _nested(arrays)
 
 
 #: Between the names of nested mappings.
 _WITHIN = " > "
 
 
-def _flat(found: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, np.ndarray]]:
-    for key, value in found.items():
+def _flat(arrays: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, np.ndarray]]:
+    for key, value in arrays.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f"{above}{key}{_WITHIN}")
         else:
             yield above + key, np.asarray(value)
 
 
-def _nested(found: Mapping[str, np.ndarray]) -> dict[str, Any]:
+def _nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
     nested: dict[str, Any] = {}
-    for path, value in found.items():
+    for path, value in arrays.items():
         *above, key = path.split(_WITHIN)
         place = nested
         for name in above:

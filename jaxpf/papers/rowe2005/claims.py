@@ -1,7 +1,5 @@
 """The figures that judge the paper's claims, by the claims' keys."""
 
-from collections.abc import Sequence
-
 from jaxpf.papers.judging.claims import Quantity
 from jaxpf.papers.judging.estimates import gap_of, mean_of, ratio_of, share_of
 from jaxpf.papers.rowe2005 import published, tables
@@ -9,28 +7,28 @@ from jaxpf.papers.rowe2005.measure import Measurement
 from jaxpf.papers.rowe2005.scenes import Outcome
 
 
-def quantities(measured: Measurement) -> dict[str, Sequence[Quantity]]:
+def quantities(measured: Measurement) -> dict[str, list[Quantity]]:
     """Key of a claim -> its figures."""
     return of_scenes(measured.outcome, measured.crossing)
 
 
-def of_scenes(outcome: Outcome, crossing: Outcome) -> dict[str, Sequence[Quantity]]:
+def of_scenes(outcome: Outcome, crossing: Outcome) -> dict[str, list[Quantity]]:
     """The same; ``crossing`` are the runs on targets that cross."""
 
     def less(measure) -> Quantity:
         """How much less the whole filter has than the one with neither, scene by scene."""
         return mean_of(measure(outcome, "neither") - measure(outcome, "both"))
 
-    def fewer_lost(variant: str, found: Outcome = outcome) -> Quantity:
+    def fewer_lost(variant: str, runs: Outcome = outcome) -> Quantity:
         """How many more targets a variant loses than the whole filter, in points."""
-        return gap_of(tables.lost(found, variant), tables.lost(found, "both"))
+        return gap_of(tables.lost(runs, variant), tables.lost(runs, "both"))
 
     low, high = published.SHARE_BAND
     shares = tables.run_share(outcome, "both")
     starved = {name: tables.starved(outcome, name) for name in ("without eq. 4", "both")}
     between = {name: outcome.between[outcome.of(name)] for name in ("Condensation", "both")}
     size = {name: tables.last_ratio(outcome, name) for name in ("both", "without size term")}
-    found = {
+    figures = {
         "starves": share_of(starved["without eq. 4"]),
         "half": share_of((low <= shares) & (shares <= high)),
         "never_starves": share_of(starved["both"]),
@@ -50,4 +48,4 @@ def of_scenes(outcome: Outcome, crossing: Outcome) -> dict[str, Sequence[Quantit
         "size_term": mean_of(size["both"] - size["without size term"]),
         "collapse": mean_of(size["without size term"]),
     }
-    return {key: [figure] for key, figure in found.items()}
+    return {key: [figure] for key, figure in figures.items()}

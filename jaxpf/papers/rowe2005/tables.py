@@ -221,7 +221,7 @@ def settings_table() -> Table:
     ]
     return Table(
         "settings",
-        "Settings of the tracker, found for each variant on other seeds",
+        "Settings of the tracker, chosen for each variant on other seeds",
         ["", *Settings._fields],
         rows,
         "Noises in pixels a frame, sigma in grey levels.",

@@ -18,7 +18,7 @@ from jaxpf.papers.smith2004.orders import best_and_worst
 from jaxpf.papers.smith2004.published import SHARPNESS
 from jaxpf.papers.smith2004.scenes import NUM_OBJECTS, Outcome
 
-Quantities = dict[str, Sequence[Quantity]]
+Quantities = dict[str, list[Quantity]]
 
 
 def quantities(measured: Measurement) -> Quantities:
@@ -33,6 +33,7 @@ def quantities(measured: Measurement) -> Quantities:
 def of_scenes(outcome: Outcome) -> Quantities:
     """Tables 1 and 2, and figure 4."""
     recovered = outcome.recovered.mean(axis=-1)
+    dps, ps = _averages(outcome, recovered)
     return {
         "easy_success": _rates(outcome, outcome.success, "PS", "Non-PS"),
         "easy_precision": _differences(outcome, outcome.precision, "PS", "Non-PS"),
@@ -40,7 +41,7 @@ def of_scenes(outcome: Outcome) -> Quantities:
         "easy_on_a_par": _differences(outcome, outcome.precision, "DPS", "PS"),
         "ps_recovers": _rates(outcome, recovered, "PS", "Non-PS"),
         "dps_recovers_each": _rates(outcome, recovered, "DPS", "PS"),
-        "dps_recovers": [gap_of(*_averages(outcome, recovered))],
+        "dps_recovers": [gap_of(dps, ps)],
         "orders": _orders(outcome),
         "dps_precision": [mean_of(_averaged(outcome, outcome.leader_precision))],
         "dps_recall": [mean_of(_averaged(outcome, outcome.leader_recall))],
@@ -122,15 +123,15 @@ def of_occlusions(outcomes: Sequence[Tracked]) -> Quantities:
         orders = np.mean(outcome.orders(), axis=0)
         return gap_of(outcome.recovered["DPS"][None], orders[None], _object(outcome))
 
-    found = {
+    figures = {
         "real_dps": [over_mean(each) for each in many],
         "real_orders": [_best_less_worst(each) for each in many],
         "real_every_order": [part for each in many for part in _over(each, best=True)],
     }
     if few != many:
-        found["real_starved"] = [over_mean(each) for each in few]
-        found["real_still_better"] = [part for each in few for part in _over(each, best=False)]
-    return found
+        figures["real_starved"] = [over_mean(each) for each in few]
+        figures["real_still_better"] = [part for each in few for part in _over(each, best=False)]
+    return figures
 
 
 def _object(outcome: Tracked) -> str:

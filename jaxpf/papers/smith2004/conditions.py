@@ -89,8 +89,8 @@ class OtherEnding(contract.Tracker):
         def of_partition(partition: jax.Array) -> jax.Array:
             every = jnp.full_like(last, partition)
             substates = state.lagged[0][:, partition]
-            found = contract.log_prob_all(self.tracker.likelihood, observation, every, substates)
-            return jnp.where(last == partition, 0.0, found)
+            values = contract.log_prob_all(self.tracker.likelihood, observation, every, substates)
+            return jnp.where(last == partition, 0.0, values)
 
         return jax.lax.map(of_partition, jnp.arange(self.tracker.num_partitions)).sum(axis=0)
 
@@ -139,7 +139,7 @@ def measure_conditions(
         report: takes a line per condition.
     """
     chosen = {n: o for n, o in all_orderings().items() if n.startswith("PS ") or n == "DPS"}
-    found = []
+    conditions = []
     for count in particles:
         for ending in endings:
             outcome = measure(
@@ -156,6 +156,6 @@ def measure_conditions(
             # The shift by k comes to object 1 at stage -k.
             by_stage = orders[:, -np.arange(orders.shape[1])]
             best, worst = best_and_worst(orders)
-            found.append(Condition(count, ending, ps, best - worst, dps - ps, by_stage))
+            conditions.append(Condition(count, ending, ps, best - worst, dps - ps, by_stage))
             report(f"  N = {count}, {ending}: done")
-    return found
+    return conditions

@@ -87,7 +87,7 @@ def measure(
     width = -(-runs // shares)
     numbers = np.minimum(np.arange(shares * width), runs - 1).reshape(shares, width)
     keys = [run_keys(seed, share) for share in numbers]
-    found = []
+    outcomes = []
     for count in particles:
         results = list(
             run_grid(
@@ -102,11 +102,11 @@ def measure(
             )
         )
         boxes = np.concatenate([result.boxes[:, 0] for result in results], axis=1)[:, :runs]
-        found += [
+        outcomes += [
             _tracked(boxes, scene.boxes[1:], tuple(orderings), count, identity, identity in hidden)
             for identity in IDS
         ]
-    return found
+    return outcomes
 
 
 def clip_folder(data: Path) -> Path:

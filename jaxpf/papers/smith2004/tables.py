@@ -158,22 +158,22 @@ def uniqueness_table(outcome: Outcome) -> Table:
     )
 
 
-def conditions_table(found: Sequence[Condition]) -> Table:
+def conditions_table(conditions: Sequence[Condition]) -> Table:
     """A row for every condition under which the order of objects may matter more."""
     recovery = TABLE_2["recovery"]
     gap = BEST_ORDER_RECOVERY[30.0] - recovery["PS worst"][SHARPNESS.index(30.0)]
     gain = float(np.mean(recovery["DPS"]) - np.mean(recovery["PS mean"]))
     rows: Rows = [
         (
-            f"N = {its.particles}, {its.ending}",
+            f"N = {condition.particles}, {condition.ending}",
             [
-                mean_cell(its.ps, published=float(np.mean(recovery["PS mean"]))),
-                mean_cell(its.best_over_worst, published=gap),
-                mean_cell(its.dps_over_ps, published=gain),
-                *(mean_cell(its.by_stage[:, stage]) for stage in (0, -2, -1)),
+                mean_cell(condition.ps, published=float(np.mean(recovery["PS mean"]))),
+                mean_cell(condition.best_over_worst, published=gap),
+                mean_cell(condition.dps_over_ps, published=gain),
+                *(mean_cell(condition.by_stage[:, stage]) for stage in (0, -2, -1)),
             ],
         )
-        for its in found
+        for condition in conditions
     ]
     return Table(
         "conditions",
@@ -188,10 +188,10 @@ def conditions_table(found: Sequence[Condition]) -> Table:
     )
 
 
-def cost_table(found: costs.Costs) -> Table:
+def cost_table(measured: costs.Costs) -> Table:
     """Processor time of every method, and over that of PS."""
     rows: Rows = []
-    for number, by_method in found.items():
+    for number, by_method in measured.items():
         for method, seconds in by_method.items():
             spent = Measured(*(1e3 * each for each in median_interval(seconds)))
             ratio = Measured(*median_interval(seconds / by_method["PS"]))

@@ -108,3 +108,12 @@ def test_an_unknown_paper_is_refused():
     result = jaxpf("verdicts", "rowe2006")
     assert result.code == 2
     assert "rowe2006" in result.err
+
+
+def test_the_origin_is_that_of_most_rows():
+    own = verdicts.of_group(verdicts.stored("rowe2005"), "paper")[:3]
+    dated = [each._replace(units="50 scenes", level="95", date="", rule="") for each in own]
+    assert verdicts.origin(dated) == "50 scenes, 95 % intervals"
+    other = dated[0]._replace(level="99", rule="an earlier rule")
+    assert verdicts.origin([*dated, other]) == "50 scenes, 95 % intervals; 1 row otherwise"
+    assert verdicts.origin([dated[0]._replace(units="computed")]) == "computed"

@@ -52,13 +52,13 @@ def summary(paper: str, judged: Sequence[Judged]) -> str:
 def origin(judged: Sequence[Judged]) -> str:
     """What most of the paper's own claims rest on: scenes, level, date and rule."""
     texts = [
-        f"{each.units}, {each.level} % intervals, {each.date}{each.rule and f'; {each.rule}'}"
+        ", ".join(filter(None, (each.units, f"{each.level} % intervals", each.date, each.rule)))
         for each in of_group(judged, "paper")
         if each.units != "computed"
     ]
-    most = max(texts, key=texts.count)
+    most = max(texts, key=texts.count, default="computed")
     others = len(texts) - texts.count(most)
-    return f"{most}; {others} rows otherwise" if others else most
+    return f"{most}; {others} row{'s' * (others > 1)} otherwise" if others else most
 
 
 def lines(judged: Sequence[Judged], details: bool = False) -> Iterator[str]:

@@ -108,7 +108,6 @@ def test_the_whole_comparison_is_measured_printed_and_written(tmp_path, monkeypa
         "likelihoods",
         "sizes",
         "variance",
-        "settings",
         "chosen_settings",
     ]
     assert all(table.texts() for table in found.tables)

@@ -14,7 +14,7 @@ NOTES = (
     "areas and the aspects.  The rest is documented with the scene (scenes.ProjectilesParameters), "
     "so compare figures by their order and their differences.",
     "The paper does not give the noises, rates and exponents of the tracker.  Each variant has its "
-    "own, chosen on other seeds; the table of settings has them.",
+    "own, chosen on other seeds; see the table of chosen settings.",
     "Eq. 7 draws the size's noise by `the target's size covariance`, which the paper does not "
     "define; ours is independent for width and height, of one fixed standard deviation.",
     "Resampling is multinomial: the published band of 49.5 to 50.5 % is what that gives.",

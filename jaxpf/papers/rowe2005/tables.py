@@ -1,14 +1,12 @@
 """The paper's figures beside ours; the scenes are the units of all intervals."""
 
-from typing import Any
-
 import numpy as np
 
 from jaxpf.papers.judging.comparison_table import Rows, Table
 from jaxpf.papers.judging.estimates import mean_cell, share_cell
 from jaxpf.papers.rowe2005 import published
 from jaxpf.papers.rowe2005.measure import Measurement
-from jaxpf.papers.rowe2005.scenes import VARIANTS, Outcome, Settings, settings_of
+from jaxpf.papers.rowe2005.scenes import Outcome
 
 COMBINATIONS = ("neither", "regularising only", "feedback only", "both")
 
@@ -21,7 +19,6 @@ def tables(measured: Measurement) -> list[Table]:
         likelihood_table(measured.outcome, measured.crossing),
         size_table(measured.outcome),
         variance_table(measured.outcome),
-        settings_table(),
     ]
 
 
@@ -208,26 +205,3 @@ def variance_table(outcome: Outcome) -> Table:
         "Condensation is without eq. 4, feedback and regularising.  A target without samples has "
         "an estimate, but no particles that show its uncertainty.",
     )
-
-
-def settings_table() -> Table:
-    """What every variant is run with; the paper gives none of it."""
-    rows: Rows = [
-        (
-            variant,
-            [str(value) for value in (settings_of(variant)._replace(**_own(variant)))],
-        )
-        for variant in VARIANTS
-    ]
-    return Table(
-        "settings",
-        "Settings of the tracker, chosen for each variant on other seeds",
-        ["", *Settings._fields],
-        rows,
-        "Noises in pixels a frame, sigma in grey levels.",
-    )
-
-
-def _own(variant: str) -> dict[str, Any]:
-    changes = VARIANTS[variant]
-    return {name: value for name, value in changes.items() if name in Settings._fields}

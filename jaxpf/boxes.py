@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf import building
 from jaxpf.errors import InputError
+from jaxpf.files.tracks import read_tracks
 from jaxpf.targets.box_models import (
     DEFAULT_MOMENTUM,
     DEFAULT_SCALE,
@@ -24,6 +25,7 @@ __all__ = [
     "DEFAULT_SCALE",
     "DEFAULT_STEPS",
     "box_model",
+    "read_tracks",
     "relative_box_model",
     "relative_steps",
     "shapes",

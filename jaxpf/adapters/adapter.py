@@ -61,12 +61,19 @@ class Adapter(abc.ABC):
             it starts; ``read_start`` is given their values.
         example: arguments of ``jaxpf track`` after the video, for its help.
         track_suffix: of the files that ``track_writer`` writes.
+        columns: columns of tracks.csv that say where an object is; angles in degrees, all others
+            in pixels.
+        fixed_columns: those of them that do not change, and so have no interval.
+        writes_outlines: whether outlines.csv, which ``track_writer`` writes, stands beside it.
     """
 
     target: Target
     start_flags: Mapping[str, Mapping[str, Any]] = {}
     example: str = ""
     track_suffix: str = ".csv"
+    columns: tuple[str, ...] = ("x", "y")
+    fixed_columns: tuple[str, ...] = ()
+    writes_outlines: bool = False
 
     @property
     def name(self) -> str:
@@ -106,6 +113,10 @@ class Adapter(abc.ABC):
         By default of shapes whose numbers are x and y in turn.
         """
         return start, shapes * np.tile(factors, shapes.shape[-1] // 2)
+
+    def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
+        """Values ``[..., P, C]`` of ``columns`` for shapes ``[..., P, S]``."""
+        return shapes[..., :2]
 
     @abc.abstractmethod
     def track_writer(self, path: Any, start: Start) -> TrackFile:

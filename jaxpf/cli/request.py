@@ -148,16 +148,22 @@ class Request:
         """Whether pilot runs are to choose the order."""
         return getattr(self.filter_options, "order", None) == OPEN
 
-    def table(self) -> dict[str, Any]:
-        """What ``run.toml`` holds: everything that repeats the run, as people write it."""
-        found = {"target": self.target.name, "video": self.video, **self.starts}
-        found |= {n: v for n, v in as_typed(self.run).items() if n not in _NOT_REPEATED}
-        found |= as_typed(self.model) | as_typed(self.filter_options)
+    def table(self, video: Any, model: Any, filter_options: Any) -> dict[str, Any]:
+        """What run.toml holds: everything that repeats the run, as it is typed.
+
+        Args:
+            video: without a password.
+            model: options of the target, with nothing left open.
+            filter_options: options of the filter, likewise.
+        """
+        values = {"target": self.target.name, "video": video, **self.starts}
+        values |= {n: v for n, v in as_typed(self.run).items() if n not in _NOT_REPEATED}
+        values |= as_typed(model) | as_typed(filter_options)
         if self.births is not None:
-            found |= as_typed(self.births.rules)
+            values |= as_typed(self.births.rules)
         return {
             name: value.resolve() if isinstance(value, Path) else value
-            for name, value in found.items()
+            for name, value in values.items()
             if value not in (None, ())
         }
 

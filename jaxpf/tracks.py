@@ -8,6 +8,7 @@ from jaxpf.files.tracks import (
     detections,
     parse_box,
     read_boxes,
+    read_tracks,
     start_boxes,
     write_mot,
 )
@@ -20,6 +21,7 @@ __all__ = [
     "detections",
     "parse_box",
     "read_boxes",
+    "read_tracks",
     "start_boxes",
     "write_mot",
 ]

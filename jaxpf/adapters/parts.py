@@ -87,7 +87,9 @@ class PartAdapter(Adapter):
         from jaxpf.media.overlay import draw_rectangles
 
         corners = np.asarray(PARTS.outlines(start, np.asarray(shapes)), float)
-        return draw_rectangles(frame, corners, list(start.ids), marks.colours, marks.lost)
+        return draw_rectangles(
+            frame, corners, list(start.ids), marks.colours, marks.lost, marks.doubtful
+        )
 
 
 ADAPTER = PartAdapter()

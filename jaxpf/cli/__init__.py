@@ -20,7 +20,7 @@ _COMMANDS = {
     "detections": ("jaxpf.cli.detections", "Simulate a detector on a video with known truth."),
     "evaluate": ("jaxpf.cli.evaluate", "Compare methods over many runs on a scene or a clip."),
     "tune": ("jaxpf.cli.tune", "Tune parameters by gradient descent; compare on unseen data."),
-    "export": ("jaxpf.cli.export", "Write tracks in the formats of COCO, CVAT and movement."),
+    "export": ("jaxpf.cli.export", "Write tracks in the formats of MOT, COCO, CVAT and movement."),
     "demo": ("jaxpf.cli.demo", "Compare SIR, PS, DPS and SPS on a synthetic scene."),
     "reproduce": ("jaxpf.cli.reproduce", "Repeat a paper's experiment; judge its claims."),
     "verdicts": ("jaxpf.cli.verdicts", "Print what was found of the papers' claims."),

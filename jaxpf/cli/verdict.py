@@ -20,11 +20,11 @@ def object_verdicts(table: Mapping[str, np.ndarray], ids: Any) -> dict[str, dict
         ids: of the objects.
 
     Returns:
-        id -> ``frames``, their number; ``followed_until``, the last frame before the object was lost
-        or probably lost for the first time (None if it was from the beginning); ``probably_lost``,
-        pairs of first and last frames; ``interval_width``, the median width in pixels of the 95 %
-        intervals of x and y while followed (None if unknown); ``mean_confidence`` (None if the
-        likelihood has none).
+        id -> ``frames``, their number; ``followed_until``, the last frame before the object was
+        lost or probably lost for the first time (None if it was from the beginning);
+        ``probably_lost``, pairs of first and last frames; ``interval_width``, the median width in
+        pixels of the 95 % intervals of x and y while followed (None if unknown);
+        ``mean_confidence`` (None if the likelihood has none).
     """
     names = np.array([str(name) for name in table["id"].tolist()])
     confidence, lost = table.get("confidence"), table["lost"] == 1

@@ -70,7 +70,7 @@ def mean_corner_distance(scene, output):
         rows = list(csv.DictReader(file))
     poses = np.zeros((LENGTH, len(NAMES), 3))
     for row in rows:
-        poses[int(row["frame"]), NAMES.index(row["part"])] = (
+        poses[int(row["frame"]), NAMES.index(row["id"])] = (
             float(row["x"]), float(row["y"]), np.radians(float(row["angle"]))
         )  # fmt: skip
     corners = corners_from_poses(poses, scene.sizes)
@@ -83,10 +83,13 @@ def test_parts_are_followed_and_every_file_is_written(scene, whole_run):
     assert f"{LENGTH - 1} frames tracked" in outcome.out
     assert {path.name for path in output.iterdir()} == {
         "tracks.csv", "overlay.webm", "diagnostics.csv", "diagnostics.png", "summary.json",
-        "run.toml", "uncertainty.csv",
+        "run.toml", "trajectories.png",
     }  # fmt: skip
     header, *rows = (output / "tracks.csv").read_text().splitlines()
-    assert header == "frame,part,x,y,w,h,angle"
+    assert header == (
+        "frame,time,id,x,y,w,h,angle,x_2.5,x_97.5,y_2.5,y_97.5,angle_2.5,angle_97.5,"
+        "speed,speed_2.5,speed_97.5,lost"
+    )
     assert len(rows) == LENGTH * len(NAMES)
     assert mean_corner_distance(scene, output) < 4
 

@@ -29,9 +29,9 @@ def test_objects_start_by_detections_and_the_run_can_be_repeated(track, tmp_path
     assert set(rows[:, 1]) == {1, 2}
     for identity in (1, 2):
         own = rows[rows[:, 1] == identity]
-        assert own[:, 0].tolist() == list(range(2, LENGTH + 1))
-        truth = [true_boxes(int(frame) - 1)[identity - 1] for frame in own[:, 0]]
-        assert np.abs(own[:, 2:6] - [1, 1, 0, 0] - truth).max() < 4
+        assert own[:, 0].tolist() == list(range(1, LENGTH))
+        truth = [true_boxes(int(frame))[identity - 1] for frame in own[:, 0]]
+        assert np.abs(own[:, 2:6] - truth).max() < 4
     summary = summary_of(tmp_path / "out")
     assert [birth["frame"] for birth in summary["births"]] == [1, 1]
     assert (summary["deaths"], summary["refused"]) == ([], [])
@@ -52,8 +52,8 @@ def test_start_boxes_and_named_ones_keep_their_numbers_and_scores_judge_all(trac
     outcome = track(*start, "--truth", place / "gt.csv")
     assert outcome.code == 0, outcome.err
     rows = rows_of(tmp_path / "out")
-    assert rows[rows[:, 1] == 1][0, 0] == 1
-    assert rows[rows[:, 1] == 9][0, 0] == 5
+    assert rows[rows[:, 1] == 1][0, 0] == 0
+    assert rows[rows[:, 1] == 9][0, 0] == 4
     assert "HOTA" in outcome.out
     header, scores = (tmp_path / "out" / "metrics.csv").read_text().splitlines()
     scores = dict(zip(header.split(","), map(float, scores.split(",")), strict=True))

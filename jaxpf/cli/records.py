@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.adapters.adapter import Adapter
-from jaxpf.cli.births import Births, by_frame
 from jaxpf.cli.track_table import Places, centres_of, places_of
+from jaxpf.cli.tracking.births import Births, by_frame
+from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Start
 
 
@@ -103,7 +103,7 @@ def fixed_population(
         before: state of a run that is resumed and its number of frames; else None and 0.
     """
     from jaxpf.media.overlay import object_colours
-    from jaxpf.streaming import stream
+    from jaxpf.running.streaming import stream
 
     start, (state, time) = scene.start, before
     colours, nobody = object_colours(len(start.ids)), np.zeros(len(start.ids), bool)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.building import looks_of_frame
-from jaxpf.cli.request import LEAST_FITTED, Request
-from jaxpf.memory import check_memory, needed_by
-from jaxpf.options import options_of, plain
+from jaxpf.cli.tracking.request import LEAST_FITTED, Request
+from jaxpf.contract.options import options_of, plain
+from jaxpf.running.memory import check_memory, needed_by
+from jaxpf.targets.building import looks_of_frame
 from jaxpf.targets.target import Start
 
 #: Frames that pilot runs follow to choose an order, and the number of runs of each order.

@@ -135,7 +135,7 @@ def places_of(
     substates = getattr(state, "substates", None)
     if substates is None:
         return Places(values[slots], speed=speed[slots])
-    from jaxpf.uncertainty import quantiles
+    from jaxpf.filters import quantiles
 
     count = substates.shape[0]
     kept = np.unique(

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.cli.writers import CONFIRMED_AFTER
-from jaxpf.names import PROBABLY_LOST
+from jaxpf.contract.names import PROBABLY_LOST
 
 #: An effective sample size below this is close to a single particle.
 _NEAR_ONE = 2.0

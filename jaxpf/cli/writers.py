@@ -8,11 +8,11 @@ from typing import Any, Protocol
 import click
 import numpy as np
 
-from jaxpf.adapters.adapter import Marks
 from jaxpf.cli.records import Record, Scene
 from jaxpf.cli.track_table import TrackTable, centres_of, places_of
+from jaxpf.contract.names import PROBABLY_LOST
 from jaxpf.files.writing import LineWriter
-from jaxpf.names import PROBABLY_LOST
+from jaxpf.targets.adapter import Marks
 
 #: Frames that a trail reaches back.
 _TRAIL = 20

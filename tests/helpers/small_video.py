@@ -5,7 +5,7 @@ import json
 import cv2
 import numpy as np
 
-from jaxpf.tracks import read_boxes
+from jaxpf.boxes import read_boxes
 
 WIDTH, HEIGHT, LENGTH = 64, 48, 10
 COLOURS = ((220, 30, 30), (30, 40, 220))

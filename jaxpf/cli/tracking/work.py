@@ -1,0 +1,253 @@
+"""``jaxpf track`` in steps: open, settle, build, run, finish; ``request_of`` parses."""
+
+import contextlib
+import dataclasses
+import functools
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from jaxpf.cli.settling import LESS_MEMORY, Settled, chain, settle
+from jaxpf.cli.shared.startup import use_compile_cache
+from jaxpf.cli.tracking import births as births_of
+from jaxpf.cli.tracking.live import check_live, open_window, start_when_compiled, used_to_the_light
+from jaxpf.cli.tracking.recorder import Recording, finish, nothing_follows, record_run
+from jaxpf.cli.tracking.request import Request
+from jaxpf.contract.errors import InputError
+from jaxpf.files import writing
+from jaxpf.media.video import open_frames
+from jaxpf.running.memory import check_memory, needed_by
+from jaxpf.targets.building import looks_of_frame
+from jaxpf.targets.target import Start
+
+
+@dataclasses.dataclass(frozen=True)
+class Opened:
+    """What a request names, opened and checked.
+
+    Attributes:
+        source: the video.
+        first: the start frame.
+        frames: those after it.
+        start: where objects start.
+        truth: boxes of --truth, or None.
+        output: folder for the results.
+        window: of --preview, or None.
+    """
+
+    source: Any
+    first: np.ndarray
+    frames: Generator[np.ndarray, None, None]
+    start: Start
+    truth: Any
+    output: Path
+    window: Any
+
+
+@dataclasses.dataclass(frozen=True)
+class Built:
+    """The tracker to run.
+
+    Attributes:
+        tracker: it, perhaps repeated side by side.
+        filter: what is repeated; else the tracker.
+        before: state of --resume and its number of frames; else None and 0.
+    """
+
+    tracker: Any
+    filter: Any
+    before: tuple[Any, int]
+
+
+def track(request: Request) -> None:
+    """Track, and write everything into the output folder.
+
+    Raises:
+        InputError: what cannot be tracked; before anything is written, if that can be known.
+    """
+    opened = open_input(request)
+    use_compile_cache()
+    settled = settle(request, opened.start, opened.first, opened.frames)
+    built = build_tracker(request, opened, settled)
+    outcome = run(request, opened, settled, built)
+    finish(outcome, opened.truth)
+
+
+def open_input(request: Request) -> Opened:
+    """Open the video, read where objects start, and check what was asked for against it."""
+    run_options = request.run
+    source = open_frames(request.video)
+    frames = source.frames(run_options.start)
+    click.get_current_context().call_on_close(frames.close)
+    check_live(request, source)
+    window = open_window(source) if run_options.preview else None
+    first = used_to_the_light(frames) if source.is_camera else next(frames)
+    start = request.adapter.read_start(request.starts, run_options.start, source)
+    for remark in start.remarks:
+        click.echo(f"Note: {remark}", err=True)
+    if request.births is not None:
+        births_of.check_births(request.births, start, run_options.start, source)
+    truth = _read_truth(request, start)
+    output = run_options.output or Path(f"jaxpf-{source.name}")
+    if isinstance(source.path, Path):
+        _check_output(output, source.path)
+    if not source.is_camera:
+        second = next(frames, None)  # before anything is compiled
+        if second is None:
+            raise nothing_follows(source, run_options.start)
+        frames = chain([second], frames)
+    if run_options.smooth and source.is_live and run_options.frames is None:
+        raise InputError(
+            f"--smooth waits for the end of the clip, and the end of '{source.path}' is unknown; "
+            "use --smooth-lag 50, or --frames."
+        )
+    return Opened(source, first, frames, start, truth, output, window)
+
+
+def build_tracker(request: Request, opened: Opened, settled: Settled) -> Built:
+    """Build the tracker, and read the state from which it resumes.
+
+    Raises:
+        InputError: too little memory; a filter that cannot be smoothed; a state that does not fit.
+    """
+    from jaxpf import smoothing
+
+    tracker = tracker_at(opened.first, request, opened, settled, settled.likelihood)
+    fewer = " or fewer runs (--runs)" if request.run.runs else ""
+    check_memory(needed_by(tracker), LESS_MEMORY + fewer)
+    repeats = request.run.runs or request.run.error_bars
+    filter_ = tracker.tracker if repeats else tracker
+    if request.run.smooths:
+        smoothing.check_smoothing(filter_)
+    for remark in settled.remarks:
+        click.echo(f"Note: {remark}", err=True)
+    return Built(tracker, filter_, _state_before(request, tracker))
+
+
+def tracker_at(
+    frame: np.ndarray, request: Request, opened: Opened, settled: Settled, likelihood: Any = None
+) -> Any:
+    """The tracker that starts at a frame.
+
+    Args:
+        frame: uint8 RGB ``[H, W, 3]``.
+        request, opened, settled: of the run.
+        likelihood: learned from that frame; by default it is learned now.
+    """
+    options, start = settled.filter_options, opened.start
+    if request.run.tracker:
+        from jaxpf.cli.tracking.user_tracker import own_tracker_of, start_scene
+
+        scene = start_scene(opened.source.name, frame, start.shapes, opened.source.fps)
+        return own_tracker_of(request.run.tracker, scene)
+    if request.births is not None:
+        from jaxpf.populations import open_model
+
+        capacity = request.births.rules.capacity
+        request.filter.check(options, (-1,) * capacity)
+        size = request.births.typical_size
+        model = open_model(settled.model, frame.shape[:2], capacity, size, options.particles)
+        return request.filter.tracker(model, options)
+    if likelihood is None:
+        looks = looks_of_frame(frame, options.particles)
+        likelihood = request.target.likelihood(settled.model, start, looks)
+    request.filter.check(options, start.parents)
+    model = request.target.model(settled.model, start, likelihood)
+    tracker = request.filter.tracker(model, options)
+    if request.run.runs is not None:
+        from jaxpf.filters import SideBySide
+
+        return SideBySide(tracker, request.run.runs)
+    if request.run.error_bars is not None:
+        from jaxpf.filters import WithErrorBars
+
+        return WithErrorBars(tracker, request.run.error_bars)
+    return tracker
+
+
+def run(request: Request, opened: Opened, settled: Settled, built: Built) -> Recording:
+    """Track the frames and write each as it is tracked.
+
+    What was tracked before an interruption or an error stays, and ``finish`` reports it; a run
+    without a single tracked frame leaves nothing behind.
+    """
+    existed = opened.output.is_dir()
+    writing.prepare_output_folder(opened.output, request.run.overwrite)
+    table = request.table(opened.source.path, settled.model, settled.filter_options)
+    remake = None
+    if opened.source.is_camera:
+        # The objects may have moved while everything was compiled: start at a later frame.
+        remake = functools.partial(_restart, request, opened, settled, built)
+    recording = record_run(request, opened, settled, built, table, remake)
+    if not recording.is_kept and not existed:
+        with contextlib.suppress(OSError):
+            opened.output.rmdir()
+    return recording
+
+
+def _restart(
+    request: Request, opened: Opened, settled: Settled, built: Built
+) -> tuple[Any, np.ndarray]:
+    def make(frame: np.ndarray) -> Any:
+        return tracker_at(frame, request, opened, settled)
+
+    return start_when_compiled(make, built.tracker, opened.first, settled.frames, opened.source)
+
+
+def _state_before(request: Request, tracker: Any) -> tuple[Any, int]:
+    """The state of --resume and its number of frames; else None and 0."""
+    if request.run.resume is None:
+        return None, 0
+    from jaxpf.files import states
+
+    path, frames = request.run.resume, request.run.frames
+    state, time = states.load(path, tracker), states.saved_time(path)
+    if frames is not None and frames <= time:
+        raise InputError(
+            f"--resume {path} has tracked {time} frames already, and --frames {frames} includes "
+            "them; give a larger number."
+        )
+    return state, time
+
+
+def _read_truth(request: Request, start: Start) -> Any:
+    """The boxes of --truth, which must cover some object and frame of this run."""
+    if request.run.truth is None:
+        return None
+    from jaxpf.boxes.tracks import read_boxes
+
+    first, count = request.run.start, request.run.frames
+    truth = read_boxes(request.run.truth, empty_boxes="absent")
+    ids = start.ids if request.births is None else np.unique(truth.id)
+    names = ", ".join(map(str, ids))
+    rows = np.isin(truth.id, ids)
+    if not rows.any():
+        raise InputError(
+            f"--truth {truth.source} has no box of object {names}, which this run tracks; give "
+            "the truth of these objects, or leave it out."
+        )
+    after = truth.frame[rows] > first
+    if count is not None:
+        after &= truth.frame[rows] <= first + count
+    if not after.any():
+        until = "" if count is None else f" to {first + count}"
+        raise InputError(
+            f"--truth {truth.source} has no box of object {names} in the frames from {first + 1}"
+            f"{until} (counting from 0); give another start, or leave it out."
+        )
+    return truth
+
+
+def _check_output(output: Path, video: Path) -> None:
+    """Refuse to write among the frames, or over the video, that the run reads."""
+    from jaxpf.cli.tracking.recorder import OUTPUTS
+
+    folder, video = output.resolve(), video.resolve()
+    if folder == video or (folder == video.parent and video.name in OUTPUTS):
+        raise InputError(
+            f"output folder '{output}' would mix the results with the video '{video}' itself; "
+            "choose another --output."
+        )

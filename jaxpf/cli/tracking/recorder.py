@@ -13,13 +13,13 @@ import click
 import numpy as np
 
 from jaxpf.boxes.tracks import read_tracks
-from jaxpf.cli.records import Scene, changing_population, fixed_population
 from jaxpf.cli.shared import console
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.stopping import announced_stop
+from jaxpf.cli.tracking.records import Scene, changing_population, fixed_population
 from jaxpf.cli.tracking.request import Request
-from jaxpf.cli.verdict import object_verdicts, sentences
-from jaxpf.cli.writers import (
+from jaxpf.cli.tracking.verdict import object_verdicts, sentences
+from jaxpf.cli.tracking.writers import (
     Counts,
     Diagnostics,
     Overlay,

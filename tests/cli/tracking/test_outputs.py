@@ -21,8 +21,8 @@ from small_video import (
     write_truth,
 )
 
-from jaxpf import boxes as tracks
 from jaxpf import measures
+from jaxpf.boxes import dense, read_boxes, read_tracks
 from jaxpf.media import open_frames
 
 # What a run writes
@@ -43,7 +43,7 @@ def test_a_run_writes_these_files_and_no_others(whole_run):
 
 
 def test_tracks_are_one_tidy_table_that_begins_with_the_given_boxes(whole_run):
-    table = tracks.read_tracks(whole_run[1] / "tracks.csv")
+    table = read_tracks(whole_run[1] / "tracks.csv")
     assert list(table) == [
         *("frame", "time", "id", "x", "y", "w", "h"),
         *(f"{name}_{level}" for name in "xywh" for level in ("2.5", "97.5")),
@@ -99,13 +99,13 @@ def test_colour_cannot_tell_who_is_lost_and_nobody_invents_a_number(track, tmp_p
     output = tmp_path / "out"
     np.testing.assert_array_equal(rows_of(output)[:, 6], 1)
     assert "confidence" not in (output / "diagnostics.csv").read_text()
-    assert "confidence" not in tracks.read_tracks(output / "tracks.csv")
+    assert "confidence" not in read_tracks(output / "tracks.csv")
     assert summary_of(output)["objects"]["1"]["mean_confidence"] is None
 
 
 def test_tracks_follow_the_objects(whole_run):
-    table = tracks.read_boxes(whole_run[1] / "tracks.csv")
-    boxes = tracks.dense(table, [1, 2], LENGTH)
+    table = read_boxes(whole_run[1] / "tracks.csv")
+    boxes = dense(table, [1, 2], LENGTH)
     truth = np.array([true_boxes(number) for number in range(LENGTH)])
     assert np.abs(boxes - truth).max() < 5
 
@@ -150,7 +150,7 @@ def test_truth_adds_a_table_over_the_frames_that_have_truth(whole_run):
     assert "object 2" in outcome.out
     header, *rows = (output / "metrics.csv").read_text().splitlines()
     assert header.startswith("id,frames,success_half,success_area,overlap,tracked,precision")
-    boxes = tracks.dense(tracks.read_boxes(output / "tracks.csv"), [1, 2], LENGTH)[1:]
+    boxes = dense(read_boxes(output / "tracks.csv"), [1, 2], LENGTH)[1:]
     truth = np.array([true_boxes(number) for number in range(1, LENGTH)])
     overlaps = np.asarray(measures.overlap(boxes, truth))
     for row, known in zip(rows, (overlaps[:, 0], overlaps[:-1, 1]), strict=True):

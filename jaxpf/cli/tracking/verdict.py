@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.cli.writers import CONFIRMED_AFTER
+from jaxpf.cli.tracking.writers import CONFIRMED_AFTER
 from jaxpf.contract.names import PROBABLY_LOST
 
 #: An effective sample size below this is close to a single particle.

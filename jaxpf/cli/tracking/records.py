@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.cli.track_table import Places, centres_of, places_of
 from jaxpf.cli.tracking.births import Births, by_frame
+from jaxpf.cli.tracking.track_table import Places, centres_of, places_of
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Start
 

@@ -8,8 +8,8 @@ from typing import Any, Protocol
 import click
 import numpy as np
 
-from jaxpf.cli.records import Record, Scene
-from jaxpf.cli.track_table import TrackTable, centres_of, places_of
+from jaxpf.cli.tracking.records import Record, Scene
+from jaxpf.cli.tracking.track_table import TrackTable, centres_of, places_of
 from jaxpf.contract.names import PROBABLY_LOST
 from jaxpf.files.writing import LineWriter
 from jaxpf.targets.adapter import Marks

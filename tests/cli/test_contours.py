@@ -161,7 +161,7 @@ def test_three_opaque_contours_are_tracked_and_drawn(tmp_path):
         ({}, ("--shape-space", "bent"), "'bent' is unknown; choose one of translation, similarity"),
         ({}, ("--method", "sps"), "--swap combinatorial needs a likelihood of single objects"),
         ({}, ("--method", "labelled"), "log_joint"),
-        ({}, ("--truth", "gt.csv"), "--truth is an option of boxes, and contours are tracked"),
+        ({}, ("--truth", "gt.csv"), "--truth works only for boxes"),
     ],
 )
 def test_every_mistake_has_one_clear_sentence(clip, tmp_path, content, options, words):

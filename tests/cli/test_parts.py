@@ -163,7 +163,7 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
     _, output = whole_run
     config = ("--config", output / "run.toml", "--box", "900,900,5,5", "-o", tmp_path / "o")
     outcome = jaxpf("track", clip, *config)
-    assert "--box is an option of boxes, and parts are tracked" in outcome.err
+    assert "--box works only for boxes" in outcome.err
     outcome = jaxpf("track", "boxes", clip, *config)
     assert "run.toml' is not of boxes, which are tracked here" in outcome.err
 
@@ -173,9 +173,9 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
     [
         (
             ("--box", "1,2,3,4"),
-            "--box is an option of boxes, and parts are tracked; write `jaxpf track boxes",
+            "--box works only for boxes; write `jaxpf track boxes",
         ),
-        (("--truth", "gt.csv"), "--truth is an option of boxes, and parts are tracked"),
+        (("--truth", "gt.csv"), "--truth works only for boxes"),
         (
             ("--method", "dps"),
             "method 'dps' goes through circular shifts.*choose one of sir, ps, sps",

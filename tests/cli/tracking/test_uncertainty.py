@@ -48,7 +48,7 @@ def test_one_run_tells_its_error_by_its_ancestors(track, whole_run, tmp_path):
         (("--runs", 4, "--error-bars", 3), "use one of them"),
         (("--runs", 10_000, "-n", 1_000_000), "or fewer runs (--runs)"),
         (("--error-bars", 3, "--method", "pffl"), "follow the ancestors of whole particles"),
-        (("--runs", 4, "--tracker", "x.py:f"), "jaxpf.filters.SideBySide"),
+        (("--runs", 4, "--tracker", "x.py:f"), "SideBySide"),
     ],
 )
 def test_errors_that_cannot_be_told_are_refused(refuse, flags, said):
@@ -78,7 +78,7 @@ def test_smoothed_tracks_stand_beside_the_others_whole_and_with_a_lag(track, tmp
 @pytest.mark.parametrize(
     ("flags", "said"),
     [
-        (("--smooth", "--runs", 3), "looks back over one run"),
+        (("--smooth", "--runs", 3), "smooths a single run"),
         (("--smooth", "--relocate", 0.1), "--relocate 0"),
         (("--smooth", "--method", "pffl"), "cannot be smoothed"),
     ],

@@ -104,7 +104,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
         },
     )
     click.echo(
-        "This scene is made to tell the methods apart by a single distracter, and results vary with "
+        "This scene is made to tell the methods apart by a single distracter; results vary with "
         "--seed.  `jaxpf evaluate` compares the methods on a clip of your own."
     )
     click.echo(

@@ -80,8 +80,8 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
     target = getattr(ctx.command, "adapter", None)
     if target is not None and table.pop("target", target.name) != target.name:
         raise InputError(
-            f"the configuration '{path}' is not for {target.name}; leave '{target.name}' out before "
-            "the video, or choose another configuration."
+            f"the configuration '{path}' is not for {target.name}; leave '{target.name}' out "
+            "before the video, or choose another configuration."
         )
     known = {param.name: param for param in ctx.command.params if param.name != "config"}
     options = {}
@@ -92,7 +92,7 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
             if hint:
                 raise InputError(f"the configuration '{path}' sets '{key}' in [{name}]: {hint}")
             raise InputError(
-                f"the configuration '{path}' sets '{key[:40]}' in [{name}], which is not an option; "
+                f"the configuration '{path}' sets '{key[:40]}' in [{name}], which is no option; "
                 f"the options are {', '.join(sorted(map(str, known)))}."
             )
         suits, wanted = _suits(param, value)

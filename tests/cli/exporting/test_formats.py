@@ -101,9 +101,10 @@ def test_tracks_in_movements_layout(result, target):
         np.testing.assert_allclose(data["shape"].isel(time=0), [[8, 6], [4, 9]])
         assert np.isnan(data.position.isel(time=1, individuals=1)).all()
         known = data.interval.sel(individuals="id_1").isel(time=1)
-        np.testing.assert_allclose(known.sel(space="y"), [3, 4, 5])
-        partly = data.interval.sel(individuals="id_2", space="x").isel(time=0)
-        np.testing.assert_allclose(partly, [np.nan, 2, np.nan])
+        # Of the middle, half a height below the corner.
+        np.testing.assert_allclose(known.sel(space="y"), [7, 10])
+        unknown = data.interval.sel(individuals="id_2", space="x").isel(time=0)
+        assert np.isnan(unknown).all()
 
 
 @pytest.mark.parametrize(
@@ -125,3 +126,12 @@ def test_a_folder_without_results_is_refused(tmp_path):
     outcome = jaxpf("export", tmp_path, "coco", tmp_path / "x.json")
     assert outcome.code == 2
     assert "summary.json" in outcome.err
+
+
+def test_boxes_as_mot_lines_count_from_1(result):
+    lines = exported(result("boxes"), "mot", "tracks.txt").read_text().splitlines()
+    assert lines == [
+        "1,1,11.000,6.000,8.000,4.000,1,-1,-1,-1",
+        "1,2,31.000,21.000,6.000,9.000,1,-1,-1,-1",
+        "2,1,12.000,7.000,8.000,4.000,0.5,-1,-1,-1",
+    ]

@@ -169,8 +169,8 @@ def draw_particles(
         frame: uint8 RGB [H, W, 3].
         centres: x, y in pixels [P, N, 2]; those that are not finite are skipped.
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
-        max_per_object: at most so many of the N particles are drawn, evenly spread over the
-            particle index, so that the picture does not depend on chance.
+        max_per_object: the largest number of particles to draw, evenly spread over the particle
+            index, so that the picture does not depend on chance.
     """
     frame = frame.copy()
     centres = np.asarray(centres, np.float64)

@@ -97,8 +97,12 @@ BOX = ("--box", "6,8,12,16")
             ("--birth-confidence", "2"),
             "--birth-confidence 2 leaves out every detection of 'd.txt', whose confidences are",
         ),
-        ("1,-1,1,1,9,9,1\n", ("--tracker", "a.py:f"), "--births needs a tracker with room"),
-        (None, (*BOX, "--capacity", "4"), "--capacity is about --births, which was not given"),
+        (
+            "1,-1,1,1,9,9,1\n",
+            ("--tracker", "a.py:f"),
+            "--births works only with the built-in filters",
+        ),
+        (None, (*BOX, "--capacity", "4"), "--capacity works only with --births"),
     ],
 )
 def test_what_does_not_go_is_refused(refuse, tmp_path, content, arguments, message):

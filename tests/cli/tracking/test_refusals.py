@@ -90,9 +90,15 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
         ((*BOXES, "--resampling", "foo"), "choose one of systematic, stratified"),
         ((*BOXES, "--likelihood", "foo"), "choose one of auto, integral, sampled"),
         ((*BOXES, "--codec", "foo"), "choose one of h264, vp9"),
-        ((*BOXES, "--method", "sir", "--swap", "sorted"), "--swap goes with --method sps, and sir"),
+        (
+            (*BOXES, "--method", "sir", "--swap", "sorted"),
+            "--swap goes with --method sps, and sir",
+        ),
         ((*BOXES, "--method", "pffl", "--drift", "none"), "--drift goes with --method eskil"),
-        ((*BOXES, "--method", "eskil", "--form", "literal"), "--form goes with --method pffl"),
+        (
+            (*BOXES, "--method", "eskil", "--form", "literal"),
+            "--form goes with --method pffl",
+        ),
         ((*BOXES, "--order", "2,1"), "method 'dps' has none; use method 'ps'"),
         ((*BOXES, "--method", "ps", "--order", "0,0"), "--order 0,0 counts from 1"),
         (

@@ -23,8 +23,8 @@ class BoxAdapter(Adapter):
         "box": {"multiple": True, "metavar": "X,Y,W,H", "help": "A start box; repeat it."},
         "boxes": {
             "type": Path,
-            "help": "CSV of start boxes: MOT format (frames and x, y from 1), a tracks.csv, or the "
-            "header frame,id,x,y,w,h (from 0).",
+            "help": "CSV of start boxes, such as frame,id,x,y,w,h.  With that header, or that of a "
+            "tracks.csv, frames and x, y count from 0; without a header, as in MOT files, from 1.",
         },
         "ids": {"type": [int], "help": "Objects of --boxes, such as 1,2,5."},
         "births": {

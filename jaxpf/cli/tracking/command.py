@@ -66,10 +66,9 @@ class TrackCommand(Command):
 _ABOUT = """Track {what} through VIDEO: a video file or a folder of images.  VIDEO can also be a
 camera index, a stream (http://, rtsp://, ...) or a pipe.
 
-Say where the objects are in the start frame.  The output folder receives tracks.csv (a row per
-frame and object, with 95 % intervals), overlay.mp4, trajectories.png, summary.json with a verdict
-on each object, diagnostics, and run.toml, which repeats the run: `jaxpf track --config run.toml -o
-ANOTHER`.
+The output folder receives tracks.csv (a row per frame and object, with 95 % intervals),
+overlay.mp4, trajectories.png, summary.json (a verdict on each object), diagnostics, and run.toml,
+which repeats the run: `jaxpf track --config run.toml -o ANOTHER`.
 
 """
 _OTHERS = """Other kinds of target: `jaxpf track {others} VIDEO`.

@@ -38,16 +38,16 @@ class Run:
     )
     fit_motion: int | None = option(
         None,
-        "Fit noise and momentum on the first N frames (for example 30).  The motion with the "
-        "largest evidence is used, and run.toml keeps it.",
+        "Fit the motion on the first N frames, such as 30.  The noise and momentum with the "
+        "largest evidence are used, and run.toml keeps them.",
         least=LEAST_FITTED,
         most=_MOST_FRAMES,
     )
     seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
     runs: int | None = option(
         None,
-        "Track N times and report the mean and its standard error.  The runs share each frame's "
-        "work: ten cost two to nine times as much as one.",
+        "Track N times: the mean and its standard error.  The runs share each frame's work: ten "
+        "cost two to nine times as much as one.",
         least=2,
         most=10_000,
     )
@@ -92,7 +92,7 @@ class Run:
         False, "Show the overlay in a window while tracking.  This needs a screen."
     )
     truth: Path | None = option(  # noqa: RUF009
-        None, "True boxes, a CSV as for --boxes: adds a table of metrics."
+        None, "True boxes, a CSV as for --boxes, for metrics."
     )
     tracker: str | None = option(
         None,

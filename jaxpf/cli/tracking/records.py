@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxpf.cli.tracking.births import Births, by_frame
-from jaxpf.cli.tracking.track_table import Places, centres_of, places_of
+from jaxpf.cli.tracking.track_table import Places, centres_of, mean_centres, places_of
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Start
 
@@ -107,8 +107,14 @@ def fixed_population(
 
     start, (state, time) = scene.start, before
     colours, nobody = object_colours(len(start.ids)), np.zeros(len(start.ids), bool)
-    centres = None
-    if time == 0:
+
+    def to_shapes(substates: Any) -> np.ndarray:
+        return scene.shapes(start, substates)
+
+    if time:
+        cloud = None if scene.has_own_boxes else scene.cloud(state)
+        centres = mean_centres(scene.adapter, start, to_shapes, cloud)
+    else:
         values = scene.adapter.column_values(start, start.shapes)
         yield Record(
             scene.first, frame, start, colours, start.shapes, Places(values), nobody, nobody
@@ -122,20 +128,12 @@ def fixed_population(
         outside = scene.outside(start, shapes)
         hopeless = getattr(summary, "lost", None)
         cloud = None if scene.has_own_boxes else scene.cloud(tracked.state)
-        places = places_of(
-            scene.adapter,
-            start,
-            lambda substates: scene.shapes(start, substates),
-            shapes,
-            cloud,
-            slice(None),
-            scene.fps,
-            centres,
+        places, centres = places_of(
+            scene.adapter, start, to_shapes, shapes, cloud, slice(None), scene.fps, centres
         )
         variance = getattr(summary, "estimate_variance", None)
         if variance is not None and scene.adapter.target.has_places:
             places = places._replace(error=np.sqrt(variance)[:, :2])
-        centres = centres_of(scene.adapter, start, shapes)
         yield Record(
             number=scene.first + 1 + tracked.time,
             frame=tracked.frame,
@@ -179,7 +177,7 @@ def changing_population(
         start = dataclasses.replace(all_, ids=tracked.ids[slots], sizes=all_.sizes[slots])
         if centres is not None:
             centres = np.where((tracked.ids == ids)[:, None], centres, np.nan)
-        places = places_of(
+        places, centres = places_of(
             scene.adapter,
             all_,
             lambda substates, start=all_: scene.shapes(start, substates),
@@ -191,7 +189,7 @@ def changing_population(
         )
         if tracked.summary is None:
             places = Places(places.values)
-        centres, ids = centres_of(scene.adapter, all_, tracked.boxes), tracked.ids
+        ids = tracked.ids
         confidence = getattr(tracked.summary, "confidence", None)
         shapes = tracked.boxes[slots]
         outside = scene.outside(start, shapes) if len(slots) else np.zeros(0, bool)

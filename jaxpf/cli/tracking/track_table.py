@@ -115,8 +115,8 @@ def places_of(
     slots: Any,
     fps: float,
     before: np.ndarray | None,
-) -> Places:
-    """Values, intervals and speeds of one frame.
+) -> tuple[Places, np.ndarray]:
+    """Values, intervals and speeds of one frame, and the centres ``[P, 2]`` for the next.
 
     Args:
         adapter: of the kind of target.
@@ -126,56 +126,63 @@ def places_of(
         state: holds the weighted particles; one without ``substates`` has no intervals.
         slots: the partitions to report.
         fps: frames per second.
-        before: ``[P, 2]``, centres one frame earlier; None in the first frame.
+        before: ``[P, 2]``, centres one frame earlier; None if unknown.
     """
     values = adapter.column_values(start, shapes)
-    speed = np.full(len(shapes), np.nan)
-    if before is not None:
-        speed = fps * np.linalg.norm(_centres(adapter, values) - before, axis=-1)
+    before = np.full((len(shapes), 2), np.nan) if before is None else before
     substates = getattr(state, "substates", None)
     if substates is None:
-        return Places(values[slots], speed=speed[slots])
+        centres = _centres(adapter, values)
+        speed = fps * np.linalg.norm(centres - before, axis=-1)
+        return Places(values[slots], speed=speed[slots]), centres
     from jaxpf.filters import quantiles
 
-    count = substates.shape[0]
-    kept = np.unique(
-        np.linspace(0, count - 1, min(count, _MOST_SORTED // max(len(shapes), 1))).astype(int)
-    )
-    weights = np.asarray(state.log_weights)[..., kept]
+    kept, weights = _kept(state)
     particles = adapter.column_values(start, to_shapes(np.asarray(substates)[kept]))
-    low, high = LEVELS[0] / 100, LEVELS[1] / 100
-    interval = quantiles(particles, weights, [low, high])[:, slots]
+    levels = [level / 100 for level in LEVELS]
+    interval = quantiles(particles, weights, levels)[:, slots]
+    middles = _centres(adapter, particles)
+    centres = _mean(middles, weights)
+    moved = fps * (centres - before)
+    speed = np.linalg.norm(moved, axis=-1)
+    places = Places(values[slots], interval, speed[slots])
     previous = getattr(state, "previous_substates", None)
     if previous is None:
-        return Places(values[slots], interval, speed[slots])
+        return places, centres
     earlier = adapter.column_values(start, to_shapes(np.asarray(previous)[kept]))
-    moved = fps * (_centres(adapter, particles) - _centres(adapter, earlier))
-    speed, along = _speeds(moved, np.exp(weights))
-    return Places(
-        values[slots],
-        interval,
-        speed[slots],
-        np.maximum(quantiles(along[..., None], weights, [low, high])[:, slots, 0], 0),
-    )
+    steps = fps * (middles - _centres(adapter, earlier))
+    # How far each particle's step, along the estimate's, differs from the mean step.
+    along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)
+    ends = speed + quantiles(along[..., None], weights, levels)[..., 0]
+    return places._replace(speed_interval=np.maximum(ends, 0)[:, slots]), centres
 
 
-def _speeds(velocities: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The mean velocity's length ``[P]``, and each particle's velocity along it ``[N, P]``.
+def mean_centres(adapter: Any, start: Any, to_shapes: Any, state: Any) -> np.ndarray | None:
+    """Centres ``[P, 2]`` of the particles of a state, see ``places_of``; None without particles."""
+    if not hasattr(state, "substates"):
+        return None
+    kept, weights = _kept(state)
+    particles = adapter.column_values(start, to_shapes(np.asarray(state.substates)[kept]))
+    return _mean(_centres(adapter, particles), weights)
 
-    The length of each particle's velocity would add its noise to the speed.
 
-    Args:
-        velocities: ``[N, P, 2]``.
-        weights: ``[N]`` or ``[P, N]``.
-    """
+def _kept(state: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the particles to sort, and their log-weights ``[N]`` or ``[P, N]``."""
+    count, num_partitions = state.substates.shape[:2]
+    most = min(count, _MOST_SORTED // max(num_partitions, 1))
+    kept = np.unique(np.linspace(0, count - 1, most).astype(int))
+    return kept, np.asarray(state.log_weights)[..., kept]
+
+
+def _mean(values: np.ndarray, log_weights: np.ndarray) -> np.ndarray:
+    """Weighted means ``[P, C]`` of ``[N, P, C]``; NaN for a partition that no particle holds."""
+    weights = np.exp(np.asarray(log_weights, np.float64))
     weights = weights[:, None] if weights.ndim == 1 else weights.T
-    held = np.isfinite(velocities).all(axis=-1)
-    weights = np.where(held, weights, 0.0)
-    total = np.maximum(weights.sum(axis=0), 1e-300)
-    mean = np.sum(np.where(held[..., None], velocities, 0) * weights[..., None], 0) / total[:, None]
-    speed = np.linalg.norm(mean, axis=-1)
-    along = np.sum(velocities * (mean / np.maximum(speed, 1e-9)[:, None]), axis=-1)
-    return np.where(held.any(axis=0), speed, np.nan), along
+    held = np.isfinite(values).all(axis=-1)
+    weights = np.where(held, weights, 0.0)[..., None]
+    total = weights.sum(axis=0)
+    sums = np.sum(np.where(held[..., None], values, 0) * weights, axis=0)
+    return np.where(total > 0, sums / np.maximum(total, 1e-300), np.nan)
 
 
 def _centres(adapter: Any, values: np.ndarray) -> np.ndarray:

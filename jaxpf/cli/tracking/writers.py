@@ -148,6 +148,7 @@ class Smoothed:
         """See ``Writer``."""
         if record.summary is None:
             nobody = np.zeros(len(record.start.ids), bool)
+            self._before = centres_of(self._scene.adapter, record.start, record.shapes)
             self._table.write(record.number, record.start.ids, record.places, nobody)
             if self._outlines is not None:
                 self._outlines.append(record.number, record.shapes, nobody)
@@ -169,7 +170,7 @@ class Smoothed:
         nobody = np.zeros(len(start.ids), bool)
         for frame in frames:
             shapes = scene.shapes(start, frame.estimate)
-            places = places_of(
+            places, self._before = places_of(
                 scene.adapter,
                 start,
                 lambda substates: scene.shapes(start, substates),
@@ -183,7 +184,6 @@ class Smoothed:
             self._table.write(number, start.ids, places, nobody)
             if self._outlines is not None:
                 self._outlines.append(number, shapes, nobody)
-            self._before = centres_of(scene.adapter, start, shapes)
 
 
 class _NormalDraws:

@@ -184,11 +184,11 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     options = tomllib.loads((whole_run[1] / "run.toml").read_text())["track"]
     from jaxpf.cli.tracking.command import command
     from jaxpf.contract.options import options_of
-    from jaxpf.filters import filter_of, filters
+    from jaxpf.filters import all_filters, filter_of
     from jaxpf.populations import Rules
 
     params = command.get_command(None, "boxes").params
-    every = options_of(*(one.options for one in filters().values()))
+    every = options_of(*(one.options for one in all_filters().values()))
     others = every.keys() - options_of(filter_of("dps").options)
     unset = (
         others

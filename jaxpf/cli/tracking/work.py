@@ -12,8 +12,9 @@ import numpy as np
 
 from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.cli.tracking import births as births_of
+from jaxpf.cli.tracking.finishing import finish
 from jaxpf.cli.tracking.live import check_live, open_window, start_when_compiled, used_to_the_light
-from jaxpf.cli.tracking.recorder import Recording, finish, nothing_follows, record_run
+from jaxpf.cli.tracking.recorder import Recording, nothing_follows, record_run
 from jaxpf.cli.tracking.request import Request
 from jaxpf.cli.tracking.settling import LESS_MEMORY, Settled, chain, settle
 from jaxpf.contract.errors import InputError

@@ -28,6 +28,11 @@ class Marks(NamedTuple):
     past: Any = None
     doubtful: Any = None
 
+    @property
+    def unsure(self) -> Any:
+        """bool ``[P]``, lost or probably lost."""
+        return self.lost if self.doubtful is None else self.lost | self.doubtful
+
 
 class TrackFile:
     """A file of tracks, written frame by frame; it closes as a context does.

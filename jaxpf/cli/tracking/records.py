@@ -170,7 +170,8 @@ def changing_population(
         # Sizes at which a scale of 1 gives these boxes.
         scales = np.ones(len(tracked.ids))
         if tracked.summary is not None:
-            scales = np.fmax(tracked.summary.estimate[:, 2], 1e-9)
+            # An object that was just born has no estimate, and a scale of 1.
+            scales = np.maximum(np.nan_to_num(tracked.summary.estimate[:, 2], nan=1.0), 1e-9)
         all_ = dataclasses.replace(
             scene.start, ids=tracked.ids, sizes=tracked.boxes[:, 2:] / scales[:, None]
         )

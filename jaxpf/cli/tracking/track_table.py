@@ -140,7 +140,9 @@ def places_of(
     kept, weights = _kept(state)
     particles = adapter.column_values(start, to_shapes(np.asarray(substates)[kept]))
     levels = [level / 100 for level in LEVELS]
-    interval = quantiles(particles, weights, levels)[:, slots]
+    # Only what is reported is sorted.
+    shown = weights if weights.ndim == 1 else weights[slots]
+    interval = quantiles(particles[:, slots], shown, levels)
     middles = _centres(adapter, particles)
     centres = _mean(middles, weights)
     moved = fps * (centres - before)
@@ -153,8 +155,8 @@ def places_of(
     steps = fps * (middles - _centres(adapter, earlier))
     # How far each particle's step, along the estimate's, differs from the mean step.
     along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)
-    ends = speed + quantiles(along[..., None], weights, levels)[..., 0]
-    return places._replace(speed_interval=np.maximum(ends, 0)[:, slots]), centres
+    ends = speed[slots] + quantiles(along[:, slots, None], shown, levels)[..., 0]
+    return places._replace(speed_interval=np.maximum(ends, 0)), centres
 
 
 def mean_centres(adapter: Any, start: Any, to_shapes: Any, state: Any) -> np.ndarray | None:

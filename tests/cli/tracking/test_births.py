@@ -7,6 +7,7 @@ import pytest
 from command_line import jaxpf
 from small_video import FROM_1, LENGTH, rows_of, summary_of, true_boxes
 
+from jaxpf.boxes import read_tracks
 from jaxpf.populations.detections import write_detections
 
 RULES = ("--birth-frames", "2", "--capacity", "3")
@@ -32,6 +33,11 @@ def test_objects_start_by_detections_and_the_run_can_be_repeated(track, tmp_path
         assert own[:, 0].tolist() == list(range(1, LENGTH))
         truth = [true_boxes(int(frame))[identity - 1] for frame in own[:, 0]]
         assert np.abs(own[:, 2:6] - truth).max() < 4
+    table = read_tracks(tmp_path / "out" / "tracks.csv")
+    for name in "xywh":
+        low, high = table[f"{name}_2.5"], table[f"{name}_97.5"]
+        assert np.nanmax(high - low) < 40
+        assert np.mean((low <= table[name] + 1e-3) & (table[name] <= high + 1e-3)) > 0.7
     summary = summary_of(tmp_path / "out")
     assert [birth["frame"] for birth in summary["births"]] == [1, 1]
     assert (summary["deaths"], summary["refused"]) == ([], [])

@@ -12,6 +12,8 @@ from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import read_text
 
 HEADERS = ("frame,id,x,y,w,h", "frame,id,x,y,w,h,occ")
+#: How the header of a tracks.csv of boxes begins; its frames and pixels count from 0.
+TRACKS_HEADER = "frame,time,id,x,y,w,h"
 #: A coordinate in pixels, and a frame or an id, beyond which numbers are no longer told apart.
 _FARTHEST, _LARGEST_WHOLE = 1e9, 2**53
 _FORMATS = (
@@ -113,6 +115,7 @@ def table_of(rows: Sequence[tuple[float, ...]], path: str | os.PathLike[str]) ->
 def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
     """Yield (line number, (frame, id, x, y, w, h, occlusion, confidence)), counting from 0."""
     header: str | None = None
+    columns: list[str] = []
     seen_content = False
     for line, text in enumerate(_read_lines(path), start=1):
         if not text.strip():
@@ -122,14 +125,24 @@ def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
             seen_content = True
             if _is_header(fields[0]):
                 header = ",".join(fields).lower()
-                if header not in HEADERS:
+                if header.startswith(TRACKS_HEADER):
+                    columns, header = header.split(","), HEADERS[0]
+                elif header not in HEADERS:
                     raise InputError(
                         f"line {line} of '{path}' has an unknown header '{text.strip()[:80]}'; "
                         f"expected {_FORMATS}"
                     )
                 continue
         place = f"line {line} of '{path}'"
-        yield line, _parse_row(fields, header, place)
+        if not columns:
+            yield line, _parse_row(fields, header, place)
+        elif len(fields) != len(columns):
+            raise InputError(f"{place} has {len(fields)} columns instead of {len(columns)}")
+        else:
+            row = dict(zip(columns, fields, strict=True))
+            box = _parse_row([row[name] for name in HEADERS[0].split(",")], header, place)
+            is_lost = row.get("lost") == "1"
+            yield line, (*box[:-1], 0.0 if is_lost else float(row.get("confidence") or 1))
 
 
 def _parse_row(fields: list[str], header: str | None, place: str) -> tuple[float, ...]:

@@ -5,7 +5,6 @@ a frame, in continuous pixels, the same spot of its body in every frame.  Masks 
 frame, in the order of their names.
 """
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from jaxpf.contours.data import Annotated
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import ANNOTATIONS
+from jaxpf.files.reading import parse_number, read_rows
 
 #: Values in a mask: one for each target, and some for soft edges.
 _MOST_VALUES = 64
@@ -103,32 +103,30 @@ def _check_mask(path: Path, picture: np.ndarray) -> None:
 
 def _read_points(path: Path, first, until) -> dict[tuple[int, str], np.ndarray]:
     points: dict[tuple[int, str], dict[int, tuple[float, float]]] = {}
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = csv.reader(file)
-            header = tuple(name.strip() for name in next(rows, ()))
-            if header != _HEADER:
-                raise InputError(
-                    f"'{path}' begins with {','.join(header)[:80]!r}; its first line must be "
-                    f"{','.join(_HEADER)}."
-                )
-            for row in filter(None, rows):
-                try:
-                    frame, name, k, x, y = row
-                    number, place = int(frame), (float(x), float(y))
-                    if not np.isfinite(place).all():
-                        raise ValueError
-                    if first <= number <= until:
-                        points.setdefault((number, name), {})[int(k)] = place
-                except ValueError:
-                    raise InputError(
-                        f"'{path}', line {rows.line_num}: {','.join(row)[:80]!r} is not "
-                        f"{','.join(_HEADER)} with whole frames and k, and finite x and y."
-                    ) from None
-    except FileNotFoundError:
-        raise InputError(f"there is no '{path}'; give a folder that has it.") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"cannot read '{path}': {error}.") from error
+    header, *rows = read_rows(path, "contours", ",".join(_HEADER)) or [(1, [])]
+    if tuple(header[1]) != _HEADER:
+        raise InputError(
+            f"'{path}' begins with {','.join(header[1])[:80]!r}; its first line must be "
+            f"{','.join(_HEADER)}."
+        )
+    for line, fields in rows:
+        where = f"line {line} of '{path}'"
+        if len(fields) != len(_HEADER):
+            raise InputError(f"{where} has {len(fields)} columns; expected {','.join(_HEADER)}.")
+        number, k = (_whole(fields[column], f"{where}: {_HEADER[column]} is") for column in (0, 2))
+        place = tuple(
+            parse_number(fields[column], f"{where}: {_HEADER[column]} is", "give pixels")
+            for column in (3, 4)
+        )
+        if first <= number <= until:
+            points.setdefault((number, fields[1]), {})[k] = place
     return {
         key: np.array([places[k] for k in sorted(places)]) for key, places in sorted(points.items())
     }
+
+
+def _whole(field: str, place: str) -> int:
+    value = parse_number(field, place, "give a whole number")
+    if value != int(value):
+        raise InputError(f"{place} {field[:40]}; give a whole number.")
+    return int(value)

@@ -36,7 +36,7 @@ def test_masks_are_read_in_the_order_of_their_names(tmp_path):
 @pytest.mark.parametrize(
     ("rows", "options", "message"),
     [
-        (["0,a,0,1"], {}, "line 2: '0,a,0,1' is not"),
+        (["0,a,0,1"], {}, "line 2 of .* has 4 columns"),
         (["0,a,0,1,x"], {}, "line 2"),
         (["0,a,0,1,inf"], {}, "line 2"),
         (["0.5,a,0,1,2"], {}, "line 2"),

@@ -285,7 +285,9 @@ def csv_lines(
     Raises:
         SceneError: another header, or a line with fewer or more values.
     """
-    lines = csv.reader(io.StringIO(_text_of(path), newline=""))
+    text = _text_of(path)
+    separator = ";" if ";" in text.partition("\n")[0] else ","
+    lines = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
     try:
         header = next(lines, [])
         names = [name.strip() for name in header]
@@ -305,7 +307,7 @@ def csv_lines(
 
 def _text_of(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
         raise SceneError(
@@ -317,23 +319,31 @@ def _text_of(path: Path) -> str:
 
 def whole_number(text: str, column: str, place: str) -> int:
     """The number that a cell holds; the message names the column and the place."""
-    try:
-        value = int(text)
-    except ValueError:
-        raise SceneError(f"{place}: {column} = {shown(text)} is not a whole number") from None
+    value = _number(text)
+    if not (math.isfinite(value) and value == int(value)):
+        raise SceneError(f"{place}: {column} = {shown(text)} is not a whole number{_hint(text)}")
     if abs(value) > _LARGEST_WHOLE:
         raise SceneError(f"{place}: {column} = {shown(text)} is beyond {_LARGEST_WHOLE}")
-    return value
+    return int(value)
 
 
 def real_number(text: str, column: str, place: str) -> float:
     """The finite number that a cell holds; the message names the column and the place."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = _number(text)
     if not math.isfinite(value):
-        raise SceneError(f"{place}: {column} = {shown(text)} is not a finite number")
+        raise SceneError(f"{place}: {column} = {shown(text)} is not a finite number{_hint(text)}")
     if abs(value) > _FARTHEST:
         raise SceneError(f"{place}: {column} = {shown(text)} is beyond {_FARTHEST:.0f}")
     return value
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _hint(text: str) -> str:
+    has_comma = re.fullmatch(r"\s*[+-]?\d+,\d+\s*", text)
+    return f"; write decimals with a point, {text.strip().replace(',', '.')}" if has_comma else ""

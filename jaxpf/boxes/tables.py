@@ -1,7 +1,6 @@
 """Reading boxes from MOT files and from ``gt.csv`` files into one table."""
 
 import dataclasses
-import math
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import read_text
+from jaxpf.files.reading import parse_number, read_text, separator_of
 
 HEADERS = ("frame,id,x,y,w,h", "frame,id,x,y,w,h,occ")
 #: A coordinate in pixels, and a frame or an id, beyond which numbers are no longer told apart.
@@ -114,10 +113,12 @@ def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
     """Yield (line number, (frame, id, x, y, w, h, occlusion, confidence)), counting from 0."""
     header: str | None = None
     seen_content = False
-    for line, text in enumerate(_read_lines(path), start=1):
+    lines = _read_lines(path)
+    separator = separator_of("\n".join(lines))
+    for line, text in enumerate(lines, start=1):
         if not text.strip():
             continue
-        fields = [field.strip() for field in text.split(",")]
+        fields = [field.strip() for field in text.split(separator)]
         if not seen_content:
             seen_content = True
             if _is_header(fields[0]):
@@ -141,14 +142,20 @@ def _parse_row(fields: list[str], header: str | None, place: str) -> tuple[float
         names, counts = "frame,id,x,y,w,h,conf,...", "6 to 10"
     if not least <= len(fields) <= most:
         raise InputError(
-            f"{place} has {len(fields)} column(s) separated by commas; expected {counts}: {names}"
+            f"{place} has {len(fields)} columns; expected {counts}: {names} (decimals with a point)"
         )
-    values = [
-        _number(field, column, place) for column, field in enumerate(fields, start=1) if field != ""
-    ]
-    if len(values) < len(fields):
+    if "" in fields:
         column = fields.index("") + 1
         raise InputError(f"{place} has nothing in column {column}; fill in a number")
+    values = [
+        parse_number(field, f"{place}, column {column} is", "give a number, or delete the line")
+        for column, field in enumerate(fields, start=1)
+    ]
+    if _has_decimal_commas(fields, values):
+        raise InputError(
+            f"{place} has 10 whole numbers and a confidence of {values[6]:g}: its commas look like "
+            "decimal points; write decimals with a point, such as 10.5"
+        )
     for value, name in zip(values[:2], ("frame", "id"), strict=True):
         if value != int(value):
             raise InputError(f"{place} has the {name} {value:g}; give a whole number")
@@ -177,19 +184,13 @@ def _parse_row(fields: list[str], header: str | None, place: str) -> tuple[float
     return frame - first, identity, x - first, y - first, width, height, occlusion, confidence
 
 
-def _number(field: str, column: int, place: str) -> float:
-    try:
-        value = float(field)
-    except ValueError:
-        raise InputError(
-            f"{place} has '{field[:40]}' in column {column}; expected a number"
-        ) from None
-    if not math.isfinite(value):
-        raise InputError(
-            f"{place} has '{field[:40]}' in column {column}; give a finite number, or delete the "
-            "line if the object is absent"
-        )
-    return value
+def _has_decimal_commas(fields: list[str], values: list[float]) -> bool:
+    """Whether ``1,1,10,5,20,5,30,0,40,0`` was meant as frame, id and a box of 10.5, 20.5, 30, 40.
+
+    In a MOT file the seventh number is a confidence of at most 1, and three times -1 follow.
+    """
+    whole = all(field.lstrip("+-").isdecimal() for field in fields)
+    return len(fields) == 10 and whole and values[6] > 1 and values[7:] != [-1, -1, -1]
 
 
 def _is_header(field: str) -> bool:

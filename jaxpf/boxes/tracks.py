@@ -5,7 +5,6 @@ pixel (0, 0) the square [0, 1) x [0, 1).  MOT files count frames and pixels from
 happens where a file is read or written and nowhere else.
 """
 
-import math
 import os
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.boxes.tables import BoxTable, read_boxes
 from jaxpf.contract.errors import InputError
+from jaxpf.files.reading import parse_number
 from jaxpf.files.writing import LineWriter, write_text
 
 __all__ = [
@@ -104,16 +104,7 @@ def parse_box(text: str) -> np.ndarray:
     fields = text.split(",")
     if len(fields) != 4:
         raise InputError(f"box '{text}' has {len(fields)} number(s) instead of 4; {remedy}")
-    values = []
-    for field in fields:
-        try:
-            values.append(float(field))
-        except ValueError:
-            raise InputError(
-                f"box '{text}' holds '{field.strip()}', which is not a number; {remedy}"
-            ) from None
-    if not all(map(math.isfinite, values)):
-        raise InputError(f"box '{text}' holds a value that is not finite; {remedy}")
+    values = [parse_number(field.strip(), f"box '{text}' holds", remedy) for field in fields]
     if values[2] <= 0 or values[3] <= 0:
         raise InputError(
             f"box '{text}' has the size {values[2]:g} x {values[3]:g}; both must be positive, so "

@@ -48,7 +48,8 @@ def read_boxes(path: str | os.PathLike[str], empty_boxes: str = "error") -> BoxT
     """Read a MOT file or a ``gt.csv``; which of them is told by the header.
 
     * MOT: no header, 6 to 10 columns ``frame,id,x,y,w,h,conf,...``; frames and x, y count from
-      1 in the file and are converted.  Columns after ``conf`` are checked and ignored.
+      1 in the file and are converted (a ``gt.txt`` beside a ``labels.txt`` is CVAT's, whose
+      pixels count from 0).  Columns after ``conf`` are checked and ignored.
     * ``gt.csv``: header ``frame,id,x,y,w,h`` or ``frame,id,x,y,w,h,occ``; counts from 0.
 
     Args:
@@ -112,6 +113,9 @@ def table_of(rows: Sequence[tuple[float, ...]], path: str | os.PathLike[str]) ->
 def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
     """Yield (line number, (frame, id, x, y, w, h, occlusion, confidence)), counting from 0."""
     header: str | None = None
+    # CVAT's MOT archives, gt/gt.txt beside gt/labels.txt, count pixels from 0 and frames from 1.
+    is_cvat = path.name == "gt.txt" and (path.parent / "labels.txt").is_file()
+    first_pixel = 0 if is_cvat else 1
     seen_content = False
     lines = _read_lines(path)
     separator = separator_of("\n".join(lines))
@@ -122,7 +126,7 @@ def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
         if not seen_content:
             seen_content = True
             if _is_header(fields[0]):
-                header = ",".join(fields).lower()
+                header, first_pixel = ",".join(fields).lower(), 0
                 if header not in HEADERS:
                     raise InputError(
                         f"line {line} of '{path}' has an unknown header '{text.strip()[:80]}'; "
@@ -130,10 +134,12 @@ def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
                     )
                 continue
         place = f"line {line} of '{path}'"
-        yield line, _parse_row(fields, header, place)
+        yield line, _parse_row(fields, header, first_pixel, place)
 
 
-def _parse_row(fields: list[str], header: str | None, place: str) -> tuple[float, ...]:
+def _parse_row(
+    fields: list[str], header: str | None, first_pixel: int, place: str
+) -> tuple[float, ...]:
     if header is not None:
         least = most = header.count(",") + 1
         names, counts = header, f"{least}"
@@ -181,7 +187,8 @@ def _parse_row(fields: list[str], header: str | None, place: str) -> tuple[float
         )
     if abs(occlusion) > _LARGEST_WHOLE or occlusion != int(occlusion):
         raise InputError(f"{place} has the occ {occlusion:g}; give -1, 0, 1 or 2")
-    return frame - first, identity, x - first, y - first, width, height, occlusion, confidence
+    x, y = x - first_pixel, y - first_pixel
+    return frame - first, identity, x, y, width, height, occlusion, confidence
 
 
 def _has_decimal_commas(fields: list[str], values: list[float]) -> bool:

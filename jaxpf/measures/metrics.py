@@ -19,12 +19,20 @@ from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.scipy.special import logsumexp
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.measures.intervals import Interval, as_float, masked_mean, mean_interval, wilson_interval
+from jaxpf.measures.intervals import (
+    Interval,
+    as_float,
+    masked_mean,
+    mean_interval,
+    wilson_interval,
+    within,
+)
 from jaxpf.shapes.rectangles import area, centres, intersection_area, is_proper
 
 Over = Literal["tracked", "all"]
@@ -143,7 +151,7 @@ def in_the_end(tracked: ArrayLike, present: ArrayLike) -> Array:
     """``recovery`` ``[..., P]`` from track states and presence, ``[..., T, P]`` bool each."""
     tracked, present = jnp.asarray(tracked), jnp.asarray(present)
     frames = jnp.arange(present.shape[-2])[:, None]
-    last = jnp.max(jnp.where(present, frames, -1), axis=-2, keepdims=True)
+    last = jnp.max(jnp.where(present, frames, -1), axis=-2, keepdims=True, initial=-1)
     return jnp.any(tracked & (frames == last), axis=-2)
 
 
@@ -244,16 +252,19 @@ def _summarise(estimate: Array, truth: Array, level: ArrayLike) -> dict[str, Int
         frames = jnp.sum(counts, axis=-2)
         return mean_interval(masked_mean(values, counts, -2), frames, axis=0, level=level)
 
+    def share(values: Array, counts: Array) -> Interval:
+        return within(pooled(values, counts), 0, 1)
+
     precisions, recalls = precision(estimate, truth), recall(estimate, truth)
     return {
         "success_rate": success_rate(estimate, truth, level),
         "recovery_rate": recovery_rate(estimate, truth, level),
-        "tracked": pooled(tracked.astype(precisions.dtype), present),
-        "precision": pooled(precisions, tracked),
-        "recall": pooled(recalls, tracked),
-        "precision_all": pooled(precisions, present),
-        "recall_all": pooled(recalls, present),
-        "overlap": pooled(overlap(estimate, truth), present),
+        "tracked": share(tracked.astype(precisions.dtype), present),
+        "precision": share(precisions, tracked),
+        "recall": share(recalls, tracked),
+        "precision_all": share(precisions, present),
+        "recall_all": share(recalls, present),
+        "overlap": share(overlap(estimate, truth), present),
         "centre_error": pooled(centre_error(estimate, truth), present),
     }
 
@@ -352,6 +363,18 @@ def uniqueness(lineage: ArrayLike) -> Array:
 # Helpers
 
 
+def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
+    """Refuse boxes ``[..., T, P, 4]`` of another number of frames or objects than the truth."""
+    shapes = np.shape(estimate), np.shape(truth)
+    if any(shape[-1:] != (4,) or len(shape) < 3 for shape in shapes) or (
+        shapes[0][-3:] != shapes[1][-3:]
+    ):
+        raise InputError(
+            f"boxes of the shapes {list(shapes[0])} and {list(shapes[1])} cannot be compared; "
+            "give [..., T, P, 4] of the same frames and objects"
+        )
+
+
 def _share_of_intersection(estimate: ArrayLike, truth: ArrayLike, whole: Array) -> Array:
     """area(E and G) / whole: 0 for an empty whole, NaN where there is no truth."""
     common = intersection_area(estimate, truth)
@@ -361,6 +384,7 @@ def _share_of_intersection(estimate: ArrayLike, truth: ArrayLike, whole: Array) 
 
 def _presence(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``has_truth`` with the leading axes of the estimate as well."""
+    check_same_boxes(estimate, truth)
     shape = jnp.broadcast_shapes(jnp.shape(estimate), jnp.shape(truth))
     return jnp.broadcast_to(has_truth(truth), shape[:-1])
 

@@ -114,6 +114,7 @@ class _VideoFile(FrameSource):
         fps_known = math.isfinite(announced_fps) and 0 < announced_fps <= 1000
         if fps is None and fps_known:
             self.fps = announced_fps
+        self._has_timestamps = fps is None
         self._announced_fps = announced_fps if fps_known else DEFAULT_FPS
         if math.isfinite(announced_count) and 1 <= announced_count < 1e9:
             self.frames_expected = int(announced_count)
@@ -122,6 +123,22 @@ class _VideoFile(FrameSource):
         with quiet_opencv():
             # An absolute path: FFmpeg takes what stands before a colon for a protocol.
             return cv2.VideoCapture(str(self.path.absolute()))
+
+    def times(self, count: int) -> np.ndarray:
+        """See ``FrameSource``; an ``fps`` in place of the container's replaces its timestamps."""
+        even = super().times(count)
+        if not self._has_timestamps:
+            return even
+        capture, seconds = self._open(), []
+        try:
+            with quiet_opencv():
+                while len(seconds) < count and capture.grab():
+                    seconds.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1000)
+        finally:
+            capture.release()
+        shown = np.array(seconds)
+        is_whole = len(shown) == count and np.isfinite(shown).all() and np.all(np.diff(shown) > 0)
+        return shown - shown[0] if is_whole and count else even
 
     def _frames(self, start: int) -> Generator[np.ndarray]:
         capture, watch = self._open(), SizeWatch(self.path, start)

@@ -168,6 +168,27 @@ def _outside(boxes: np.ndarray, width: int, height: int) -> np.ndarray:
     return np.any((low >= [width, height]) | (high <= 0), axis=1)
 
 
+def nobody_came(births: Births, start: int) -> str:
+    """Why no object started, as far as the detections of the file say."""
+    table, rules = births.table, births.rules
+    least = -np.inf if rules.birth_confidence is None else rules.birth_confidence
+    counts = (table.id == DETECTED) & (table.confidence >= least) & (table.frame >= start)
+    frames = np.unique(table.frame[counts])
+    if len(frames) < rules.birth_frames:
+        return (
+            f"no object started: it must be detected {rules.birth_frames} times, and "
+            f"{table.source} has detections in {len(frames)} of the frames from {start} on; lower "
+            "--birth-frames, or give more detections."
+        )
+    every = rules.detect_every or detection_step(frames)
+    return (
+        f"no object started: none was detected {rules.birth_frames} times inside the picture with "
+        f"an overlap of {rules.birth_overlap:g} or more from one detection to the next (the "
+        f"detector's step is {every} frame(s)); lower --birth-overlap or --birth-frames, or "
+        "correct --detect-every."
+    )
+
+
 class Detections(Sequence):
     """Boxes ``[M, 4]`` of every frame, without an end: a video may be longer than its file says.
 

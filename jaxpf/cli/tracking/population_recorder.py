@@ -8,7 +8,7 @@ import click
 import numpy as np
 
 from jaxpf.cli.shared import console
-from jaxpf.cli.tracking.births import by_frame
+from jaxpf.cli.tracking.births import by_frame, nobody_came
 from jaxpf.cli.tracking.recorder import Recorder, counted
 from jaxpf.populations.lifetimes import EMPTY
 from jaxpf.targets.adapter import Marks
@@ -101,6 +101,8 @@ class PopulationRecorder(Recorder):
         super()._tell(rate)
         came = counted(len(self.born), "object")
         click.echo(f"{came} came, {len(self.ended)} went")
+        if not self.born and not self.refused:
+            click.echo(f"Note: {nobody_came(self.births, self.request.run.start)}", err=True)
         if self.refused:
             one = self.refused[0]
             click.echo(

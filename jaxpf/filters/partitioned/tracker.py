@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import check_tree
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import ParticleState, Summary
@@ -74,6 +75,11 @@ class Partitioned(Tracker):
     motion_gradient: str = static_field(default="pathwise")
 
     def __post_init__(self):
+        if isinstance(self.ordering, list | tuple | np.ndarray):
+            raise InputError(
+                f"ordering={self.ordering} must be an Ordering, such as jaxpf.ordering.ps([1, 0]) "
+                "for partitioned sampling in that order"
+            )
         tree = (-1,) * self.ordering.num_partitions if self.parents is None else self.parents
         object.__setattr__(self, "parents", check_tree(tree))
         object.__setattr__(self, "initial", checked_initial(self.initial))

@@ -2,14 +2,16 @@
 
 import json
 import zipfile
+from fractions import Fraction
 
 import cv2
 import numpy as np
 import pytest
 from command_line import jaxpf
 
-from jaxpf.boxes import write_mot
+from jaxpf.boxes import read_boxes, write_mot
 from jaxpf.cli.tracking.uncertainty_table import UncertaintyWriter
+from jaxpf.media import open_frames
 from jaxpf.parts.files import PartTrackWriter
 from jaxpf.points.files import PointTrackWriter
 
@@ -132,3 +134,77 @@ def test_a_folder_without_results_is_refused(tmp_path):
     outcome = jaxpf("export", tmp_path, "coco", tmp_path / "x.json")
     assert outcome.code == 2
     assert "summary.json" in outcome.err
+
+
+#: Boxes of the objects 2 and 7, the second absent from frame 1: [T, P, 4].
+ROUND = np.array([[[10.25, 5, 8, 4], [30, 20.5, 6, 9]], [[11.0, 6, 8, 4], [np.nan] * 4]])
+
+
+def read_coco(path):
+    content = json.loads(path.read_text())
+    return {(a["image_id"] - 1, a["track_id"]): a["bbox"] for a in content["annotations"]}
+
+
+def read_mot(path):
+    table = read_boxes(path)
+    keys = zip(table.frame.tolist(), table.id.tolist(), strict=True)
+    return dict(zip(keys, table.box.tolist(), strict=True))
+
+
+def read_cvat(path):
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(path.parent / "cvat")
+    return read_mot(path.parent / "cvat" / "gt" / "gt.txt")
+
+
+def read_movement(path):
+    xarray = pytest.importorskip("xarray", reason="pip install 'jaxpf[formats]' for netCDF")
+    data = xarray.load_dataset(path, engine="scipy")
+    size, centre = data["shape"].values, data["position"].values  # [T, 2, P]
+    boxes = np.concatenate([centre - size / 2, size], axis=1)
+    names = [int(name.removeprefix("id_")) for name in data.individuals.values.tolist()]
+    places = np.argwhere(np.isfinite(boxes).all(axis=1))
+    return {(int(t), names[p]): boxes[t, :, p].tolist() for t, p in places}
+
+
+@pytest.mark.parametrize(
+    ("form", "name", "read"),
+    [
+        ("coco", "t.json", read_coco),
+        ("cvat", "t.zip", read_cvat),
+        ("movement", "t.nc", read_movement),
+        (None, "tracks.csv", read_mot),
+    ],
+)
+def test_every_format_comes_back_with_its_ids_and_pixels(result, form, name, read):
+    folder = result("boxes")
+    write_mot(folder / "tracks.csv", np.repeat([0, 1], 2), [2, 7, 2, 7], ROUND.reshape(-1, 4))
+    (folder / "uncertainty.csv").unlink()
+    if form == "movement":
+        pytest.importorskip("xarray", reason="pip install 'jaxpf[formats]' for netCDF")
+    found = read(folder / name if form is None else exported(folder, form, name))
+    expected = {(0, 2): ROUND[0, 0], (0, 7): ROUND[0, 1], (1, 2): ROUND[1, 0]}
+    assert set(found) == set(expected)
+    for key, box in expected.items():
+        np.testing.assert_allclose(found[key], box, atol=1e-3)
+
+
+def test_times_of_a_video_whose_frame_rate_varies_are_its_timestamps(result, tmp_path):
+    av = pytest.importorskip("av")
+    seconds, video = [0.0, 0.1, 0.5, 0.6], tmp_path / "varying.mp4"
+    with av.open(str(video), "w") as container:
+        stream = container.add_stream("libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        stream.codec_context.max_b_frames = 0
+        for number, time in enumerate(seconds):
+            frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 40 * number, np.uint8))
+            frame.pts, frame.time_base = round(time * 10), Fraction(1, 10)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    folder = result("boxes")
+    about = {"parameters": {"target": "boxes", "video": str(video)}}
+    (folder / "summary.json").write_text(json.dumps(about))
+    write_mot(folder / "tracks.csv", range(4), [1] * 4, [[10.0, 5, 8, 4]] * 4)
+    content = json.loads(exported(folder, "coco", "t.json").read_text())
+    assert [image["time"] for image in content["images"]] == seconds
+    np.testing.assert_array_equal(open_frames(video, fps=5).times(3), [0, 0.2, 0.4])

@@ -71,6 +71,16 @@ def test_who_finds_no_place_is_told(track, tmp_path, detected):
     assert refused["frame"] == 1
 
 
+def test_when_nobody_comes_the_reason_is_said(track, tmp_path):
+    detections = [true_boxes(0).astype(float)] + [np.zeros((0, 4))] * (LENGTH - 1)
+    write_detections(tmp_path / "det.txt", detections)
+    outcome = track("--births", tmp_path / "det.txt", *RULES)
+    assert outcome.code == 0, outcome.err
+    assert "0 objects came" in outcome.out
+    assert "must be detected 2 times, and" in outcome.err
+    assert "has detections in 1 of the frames from 0 on; lower --birth-frames" in outcome.err
+
+
 BOX = ("--box", "6,8,12,16")
 
 

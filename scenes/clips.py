@@ -9,6 +9,7 @@ A folder holds
   or fully hidden, -1 not annotated; the last column may be left out.
 """
 
+import codecs
 import csv
 import dataclasses
 import io
@@ -286,17 +287,19 @@ def csv_lines(
         SceneError: another header, or a line with fewer or more values.
     """
     text = _text_of(path)
-    separator = ";" if ";" in text.partition("\n")[0] else ","
+    first = text.lstrip("\n\r \t").splitlines()[:1]
+    separator = next((mark for mark in ";\t" if first and mark in first[0]), ",")
     lines = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
+    rows = (cells for cells in lines if any(cell.strip() for cell in cells))
     try:
-        header = next(lines, [])
-        names = [name.strip() for name in header]
+        header = next(rows, [])
+        names = [name.strip().lower() for name in header]
         if names not in (columns, columns[: len(columns) - optional]):
             raise SceneError(
                 f"{path}, line 1: the header must be {','.join(columns)!r}, {remark}"
                 f"not {shown(','.join(header))}"
             )
-        for cells in filter(None, lines):
+        for cells in rows:
             place = f"{path}, line {lines.line_num}: {shown(','.join(cells))}"
             if len(cells) != len(names):
                 raise SceneError(f"{place} has {len(cells)} values, not {len(names)}")
@@ -307,7 +310,9 @@ def csv_lines(
 
 def _text_of(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8-sig")
+        content = path.read_bytes()
+        is_utf_16 = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        return content.decode("utf-16" if is_utf_16 else "utf-8-sig")
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
         raise SceneError(
@@ -339,7 +344,7 @@ def real_number(text: str, column: str, place: str) -> float:
 
 def _number(text: str) -> float:
     try:
-        return float(text)
+        return math.nan if "_" in text else float(text)
     except ValueError:
         return math.nan
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import parse_number, read_text, separator_of
+from jaxpf.files.reading import parse_number, read_rows
 
 HEADERS = ("frame,id,x,y,w,h", "frame,id,x,y,w,h,occ")
 #: A coordinate in pixels, and a frame or an id, beyond which numbers are no longer told apart.
@@ -112,29 +112,22 @@ def table_of(rows: Sequence[tuple[float, ...]], path: str | os.PathLike[str]) ->
 
 def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
     """Yield (line number, (frame, id, x, y, w, h, occlusion, confidence)), counting from 0."""
-    header: str | None = None
+    rows = read_rows(path, "boxes", _FORMATS)
+    if not rows:
+        raise InputError(f"'{path}' is empty; expected {_FORMATS}")
     # CVAT's MOT archives, gt/gt.txt beside gt/labels.txt, count pixels from 0 and frames from 1.
     is_cvat = path.name == "gt.txt" and (path.parent / "labels.txt").is_file()
-    first_pixel = 0 if is_cvat else 1
-    seen_content = False
-    lines = _read_lines(path)
-    separator = separator_of("\n".join(lines))
-    for line, text in enumerate(lines, start=1):
-        if not text.strip():
-            continue
-        fields = [field.strip() for field in text.split(separator)]
-        if not seen_content:
-            seen_content = True
-            if _is_header(fields[0]):
-                header, first_pixel = ",".join(fields).lower(), 0
-                if header not in HEADERS:
-                    raise InputError(
-                        f"line {line} of '{path}' has an unknown header '{text.strip()[:80]}'; "
-                        f"expected {_FORMATS}"
-                    )
-                continue
-        place = f"line {line} of '{path}'"
-        yield line, _parse_row(fields, header, first_pixel, place)
+    header, first_pixel = None, 0 if is_cvat else 1
+    line, fields = rows[0]
+    if _is_header(fields[0]):
+        header, first_pixel, rows = ",".join(fields).lower(), 0, rows[1:]
+        if header not in HEADERS:
+            raise InputError(
+                f"line {line} of '{path}' has an unknown header '{','.join(fields)[:80]}'; "
+                f"expected {_FORMATS}"
+            )
+    for line, fields in rows:
+        yield line, _parse_row(fields, header, first_pixel, f"line {line} of '{path}'")
 
 
 def _parse_row(
@@ -157,10 +150,10 @@ def _parse_row(
         parse_number(field, f"{place}, column {column} is", "give a number, or delete the line")
         for column, field in enumerate(fields, start=1)
     ]
-    if _has_decimal_commas(fields, values):
+    if _has_decimal_commas(fields):
         raise InputError(
-            f"{place} has 10 whole numbers and a confidence of {values[6]:g}: its commas look like "
-            "decimal points; write decimals with a point, such as 10.5"
+            f"{place} has 10 columns, of which the last four look like a width and a height with "
+            f"decimal commas; write decimals with a point, such as {'.'.join(fields[6:8])}"
         )
     for value, name in zip(values[:2], ("frame", "id"), strict=True):
         if value != int(value):
@@ -191,22 +184,16 @@ def _parse_row(
     return frame - first, identity, x, y, width, height, occlusion, confidence
 
 
-def _has_decimal_commas(fields: list[str], values: list[float]) -> bool:
+def _has_decimal_commas(fields: list[str]) -> bool:
     """Whether ``1,1,10,5,20,5,30,0,40,0`` was meant as frame, id and a box of 10.5, 20.5, 30, 40.
 
-    In a MOT file the seventh number is a confidence of at most 1, and three times -1 follow.
+    Ten columns of a MOT file end in -1,-1,-1, in zeros, or in a place with decimals.
     """
-    whole = all(field.lstrip("+-").isdecimal() for field in fields)
-    return len(fields) == 10 and whole and values[6] > 1 and values[7:] != [-1, -1, -1]
+    if len(fields) != 10 or not all(field.isdecimal() for field in fields[6:]):
+        return False
+    return all(float(".".join(fields[k : k + 2])) > 0 for k in (6, 8))
 
 
 def _is_header(field: str) -> bool:
     """A first field that is no number; ``nan`` and ``1x`` are bad numbers, not headers."""
     return field[:1].isalpha() and field.lower() not in ("nan", "inf", "infinity")
-
-
-def _read_lines(path: Path) -> list[str]:
-    lines = read_text(path, "boxes", _FORMATS).splitlines()
-    if not any(line.strip() for line in lines):
-        raise InputError(f"'{path}' is empty; expected {_FORMATS}")
-    return lines

@@ -99,7 +99,7 @@ def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.n
 def _read_points(path: Path, first, until) -> dict[tuple[int, str], np.ndarray]:
     points: dict[tuple[int, str], dict[int, tuple[float, float]]] = {}
     header, *rows = read_rows(path, "contours", ",".join(_HEADER)) or [(1, [])]
-    if tuple(header[1]) != _HEADER:
+    if tuple(name.lower() for name in header[1]) != _HEADER:
         raise InputError(
             f"'{path}' begins with {','.join(header[1])[:80]!r}; its first line must be "
             f"{','.join(_HEADER)}."

@@ -65,7 +65,7 @@ HEADER = "frame,id,x,y,w,h,occ\n"
         (" \n\n", ["is empty"]),
         (HEADER, ["holds no boxes", "MOT"]),
         ("x,y,w,h\n1,2,3,4\n", ["line 1", "unknown header 'x,y,w,h'", "frame,id,x,y,w,h,occ"]),
-        (b"\xff\xfe\x00\x01", ["is not a text file"]),
+        (b"\xff\x00\x01", ["is not a text file"]),
     ],
 )
 def test_each_mistake_is_named_with_its_line_and_remedy(boxes_file, text, expected):

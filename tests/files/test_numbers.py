@@ -63,6 +63,40 @@ def test_readers_take_the_same_tables(reader, mark, separator, x, y, tmp_path):
     np.testing.assert_array_equal(read(tmp_path / name), [10, 20])
 
 
+def in_quotes(text):
+    return "\n".join(",".join(f'"{field}"' for field in line.split(",")) for line in text.split())
+
+
+#: What spreadsheets and people make of a table that means the same.
+WRITTEN = {
+    "tabs": lambda text: text.replace(",", "\t").encode(),
+    "quotes": lambda text: in_quotes(text).encode(),
+    "UTF-16": lambda text: text.encode("utf-16"),
+    "CR": lambda text: text.replace("\n", "\r").encode(),
+    "CRLF": lambda text: text.replace("\n", "\r\n").encode(),
+    "blank lines": lambda text: ("\n \n" + text + "\n  \n").encode(),
+    "capitals": lambda text: text.replace("x,y", "X,Y").encode(),
+    "spaces": lambda text: text.replace(",", " , ").encode(),
+}
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("written", WRITTEN)
+def test_readers_take_what_spreadsheets_write(reader, written, tmp_path):
+    name, lines, read = READERS[reader]
+    (tmp_path / name).write_bytes(WRITTEN[written](lines.format(x="10", y="20")))
+    np.testing.assert_array_equal(read(tmp_path / name), [10, 20])
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("number", ["1_0", "0xA", "nan", "inf", "1e400", "\u221210", "1 0", "ten"])
+def test_readers_refuse_what_is_no_finite_number(reader, number, tmp_path):
+    name, lines, read = READERS[reader]
+    (tmp_path / name).write_text(lines.format(x=number, y="20"), encoding="utf-8")
+    with pytest.raises((InputError, scenes.SceneError), match="not a finite number"):
+        read(tmp_path / name)
+
+
 @pytest.mark.parametrize("reader", READERS)
 def test_a_decimal_comma_is_named_with_the_remedy(reader, tmp_path):
     name, lines, read = READERS[reader]
@@ -72,9 +106,10 @@ def test_a_decimal_comma_is_named_with_the_remedy(reader, tmp_path):
         read(tmp_path / name)
 
 
-def test_decimal_commas_between_commas_do_not_become_another_box(tmp_path):
-    (tmp_path / "b.txt").write_text("1,1,10,5,20,5,30,0,40,0\n")
-    with pytest.raises(InputError, match=r"line 1 .* commas look like decimal points"):
+@pytest.mark.parametrize("size", ["30,0,40,0", "1,0,1,0", "0,8,0,9", "30,25,40,125"])
+def test_decimal_commas_between_commas_do_not_become_another_box(size, tmp_path):
+    (tmp_path / "b.txt").write_text(f"1,1,10,5,20,5,{size}\n")
+    with pytest.raises(InputError, match=r"line 1 .* decimal commas; write decimals with a point"):
         read_boxes(tmp_path / "b.txt")
 
 

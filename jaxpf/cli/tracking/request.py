@@ -203,8 +203,8 @@ def _report_implied(values: Mapping[str, Any], model: Any, usual: Any) -> None:
             sets = "sets" if len(causes) == 1 else "set"
             without = ", which reports no confidence" if wanted == COLOUR else ""
             click.echo(
-                f"Note: {' and '.join(causes)} {sets} {declared[other].flag} {wanted}{without}; the "
-                f"default is {default}.",
+                f"Note: {' and '.join(causes)} {sets} {declared[other].flag} {wanted}{without}; "
+                f"the default is {default}.",
                 err=True,
             )
 

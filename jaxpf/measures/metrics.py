@@ -68,21 +68,25 @@ def track_state(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Returns:
         ``[...]`` bool; false where there is no truth.
     """
+    _check_boxes(estimate, truth)
     return intersection_area(estimate, truth) > 0
 
 
 def precision(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[...]``: the share of the estimated area that is right, area(E and G) / area(E)."""
+    _check_boxes(estimate, truth)
     return _share_of_intersection(estimate, truth, area(estimate))
 
 
 def recall(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[...]``: the share of the true area that is found, area(E and G) / area(G)."""
+    _check_boxes(estimate, truth)
     return _share_of_intersection(estimate, truth, area(truth))
 
 
 def overlap(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[...]``: intersection over union, area(E and G) / area(E or G); not in smith2004."""
+    _check_boxes(estimate, truth)
     union = area(estimate) + area(truth) - intersection_area(estimate, truth)
     return _share_of_intersection(estimate, truth, union)
 
@@ -92,6 +96,7 @@ def centre_error(estimate: ArrayLike, truth: ArrayLike) -> Array:
 
     NaN where there is no truth, and where the estimate is not finite.
     """
+    _check_boxes(estimate, truth)
     offset = centres(estimate) - centres(truth)
     return jnp.where(has_truth(truth), jnp.hypot(offset[..., 0], offset[..., 1]), jnp.nan)
 
@@ -128,6 +133,7 @@ def success(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Returns:
         ``[..., P]`` bool; false for an object that never has truth.
     """
+    check_same_boxes(estimate, truth)
     return throughout(track_state(estimate, truth), _presence(estimate, truth))
 
 
@@ -144,6 +150,7 @@ def recovery(estimate: ArrayLike, truth: ArrayLike) -> Array:
     tracking" without saying for how long; this is the reading used here.  Arguments and result
     are as for ``success``.
     """
+    check_same_boxes(estimate, truth)
     return in_the_end(track_state(estimate, truth), _presence(estimate, truth))
 
 
@@ -375,6 +382,20 @@ def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
         )
 
 
+def _check_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
+    """Refuse what is not boxes ``[..., 4]`` of shapes that broadcast."""
+    shapes = np.shape(estimate), np.shape(truth)
+    try:
+        np.broadcast_shapes(*shapes)
+    except ValueError:
+        shapes = ()
+    if any(shape[-1:] != (4,) for shape in shapes) or not shapes:
+        raise InputError(
+            f"boxes of the shapes {list(np.shape(estimate))} and {list(np.shape(truth))} cannot be "
+            "compared; give [..., 4] and the same other axes"
+        )
+
+
 def _share_of_intersection(estimate: ArrayLike, truth: ArrayLike, whole: Array) -> Array:
     """area(E and G) / whole: 0 for an empty whole, NaN where there is no truth."""
     common = intersection_area(estimate, truth)
@@ -384,12 +405,12 @@ def _share_of_intersection(estimate: ArrayLike, truth: ArrayLike, whole: Array) 
 
 def _presence(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``has_truth`` with the leading axes of the estimate as well."""
-    check_same_boxes(estimate, truth)
     shape = jnp.broadcast_shapes(jnp.shape(estimate), jnp.shape(truth))
     return jnp.broadcast_to(has_truth(truth), shape[:-1])
 
 
 def _frames_that_count(estimate: ArrayLike, truth: ArrayLike, over: Over) -> Array:
+    check_same_boxes(estimate, truth)
     if over == "tracked":
         return track_state(estimate, truth)
     if over == "all":

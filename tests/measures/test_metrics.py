@@ -361,3 +361,10 @@ def test_intervals_of_shares_stay_within_shares():
         assert name == "centre_error" or (interval.lower >= 0).all(), name
         assert name == "centre_error" or (interval.upper <= 1).all(), name
     assert measures.summarise(runs, truth)["overlap"].upper == 1
+
+
+@pytest.mark.parametrize("name", FRAME_MEASURES)
+@pytest.mark.parametrize("shape", [(2, 4), (3, 3), (4, 1)])
+def test_what_is_no_box_of_the_truth_is_refused(name, shape):
+    with pytest.raises(InputError, match="cannot be compared"):
+        getattr(measures, name)(np.ones(shape), np.ones((3, 4)))

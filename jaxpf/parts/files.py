@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import read_rows
+from jaxpf.files.reading import parse_number, read_rows
 from jaxpf.files.writing import LineWriter
 from jaxpf.parts.target import Parts
 
@@ -133,16 +133,10 @@ def _lines(path: Path) -> list[tuple[int, list[str]]]:
 
 
 def _number(field: str, column: int, place: str) -> float:
-    try:
-        value = float(field)
-    except ValueError:
-        value = math.nan
-    if not abs(value) <= _FARTHEST:  # nor NaN
-        name = HEADER.split(",")[column - 1]
-        raise InputError(
-            f"{place} has '{field[:40]}' for {name} in column {column}; give a finite number, at "
-            f"most {_FARTHEST:.0f}"
-        )
+    name, remedy = HEADER.split(",")[column - 1], f"give a number of at most {_FARTHEST:.0f}"
+    value = parse_number(field, f"{place}: {name} (column {column}) is", remedy)
+    if abs(value) > _FARTHEST:
+        raise InputError(f"{place}: {name} (column {column}) is {value:g}; {remedy}")
     return value
 
 

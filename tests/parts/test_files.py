@@ -65,10 +65,13 @@ def test_each_object_has_its_root(write):
         (",,1,1,2,2,0\n", "line 2 of .* has no part in column 1"),
         ("a,,1,1,2,2\n", "line 2 of .* has 6 column.*expected 7: part,parent,x,y,w,h,angle"),
         ("a,,1,1,2,2,0,9\n", "has 8 column"),
-        ("a,,1,one,2,2,0\n", "line 2 of .* has 'one' for y in column 4; give a finite number"),
-        ("a,,1,1,2,2,\n", "has '' for angle in column 7"),
-        ("a,,nan,1,2,2,0\n", "has 'nan' for x in column 3"),
-        ("a,,1,1,inf,2,0\n", "has 'inf' for w in column 5"),
+        (
+            "a,,1,one,2,2,0\n",
+            "line 2 of .*: y \\(column 4\\) is 'one', which is not a finite number",
+        ),
+        ("a,,1,1,2,2,\n", "angle \\(column 7\\) is ''"),
+        ("a,,nan,1,2,2,0\n", "x \\(column 3\\) is 'nan'"),
+        ("a,,1,1,inf,2,0\n", "w \\(column 5\\) is 'inf'"),
         ("", "holds no parts; give one line part,parent,x,y,w,h,angle for each"),
     ],
 )

@@ -35,6 +35,27 @@ def test_a_missing_video_is_named_with_the_current_folder(refuse, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("arguments", "note"),
+    [
+        (
+            ("--likelihood", "sampled", "--sharpness", "5"),
+            "Note: --likelihood and --sharpness set --appearance colour, which reports no "
+            "confidence; the default is discriminative.\n",
+        ),
+        (("--scale", "3,3,.01"), "Note: --scale sets --motion pixels; the default is relative.\n"),
+        (("--sharpness", "5", "--appearance", "colour"), ""),
+        (("--momentum", ".2"), ""),
+        ((), ""),
+    ],
+)
+def test_options_that_change_others_say_so_in_one_line(arguments, note):
+    outcome = jaxpf("track", "nowhere.mp4", *BOXES, *arguments)
+    notes, _, refusal = outcome.err.partition("Error:")
+    assert refusal
+    assert notes == note
+
+
+@pytest.mark.parametrize(
     ("name", "content", "message"),
     [
         ("empty.mp4", b"", "is empty"),

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxpf import InputError, ordering, tracks
-from jaxpf.cli import config
-from jaxpf.cli.flags import NumberList
-from jaxpf.files.parts import HEADER, read_parts
-from jaxpf.options import Option
+from jaxpf import InputError, ordering
+from jaxpf import boxes as tracks
+from jaxpf.cli.shared import config
+from jaxpf.cli.shared.flags import NumberList
+from jaxpf.contract.options import Option
+from jaxpf.parts.files import HEADER, read_parts
 
 #: The same cases every time, and no more than a glance takes.
 EVERY = settings(max_examples=60, deadline=None, derandomize=True, database=None)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import metrics
-from jaxpf.geometry import boxes_from_substates
+from jaxpf import measures
 from jaxpf.likelihoods import histogram
+from jaxpf.shapes import boxes_from_substates
 from scenes.clips import read_clip
 
 pytestmark = pytest.mark.slow
@@ -36,7 +36,7 @@ def kept_through_the_occlusions(campus, method):
     summary = jaxpf.monte_carlo(tracker, keys, jnp.asarray(scene.frames[1:]), batch_size=20)
     boxes = boxes_from_substates(summary.estimate, scene.boxes[0][:, 2:])[:, :LAST_OCCLUSION]
     truth = scene.boxes[1 : LAST_OCCLUSION + 1]
-    return int(np.sum(metrics.success(boxes, truth)[:, 2]))
+    return int(np.sum(measures.success(boxes, truth)[:, 2]))
 
 
 def test_dps_keeps_the_occluded_walker_and_sir_does_not(campus):

@@ -14,17 +14,32 @@ from jaxpf import __version__
 # Name -> (module, one-line help).  Written out so that `jaxpf --help` imports no command.
 _COMMANDS = {
     "example": ("jaxpf.cli.example", "Write a small clip to try tracking on, and say how."),
-    "track": ("jaxpf.cli.track", "Track objects through a video; write tracks, video and plots."),
+    "track": (
+        "jaxpf.cli.tracking.command",
+        "Track objects through a video; write tracks, video and plots.",
+    ),
     "frame": ("jaxpf.cli.frame", "Save one frame with a pixel grid, to read boxes off."),
     "contour": ("jaxpf.cli.contour", "Learn what contours look like and how they move."),
     "detections": ("jaxpf.cli.detections", "Simulate a detector on a video with known truth."),
-    "evaluate": ("jaxpf.cli.evaluate", "Compare methods over many runs on a scene or a clip."),
-    "tune": ("jaxpf.cli.tune", "Tune parameters by gradient descent; compare on unseen data."),
-    "export": ("jaxpf.cli.export", "Write tracks in the formats of COCO, CVAT and movement."),
+    "evaluate": (
+        "jaxpf.cli.evaluating.command",
+        "Compare methods over many runs on a scene or a clip.",
+    ),
+    "tune": (
+        "jaxpf.cli.tuning.command",
+        "Tune parameters by gradient descent; compare on unseen data.",
+    ),
+    "export": (
+        "jaxpf.cli.exporting.command",
+        "Write tracks in the formats of COCO, CVAT and movement.",
+    ),
     "demo": ("jaxpf.cli.demo", "Compare SIR, PS, DPS and SPS on a synthetic scene."),
     "reproduce": ("jaxpf.cli.reproduce", "Repeat a paper's experiment; judge its claims."),
     "verdicts": ("jaxpf.cli.verdicts", "Print what was found of the papers' claims."),
-    "bench": ("jaxpf.cli.bench", "Measure speed on this machine, beside its baselines."),
+    "bench": (
+        "jaxpf.cli.benchmarks.command",
+        "Measure speed on this machine, beside its baselines.",
+    ),
 }
 
 
@@ -55,10 +70,10 @@ def group() -> None:
 
 def main(arguments: list[str] | None = None) -> Any:
     """Run the command line; a user's mistake is one sentence and exit code 2."""
-    from jaxpf.errors import InputError
+    from jaxpf.contract.errors import InputError
 
     if arguments is None:
-        from jaxpf.cli.stopping import heed_ctrl_c
+        from jaxpf.cli.shared.stopping import heed_ctrl_c
 
         heed_ctrl_c()
     try:

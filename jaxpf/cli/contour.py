@@ -4,9 +4,9 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli.speaking import Speaking
-from jaxpf.cli.startup import use_compile_cache
-from jaxpf.names import ANNOTATIONS, COEFFICIENTS
+from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.startup import use_compile_cache
+from jaxpf.contract.names import ANNOTATIONS, COEFFICIENTS
 
 
 @click.group("contour")
@@ -78,14 +78,14 @@ def learn(
 
     Example: jaxpf contour learn worms --turns 36 -d 10 --points 8 --last 40 -o worm.json
     """
-    from jaxpf.files.annotated_contours import read_annotated
-    from jaxpf.files.learned_contours import write_learned
+    from jaxpf.contours.annotated_files import read_annotated
+    from jaxpf.contours.learned_files import write_learned
     from jaxpf.files.writing import check_output_file
 
     check_output_file(output)
     annotated = read_annotated(folder, kind, value=value, first=first, last=last)
     use_compile_cache()
-    from jaxpf.targets.contour_learning import learn_contours
+    from jaxpf.contours.learning import learn_contours
 
     learned, report = learn_contours(
         annotated,

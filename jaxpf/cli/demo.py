@@ -8,15 +8,15 @@ from typing import Any
 import click
 import numpy as np
 
-from jaxpf.cli.config import config_option, write_config
-from jaxpf.cli.console import print_table
-from jaxpf.cli.flags import declared_flags
-from jaxpf.cli.speaking import Speaking
-from jaxpf.cli.startup import start_jax
+from jaxpf.boxes import target as boxes
+from jaxpf.cli.shared.config import config_option, write_config
+from jaxpf.cli.shared.console import print_table
+from jaxpf.cli.shared.flags import declared_flags
+from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.startup import start_jax
+from jaxpf.contract.options import OPEN, options_of
 from jaxpf.filters.partitioned.options import Options
-from jaxpf.memory import check_memory, needed_by
-from jaxpf.options import OPEN, options_of
-from jaxpf.targets import boxes
+from jaxpf.running.memory import check_memory, needed_by
 
 _ALL = options_of(Options, boxes.Options)
 _DECLARED = {name: _ALL[name] for name in ("particles", "sharpness", "appearance")}
@@ -43,7 +43,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
     Which methods find object 1 again?  That depends much on the scene: try another --seed.
     The runs start from the same boxes, with the same seeds; intervals are at 95 %.
     """
-    from jaxpf.errors import InputError
+    from jaxpf.contract.errors import InputError
     from jaxpf.files.writing import prepare_output_folder
 
     if not 0 <= seed < 2**20:
@@ -57,7 +57,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
     appearance = "colour" if given["appearance"] == OPEN else given["appearance"]
     start_jax()
     import scenes
-    from jaxpf.experiments.comparison import compare, scene_tracker
+    from jaxpf.papers.measuring.comparison import compare, scene_tracker
     from jaxpf.running.blocks import WIDE
 
     scene = scenes.make("distracter", seed=seed)
@@ -105,7 +105,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
 
 
 def _orderings(num_objects: int) -> dict[str, Any]:
-    from jaxpf.filters.partitioned import ordering
+    from jaxpf import ordering
 
     return {
         "SIR": ordering.sir(num_objects),
@@ -173,8 +173,8 @@ def _overlay(scene: Any, tracker: Any, result: Any, seeds: list[int], path: Path
 
     from jaxpf.media import overlay
     from jaxpf.media.video_writer import VideoWriter
-    from jaxpf.models.geometry import boxes_from_substates
-    from jaxpf.streaming import stream
+    from jaxpf.running.streaming import stream
+    from jaxpf.shapes.rectangles import boxes_from_substates
 
     ids = list(range(1, scene.num_objects + 1))
     colours = overlay.object_colours(len(ids))

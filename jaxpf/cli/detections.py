@@ -4,8 +4,8 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli.speaking import Speaking
-from jaxpf.errors import InputError
+from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.contract.errors import InputError
 
 
 @click.command("detections", cls=Speaking)
@@ -44,11 +44,11 @@ def command(
     """
     import numpy as np
 
-    from jaxpf.baselines.simulated_detections import simulated_detections
-    from jaxpf.files.detections import write_detections
-    from jaxpf.files.tracks import dense, read_boxes
+    from jaxpf.boxes.tracks import dense, read_boxes
+    from jaxpf.evaluation.baselines.simulated_detections import simulated_detections
     from jaxpf.files.writing import check_output_file
     from jaxpf.media.video import open_frames
+    from jaxpf.populations.detections import write_detections
 
     if not 0 <= seed < 2**32:
         raise InputError(f"--seed {seed} must be between 0 and {2**32 - 1}.")

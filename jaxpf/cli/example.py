@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import click
 
-from jaxpf.cli.speaking import Speaking
+from jaxpf.cli.shared.speaking import Speaking
 
 _SEED = 1
 
@@ -54,8 +54,8 @@ def _write_boxes(folder: Path, scene: Any) -> None:
 
 
 def _write_births(folder: Path, scene: Any) -> None:
-    from jaxpf.baselines.simulated_detections import simulated_detections
-    from jaxpf.files.detections import write_detections
+    from jaxpf.evaluation.baselines.simulated_detections import simulated_detections
+    from jaxpf.populations.detections import write_detections
 
     found = simulated_detections(scene.boxes, scene.frames.shape[1:3], seed=_SEED)
     write_detections(folder / "det.txt", found)
@@ -65,7 +65,7 @@ def _write_births(folder: Path, scene: Any) -> None:
 def _write_parts(folder: Path, scene: Any) -> None:
     import numpy as np
 
-    from jaxpf.files.parts import HEADER, PartTrackWriter
+    from jaxpf.parts.files import HEADER, PartTrackWriter
 
     names = ["body", *(f"{side} {at}" for at in (1, 2, 3) for side in ("left", "right"))]
     poses, parents = scene.extras["poses"], scene.extras["parents"]
@@ -85,7 +85,7 @@ def _write_parts(folder: Path, scene: Any) -> None:
 
 
 def _write_points(folder: Path, scene: Any) -> None:
-    from jaxpf.files.points import PointTrackWriter
+    from jaxpf.points.files import PointTrackWriter
 
     names, points = scene.extras["point_names"], scene.extras["points"]
     start = ([*_rounded(*place), name] for name, place in zip(names, points[0], strict=True))
@@ -96,8 +96,8 @@ def _write_points(folder: Path, scene: Any) -> None:
 
 
 def _write_contours(folder: Path, scene: Any) -> None:
-    from jaxpf.adapters import adapters
-    from jaxpf.files.contours import write_contours
+    from jaxpf.contours.files import write_contours
+    from jaxpf.targets import adapters
 
     start: Any = adapters()["contours"].scene_start(scene)
     write_contours(folder / "wires.json", start.contours)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli.speaking import Speaking
+from jaxpf.cli.shared.speaking import Speaking
 
 
 @click.command("frame", cls=Speaking)
@@ -31,7 +31,7 @@ def command(video: str, number: int, step: int | None, output: Path | None) -> N
     """
     import cv2
 
-    from jaxpf.errors import InputError
+    from jaxpf.contract.errors import InputError
     from jaxpf.files.writing import atomic_write
     from jaxpf.media.overlay import draw_pixel_grid
     from jaxpf.media.video import open_frames

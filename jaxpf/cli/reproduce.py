@@ -9,15 +9,15 @@ from typing import Any
 
 import click
 
-from jaxpf.cli.cluster import cluster
-from jaxpf.cli.config import config_option, write_config
-from jaxpf.cli.console import print_table
-from jaxpf.cli.speaking import Speaking
-from jaxpf.cli.startup import start_jax
+from jaxpf.cli.evaluating.cluster import cluster
+from jaxpf.cli.shared.config import config_option, write_config
+from jaxpf.cli.shared.console import print_table
+from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.startup import start_jax
 
 #: Folder of what the looks measured, and the time that they may take.
 LOOKS, MINUTES = "looks", 35.0
-#: As ``jaxpf.experiments.paper.PAPERS``, without importing it.
+#: As ``jaxpf.papers.paper.PAPERS``, without importing it.
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
 
 
@@ -80,7 +80,7 @@ def command(
     contradicted, equal within a stated margin, or cannot be resolved at this number of runs.
     Interrupted, it goes on where it was by the same command.
     """
-    from jaxpf.errors import InputError
+    from jaxpf.contract.errors import InputError
     from jaxpf.files.writing import prepare_output_folder
 
     if runs is not None and runs < 1:
@@ -100,10 +100,11 @@ def command(
     options = {"paper": paper, "runs": runs, "seed": seed, "quick": quick, "data": data}
     settings = options | {"data": data and str(data.resolve())}
     start_jax()
-    from jaxpf.experiments import comparison_table, parts
-    from jaxpf.experiments.claims import RULE
-    from jaxpf.experiments.paper import paper_of
-    from jaxpf.experiments.paper import until_resolved as look_until_resolved
+    from jaxpf.papers.judging import comparison_table
+    from jaxpf.papers.judging.claims import RULE
+    from jaxpf.papers.measuring import checkpoints
+    from jaxpf.papers.paper import paper_of
+    from jaxpf.papers.paper import until_resolved as look_until_resolved
 
     began = time.perf_counter()
     one = paper_of(paper)
@@ -118,7 +119,7 @@ def command(
         executor = click.get_current_context().with_resource(cluster(dask)).executor
     output = output or Path(f"jaxpf-{paper}-quick" if quick else f"jaxpf-{paper}")
     kept = output / LOOKS if until_resolved else output, settings
-    goes_on = not calibrate and parts.can_go_on(*kept)
+    goes_on = not calibrate and checkpoints.can_go_on(*kept)
     folder = prepare_output_folder(output, overwrite or goes_on)
     if one.calibrate is not None and calibrate:
         _show_calibration(one.calibrate(click.echo, data), folder)
@@ -127,7 +128,7 @@ def command(
         click.echo(f"Going on with what '{folder}' holds.")
     looks = {"until_resolved": True, "minutes": minutes} if until_resolved else {}
     typed = _typed(options | looks)
-    with parts.sharing(executor), parts.keeping(*kept, for_good=until_resolved):
+    with checkpoints.sharing(executor), checkpoints.keeping(*kept, for_good=until_resolved):
         found = (
             look_until_resolved(one, request, minutes or MINUTES)
             if until_resolved
@@ -168,8 +169,8 @@ def _typed(options: Mapping[str, Any]) -> str:
 
 
 def _show_calibration(table: Any, folder: Path) -> None:
-    from jaxpf.experiments.comparison_table import table_csv
     from jaxpf.files.writing import write_text
+    from jaxpf.papers.judging.comparison_table import table_csv
 
     print_table(table.title, table.columns, table.texts())
     click.echo(table.note)
@@ -179,7 +180,7 @@ def _show_calibration(table: Any, folder: Path) -> None:
 
 def _data_folder(given: Path | None) -> Path | None:
     """The folder named by ``--data`` or ``JAXPF_DATA``; None if neither is."""
-    from jaxpf.errors import InputError
+    from jaxpf.contract.errors import InputError
 
     from_environment = os.environ.get("JAXPF_DATA", "")
     if given is None and not from_environment:

@@ -2,9 +2,9 @@
 
 import click
 
-from jaxpf.cli.console import print_table
 from jaxpf.cli.reproduce import PAPERS
-from jaxpf.cli.speaking import Speaking
+from jaxpf.cli.shared.console import print_table
+from jaxpf.cli.shared.speaking import Speaking
 
 
 @click.command("verdicts", cls=Speaking)
@@ -15,9 +15,9 @@ def command(papers: tuple[str, ...]) -> None:
     Nothing is run: `jaxpf reproduce PAPER` does, with the command that is printed under each table.
     PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999; all by default.
     """
-    from jaxpf.experiments import verdicts
-    from jaxpf.experiments.claims import RULE
-    from jaxpf.experiments.comparison_table import CLAIM_COLUMNS, CLAIM_FIELDS
+    from jaxpf.papers.judging import verdicts
+    from jaxpf.papers.judging.claims import RULE
+    from jaxpf.papers.judging.comparison_table import CLAIM_COLUMNS, CLAIM_FIELDS
 
     papers = papers or PAPERS
     for paper in papers:

@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxpf.evaluation.batches import Batch
 from jaxpf.evaluation.estimates import LEVEL, with_all
 from jaxpf.evaluation.measures import COLUMNS, SCORES, measure_batch
 from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
+from jaxpf.evaluation.work.batches import Batch
 from jaxpf.files.writing import report_os_errors
 from jaxpf.measures.scores import tracking_scores
 

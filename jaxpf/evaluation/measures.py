@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from jaxpf.evaluation.batches import Batch
+from jaxpf.evaluation.work.batches import Batch
 from jaxpf.measures import calibration, metrics
 from jaxpf.measures.scores import CENTRE_THRESHOLDS, OVERLAP_THRESHOLDS
 from jaxpf.targets.target import Start, Target
@@ -49,7 +49,7 @@ class Measure(NamedTuple):
     unit: str = ""
 
 
-#: Standard scores of a run, over all objects: see ``jaxpf.scores.tracking_scores``.
+#: Standard scores of a run, over all objects: see ``jaxpf.measures.tracking_scores``.
 SCORES = (
     Measure("HOTA", "HOTA", percent=True),
     Measure("MOTA", "MOTA", percent=True),
@@ -121,9 +121,9 @@ class Measured(NamedTuple):
     Attributes:
         columns: ``[R, P, K]``, one for each of ``COLUMNS``; NaN where a measure does not exist.
         centre_error: ``[R, T, P]`` in pixels, NaN where there is no truth or no estimate.
-        success: ``[R, P, 21]``, see ``jaxpf.scores.success_curve``.
-        precision: ``[R, P, 51]``, see ``jaxpf.scores.precision_curve``.
-        transforms: ``[R, T, P, 2]`` of x and y, see ``jaxpf.uncertainty.transforms``; NaN where an
+        success: ``[R, P, 21]``, see ``jaxpf.measures.success_curve``.
+        precision: ``[R, P, 51]``, see ``jaxpf.measures.precision_curve``.
+        transforms: ``[R, T, P, 2]`` of x and y, see ``jaxpf.measures.transforms``; NaN where an
             object is not tracked, or nobody knows.
     """
 

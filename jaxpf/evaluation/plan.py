@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from jaxpf import filters
-from jaxpf.adapters import DEFAULT, adapters, find_adapter
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.options import Option, check_distinct, chosen, counting, implied, options_of
 from jaxpf.evaluation.results import Configuration
 from jaxpf.files.writing import report_os_errors
 from jaxpf.filters.filter import Filter
-from jaxpf.options import Option, check_distinct, chosen, counting, implied, options_of
+from jaxpf.targets import DEFAULT, adapters, find_adapter
 from jaxpf.targets.target import Start, Target
 
 #: Runs of a configuration stay below: planning the batches of more would take minutes.
@@ -42,11 +42,11 @@ class Plan:
             scene; of a single object for the first of them, because all orderings coincide.
         orders: for "ps": "shifts", every circular shift (of a part tree, level by level), or
             permutations such as (2, 0, 1), counted from 0.
-        swaps: for "sps", of ``jaxpf.names.SWAPS``.
+        swaps: for "sps", of ``jaxpf.contract.names.SWAPS``.
         grid: name of an option -> its values; an option that is left out has its default.  They
             are those of the target (``jaxpf.targets``) and of the methods' filters, such as
             "sharpness", "scale", "particles" and "resampling".
-        target: of ``jaxpf.adapters.adapters()``; None for that of the scene's truth.
+        target: of ``jaxpf.targets.adapters()``; None for that of the scene's truth.
         runs: independent runs per configuration.
         seed: of all runs.  Run r of every configuration has the key ``fold_in(key(seed), r)``.
         tracks: other trackers' results, name -> MOT file or CSV with the header
@@ -77,7 +77,7 @@ class Plan:
             if self.methods or not (self.tracks or self.trackers):
                 self._keep("methods", self.methods)
         self._keep("orders", [_order(value) for value in self.orders])
-        swaps = options_of(*(one.options for one in filters.filters().values()))["swap"]
+        swaps = options_of(*(one.options for one in filters.all_filters().values()))["swap"]
         self._keep("swaps", [swaps.checked(value, "swaps:") for value in self.swaps])
         for name, given, default, owner in (
             ("orders", self.orders, ("shifts",), "ps"),
@@ -134,7 +134,7 @@ class Plan:
 
     def _filters(self) -> list[Filter]:
         """The filters of the methods."""
-        every = filters.filters().values()
+        every = filters.all_filters().values()
         return [
             one for one in every if self.methods is None or set(one.methods) & set(self.methods)
         ]
@@ -158,7 +158,7 @@ class Plan:
             return InputError(
                 f"{name} is no option{whose}, but of {' and '.join(having)}; leave it out."
             )
-        for one in filters.filters().values():
+        for one in filters.all_filters().values():
             if name in options_of(one.options) and name not in one.varied:
                 having = [method for method in one.methods if _counting(one, method)[name]]
                 return InputError(
@@ -181,7 +181,7 @@ class Plan:
         methods = self.methods
         if methods is None and parents is not None:
             own = find_adapter(self.target or name).target.defaults.get("method")
-            every = filters.filters().values()
+            every = filters.all_filters().values()
             methods = ()
             for one in (one for one in every if one.by_default or own in one.methods):
                 suiting = tuple(m for m in one.methods if one.admits(m, parents))

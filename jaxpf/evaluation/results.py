@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.adapters import find_adapter
-from jaxpf.adapters.adapter import Adapter
-from jaxpf.errors import InputError
-from jaxpf.evaluation.batches import Batch, batch_files, read_batch, read_runs
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.options import chosen
+from jaxpf.evaluation.work.batches import Batch, batch_files, read_batch, read_runs
 from jaxpf.files.store import SETTINGS, Store
-from jaxpf.options import chosen
+from jaxpf.targets import find_adapter
+from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Start, Target
 
 #: The piece that holds the truth.

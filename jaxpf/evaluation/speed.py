@@ -66,8 +66,8 @@ def measure_speeds(
     """
     import jax
 
-    from jaxpf.evaluation.schedule import shape_of
     from jaxpf.evaluation.trackers import tracker_of
+    from jaxpf.evaluation.work.schedule import shape_of
 
     configurations = results.configurations
     speeds = read_speeds(results.folder, len(configurations))
@@ -93,7 +93,7 @@ def _write(results: Results, speeds: Sequence[float]) -> None:
 
 def _frames_per_second(tracker: Any, key: Any, frames: Sequence[np.ndarray]) -> float:
     """Of a run alone; NaN where there is no second frame to time."""
-    from jaxpf.streaming import stream
+    from jaxpf.running.streaming import stream
 
     seconds, clock, until = [], time.perf_counter(), np.inf
     for tracked in stream(tracker, key, frames):

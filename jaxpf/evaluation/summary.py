@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from jaxpf.contract.options import plain
 from jaxpf.evaluation.collection import Collected, Curve, ShownRun, has_scores
 from jaxpf.evaluation.equal_time import AtEqualTime, Runs, at_equal_time
 from jaxpf.evaluation.estimates import (
@@ -20,7 +21,6 @@ from jaxpf.evaluation.estimates import (
 from jaxpf.evaluation.measures import COMPARED, MEASURES, SCORES, Measure
 from jaxpf.evaluation.results import Configuration, Results
 from jaxpf.evaluation.speed import read_speeds
-from jaxpf.options import plain
 
 
 @dataclasses.dataclass(frozen=True)

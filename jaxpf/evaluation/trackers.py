@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf import building, filters
-from jaxpf.adapters.adapter import Adapter, looks_of_scene
-from jaxpf.errors import InputError
+from jaxpf import filters
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.options import chosen
 from jaxpf.evaluation.results import BUILT_IN, Configuration
-from jaxpf.options import chosen
+from jaxpf.targets import building
+from jaxpf.targets.adapter import Adapter, looks_of_scene
 from jaxpf.targets.target import Looks, Start, Target
 
 #: One frame in so many of a scene is shown as typical.

@@ -5,7 +5,7 @@ import errno
 from collections.abc import Iterator
 from pathlib import Path
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import LOCK as LOCK
 from jaxpf.files.writing import report_os_errors
 

@@ -3,7 +3,7 @@
 import csv
 from pathlib import Path
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 
 
 def read_text(path: Path, what: str, expected: str) -> str:

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import atomic_write
 
 #: Of the file; another one is not read.

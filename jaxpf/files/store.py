@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.options import plain
 from jaxpf.files.writing import PARTIAL, atomic_write, report_os_errors, write_text
-from jaxpf.options import plain
 
 SETTINGS = "settings.json"
 #: The array of a piece that holds what is said of it, as JSON.

@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, Self
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 
 
 @contextmanager

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.state import Summary
+from jaxpf.contract.state import Summary
 
 #: Share of the frames before.
 _MEMORY = 0.5

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from jaxpf.models.model import Model
+from jaxpf.contract.model import Model
 
 
 class Variant(NamedTuple):
@@ -24,7 +24,7 @@ class Filter:
     Attributes:
         name: by which the registry in ``jaxpf.filters`` knows it.
         methods: names of its methods; the option ``method`` chooses one.
-        options: class of its options (``jaxpf.options``), ``method`` and ``particles`` among them.
+        options: class of its options (``jaxpf.contract.options``), ``method`` and ``particles`` among them.
         varied: names of its options that ``variants`` varies, and that no grid has.
         by_default: whether an evaluation that names no methods compares them.
         opens: whether partitions may come and go while it runs, see ``Model.is_open``.

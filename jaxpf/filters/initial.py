@@ -5,8 +5,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.errors import InputError
-from jaxpf.pytree import as_array, is_concrete
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import as_array, is_concrete
 
 
 def checked_initial(initial: Any, may_be_empty: bool = False) -> Any:

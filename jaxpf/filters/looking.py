@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from jaxpf.errors import InputError
-from jaxpf.options import option, plain
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.options import option, plain
 
 
 def relocate_option() -> Any:

@@ -21,10 +21,10 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.names import PROBABLY_LOST
+from jaxpf.contract.pytree import is_concrete, pytree_dataclass, static_field
 from jaxpf.lowering.prefix import running_sum
-from jaxpf.names import PROBABLY_LOST
-from jaxpf.pytree import is_concrete, pytree_dataclass, static_field
 
 #: Of the grid, about.
 _CELLS = 800

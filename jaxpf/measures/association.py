@@ -96,7 +96,7 @@ def without(tracks: Tracks, places: np.ndarray) -> Tracks:
 def pairwise_overlap(one: ArrayLike, other: ArrayLike) -> np.ndarray:
     """Intersection over union of every pair of boxes, in double precision.
 
-    ``jaxpf.metrics.overlap`` pairs box with box in JAX; scores that compare overlaps with
+    ``jaxpf.measures.overlap`` pairs box with box in JAX; scores that compare overlaps with
     thresholds in double precision need this one to agree with other tools.
 
     Args:

@@ -10,8 +10,8 @@ from jax import Array
 from jax.scipy.special import ndtri
 from jax.typing import ArrayLike
 
-from jaxpf.errors import InputError
-from jaxpf.pytree import is_concrete
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete
 
 
 class Interval(NamedTuple):

@@ -23,9 +23,9 @@ from jax import Array
 from jax.scipy.special import logsumexp
 from jax.typing import ArrayLike
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 from jaxpf.measures.intervals import Interval, as_float, masked_mean, mean_interval, wilson_interval
-from jaxpf.models.geometry import area, centres, intersection_area, is_proper
+from jaxpf.shapes.rectangles import area, centres, intersection_area, is_proper
 
 Over = Literal["tracked", "all"]
 

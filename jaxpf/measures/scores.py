@@ -15,7 +15,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 from jaxpf.measures.association import pairwise_overlap
 from jaxpf.measures.intervals import masked_mean
 from jaxpf.measures.metrics import centre_error, has_truth, overlap

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 
 #: Frames per second where nothing says.
 DEFAULT_FPS = 25.0

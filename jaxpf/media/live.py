@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 import cv2
 import numpy as np
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 from jaxpf.media.frame_source import FrameSource
 from jaxpf.media.images import to_rgb
 from jaxpf.media.quiet import quiet_opencv
@@ -62,7 +62,7 @@ class LiveSource(FrameSource):
 
         Args:
             address: see ``live_address``.
-            fps: see ``jaxpf.video.open_frames``.
+            fps: see ``jaxpf.media.open_frames``.
 
         Raises:
             InputError: it does not open, or gives no picture.

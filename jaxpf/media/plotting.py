@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf.contract.names import PROBABLY_LOST
 from jaxpf.files.writing import atomic_write
 from jaxpf.media.overlay import object_colours
-from jaxpf.names import PROBABLY_LOST
 
 #: Of sRGB, about; and how much each primary adds to the luminance, of which white has 1.
 _GAMMA = 2.2

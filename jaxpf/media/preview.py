@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 
 #: Seconds between two pictures at least: more are not seen, and cost time.
 _INTERVAL = 1 / 30

@@ -1,7 +1,7 @@
 """Reading frames: video files, folders of images and live sources, one frame at a time.
 
 Frames are uint8 RGB arrays [H, W, 3].  Live sources are those of :mod:`jaxpf.media.live`;
-``VideoWriter`` lives in :mod:`jaxpf.video_writer` and drawing in :mod:`jaxpf.overlay`.
+``VideoWriter`` lives in :mod:`jaxpf.media` and drawing in :mod:`jaxpf.media`.
 """
 
 import math
@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource
 from jaxpf.media.images import IMAGE_SUFFIXES, frames_inside, natural_order, read_image, to_rgb
 from jaxpf.media.live import LiveSource, live_address

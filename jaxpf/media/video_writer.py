@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import report_os_errors, temporary_sibling
 
 #: Codecs, and how the name of their files ends.

@@ -19,20 +19,21 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf import running, streaming
-from jaxpf.errors import InputError
+from jaxpf import running
+from jaxpf.boxes.models import DEFAULT_SCALE, box_model, boxes_at
+from jaxpf.boxes.target import Options
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.model import Model
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
+from jaxpf.likelihoods.detected import Detected
+from jaxpf.likelihoods.open_histogram import open_histogram, with_object
 from jaxpf.measures import association
-from jaxpf.models.likelihoods.detected import Detected
-from jaxpf.models.likelihoods.open_histogram import open_histogram, with_object
-from jaxpf.models.model import Model
 from jaxpf.populations import lifetimes
 from jaxpf.populations.lifetimes import EMPTY, Changes, Living, Refusal, Rules
+from jaxpf.running import streaming
 from jaxpf.targets.appearance import DISCRIMINATIVE, RELATIVE
-from jaxpf.targets.box_models import DEFAULT_SCALE, box_model, boxes_at
-from jaxpf.targets.boxes import Options
 
 
 class TrackedPopulation(NamedTuple):

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxpf.contract.options import check_options, option
 from jaxpf.measures import association
 from jaxpf.measures.association import pairwise_overlap
-from jaxpf.options import check_options, option
 
 #: The id of an empty slot, and of who has none yet.
 EMPTY = -1

@@ -11,10 +11,18 @@ from jax import lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from jaxpf import contract
-from jaxpf.checks import check_frames, check_run
-from jaxpf.chunks import come_one_by_one, in_chunks
-from jaxpf.errors import InputError
-from jaxpf.running import as_keys, frame_step, gaps, init, num_frames, summary_only, together
+from jaxpf.contract.errors import InputError
+from jaxpf.running import (
+    as_keys,
+    frame_step,
+    init,
+    missing_frames,
+    num_frames,
+    summary_only,
+    together,
+)
+from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.chunks import come_one_by_one, in_chunks
 
 #: Runs that are vectorised together, where many are asked for and where few are.  Five cost up to
 #: a third more for each run than 25, but 25 for the sake of one cost ten times as much.
@@ -62,7 +70,7 @@ def monte_carlo(
             for bit however many runs there are; by default it depends on their number.
         devices: the blocks are dealt out to them; default all of ``jax.local_devices()``.
         frames_per_chunk: rounded up to a multiple of the devices, and to two for each of them.
-            By default as many as ``jaxpf.chunks.CHUNK_BYTES`` hold; and all of them, if they are
+            By default as many as ``jaxpf.running.chunks.CHUNK_BYTES`` hold; and all of them, if they are
             on a device already.
         observed: as for ``run``.
 
@@ -119,7 +127,7 @@ def run_blocks(
     if not come_one_by_one(frames):
         check_frames(frames)
         num_frames(frames)
-    tracker, frames = gaps.marked(tracker, frames, observed)
+    tracker, frames = missing_frames.marked(tracker, frames, observed)
     devices = tuple(jax.local_devices() if devices is None else devices)
     if not devices:
         raise InputError("devices is empty; give at least one, or None for all there are.")
@@ -136,9 +144,11 @@ def run_blocks(
 
     states, kept, length = None, [], 0
     for first, count, chunk in in_chunks(frames, frames_per_chunk, len(used)):
-        its, chunk = gaps.marked(tracker, chunk)  # frames one by one may turn out to be missing
+        its, chunk = missing_frames.marked(
+            tracker, chunk
+        )  # frames one by one may turn out to be missing
         if states is None:
-            check_run(*gaps.unmarked(its, chunk))
+            check_run(*missing_frames.unmarked(its, chunk))
             states = _begin_compiled(tracker, batches, used)
         else:
             # One chunk is computed while the next one is read, and no more are waiting.

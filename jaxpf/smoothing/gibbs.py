@@ -25,14 +25,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxpf import contract, memory, running
-from jaxpf.checks import check_frames, check_run
-from jaxpf.chunks import come_one_by_one
-from jaxpf.errors import InputError
-from jaxpf.filters.gradients import NoGradient
-from jaxpf.filters.schemes import BuiltIn
-from jaxpf.pytree import is_concrete, pytree_dataclass
-from jaxpf.running import gaps
+from jaxpf import contract, running
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete, pytree_dataclass
+from jaxpf.gradients import NoGradient
+from jaxpf.resampling.schemes import BuiltIn
+from jaxpf.running import memory, missing_frames
+from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing.backward import Drawn, History, log_densities
 from jaxpf.smoothing.groups import check_smoothing, looks_back
 
@@ -106,7 +106,7 @@ def particle_gibbs(
         "give fewer particles or sweeps, going on from the last trajectory",
     )
     key, first_key = jax.random.split(running.as_key(key))
-    marked, frames = gaps.marked(tracker, frames, observed)
+    marked, frames = missing_frames.marked(tracker, frames, observed)
     second_order = looks_back(tracker)
     if reference is None:
         reference = jax.jit(sweep, static_argnums=4)(marked, first_key, frames, None, second_order)
@@ -169,7 +169,7 @@ def sweep(
         reference: ``[T + 1, P, D]``.
         second_order: static, whether moves depend on the substate before the current one.
     """
-    model = gaps.unmarked(tracker, frames)[0]
+    model = missing_frames.unmarked(tracker, frames)[0]
     num_frames = running.num_frames(frames)
     parts, parents = jnp.arange(model.num_partitions), jnp.asarray(model.parents, jnp.int32)
     slots = jnp.arange(model.num_particles, dtype=jnp.int32)

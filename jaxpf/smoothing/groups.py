@@ -13,11 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.checks import check_uncoupled
-from jaxpf.errors import InputError
-from jaxpf.filters.partitioned.ordering import SWAPS
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.partitioned.tracker import Partitioned
-from jaxpf.pytree import is_concrete
+from jaxpf.ordering import SWAPS
+from jaxpf.running.checks import check_uncoupled
 
 _SUPPORTED = (
     "supported are methods sir, ps, dps, branched, and sps but for swap='sorted' and for roots "

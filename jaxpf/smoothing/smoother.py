@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxpf import memory, running
-from jaxpf.checks import check_frames, check_run
-from jaxpf.chunks import come_one_by_one
-from jaxpf.errors import InputError
-from jaxpf.pytree import pytree_dataclass
-from jaxpf.running import gaps
+from jaxpf import running
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.running import memory, missing_frames
+from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing.backward import History, Pass, backward
 from jaxpf.smoothing.groups import check_smoothing, looks_back, together
 
@@ -155,7 +155,9 @@ def stream(
     drawn = _checked_number(tracker, num_trajectories)
     check_length(tracker, 2 * lag, drawn)
     start, broken = 0, 0
-    tracked = itertools.chain(_tracked(*gaps.marked(tracker, frames, observed), key, lag), [None])
+    tracked = itertools.chain(
+        _tracked(*missing_frames.marked(tracker, frames, observed), key, lag), [None]
+    )
     for number, (block, following) in enumerate(itertools.pairwise(tracked)):
         history, summaries = block
         length = len(history.log_weights)
@@ -173,11 +175,13 @@ def stream(
 
 def _tracked(tracker: Any, frames: Any, key: jax.Array, lag: int) -> Iterator[Any]:
     """What is kept of block after block of frames, as ``jaxpf.run`` tracks them."""
-    record, state, first = _record(gaps.unmarked(tracker, frames)[0]), None, 0
+    record, state, first = _record(missing_frames.unmarked(tracker, frames)[0]), None, 0
     for block in _blocks(frames, lag):
-        its, block = gaps.marked(tracker, block)  # frames one by one may turn out to be missing
+        its, block = missing_frames.marked(
+            tracker, block
+        )  # frames one by one may turn out to be missing
         if state is None:
-            check_run(*gaps.unmarked(its, block))
+            check_run(*missing_frames.unmarked(its, block))
             state = jax.jit(running.init)(tracker, key)
         state, kept = _advance(its, key, state, first, block, record)
         first += running.num_frames(block)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.errors import InputError
-from jaxpf.options import OPEN, option
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.options import OPEN, option
 
 #: How boxes are known, and by what they move.
 COLOUR, DISCRIMINATIVE = "colour", "discriminative"
@@ -106,7 +106,7 @@ def sharpness_option(default: float, path: str) -> Any:
 
 
 def scale_option(default: tuple[float, float, float], **about: Any) -> Any:
-    """How far objects move from frame to frame; ``about`` see ``jaxpf.options.Option``."""
+    """How far objects move from frame to frame; ``about`` see ``jaxpf.contract.options.Option``."""
     return option(
         default,
         "Noise per frame: x and y in pixels, and the relative size; of parts, x, y and degrees of "

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.errors import InputError
-from jaxpf.models.model import Model
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.model import Model
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -78,8 +78,8 @@ class Target(abc.ABC):
     file, as a user's own do.
 
     Attributes:
-        name: by which the registry in ``jaxpf.adapters`` knows it.
-        options: class of the options of its model (``jaxpf.options``).
+        name: by which the registry in ``jaxpf.targets`` knows it.
+        options: class of the options of its model (``jaxpf.contract.options``).
         defaults: of a filter's options, where the target's differ.
         coordinates: names of a substate's first coordinates, as people read them; where the first
             two are x and y, they are a place in pixels.

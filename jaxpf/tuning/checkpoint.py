@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from jaxpf import __version__
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 from jaxpf.files.store import Store, about, differences
 from jaxpf.tuning.parameters import Parameter
 from jaxpf.tuning.problem import TrainingSequence

@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 from jaxpf.measures import metrics
 from jaxpf.measures.intervals import Interval, student_interval
 from jaxpf.running.blocks import monte_carlo

@@ -4,8 +4,8 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from jaxpf.errors import InputError
-from jaxpf.options import Option, counting, options_of
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.options import Option, counting, options_of
 
 
 def tuned_by_default(options: Any) -> tuple[str, ...]:

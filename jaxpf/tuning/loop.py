@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 from jaxpf.tuning import checkpoint
 from jaxpf.tuning.parameters import Parameter, check_apart, parameter, read
 from jaxpf.tuning.problem import TrainingSequence, check_objective, free_loss, observed
@@ -145,7 +145,7 @@ def _check_gradients(tracker: Any, wanted: Sequence[Parameter]) -> None:
     """Refuse a motion parameter whose gradient would be silently zero."""
     if not any(one.name.startswith("dynamics.") for one in wanted):
         return
-    from jaxpf.filters.gradients import check_motion_gradient
+    from jaxpf.gradients import check_motion_gradient
 
     check_motion_gradient(tracker)
 

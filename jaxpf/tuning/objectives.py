@@ -18,12 +18,12 @@ from jax.scipy.stats import norm
 from jax.typing import ArrayLike
 
 from jaxpf import contract, running
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.partitioned.selection import ANCESTORS
 from jaxpf.measures import metrics
 from jaxpf.measures.outlines import overlap as overlap_of_outlines
-from jaxpf.models.geometry import boxes_from_substates, is_proper
-from jaxpf.pytree import is_concrete
+from jaxpf.shapes.rectangles import boxes_from_substates, is_proper
 
 
 def log_evidence(
@@ -152,7 +152,7 @@ def overlap_loss(
 
     Args:
         tracker: as for ``jaxpf.run``; its substates begin with (u, v, a), see
-            ``jaxpf.geometry``.
+            ``jaxpf.shapes``.
         keys: ``[R]``, one per run.
         frames: array or pytree with a leading time axis T.
         truth_boxes: ``[T, P, 4]``, x, y, w, h in pixels; NaN or without width or height where

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxpf.errors import InputError
-from jaxpf.filters.partitioned.ordering import named, ps
+from jaxpf.contract.errors import InputError
+from jaxpf.ordering import named, ps
 from jaxpf.running.blocks import monte_carlo
 from jaxpf.tuning.objectives import keep_moments
 

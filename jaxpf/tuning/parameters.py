@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 
 _PATH = re.compile(r"(?P<name>[A-Za-z_][\w.]*)(?P<index>(\[\d+\])*)")
 #: Leaves that are numbers, but of an ordering: whole numbers in disguise.

@@ -11,9 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.errors import InputError
-from jaxpf.names import OBJECTIVES
-from jaxpf.pytree import pytree_dataclass
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.names import OBJECTIVES
+from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
 

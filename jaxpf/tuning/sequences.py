@@ -7,12 +7,11 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxpf import building
-from jaxpf.adapters import find_adapter
-from jaxpf.adapters.adapter import Adapter, looks_of_scene
-from jaxpf.errors import InputError
-from jaxpf.filters.gradients import named
-from jaxpf.options import chosen, options_of
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.options import chosen, options_of
+from jaxpf.gradients import named
+from jaxpf.targets import building, find_adapter
+from jaxpf.targets.adapter import Adapter, looks_of_scene
 from jaxpf.targets.target import Looks, Start, Target
 from jaxpf.tuning.comparison import HeldOut
 from jaxpf.tuning.declared import with_tuned

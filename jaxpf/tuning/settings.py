@@ -3,7 +3,7 @@
 import dataclasses
 import math
 
-from jaxpf.errors import InputError, check_known
+from jaxpf.contract.errors import InputError, check_known
 
 RANDOM_NUMBERS = ("fresh", "common")
 

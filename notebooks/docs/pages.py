@@ -10,12 +10,12 @@ import numpy as np
 
 import jaxpf
 import scenes
-from jaxpf import cli, overlay
-from jaxpf.cli.flags import ALL
-from jaxpf.experiments import verdicts
-from jaxpf.experiments.claims import CONTRADICTS
-from jaxpf.experiments.comparison_table import CLAIM_COLUMNS, CLAIM_FIELDS, markdown_table
-from jaxpf.experiments.paper import PAPERS
+from jaxpf import cli, media
+from jaxpf.cli.shared.flags import ALL
+from jaxpf.papers.judging import verdicts
+from jaxpf.papers.judging.claims import CONTRADICTS
+from jaxpf.papers.judging.comparison_table import CLAIM_COLUMNS, CLAIM_FIELDS, markdown_table
+from jaxpf.papers.paper import PAPERS
 
 
 def write(folder):
@@ -133,7 +133,7 @@ def _verdicts():
 def _pictures():
     """What the trackers are given: synthetic scenes, with their truth in the middle of the clip."""
     people = scenes.street_scene(24)
-    yield "street", overlay.draw_boxes(people.frames[-1], people.boxes[-1])
+    yield "street", media.draw_boxes(people.frames[-1], people.boxes[-1])
     puppet = scenes.puppet_scene(30)
     yield "puppet", _lines(puppet.frames[-1], puppet.extras["corners"][-1], closed=True)
     fish = scenes.make("fish", num_frames=10, frame_width=640, frame_height=360)
@@ -144,7 +144,7 @@ def _pictures():
         yield name, _lines(scene.frames[-1], scene.extras["outlines"][-1], closed=closed)
     for name in ("distracter", "projectiles"):
         scene = scenes.make(name, num_frames=6)
-        yield name, overlay.draw_boxes(scene.frames[-1], scene.boxes[-1])
+        yield name, media.draw_boxes(scene.frames[-1], scene.boxes[-1])
 
 
 def _clouds():
@@ -170,13 +170,13 @@ def _dots(frame, state):
     large = cv2.resize(frame, None, fx=2, fy=2, interpolation=cv2.INTER_AREA)
     large = np.uint8(255 - 0.3 * (255.0 - large))
     places = np.swapaxes(np.asarray(state.substates)[..., :2], 0, 1)
-    return overlay.draw_particles(large, 2 * places)
+    return media.draw_particles(large, 2 * places)
 
 
 def _lines(frame, lines, *, closed):
     """The frame with polylines ``[P, S, 2]`` drawn over it, enlarged."""
     large = cv2.resize(frame, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-    for line, colour in zip(lines, overlay.object_colours(len(lines)), strict=True):
+    for line, colour in zip(lines, media.object_colours(len(lines)), strict=True):
         points = np.rint(2 * np.asarray(line)).astype(np.int32)
         cv2.polylines(large, [points], closed, [int(c) for c in colour], 2, cv2.LINE_AA)
     return large

@@ -5,7 +5,7 @@ import pytest
 from command_line import jaxpf
 from small_sequence_folder import write_sequence
 
-from jaxpf.evaluation import report
+from jaxpf.evaluation.output import report
 
 
 @pytest.fixture(scope="module")

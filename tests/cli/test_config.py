@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxpf import cli
-from jaxpf.cli import config
+from jaxpf.cli.shared import config
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def images(tmp_path):
 def refusal(tmp_path, images, monkeypatch, capsys):
     """The sentence with which ``jaxpf track`` refuses a configuration and typed options."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("jaxpf.cli.tracking.use_compile_cache", lambda: None)
+    monkeypatch.setattr("jaxpf.cli.tracking.work.use_compile_cache", lambda: None)
 
     def run(content, *arguments):
         (tmp_path / "run.toml").write_bytes(

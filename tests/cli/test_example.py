@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from command_line import jaxpf
 
-from jaxpf.files.contours import read_contours
-from jaxpf.files.parts import read_parts
-from jaxpf.files.points import read_points
-from jaxpf.tracks import dense, read_boxes
-from jaxpf.video import open_frames
+from jaxpf.boxes import dense, read_boxes
+from jaxpf.contours.files import read_contours
+from jaxpf.media import open_frames
+from jaxpf.parts.files import read_parts
+from jaxpf.points.files import read_points
 
 KINDS = {"boxes": 90, "parts": 60, "points": 60, "contours": 60, "births": 120}
 

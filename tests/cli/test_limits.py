@@ -4,9 +4,10 @@ import pytest
 from command_line import jaxpf
 from small_sequence_folder import SMALL
 
-from jaxpf import InputError, memory
+from jaxpf import InputError
 from jaxpf.evaluation import Plan
-from jaxpf.evaluation.layout import to_latex
+from jaxpf.evaluation.output.layout import to_latex
+from jaxpf.running import memory
 
 LONG = "x" * 300
 

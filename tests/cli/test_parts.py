@@ -11,7 +11,7 @@ import pytest
 from command_line import jaxpf
 
 import scenes
-from jaxpf.geometry import corners_from_poses
+from jaxpf.shapes import corners_from_poses
 
 NAMES = ("body", "left1", "right1", "left2", "right2")
 LENGTH = 12

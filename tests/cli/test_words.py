@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from command_line import jaxpf
 
-from jaxpf import plotting
-from jaxpf.cli import console, demo
+from jaxpf import media
+from jaxpf.cli import demo
+from jaxpf.cli.shared import console
 
 
 def test_a_table_explains_the_terms_that_it_uses_and_no_others(capsys):
@@ -53,10 +54,10 @@ def test_a_name_in_the_progress_bar_is_no_markup(capsys):
 
 
 def test_lines_of_plots_show_on_white_paper():
-    linear = np.array(plotting.colours(21)) ** 2.2
+    linear = np.array(media.colours(21)) ** 2.2
     contrast = 1.05 / (linear @ [0.2126, 0.7152, 0.0722] + 0.05)
     assert contrast.min() > 1.99
-    assert len({tuple(np.round(colour, 2)) for colour in plotting.colours(7)}) == 7
+    assert len({tuple(np.round(colour, 2)) for colour in media.colours(7)}) == 7
 
 
 @pytest.mark.slow

@@ -10,11 +10,11 @@ import pytest
 from made_results import PS, SIR, batch, make, walks
 from two_objects import TRUE
 
+from jaxpf.boxes import read_boxes
 from jaxpf.evaluation import collection
 from jaxpf.evaluation.collection import ErrorQuantiles
-from jaxpf.evaluation.tables import write_tables
-from jaxpf.intervals import mean_interval
-from jaxpf.tracks import read_boxes
+from jaxpf.evaluation.output.tables import write_tables
+from jaxpf.measures import mean_interval
 
 
 def test_tracks_of_the_best_median_and_worst_run(tmp_path):
@@ -66,7 +66,7 @@ def test_quantiles_are_within_a_hundredth():
 
 
 def test_curves_are_means_over_runs(tmp_path):
-    from jaxpf.scores import precision_curve, success_curve
+    from jaxpf.measures import precision_curve, success_curve
 
     truth, boxes = walks(seed=8, runs=30, frames=6, objects=2)
     results = make(tmp_path / "results", [(SIR, [batch(boxes[:20]), batch(boxes[20:], 20)])], truth)

@@ -6,8 +6,8 @@ import pytest
 import xarray
 from made_results import OTHER, PS, SIR, batch, imported, make
 
-from jaxpf.errors import InputError
-from jaxpf.evaluation.datatree import write_datatree
+from jaxpf import InputError
+from jaxpf.evaluation.output.datatree import write_datatree
 
 
 def test_runs_are_chains_and_frames_are_draws(tmp_path):

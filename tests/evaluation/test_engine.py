@@ -20,10 +20,10 @@ from small_evaluation import (
 import jaxpf
 from jaxpf import InputError
 from jaxpf.evaluation import Limits, Results, evaluate, finished, prepare
-from jaxpf.evaluation.schedule import divide
-from jaxpf.evaluation.worker import keep_measures
-from jaxpf.geometry import boxes_from_substates
+from jaxpf.evaluation.work.schedule import divide
+from jaxpf.evaluation.work.worker import keep_measures
 from jaxpf.likelihoods import HistogramLikelihood, histogram_from_patches
+from jaxpf.shapes import boxes_from_substates
 
 
 def test_results_tell_everything_about_the_evaluation(whole):
@@ -234,7 +234,7 @@ def test_memory_does_not_grow_with_the_runs(tmp_path):
     def peak(runs):
         code = f"""
 import resource
-from jaxpf.cli.startup import use_compile_cache
+from jaxpf.cli.shared.startup import use_compile_cache
 use_compile_cache()
 from jaxpf.evaluation import (Limits, evaluate)
 from small_evaluation import small_plan

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from made_results import PARAMETERS, batch, make, walks
 
-from jaxpf.evaluation import Configuration, charts
+from jaxpf.evaluation import Configuration
 from jaxpf.evaluation.equal_time import curves
 from jaxpf.evaluation.measures import by_name
+from jaxpf.evaluation.output import charts
+from jaxpf.evaluation.output.tables import write_tables
 from jaxpf.evaluation.speed import NAME
-from jaxpf.evaluation.tables import write_tables
 
 #: Particles and frames per second: PS takes 10 and 40 ms, SPS 20 and 100.
 TIMED = [

@@ -24,7 +24,7 @@ from worker_functions import (
 
 from jaxpf import InputError
 from jaxpf.evaluation import local_pool
-from jaxpf.evaluation.execution import in_turn, num_cores
+from jaxpf.evaluation.work.execution import in_turn, num_cores
 
 PIECES = list(range(12))
 

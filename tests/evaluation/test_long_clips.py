@@ -12,7 +12,7 @@ from small_sequence_folder import write_sequence
 import scenes
 from jaxpf import InputError
 from jaxpf.evaluation import Limits, evaluate, prepare
-from jaxpf.experiments.sources import load_scene
+from jaxpf.evaluation.opening import load_scene
 from scenes import sequences
 
 #: Chunks of two frames, and one batch per file.
@@ -74,11 +74,11 @@ def test_a_picture_that_is_missing_is_told_in_one_sentence(folder, tmp_path, mon
 #: Evaluates 36 frames, allows itself so many more bytes than it has by then, and evaluates all.
 UNDER_A_LIMIT = """
 import functools, pathlib, resource, sys
-from jaxpf.cli.startup import use_compile_cache
+from jaxpf.cli.shared.startup import use_compile_cache
 use_compile_cache()
 import numpy as np
 from jaxpf.evaluation import (Limits, Plan, evaluate)
-from jaxpf.experiments.sources import load_scene
+from jaxpf.evaluation.opening import load_scene
 
 def evaluated(name, num_frames):
     load = functools.partial(load_scene, source=sys.argv[1], num_frames=num_frames)

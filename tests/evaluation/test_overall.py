@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jaxpf import scores
-from jaxpf.evaluation import charts
-from jaxpf.evaluation.overall import FILES, over_sequences, write_overall
+from jaxpf import measures
+from jaxpf.evaluation.output import charts
+from jaxpf.evaluation.output.overall import FILES, over_sequences, write_overall
 
 HEADER = ["scene", "method", "ordering", "gain", "object", "measure", "runs", "value"]
 
@@ -23,9 +23,9 @@ def write(folder, name, rows, curve=lambda threshold: 1 - threshold):
         writer = csv.writer(file)
         writer.writerow([*HEADER[:5], "curve", "threshold", "value", "lower", "upper"])
         for key in keys:
-            for t in scores.OVERLAP_THRESHOLDS:
+            for t in measures.OVERLAP_THRESHOLDS:
                 writer.writerow([name, *key, "success", f"{t:g}", curve(t), "", ""])
-            for t in scores.CENTRE_THRESHOLDS:
+            for t in measures.CENTRE_THRESHOLDS:
                 writer.writerow([name, *key, "precision", f"{t:g}", 1 - curve(t / 50), "", ""])
 
 

@@ -12,14 +12,15 @@ import numpy as np
 import pytest
 from made_results import DPS, OTHER, PARAMETERS, PS, SIR, batch, imported, make, walks
 
-from jaxpf.adapters import find_adapter
-from jaxpf.evaluation import Configuration, Results, charts, figures, report
-from jaxpf.evaluation.clips import make_clip, read_pictures
+from jaxpf.evaluation import Configuration, Results
 from jaxpf.evaluation.collection import ShownRun
-from jaxpf.evaluation.figures import write_figures
-from jaxpf.evaluation.report import write_report
+from jaxpf.evaluation.output import charts, figures, report
+from jaxpf.evaluation.output.clips import make_clip, read_pictures
+from jaxpf.evaluation.output.figures import write_figures
+from jaxpf.evaluation.output.report import write_report
+from jaxpf.evaluation.output.tables import write_tables
 from jaxpf.evaluation.results import OWN
-from jaxpf.evaluation.tables import write_tables
+from jaxpf.targets import find_adapter
 from jaxpf.targets.target import Start
 
 VOID = {"meta", "img", "br"}

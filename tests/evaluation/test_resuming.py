@@ -25,7 +25,8 @@ from small_evaluation import (
 )
 
 from jaxpf import InputError
-from jaxpf.evaluation import Results, batches, evaluate, finished, folder, prepare
+from jaxpf.evaluation import Results, evaluate, finished, prepare
+from jaxpf.evaluation.work import batches, folder
 from jaxpf.files import writing as files
 
 
@@ -249,7 +250,7 @@ def test_killing_it_loses_only_the_batch_in_flight(whole, tmp_path):
     """SIGKILL, again and again, whenever two more batches are on disk."""
     runs = 40 * RUNS
     code = f"""
-from jaxpf.cli.startup import use_compile_cache
+from jaxpf.cli.shared.startup import use_compile_cache
 use_compile_cache()
 from jaxpf.evaluation import (Limits, evaluate)
 from small_evaluation import small_plan

@@ -17,7 +17,7 @@ from small_evaluation import (
     small_scene,
 )
 
-from jaxpf.cli.own_tracker import OwnTracker
+from jaxpf.cli.tracking.user_tracker import OwnTracker
 from jaxpf.evaluation import Limits, Plan, Results, evaluate, local_pool
 
 #: A user's own files.
@@ -44,7 +44,7 @@ def test_blocks_of_two_widths_are_the_same_together_and_apart(tmp_path, runs):
 
 @pytest.mark.slow
 def test_two_processes_give_the_same_bits(whole, tmp_path):
-    from jaxpf.cli.startup import use_compile_cache
+    from jaxpf.cli.shared.startup import use_compile_cache
 
     done = []
     results = evaluate(
@@ -63,7 +63,7 @@ def test_dask_gives_the_same_bits(whole, tmp_path):
     distributed = pytest.importorskip(
         "distributed", reason="needs Dask: pip install jaxpf[cluster]"
     )
-    from jaxpf.cli.startup import use_compile_cache
+    from jaxpf.cli.shared.startup import use_compile_cache
 
     # A user's tracker travels as its file's text: the file may be gone on the other machine.
     file = tmp_path / "own.py"
@@ -92,7 +92,7 @@ def test_the_number_of_devices_does_not_matter(whole, tmp_path, devices):
     code = f"""
 import jax
 jax.config.update("jax_num_cpu_devices", {devices})
-from jaxpf.cli.startup import use_compile_cache
+from jaxpf.cli.shared.startup import use_compile_cache
 use_compile_cache()
 from jaxpf.evaluation import (Limits, evaluate)
 from small_evaluation import small_plan

@@ -11,13 +11,15 @@ from quick_compiling import quick
 from small_evaluation import small_scene
 from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers, rows_of
 
-from jaxpf import InputError, metrics
-from jaxpf.adapters import find_adapter
-from jaxpf.evaluation import Configuration, Plan, Results, collection, tables
-from jaxpf.evaluation.settings import new_settings
+from jaxpf import InputError
+from jaxpf import measures as metrics
+from jaxpf.evaluation import Configuration, Plan, Results, collection
+from jaxpf.evaluation.output import tables
+from jaxpf.evaluation.output.tables import write_tables
 from jaxpf.evaluation.summary import configuration_name
-from jaxpf.evaluation.tables import write_tables
-from jaxpf.intervals import wilson_interval
+from jaxpf.evaluation.work.settings import new_settings
+from jaxpf.measures import wilson_interval
+from jaxpf.targets import find_adapter
 
 
 @pytest.fixture(scope="module")
@@ -237,8 +239,8 @@ def test_markdown_and_latex_hold_the_summary(by_hand):
 
 
 def test_shown_decimals_follow_the_width_of_the_intervals():
-    from jaxpf.evaluation.layout import cells_of
     from jaxpf.evaluation.measures import by_name
+    from jaxpf.evaluation.output.layout import cells_of
 
     measure = by_name("centre_error")
     assert cells_of(measure, np.array([[12.345, 2.1, 22.9]])) == ["12 [2, 23]"]
@@ -251,7 +253,7 @@ def test_shown_decimals_follow_the_width_of_the_intervals():
 
 def test_scores_of_the_benchmarks_are_means_over_runs(by_hand):
     pytest.importorskip("trackeval")
-    from jaxpf.scores import tracking_scores
+    from jaxpf.measures import tracking_scores
 
     runs = [tracking_scores(boxes, TRUTH) for boxes in BOXES]
     for name in ("HOTA", "MOTA", "IDF1", "IDSW"):
@@ -312,7 +314,7 @@ def test_a_full_disk_loses_nothing(tmp_path, monkeypatch):
 
 
 def test_a_printed_table_fits_the_terminals_printer(by_hand, capsys):
-    from jaxpf.cli.console import print_table
+    from jaxpf.cli.shared.console import print_table
 
     for table in by_hand[1].printed:
         print_table(*table)

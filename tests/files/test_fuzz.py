@@ -18,13 +18,14 @@ from small_tuning import QUICK, SCALE, made_sequence
 from small_video import picture, write_lossless_video
 
 import scenes
-from jaxpf import InputError, tracks, tuning
-from jaxpf.cli.config import config_option
-from jaxpf.cli.flags import NumberList
+from jaxpf import InputError, tuning
+from jaxpf import boxes as tracks
+from jaxpf.cli.shared.config import config_option
+from jaxpf.cli.shared.flags import NumberList
 from jaxpf.evaluation import Results
-from jaxpf.files.parts import read_parts
+from jaxpf.media import open_frames
+from jaxpf.parts.files import read_parts
 from jaxpf.tuning.checkpoint import NAME, Checkpoint
-from jaxpf.video import open_frames
 
 SEED = 17
 #: Seconds that a reader may take for a file of some hundred bytes.

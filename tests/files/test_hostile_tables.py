@@ -6,8 +6,8 @@ import pytest
 
 import scenes
 from jaxpf import InputError
-from jaxpf.files.parts import read_parts
-from jaxpf.tracks import read_boxes
+from jaxpf.boxes import read_boxes
+from jaxpf.parts.files import read_parts
 
 BOXES, PARTS = b"frame,id,x,y,w,h,occ\n", b"part,parent,x,y,w,h,angle\n"
 LONG = b"9" * 2_000_000

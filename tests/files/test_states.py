@@ -9,8 +9,8 @@ import jaxpf
 from jaxpf import InputError, ordering
 from jaxpf.dynamics import RandomWalk
 from jaxpf.files import states
+from jaxpf.filters import SideBySide
 from jaxpf.likelihoods import Gaussian
-from jaxpf.uncertainty import SideBySide
 
 FRAMES = np.random.default_rng(0).normal(size=(6, 2, 1)).astype(np.float32)
 

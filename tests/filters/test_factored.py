@@ -7,9 +7,9 @@ import pytest
 from quick_compiling import quick
 
 import jaxpf
+from jaxpf import stream
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import CorrelatedGaussian
-from jaxpf.streaming import stream
 
 run, monte_carlo = quick(jaxpf.run), quick(jaxpf.monte_carlo)
 

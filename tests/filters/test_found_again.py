@@ -9,8 +9,8 @@ import pytest
 import jaxpf
 from jaxpf import ordering
 from jaxpf.boxes import relative_box_model
+from jaxpf.filters import relocation_in
 from jaxpf.likelihoods import discriminative
-from jaxpf.relocation import relocation_in
 
 HEIGHT, WIDTH, SIDE, RUNS = 96, 160, 24, 20
 #: Frames in which the first object is hidden; before and after it stands elsewhere.
@@ -61,8 +61,8 @@ def followed(method, epsilon):
     )
     keys = jax.random.split(jax.random.key(0), RUNS)
     estimate, confidence = jaxpf.monte_carlo(tracker, keys, frames[1:], report, batch_size=RUNS)
-    shapes = jaxpf.geometry.boxes_from_substates(estimate, boxes[0, :, 2:])
-    return np.asarray(jaxpf.metrics.overlap(shapes, boxes[None, 1:])), np.asarray(confidence)
+    shapes = jaxpf.shapes.boxes_from_substates(estimate, boxes[0, :, 2:])
+    return np.asarray(jaxpf.measures.overlap(shapes, boxes[None, 1:])), np.asarray(confidence)
 
 
 @pytest.mark.slow

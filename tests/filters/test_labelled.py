@@ -9,11 +9,11 @@ import pytest
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf import state as states
+from jaxpf import stream
+from jaxpf.contract import state as states
 from jaxpf.dynamics import AR2, FirstOrder, IndependentGaussian
 from jaxpf.gradients import Soft, StopGradient
 from jaxpf.likelihoods import Gaussian
-from jaxpf.streaming import stream
 
 FRAMES = np.random.default_rng(0).normal(size=(6, 3, 2)).astype(np.float32).cumsum(axis=0)
 
@@ -263,7 +263,7 @@ def test_the_evidence_has_a_gradient(motion):
         dynamics = dataclasses.replace(chosen.dynamics, scale=scale)
         changed = dataclasses.replace(chosen, dynamics=dynamics)
         keys = jax.random.split(jax.random.key(0), 4)
-        return jnp.mean(jaxpf.objectives.log_evidence(changed, keys, FRAMES))
+        return jnp.mean(jaxpf.tuning.log_evidence(changed, keys, FRAMES))
 
     slope = quick(jax.grad(loss))(jnp.array([1.0, 1.0]))
     assert np.all(np.isfinite(slope))

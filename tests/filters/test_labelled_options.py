@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import jaxpf
+from jaxpf.contract.model import Model
 from jaxpf.dynamics import AR2
 from jaxpf.filters.labelled.options import LABELLED, Options
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.likelihoods import Gaussian
-from jaxpf.models.model import Model
 
 
 def model(num_targets=2):

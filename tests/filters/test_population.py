@@ -10,7 +10,7 @@ from jax.scipy.stats import multivariate_normal
 
 import jaxpf
 from jaxpf.dynamics import AR2, IndependentGaussian, LinearGaussian
-from jaxpf.labelled import born, ended
+from jaxpf.filters import born, ended
 from jaxpf.likelihoods import Gaussian
 
 FRAMES = np.random.default_rng(0).normal(size=(6, 4, 2)).astype(np.float32).cumsum(axis=0)

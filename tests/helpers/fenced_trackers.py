@@ -8,7 +8,7 @@ import numpy as np
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf import objectives, ordering, pytree_dataclass
+from jaxpf import ordering, pytree_dataclass, tuning
 from jaxpf.dynamics import RandomWalk
 
 P, T = 2, 3
@@ -71,7 +71,7 @@ def value_and_gradient(made, keys, seen):
             dynamics=dataclasses.replace(made.dynamics, scale=scale),
             likelihood=dataclasses.replace(made.likelihood, noise=noise),
         )
-        value = objectives.log_evidence(changed, keys, seen, checkpoint=False)
+        value = tuning.log_evidence(changed, keys, seen, checkpoint=False)
         return jnp.mean(jnp.where(jnp.isneginf(value), 0.0, value)), value
 
     one = jax.value_and_grad(mean_of_possible, argnums=(0, 1), has_aux=True)

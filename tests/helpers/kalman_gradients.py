@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from exact import COMPILER_OPTIONS, Problem
 
-from jaxpf import objectives
+from jaxpf import tuning
 from jaxpf.dynamics import IndependentGaussian
 from jaxpf.likelihoods import kalman, stacked_model
 
@@ -97,7 +97,7 @@ class Gradients(NamedTuple):
 
 def _log_evidence(factors, tracker, key, frames):
     changed = dataclasses.replace(tracker, **scaled(tracker, factors))
-    return objectives.log_evidence(changed, key[None], frames, checkpoint=False)[0]
+    return tuning.log_evidence(changed, key[None], frames, checkpoint=False)[0]
 
 
 @partial(jax.jit, static_argnames="batch", compiler_options=COMPILER_OPTIONS)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from jaxpf.evaluation import Batch, Configuration, Results
-from jaxpf.evaluation.batches import FOLDER, write_batch
+from jaxpf.evaluation.work.batches import FOLDER, write_batch
 from jaxpf.targets.target import Start
 
 PARAMETERS = {"sharpness": 20.0, "scale": (2.0, 4.0, 0.5), "particles": 100}

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxpf.evaluation import Limits, Plan
-from jaxpf.experiments.sources import load_scene
+from jaxpf.evaluation.opening import load_scene
 
 #: Two objects in 40 x 30 pixels, 10 frames.
 PARAMETERS = {

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from jaxpf import InputError
 from jaxpf.evaluation import local_pool
-from jaxpf.evaluation.execution import in_turn
+from jaxpf.evaluation.work.execution import in_turn
 
 #: Where a started program finds this module.
 HERE = Path(__file__).parent

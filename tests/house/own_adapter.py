@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 from own_target import SPOTS
 
-from jaxpf.adapters.adapter import Adapter, TrackFile
-from jaxpf.errors import InputError
-from jaxpf.files.points import PointTrackWriter, parse_points
-from jaxpf.overlay import draw_points
+from jaxpf import InputError
+from jaxpf.points import draw_points
+from jaxpf.points.files import PointTrackWriter, parse_points
+from jaxpf.targets.adapter import Adapter, TrackFile
 
 
 class SpotAdapter(Adapter):

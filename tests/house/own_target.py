@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxpf
-from jaxpf.models.model import Model
-from jaxpf.options import check_options, option
+from jaxpf.contract.model import Model
+from jaxpf.contract.options import check_options, option
 from jaxpf.targets.target import Start, Target
 
 

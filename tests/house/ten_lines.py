@@ -4,10 +4,10 @@ import jax
 
 import jaxpf
 
-source = jaxpf.video.open_frames("clip.mp4")
+source = jaxpf.media.open_frames("clip.mp4")
 frames = source.frames()
 tracker = jaxpf.boxes.tracker(next(frames), [[120, 80, 40, 90], [300, 85, 42, 88]])
-with jaxpf.video_writer.VideoWriter("out.mp4", source.width, source.height, source.fps) as video:
-    for tracked in jaxpf.streaming.stream(tracker, jax.random.key(0), frames):
+with jaxpf.media.VideoWriter("out.mp4", source.width, source.height, source.fps) as video:
+    for tracked in jaxpf.stream(tracker, jax.random.key(0), frames):
         boxes = jaxpf.boxes.shapes(tracker, tracked.summary.estimate)
-        video.write(jaxpf.overlay.draw_boxes(tracked.frame, boxes))
+        video.write(jaxpf.media.draw_boxes(tracked.frame, boxes))

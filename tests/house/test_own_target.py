@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from command_line import jaxpf as command
 
-from jaxpf import adapters
-from jaxpf.adapters.adapter import Adapter
+from jaxpf import targets
+from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Target
 
 
@@ -21,8 +21,8 @@ def entered():
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(Path(__file__).parent))
         module = importlib.import_module("own_adapter")
-        patch.setitem(sys.modules, "jaxpf.adapters.spots", module)
-        patch.setattr(adapters, "_ADAPTERS", (*adapters._ADAPTERS, "spots"))  # the line
+        patch.setitem(sys.modules, "jaxpf.targets.spots", module)
+        patch.setattr(targets, "_ADAPTERS", (*targets._ADAPTERS, "spots"))  # the line
         yield module
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxpf.uncertainty import crps, log_score, transforms
+from jaxpf.measures import crps, log_score, transforms
 
 N = 40_000
 

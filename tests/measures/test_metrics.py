@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxpf import InputError, intervals, metrics
+from jaxpf import InputError, measures
 
 NOWHERE = [np.nan] * 4
 TRUTH = [0.0, 0.0, 10.0, 10.0]
@@ -21,15 +21,15 @@ FRAME_MEASURES = ("track_state", "precision", "recall", "overlap", "centre_error
 @functools.partial(jax.jit, static_argnums=0)
 def compiled(names, estimate, truth):
     """Several measures at once, in one program."""
-    return {name: getattr(metrics, name)(estimate, truth) for name in names}
+    return {name: getattr(measures, name)(estimate, truth) for name in names}
 
 
-success, recovery = jax.jit(metrics.success), jax.jit(metrics.recovery)
-mean_precision = jax.jit(metrics.mean_precision, static_argnames=("over", "axis"))
-mean_recall = jax.jit(metrics.mean_recall, static_argnames=("over", "axis"))
-mean_interval = jax.jit(intervals.mean_interval)
-wilson_interval = jax.jit(intervals.wilson_interval)
-effective_sample_size = jax.jit(metrics.effective_sample_size)
+success, recovery = jax.jit(measures.success), jax.jit(measures.recovery)
+mean_precision = jax.jit(measures.mean_precision, static_argnames=("over", "axis"))
+mean_recall = jax.jit(measures.mean_recall, static_argnames=("over", "axis"))
+mean_interval = jax.jit(measures.mean_interval)
+wilson_interval = jax.jit(measures.wilson_interval)
+effective_sample_size = jax.jit(measures.effective_sample_size)
 
 
 def one_object(*boxes):
@@ -69,7 +69,7 @@ def test_measures_of_a_frame_by_hand(estimate, state, precision, recall, overlap
 
 @pytest.mark.parametrize("truth", [NOWHERE, [0.0, 0.0, 0.0, 10.0], [0.0, 0.0, 10.0, -1.0]])
 def test_a_frame_without_truth_has_no_measures(truth):
-    assert not jax.jit(metrics.has_truth)(np.array(truth))
+    assert not jax.jit(measures.has_truth)(np.array(truth))
     measured = compiled(FRAME_MEASURES, np.array(TRUTH), np.array(truth))
     assert not measured.pop("track_state")
     assert np.isnan(list(measured.values())).all()
@@ -145,11 +145,11 @@ def test_frames_of_runs_can_be_pooled():
 
 def test_unknown_choice_of_frames_is_refused():
     with pytest.raises(InputError, match='"tracked" or "all"'):
-        metrics.mean_recall(one_object(TRUTH), one_object(TRUTH), over="some")
+        measures.mean_recall(one_object(TRUTH), one_object(TRUTH), over="some")
 
 
 def test_masked_mean_leaves_out_what_is_masked_or_not_finite():
-    masked_mean = jax.jit(intervals.masked_mean, static_argnums=2)
+    masked_mean = jax.jit(measures.masked_mean, static_argnums=2)
     values = np.array([[1.0, np.nan, 3.0, 100.0], [np.nan, np.inf, 5.0, 100.0]])
     mask = np.array([True, True, True, False])
     np.testing.assert_allclose(masked_mean(values, mask, -1), [2, 5])
@@ -187,7 +187,7 @@ def test_wilson_interval_widens_with_its_level_and_knows_nothing_without_trials(
     wide = wilson_interval(5, 10, level=0.99)
     assert wide.lower < narrow.lower < 0.5 < narrow.upper < wide.upper
     with pytest.raises(InputError, match="level=95 must be above 0 and below 1"):
-        intervals.wilson_interval(5, 10, level=95)
+        measures.wilson_interval(5, 10, level=95)
     nothing = wilson_interval(0, 0)
     assert np.isnan(nothing.value)
     assert (nothing.lower, nothing.upper) == (0, 1)
@@ -229,7 +229,7 @@ def test_mean_interval_covers_the_mean_as_often_as_it_says():
 
 
 def test_effective_dynamics_by_hand():
-    effective_dynamics = jax.jit(metrics.effective_dynamics)
+    effective_dynamics = jax.jit(measures.effective_dynamics)
     spread = np.array([[1.0, 3.0, 0.5], [4.0, 2.0, 0.0]])
     result = effective_dynamics(spread, np.array([2.0, 2.0, 0.0]))
     np.testing.assert_allclose(result.deviation_ratio, [[0.5, 1.5, np.nan], [2, 1, np.nan]])
@@ -240,7 +240,7 @@ def test_effective_dynamics_by_hand():
 
 def test_gradient_of_effective_dynamics_survives_absent_noise():
     def total(spread):
-        return jnp.nansum(metrics.effective_dynamics(spread, jnp.array([2.0, 0.0])).variance_ratio)
+        return jnp.nansum(measures.effective_dynamics(spread, jnp.array([2.0, 0.0])).variance_ratio)
 
     # d (s / 2)^2 / ds = s / 2.
     np.testing.assert_allclose(jax.jit(jax.grad(total))(np.array([[3.0, 5.0]])), [[1.5, 0]])
@@ -271,7 +271,7 @@ def test_effective_sample_size_needs_no_normalised_weights(shift):
 
 def test_uniqueness_counts_distinct_ids():
     lineage = np.array([[[5, 5, 5, 5], [3, 1, 3, 1]], [[4, 2, 9, 2], [0, 1, 2, 3]]])
-    np.testing.assert_array_equal(jax.jit(metrics.uniqueness)(lineage), [[0.25, 0.5], [0.75, 1]])
+    np.testing.assert_array_equal(jax.jit(measures.uniqueness)(lineage), [[0.25, 0.5], [0.75, 1]])
 
 
 def test_summary_by_hand():
@@ -283,7 +283,7 @@ def test_summary_by_hand():
             [[TRUTH, FAR], [FAR, NOWHERE], [FAR, TRUTH]],
         ]
     )
-    result = metrics.summarise(estimate, truth)
+    result = measures.summarise(estimate, truth)
     expected = {
         "success_rate": [1 / 2, 1 / 2],
         "recovery_rate": [1 / 2, 1 / 2],
@@ -313,8 +313,8 @@ def test_summary_is_the_same_under_jit():
     estimate = (truth + rng.normal(0, 8, (2, 3, 2, 4))).astype(np.float32)
     truth[2, 1] = np.nan
     estimate[1, 1, 0] = np.nan
-    plain = metrics.summarise(estimate, truth)
-    traced = jax.jit(metrics.summarise)(estimate, truth)
+    plain = measures.summarise(estimate, truth)
+    traced = jax.jit(measures.summarise)(estimate, truth)
     for name, interval in plain.items():
         assert interval.value.shape == (2,)
         assert np.isfinite(interval.value).all(), name
@@ -324,9 +324,9 @@ def test_summary_is_the_same_under_jit():
 
 def test_summary_refuses_shapes_that_do_not_match():
     with pytest.raises(InputError, match=r"\[R, T, P, 4\]"):
-        metrics.summarise(np.zeros((3, 2, 4)), np.zeros((3, 2, 4)))
+        measures.summarise(np.zeros((3, 2, 4)), np.zeros((3, 2, 4)))
     with pytest.raises(InputError, match=r"\[5, 3, 1, 4\]"):
-        metrics.summarise(np.zeros((5, 3, 1, 4)), np.zeros((3, 2, 4)))
+        measures.summarise(np.zeros((5, 3, 1, 4)), np.zeros((3, 2, 4)))
 
 
 def test_one_run_and_many_runs_agree():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxpf import InputError
-from jaxpf.scores import (
+from jaxpf.measures import (
     CENTRE_THRESHOLDS,
     OVERLAP_THRESHOLDS,
     distance_precision,
@@ -120,7 +120,7 @@ class TestTrackingScores:
 
     def test_the_scores_are_those_of_trackevals_own_reader(self, trackeval, tmp_path):
         """The whole way round: MOT files on disk, read and scored by TrackEval alone."""
-        from jaxpf.tracks import write_mot
+        from jaxpf.boxes import write_mot
 
         random = np.random.default_rng(5)
         truth = np.cumsum(random.normal(0, 3, (40, 4, 4)) * [1, 1, 0, 0], axis=0)

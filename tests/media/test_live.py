@@ -12,7 +12,7 @@ from live_sources import put_camera, served
 from small_video import LENGTH, picture, write_lossless_video
 
 from jaxpf import InputError
-from jaxpf.video import open_frames
+from jaxpf.media import open_frames
 
 
 @pytest.fixture

@@ -2,13 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from jaxpf.overlay import (
-    draw_boxes,
-    draw_particles,
-    draw_pixel_grid,
-    draw_rectangles,
-    object_colours,
-)
+from jaxpf.media import draw_boxes, draw_particles, draw_pixel_grid, draw_rectangles, object_colours
 
 
 def grey(width=120, height=90):

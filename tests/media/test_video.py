@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from jaxpf import InputError
+from jaxpf.media import VideoWriter, open_frames
 from jaxpf.media.images import natural_order
 from jaxpf.media.quiet import quiet_opencv
-from jaxpf.video import open_frames
-from jaxpf.video_writer import VideoWriter
 
 CODECS = {"mp4": "mp4v", "avi": "MJPG"}
 
@@ -257,8 +256,8 @@ def test_nothing_is_printed_and_the_log_level_is_put_back(tmp_path):
     write_video(tmp_path / "good.webm", 3)
     cut(write_video(tmp_path / "bad.mp4", frame=noisy_frame), 0.5)
     program = (
-        "import os, sys, cv2, numpy as np; from jaxpf.video import open_frames\n"
-        "from jaxpf.video_writer import VideoWriter\n"
+        "import os, sys, cv2, numpy as np; from jaxpf.media import open_frames\n"
+        "from jaxpf.media import VideoWriter\n"
         "log = cv2 if hasattr(cv2, 'getLogLevel') else cv2.utils.logging\n"
         "level = log.getLogLevel()\n"
         "list(open_frames('good.webm'))\n"

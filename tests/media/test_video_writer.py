@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from jaxpf import InputError
-from jaxpf.video import open_frames
-from jaxpf.video_writer import VideoWriter
+from jaxpf.media import VideoWriter, open_frames
 
 each_name = pytest.mark.parametrize("name", ["out.mp4", "out.webm"])
 
@@ -134,7 +133,7 @@ def test_a_writer_without_frames_leaves_nothing_and_closes_twice(tmp_path, name)
 @each_name
 def test_a_full_disk_is_one_sentence_and_leaves_no_half_video(tmp_path, name):
     program = (
-        "import resource, sys, numpy as np; from jaxpf.video_writer import VideoWriter\n"
+        "import resource, sys, numpy as np; from jaxpf.media import VideoWriter\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))\n"
         "rng = np.random.default_rng(0)\n"
         "with VideoWriter(sys.argv[1], 64, 48, 25) as writer:\n"

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, memory, ordering, pytree_dataclass, smoothing
+from jaxpf import InputError, ordering, pytree_dataclass, smoothing
 from jaxpf.dynamics import AR2, IndependentGaussian, LinearGaussian, RandomWalk
 from jaxpf.gradients import Transport
 from jaxpf.likelihoods import CorrelatedGaussian, Gaussian
+from jaxpf.running import memory
 from jaxpf.smoothing import groups
 
 FRAMES = np.random.default_rng(0).normal(size=(5, 2, 1)).astype(np.float32)
@@ -187,7 +188,7 @@ def test_no_frames_one_by_one_without_a_lag():
 def test_looking_back_beside_a_loop_gives_what_smoothing_gives(lag):
     its, key = tracker(), jax.random.key(4)
     beside, found = smoothing.LookBack(its, key, lag), []
-    for tracked in jaxpf.streaming.stream(its, key, list(FRAMES)):
+    for tracked in jaxpf.stream(its, key, list(FRAMES)):
         found += beside.add(tracked.state)
     found += beside.finish()
     whole = jaxpf.smooth(its, key, FRAMES, lag=lag)

@@ -6,7 +6,7 @@ import pytest
 from exact import LIMIT, TREE, monte_carlo, objects, problem
 
 from jaxpf import ordering
-from jaxpf.uncertainty import WithErrorBars
+from jaxpf.filters import WithErrorBars
 
 pytestmark = pytest.mark.statistical
 

@@ -26,8 +26,9 @@ from exact import (
 )
 from quick_compiling import quick
 
-from jaxpf.filters import resampling
-from jaxpf.filters.partitioned import ending, exchange, ordering, selection
+from jaxpf import ordering
+from jaxpf.filters.partitioned import ending, exchange, selection
+from jaxpf.resampling import weighted
 from jaxpf.running import blocks
 
 pytestmark = pytest.mark.statistical
@@ -51,13 +52,13 @@ def mutant_scores(exact, order, **settings):
 
 def mutate_weights(monkeypatch, weigh):
     """Replace the corrected weights of a resampling; the ancestors stay right."""
-    original = resampling.weighted_resample
+    original = weighted.weighted_resample
 
     def mutant(key, log_weights, log_selection, scheme, components, largest=None):
         chosen, right = original(key, log_weights, log_selection, scheme, components)
         return chosen, weigh(chosen, right, log_weights, components)
 
-    monkeypatch.setattr(resampling, "weighted_resample", mutant)
+    monkeypatch.setattr(weighted, "weighted_resample", mutant)
 
 
 def test_kills_the_inverse_of_rho_dropped(monkeypatch):

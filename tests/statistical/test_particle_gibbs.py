@@ -8,7 +8,7 @@ from exact import LIMIT, TREE, WRONG, problem
 from quick_compiling import quick
 
 from jaxpf import ordering
-from jaxpf.filters.schemes import BuiltIn
+from jaxpf.resampling.schemes import BuiltIn
 from jaxpf.smoothing import gibbs
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]

@@ -15,8 +15,7 @@ from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
-from jaxpf.filters import relocation
-from jaxpf.relocation import Relocation
+from jaxpf.filters import Relocation, relocation
 
 COLUMNS, ROWS, FRAMES, N, RUNS, LIMIT = 4, 3, 4, 12, 20_000, 4.5
 START = ((0, 1), (3, 2))

@@ -143,7 +143,7 @@ def test_every_loop_over_frames_counts_them_alike():
     _, rest = jaxpf.run(its, key, frames[2:], state=half, time=2)
     many = jaxpf.monte_carlo(its, key[None], frames).estimate[0]
     np.testing.assert_allclose(rest.estimate, many[2:], rtol=1e-9)
-    streamed = jaxpf.streaming.stream(its, key, frames[2:], state=half, time=2)
+    streamed = jaxpf.stream(its, key, frames[2:], state=half, time=2)
     np.testing.assert_allclose([one.summary.estimate for one in streamed], many[2:], rtol=1e-9)
     ahead = jaxpf.forecast(its, key, half, 2, time=2)[1].estimate
     np.testing.assert_allclose(ahead - many[1], np.cumsum(shifts[2:], axis=0)[:, None], atol=0.2)

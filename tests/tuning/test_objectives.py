@@ -9,11 +9,11 @@ import pytest
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf import InputError, metrics, objectives, ordering, pytree_dataclass
+from jaxpf import InputError, measures, ordering, pytree_dataclass, tuning
 from jaxpf.dynamics import RandomWalk
-from jaxpf.geometry import boxes_from_substates
 from jaxpf.likelihoods import Gaussian
-from jaxpf.uncertainty import crps
+from jaxpf.measures import crps
+from jaxpf.shapes import boxes_from_substates
 
 T, R = 7, 4
 KEYS = jax.random.split(jax.random.key(0), R)
@@ -69,17 +69,17 @@ def with_gradient(objective, made, *labels, checkpoint=False):
 
 
 def test_log_evidence_is_that_of_the_runs_and_is_averaged_before_the_log(summaries):
-    found, _ = with_gradient(objectives.log_evidence, tracker())
+    found, _ = with_gradient(tuning.log_evidence, tracker())
     np.testing.assert_allclose(found, summaries.log_evidence.sum(1), rtol=1e-5)
-    mean, slope = with_gradient(objectives.log_mean_evidence, tracker())
+    mean, slope = with_gradient(tuning.log_mean_evidence, tracker())
     np.testing.assert_allclose(mean, np.log(np.mean(np.exp(np.float64(found)))), rtol=1e-5)
     assert np.abs(slope).min() > 1e-3
 
 
 @pytest.mark.parametrize("checkpoint", [True, pytest.param(3, marks=pytest.mark.slow)])
 def test_checkpoints_change_neither_value_nor_gradient(checkpoint):
-    value, slope = with_gradient(objectives.log_evidence, tracker())
-    same, other = with_gradient(objectives.log_evidence, tracker(), checkpoint=checkpoint)
+    value, slope = with_gradient(tuning.log_evidence, tracker())
+    same, other = with_gradient(tuning.log_evidence, tracker(), checkpoint=checkpoint)
     np.testing.assert_allclose(same, value, rtol=1e-5)
     assert np.abs(slope).min() > 1e-3
     np.testing.assert_allclose(other, slope, rtol=1e-3)
@@ -87,13 +87,13 @@ def test_checkpoints_change_neither_value_nor_gradient(checkpoint):
 
 def test_an_evidence_of_zero_has_a_finite_gradient():
     never = tracker(likelihood=Never(noise=np.float32(1.0)))
-    value, slope = with_gradient(objectives.log_mean_evidence, never)
+    value, slope = with_gradient(tuning.log_mean_evidence, never)
     assert np.isneginf(value)
     assert np.isfinite(slope).all()
 
 
 def test_position_error_skips_what_is_not_labelled(summaries):
-    found, slope = with_gradient(objectives.position_error, tracker(), TRUTH)
+    found, slope = with_gradient(tuning.position_error, tracker(), TRUTH)
     estimates = np.asarray(summaries.estimate)[:, [2, 5], 0, :2]
     expected = np.linalg.norm(estimates - TRUTH[[2, 5], 0], axis=-1).mean(1)
     np.testing.assert_allclose(found, expected, rtol=1e-4)
@@ -104,13 +104,13 @@ def test_position_error_skips_what_is_not_labelled(summaries):
 def test_position_error_of_an_exact_estimate_has_a_finite_gradient():
     still = tracker(dynamics=RandomWalk(scale=np.zeros(3, np.float32)), num_particles=1)
     truth = np.broadcast_to(np.float32([20, 30]), (T, 1, 2))
-    value, slope = with_gradient(objectives.position_error, still, truth)
+    value, slope = with_gradient(tuning.position_error, still, truth)
     np.testing.assert_array_equal(value, 0.0)
     assert np.isfinite(slope).all()
 
 
 def test_crps_is_that_of_a_normal_as_wide_as_the_particles(summaries):
-    found, slope = with_gradient(objectives.crps, tracker(), TRUTH)
+    found, slope = with_gradient(tuning.crps, tracker(), TRUTH)
     offset = np.asarray(summaries.estimate)[:, [2, 5], 0, :2] - TRUTH[[2, 5], 0]
     expected = crps(offset, np.asarray(summaries.spread)[:, [2, 5], 0, :2]).mean((1, 2))
     np.testing.assert_allclose(found, expected, rtol=1e-4)
@@ -120,7 +120,7 @@ def test_crps_is_that_of_a_normal_as_wide_as_the_particles(summaries):
 
 def test_crps_without_a_spread_is_the_distance():
     still = tracker(dynamics=RandomWalk(scale=np.zeros(3, np.float32)), num_particles=1)
-    value, slope = with_gradient(objectives.crps, still, TRUTH)
+    value, slope = with_gradient(tuning.crps, still, TRUTH)
     np.testing.assert_allclose(value, np.nanmean(np.abs(TRUTH - [20.0, 30.0])), rtol=1e-6)
     assert np.isfinite(slope).all()
 
@@ -136,7 +136,7 @@ def test_crps_asks_for_an_honest_spread():
         likelihood = Gaussian(noise=noise * np.eye(3, dtype=np.float32)[None])
         walk = RandomWalk(scale=np.full(3, 2.0, np.float32))
         made = tracker(likelihood=likelihood, dynamics=walk, initial=truth[0], num_particles=1000)
-        return objectives.crps(made, KEYS, frames, truth[..., :2], checkpoint=False)
+        return tuning.crps(made, KEYS, frames, truth[..., :2], checkpoint=False)
 
     honest, sure, unsure = (np.asarray(score(np.float32(x))) for x in (1.0, 0.1, 10.0))
     for other in (sure, unsure):
@@ -146,9 +146,9 @@ def test_crps_asks_for_an_honest_spread():
 
 @pytest.mark.slow
 def test_overlap_loss_skips_what_is_not_labelled(summaries):
-    found, slope = with_gradient(objectives.overlap_loss, tracker(), BOXES, SIZES)
+    found, slope = with_gradient(tuning.overlap_loss, tracker(), BOXES, SIZES)
     estimates = boxes_from_substates(summaries.estimate[:, [1, 4]], SIZES)
-    overlap = metrics.overlap(estimates, BOXES[[1, 4]])
+    overlap = measures.overlap(estimates, BOXES[[1, 4]])
     assert (overlap[:, 1] == 0).all()
     np.testing.assert_allclose(found, (1 - overlap).mean((1, 2)), rtol=1e-4)
     assert np.isfinite(slope).all()
@@ -158,19 +158,19 @@ def test_overlap_loss_skips_what_is_not_labelled(summaries):
 @pytest.mark.parametrize(
     ("call", "what"),
     [
-        (lambda: objectives.log_evidence(tracker(), KEYS, FRAMES[:0]), "at least one frame"),
-        (lambda: objectives.log_evidence(tracker(), KEYS[:0], FRAMES), "one key per run"),
-        (lambda: objectives.log_evidence(tracker(), KEYS, FRAMES, checkpoint=0), "checkpoint=0"),
+        (lambda: tuning.log_evidence(tracker(), KEYS, FRAMES[:0]), "at least one frame"),
+        (lambda: tuning.log_evidence(tracker(), KEYS[:0], FRAMES), "one key per run"),
+        (lambda: tuning.log_evidence(tracker(), KEYS, FRAMES, checkpoint=0), "checkpoint=0"),
         (
-            lambda: objectives.position_error(tracker(), KEYS, FRAMES, np.zeros((T, 2, 2))),
+            lambda: tuning.position_error(tracker(), KEYS, FRAMES, np.zeros((T, 2, 2))),
             r"truth has shape \(7, 2, 2\); with 7 frames of 1 objects",
         ),
         (
-            lambda: objectives.position_error(tracker(), KEYS, FRAMES, np.full((T, 1, 2), np.nan)),
+            lambda: tuning.position_error(tracker(), KEYS, FRAMES, np.full((T, 1, 2), np.nan)),
             "truth labels no object",
         ),
         (
-            lambda: objectives.overlap_loss(tracker(), KEYS, FRAMES, np.zeros((T, 1, 2)), [[1, 1]]),
+            lambda: tuning.overlap_loss(tracker(), KEYS, FRAMES, np.zeros((T, 1, 2)), [[1, 1]]),
             "truth_boxes has shape",
         ),
     ],

@@ -9,9 +9,9 @@ from small_tuning import QUICK, SCALE, made_sequence, tracker
 
 import jaxpf
 from jaxpf import InputError, ordering, tune, tuning
-from jaxpf.adapters import find_adapter
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian, histogram
+from jaxpf.targets import find_adapter
 from jaxpf.targets.target import Start
 from jaxpf.tuning import Settings, TrainingSequence, compare
 from jaxpf.tuning.checkpoint import NAME

@@ -12,12 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.checks import check_uncoupled
-from jaxpf.errors import InputError
-from jaxpf.filters import initial as filters_initial
-from jaxpf.filters import resampling
-from jaxpf.pytree import pytree_dataclass
-from jaxpf.state import (
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD,
     STATUS_LOST,
@@ -25,6 +22,9 @@ from jaxpf.state import (
     moments,
     sanitised,
 )
+from jaxpf.filters import initial as filters_initial
+from jaxpf.resampling import weighted as resampling
+from jaxpf.running.checks import check_uncoupled
 
 
 @pytree_dataclass

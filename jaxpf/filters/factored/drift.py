@@ -7,7 +7,7 @@ other partitions seem to have in this frame, weighted by how alike they moved in
 import jax
 import jax.numpy as jnp
 
-from jaxpf.pytree import pytree_dataclass
+from jaxpf.contract.pytree import pytree_dataclass
 
 #: The ridge's strength, as a share of the partitions' mean squared velocity.
 _RIDGE = 0.1

@@ -13,15 +13,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.errors import InputError, check_known
+from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.names import DRIFTS, SHAPES
+from jaxpf.contract.pytree import as_array, is_concrete, pytree_dataclass, static_field
+from jaxpf.contract.state import Summary
 from jaxpf.filters.factored import cloud, drift, shape
 from jaxpf.filters.factored.cloud import FactoredState
 from jaxpf.filters.initial import check_count
-from jaxpf.filters.schemes import scheme_of
 from jaxpf.lowering.threefry import written_out
-from jaxpf.names import DRIFTS, SHAPES
-from jaxpf.pytree import as_array, is_concrete, pytree_dataclass, static_field
-from jaxpf.state import Summary
+from jaxpf.resampling.schemes import scheme_of
 
 
 @pytree_dataclass
@@ -60,8 +60,8 @@ class Eskil(contract.Tracker):
         num_particles: static, M of every partition.
         upsampling: static, how many times a particle is moved; not published.
         memory: static, tau, the frames over which velocities are compared; not published.
-        drift: static, one of ``jaxpf.names.DRIFTS``.
-        shape: static, one of ``jaxpf.names.SHAPES``.
+        drift: static, one of ``jaxpf.contract.names.DRIFTS``.
+        shape: static, one of ``jaxpf.contract.names.SHAPES``.
         proper: static, see above.
         resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
 

@@ -4,11 +4,11 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.model import Model
+from jaxpf.contract.names import DRIFTS, FACTORED_METHODS, FORMS, SCHEMES, SHAPES
+from jaxpf.contract.options import check_options, option
 from jaxpf.filters.filter import Filter
-from jaxpf.models.model import Model
-from jaxpf.names import DRIFTS, FACTORED_METHODS, FORMS, SCHEMES, SHAPES
-from jaxpf.options import check_options, option
 
 #: Of every partition, as published.
 _PARTICLES = {"eskil": 10, "pffl": 50}

@@ -12,15 +12,15 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf.contract import Tracker
-from jaxpf.errors import InputError, check_known
+from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.names import FORMS
+from jaxpf.contract.pytree import is_concrete, pytree_dataclass, static_field
+from jaxpf.contract.state import Summary
 from jaxpf.filters.factored import cloud
 from jaxpf.filters.factored.cloud import FactoredState
 from jaxpf.filters.initial import check_count
-from jaxpf.filters.schemes import scheme_of
 from jaxpf.lowering.threefry import written_out
-from jaxpf.names import FORMS
-from jaxpf.pytree import is_concrete, pytree_dataclass, static_field
-from jaxpf.state import Summary
+from jaxpf.resampling.schemes import scheme_of
 
 
 @pytree_dataclass
@@ -46,7 +46,7 @@ class PFFL(Tracker):
         num_particles: static, M of every partition; 50 in eskil2014.
         upsampling: static, every ancestor moves this many times; the set is thinned to M when
             the next frame comes.
-        form: static, one of ``jaxpf.names.FORMS``.
+        form: static, one of ``jaxpf.contract.names.FORMS``.
         resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
 
     Raises:

@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxpf.errors import InputError
-from jaxpf.pytree import is_concrete
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete
 
 
 def distances(first: jax.Array, second: jax.Array) -> jax.Array:

@@ -33,19 +33,20 @@ import numpy as np
 from jax import lax
 
 from jaxpf import contract
-from jaxpf.filters import relocation, resampling
-from jaxpf.filters.components import components_of_sizes, one_component
-from jaxpf.filters.labelled import by_label, estimation
-from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
-from jaxpf.lowering.branches import computed_before
-from jaxpf.lowering.derivatives import with_gradient_of
-from jaxpf.state import (
+from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD,
     STATUS_LOST,
     moments,
     sanitised,
 )
+from jaxpf.filters import relocation
+from jaxpf.filters.labelled import by_label, estimation
+from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
+from jaxpf.lowering.branches import computed_before
+from jaxpf.lowering.derivatives import with_gradient_of
+from jaxpf.resampling import weighted
+from jaxpf.resampling.components import components_of_sizes, one_component
 
 
 def first_labels(num_particles: int, num_targets: int) -> np.ndarray:
@@ -68,7 +69,7 @@ def select(tracker: Any, key: jax.Array, state: LabelledState) -> LabelledState:
         components = components_of_sizes(jnp.asarray(sizes), num_particles)
     else:
         components = one_component(num_particles)
-    chosen, log_weights = resampling.weighted_resample(
+    chosen, log_weights = weighted.weighted_resample(
         key, incoming, selection, tracker.resampling, components
     )
     # A set that was only drawn has equal weights already: resampling it would lose particles.

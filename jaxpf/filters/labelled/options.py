@@ -4,13 +4,13 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.model import Model
+from jaxpf.contract.names import SCHEMES
+from jaxpf.contract.options import check_options, option
 from jaxpf.filters.filter import Filter
 from jaxpf.filters.labelled.choices import FEEDBACKS, SCOPES, WEIGHTS
 from jaxpf.filters.looking import relocate_option, relocation_of
-from jaxpf.models.model import Model
-from jaxpf.names import SCHEMES
-from jaxpf.options import check_options, option
 
 METHODS = ("labelled",)
 

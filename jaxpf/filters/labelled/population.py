@@ -21,7 +21,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
 from jaxpf.filters.labelled import by_label, kernel
 from jaxpf.filters.labelled.state import LabelledState
 

@@ -5,8 +5,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from jaxpf.pytree import pytree_dataclass
-from jaxpf.state import Summary
+from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.state import Summary
 
 
 @pytree_dataclass

@@ -10,16 +10,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
+from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.filters import confidence
-from jaxpf.filters.gradients import NoGradient
 from jaxpf.filters.initial import checked_initial
 from jaxpf.filters.labelled import by_label, kernel, population
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_tracker
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
-from jaxpf.filters.schemes import scheme_of
+from jaxpf.gradients import NoGradient
 from jaxpf.lowering.threefry import written_out
-from jaxpf.pytree import pytree_dataclass, static_field
+from jaxpf.resampling.schemes import scheme_of
 
 __all__ = ["Labelled", "LabelledState", "LabelledSummary", "born", "ended"]
 
@@ -42,7 +42,7 @@ class Labelled(Tracker):
         regularise: rates (a_x, a_u) in (0, 1] of position and speed in eq. 6; None does not
             regularise.  It changes what is reported and, with feedback, how particles move.
         relocation: where targets that are probably lost may be, a
-            ``jaxpf.relocation.Relocation``; None: they move as ever.
+            ``jaxpf.filters.Relocation``; None: they move as ever.
         reseed: standard deviations ``[D]`` or ``[L, D]``; a target that was lost is given its
             share of the particles again in the next frame, around its last estimate.  None
             (default) leaves lost targets to themselves.
@@ -57,7 +57,7 @@ class Labelled(Tracker):
         feedback: static, one of ``choices.FEEDBACKS``: ``"estimate"`` moves the particles at the
             speed of the regularised estimate (eq. 5), ``"none"`` at their own.
         population: static, one of ``choices.POPULATIONS``: in an ``"open"`` one targets come and
-            go between frames by ``jaxpf.labelled.born`` and ``ended``, and ``num_targets`` is how
+            go between frames by ``jaxpf.filters.born`` and ``ended``, and ``num_targets`` is how
             many there can be at once.
         position: static, the coordinates of a position.
         speed: static, the coordinates of the speed per frame, one for each of ``position``;

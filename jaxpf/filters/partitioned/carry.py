@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxpf.filters.components import Components, component_max
 from jaxpf.filters.partitioned.exchange import Groups, Offer
 from jaxpf.lowering.columns import pick_in_rows
+from jaxpf.resampling.components import Components, component_max
 
 
 class Carry(NamedTuple):

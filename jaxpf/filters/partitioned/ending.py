@@ -7,13 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf import contract
-from jaxpf.filters import resampling
-from jaxpf.filters.components import Components
-from jaxpf.filters.partitioned import look_ahead
-from jaxpf.filters.partitioned.carry import Carry
-from jaxpf.lowering.branches import choose, computed_before
-from jaxpf.lowering.derivatives import with_gradient_of
-from jaxpf.state import (
+from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
     STATUS_INVALID_LIKELIHOOD,
     STATUS_LOST,
@@ -23,6 +17,12 @@ from jaxpf.state import (
     sanitised,
     summarise,
 )
+from jaxpf.filters.partitioned import look_ahead
+from jaxpf.filters.partitioned.carry import Carry
+from jaxpf.lowering.branches import choose, computed_before
+from jaxpf.lowering.derivatives import with_gradient_of
+from jaxpf.resampling import weighted
+from jaxpf.resampling.components import Components
 
 
 def finish(
@@ -70,7 +70,7 @@ def finish(
     log_total = jax.nn.logsumexp(log_weights)
     log_weights = choose(
         ordering.literal,
-        lambda: resampling.renormalised(log_weights, components),
+        lambda: weighted.renormalised(log_weights, components),
         lambda: log_weights - log_total,
         is_never_true=one_partition,
     )

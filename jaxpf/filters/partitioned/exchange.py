@@ -20,12 +20,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxpf.filters.components import component_cdf, one_component
-from jaxpf.filters.partitioned.ordering import SWAPS
-from jaxpf.filters.schemes import ancestors_of_thresholds
 from jaxpf.lowering.derivatives import weighted, with_gradient_of
 from jaxpf.lowering.integers import EXACT, modulo, order_by_group
 from jaxpf.lowering.prefix import running_max, running_sum
+from jaxpf.ordering import SWAPS
+from jaxpf.resampling.components import component_cdf, one_component
+from jaxpf.resampling.schemes import ancestors_of_thresholds
 
 # Codes of ordering.SWAPS.
 _SORTED, _COMBINATORIAL = SWAPS.index("sorted"), SWAPS.index("combinatorial")

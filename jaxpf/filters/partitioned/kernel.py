@@ -23,15 +23,15 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.contract.state import ParticleState, Summary, sanitised
 from jaxpf.filters import confidence, relocation
-from jaxpf.filters.components import Components, component_max, components_of_sizes
 from jaxpf.filters.partitioned import ending, levels, look_ahead, selection
 from jaxpf.filters.partitioned import exchange as rules
 from jaxpf.filters.partitioned.carry import Carry
 from jaxpf.lowering.branches import choose, computed_before, computed_once
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.integers import order_by_group
-from jaxpf.state import ParticleState, Summary, sanitised
+from jaxpf.resampling.components import Components, component_max, components_of_sizes
 
 
 class Shared(NamedTuple):

@@ -4,12 +4,12 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-from jaxpf.errors import InputError
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.model import Model
+from jaxpf.contract.names import METHODS, SCHEMES, SWAPS
+from jaxpf.contract.options import OPEN, check_options, option
 from jaxpf.filters.filter import Filter, Variant
 from jaxpf.filters.looking import relocate_option, relocation_of
-from jaxpf.models.model import Model
-from jaxpf.names import METHODS, SCHEMES, SWAPS
-from jaxpf.options import OPEN, check_options, option
 
 #: For ``orders`` of an evaluation: PS in every circular shift, each a variant of its own.
 SHIFTS = "shifts"
@@ -84,8 +84,8 @@ class PartitionedFilter(Filter):
 
     def tracker(self, model: Model, options: Options) -> Any:
         """See ``Filter``."""
-        from jaxpf.filters.partitioned.ordering import branched, named
         from jaxpf.filters.partitioned.tracker import Partitioned
+        from jaxpf.ordering import branched, named
 
         self.check(options, model.parents)
         orders = getattr(model.likelihood, "orders_of_labels", None)
@@ -170,7 +170,7 @@ def _orders(asked: Sequence[Any], parents: Sequence[int]) -> list[tuple[int, ...
 def _shifts(parents: Sequence[int]) -> list[tuple[int, ...]]:
     """The circular shifts; on a tree, where most are not admissible, level by level."""
     if any(parent >= 0 for parent in parents):
-        from jaxpf.filters.partitioned.ordering import named
+        from jaxpf.ordering import named
 
         return [tuple(named("ps", parents).order[0].tolist())]
     base = tuple(range(len(parents)))

@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.checks import check_uncoupled
-from jaxpf.errors import InputError
-from jaxpf.filters.gradients import check_gradients
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.names import SWAPS
+from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.initial import check_count
 from jaxpf.filters.relocation import check_relocation
-from jaxpf.names import SWAPS
-from jaxpf.pytree import is_concrete
+from jaxpf.gradients import check_gradients
+from jaxpf.running.checks import check_uncoupled
 
 
 def check_tracker(tracker: Any) -> None:

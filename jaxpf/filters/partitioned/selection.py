@@ -13,10 +13,10 @@ import numpy as np
 from jax import lax
 from jax.ad_checkpoint import checkpoint_name
 
-from jaxpf.filters import resampling
-from jaxpf.filters.components import Components, few_effective, one_component
+from jaxpf.contract.state import ParticleState
 from jaxpf.filters.partitioned.carry import Carry
-from jaxpf.state import ParticleState
+from jaxpf.resampling import weighted
+from jaxpf.resampling.components import Components, few_effective, one_component
 
 #: Name by which ``jax.checkpoint`` may keep ancestors: few bytes, and dear to compute again.
 ANCESTORS = "ancestors"
@@ -94,7 +94,7 @@ def resample(
     drawn_by = tracker.gradient.selection(log_selection, components)
     if drawn_by is not log_selection:
         largest = None
-    ancestors, new_log_weights = resampling.weighted_resample(
+    ancestors, new_log_weights = weighted.weighted_resample(
         key, log_weights, drawn_by, tracker.resampling, components, largest
     )
     new_log_weights = tracker.gradient.selected(new_log_weights, log_weights, components)

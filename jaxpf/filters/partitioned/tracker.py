@@ -8,17 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
+from jaxpf.contract.model import check_tree
+from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.filters import confidence
-from jaxpf.filters.gradients import NoGradient
 from jaxpf.filters.initial import checked_initial
 from jaxpf.filters.partitioned import kernel
-from jaxpf.filters.partitioned.ordering import Ordering
 from jaxpf.filters.partitioned.refusals import check_tracker
-from jaxpf.filters.schemes import scheme_of
+from jaxpf.gradients import NoGradient
 from jaxpf.lowering.threefry import written_out
-from jaxpf.models.model import check_tree
-from jaxpf.pytree import pytree_dataclass, static_field
-from jaxpf.state import ParticleState, Summary
+from jaxpf.ordering import Ordering
+from jaxpf.resampling.schemes import scheme_of
 
 
 @pytree_dataclass
@@ -46,7 +46,7 @@ class Partitioned(Tracker):
             to come where ``dynamics.predict`` expects them, instead of by ``log_prob``; see
             ``jaxpf.filters.partitioned.look_ahead``.
         relocation: where objects that are probably lost may be, a
-            ``jaxpf.relocation.Relocation``; None: they move as ever.
+            ``jaxpf.filters.Relocation``; None: they move as ever.
         resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
         gradient: what resampling passes on to a derivative, a strategy of ``jaxpf.gradients``.
         parents: static, the part tree of the model, -1 for a root; default all roots.

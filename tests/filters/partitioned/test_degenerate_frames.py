@@ -7,7 +7,12 @@ import pytest
 from tagged_walk import METHODS, N, P, every_method, frames, track
 
 from jaxpf import ordering, pytree_dataclass
-from jaxpf.state import STATUS_IMPOSSIBLE, STATUS_INVALID_LIKELIHOOD, STATUS_LOST, STATUS_OK
+from jaxpf.contract.state import (
+    STATUS_IMPOSSIBLE,
+    STATUS_INVALID_LIKELIHOOD,
+    STATUS_LOST,
+    STATUS_OK,
+)
 
 # Degenerate frames.
 

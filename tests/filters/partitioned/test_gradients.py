@@ -22,7 +22,7 @@ from fenced_trackers import (
 from quick_compiling import quick
 
 import jaxpf
-from jaxpf import InputError, gradients, objectives, ordering, pytree_dataclass
+from jaxpf import InputError, gradients, ordering, pytree_dataclass, tuning
 from jaxpf.dynamics import AR2, LinearGaussian, RandomWalk
 from jaxpf.gradients import NoGradient, Soft, StopGradient, Transport, check_motion_gradient
 from jaxpf.likelihoods import CorrelatedGaussian, Gaussian
@@ -105,7 +105,7 @@ def mean_evidence(made, scale, keys, seen):
 
     def log_evidence(scale, key):
         changed = dataclasses.replace(made, dynamics=RandomWalk(scale=scale))
-        return objectives.log_evidence(changed, key[None], seen, checkpoint=False)[0]
+        return tuning.log_evidence(changed, key[None], seen, checkpoint=False)[0]
 
     value, slope = jax.vmap(jax.value_and_grad(log_evidence), in_axes=(None, 0))(scale, keys)
     return jnp.exp(value), jnp.exp(value) * slope

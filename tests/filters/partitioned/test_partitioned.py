@@ -23,10 +23,10 @@ from tagged_walk import (
 
 import jaxpf
 from jaxpf import ordering
+from jaxpf.contract.state import STATUS_OK, count_unique
 from jaxpf.dynamics import RandomWalk
 from jaxpf.filters.partitioned import kernel
 from jaxpf.likelihoods import Gaussian
-from jaxpf.state import STATUS_OK, count_unique
 
 # Equivalences, key for key.
 

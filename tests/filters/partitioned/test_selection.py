@@ -20,9 +20,9 @@ from quick_compiling import quick
 import jaxpf
 from jaxpf import ordering, resampling
 from jaxpf.dynamics import RandomWalk
-from jaxpf.filters.resampling import keep_total
 from jaxpf.gradients import Soft, Transport
 from jaxpf.lowering.derivatives import with_gradient_of
+from jaxpf.resampling.weighted import keep_total
 
 
 def test_the_gradient_of_a_source_is_lent_and_its_value_is_not():

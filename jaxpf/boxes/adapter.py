@@ -1,0 +1,92 @@
+"""Boxes read from flags and MOT files, written and drawn."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf.boxes.target import BOXES
+from jaxpf.contract.errors import InputError
+from jaxpf.targets.adapter import Adapter, Marks, TrackFile
+from jaxpf.targets.target import Start
+
+
+class BoxAdapter(Adapter):
+    """See ``Adapter``."""
+
+    target = BOXES
+    example = "--box 120,80,40,90 --box 300,85,42,88"
+    track_suffix = ".txt"
+    start_flags: Mapping[str, Mapping[str, Any]] = {
+        "box": {"multiple": True, "metavar": "X,Y,W,H", "help": "A start box; repeat it."},
+        "boxes": {
+            "type": Path,
+            "help": "CSV of start boxes: MOT format (frames and x, y from 1), or with the header "
+            "frame,id,x,y,w,h (from 0).",
+        },
+        "ids": {"type": [int], "help": "Objects of --boxes, such as 1,2,5."},
+        "births": {
+            "type": Path,
+            "help": "Objects come and go by detections: a MOT det.txt, sorted by frame.  A line "
+            "with an id in the place of -1 starts that object there, detected or not.",
+        },
+    }
+
+    def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
+        """See ``Adapter``."""
+        from jaxpf.boxes import tracks
+
+        if given["box"] and given["boxes"]:
+            raise InputError("--box and --boxes were both given; use one of them.")
+        if given["ids"] is not None and not given["boxes"]:
+            raise InputError("--ids names objects of a CSV file; give the file with --boxes.")
+        if given["boxes"]:
+            table = tracks.read_boxes(given["boxes"])
+            ids, boxes = tracks.start_boxes(table, number, given["ids"])
+        elif given["box"]:
+            boxes = np.stack([tracks.parse_box(text) for text in given["box"]])
+            ids = np.arange(1, len(boxes) + 1)
+        elif given.get("births"):
+            return BOXES.start(np.zeros((0, 4)))
+        else:
+            raise InputError(
+                "no start box: give --box x,y,w,h for every object, or --boxes FILE.csv "
+                f"(`jaxpf frame {source.path}` saves a frame with a pixel grid to read them off)."
+            )
+        tracks.check_boxes(boxes, source.width, source.height, [f"object {i}" for i in ids])
+        return BOXES.start(boxes, ids)
+
+    def fits_scene(self, scene: Any) -> bool:
+        """Every scene has boxes."""
+        return True
+
+    def scene_shapes(self, scene: Any) -> np.ndarray:
+        """See ``Adapter``."""
+        return np.asarray(scene.boxes, np.float64)
+
+    def scene_start(self, scene: Any) -> Start:
+        """See ``Adapter``."""
+        return BOXES.start(scene.boxes[0], scene.extras.get("ids"))
+
+    def track_writer(self, path: Any, start: Start) -> TrackFile:
+        """See ``Adapter``: MOT format."""
+        from jaxpf.boxes.tracks import TrackWriter
+
+        writer = TrackWriter(path)
+
+        def append(
+            frame: int, shapes: Any, lost: Any, ids: Any = start.ids, confidence: Any = 1.0
+        ) -> None:
+            writer.append(frame, ids, shapes, np.where(lost, 0.0, confidence))
+
+        return TrackFile(writer, append)
+
+    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
+        """See ``Adapter``."""
+        from jaxpf.media.overlay import draw_boxes
+
+        return draw_boxes(frame, shapes, list(start.ids), marks.colours, marks.lost, marks.doubtful)
+
+
+ADAPTER = BoxAdapter()

@@ -1,0 +1,150 @@
+"""Models and trackers of boxes for any likelihood."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.model import Model
+from jaxpf.contract.options import plain
+from jaxpf.targets.appearance import RELATIVE
+
+#: Noise of centre (pixels) and scale per frame: wide enough for people walking in video.
+DEFAULT_SCALE = (4.0, 2.0, 0.003)
+#: The same relative to the size: usual steps, long ones, and the logarithm of the size.
+DEFAULT_STEPS = (0.045, 0.18, 0.02)
+#: Share of the last displacement that is repeated.
+DEFAULT_MOMENTUM = 0.3
+
+
+def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCALE) -> Model:
+    """Boxes that start where they are and move by smith2004's AR2 dynamics.
+
+    Args:
+        likelihood: of substates (u, v, a), such as ``jaxpf.likelihoods.histogram(...)``.
+        boxes: x, y, w, h in pixels, ``[P, 4]``: where the objects are before the first frame.
+        scale: noise of u, v (pixels) and a per frame, ``[3]`` or ``[P, 3]``.
+
+    Raises:
+        InputError: noise that is negative or not finite.
+    """
+    from jaxpf.dynamics.relative import PixelMotion
+
+    boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
+    scale = np.asarray(scale, np.float32)
+    if scale.shape[-1:] != (3,) or not np.all(np.isfinite(scale)) or np.any(scale < 0):
+        raise InputError(
+            f"scale {scale.tolist()} must be three finite numbers >= 0: the noise of x and y in "
+            "pixels and of the relative size, such as 4,2,0.003."
+        )
+    centres = boxes[:, :2] + boxes[:, 2:] / 2
+    return Model(
+        dynamics=PixelMotion(scale=scale, sizes=boxes[:, 2:]),
+        likelihood=likelihood,
+        initial=np.concatenate([centres, np.ones((len(boxes), 1), np.float32)], axis=1),
+        parents=(-1,) * len(boxes),
+    )
+
+
+def relative_box_model(
+    likelihood: Any,
+    boxes: ArrayLike,
+    steps: ArrayLike = DEFAULT_STEPS,
+    momentum: ArrayLike = DEFAULT_MOMENTUM,
+) -> Model:
+    """Boxes that start where they are and move by steps relative to their size.
+
+    Args:
+        likelihood: see ``box_model``, like the next one.
+        boxes: see there.
+        steps: see ``jaxpf.dynamics.RelativeMotion``, ``[3]`` or ``[P, 3]``.
+        momentum: see there, ``[]`` or ``[P]``.
+
+    Raises:
+        InputError: noise that is negative or not finite.
+    """
+    from jaxpf.dynamics.relative import RelativeMotion
+
+    boxes = np.asarray(boxes, np.float32).reshape(-1, 4)
+    steps = np.asarray(steps, np.float32)
+    if steps.shape[-1:] != (3,) or not np.all(np.isfinite(steps)) or np.any(steps < 0):
+        raise InputError(
+            f"steps {steps.tolist()} must be three finite numbers >= 0: usual steps and long ones "
+            "as shares of the size, and the noise of its logarithm, such as 0.045,0.18,0.02."
+        )
+    model = box_model(likelihood, boxes)
+    momentum = np.asarray(momentum, np.float32)
+    motion = RelativeMotion(sizes=boxes[:, 2:], steps=steps, momentum=momentum)
+    return model._replace(dynamics=motion)
+
+
+def relative_steps(values: Sequence[float], count: int) -> np.ndarray:
+    """Noise of relative motion as people give it: ``[3]`` for all objects, or ``[P, 3]``.
+
+    Args:
+        values: three numbers, or three for every object, one object after the other.
+        count: P.
+
+    Raises:
+        InputError: they are for another number of objects.
+    """
+    steps = np.reshape(values, (-1, 3))
+    if len(steps) not in (1, count):
+        raise InputError(
+            f"relative_scale {plain(values)} is for {len(steps)} objects, and there are {count}; "
+            "give three numbers for all, or three for every object."
+        )
+    return steps if len(steps) > 1 else steps[0]
+
+
+def usual_noise(steps: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """What relative motion adds to u and v (pixels) and to log a per frame, all steps together.
+
+    Args:
+        steps: ``[3]`` or ``[P, 3]``.
+        sizes: ``[P, 2]``, width and height at the start, pixels.
+
+    Returns:
+        Standard deviations ``[3]``, means over the objects.
+    """
+    from jaxpf.dynamics.relative import RelativeMotion
+
+    usual, far, of_size = steps.T
+    long, side = RelativeMotion.long, np.sqrt(np.prod(sizes, axis=1))
+    step = np.mean(side * np.sqrt((1 - long) * usual**2 + long * far**2))
+    return np.array([step, step, of_size.mean()])
+
+
+def motion_candidates(options: Any) -> list[Any]:
+    """Options that differ in the motion: half and double steps, and, if relative, other momenta.
+
+    Args:
+        options: of boxes, what depends on the pictures being settled; they are the first.
+    """
+    found = [options]
+    for factor in (0.5, 1.0, 2.0):
+        if options.motion == RELATIVE:
+            scaled = np.reshape(options.relative_scale, (-1, 3)) * [factor, factor, 1]
+            noise = {"relative_scale": tuple(scaled.ravel().tolist())}
+            momenta = [{"momentum": momentum} for momentum in (0.0, 0.3, 0.6, 0.9)]
+        else:
+            x, y, of_size = options.scale
+            noise, momenta = {"scale": (factor * x, factor * y, of_size)}, [{}]
+        found += [dataclasses.replace(options, **noise, **momentum) for momentum in momenta]
+    return list(dict.fromkeys(found))
+
+
+def boxes_at(estimate: Any, sizes: ArrayLike) -> np.ndarray:
+    """Boxes x, y, w, h ``[..., P, 4]`` of substates (u, v, a); in NumPy: one arithmetic wherever it
+    is done.
+
+    Args:
+        estimate: ``[..., P, D]``.
+        sizes: ``[P, 2]``, width and height at scale 1, pixels.
+    """
+    estimate = np.asarray(estimate)
+    extent = estimate[..., 2:3] * np.asarray(sizes).astype(estimate.dtype)
+    return np.concatenate([estimate[..., :2] - extent / 2, extent], axis=-1)

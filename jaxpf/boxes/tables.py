@@ -1,0 +1,204 @@
+"""Reading boxes from MOT files and from ``gt.csv`` files into one table."""
+
+import dataclasses
+import math
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.files.reading import read_text
+
+HEADERS = ("frame,id,x,y,w,h", "frame,id,x,y,w,h,occ")
+#: A coordinate in pixels, and a frame or an id, beyond which numbers are no longer told apart.
+_FARTHEST, _LARGEST_WHOLE = 1e9, 2**53
+_FORMATS = (
+    f"a header '{HEADERS[1]}' (occ may be absent; frames and pixels count from 0), or MOT lines "
+    "without header, 'frame,id,x,y,w,h,conf,-1,-1,-1' (counting from 1)"
+)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class BoxTable:
+    """Boxes of objects in frames, one row each, in the order of the file.
+
+    Attributes:
+        frame: int [K], counting from 0.
+        id: int [K], the object's number.
+        box: float64 [K, 4]: x, y (the top left corner), w, h in continuous pixels; pixel (0, 0)
+            is the square [0, 1) x [0, 1).
+        occlusion: int [K]: 0 visible, 1 partly hidden, 2 mostly or fully hidden, -1 unknown.
+        confidence: float64 [K]; 1 where the file has none.
+        source: where the rows come from, for messages.
+    """
+
+    frame: np.ndarray
+    id: np.ndarray
+    box: np.ndarray
+    occlusion: np.ndarray
+    confidence: np.ndarray
+    source: str = "the table"
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+
+def read_boxes(path: str | os.PathLike[str], empty_boxes: str = "error") -> BoxTable:
+    """Read a MOT file or a ``gt.csv``; which of them is told by the header.
+
+    * MOT: no header, 6 to 10 columns ``frame,id,x,y,w,h,conf,...``; frames and x, y count from
+      1 in the file and are converted.  Columns after ``conf`` are checked and ignored.
+    * ``gt.csv``: header ``frame,id,x,y,w,h`` or ``frame,id,x,y,w,h,occ``; counts from 0.
+
+    Args:
+        path: the file; UTF-8, separated by commas, blank lines are skipped.
+        empty_boxes: what to do with a width or height of exactly 0.  ``"error"`` refuses it;
+            ``"absent"`` drops the row, since annotations mark absent objects so.  A negative
+            size is always an error.
+
+    Returns:
+        The rows in the order of the file.
+
+    Raises:
+        InputError: naming the line and its remedy.
+    """
+    if empty_boxes not in ("error", "absent"):
+        raise ValueError(f"empty_boxes is 'error' or 'absent', not {empty_boxes!r}")
+    path = Path(path)
+    rows: list[tuple[float, ...]] = []
+    line_of: dict[tuple[int, int], int] = {}
+    for line, row in parsed_lines(path):
+        frame, identity, _, _, width, height = row[:6]
+        place = f"line {line} of '{path}'"
+        key = (int(frame), int(identity))
+        if key in line_of:
+            raise InputError(
+                f"{place} repeats id {key[1]} in the frame of line {line_of[key]}; keep one of "
+                "the two lines"
+            )
+        line_of[key] = line
+        if width < 0 or height < 0:
+            raise InputError(
+                f"{place} has a box of negative size {width:g} x {height:g}; w and h are a width "
+                "and a height, not a second corner"
+            )
+        if width == 0 or height == 0:
+            if empty_boxes == "error":
+                raise InputError(
+                    f"{place} has a box of zero size {width:g} x {height:g}; give it a width and "
+                    "a height, or delete the line"
+                )
+            continue
+        rows.append(row)
+    if not line_of:
+        raise InputError(f"'{path}' holds no boxes; expected {_FORMATS}")
+    return table_of(rows, path)
+
+
+def table_of(rows: Sequence[tuple[float, ...]], path: str | os.PathLike[str]) -> BoxTable:
+    """The table of rows from ``parsed_lines``."""
+    columns = np.array(rows, np.float64).reshape(-1, 8)
+    return BoxTable(
+        frame=columns[:, 0].astype(np.int64),
+        id=columns[:, 1].astype(np.int64),
+        box=columns[:, 2:6],
+        occlusion=columns[:, 6].astype(np.int64),
+        confidence=columns[:, 7],
+        source=f"'{path}'",
+    )
+
+
+def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
+    """Yield (line number, (frame, id, x, y, w, h, occlusion, confidence)), counting from 0."""
+    header: str | None = None
+    seen_content = False
+    for line, text in enumerate(_read_lines(path), start=1):
+        if not text.strip():
+            continue
+        fields = [field.strip() for field in text.split(",")]
+        if not seen_content:
+            seen_content = True
+            if _is_header(fields[0]):
+                header = ",".join(fields).lower()
+                if header not in HEADERS:
+                    raise InputError(
+                        f"line {line} of '{path}' has an unknown header '{text.strip()[:80]}'; "
+                        f"expected {_FORMATS}"
+                    )
+                continue
+        place = f"line {line} of '{path}'"
+        yield line, _parse_row(fields, header, place)
+
+
+def _parse_row(fields: list[str], header: str | None, place: str) -> tuple[float, ...]:
+    if header is not None:
+        least = most = header.count(",") + 1
+        names, counts = header, f"{least}"
+    else:
+        least, most = 6, 10
+        names, counts = "frame,id,x,y,w,h,conf,...", "6 to 10"
+    if not least <= len(fields) <= most:
+        raise InputError(
+            f"{place} has {len(fields)} column(s) separated by commas; expected {counts}: {names}"
+        )
+    values = [
+        _number(field, column, place) for column, field in enumerate(fields, start=1) if field != ""
+    ]
+    if len(values) < len(fields):
+        column = fields.index("") + 1
+        raise InputError(f"{place} has nothing in column {column}; fill in a number")
+    for value, name in zip(values[:2], ("frame", "id"), strict=True):
+        if value != int(value):
+            raise InputError(f"{place} has the {name} {value:g}; give a whole number")
+        if abs(value) >= _LARGEST_WHOLE:
+            field = fields[("frame", "id").index(name)]
+            raise InputError(
+                f"{place} has the {name} {field[:40]}; give one below {_LARGEST_WHOLE}, up to "
+                "which whole numbers are told apart"
+            )
+    first = 0 if header is not None else 1
+    if values[0] < first:
+        convention = "this file counts" if header is not None else "MOT files count"
+        raise InputError(
+            f"{place} has the frame {values[0]:g}; {convention} frames from {first}, so shift "
+            "them or correct the line"
+        )
+    occlusion = values[6] if header == HEADERS[1] else -1
+    confidence = values[6] if header is None and len(values) > 6 else 1.0
+    frame, identity, x, y, width, height = values[:6]
+    if any(abs(value) > _FARTHEST for value in (x, y, width, height)):
+        raise InputError(
+            f"{place} has a box beyond {_FARTHEST:.0f} pixels; give x, y, w and h in pixels"
+        )
+    if abs(occlusion) > _LARGEST_WHOLE or occlusion != int(occlusion):
+        raise InputError(f"{place} has the occ {occlusion:g}; give -1, 0, 1 or 2")
+    return frame - first, identity, x - first, y - first, width, height, occlusion, confidence
+
+
+def _number(field: str, column: int, place: str) -> float:
+    try:
+        value = float(field)
+    except ValueError:
+        raise InputError(
+            f"{place} has '{field[:40]}' in column {column}; expected a number"
+        ) from None
+    if not math.isfinite(value):
+        raise InputError(
+            f"{place} has '{field[:40]}' in column {column}; give a finite number, or delete the "
+            "line if the object is absent"
+        )
+    return value
+
+
+def _is_header(field: str) -> bool:
+    """A first field that is no number; ``nan`` and ``1x`` are bad numbers, not headers."""
+    return field[:1].isalpha() and field.lower() not in ("nan", "inf", "infinity")
+
+
+def _read_lines(path: Path) -> list[str]:
+    lines = read_text(path, "boxes", _FORMATS).splitlines()
+    if not any(line.strip() for line in lines):
+        raise InputError(f"'{path}' is empty; expected {_FORMATS}")
+    return lines

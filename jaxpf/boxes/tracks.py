@@ -1,0 +1,258 @@
+"""Boxes and tracks: which to start from, checks, dense arrays, and MOT files out.
+
+In memory frames count from 0 and boxes are x, y (top left), w, h in continuous pixels, with
+pixel (0, 0) the square [0, 1) x [0, 1).  MOT files count frames and pixels from 1; the shift
+happens where a file is read or written and nowhere else.
+"""
+
+import math
+import os
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.boxes.tables import BoxTable, read_boxes
+from jaxpf.contract.errors import InputError
+from jaxpf.files.writing import LineWriter, write_text
+
+__all__ = [
+    "BoxTable",
+    "TrackWriter",
+    "check_boxes",
+    "dense",
+    "detections",
+    "parse_box",
+    "read_boxes",
+    "start_boxes",
+    "write_mot",
+]
+
+
+def start_boxes(
+    table: BoxTable, frame: int, ids: Sequence[int] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """The boxes to start tracking from.
+
+    Args:
+        table: boxes of a file.
+        frame: the start frame, counting from 0.
+        ids: the objects wanted; by default all in that frame, in the order of the file.
+
+    Returns:
+        ids int [P] and boxes float64 [P, 4], in the order asked.
+
+    Raises:
+        InputError: no box in that frame, an id that is not there, or an id asked twice.
+    """
+    rows = np.flatnonzero(table.frame == frame)
+    if len(rows) == 0:
+        available = np.unique(table.frame)
+        remedy = (
+            f"choose a start frame among {_listed(available)} (counting from 0)"
+            if len(available)
+            else "give a file that holds boxes"
+        )
+        raise InputError(f"{table.source} has no box in frame {frame}; {remedy}")
+    row_of = {int(table.id[row]): row for row in rows}
+    if ids is None:
+        ids = list(row_of)
+    elif len(ids) == 0:
+        raise InputError(f"no ids were asked for; choose among {_listed(sorted(row_of))}")
+    for index, identity in enumerate(ids):
+        if identity not in row_of:
+            raise InputError(
+                f"id {identity} has no box in frame {frame} of {table.source}; the ids there are "
+                f"{_listed(sorted(row_of))}"
+            )
+        if identity in ids[:index]:
+            raise InputError(f"id {identity} is asked for twice; name each id once")
+    return np.array(ids, np.int64), table.box[[row_of[identity] for identity in ids]]
+
+
+def dense(table: BoxTable, ids: Sequence[int], num_frames: int) -> np.ndarray:
+    """Boxes of ``ids`` in frames 0 to num_frames - 1; later frames of the table are left out.
+
+    Returns:
+        float64 [num_frames, len(ids), 4], NaN where an object has no box.
+
+    Raises:
+        InputError: an id that occurs nowhere in the table.
+    """
+    known = set(table.id.tolist())
+    for identity in ids:
+        if identity not in known:
+            raise InputError(
+                f"id {identity} does not occur in {table.source}; its ids are "
+                f"{_listed(sorted(known))}"
+            )
+    boxes = np.full((num_frames, len(ids), 4), np.nan)
+    for column, identity in enumerate(ids):
+        rows = (table.id == identity) & (table.frame >= 0) & (table.frame < num_frames)
+        boxes[table.frame[rows], column] = table.box[rows]
+    return boxes
+
+
+def parse_box(text: str) -> np.ndarray:
+    """Read a box typed as ``"x,y,w,h"``: float64 [4] in pixels.
+
+    Raises:
+        InputError: not four finite numbers, or no positive width and height.
+    """
+    remedy = "write x,y,w,h in pixels, such as 120,80,40,90"
+    fields = text.split(",")
+    if len(fields) != 4:
+        raise InputError(f"box '{text}' has {len(fields)} number(s) instead of 4; {remedy}")
+    values = []
+    for field in fields:
+        try:
+            values.append(float(field))
+        except ValueError:
+            raise InputError(
+                f"box '{text}' holds '{field.strip()}', which is not a number; {remedy}"
+            ) from None
+    if not all(map(math.isfinite, values)):
+        raise InputError(f"box '{text}' holds a value that is not finite; {remedy}")
+    if values[2] <= 0 or values[3] <= 0:
+        raise InputError(
+            f"box '{text}' has the size {values[2]:g} x {values[3]:g}; both must be positive, so "
+            f"{remedy}"
+        )
+    return np.array(values)
+
+
+def check_boxes(
+    boxes: ArrayLike, width: int, height: int, names: Sequence[object] | None = None
+) -> None:
+    """Refuse boxes that nothing can be tracked from; partly outside the frame is fine.
+
+    Args:
+        boxes: x, y, w, h [P, 4].
+        width: of the frames, pixels.
+        height: of the frames, pixels.
+        names: what messages call each box; by default its number, counting from 1.
+
+    Raises:
+        InputError: a box that is not finite, has no area, or lies outside the frame.
+    """
+    boxes = np.asarray(boxes, np.float64).reshape(-1, 4)
+    for index, (x, y, w, h) in enumerate(boxes):
+        name = f"box {index + 1}" if names is None else f"the box of {names[index]}"
+        shown = f"{name} ({x:g},{y:g},{w:g},{h:g})"
+        if not np.isfinite(boxes[index]).all():
+            raise InputError(f"{shown} is not finite; give four numbers x,y,w,h")
+        if w <= 0 or h <= 0:
+            raise InputError(f"{shown} has no area; give a positive width and height")
+        if x >= width or y >= height or x + w <= 0 or y + h <= 0:
+            raise InputError(
+                f"{shown} lies outside the {width}x{height} frame; give a box that overlaps it"
+            )
+
+
+def write_mot(
+    path: str | os.PathLike[str],
+    frames: ArrayLike,
+    ids: ArrayLike,
+    boxes: ArrayLike,
+    confidence: ArrayLike | None = None,
+) -> None:
+    """Write rows to a MOT file, which appears under its name only when complete.
+
+    Args:
+        path: the file to write or replace.
+        frames: int [K], counting from 0 (1 in the file).
+        ids: int [K].
+        boxes: x, y, w, h [K, 4], counting from 0 (x, y from 1 in the file), to 3 decimals; rows
+            that are not finite are left out.
+        confidence: [K]; 1 tracked (the default), 0 lost.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    frames = np.asarray(frames)
+    confidence = np.ones(len(frames)) if confidence is None else np.asarray(confidence)
+    boxes = np.asarray(boxes).reshape(-1, 4)
+    write_text(path, _rows(frames, np.asarray(ids), boxes, confidence))
+
+
+class TrackWriter(LineWriter):
+    """Append tracks to a MOT file, frame by frame; after every frame it holds whole lines only."""
+
+    def append(
+        self,
+        frame: int,
+        ids: ArrayLike,
+        boxes: ArrayLike,
+        confidence: ArrayLike | None = None,
+    ) -> None:
+        """Write the boxes of one frame.
+
+        Args:
+            frame: counting from 0.
+            ids: int [P].
+            boxes: x, y, w, h [P, 4], counting from 0; those that are not finite are left out.
+            confidence: [P]; 1 tracked (the default), 0 lost.
+
+        Raises:
+            InputError: the disk is full or the file cannot be written; it then ends with the
+                last whole frame.
+        """
+        ids = np.asarray(ids)
+        confidence = np.ones(len(ids)) if confidence is None else np.asarray(confidence)
+        boxes = np.asarray(boxes).reshape(-1, 4)
+        self.write_lines(_rows(np.full(len(ids), frame), ids, boxes, confidence))
+
+
+def _rows(frames: np.ndarray, ids: np.ndarray, boxes: np.ndarray, confidence: np.ndarray) -> str:
+    """MOT lines; the one place where memory's 0-based numbers become the file's 1-based."""
+    rows = []
+    for frame, identity, (x, y, w, h), value in zip(frames, ids, boxes, confidence, strict=True):
+        if np.isfinite((x, y, w, h)).all():
+            box = f"{x + 1:.3f},{y + 1:.3f},{w:.3f},{h:.3f}"
+            rows.append(f"{int(frame) + 1},{int(identity)},{box},{float(value):.6g},-1,-1,-1\n")
+    return "".join(rows)
+
+
+def _listed(values: Iterable[object], most: int = 12) -> str:
+    """``1, 2, 3``; runs of whole numbers as ``0-70``; shortened when there are many."""
+    numbers = [int(value) for value in values]  # type: ignore[call-overload]
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][1] + 1:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    parts: list[str] = []
+    for first, last in runs:
+        parts += [f"{first}-{last}"] if last - first > 1 else map(str, range(first, last + 1))
+    return ", ".join(parts[:most]) + (", ..." if len(parts) > most else "")
+
+
+def detections(
+    boxes: ArrayLike, ids: ArrayLike | None = None, confidence: ArrayLike | None = None
+) -> Any:
+    """Boxes of one frame as ``supervision.Detections``, to be drawn, filtered and counted there.
+
+    Args:
+        boxes: ``[P, 4]``, x, y, w, h in pixels; those that are not finite are left out.
+        ids: ``[P]``; by default from 1.
+        confidence: ``[P]``; by default none is told.
+
+    Raises:
+        InputError: supervision is missing.
+    """
+    try:
+        import supervision
+    except ModuleNotFoundError:
+        raise InputError(
+            "detections need supervision, which is missing; pip install 'jaxpf[formats]'."
+        ) from None
+    boxes = np.asarray(boxes, float)
+    there = np.isfinite(boxes).all(axis=-1)
+    ids = np.arange(1, len(boxes) + 1) if ids is None else np.asarray(ids, int)
+    return supervision.Detections(
+        xyxy=np.concatenate([boxes[there, :2], boxes[there, :2] + boxes[there, 2:]], axis=-1),
+        confidence=None if confidence is None else np.asarray(confidence, float)[there],
+        tracker_id=ids[there],
+    )

@@ -1,0 +1,56 @@
+"""How much memory runs and gradients need over many frames, as compiled: nothing is run."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from jaxpf.cli.benchmarks.gradients import PARTICLES, RUNS, mean_evidence
+from jaxpf.cli.benchmarks.problems import line_tracker
+from jaxpf.gradients import StopGradient
+from jaxpf.running import init
+
+#: Number of frames of ``of_gradients``, and the window of its last column.
+FRAMES, WINDOW = (100, 1000), 32
+
+
+def of_runs(
+    tracker: Any, num_partitions: int, frames: Sequence[int] = (10, 100, 1000)
+) -> Iterator[tuple[int, int]]:
+    """Bytes that a run over T frames on a line needs beyond its input and output."""
+
+    def track(key, observed):
+        def step(state, item):
+            state, summary = tracker.step(jax.random.fold_in(key, item[0]), state, item[1])
+            return state, summary.log_evidence
+
+        times = jnp.arange(observed.shape[0])
+        return lax.scan(step, init(tracker, key), (times, observed))[1]
+
+    for num_frames in frames:
+        observed = jnp.zeros((num_frames, num_partitions, 1))
+        yield num_frames, _bytes(jax.jit(track).lower(jax.random.key(0), observed))
+
+
+def of_gradients(
+    num_particles: int = PARTICLES,
+    lengths: Sequence[int] = FRAMES,
+    ways: Sequence[bool | int] = (False, True, WINDOW),
+) -> Iterator[tuple[int, list[int]]]:
+    """Number of frames, and the bytes a gradient needs there in each way of ``checkpoint``.
+
+    By default without, with every frame, and with windows of ``WINDOW`` frames; a 1-D model,
+    ``RUNS`` runs.
+    """
+    tracker = line_tracker(num_particles, gradient=StopGradient())
+    keys = jax.random.split(jax.random.key(0), RUNS)
+    gradient = jax.jit(jax.grad(mean_evidence, allow_int=True), static_argnums=3)
+    for num_frames in lengths:
+        frames = jnp.zeros((num_frames, 1, 1))
+        yield num_frames, [_bytes(gradient.lower(tracker, keys, frames, way)) for way in ways]
+
+
+def _bytes(lowered: Any) -> int:
+    return int(lowered.compile().memory_analysis().temp_size_in_bytes)

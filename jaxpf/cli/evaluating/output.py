@@ -1,0 +1,122 @@
+"""What ``jaxpf evaluate`` says: its plan before, its tables after."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+
+from jaxpf.cli.shared.console import print_table
+from jaxpf.contract.options import chosen, counting, plain
+from jaxpf.evaluation.results import OWN
+from jaxpf.files.writing import write_text
+from jaxpf.targets import find_adapter
+
+#: What a finished evaluation prints again; written last, once tables and report are.
+FINISHED = "finished.json"
+#: Files that people look for.
+_WRITTEN = (
+    "report.html",
+    "results.csv",
+    "summary.csv",
+    "summary.md",
+    "summary.tex",
+    "curves.csv",
+    "run.toml",
+)
+
+
+def show_plan(prepared: Any, workers: int, devices: int) -> None:
+    """What is compared, and what it costs."""
+    scene = prepared.settings["scene"]
+    count = len(scene["object_ids"])
+    click.echo(
+        f"{scene['name']}: {count} object{'s' if count != 1 else ''}, {len(prepared.truth)} frames "
+        f"after the start frame {scene['start_frame']}, {scene['width']} x {scene['height']} pixels"
+    )
+    columns, rows, common_to_all = _plan_table(prepared)
+    print_table("Plan", columns, rows)
+    if common_to_all:
+        click.echo(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
+    if prepared.damaged:
+        click.echo(f"{len(prepared.damaged)} damaged file(s) will be made again.")
+    has_own = any(one.kind == OWN for one in prepared.configurations)
+    place = f"on {devices} device{'s' if devices > 1 else ''}"
+    if workers > 1:
+        place = f"in each of {workers} processes {place}"
+    click.echo(
+        f"{prepared.missing_runs} runs to do: {_duration(prepared.seconds)}, about "
+        f"{prepared.memory / 2**30:.1f} GB of memory {place}"
+        + (", trackers of your own not counted" if has_own else "")
+    )
+
+
+def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, str]]:
+    """One row per method; and the parameters that all configurations have in common."""
+    of = find_adapter(prepared.settings["scene"]["target"]).target
+    by_method: dict[str, list[int]] = {}
+    values: dict[str, dict[str, None]] = {}
+    for index, configuration in enumerate(prepared.configurations):
+        by_method.setdefault(configuration.method, []).append(index)
+        counts = counting(chosen(of.options, configuration.parameters))
+        for name, value in configuration.parameters.items():
+            if counts.get(name, True):
+                values.setdefault(name, {})[plain(value)] = None
+    varied = [name for name, found in values.items() if len(found) > 1]
+    rows = []
+    for method, indices in by_method.items():
+        group = [prepared.configurations[index] for index in indices]
+        orderings = " ".join(dict.fromkeys(c.ordering for c in group))
+        cells = [" ".join(values[name]) if name in group[0].parameters else "" for name in varied]
+        runs = 1 if group[0].is_imported else prepared.plan.runs
+        done = sum(prepared.done[index] for index in indices)
+        rows.append([method, orderings, *cells, f"{len(group)} x {runs}", str(done)])
+    common_to_all = {name: next(iter(values[name])) for name in values if name not in varied}
+    common_to_all = {n: value for n, value in common_to_all.items() if value != plain(None)}
+    return ["method", "ordering", *varied, "runs", "done"], rows, common_to_all
+
+
+def _duration(seconds: float) -> str:
+    if math.isnan(seconds):
+        return "how long, the progress tells"
+    for unit, length in (("h", 3600), ("min", 60)):
+        if seconds >= 2 * length:
+            return f"about {seconds / length:.0f} {unit}"
+    return f"about {seconds:.0f} s"
+
+
+def print_results(results: Any, tables: Any) -> None:
+    """Print the summary, and keep it for ``print_again``."""
+    printed = {
+        "runs": results.runs,
+        "tables": [table._asdict() for table in tables.printed],
+        "remarks": list(tables.remarks),
+    }
+    write_text(results.folder / FINISHED, json.dumps(printed))
+    _print(results.folder, printed)
+
+
+def print_again(folder: Path, runs: int) -> bool:
+    """Print what the finished evaluation printed; false if a file is missing or of fewer runs."""
+    try:
+        printed = json.loads((folder / FINISHED).read_text(encoding="utf-8"))
+        whole = printed.keys() >= {"runs", "tables", "remarks"}
+    except (OSError, ValueError, RecursionError, AttributeError):
+        return False
+    if (
+        not whole
+        or printed["runs"] != runs
+        or not all((folder / name).is_file() for name in _WRITTEN)
+    ):
+        return False
+    _print(folder, printed)
+    return True
+
+
+def _print(folder: Path, printed: dict[str, Any]) -> None:
+    for table in printed["tables"]:
+        print_table(table["title"], table["columns"], table["rows"])
+    for remark in printed["remarks"]:
+        click.echo(remark)
+    click.echo(f"{folder}/: {', '.join(_WRITTEN)}")

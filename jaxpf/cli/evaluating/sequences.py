@@ -1,0 +1,147 @@
+"""``jaxpf evaluate`` of several sequences: one evaluation each, and a table over all."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+
+from jaxpf.cli.shared.config import write_config
+from jaxpf.cli.shared.console import print_table
+from jaxpf.cli.shared.scene_options import resolved_scene, scene_name
+from jaxpf.contract.errors import InputError
+from jaxpf.files.reading import read_text
+
+#: Options about what is in one sequence.
+_OF_ONE = ("ids", "start_frame", "tracks")
+
+
+class OneOf(NamedTuple):
+    """One of several scenes: what its results are called, where it is, its seed, its frames."""
+
+    name: str
+    source: str
+    seed: int
+    frames: int | None = None
+
+
+def scenes_of(source: str, seed: int) -> list[OneOf]:
+    """The scenes of a folder of sequences, or of a text file; none if it is a scene itself.
+
+    Args:
+        source: as it was typed.
+        seed: of scenes that name none.
+
+    Raises:
+        InputError: a line of the file is no scene and seed.
+    """
+    from scenes.sequences import sequences_in
+
+    path = Path(source)
+    if path.suffix == ".txt" and path.is_file():
+        expected = "one with a scene in each line, and a seed after it if it has one"
+        lines = enumerate(read_text(path, "scenes", f"{expected}.").splitlines(), start=1)
+        listed = [
+            _of_line(f"line {number} of '{path}'", line.split(), seed, path.parent)
+            for number, line in lines
+            if line.strip() and not line.lstrip().startswith("#")
+        ]
+        if not listed:
+            raise InputError(f"'{path}' lists no scene; give {expected}.")
+        return listed
+    return [OneOf(each.name, str(each), seed) for each in sequences_in(path)]
+
+
+def _of_line(place: str, words: Sequence[str], seed: int, folder: Path) -> OneOf:
+    if len(words) > 2 or (len(words) == 2 and not words[1].isdecimal()):
+        raise InputError(
+            f"{place} reads {' '.join(words)!r}; write a scene, and a seed after it if it has one."
+        )
+    source, *rest = words
+    beside = folder / source.rpartition(":")[0] if ":" in source else folder / source
+    if beside.exists() and source != ".":
+        source = str(folder / source)
+    name = "-".join([scene_name(source), *rest])
+    return OneOf(name, resolved_scene(source), int(rest[0]) if rest else seed)
+
+
+def evaluate_each(
+    request: Any,
+    each: Sequence[OneOf],
+    varied: Sequence[str],
+    evaluate: Callable[[Any], None],
+) -> None:
+    """Evaluate one scene after another, then tell what holds over all of them.
+
+    Args:
+        request: see ``jaxpf.cli.evaluating.command.Request``; of all of them.
+        each: the scenes.
+        varied: options of which several values were given.
+        evaluate: does one request.
+
+    Raises:
+        InputError: options of one sequence; fewer than two scenes of one kind.
+    """
+    options = request.options
+    for name in _OF_ONE:
+        if getattr(options, name):
+            flag = f"--{name.replace('_', '-')}"
+            raise InputError(f"{flag} is about one sequence; evaluate that one alone for it.")
+    kind, chosen = _of_one_kind(each, options.target, options.frames)
+    if len(chosen) < 2:
+        raise InputError(
+            f"'{request.scene}' holds {len(chosen)} sequence(s) that can be evaluated together; "
+            "give at least 2, or name one of them."
+        )
+    output = options.output or Path(f"jaxpf-{scene_name(request.scene)}")
+    for number, one in enumerate(chosen, start=1):
+        click.echo(f"\n{one.name} ({number} of {len(chosen)})")
+        its: dict[str, Any] = {"target": kind, "scene_seed": one.seed, "frames": one.frames}
+        its["output"] = output / one.name
+        evaluate(
+            dataclasses.replace(
+                request, scene=one.source, options=dataclasses.replace(options, **its)
+            )
+        )
+    if options.dry_run:
+        return
+    from jaxpf.evaluation.output.overall import FILES, UNITS, write_overall
+
+    tables = write_overall(output, [one.name for one in chosen], varied)
+    click.echo()
+    for table in tables:
+        print_table(*table)
+    write_config(output / "run.toml", "evaluate", request.table())
+    click.echo(UNITS)
+    click.echo(f"{output}/: {', '.join(FILES)}, run.toml, and a folder for each sequence")
+
+
+def _of_one_kind(
+    each: Sequence[OneOf], kind: str | None, frames: int | None
+) -> tuple[str | None, list[OneOf]]:
+    """Those whose truth is of that kind, by default the first one's, with at most so many frames.
+
+    It says which are left out.
+    """
+    from jaxpf.evaluation.opening import load_scene
+    from jaxpf.evaluation.work.scene import start_frame
+    from jaxpf.targets import adapter_of_scene
+    from scenes import open_folder
+
+    chosen: list[OneOf] = []
+    for one in each:
+        try:
+            is_folder = Path(one.source).is_dir()
+            scene = load_scene(one.source, one.seed, num_frames=2 if is_folder else None)
+            kind = adapter_of_scene(scene, kind).name
+        except InputError as error:
+            click.echo(f"{one.name} is left out: {error}", err=True)
+            continue
+        if one.name in {other.name for other in chosen}:
+            raise InputError(f"two sequences are called {one.name!r}; give one another seed.")
+        most = frames
+        if is_folder and frames is not None:
+            most = min(frames, open_folder(one.source).num_frames - start_frame(scene))
+        chosen.append(one._replace(frames=most))
+    return kind, chosen

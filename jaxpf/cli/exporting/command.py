@@ -1,0 +1,48 @@
+"""``jaxpf export``: results in the formats of other projects."""
+
+from pathlib import Path
+
+import click
+
+from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.contract.errors import InputError
+
+
+@click.command("export", cls=Speaking)
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("form", metavar="FORMAT", type=click.Choice(["coco", "cvat", "movement", "arviz"]))
+@click.argument("output", metavar="FILE", type=click.Path(path_type=Path))
+@click.option("--overwrite", is_flag=True, help="Replace the file if it is there.")
+def command(folder: Path, form: str, output: Path, overwrite: bool) -> None:
+    """Write the tracks in FOLDER, which `jaxpf track` filled, to FILE in another project's FORMAT.
+
+    coco: JSON with boxes, polygons or key points.  cvat: the archive that CVAT imports as "MOT
+    1.1".  movement: netCDF with positions, confidence and, where they are known, intervals.
+
+    arviz: netCDF of an evaluation, which `jaxpf evaluate` put into FOLDER, with runs as chains and
+    frames as draws.  It and movement need the extra `formats`.
+
+    Example: jaxpf export jaxpf-clip coco tracks.json
+    """
+    from jaxpf.cli.exporting.formats import FORMATS, read_tracked
+    from jaxpf.files.writing import check_output_file
+
+    of_evaluation = form == "arviz"
+    suffix = ".nc" if of_evaluation else FORMATS[form][0]
+    if output.suffix != suffix:
+        raise InputError(f"output '{output}' must end in {suffix}; rename it.")
+    if output.exists() and not overwrite:
+        raise InputError(f"'{output}' is there already; choose another FILE or --overwrite.")
+    check_output_file(output)
+    if of_evaluation:
+        from jaxpf.evaluation import Results
+        from jaxpf.evaluation.output.datatree import write_datatree
+
+        results = Results.open(folder)
+        write_datatree(output, results)
+        click.echo(f"{output}: {results.scene_name}, {results.runs} runs of each configuration")
+        return
+    tracked = read_tracked(folder)
+    FORMATS[form][1](output, tracked)
+    count, frames = len(tracked.names), len(tracked.lines)
+    click.echo(f"{output}: {count} {tracked.target} in {frames} frames")

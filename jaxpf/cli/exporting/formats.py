@@ -1,0 +1,305 @@
+"""Tracks in the formats of other projects: COCO, CVAT and ``movement``.
+
+All read the folder that ``jaxpf track`` wrote.  Frames and pixels count from 0 there, as in memory;
+each writer says where its format counts otherwise.
+"""
+
+import csv
+import dataclasses
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf.boxes.tables import read_boxes
+from jaxpf.boxes.tracks import dense
+from jaxpf.contract.errors import InputError
+from jaxpf.files.reading import read_text
+from jaxpf.files.writing import atomic_path, atomic_write, report_os_errors, write_text
+from jaxpf.media.video import open_frames
+
+#: What all that is tracked is called.
+_LABEL = "object"
+_INTERVAL = ("2.5", "50", "97.5")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Tracked:
+    """What a folder of results holds.
+
+    Attributes:
+        target: boxes, parts, points or contours.
+        names: ``[P]``.
+        lines: ``[T, P, S, 2]``, corners, outlines or points, pixels; NaN where there is none.
+        confidence: ``[T, P]``, that an object is where it is reported; 0 where it is lost.
+        intervals: ``[T, P, 2, 3]``, of the middle's x and y, below which 2.5, 50 and 97.5 % of the
+            particles lie; None where the folder has none.
+        video: what was tracked.
+        size: width and height of its frames.
+        fps: its frames per second.
+    """
+
+    target: str
+    names: tuple[str, ...]
+    lines: np.ndarray
+    confidence: np.ndarray
+    intervals: np.ndarray | None
+    video: str
+    size: tuple[int, int]
+    fps: float
+
+    @property
+    def boxes(self) -> np.ndarray:
+        """``[T, P, 4]``, x, y, w, h around the lines."""
+        low, high = self.lines.min(axis=2), self.lines.max(axis=2)
+        return np.concatenate([low, high - low], axis=-1)
+
+    @property
+    def there(self) -> np.ndarray:
+        """``[K, 2]``: frame and object, wherever there is one."""
+        return np.argwhere(np.isfinite(self.lines).all(axis=(2, 3)))
+
+
+def read_tracked(folder: Path) -> Tracked:
+    """Read the results of ``jaxpf track``.
+
+    Raises:
+        InputError: a file is missing or holds something else, or the video is gone.
+    """
+    text = read_text(folder / "summary.json", "results", "a folder that `jaxpf track` wrote")
+    try:
+        about = json.loads(text)["parameters"]
+        target, video = about["target"], about["video"]
+    except (json.JSONDecodeError, KeyError, TypeError):
+        raise InputError(
+            f"'{folder / 'summary.json'}' is no summary of `jaxpf track`; give its output folder."
+        ) from None
+    names, lines, confidence = (_read_boxes if target == "boxes" else _read_lines)(
+        folder / "tracks.csv"
+    )
+    source = open_frames(video)
+    return Tracked(
+        target,
+        names,
+        lines,
+        confidence,
+        _read_intervals(folder / "uncertainty.csv", names, len(lines)),
+        str(video),
+        (source.width, source.height),
+        source.fps,
+    )
+
+
+def _read_boxes(path: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    table = read_boxes(path)
+    ids = sorted(set(table.id.tolist()))
+    boxes = dense(table, ids, int(table.frame.max()) + 1)
+    confidence = np.zeros(boxes.shape[:2])
+    confidence[table.frame, np.searchsorted(ids, table.id)] = table.confidence
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    lines = boxes[:, :, None, :2] + corners * boxes[:, :, None, 2:]
+    return tuple(map(str, ids)), lines, confidence
+
+
+def _read_lines(path: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Tracks of parts, points or contours, told by their header."""
+    rows = _rows(path)
+    if "kind" in rows[0]:
+        rows = [row for row in rows if row["kind"] == "outline"]
+    # A contour's tracks have a column of points, too.
+    who = next((name for name in ("part", "contour", "point") if name in rows[0]), "")
+    try:
+        names = tuple(dict.fromkeys(row[who] for row in rows))
+        length = 1 + max(int(row["point"]) for row in rows) if who == "contour" else 1
+        last = max(int(row["frame"]) for row in rows)
+        places = np.full((last + 1, len(names), 4 if who == "part" else length, 2), np.nan)
+        confidence = np.zeros(places.shape[:2])
+        for row in rows:
+            frame, name = int(row["frame"]), names.index(row[who])
+            place = np.array([float(row["x"]), float(row["y"])])
+            if who == "part":
+                places[frame, name] = _corners(place, row)
+            else:
+                places[frame, name, int(row["point"]) if who == "contour" else 0] = place
+            confidence[frame, name] = 1 - float(row.get("lost", 0))
+    except (KeyError, ValueError):
+        raise InputError(
+            f"'{path}' holds no tracks of parts, points or contours; give the output folder of "
+            "`jaxpf track`."
+        ) from None
+    return names, places, confidence
+
+
+def _corners(centre: np.ndarray, row: dict[str, str]) -> np.ndarray:
+    angle = np.deg2rad(float(row["angle"]))
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    half = np.array([float(row["w"]), float(row["h"])]) / 2
+    return centre + (np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half) @ turn
+
+
+def _read_intervals(path: Path, names: tuple[str, ...], num_frames: int) -> np.ndarray | None:
+    if not path.is_file():
+        return None
+    found = np.full((num_frames, len(names), 2, len(_INTERVAL)), np.nan)
+    for row in _rows(path):
+        if row.get("x_50") and row["id"] in names and int(row["frame"]) < num_frames:
+            found[int(row["frame"]), names.index(row["id"])] = [
+                # An end that nobody knows is an empty field.
+                [float(row[f"{axis}_{level}"] or "nan") for level in _INTERVAL]
+                for axis in "xy"
+            ]
+    return found if np.isfinite(found).any() else None
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    with report_os_errors("read", path), path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    if not rows:
+        raise InputError(f"'{path}' holds no tracks.")
+    return rows
+
+
+def write_coco(path: Path, tracked: Tracked) -> None:
+    """COCO's JSON: an image per frame; boxes, polygons, or a skeleton of all points.
+
+    ``track_id`` and ``score``, the confidence, stand beside COCO's own keys, as usual for tracks.
+    """
+    width, height = tracked.size
+    name = Path(tracked.video).stem
+    of_points = tracked.target == "points"
+    category: dict[str, Any] = {"id": 1, "name": _LABEL}
+    if of_points:
+        category |= {"keypoints": list(tracked.names), "skeleton": []}
+    annotations = list((_skeletons if of_points else _shapes)(tracked))
+    content = {
+        "images": [
+            {"id": t + 1, "file_name": f"{name}_{t:06d}.png", "width": width, "height": height}
+            for t in range(len(tracked.lines))
+        ],
+        "annotations": [
+            {"id": number, "category_id": 1, "iscrowd": 0, **one}
+            for number, one in enumerate(annotations, start=1)
+        ],
+        "categories": [category],
+    }
+    write_text(path, json.dumps(content))
+
+
+def _shapes(tracked: Tracked) -> Any:
+    boxes = tracked.boxes
+    for t, p in tracked.there:
+        line = tracked.lines[t, p]
+        # A contour that does not end where it begins is no polygon.
+        closed = tracked.target != "contours" or np.allclose(line[0], line[-1], atol=0.01)
+        x, y = line.T
+        area = abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2
+        yield {
+            "image_id": int(t) + 1,
+            "track_id": int(p) + 1,
+            "bbox": _rounded(boxes[t, p]),
+            "area": round(float(area if closed else boxes[t, p, 2:].prod()), 3),
+            "segmentation": [_rounded(line.ravel())] if closed else [],
+            "score": round(float(tracked.confidence[t, p]), 4),
+        }
+
+
+def _skeletons(tracked: Tracked) -> Any:
+    for t, points in enumerate(tracked.lines[:, :, 0]):
+        there = np.isfinite(points).all(axis=1)
+        if not there.any():
+            continue
+        low, high = points[there].min(axis=0), points[there].max(axis=0)
+        # COCO: 0 not labelled, 1 labelled and not visible, 2 visible.
+        seen = np.where(there, 1 + (tracked.confidence[t] > 0), 0)
+        marks = np.column_stack([np.where(there[:, None], points, 0), seen])
+        yield {
+            "image_id": t + 1,
+            "track_id": 1,
+            "bbox": _rounded([*low, *(high - low)]),
+            "area": round(float((high - low).prod()), 3),
+            "keypoints": _rounded(marks.ravel()),
+            "num_keypoints": int(there.sum()),
+        }
+
+
+def write_cvat(path: Path, tracked: Tracked) -> None:
+    """CVAT's "MOT 1.1" archive: frames count from 1, pixels from 0.
+
+    Raises:
+        InputError: points, which have no box; or the file cannot be written.
+    """
+    if tracked.target == "points":
+        raise InputError("CVAT's MOT archive holds boxes, and points have none; choose coco.")
+    boxes = tracked.boxes
+    lines = (
+        ",".join([str(t + 1), str(p + 1), *map(str, _rounded(boxes[t, p])), "1,1,1"])
+        for t, p in tracked.there
+    )
+    with atomic_write(path, "wb") as file, zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("gt/gt.txt", "\n".join(lines) + "\n")
+        archive.writestr("gt/labels.txt", f"{_LABEL}\n")
+
+
+def write_movement(path: Path, tracked: Tracked) -> None:
+    """A netCDF file in ``movement``'s layout: poses for points, bounding boxes for all else.
+
+    ``position``, ``shape`` (of boxes) and ``confidence`` are ``movement``'s own; ``interval``
+    ``[time, space, level, ...]``, of the position, in percent of the particles, is added.
+
+    Raises:
+        InputError: xarray is missing, or the file cannot be written.
+    """
+    try:
+        import xarray
+    except ModuleNotFoundError:
+        raise InputError(
+            "movement's files need xarray, which is missing; pip install 'jaxpf[formats]'."
+        ) from None
+
+    def turned(values: np.ndarray) -> np.ndarray:  # [T, P, ...] -> [T, ..., P]
+        moved = np.moveaxis(values, 1, -1)
+        return moved[..., None] if of_points else moved
+
+    of_points = tracked.target == "points"
+    boxes = tracked.boxes
+    whose = ["keypoints", "individuals"] if of_points else ["individuals"]
+    values = {
+        "position": (["time", "space", *whose], turned(boxes[..., :2] + boxes[..., 2:] / 2)),
+        "confidence": (["time", *whose], turned(tracked.confidence)),
+    }
+    coordinates: dict[str, Any] = {
+        "time": np.arange(len(boxes)) / tracked.fps,
+        "space": ["x", "y"],
+        "individuals": ["object"] if of_points else [f"id_{name}" for name in tracked.names],
+    }
+    if of_points:
+        coordinates["keypoints"] = list(tracked.names)
+    else:
+        values["shape"] = (["time", "space", *whose], turned(boxes[..., 2:]))
+    if tracked.intervals is not None:
+        values["interval"] = (["time", "space", "level", *whose], turned(tracked.intervals))
+        coordinates["level"] = [float(level) for level in _INTERVAL]
+    about = {
+        "ds_type": "poses" if of_points else "bboxes",
+        "source_software": "jaxpf",
+        "source_file": str(tracked.video),
+        "fps": tracked.fps,
+        "time_unit": "seconds",
+    }
+    with atomic_path(path) as temporary:
+        xarray.Dataset(values, coordinates, about).to_netcdf(temporary, engine="scipy")
+
+
+def _rounded(values: Any) -> list[float]:
+    return [round(float(value), 3) for value in values]
+
+
+#: Format -> how its file is called at the end, and what writes it.
+FORMATS: dict[str, tuple[str, Callable[[Path, Tracked], None]]] = {
+    "coco": (".json", write_coco),
+    "cvat": (".zip", write_cvat),
+    "movement": (".nc", write_movement),
+}

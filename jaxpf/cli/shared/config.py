@@ -1,0 +1,159 @@
+"""Configuration files: TOML tables that hold a command's options, read and written."""
+
+import tomllib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from jaxpf.cli.shared.flags import Flag, NumberList
+from jaxpf.contract.errors import InputError
+from jaxpf.files.writing import atomic_write
+from jaxpf.targets import find_adapter
+
+#: Beyond this, whole numbers are no longer told apart once they are real ones.
+_LARGEST_WHOLE = 2**53
+
+
+def _load(ctx: click.Context, param: click.Parameter, path: str | None) -> str | None:
+    if path is not None:
+        ctx.default_map = _read_config(Path(path), ctx)
+    return path
+
+
+_ABOUT: dict[str, Any] = {
+    "metavar": "FILE",
+    "callback": _load,
+    "is_eager": True,
+    "expose_value": False,
+    "help": "TOML file with options; what is typed wins.  Every run writes one.",
+}
+
+
+def config_flag(section: str = "Options") -> Flag:
+    """``--config FILE``: defaults for the options from the command's table in a TOML file."""
+    return Flag(["--config"], section=section, **_ABOUT)
+
+
+def config_option() -> Callable:
+    """The same as a decorator."""
+    return click.option("--config", cls=Flag, **_ABOUT)
+
+
+def target_in(arguments: Sequence[str]) -> str | None:
+    """What the file of a ``--config`` among arguments says is tracked; None where nothing does."""
+    for index, argument in enumerate(arguments):
+        flag, equals, path = argument.partition("=")
+        if flag == "--config" and (equals or index + 1 < len(arguments)):
+            path = path if equals else arguments[index + 1]
+            target = _table(Path(path), "track").get("target")
+            return None if target is None else find_adapter(str(target)).name
+    return None
+
+
+def _table(path: Path, name: str) -> dict[str, Any]:
+    try:
+        with open(path, "rb") as file:
+            content = tomllib.load(file)
+    except OSError as error:
+        raise InputError(
+            f"cannot read the configuration '{path}': {(error.strerror or '').lower()}; check the "
+            "path."
+        ) from None
+    except RecursionError:
+        raise InputError(
+            f"the configuration '{path}' is nested too deeply; write a table [{name}] of options."
+        ) from None
+    except ValueError as error:  # of TOML, of UTF-8, of a number with thousands of digits
+        cause = str(error).partition(";")[0]
+        raise InputError(f"the configuration '{path}' is not valid TOML: {cause}.") from None
+    table = content.get(name)
+    if not isinstance(table, dict):
+        raise InputError(f"the configuration '{path}' has no table [{name}]; add one.")
+    return table
+
+
+def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
+    name = getattr(ctx.command, "table", ctx.command.name) or ""
+    table = _table(path, name)
+    target = getattr(ctx.command, "adapter", None)
+    if target is not None and table.pop("target", target.name) != target.name:
+        raise InputError(
+            f"the configuration '{path}' is not of {target.name}, which are tracked here; leave "
+            f"'{target.name}' out before the video, or take another configuration."
+        )
+    known = {param.name: param for param in ctx.command.params if param.name != "config"}
+    options = {}
+    for key, value in table.items():
+        param = known.get(key.replace("-", "_"))
+        if param is None:
+            hint = getattr(ctx.command, "hint", lambda flag: "")(f"--{key.replace('_', '-')}")
+            if hint:
+                raise InputError(f"the configuration '{path}' sets '{key}' in [{name}]: {hint}")
+            raise InputError(
+                f"the configuration '{path}' sets '{key[:40]}' in [{name}], which is no option; "
+                f"the options are {', '.join(sorted(map(str, known)))}."
+            )
+        suits, wanted = _suits(param, value)
+        if not suits:
+            raise InputError(
+                f"the configuration '{path}' sets '{key}' in [{name}] to {_shown(value)}; give "
+                f"{wanted}."
+            )
+        if isinstance(param, click.Option) and param.multiple:
+            value = [item if isinstance(item, str) else ",".join(map(str, item)) for item in value]
+        options[str(param.name)] = value
+    return options
+
+
+def _suits(param: click.Parameter, value: Any) -> tuple[bool, str]:
+    """Whether a TOML value has the option's type, which click would force it into; and the type."""
+    kind = param.type
+    if isinstance(param, click.Option) and param.multiple:
+        suits = isinstance(value, list) and all(
+            isinstance(item, str) or _are_numbers(item, float) for item in value
+        )
+        return suits, "a list such as [[120, 80, 40, 90], [300, 85, 42, 88]]"
+    if isinstance(kind, NumberList):
+        return isinstance(value, str) or _are_numbers(value, kind.kind), f"a list of {kind.name}"
+    if isinstance(kind, click.types.BoolParamType):
+        return isinstance(value, bool), "true or false"
+    if isinstance(kind, click.types.IntParamType):
+        return _are_numbers([value], int), "a whole number"
+    if isinstance(kind, click.types.FloatParamType):
+        return _are_numbers([value], float), "a number"
+    return isinstance(value, str) and "\0" not in value, "a text in quotes"
+
+
+def _are_numbers(values: Any, kind: type) -> bool:
+    allowed = int if kind is int else int | float
+    return isinstance(values, list) and all(
+        isinstance(value, allowed)
+        and not isinstance(value, bool)
+        and (isinstance(value, float) or abs(value) < _LARGEST_WHOLE)
+        for value in values
+    )
+
+
+def _shown(value: Any) -> str:
+    """A value as TOML spells it, near enough for a message, and not too long for one."""
+    if isinstance(value, int) and abs(value) >= _LARGEST_WHOLE:
+        return f"a number beyond {_LARGEST_WHOLE}"
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    return text if len(text) <= 80 else f"{text[:80]}..."
+
+
+def write_config(path: Path, command: str, options: dict[str, Any]) -> None:
+    """Write the TOML file that repeats a run; options that are None are left out."""
+    import tomli_w
+
+    kept = {key: _plain(value) for key, value in options.items() if value is not None}
+    with atomic_write(path, "wb") as file:
+        tomli_w.dump({command: kept}, file)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return str(value) if isinstance(value, Path) else value

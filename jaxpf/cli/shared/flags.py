@@ -1,0 +1,331 @@
+"""Flags of declared options, and help that fits on a screen.
+
+The classes of options (``jaxpf.contract.options``) say all there is to say of an option; one loop makes its
+flag.  Help shows the common options section by section, and of the others the names alone, which
+``--help-all`` explains.
+"""
+
+import dataclasses
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from jaxpf import filters
+from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.options import OPEN, Option, counting, options_of, plain
+from jaxpf.targets import adapters
+from jaxpf.targets.building import filled
+
+
+class NumberList(click.ParamType):
+    """Numbers separated by commas, such as ``4,2,0.003``."""
+
+    def __init__(self, kind: type = float, length: int | None = None, opens: bool = False):
+        self.kind, self.length, self.opens = kind, length, opens
+        self.name = "whole numbers" if kind is int else "numbers"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        """Text or a list (from a TOML file) to a list of numbers; "auto" where that is a value."""
+        if self.opens and value == OPEN:
+            return value
+        parts = value.split(",") if isinstance(value, str) else list(value)
+        try:
+            numbers = [self.kind(part) for part in parts]
+        except (TypeError, ValueError):
+            self.fail(f"{value!r} is not {self.name} separated by commas.", param, ctx)
+        if self.length is not None and len(numbers) != self.length:
+            self.fail(
+                f"{value!r} holds {len(numbers)} number(s); give {self.length} of them.", param, ctx
+            )
+        return numbers
+
+
+class Flag(click.Option):
+    """An option with its place in the help.
+
+    Attributes:
+        section: under which it stands.
+        common: whether ``--help`` explains it, or names it only.
+    """
+
+    def __init__(
+        self, *spellings: Any, section: str = "Options", common: bool = True, **about: Any
+    ):
+        super().__init__(*spellings, **about)
+        self.section, self.common = section, common
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        """Spellings and help: its first sentence and the default, unless all is asked for."""
+        record = super().get_help_record(ctx)
+        if record is None or ctx.meta.get(ALL):
+            return record
+        first, *_, last = record[1].split(".  ") * 2
+        default = f".  {last}" if last != first and last.startswith("[default") else ""
+        return record[0], first.removesuffix(".") + (default or ".")
+
+
+class Command(Speaking):
+    """A command whose help has sections: see ``Flag``.
+
+    ``--help`` tells of the common options what each is in a sentence, and of the others the names;
+    ``--help-all`` tells all.
+    """
+
+    def __init__(self, *arguments: Any, more: str = "", **settings: Any):
+        """Make the command.
+
+        Args:
+            arguments: see ``click.Command``.
+            more: what ``--help-all`` says further.
+            settings: see ``click.Command``.
+        """
+        super().__init__(*arguments, **settings)
+        self.more = more
+        self.params.append(_help_all())
+
+    def shown(self, ctx: click.Context) -> list[click.Parameter]:
+        """What help tells of, in its order."""
+        return self.get_params(ctx)
+
+    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write what the command does."""
+        super().format_help_text(ctx, formatter)
+        if ctx.meta.get(ALL) and self.more:
+            formatter.write_paragraph()
+            with formatter.indentation():
+                formatter.write_text(self.more)
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the sections, then the names of what they leave out."""
+        told: dict[str, list[tuple[str, str]]] = {}
+        left_out: dict[str, list[str]] = {}
+        title = "Options"
+        for param in self.shown(ctx):
+            if not isinstance(param, click.Option):
+                continue
+            title = getattr(param, "section", title)
+            if not ctx.meta.get(ALL) and not getattr(param, "common", True):
+                left_out.setdefault(title, []).append(param.opts[0])
+            elif record := param.get_help_record(ctx):
+                told.setdefault(title, []).append(record)
+        for title, records in told.items():
+            with formatter.section(title):
+                formatter.write_dl(records, col_max=26)
+        if left_out:
+            rows: list[tuple[str, str]] = []
+            for title, names in left_out.items():
+                width = formatter.width - 2 - max(map(len, left_out)) - 2
+                lines = textwrap.wrap(" ".join(names), width, break_on_hyphens=False)
+                rows += zip([title, *[""] * len(lines)], lines, strict=False)
+            with formatter.section("More, which --help-all explains"):
+                formatter.write_dl(rows)
+
+
+ALL = "jaxpf.cli.help_all"
+
+
+def _help_all() -> click.Option:
+    def show(ctx: click.Context, param: click.Parameter, wanted: bool) -> None:
+        if wanted and not ctx.resilient_parsing:
+            ctx.meta[ALL] = True
+            click.echo(ctx.get_help(), color=ctx.color)
+            ctx.exit()
+
+    return click.Option(
+        ["--help-all"],
+        is_flag=True,
+        is_eager=True,
+        expose_value=False,
+        callback=show,
+        help="Explain every option, and exit.",
+    )
+
+
+def declared_flags(
+    declared: Mapping[str, Option],
+    section: str,
+    *,
+    defaults: Mapping[str, Any] | None = None,
+    grid: bool = False,
+    rare: Sequence[str] | None = None,
+) -> list[Flag]:
+    """The flags of declared options.
+
+    Args:
+        declared: name -> option, see ``jaxpf.contract.options.options_of``.
+        section: of the help.
+        defaults: where others than the declared ones hold, for the help.
+        grid: for several values of each, separated by commas; an option of several numbers is
+            repeated instead.
+        rare: of a command's own options, those that help explains on request only; what is true or
+            false is a flag without a value there.
+    """
+    found = []
+    for one in declared.values():
+        default = (defaults or {}).get(one.name, one.default)
+        about: dict[str, Any] = {
+            "section": section,
+            "common": one.common if rare is None else one.name not in rare,
+            "help": _help(one, default),
+        }
+        spellings = [one.flag, *one.flags, one.name]
+        if rare is not None and one.kind is bool:
+            about |= {"is_flag": True, "default": None}
+            if one.default:
+                spellings[0] = f"{one.flag}/--no-{one.flag.removeprefix('--')}"
+        else:
+            about["type"], about["multiple"] = _click_type(one, grid)
+        found.append(Flag(spellings, **about))
+    return found
+
+
+def _help(one: Option, default: Any) -> str:
+    text = one.help
+    if one.name != "method" and not all(choice in text for choice in one.choices):
+        text = f"{', '.join(one.choices)}.  {text}"
+    if default is None or default is False or default == () or "default" in text:
+        return text
+    return f"{text}  [default: {'on' if default is True else plain(default)}]"
+
+
+def _click_type(one: Option, grid: bool) -> tuple[Any, bool]:
+    if one.kind is Path:
+        return click.Path(path_type=Path), False
+    if one.kind is str and one.length:
+        return str, True
+    if one.length:
+        counted = one.length > 0 and not one.per_object
+        return NumberList(one.kind, one.length if counted else None, one.opens), grid
+    if not grid or one.kind is bool:
+        return one.kind, False
+    return (str if one.kind is str else NumberList(one.kind)), False
+
+
+def filter_flags(
+    defaults: Mapping[str, Any],
+    *,
+    grid: bool = False,
+    without: Sequence[str] = (),
+    methods: Sequence[str] = (),
+) -> list[Flag]:
+    """The flags of all filters: first what several have, then those of each.
+
+    Args:
+        defaults: where a target's differ from the filters'.
+        grid: see ``declared_flags``.
+        without: names to leave out.
+        methods: whose filters are meant; all by default.
+    """
+    every = list(filters.all_filters().values())
+    meant = options_of(
+        *(one.options for one in every if not methods or set(one.methods) & set(methods))
+    )
+    shared: dict[str, Option] = {}
+    for one in every:
+        for name, its in options_of(one.options).items():
+            if sum(name in options_of(other.options) for other in every) > 1:
+                known = shared.setdefault(name, its)
+                if its.help not in known.help:
+                    shared[name] = dataclasses.replace(known, help=f"{known.help}  {its.help}")
+    told = shared["method"]
+    names = f"{', '.join(filters.methods())}."
+    shared["method"] = dataclasses.replace(told, help=f"{names}  {told.help}")
+    sections = {"Filter": shared}
+    for one in every:
+        own = options_of(one.options)
+        sections["Of " + ", ".join(one.methods)] = {n: own[n] for n in own if n not in shared}
+    return [
+        flag
+        for title, those in sections.items()
+        for flag in declared_flags(
+            {n: its for n, its in those.items() if n in meant and n not in without},
+            title,
+            defaults=defaults,
+            grid=grid,
+        )
+    ]
+
+
+def start_flags(flags: Mapping[str, Mapping[str, Any]], section: str) -> list[Flag]:
+    """The flags by which a target is told where it starts."""
+    found = []
+    for name, about in flags.items():
+        kind = about.get("type", str)
+        if isinstance(kind, list):
+            given: Any = NumberList(kind[0])
+        else:
+            given = click.Path(path_type=Path) if kind is Path else kind
+        spelling = f"--{name.replace('_', '-')}"
+        found.append(Flag([spelling], section=section, **{**about, "type": given}))
+    return found
+
+
+def given_in(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of the values of flags that were given."""
+    return {name: value for name, value in values.items() if value not in (None, ())}
+
+
+def as_typed(options: Any) -> dict[str, Any]:
+    """Options that count, by name, as people type them; None for the others."""
+    counts, found = counting(options), {}
+    for name, one in options_of(options).items():
+        value = getattr(options, name) if counts[name] else None
+        if one.places and value and value != OPEN:
+            value = [place + 1 for place in value]
+        found[name] = value
+    return found
+
+
+def picked(
+    values: Mapping[str, Any], owner: type, defaults: Mapping[str, Any] | None = None
+) -> Any:
+    """An instance of a class of options from flags; those that were not given have defaults.
+
+    Raises:
+        InputError: a value out of range; the sentence names the flag.
+    """
+    given = {
+        name: one.checked(_from_people(one, values[name]), one.flag)
+        for name, one in options_of(owner).items()
+        if name in given_in(values)
+    }
+    return filled(owner, given, defaults)
+
+
+def _from_people(one: Option, value: Any) -> Any:
+    """People count places from 1."""
+    if not one.places or value == OPEN:
+        return value
+    if any(place < 1 for place in value):
+        raise InputError(f"{one.flag} {plain(value)} counts from 1; name no place below.")
+    return tuple(place - 1 for place in value)
+
+
+def refuse_others(values: Mapping[str, Any], target: Any, its: Any) -> None:
+    """Refuse options of another target, or of another filter.
+
+    Args:
+        values: of flags.
+        target: what is tracked.
+        its: the filter that tracks it.
+
+    Raises:
+        InputError: which.
+    """
+    own = options_of(target.options, its.options)
+    every: dict[str, Any] = {name: one.target for name, one in adapters().items()}
+    every |= filters.all_filters()
+    for name in [name for name in given_in(values) if name not in own]:
+        having = {n: options_of(one.options) for n, one in every.items()}
+        owners = [n for n, options in having.items() if name in options]
+        if owners:
+            chosen = its.name if owners[0] in filters.all_filters() else target.name
+            raise InputError(
+                f"{having[owners[0]][name].flag} is an option of {' and '.join(owners)}, and not "
+                f"of {chosen}, which was chosen, perhaps by default or by --method; leave one of "
+                "them out."
+            )

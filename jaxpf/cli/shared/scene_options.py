@@ -1,0 +1,186 @@
+"""What `jaxpf evaluate` and `jaxpf tune` share: a scene, and the options of what is in it."""
+
+import contextlib
+import dataclasses
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from jaxpf import filters
+from jaxpf.cli.shared.config import config_flag
+from jaxpf.cli.shared.flags import ALL, Command, Flag, declared_flags, filter_flags
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.options import option, options_of
+from jaxpf.targets import adapter_of_scene, adapters, find_adapter
+
+_TARGET, _METHODS = "jaxpf.cli.target", "jaxpf.cli.methods"
+
+
+@dataclasses.dataclass(frozen=True)
+class SceneOptions:
+    """Which scene is meant, and what of it; see the help of each."""
+
+    target: str | None = option(
+        None, f"What the objects are: {', '.join(adapters())}; by default what the truth tells."
+    )
+    set: tuple[str, ...] = option(
+        (), "NAME=VALUE, a parameter of a synthetic scene, such as lead_distance=60; repeat it."
+    )
+    scene_seed: int = option(0, "Seed of a synthetic scene, or of the first.")
+    ids: tuple[int, ...] | None = option(
+        None, "Objects of a folder's truth, such as 1,2,5; by default all in the start frame."
+    )
+    frames: int | None = option(None, "Of a folder: how many, the start frame included.")
+    start_frame: int | None = option(
+        None, "Of a folder, from 0; by default the first with all objects."
+    )
+
+
+class SceneCommand(Command):
+    """A command on a scene, which has the options of the scene's target and of its methods.
+
+    Which those are is known once the scene is opened: all are parsed, those of others are refused
+    then, and ``COMMAND SCENE --help`` explains what there is for this one.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        options: Mapping[str, type],
+        callback: Callable[..., None],
+        *,
+        rare: Sequence[str],
+        grid: bool = False,
+        without: Sequence[str] = (),
+        defaults: Mapping[str, Any] | None = None,
+        **settings: Any,
+    ):
+        """Make the command.
+
+        Args:
+            name: by which it is called.
+            options: section of the help -> class of options of its own.
+            callback: function of all values by name.
+            rare: see ``declared_flags``.
+            grid: see there.
+            without: names of filters' options to leave out.
+            defaults: where the command's differ.
+            settings: see ``Command``.
+        """
+        own = [
+            flag
+            for section, owner in options.items()
+            for flag in declared_flags(options_of(owner), section, rare=rare)
+        ]
+        params = [click.Argument(["scene"]), *own, config_flag(own[-1].section)]
+        super().__init__(name, params=params, callback=callback, **settings)
+        self._own, self._about = list(self.params), (grid, tuple(without), defaults or {})
+        flags = [flag for name in adapters() for flag in self._of_target(name)]
+        by_name = {flag.name: flag for flag in reversed([*flags, *self._of_filters({})])}
+        self.params = [*self.params, *reversed(by_name.values())]
+
+    def _of_target(self, name: str) -> list[Flag]:
+        grid, _, defaults = self._about
+        declared = options_of(find_adapter(name).target.options)
+        return declared_flags(declared, f"Of {name}", defaults=defaults, grid=grid)
+
+    def _of_filters(self, of_target: Mapping[str, Any], methods: Sequence[str] = ()) -> list[Flag]:
+        grid, without, defaults = self._about
+        defaults = {**of_target, **defaults}
+        return filter_flags(defaults, grid=grid, without=without, methods=methods)
+
+    def shown(self, ctx: click.Context) -> list[click.Parameter]:
+        """Explain the options of the scene's target and of the methods that are named; without a
+        scene those of all targets, on request.
+        """
+        named, methods = ctx.meta.get(_TARGET), ctx.meta.get(_METHODS, ())
+        names = [named] if named else adapters()
+        of = [flag for name in names for flag in self._of_target(name)]
+        for flag in of:
+            flag.common = bool(named)
+        its = self._of_filters(find_adapter(named).target.defaults if named else {}, methods)
+        own = [*self._own, *self.get_params(ctx)[-1:], *its]
+        return [*own, *of] if named or ctx.meta.get(ALL) else own
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does; where help is wanted, it is that of the scene."""
+        wanted = {"-h", "--help", "--help-all"} & set(args)
+        if wanted and not ctx.resilient_parsing:
+            others = [text for text in args if text not in wanted]
+            with contextlib.suppress(InputError):
+                asked = self.make_context(self.name, others, ctx.parent, resilient_parsing=True)
+                ctx.meta[_METHODS] = _methods_of(asked.params)
+                ctx.meta[_TARGET] = _target_of(asked.params)
+        return super().parse_args(ctx, args)
+
+
+def _target_of(values: Mapping[str, Any]) -> str | None:
+    """The target of a scene that was named; None without one."""
+    from jaxpf.evaluation.opening import load_scene
+
+    if values["target"] or not values["scene"]:
+        return values["target"]
+    return adapter_of_scene(load_scene(values["scene"])).name
+
+
+def _methods_of(values: Mapping[str, Any]) -> list[str]:
+    """The methods that were named, as ``evaluate`` or ``tune`` has them; none are all."""
+    named = names_in(values.get("methods") or values.get("method") or "")
+    for method in named:
+        filters.filter_of(method)
+    return named
+
+
+def resolved_scene(source: str) -> str:
+    """A scene with its folder or file in full, so that run.toml works from anywhere."""
+    import scenes
+
+    place, colon, function = source.rpartition(":")
+    if colon and Path(place).is_file():
+        return f"{Path(place).resolve()}:{function}"
+    path = Path(source)
+    is_folder = path.exists() and (source != path.name or source not in scenes.names())
+    return str(path.resolve()) if is_folder else source
+
+
+def scene_name(source: str) -> str:
+    """What to call the output folder of a scene."""
+    return Path(source.rpartition(":")[2] or source).name
+
+
+def names_in(text: str) -> list[str]:
+    """Names separated by commas."""
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def pair(option: str, text: str, convert: Callable[[str], Any]) -> tuple[str, Any]:
+    """Name and value of ``NAME=VALUE``.
+
+    Raises:
+        InputError: it has another form.
+    """
+    name, equals, value = text.partition("=")
+    if not (equals and name.strip() and value.strip()):
+        raise InputError(f"{option} {text!r} must have the form NAME=VALUE.")
+    return name.strip(), convert(value.strip())
+
+
+def scene_parameters(texts: Sequence[str]) -> dict[str, Any]:
+    """What every ``--set`` says; a value is a number, true, false, none, or else a text.
+
+    Raises:
+        InputError: one has another form than NAME=VALUE.
+    """
+    return dict(pair("--set", text, _value) for text in texts)
+
+
+def _value(text: str) -> Any:
+    if text.lower() in ("none", "null"):
+        return None
+    try:
+        return json.loads(text.lower() if text.lower() in ("true", "false") else text)
+    except ValueError:
+        return text

@@ -1,0 +1,44 @@
+"""Commands that refuse in terms of what was typed: ``--frames 0``, not ``num_frames = 0``."""
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import click
+
+from jaxpf.contract.errors import InputError
+
+
+class Speaking(click.Command):
+    """A command whose refusals begin with the flag that was typed."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run it."""
+        try:
+            return super().invoke(ctx)
+        except InputError as error:
+            options = [param for param in self.params if isinstance(param, click.Option)]
+            flags = {str(param.name): max(param.opts, key=len) for param in options}
+            given = {name: flag for name, flag in flags.items() if ctx.params.get(name) is not None}
+            raise InputError(_values_as_typed(_in_flags(str(error), given), flags)) from error
+
+
+def _values_as_typed(text: str, flags: Mapping[str, str]) -> str:
+    """Options and their values: ``--swap none`` and not ``swap='none'``."""
+    return re.sub(
+        r"\b(\w+)='(\w+)'",
+        lambda found: f"{flags[found[1]]} {found[2]}" if found[1] in flags else found[0],
+        text,
+    )
+
+
+def _in_flags(text: str, flags: Mapping[str, str]) -> str:
+    """The library names its arguments; those that were given as flags are named as flags."""
+    found = re.match(r"([a-z]\w*)(?: ?=|:| (?=is empty|names)) ?", text)
+    if found is None:
+        return text
+    name = found[1]
+    for one in (name, name.removeprefix("num_")):
+        if one in flags:
+            return f"{flags[one]} {text[found.end() :]}"
+    return text

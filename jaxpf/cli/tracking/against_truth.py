@@ -1,0 +1,48 @@
+"""What ``jaxpf track --truth`` prints and writes: how near tracks are to the truth."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf.boxes import tracks
+from jaxpf.cli.shared import console
+from jaxpf.files.writing import csv_text, write_text
+from jaxpf.measures import metrics, scores
+
+
+def report_truth(output: Path, ids: Sequence[Any], first: int, truth: Any, which: str = "") -> None:
+    """Metrics over the frames that have truth, as a table and as metrics.csv.
+
+    Args:
+        output: the folder of the run, which holds its tracks.
+        ids: of the objects.
+        first: the frame after which tracks are judged.
+        truth: boxes, as ``read_boxes`` gives them.
+        which: "smoothed" for smoothed.csv; "" for tracks.csv.
+    """
+    estimated = tracks.read_boxes(output / f"{which or 'tracks'}.csv", empty_boxes="absent")
+    last = int(estimated.frame.max())
+    known = [int(i) for i in ids if i in set(truth.id.tolist())]
+    estimate = tracks.dense(estimated, known, last + 1)[first + 1 :]
+    target = tracks.dense(truth, known, last + 1)[first + 1 :]
+    measures = metrics.summarise(estimate[None], target)
+    columns = {
+        "frames": np.asarray(metrics.has_truth(target)).sum(axis=0),
+        "success at .5": np.asarray(scores.success_at_half(estimate, target)),
+        "success area": np.asarray(scores.success_area(estimate, target)),
+    }
+    for measure in ("overlap", "tracked", "precision", "recall", "centre_error"):
+        columns[measure] = np.asarray(measures[measure].value)
+    rows = [
+        [f"object {name}", f"{columns['frames'][k]:.0f}"]
+        + [f"{columns[c][k]:.3f}" for c in list(columns)[1:]]
+        for k, name in enumerate(known)
+    ]
+    title = ", ".join(filter(None, ["Against the truth", which]))
+    console.print_table(title, ["", *columns], rows)
+    names = [name.replace(" at .5", "_half").replace(" ", "_") for name in columns]
+    lines = [[name, *(f"{c[k]:.6g}" for c in columns.values())] for k, name in enumerate(known)]
+    path = output / f"{which + '_' if which else ''}metrics.csv"
+    write_text(path, csv_text([["id", *names], *lines]))

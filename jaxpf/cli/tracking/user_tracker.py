@@ -1,0 +1,84 @@
+"""A user's own tracker, from a file that is named on the command line."""
+
+import hashlib
+import re
+from pathlib import Path
+from typing import Any
+
+import scenes
+from jaxpf.contract.errors import InputError
+from jaxpf.evaluation.opening import as_input_error
+from jaxpf.files.reading import read_text
+
+
+class OwnTracker:
+    """A user's function of the scene, from a file: its text travels, and is read once.
+
+    Attributes:
+        place: ``FILE.py:FUNCTION``, the file in full.
+        sha256: digest of the file's text.
+    """
+
+    def __init__(self, place: str):
+        """Read the file.
+
+        Raises:
+            InputError: there is no such file.
+        """
+        path, colon, self.function = place.rpartition(":")
+        if not colon or not path.endswith(".py") or not self.function.isidentifier():
+            raise InputError(
+                f"the tracker {place!r} has another form than FILE.py:FUNCTION; name a function of "
+                "a Python file."
+            )
+        self.text = read_text(Path(path), "a tracker", "a Python file.")
+        if self.function not in self.text:
+            names = re.findall(r"^def (\w+)", self.text, re.MULTILINE)
+            raise InputError(
+                f"'{path}' has no function {self.function!r}; name one that it has: "
+                f"{', '.join(names) or 'it has none'}."
+            )
+        self.path = str(Path(path).resolve())
+        self.place = f"{self.path}:{self.function}"
+        self.sha256 = hashlib.sha256(self.text.encode()).hexdigest()
+
+    def __call__(self, scene: Any) -> Any:
+        """What the function makes of a scene."""
+        try:
+            function = scenes.function_of_text(self.text, self.path, self.function)
+        except scenes.SceneError as error:
+            raise as_input_error(error) from error
+        try:
+            return function(scene)
+        except InputError:
+            raise
+        except (Exception, SystemExit) as error:
+            cause = scenes.cause_of(error, self.path)
+            raise InputError(f"the tracker {self.place} failed with {cause}.") from error
+
+
+def own_tracker_of(place: str, scene: scenes.Scene) -> Any:
+    """The tracker that a user's function makes of a scene.
+
+    Raises:
+        InputError: see ``OwnTracker`` and ``jaxpf.evaluation.trackers.own_tracker``; a function
+            that returns boxes, which a video without truth has no use for.
+    """
+    from jaxpf.evaluation.trackers import own_tracker
+
+    made = own_tracker(place, OwnTracker(place), scene)
+    if hasattr(made, "init"):
+        return made
+    raise InputError(f"the tracker {place!r} returned boxes; for a video return a tracker.")
+
+
+def start_scene(name: str, frame: Any, boxes: Any, fps: float) -> scenes.Scene:
+    """A scene of one frame: what is known of a video when tracking starts."""
+    return scenes.Scene(
+        name=name,
+        frames=frame[None],
+        boxes=boxes[None],
+        patches=[scenes.cut_patch(frame, box) for box in boxes],
+        fps=fps,
+        parameters={},
+    )

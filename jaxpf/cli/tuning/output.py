@@ -1,0 +1,144 @@
+"""What `jaxpf tune` leaves behind: values, traces, and the comparison on unseen frames."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from jaxpf.cli.shared.console import print_table
+from jaxpf.contract.options import options_of
+from jaxpf.files.writing import atomic_write, write_text
+from jaxpf.targets import DEFAULT
+
+TUNED, TRACES, COMPARISON = "tuned.toml", "tuning.png", "comparison.csv"
+
+
+def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) -> None:
+    """The values, as the options of `track` and `evaluate`, and how sure they are."""
+    import tomli_w
+
+    after = before.with_values(values)
+    named = {path.partition("[")[0] for path in values}
+    track: dict[str, Any] = {}  # `jaxpf track` is of boxes, unless the file says otherwise
+    for name, option in options_of(after.of.options).items():
+        if option.path in named:
+            track[name] = _numbers(after.values[name])
+    evaluate = {name: [value] for name, value in track.items()}
+    if after.of.name != DEFAULT:
+        track = {"target": after.of.name, **track}
+    tuned = {
+        name: {"value": _numbers(value), "start": _numbers(result.start[name])}
+        for name, value in values.items()
+    }
+    for name, error in result.standard_errors().items():
+        if np.all(np.isfinite(error)):  # one repeat without the frames' error knows nothing
+            tuned[name]["standard_error"] = _numbers(error)
+    with atomic_write(path, "wb") as file:
+        tomli_w.dump({"track": track, "evaluate": evaluate, "tuned": tuned}, file)
+        for remark in result.remarks:
+            file.write(f"# {remark}\n".encode())
+
+
+def _numbers(value: Any) -> Any:
+    """Six digits of each, as TOML takes them."""
+    return np.vectorize(lambda x: float(f"{x:.6g}"))(np.asarray(value, float)).tolist()
+
+
+def write_traces(path: Path, result: Any, objective: str) -> None:
+    """The figure of the descents."""
+    from jaxpf.media.plotting import save_figure
+    from jaxpf.tuning.plot import traces
+
+    names = {
+        "evidence": "- log evidence per frame",
+        "position": "distance (pixels)",
+        "overlap": "1 - overlap",
+        "crps": "CRPS (pixels)",
+    }
+    save_figure(traces(result, names[objective]), path)
+
+
+def show(result: Any) -> None:
+    """The table of values, and how the descents ended."""
+    values, intervals = result.values, result.intervals()
+    rows = []
+    for one in result.parameters:
+        for index in np.ndindex(np.shape(values[one.path])):
+            suffix = "".join(f"[{i}]" for i in index)
+            low, high = (float(end[index]) for end in intervals[one.path])
+            spread = float(result.spread_errors[one.path][index])
+            curvature = float(result.curvature_errors[one.path][index])
+            rows.append(
+                [
+                    f"{one.path}{suffix}",
+                    f"{float(result.start[one.path][index]):.4g}",
+                    f"{float(values[one.path][index]):.4g}",
+                    f"[{low:.4g}, {high:.4g}]" if high > low else "",
+                    "" if np.isnan(spread) else f"{100 * spread:.1f} %",
+                    "" if np.isnan(curvature) else f"{100 * curvature:.1f} %",
+                ]
+            )
+    print_table(
+        "Tuned values",
+        ["", "start", "tuned", "95 % interval", "error of repeats", "error of frames"],
+        rows,
+    )
+    for descent in result.descents:
+        how = {"settled": "settled", "all steps": "stopped before it settled"}[descent.stopped]
+        click.echo(f"repeat {descent.repeat + 1}: {how} after {descent.num_steps} steps")
+    for remark in result.remarks:
+        click.echo(remark)
+
+
+def compare_before_and_after(
+    output: Path, unseen: list[Any], before: Any, after: Any, options: Any
+) -> None:
+    """Before and after, printed and written."""
+    from jaxpf.tuning.comparison import MEASURES, compare
+    from jaxpf.tuning.sequences import held_out
+
+    runs, particles = options.compare_runs, options.compare_particles
+    before, after = (
+        dataclasses.replace(x, values={**x.values, "particles": particles}) for x in (before, after)
+    )
+    comparison = compare(
+        [held_out(scene, before, after) for scene in unseen],
+        runs=runs,
+        seed=options.seed + 1,
+    )
+    one = len(unseen) == 1
+    what = unseen[0].name if one else f"{len(unseen)} scenes"
+    click.echo(f"Comparing before and after on {what}: {runs} runs each ...", err=True)
+    rows, lines = [], ["measure,before,after,difference,low,high,unit,count"]
+    for name in MEASURES:
+        was, is_, change = (
+            getattr(comparison, part)[name] for part in ("before", "after", "difference")
+        )
+        if not np.isfinite(float(was.value)):
+            continue
+        factor, unit = (1, " px") if name.endswith("error") else (100, " %")
+        rows.append(
+            [
+                name,
+                f"{factor * float(was.value):.1f}{unit}",
+                f"{factor * float(is_.value):.1f}{unit}",
+                f"{factor * float(change.value):+.1f} [{factor * float(change.lower):+.1f}, "
+                f"{factor * float(change.upper):+.1f}]",
+                comparison.verdict(name),
+            ]
+        )
+        lines.append(
+            f"{name},{float(was.value):.6g},{float(is_.value):.6g},{float(change.value):.6g},"
+            f"{float(change.lower):.6g},{float(change.upper):.6g},{comparison.unit},"
+            f"{comparison.count}"
+        )
+    print_table(
+        f"On {what}, not seen in tuning: {runs} runs each, {particles} particles, 95 % over "
+        f"{comparison.count} {comparison.unit}",
+        # Runs of one sequence say nothing of others.
+        ["", "before", "after", "paired difference", "here" if one else "for such scenes"],
+        rows,
+    )
+    write_text(output / COMPARISON, "\n".join(lines) + "\n")

@@ -1,0 +1,176 @@
+"""Files of contours: where targets that are told by their outlines start, and their tracks.
+
+JSON, written by hand or from a mask::
+
+    {"closed": true, "contours": {"left leaf": [[10, 20], [30, 18], ...], ...}}
+
+Points are control points of a cubic B-spline (or of another ``"degree"``) in continuous pixels,
+pixel (0, 0) being the square [0, 1) x [0, 1).  A closed contour's first point is not repeated.
+A spline passes near its control points, not through them; the drawing ``outline_points`` of a
+contour shows where.  ``"width"``, optional, makes an open contour the middle of a wire of so many
+pixels whose two edges are seen.
+"""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf.contours.data import Contours
+from jaxpf.contract.errors import InputError
+from jaxpf.files.reading import read_text
+from jaxpf.files.writing import LineWriter, write_text
+from jaxpf.shapes.splines import CUBIC, check_order, crosses_itself, points_on
+
+TRACK_HEADER = "frame,contour,kind,point,x,y"
+_KEYS = {"closed", "contours", "degree", "width"}
+_EXAMPLE = '{"closed": true, "contours": {"leaf": [[10, 20], [30, 18], [32, 40], [12, 38]]}}'
+#: Points at which a contour is looked at, to see whether it crosses itself.
+_LOOKED_AT = 200
+
+
+def read_contours(path: str | os.PathLike[str]) -> Contours:
+    """Read a file of contours.
+
+    A contour that crosses itself is accepted, and said in ``remarks``.
+
+    Raises:
+        InputError: no such file, no JSON, a key that is missing or unknown, too few control
+            points, contours of different lengths, something that is not a finite number.
+    """
+    path = Path(path)
+    content = _content(path)
+    closed = content.get("closed")
+    if not isinstance(closed, bool):
+        said = f'"closed" is {json.dumps(closed)}' if "closed" in content else '"closed" is missing'
+        raise InputError(f"'{path}': {said}; give true or false.")
+    degree = content.get("degree", CUBIC)
+    if not isinstance(degree, int) or isinstance(degree, bool):
+        raise InputError(f"'{path}': \"degree\" is {json.dumps(degree)}; give a whole number.")
+    width = content.get("width")
+    if width is not None and (not _is_number(width) or width <= 0 or closed):
+        raise InputError(
+            f"'{path}': \"width\" is {json.dumps(width)}; it is a positive number of pixels, and "
+            "belongs to open contours only."
+        )
+    given = content.get("contours")
+    if not isinstance(given, dict) or not given:
+        raise InputError(f"'{path}' holds no contours; write them as in {_EXAMPLE}.")
+    points = [_points(path, name, rows, degree) for name, rows in given.items()]
+    lengths = {name: len(rows) for name, rows in zip(given, points, strict=True)}
+    if len(set(lengths.values())) > 1:
+        listed = ", ".join(f"'{name}' {count}" for name, count in lengths.items())
+        raise InputError(
+            f"'{path}': the contours have different numbers of control points: {listed}; give all "
+            "the same number."
+        )
+    remarks = []
+    for name, control in zip(given, points, strict=True):
+        line = points_on(control, _LOOKED_AT, closed=closed, degree=degree)
+        if crosses_itself(line, closed=closed):
+            remarks.append(f"The contour '{name}' of '{path}' crosses itself; check its points.")
+    return Contours(
+        names=tuple(given),
+        points=np.array(points),
+        closed=closed,
+        degree=degree,
+        width=None if width is None else float(width),
+        remarks=tuple(remarks),
+    )
+
+
+def write_contours(path: str | os.PathLike[str], contours: Contours) -> None:
+    """Write a file that ``read_contours`` reads.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    lines = [
+        f"  {json.dumps(name)}: {json.dumps(np.round(rows, 3).tolist())}"
+        for name, rows in zip(contours.names, np.asarray(contours.points, float), strict=True)
+    ]
+    head: dict[str, Any] = {"closed": contours.closed, "degree": contours.degree}
+    if contours.width is not None:
+        head["width"] = contours.width
+    start = json.dumps(head)[:-1]
+    write_text(path, start + ', "contours": {\n' + ",\n".join(lines) + "\n}}\n")
+
+
+class ContourTrackWriter(LineWriter):
+    """Append tracks of contours, frame by frame; after every frame the file holds whole lines only.
+
+    CSV with the header ``frame,contour,kind,point,x,y``: of every contour the points of kind
+    ``control``, which a file of contours takes, and those of kind ``outline``, to draw.
+    """
+
+    header = TRACK_HEADER
+
+    def append(self, frame: int, names: Any, control: Any, outlines: Any) -> None:
+        """Write the contours of one frame.
+
+        Args:
+            frame: counting from 0.
+            names: ``[P]``.
+            control: control points ``[P, K, 2]``, pixels; K is 0 where there are none.
+            outlines: ``[P, V, 2]``; a target with a point that is not finite is left out.
+
+        Raises:
+            InputError: the disk is full or the file cannot be written.
+        """
+        self.write_rows(
+            [int(frame), name, kind, number, f"{x:.3f}", f"{y:.3f}"]
+            for target, name in enumerate(names)
+            if np.isfinite(outlines[target]).all()
+            for kind, points in (("control", control), ("outline", outlines))
+            for number, (x, y) in enumerate(points[target])
+        )
+
+
+def _content(path: Path) -> dict[str, Any]:
+    text = read_text(path, "contours", _EXAMPLE)
+    try:
+        content = json.loads(text, object_pairs_hook=lambda pairs: _unique(path, pairs))
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise InputError(f"'{path}' is no JSON ({error}); write it as {_EXAMPLE}.") from None
+    if not isinstance(content, dict):
+        kind = "list" if isinstance(content, list) else "single value"
+        raise InputError(f"'{path}' holds a {kind}; write it as {_EXAMPLE}.")
+    unknown = sorted(set(content) - _KEYS)
+    if unknown:
+        raise InputError(
+            f"'{path}' has the unknown key {unknown[0]!r}; its keys are {', '.join(sorted(_KEYS))}."
+        )
+    return content
+
+
+def _unique(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object; of two entries of one name, JSON would drop the first without a word."""
+    names = [name for name, _ in pairs]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"'{path}' holds '{name}' twice; give each a name of its own.")
+    return dict(pairs)
+
+
+def _points(path: Path, name: str, rows: Any, degree: int) -> np.ndarray:
+    if not isinstance(rows, list):
+        raise InputError(f"'{path}': contour '{name}' is no list of points [x, y].")
+    for number, row in enumerate(rows):
+        if not (isinstance(row, list) and len(row) == 2 and all(_is_number(v) for v in row)):
+            raise InputError(
+                f"'{path}': point {number} of contour '{name}' is {json.dumps(row)[:60]}; give two "
+                "finite numbers, [x, y]."
+            )
+    try:
+        check_order(len(rows), degree)
+    except InputError as error:
+        raise InputError(f"'{path}': contour '{name}': {error}") from None
+    return np.array(rows, float)
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return bool(np.isfinite(value))

@@ -1,0 +1,110 @@
+"""Files of what contours were seen to do: a shape space, and how its coordinates move.
+
+JSON, as ``jaxpf contour learn`` writes it and ``jaxpf track --learned`` reads it.  ``"space"``
+holds the arrays of ``jaxpf.shapes.ShapeSpace``, ``"dynamics"``, where it is not null, those
+of ``jaxpf.dynamics.LinearGaussian``, both for one target.  All targets of a run share them.
+"""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf.contours.data import MATRICES, Learned
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import as_array
+from jaxpf.dynamics.gaussian import LinearGaussian
+from jaxpf.files.reading import read_text
+from jaxpf.files.writing import write_text
+from jaxpf.shapes.spaces import ShapeSpace
+
+
+def write_learned(path: str | os.PathLike[str], learned: Learned) -> None:
+    """Write a file that ``read_learned`` reads.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    space = learned.space
+    about = {
+        "closed": space.closed,
+        "degree": space.degree,
+        "template": _list(space.template)[0],
+        "modes": _list(space.modes)[0],
+    }
+    moves = learned.dynamics
+    dynamics = moves and {
+        name: None if getattr(moves, name) is None else _list(getattr(moves, name)[0])
+        for name in MATRICES
+    }
+    content = {"space": about, "dynamics": dynamics}
+    write_text(path, json.dumps(content, indent=1) + "\n")
+
+
+def read_learned(path: str | os.PathLike[str]) -> Learned:
+    """Read a file that ``write_learned`` wrote.
+
+    Raises:
+        InputError: no such file, or another content.
+    """
+    path = Path(path)
+    text = read_text(path, "a learned shape space", "one that `jaxpf contour learn` wrote")
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError):
+        raise _refusal(path, "it is no JSON") from None
+    try:
+        space = _space(content["space"])
+        dynamics = _dynamics(content.get("dynamics"), space.dimension)
+    except KeyError as error:
+        raise _refusal(path, f"it has no {error}") from None
+    except (AttributeError, TypeError, ValueError) as error:
+        raise _refusal(path, str(error).splitlines()[0]) from None
+    return Learned(space, dynamics)
+
+
+def _refusal(path: Path, cause: str) -> InputError:
+    return InputError(
+        f"'{path}' is no file of a learned shape space ({cause}); write one with "
+        "`jaxpf contour learn`."
+    )
+
+
+def _space(about: dict[str, Any]) -> ShapeSpace:
+    degree, modes = int(about["degree"]), about["modes"]
+    template = np.asarray(about["template"], float)
+    count = len(template)
+    if count <= degree:
+        raise ValueError(f"{count} control points are too few for degree {degree}")
+    return ShapeSpace(
+        template=as_array(_numbers("template", template, (count, 2))[None], float),
+        modes=as_array(_numbers("modes", modes, (len(modes), count, 2))[None], float),
+        closed=bool(about["closed"]),
+        degree=degree,
+    )
+
+
+def _dynamics(about: dict[str, Any] | None, size: int) -> LinearGaussian | None:
+    if about is None:
+        return None
+    shapes = {name: (size,) if name == "offset" else (size, size) for name in MATRICES}
+    found: dict[str, Any] = {
+        name: None
+        if about[name] is None and name in ("lag", "offset")
+        else as_array(_numbers(name, about[name], shape)[None], float)
+        for name, shape in shapes.items()
+    }
+    return LinearGaussian(**found)
+
+
+def _numbers(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    found = np.asarray(values, float)
+    if found.shape != shape or not np.isfinite(found).all():
+        raise ValueError(f"{name} must be finite numbers of shape {list(shape)}")
+    return found
+
+
+def _list(values: Any) -> Any:
+    return np.asarray(values, float).tolist()

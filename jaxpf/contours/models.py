@@ -1,0 +1,97 @@
+"""Models of contours that start at given ones (maccormick1999)."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.contours.data import DEFAULT_SCALE, Contours
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.model import Model
+from jaxpf.contract.pytree import is_concrete
+from jaxpf.dynamics.gaussian import RandomWalk
+from jaxpf.dynamics.occlusion import WithOcclusion
+from jaxpf.shapes.depth import depth_orders
+from jaxpf.shapes.spaces import space_of
+
+
+def contours_model(
+    likelihood: Any,
+    start: Contours,
+    space: Any = "similarity",
+    *,
+    dynamics: Any = None,
+    scale: ArrayLike = DEFAULT_SCALE,
+    flip: Any = None,
+) -> Model:
+    """Contours that start at given ones.
+
+    Opaque targets carry a label that says in which order they lie in depth, and partitioned
+    sampling is branched: a particle places the target first that it believes to be nearest.
+
+    Args:
+        likelihood: of points of the space, such as ``jaxpf.likelihoods.contours``.
+        start: control points just before the first frame.
+        space: see ``start_space``.
+        dynamics: such as ``jaxpf.dynamics.fit`` learns; default a random walk.
+        scale: of that walk: noise of the shift and of every other coordinate, ``[2]``, or of each
+            coordinate, ``[D]``; pixels.
+        flip: of opaque targets, probability per frame that two of them change places in depth, see
+            ``WithOcclusion``; None: they are not opaque.
+
+    Raises:
+        InputError: an argument is out of range; the sentence says which.
+    """
+    space = start_space(start, space)
+    if dynamics is None:
+        dynamics = RandomWalk(scale=_noise(scale, space.dimension))
+    model = Model(
+        dynamics=dynamics,
+        likelihood=likelihood,
+        initial=space.project(start.points).astype(np.float32),
+        parents=(-1,) * len(start.points),
+    )
+    if flip is None:
+        return model
+    if is_concrete(flip) and not 0 <= np.asarray(flip) <= 1:
+        raise InputError(f"flip {flip} must be a probability, 0 to 1.")
+    labels = len(depth_orders(len(start.points)))
+    return model._replace(
+        dynamics=WithOcclusion(dynamics, likelihood, flip),
+        initial_label=np.full(labels, 1 / labels, np.float32),
+    )
+
+
+def start_space(start: Contours, space: Any = "similarity") -> Any:
+    """The shape space around contours.
+
+    Args:
+        start: control points.
+        space: ``"translation"``, ``"similarity"`` or ``"affine"``, of each contour's start; or a
+            space learned from key frames, which must hold the start.
+
+    Raises:
+        InputError: an unknown space, or one of other contours.
+    """
+    if isinstance(space, str):
+        return space_of(space, start.points, closed=start.closed, degree=start.degree)
+    if space.num_points != start.points.shape[1] or space.closed != start.closed:
+        kinds = ["closed" if closed else "open" for closed in (start.closed, space.closed)]
+        raise InputError(
+            f"the start's {kinds[0]} contours have {start.points.shape[1]} control points, and the "
+            f"shape space's {kinds[1]} ones {space.num_points}; give both the same."
+        )
+    return space
+
+
+def _noise(scale: ArrayLike, dimension: int) -> np.ndarray:
+    """``[D]``."""
+    values = np.asarray(scale, np.float32)
+    if values.shape == (2,):
+        values = np.concatenate([np.full(2, values[0]), np.full(dimension - 2, values[1])])
+    if values.shape != (dimension,) or not np.isfinite(values).all() or (values < 0).any():
+        raise InputError(
+            f"scale {np.asarray(scale).tolist()} must be two finite numbers >= 0, of the shift and "
+            f"of the shape in pixels, or one for each of the {dimension} coordinates."
+        )
+    return values

@@ -1,0 +1,308 @@
+"""Contours: targets that are told by their outlines, look-alikes among them (maccormick1999).
+
+A contour is a partition whose substate is a point of a shape space, such as ``jaxpf.shapes.spaces``
+has; all coordinates are in pixels.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from jaxpf.contours.data import DEFAULT_SCALE, Contours, Learned
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.model import Model
+from jaxpf.contract.names import EXCLUSIONS, SHAPE_SPACES
+from jaxpf.contract.options import check_options, option, plain
+from jaxpf.shapes.splines import basis, even_places, points_on
+from jaxpf.targets.target import Looks, Start, Target
+
+#: Pieces of the polyline that a contour is reported as.
+PIECES = 64
+#: While contours are apart nothing tells their order, and what few particles keep of it is chance.
+_FLIP = 0.5
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """Options of the model of contours; see the help of each."""
+
+    shape_space: str | None = option(
+        None,
+        "How shapes may differ from their start: translation, similarity or affine.  Similarity, "
+        "the default, turns and scales, too; other shapes are learned, see --learned.",
+        kind=str,
+        choices=SHAPE_SPACES,
+        common=True,
+        compiles=True,
+    )
+    shift_noise: float | None = option(
+        None,
+        f"Of contours, noise of the shift in x and y per frame, pixels; by default "
+        f"{DEFAULT_SCALE[0]:g}, or learned.",
+        kind=float,
+        least=0,
+    )
+    bend_noise: float | None = option(
+        None,
+        f"Of contours, noise of every other coordinate of the shape per frame, in pixels by which "
+        f"its points move; by default {DEFAULT_SCALE[1]:g}, or learned.",
+        kind=float,
+        least=0,
+    )
+    exclusion: str = option(
+        "wires",
+        "How contours exclude one another: wires, opaque or none.  Of wires no edge serves two; "
+        "opaque is the same of two to four closed contours, the nearer of which hide others; with "
+        "none an edge may serve several, which lets look-alikes coalesce.  wires-literal and "
+        "opaque-literal are as published: an edge counts again on every contour near it.",
+        choices=EXCLUSIONS,
+        common=True,
+        compiles=True,
+    )
+    wire_width: float | None = option(
+        None,
+        "Of open contours, width in pixels of a wire both of whose edges are seen; by default what "
+        "the file says.",
+        kind=float,
+        above=0,
+    )
+    lines: int = option(
+        32, "Of contours, measurement lines on each.", least=4, most=1000, compiles=True
+    )
+    line_length: int = option(
+        41,
+        "Of contours, length of a measurement line, an odd number of pixels: twice how far off an "
+        "edge may lie.",
+        least=3,
+        most=253,
+        compiles=True,
+    )
+    edge_threshold: float = option(
+        8.0, "Of contours, least step in brightness of an edge, grey levels per pixel.", least=0
+    )
+    edge_smoothing: float = option(
+        1.0,
+        "Of contours, blur of the frame before edges are found, pixels.",
+        least=0,
+        most=20,
+        compiles=True,
+    )
+    sigma: float = option(
+        7.0, "Of contours, how far an edge may lie from the contour, pixels.", above=0
+    )
+    independence: float = option(
+        0.3,
+        "Of contours, share of its evidence that each measurement line counts: less than 1, since "
+        "neighbours see the same; 1 as published, where few particles keep any weight.",
+        above=0,
+        most=1,
+    )
+    clutter: float | None = option(
+        None,
+        "Of contours, mean number of edges on a measurement line where no target is; by default "
+        "the law of that number is learned from the start frame.",
+        kind=float,
+        above=0,
+    )
+    flip: float | None = option(
+        None,
+        "Of opaque contours, probability per frame that two that are next to each other in depth "
+        f"change places, unless they overlap; by default {_FLIP:g}, so that nothing of the order "
+        "is kept while they are apart; .01 as published.",
+        kind=float,
+        least=0,
+        most=1,
+    )
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        if self.flip is not None and not self.hides:
+            raise InputError(
+                f"flip = {plain(self.flip)} is of contours that hide one another, and exclusion is "
+                f"{self.exclusion!r}; choose exclusion 'opaque', or leave it out."
+            )
+        if self.bend_noise is not None and self.shape_space == "translation":
+            raise InputError(
+                f"bend_noise = {plain(self.bend_noise)} is of shapes that change, and "
+                "'translation' only shifts them; leave one of them out."
+            )
+
+    @property
+    def hides(self) -> bool:
+        """Whether contours hide one another."""
+        return self.exclusion.startswith("opaque")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ContourStart(Start):
+    """Where contours are, and what is known of their kind.
+
+    Attributes:
+        contours: their control points.
+        learned: shape space and dynamics (``jaxpf.contours.Learned``), or None.
+    """
+
+    contours: Contours
+    learned: Learned | None = None
+
+
+class ContourTarget(Target):
+    """Contours as a target.
+
+    A shape is a polyline x, y, x, y, ... in pixels; a closed contour's last point is its first.
+    """
+
+    name = "contours"
+    options = Options
+    defaults: Mapping[str, Any] = {"method": "ps", "particles": 500}
+
+    def start(self, given: Contours, names: Any = None) -> ContourStart:
+        """See ``Target``."""
+        if names is not None:
+            given = dataclasses.replace(given, names=tuple(names))
+        return contour_start(given)
+
+    def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
+        """See ``Target``; clutter is learned from ``looks.typical``."""
+        from jaxpf.likelihoods.contours import EdgeDetector, contours
+
+        assert isinstance(start, ContourStart)
+        width = options.wire_width
+        return contours(
+            _space(options, start),
+            start.num_partitions,
+            exclusion=options.exclusion,
+            frames=looks.typical if options.clutter is None else None,
+            clutter=options.clutter,
+            detector=EdgeDetector(
+                threshold=options.edge_threshold,
+                length=options.line_length,
+                smoothing=options.edge_smoothing,
+            ),
+            sigma=options.sigma,
+            independence=options.independence,
+            width=start.contours.width if width is None else width,
+            num_lines=options.lines,
+        )
+
+    def model(self, options: Options, start: Start, likelihood: Any) -> Model:
+        """See ``Target``; substates are those of a shape space.
+
+        Raises:
+            InputError: options that do not go with what was learned.
+        """
+        from jaxpf.contours.models import contours_model
+
+        assert isinstance(start, ContourStart)
+        noise = options.shift_noise, options.bend_noise
+        dynamics = start.learned and start.learned.dynamics_of(start.num_partitions)
+        if dynamics is not None and noise != (None, None):
+            raise InputError(
+                "noise was given, but the learned file has dynamics of its own; leave one of them "
+                "out, or learn again with --order 0."
+            )
+        return contours_model(
+            likelihood,
+            start.contours,
+            _space(options, start),
+            dynamics=dynamics,
+            scale=[
+                default if value is None else value
+                for value, default in zip(noise, DEFAULT_SCALE, strict=True)
+            ],
+            flip=(_FLIP if options.flip is None else options.flip) if options.hides else None,
+        )
+
+    def noise(self, options: Options, start: Start) -> np.ndarray:
+        """See ``Target``."""
+        shift = DEFAULT_SCALE[0] if options.shift_noise is None else options.shift_noise
+        return np.array([shift, shift, np.nan])
+
+    @property
+    def has_places(self) -> bool:
+        """See ``Target``: every shape space begins with the shift of the middle."""
+        return True
+
+    def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
+        """See ``Target``."""
+        return shapes_of(tracker, estimate)
+
+    def outlines(self, start: Start, shapes: Any) -> Any:
+        """See ``Target``: there and back again, so that what joins the ends is no line of its own.
+
+        Not convex; ``measures`` knows.
+        """
+        import jax.numpy as jnp
+
+        lines = polylines(jnp.asarray(shapes))
+        return jnp.concatenate([lines, jnp.flip(lines, axis=-2)], axis=-2)
+
+    def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
+        """See ``Target``."""
+        import jax.numpy as jnp
+
+        from jaxpf.measures.polylines import measure_polylines
+
+        return measure_polylines(polylines(jnp.asarray(shapes)), polylines(jnp.asarray(truth)))
+
+
+CONTOURS = ContourTarget()
+
+
+def contour_start(contours: Contours, learned: Learned | None = None) -> ContourStart:
+    """Where contours start, and what was learned of their kind."""
+    kind: dict[str, Any] = {"closed": contours.closed, "degree": contours.degree}
+    lines = points_on(contours.points, PIECES + (not contours.closed), **kind)
+    if contours.closed:
+        lines = np.concatenate([lines, lines[:, :1]], axis=1)
+    count = len(lines)
+    sizes = lines.max(axis=1) - lines.min(axis=1)
+    return ContourStart(
+        ids=np.asarray(contours.names),
+        shapes=lines.reshape(count, -1),
+        sizes=sizes,
+        parents=(-1,) * count,
+        contours=contours,
+        learned=learned,
+        remarks=contours.remarks,
+    )
+
+
+def shapes_of(tracker: Any, estimate: Any) -> np.ndarray:
+    """Shapes ``[..., P, S]`` of estimates, as the tracker's shape space draws them.
+
+    Raises:
+        InputError: a user's likelihood that tells no shape space.
+    """
+    space = getattr(tracker.likelihood, "space", None)
+    if space is None:
+        raise InputError(
+            "this tracker's likelihood does not tell the shape space; give it an attribute "
+            "`space`, such as jaxpf.shapes.space_of makes."
+        )
+    kind: dict[str, Any] = {"closed": space.closed, "degree": space.degree}
+    matrix = basis(even_places(PIECES + 1, closed=False), space.num_points, **kind)
+    lines = matrix @ np.asarray(space.control_points(np.asarray(estimate)), float)
+    if space.closed:
+        lines[..., -1, :] = lines[..., 0, :]
+    return lines.reshape(*lines.shape[:-2], -1)
+
+
+def _space(options: Options, start: ContourStart) -> Any:
+    """The shape space that was learned, or the one that was asked for."""
+    from jaxpf.contours.models import start_space
+
+    if start.learned is not None and options.shape_space is not None:
+        raise InputError(
+            f"the shape space {options.shape_space} was asked for and a learned one was given; "
+            "leave one of them out."
+        )
+    space = options.shape_space or "similarity"
+    return start_space(start.contours, start.learned.space if start.learned else space)
+
+
+def polylines(shapes: Any) -> Any:
+    """Shapes ``[..., P, 2 V]`` as polylines ``[..., P, V, 2]``."""
+    return shapes.reshape(*shapes.shape[:-1], -1, 2)

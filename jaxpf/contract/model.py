@@ -1,0 +1,72 @@
+"""What a target hands to a filter."""
+
+import operator
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+
+
+class Model(NamedTuple):
+    """How substates move, how they explain a frame, and where they start.
+
+    Attributes:
+        dynamics: see ``jaxpf.contract``.
+        likelihood: see ``jaxpf.contract``.
+        initial: ``[P, D]`` array, or a sampler ``key -> [P, D]`` registered as a pytree.  A row of
+            NaN is an empty place: partitions come and go, and P is how many there can be at once.
+        parents: the part tree, -1 for a root.
+        initial_label: ``[L]``, probabilities of a particle's discrete label at the start, for
+            filters whose particles carry one; None: there is none.
+    """
+
+    dynamics: Any
+    likelihood: Any
+    initial: Any
+    parents: tuple[int, ...]
+    initial_label: Any = None
+
+    @property
+    def num_partitions(self) -> int:
+        """P."""
+        return len(self.parents)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether partitions come and go."""
+        return not callable(self.initial) and bool(np.isnan(self.initial).any())
+
+
+def check_tree(parents: Sequence[int]) -> tuple[int, ...]:
+    """The part tree as a tuple of ints.
+
+    Raises:
+        InputError: no list of whole numbers, a parent that does not exist, or a cycle.
+    """
+    try:
+        tree = tuple(operator.index(parent) for parent in parents)
+    except TypeError:
+        raise InputError(
+            f"parents {parents!r} is no list of whole numbers; give every part's parent by its "
+            "place from 0, and -1 for a root, such as [-1, 0, 0]."
+        ) from None
+    if not tree:
+        raise InputError("parents is empty; give one entry per part, -1 for a root.")
+    for part, parent in enumerate(tree):
+        if not -1 <= parent < len(tree):
+            raise InputError(
+                f"parents[{part}]={parent} is not a part; use 0..{len(tree) - 1}, or -1 for a root."
+            )
+    for part in range(len(tree)):
+        seen, current = {part}, tree[part]
+        while current != -1:
+            if current in seen:
+                raise InputError(
+                    f"parents={list(tree)} has a cycle through part {part}; "
+                    "every part must lead to a root (-1)."
+                )
+            seen.add(current)
+            current = tree[current]
+    return tree

@@ -1,0 +1,244 @@
+"""Options, declared once: fields of frozen dataclasses that say all there is to say of them.
+
+A filter and a target each declare their options so, in modules that import no JAX.  Flags of the
+command line, their help, TOML keys, grids of an evaluation and refusals all follow from the
+fields; values travel as values.
+"""
+
+import dataclasses
+import math
+import typing
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jaxpf.contract.errors import InputError
+
+_KEY = "option"
+#: The value of an option that is left open.
+OPEN = "auto"
+_NOUNS = {int: "a whole number", float: "a finite number", str: "a name", Path: "a path"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Option:
+    """What is known of an option.
+
+    Attributes:
+        name: of the field; a flag has hyphens for its underscores.
+        default: the value where nobody says another; None leaves it open.
+        kind: type of the value, or of each of its numbers: ``int``, ``float``, ``str``, ``bool`` or
+            ``Path``.
+        help: one sentence.
+        length: 0 for a single value, n for a tuple of n numbers, -1 for one of any length.
+        per_object: the tuple may be n numbers for every object, one object after the other.
+        choices: the names that are allowed; () for any value.
+        least: smallest value that is allowed.
+        above: value that must be exceeded.
+        most: largest value that is allowed.
+        flags: further flags, such as ``-n``.
+        common: help of a command shows it first.
+        path: where the value stands in a tracker, if tuning may find it: its pytree path.
+        factors: by what its numbers are multiplied there, such as degrees to radians; () for 1.
+        tuned: endings of the path, such as "[0]", of what is tuned where nobody says what.
+        compiles: another value compiles another kernel.
+        places: the numbers are places of objects, which people count from 1 and programs from 0.
+        implies: (name, value) of another option of the same owner: this one counts only there, and
+            who gives it says so much of the other, too, where that is left open ("auto").
+        opens: the word "auto" is a value, too: to be chosen before it counts.
+    """
+
+    name: str
+    default: Any
+    kind: type
+    help: str
+    length: int = 0
+    per_object: bool = False
+    choices: tuple[str, ...] = ()
+    least: float = -math.inf
+    above: float = -math.inf
+    most: float = math.inf
+    flags: tuple[str, ...] = ()
+    common: bool = False
+    path: str = ""
+    factors: tuple[float, ...] = ()
+    tuned: tuple[str, ...] = ()
+    compiles: bool = False
+    places: bool = False
+    implies: tuple[str, str] | None = None
+    opens: bool = False
+
+    @property
+    def flag(self) -> str:
+        """The flag, such as ``--ess-threshold``."""
+        return f"--{self.name.replace('_', '-')}"
+
+    def checked(self, value: Any, shown: str = "") -> Any:
+        """The value in its own type.
+
+        Args:
+            value: of any origin; a list becomes a tuple.
+            shown: what messages call the option; by default its name and an equals sign.
+
+        Raises:
+            InputError: another type, or out of range; the sentence says what is allowed.
+        """
+        if (value is None and self.default is None) or (self.opens and value == OPEN):
+            return value
+        shown = shown or f"{self.name} ="
+        if self.choices and value not in self.choices:
+            raise InputError(
+                f"{shown} {value!r} is unknown; choose one of {', '.join(self.choices)}."
+            )
+        many = isinstance(value, Sequence) and not isinstance(value, str)
+        values = tuple(value) if many else (value,)
+        if not self._fits(values, many) or not all(self._allows(one) for one in values):
+            raise InputError(f"{shown} {plain(value)} must be {self.wanted}.")
+        values = tuple(self.kind(one) for one in values)
+        return values if many else values[0]
+
+    @property
+    def wanted(self) -> str:
+        """What values are allowed, in words."""
+        noun = _NOUNS.get(self.kind, "")
+        if self.length:
+            count = {2: "two ", 3: "three "}.get(self.length, "")
+            noun = count + {int: "whole numbers", float: "finite numbers"}.get(self.kind, "names")
+            if self.per_object:
+                noun += f", or {count.strip()} for every object,"
+        bounds = ""
+        if not math.isinf(self.above):
+            bounds = f" above {plain(self.above)}"
+            if not math.isinf(self.most):
+                bounds += f" and at most {plain(self.most)}"
+        elif not math.isinf(self.most):
+            bounds = f" from {plain(self.least)} to {plain(self.most)}"
+        elif not math.isinf(self.least):
+            bounds = f" of at least {plain(self.least)}"
+        example = f", such as {plain(self.default)}" if self.length > 0 and self.default else ""
+        return f"{noun}{bounds}{example}"
+
+    def _fits(self, values: tuple[Any, ...], many: bool) -> bool:
+        if self.length <= 0 or not many:
+            return many == (self.length != 0)
+        if self.per_object:
+            return len(values) > 0 and len(values) % self.length == 0
+        return len(values) == self.length
+
+    def _allows(self, value: Any) -> bool:
+        if self.kind in (str, bool, Path):
+            return isinstance(value, self.kind)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return False
+        if not math.isfinite(value) or (self.kind is int and value != int(value)):
+            return False
+        return value > self.above and self.least <= value <= self.most
+
+
+def option(default: Any, help: str, **about: Any) -> Any:
+    """A field of a class of options; ``about`` are attributes of ``Option``."""
+    length = {"length": len(default)} if isinstance(default, tuple) and default else {}
+    declared = {"help": help, **length, **about}
+    return dataclasses.field(default=default, metadata={_KEY: declared})
+
+
+def _kind_and_length(annotation: Any) -> tuple[type, int]:
+    """Of one value, and -1 for many, of ``int | None`` or ``tuple[float, ...] | None``."""
+    inner = typing.get_args(annotation)
+    if not inner:
+        return annotation, 0
+    kind, length = _kind_and_length(inner[0])
+    return kind, -1 if typing.get_origin(annotation) is tuple else length
+
+
+def options_of(*owners: Any) -> dict[str, Option]:
+    """Name -> option, of classes of options in turn; a name that comes again counts once."""
+    found: dict[str, Option] = {}
+    for owner in owners:
+        for field in dataclasses.fields(owner):
+            if _KEY in field.metadata:
+                kind, length = _kind_and_length(field.type)
+                about = {"kind": kind, "length": length, **field.metadata[_KEY]}
+                one = Option(field.name, field.default, **about)
+                found.setdefault(one.name, one)
+    return found
+
+
+def check_options(options: Any) -> None:
+    """For ``__post_init__``: bring every field to its own type, or refuse it.
+
+    Raises:
+        InputError: see ``Option.checked``.
+    """
+    for name, one in options_of(options).items():
+        object.__setattr__(options, name, one.checked(getattr(options, name)))
+
+
+def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
+    """What options that were given say of others that were left open: name -> value.
+
+    Args:
+        owner: a class of options.
+        given: name -> all the values that were given of it.
+
+    Raises:
+        InputError: options were given that do not go with each other.
+    """
+    known, found = options_of(owner), dict[str, Any]()
+    for name in given:
+        one = known.get(name)
+        if one is None or one.implies is None or one.implies[0] not in known:
+            continue
+        other, wanted = one.implies
+        said = [*given.get(other, ()), *([found[other]] if other in found else [])]
+        for value in said:
+            if value not in (wanted, OPEN):
+                raise InputError(
+                    f"{one.flag} goes with {known[other].flag} {wanted}, and {value} was chosen, "
+                    "by name or by another option; leave one of them out."
+                )
+        found[other] = wanted
+    return found
+
+
+def counting(options: Any) -> dict[str, bool]:
+    """Name -> whether an option counts, given the values of the others."""
+    known = options_of(options)
+    return {
+        name: one.implies is None
+        or one.implies[0] not in known
+        or getattr(options, one.implies[0]) == one.implies[1]
+        for name, one in known.items()
+    }
+
+
+def chosen(owner: type, values: Mapping[str, Any]) -> Any:
+    """An instance of a class of options from those of the values that it declares."""
+    return owner(**{name: values[name] for name in options_of(owner) if name in values})
+
+
+def plain(value: Any) -> str:
+    """A value as people write it: numbers without a needless ".0", lists with commas."""
+    if isinstance(value, list | tuple):
+        return ",".join(map(plain, value)) or "none"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{name}: {plain(entry)}' for name, entry in value.items())}}}"
+    if isinstance(value, float):
+        text = f"{value:g}"
+        return text if float(text) == value or math.isnan(value) else repr(value)
+    return "nothing" if value is None else str(value)
+
+
+def check_distinct(name: str, values: Iterable[Any]) -> tuple[Any, ...]:
+    """The values as a tuple: at least one, and each once.
+
+    Raises:
+        InputError: which is not so.
+    """
+    values = tuple(values)
+    if not values:
+        raise InputError(f"{name} is empty; give at least one value.")
+    for index, value in enumerate(values):
+        if value in values[:index]:
+            raise InputError(f"{name} names {plain(value)} twice; name each value once.")
+    return values

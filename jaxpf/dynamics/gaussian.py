@@ -1,0 +1,202 @@
+"""How substates move from frame to frame.
+
+Every dynamics here draws noise for all particles at once (``propagate_all``), which is
+several times cheaper than a key per particle; ``propagate`` follows from it.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from jaxpf.contract import DynamicsWithDensity, DynamicsWithPrediction, of_partition
+from jaxpf.contract.pytree import pytree_dataclass, static_field
+
+
+@pytree_dataclass
+class RandomWalk(DynamicsWithDensity, DynamicsWithPrediction):
+    """``x_t = x_{t-1} + scale * n``.
+
+    Attributes:
+        scale: standard deviation of the noise per frame, ``[D]`` or ``[P, D]`` or ``[]``,
+            in the substate's units.
+    """
+
+    scale: ArrayLike
+
+    def propagate_all(self, key, partition, current, previous, parent):
+        """Move all particles, ``[D, N]``."""
+        noise = jax.random.normal(key, current.shape, current.dtype)
+        return current + _per_particle(self.scale, partition, current) * noise
+
+    def log_density_all(self, partition, new, current, previous, parent):
+        """Log-densities of all particles, ``[N]``."""
+        return log_normal(new - current, _per_particle(self.scale, partition, current))
+
+    def predict_all(self, partition, current, previous):
+        """Where all particles are expected, ``[D, N]``: where they are."""
+        return current
+
+
+@pytree_dataclass
+class AR2(DynamicsWithDensity, DynamicsWithPrediction):
+    """Second-order autoregression, ``x_t = x_{t-1} + momentum (x_{t-1} - x_{t-2}) + scale n``.
+
+    Source: smith2004, section 2, with momentum .5 and scale (2, 2, .001) for the centre
+    (pixels) and the scale of a box.
+
+    Attributes:
+        scale: sigma, standard deviation of the noise, ``[D]`` or ``[P, D]`` or ``[]``.
+        momentum: share of the last displacement that is repeated.
+    """
+
+    scale: ArrayLike
+    momentum: ArrayLike = 0.5
+
+    def propagate_all(self, key, partition, current, previous, parent):
+        """Move all particles, ``[D, N]``."""
+        noise = jax.random.normal(key, current.shape, current.dtype)
+        drift = self._drift(current, previous)
+        return drift + _per_particle(self.scale, partition, current) * noise
+
+    def log_density_all(self, partition, new, current, previous, parent):
+        """Log-densities of all particles, ``[N]``."""
+        residual = new - self._drift(current, previous)
+        return log_normal(residual, _per_particle(self.scale, partition, current))
+
+    def predict_all(self, partition, current, previous):
+        """Where all particles are expected, ``[D, N]``."""
+        return self._drift(current, previous)
+
+    def _drift(self, current, previous):
+        return current + jnp.asarray(self.momentum, current.dtype) * (current - previous)
+
+
+@pytree_dataclass
+class FirstOrder(DynamicsWithDensity, DynamicsWithPrediction):
+    """Position moves on at its speed; all coordinates get noise: ``x_t = x_{t-1} + u_{t-1} + n``.
+
+    Source: rowe2005, eq. 5 without feedback and eq. 7: speed and size are random walks.
+
+    Attributes:
+        scale: standard deviation of the noise per frame, ``[D]`` or ``[P, D]`` or ``[]``.
+        position: static, the coordinates of a position.
+        speed: static, the coordinates of its speed, per frame.
+    """
+
+    scale: ArrayLike
+    position: tuple[int, ...] = static_field(default=(0, 1))
+    speed: tuple[int, ...] = static_field(default=(2, 3))
+
+    def propagate_all(self, key, partition, current, previous, parent):
+        """Move all particles, ``[D, N]``."""
+        noise = jax.random.normal(key, current.shape, current.dtype)
+        return self._drift(current) + _per_particle(self.scale, partition, current) * noise
+
+    def log_density_all(self, partition, new, current, previous, parent):
+        """Log-densities of all particles, ``[N]``."""
+        return log_normal(new - self._drift(current), _per_particle(self.scale, partition, current))
+
+    def predict_all(self, partition, current, previous):
+        """Where all particles are expected, ``[D, N]``."""
+        return self._drift(current)
+
+    def _drift(self, current):
+        return current.at[np.array(self.position)].add(current[np.array(self.speed)])
+
+
+@pytree_dataclass
+class LinearGaussian(DynamicsWithDensity, DynamicsWithPrediction):
+    """``x_t = A x_{t-1} + B x_{t-2} + C parent_t + b + L n`` for each partition.
+
+    Attributes:
+        transition: A, ``[P, D, D]``.
+        noise: L, ``[P, D, D]``, a square root of the noise covariance.
+        lag: B, ``[P, D, D]``, or None for a first-order model.
+        coupling: C, ``[P, D, D]``, multiplies the parent's substate at the current frame;
+            None if no partition has a parent.
+        offset: b, ``[P, D]``, or None.
+    """
+
+    transition: ArrayLike
+    noise: ArrayLike
+    lag: ArrayLike | None = None
+    coupling: ArrayLike | None = None
+    offset: ArrayLike | None = None
+
+    def propagate_all(self, key, partition, current, previous, parent):
+        """Move all particles, ``[D, N]``."""
+        noise = jax.random.normal(key, current.shape, current.dtype)
+        moved = _apply(self.transition, partition, current) + _apply(self.noise, partition, noise)
+        return self._shifted(moved, partition, current, previous, parent)
+
+    def log_density_all(self, partition, new, current, previous, parent):
+        """Log-densities of all particles, ``[N]``; the noise must have full rank."""
+        mean = _apply(self.transition, partition, current)
+        residual = new - self._shifted(mean, partition, current, previous, parent)
+        noise = jnp.asarray(self.noise, current.dtype)
+        normal = _apply(jnp.linalg.inv(noise), partition, residual)
+        volume = of_partition(jnp.linalg.slogdet(noise)[1], partition)
+        return log_normal(normal, jnp.ones_like(normal)) - volume
+
+    def predict_all(self, partition, current, previous):
+        """Where all particles of a root are expected, ``[D, N]``."""
+        mean = _apply(self.transition, partition, current)
+        return self._shifted(mean, partition, current, previous, jnp.zeros_like(current))
+
+    def _shifted(self, moved, partition, current, previous, parent):
+        """What is added to ``A x_{t-1}``, noise apart."""
+        if self.lag is not None:
+            moved = moved + _apply(self.lag, partition, previous)
+        if self.coupling is not None:
+            moved = moved + _apply(self.coupling, partition, parent)
+        if self.offset is not None:
+            moved = moved + of_partition(jnp.asarray(self.offset, current.dtype), partition).T
+        return moved
+
+
+@pytree_dataclass
+class IndependentGaussian:
+    """Initial sampler: independent normal substates, ``key -> [P, D]``.
+
+    Attributes:
+        mean: ``[P, D]``.
+        scale: standard deviations, broadcast to ``[P, D]``.
+    """
+
+    mean: ArrayLike
+    scale: ArrayLike
+
+    #: Partitions are drawn independently, so that roots may be exchanged (``sps``).
+    independent = True
+
+    def __call__(self, key):
+        """Draw all partitions, ``[P, D]``."""
+        mean = jnp.asarray(self.mean)
+        return mean + jnp.asarray(self.scale) * jax.random.normal(key, mean.shape, mean.dtype)
+
+
+def log_normal(residual, scale):
+    """Log-densities ``[N]`` of independent normal residuals ``[D, N]``; scale 0 counts as 0."""
+    noisy = scale > 0
+    scale = jnp.where(noisy, scale, 1.0)
+    terms = -0.5 * (residual / scale) ** 2 - jnp.log(scale) - 0.5 * np.log(2 * np.pi)
+    return jnp.sum(jnp.where(noisy, terms, 0.0), axis=0)
+
+
+def _per_particle(scale, partition, like):
+    """``[]``, ``[D]`` or ``[P, D]`` parameters, broadcast against substates ``[D, N]``."""
+    scale = jnp.asarray(scale, like.dtype)
+    if scale.ndim == 2:
+        return of_partition(scale, partition).T
+    return scale[:, None] if scale.ndim == 1 else scale
+
+
+def _apply(matrices, partition, vectors):
+    """Matrix of each particle's partition, ``[P, D, D]``, times its vector ``[D, N]``."""
+    matrices = jnp.asarray(matrices, vectors.dtype)
+    # D is small: an explicit sum over columns fuses, where a batched dot would not.
+    columns = [
+        of_partition(matrices[:, :, k], partition).T * vectors[k] for k in range(vectors.shape[0])
+    ]
+    return sum(columns[1:], start=columns[0])

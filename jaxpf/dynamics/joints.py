@@ -1,0 +1,227 @@
+"""Parts that hang on their parents by joints.
+
+The pose of a part is (x, y, theta): its centre in pixels and its angle in radians, clockwise in
+the image.  Its *joint* is a point fixed in its own coordinates (``part_anchor``) that lies at a
+point of its parent's (``parent_anchor``), give or take an offset; coordinates have their origin
+at a rectangle's centre and turn with it.  With R(theta) the rotation and q the parent::
+
+    theta = theta_q + angle
+    (x, y) = (x_q, y_q) + R(theta_q) (parent_anchor + offset) - R(theta) part_anchor
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from jaxpf.contract import DynamicsWithDensity
+from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.dynamics.gaussian import log_normal
+from jaxpf.lowering.columns import ready_to_mix
+from jaxpf.shapes.rectangles import turned
+
+
+@pytree_dataclass
+class RelativeToParent(DynamicsWithDensity):
+    """Joints walk at random, and parts follow their parents.
+
+    A substate is (x, y, theta, offset_x, offset_y, angle): the pose, absolute in the image, and
+    the joint that led to it; a root's joint is zero.  Every frame::
+
+        root:   pose = pose + scale n
+        part:   offset = memory offset + scale n,   angle = angle + scale n,
+
+    and the part's pose follows from its parent's, already moved: the tree couples the parts.
+
+    Attributes:
+        scale: ``[P, 3]`` or ``[3]``, standard deviations of the noise per frame: of (x, y, theta)
+            for a root, of (offset_x, offset_y, angle) for a part; pixels, pixels and radians.
+        parent_anchor: ``[P, 2]``, the joint in the parent's coordinates, pixels.
+        part_anchor: ``[P, 2]``, the joint in the part's own coordinates, pixels.
+        joint_scale: ``[P, 3]`` or ``[3]``, instead of ``scale`` for the parts; None uses ``scale``
+            for all.
+        memory: share of an offset that stays to the next frame; below 1 it returns to zero, so
+            that parts cannot drift away from their parents.
+        walks_alone: ``[P]`` bool, the parts that move as roots do; by default the roots.  With all
+            of them the dynamics are absolute, and nothing compiles anew.
+        parents: static, the part tree, -1 for a root.
+    """
+
+    scale: ArrayLike
+    parent_anchor: ArrayLike
+    part_anchor: ArrayLike
+    memory: ArrayLike = 0.5
+    walks_alone: Any = None
+    joint_scale: Any = None
+    parents: tuple[int, ...] = static_field(default=(-1,))
+
+    def propagate_all(self, key, partition, current, previous, parent):
+        """Move all particles, ``[6, N]``."""
+        scale, parent_anchor, part_anchor, alone = self._known(partition, current.dtype)
+        noise = jax.random.normal(key, scale.shape, current.dtype)
+        noise = scale * ready_to_mix(noise)
+        joint = self._expected_joint(current) + noise
+        pose = place(joint, parent, parent_anchor, part_anchor)
+        pose = jnp.where(alone, current[:3] + noise, pose)
+        return jnp.concatenate([pose, jnp.where(alone, 0.0, joint)])
+
+    def log_density_all(self, partition, new, current, previous, parent):
+        """Log-densities of all particles, ``[N]``, in joint coordinates.
+
+        Of a part (offset_x, offset_y, angle) has a density; its pose follows from them and from
+        its parent, and is taken for right.  So the anchors have no derivative here.
+        """
+        scale, _, _, alone = self._known(partition, current.dtype)
+        moved = jnp.where(alone, new[:3] - current[:3], new[3:] - self._expected_joint(current))
+        return log_normal(moved, scale)
+
+    def _expected_joint(self, current):
+        """A part's joint without noise, ``[3, N]``."""
+        memory = jnp.asarray(self.memory, current.dtype)
+        return jnp.stack([memory * current[3], memory * current[4], current[5]])
+
+    def _known(self, partition, dtype):
+        """Of each particle's part: scale ``[3, N]``, both anchors ``[2, N]``, whether it is alone.
+
+        In one gather, as each costs more than it fetches.
+        """
+        known = [jnp.asarray(x, dtype) for x in (self.parent_anchor, self.part_anchor)]
+        known = [self._scale_by_part(dtype), *known]
+        alone = np.array(self.parents) < 0 if self.walks_alone is None else self.walks_alone
+        known.append(jnp.asarray(alone, dtype)[:, None])
+        of_part = jnp.concatenate(known, axis=1)[partition].T
+        return of_part[:3], of_part[3:5], of_part[5:7], of_part[7] > 0
+
+    def _scale_by_part(self, dtype):
+        """``[P, 3]``."""
+        shape = (len(self.parents), 3)
+        scale = jnp.broadcast_to(jnp.asarray(self.scale, dtype), shape)
+        if self.joint_scale is None:
+            return scale
+        joint_scale = jnp.broadcast_to(jnp.asarray(self.joint_scale, dtype), shape)
+        return jnp.where(np.array(self.parents)[:, None] < 0, scale, joint_scale)
+
+
+@pytree_dataclass
+class UniformAround:
+    """Initial sampler: every part uniform around its start, ``key -> [P, 3]``.
+
+    Source: gonzales2011, section 4, "particles are uniformly generated around the object".
+
+    Attributes:
+        poses: ``[P, 3]``, (x, y, theta) of the parts at the start.
+        reach: largest distance from it in every coordinate, ``[3]`` or ``[P, 3]``; pixels,
+            pixels and radians.
+    """
+
+    poses: ArrayLike
+    reach: ArrayLike
+
+    #: Parts are drawn independently, so that roots may be exchanged (``sps``).
+    independent = True
+
+    def __call__(self, key):
+        """Draw all parts, ``[P, 3]``."""
+        poses = jnp.asarray(self.poses)
+        return poses + self.reach * jax.random.uniform(key, poses.shape, poses.dtype, -1, 1)
+
+
+@pytree_dataclass
+class UniformJoints:
+    """Initial sampler: roots and joints uniform around their start, ``key -> [P, 6]``.
+
+    Attributes:
+        dynamics: whose substates are drawn.
+        poses: ``[P, 3]``, (x, y, theta) of the parts at the start.
+        reach: largest distance from it, of a root's pose and of a part's joint, ``[P, 3]``.
+    """
+
+    dynamics: RelativeToParent
+    poses: ArrayLike
+    reach: ArrayLike
+
+    #: Trees are drawn independently of one another, so that roots may be exchanged (``sps``).
+    independent = True
+
+    def __call__(self, key):
+        """Draw all parts, ``[P, 6]``."""
+        poses = jnp.asarray(self.poses)
+        shift = self.reach * jax.random.uniform(key, poses.shape, poses.dtype, -1, 1)
+        return substates_at(self.dynamics, poses, shift)
+
+
+def place(joint, parent, parent_anchor, part_anchor):
+    """The pose ``[3, ...]`` to which a joint ``[3, ...]`` on a parent leads.
+
+    Args:
+        joint: (offset_x, offset_y, angle).
+        parent: substate of the parent, beginning with its pose.
+        parent_anchor: ``[2, ...]``, the joint's place in the parent's own coordinates.
+        part_anchor: ``[2, ...]``, and in the part's.
+    """
+    theta = parent[2] + joint[2]
+    x, y = turned(parent_anchor + joint[:2], parent[2])
+    back_x, back_y = turned(part_anchor, theta)
+    return jnp.stack([parent[0] + x - back_x, parent[1] + y - back_y, theta])
+
+
+def substates_at(dynamics: RelativeToParent, poses: ArrayLike, shift: ArrayLike = 0.0) -> jax.Array:
+    """Substates ``[P, 6]`` of parts at given poses.
+
+    Args:
+        dynamics: see ``RelativeToParent``.
+        poses: ``[P, 3]``.  What they leave between a part's anchors becomes its offset.
+        shift: added to the pose of a root, or of a part that walks alone, and to any other part's
+            joint, ``[P, 3]``; parts follow.
+    """
+    poses = jnp.asarray(poses)
+    shift = jnp.broadcast_to(jnp.asarray(shift, poses.dtype), poses.shape)
+    anchors = [jnp.asarray(x, poses.dtype) for x in (dynamics.parent_anchor, dynamics.part_anchor)]
+    substates: dict[int, jax.Array] = {}
+    while len(substates) < len(dynamics.parents):
+        for part, parent in enumerate(dynamics.parents):
+            if part in substates or (parent >= 0 and parent not in substates):
+                continue
+            parent_anchor, part_anchor = (anchor[part] for anchor in anchors)
+            pose, joint = poses[part] + shift[part], jnp.zeros_like(poses[part])
+            if parent >= 0:
+                x, y = turned(part_anchor, poses[part, 2])
+                apart = poses[part, :2] + jnp.stack([x, y]) - poses[parent, :2]
+                offset = jnp.stack(turned(apart, -poses[parent, 2])) - parent_anchor
+                hangs = jnp.append(offset, poses[part, 2] - poses[parent, 2]) + shift[part]
+                placed = place(hangs, substates[parent], parent_anchor, part_anchor)
+                alone = False if dynamics.walks_alone is None else dynamics.walks_alone[part]
+                pose, joint = jnp.where(alone, pose, placed), jnp.where(alone, joint, hangs)
+            substates[part] = jnp.concatenate([pose, joint])
+    return jnp.stack([substates[part] for part in range(len(substates))])
+
+
+def joints_between(
+    poses: ArrayLike, sizes: ArrayLike, parents: tuple[int, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Anchors of parts whose joints are not known: guessed from how the parts lie.
+
+    A part hangs by the middle of that side of it which is nearest to its parent's centre.
+
+    Args:
+        poses: ``[P, 3]``.
+        sizes: ``[P, 2]``, width and height of the rectangles, pixels.
+        parents: the part tree, -1 for a root.
+
+    Returns:
+        ``parent_anchor`` and ``part_anchor``, ``[P, 2]`` each; zeros for a root.
+    """
+    poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
+    parent_anchor, part_anchor = np.zeros(sizes.shape), np.zeros(sizes.shape)
+    for part, parent in enumerate(parents):
+        if parent < 0:
+            continue
+        sides = np.array([(-1, 0), (1, 0), (0, -1), (0, 1)]) * sizes[part] / 2
+        places = poses[part, :2] + np.stack(turned(sides.T, poses[part, 2]), axis=-1)
+        apart = places - poses[parent, :2]
+        nearest = int(np.argmin(np.sum(apart**2, axis=-1)))
+        part_anchor[part] = sides[nearest]
+        parent_anchor[part] = turned(apart[nearest], -poses[parent, 2])
+    return parent_anchor, part_anchor

@@ -1,0 +1,144 @@
+"""Dynamics learned from tracks: autoregression by maximum likelihood.
+
+Blake and Isard (Active Contours, 1998, chapter 11), given the first frames: then the maximum of
+the likelihood is least squares, and the noise's covariance is that of what is left.  Unlike the
+equations of Yule and Walker it takes tracks that wander off, as objects in a picture do.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.names import COEFFICIENTS
+from jaxpf.contract.pytree import as_array
+from jaxpf.dynamics.gaussian import LinearGaussian
+
+
+def fit(
+    tracks: ArrayLike | Sequence[ArrayLike],
+    order: int = 2,
+    *,
+    coefficients: str = "steps",
+    pooled: bool = False,
+    momentum: float | None = None,
+) -> LinearGaussian:
+    """The autoregression that tracks follow, ``x_t = A x_{t-1} + B x_{t-2} + b + L n``.
+
+    Args:
+        tracks: ``[T, P, D]``, or several of the same P and D; the units are the substate's.
+            Frames with a NaN are left out, and so is what would reach across them.
+        order: 1 or 2.
+        coefficients: one of ``COEFFICIENTS``.  ``"steps"``: a coordinate stays where it was
+            (order 1), or repeats a share of its last step (order 2, smith2004's AR2 with a
+            momentum of its own for each coordinate).  ``"own"``: free multiples of its own past,
+            and an offset.  ``"all"``: full matrices and an offset.
+        pooled: one dynamics for all targets, from the tracks of all; else one for each.
+        momentum: of order 2 with ``"steps"``, the share of its last step that every coordinate
+            repeats, instead of one that is learned: where marks jitter from frame to frame, what
+            is learned is too low, since a step is followed by the way back.
+
+    Returns:
+        A dynamics for P partitions, with a full noise covariance.
+
+    Raises:
+        InputError: an argument out of range, or fewer frames than there are numbers to learn.
+    """
+    if order not in (1, 2):
+        raise InputError(f"order {order} must be 1 or 2.")
+    if coefficients not in COEFFICIENTS:
+        raise InputError(
+            f"coefficients {coefficients!r} are unknown; choose one of {', '.join(COEFFICIENTS)}."
+        )
+    if momentum is not None:
+        if (order, coefficients) != (2, "steps"):
+            raise InputError(
+                f"momentum {momentum:g} is of order 2 with coefficients 'steps', and order {order} "
+                f"with {coefficients!r} was asked for; leave it out."
+            )
+        if not 0 <= momentum <= 1:
+            raise InputError(f"momentum {momentum:g} must be 0 to 1.")
+    pieces = [np.asarray(piece, float) for piece in _as_list(tracks)]
+    if not pieces or any(
+        piece.ndim != 3 or piece.shape[1:] != pieces[0].shape[1:] for piece in pieces
+    ):
+        shapes = ", ".join(str(list(piece.shape)) for piece in pieces)
+        raise InputError(f"tracks have the shapes {shapes}; give [T, P, D], the same P and D.")
+    num_targets = pieces[0].shape[1]
+    groups = [list(range(num_targets))] if pooled else [[target] for target in range(num_targets)]
+    fits: dict[int, tuple[np.ndarray, ...]] = {}
+    for targets in groups:
+        examples = [_triples(piece[:, target], order) for piece in pieces for target in targets]
+        found = _fit_one(np.concatenate(examples), order, coefficients, momentum, targets)
+        fits |= dict.fromkeys(targets, found)
+    transition, lag, offset, noise = (
+        as_array(np.stack([fits[target][k] for target in range(num_targets)]), float)
+        for k in range(4)
+    )
+    return LinearGaussian(
+        transition=transition, noise=noise, lag=lag if order == 2 else None, offset=offset
+    )
+
+
+def _as_list(tracks) -> list:
+    if isinstance(tracks, np.ndarray) or hasattr(tracks, "ndim"):
+        return [tracks]
+    tracks = list(tracks)
+    return tracks if tracks and np.ndim(tracks[0]) == 3 else [np.asarray(tracks, float)]
+
+
+def _triples(track: np.ndarray, order: int) -> np.ndarray:
+    """``[n, order + 1, D]``: every new substate after the ones it follows."""
+    count = max(len(track) - order, 0)
+    every = np.stack([track[k : k + count] for k in range(order + 1)], axis=1)
+    return every[np.isfinite(every).all(axis=(1, 2))]
+
+
+def _fit_one(examples, order, coefficients, given, targets) -> tuple[np.ndarray, ...]:
+    """A, B, b and L of one group of targets."""
+    dimension = examples.shape[2]
+    new, last = examples[:, -1], examples[:, -2]
+    learned = {"steps": order - 1, "own": order + 1, "all": order * dimension + 1}[coefficients]
+    learned = 0 if given is not None else learned
+    if len(examples) < learned + dimension + 1:
+        name = f"target {targets[0]}" if len(targets) == 1 else "all targets together"
+        raise InputError(
+            f"{len(examples)} steps of {name} are too few to learn {learned} coefficients and the "
+            f"noise of each of {dimension} coordinates; give {learned + dimension + 1} or more, "
+            "pool the targets, or learn fewer coefficients."
+        )
+    transition, lag = np.zeros((2, dimension, dimension))
+    offset = np.zeros(dimension)
+    if coefficients == "all":
+        past = np.concatenate([last, examples[:, 0]], axis=1) if order == 2 else last
+        found = _least_squares(np.column_stack([past, np.ones(len(new))]), new)
+        transition = found[:dimension].T
+        lag = found[dimension : 2 * dimension].T if order == 2 else lag
+        offset = found[-1]
+    for k in range(dimension) if coefficients != "all" else ():
+        momentum, stay = 0.0, 1.0
+        if coefficients == "own":
+            past = [last[:, k], examples[:, 0, k]] if order == 2 else [last[:, k]]
+            found = _least_squares(np.column_stack([*past, np.ones(len(new))]), new[:, k])
+            stay, offset[k] = found[0], found[-1]
+            lag[k, k] = found[1] if order == 2 else 0.0
+        elif order == 2:
+            step = last[:, k] - examples[:, 0, k]
+            moved = step @ step
+            momentum = step @ (new[:, k] - last[:, k]) / moved if moved > 0 else 0.0
+            momentum = momentum if given is None else given
+            lag[k, k] = -momentum
+        transition[k, k] = stay + momentum
+    left = new - last @ transition.T - examples[:, 0] @ lag.T * (order == 2) - offset
+    covariance = left.T @ left / (len(new) - learned)
+    # A coordinate that never moves has no noise; the square root must exist all the same.
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    _, upper = np.linalg.qr(root.T)
+    signs = np.where(np.diagonal(upper) < 0, -1.0, 1.0)
+    return transition, lag, offset, upper.T * signs
+
+
+def _least_squares(design: np.ndarray, target: np.ndarray) -> np.ndarray:
+    return np.linalg.lstsq(design, target, rcond=None)[0]

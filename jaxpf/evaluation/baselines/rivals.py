@@ -1,0 +1,136 @@
+"""Baselines: what people would use instead, as functions of the scene that return boxes.
+
+Each is told the boxes of the first frame and nothing else of the truth, and follows every object
+on its own; an object that it loses stays where it was last.  To add one, write a function of the
+frames and of one box, and enter it in ``BASELINES``.
+
+OpenCV's trackers have its default settings: MIL (Babenko, Yang and Belongie 2009), CSRT (Lukezic
+et al. 2017) and KCF (Henriques et al. 2015); the last two are in opencv-contrib.
+MIL draws samples, which OpenCV seeds by the clock: an evaluation keeps the boxes that it got,
+another one gets others.
+"""
+
+import dataclasses
+import functools
+import time
+from collections.abc import Callable, Collection, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+
+_SHIFTS = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.5)
+
+
+@dataclasses.dataclass(frozen=True)
+class Baseline:
+    """A baseline by name: a function of the scene, fit for worker processes."""
+
+    name: str
+
+    def __call__(self, scene: Any) -> np.ndarray:
+        """Its boxes ``[T, P, 4]``, the start frame's included.
+
+        Raises:
+            InputError: this OpenCV lacks the tracker, or it fails.
+        """
+        return _followed(scene, self.name)[0].copy()
+
+    def seconds(self, scene: Any) -> float:
+        """How long it took to find them."""
+        return _followed(scene, self.name)[1]
+
+
+def baselines(names: Collection[str]) -> dict[str, Baseline]:
+    """Baselines by name, fit for ``Plan(trackers=...)``.
+
+    Raises:
+        InputError: there is no such baseline.
+    """
+    for name in names:
+        if name not in BASELINES:
+            raise InputError(f"baseline {name!r} is unknown; choose from {', '.join(BASELINES)}.")
+    return {name: Baseline(name) for name in names}
+
+
+# An evaluation asks several times: what kind of tracker it is, for its boxes, and how long it took.
+@functools.lru_cache(maxsize=8)
+def _followed(scene: Any, baseline: str) -> tuple[np.ndarray, float]:
+    follow = BASELINES[baseline]
+    began = time.perf_counter()
+    try:
+        tracks = [follow(scene.frames, box) for box in scene.boxes[0]]
+    except cv2.error as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"the baseline {baseline!r} fails on this scene: {reason}.") from error
+    return np.stack(tracks, axis=1), time.perf_counter() - began
+
+
+def _still(frames: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """A box that never moves."""
+    return np.tile(box, (len(frames), 1))
+
+
+def _mean_shift(frames: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """Mean shift on the back projection of hue and saturation (Bradski 1998), of fixed size."""
+    x, y, w, h = window = _whole(box, frames)
+    hsv = cv2.cvtColor(frames[0], cv2.COLOR_RGB2HSV)
+    patch = np.ascontiguousarray(hsv[y : y + h, x : x + w])
+    bins, ranges = [32, 16], [0, 180, 0, 256]
+    histogram = cv2.calcHist([patch], [0, 1], None, bins, ranges)
+    cv2.normalize(histogram, histogram, 0, 255, cv2.NORM_MINMAX)
+    track = [box]
+    for frame in frames[1:]:
+        hsv = cv2.cvtColor(frame, cv2.COLOR_RGB2HSV)
+        likeness = cv2.calcBackProject([hsv], [0, 1], histogram, ranges, 1)
+        _, found = cv2.meanShift(likeness, window, _SHIFTS)
+        # OpenCV cuts the window at the rim of the frame; its size is to stay.
+        window = _whole(np.array([found[0], found[1], w, h]), frames)
+        track.append(np.array(window))
+    return np.array(track, np.float64)
+
+
+def _opencv(name: str, frames: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """One of OpenCV's trackers."""
+    tracker = _maker(name)()
+    tracker.init(_bgr(frames[0]), _whole(box, frames))
+    track = [np.asarray(box, np.float64)]
+    for frame in frames[1:]:
+        is_found, found = tracker.update(_bgr(frame))
+        track.append(np.array(found, np.float64) if is_found else track[-1])
+    return np.stack(track)
+
+
+def _maker(name: str) -> Callable[[], Any]:
+    places = (cv2, getattr(cv2, "legacy", None))
+    made = (getattr(place, f"Tracker{name}_create", None) for place in places)
+    if (found := next(filter(None, made), None)) is None:
+        raise InputError(
+            f"the baseline {name.lower()!r} is missing in this OpenCV; put "
+            "opencv-contrib-python-headless in the place of opencv-python-headless."
+        )
+    return found
+
+
+def _whole(box: Sequence[float] | np.ndarray, frames: np.ndarray) -> tuple[int, int, int, int]:
+    """A box in whole pixels, moved and cut so that it lies in the frame."""
+    limits = np.array(frames.shape[2:0:-1])
+    size = np.clip(np.rint(box[2:]), 1, limits).astype(int)
+    corner = np.clip(np.rint(box[:2]), 0, limits - size).astype(int)
+    return (int(corner[0]), int(corner[1]), int(size[0]), int(size[1]))
+
+
+def _bgr(frame: np.ndarray) -> np.ndarray:
+    return cv2.cvtColor(frame, cv2.COLOR_RGB2BGR)
+
+
+#: Name -> function of the frames ``[T, H, W, 3]`` and a box ``[4]`` that gives boxes ``[T, 4]``.
+BASELINES: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
+    "mil": functools.partial(_opencv, "MIL"),
+    "csrt": functools.partial(_opencv, "CSRT"),
+    "kcf": functools.partial(_opencv, "KCF"),
+    "meanshift": _mean_shift,
+    "still": _still,
+}

@@ -1,0 +1,68 @@
+"""A detector that is not there: boxes from the truth, with misses, false alarms and jitter.
+
+For trackers that start from detections, on clips that ship none.  Errors are independent from
+frame to frame and from object to object, which those of a real detector are not: scores got with
+them are never to be put beside published ones.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.contract.errors import InputError
+
+
+def simulated_detections(
+    truth: ArrayLike,
+    frame_shape: tuple[int, ...],
+    *,
+    misses: float = 0.2,
+    false_alarms: float = 0.5,
+    jitter: float = 0.05,
+    seed: int = 0,
+) -> list[np.ndarray]:
+    """What a detector might have found in every frame.
+
+    Args:
+        truth: boxes ``[T, P, 4]``, x, y, w, h in pixels; NaN where an object is absent.
+        frame_shape: height and width of the frames.
+        misses: probability that an object in view is not found, the same for every one.
+        false_alarms: mean number, per frame, of boxes where nothing is: a Poisson number of them,
+            of the size of some true box of the sequence, anywhere inside the frame.
+        jitter: standard deviation of a found box's centre and of its sides, as a share of its
+            width and height; sides are multiplied by the exponential of a normal number.
+        seed: of the random numbers.
+
+    Returns:
+        T arrays ``[M, 4]``, in random order; M differs.  None lies outside the frame.
+
+    Raises:
+        InputError: a number out of range, or no box in all the truth.
+    """
+    truth = np.asarray(truth, float)
+    given = {"misses": (misses, 1), "false_alarms": (false_alarms, 1000), "jitter": (jitter, 1)}
+    for name, (value, most) in given.items():
+        if not 0 <= value <= most:
+            raise InputError(f"{name} = {value} must be from 0 to {most}.")
+    there = np.isfinite(truth).all(axis=-1)
+    if not there.any():
+        raise InputError("the truth holds no box; detections are simulated from it.")
+    rng = np.random.default_rng(seed)
+    sizes = truth[there][:, 2:]
+    found = []
+    for boxes in (row[present] for row, present in zip(truth, there, strict=True)):
+        seen = boxes[rng.random(len(boxes)) >= misses]
+        size = seen[:, 2:] * np.exp(jitter * rng.standard_normal((len(seen), 2)))
+        centre = seen[:, :2] + seen[:, 2:] / 2
+        centre = centre + jitter * seen[:, 2:] * rng.standard_normal((len(seen), 2))
+        false = sizes[rng.integers(len(sizes), size=rng.poisson(false_alarms))]
+        room = np.maximum(np.array(frame_shape[1::-1]) - false, 0)
+        every = np.concatenate(
+            [
+                np.hstack([centre - size / 2, size]),
+                np.hstack([rng.random(false.shape) * room, false]),
+            ]
+        )
+        every = rng.permutation(every)
+        inside = (every[:, :2] < frame_shape[1::-1]) & (every[:, :2] + every[:, 2:] > 0)
+        found.append(every[inside.all(axis=1)])
+    return found

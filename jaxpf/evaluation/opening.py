@@ -1,0 +1,44 @@
+"""Opening scenes for evaluations: the one place where both are known."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import scenes
+from jaxpf.contract.errors import InputError
+
+
+def load_scene(
+    source: str,
+    seed: int = 0,
+    ids: Sequence[int] | None = None,
+    start_frame: int | None = None,
+    num_frames: int | None = None,
+    parameters: Mapping[str, Any] | None = None,
+) -> scenes.Scene:
+    """``scenes.open_scene``, for ``functools.partial`` and worker processes.
+
+    Raises:
+        InputError: the scene cannot be opened; the sentence is that of ``scenes``.
+    """
+    try:
+        scene = scenes.open_scene(
+            source,
+            seed=seed,
+            ids=ids,
+            start_frame=start_frame,
+            num_frames=num_frames,
+            parameters=parameters,
+        )
+    except scenes.SceneError as error:
+        raise as_input_error(error) from error
+    if isinstance(scene.frames, scenes.LazyFrames):
+        # Not all of them were read yet.
+        scene = dataclasses.replace(scene, frames=scene.frames.with_fault(as_input_error))
+    return scene
+
+
+def as_input_error(error: scenes.SceneError) -> InputError:
+    """The refusal of a scene as one of ours, in the same words."""
+    text = str(error)
+    return InputError(text if text.endswith(".") else f"{text}.")

@@ -1,0 +1,103 @@
+"""Other trackers' results: read from a file, each track given to the object it follows."""
+
+import os
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.boxes.tracks import BoxTable, dense, read_boxes
+from jaxpf.contract.errors import InputError
+from jaxpf.measures.association import pairwise_overlap
+
+# The overlap with the truth from which the MOTChallenge counts a box as a match.
+_MATCH = 0.5
+
+
+def read_tracks(
+    path: str | os.PathLike[str], truth: ArrayLike, ids: Sequence[int], start_frame: int = 0
+) -> np.ndarray:
+    """Another tracker's boxes, arranged like the truth of a scene.
+
+    Args:
+        path: a MOT file, counting from 1, or one with the header of a ``gt.csv``, counting from
+            0; rows without width and height stand for absent objects.
+        truth: true boxes ``[T, P, 4]``; row t is frame ``start_frame + t`` of the sequence.
+        ids: the truth's number of each of the P objects.
+        start_frame: the frame of the sequence with which the scene begins, counting from 0.
+
+    Returns:
+        float64 ``[T, P, 4]``, NaN where the file has no box.  ``match_tracks`` says which of the
+        file's ids belongs to which object; an object without any is NaN throughout.
+
+    Raises:
+        InputError: a file that cannot be read, without boxes in these frames, or none of whose
+            boxes fits an object.
+    """
+    table = read_boxes(path, empty_boxes="absent")
+    truth = np.asarray(truth, np.float64)
+    matched = match_tracks(table, truth, ids, start_frame)
+    followed = [column for column, identity in enumerate(matched) if identity is not None]
+    found = [identity for identity in matched if identity is not None]
+    boxes = np.full(truth.shape, np.nan)
+    boxes[:, followed] = dense(table, found, start_frame + len(truth))[start_frame:]
+    return boxes
+
+
+def match_tracks(
+    table: BoxTable, truth: ArrayLike, ids: Sequence[int], start_frame: int = 0
+) -> list[int | None]:
+    """Which of the tracks in a file follows which object.
+
+    Two rules, judged in the first frame from ``start_frame`` on in which the file has a box:
+
+    1. The file's ids are the truth's if all of ``ids`` occur in it, and no object is overlapped
+       more by a box of another id than by the box of its own (by .5 or more, where the frame has
+       no box of its own).
+    2. Otherwise tracks are assigned by overlap (intersection over union): the largest first, one
+       track to one object, down to an overlap of .5, as the MOTChallenge requires of a match.
+
+    Args:
+        table: the file's boxes.
+        truth: true boxes ``[T, P, 4]``; row t is frame ``start_frame + t``.
+        ids: the truth's number of each of the P objects.
+        start_frame: counting from 0.
+
+    Returns:
+        The id in the table for each object; None for an object that no track begins on.
+
+    Raises:
+        InputError: no box in the T frames, or none that fits an object.
+    """
+    truth = np.asarray(truth, np.float64)
+    last_frame = start_frame + len(truth) - 1
+    frames = table.frame[(table.frame >= start_frame) & (table.frame <= last_frame)]
+    if len(frames) == 0:
+        has = f"lie in {table.frame.min()} to {table.frame.max()}" if len(table) else "are none"
+        raise InputError(
+            f"{table.source} has no box in the scene's frames {start_frame} to {last_frame}: its "
+            f"frames (counting from 0) {has}; check that it belongs to the scene"
+        )
+    frame = int(frames.min())
+    rows = np.flatnonzero(table.frame == frame)
+    there = table.id[rows]
+    overlap = pairwise_overlap(truth[frame - start_frame], table.box[rows])  # [P, rows]
+
+    is_own = np.asarray(ids)[:, None] == there
+    own, best = np.where(is_own, overlap, 0).max(axis=1), overlap.max(axis=1)
+    is_contradicted = (best > own) & (is_own.any(axis=1) | (best >= _MATCH))
+    if set(ids) <= set(table.id.tolist()) and not is_contradicted.any():
+        return [int(identity) for identity in ids]
+
+    matched: list[int | None] = [None] * len(ids)
+    while overlap.max() >= _MATCH:
+        column, row = np.unravel_index(np.argmax(overlap), overlap.shape)
+        matched[column] = int(there[row])
+        overlap[column], overlap[:, row] = 0, 0
+    if all(identity is None for identity in matched):
+        raise InputError(
+            f"no box of {table.source} in frame {frame} (counting from 0) overlaps an object of "
+            f"the scene by {_MATCH:g} or more; check that it belongs to the scene, and that it "
+            "counts frames and pixels from 1 if it has no header"
+        )
+    return matched

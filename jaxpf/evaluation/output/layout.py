@@ -1,0 +1,294 @@
+"""Tables for people: one row per configuration, "value [lower, upper]" in the cells."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.evaluation.measures import COMPARED, REGIONS, SCORES, Measure, by_name
+
+if TYPE_CHECKING:
+    from jaxpf.evaluation.estimates import Difference, Estimate
+    from jaxpf.evaluation.summary import Summary
+
+#: Measures that the tables show; all of them are in ``summary.csv``.
+HEADLINE = tuple(
+    by_name(name)
+    for name in (
+        *("success_half", "success_area", "success", "recovered", "precision", "recall"),
+        *("overlap", "centre_error", "corner_error", "uniqueness"),
+    )
+)
+#: Measures that a terminal of 120 columns has room for.
+PRINTED = HEADLINE[:6]
+#: Measures of how honest the spread is.  The log score is in ``summary.csv`` alone: one frame in
+#: which all particles are copies of one outweighs all others.
+CALIBRATION = tuple(by_name(name) for name in (*(f"coverage_{p}" for p in REGIONS), "crps"))
+#: An interval below this is one of equal values, but for how they are added.
+_ROUNDING = 1e-6
+#: Below this a difference is marked, after Holm's correction.
+SIGNIFICANT = 0.05
+
+#: Which note tells what measures are, and which what calibration is.
+ABOUT_MEASURES, ABOUT_CALIBRATION = 1, 3
+NOTES = (
+    "Values with 95 % intervals in brackets. Runs are the independent units: frames and objects "
+    "of a run add to the value, not to the certainty. Rates have Wilson's interval (over all "
+    "objects, at the effective number of trials); means have the normal interval of their "
+    "standard error over runs.",
+    "Overlap is intersection over union. Success at .5: the share of frames whose overlap exceeds "
+    ".5. Success area: the mean of that share over all thresholds from 0 to 1 (Wu, Lim and Yang "
+    "2013). Smith2004's success and recovery ask for one shared pixel only, in every frame of a "
+    "run or in its last one with truth, and do not say how well a box fits. Precision and recall "
+    "are over the frames that share a pixel, the others over all frames with truth. The start "
+    "frame never counts.",
+    "Differences are paired by run: equal seeds share their random numbers. Differences of rates "
+    "have Newcombe's interval (method 10) for one object and are tested by McNemar's exact test; "
+    "those of means have Student's interval and test of the runs' differences. A star marks "
+    f"p < {SIGNIFICANT} after Holm's correction over the comparisons in its column. Points are "
+    "percentage points.",
+    "Calibration: how often the 50, 80 and 95 % regions of x and of y, as wide as the particles' "
+    "standard deviation says, hold the truth; of frames in which the object is followed (a shared "
+    "pixel), for no region holds one that is lost. CRPS, in pixels, is small where spreads are "
+    "honest and narrow (Gneiting and Raftery 2007); the log score is in summary.csv.",
+    "At equal time: less the first method with as many particles as take the same time, read off a "
+    "line between two of its numbers of particles, over the logarithm of time, run by run.",
+    "Frames/s: of one run alone on this machine, from a frame in memory to its estimate, compiling "
+    "left out; the median over some frames, and of what gave boxes at once, the mean over all. "
+    "Settings that are compiled alike share the figure.",
+)
+
+
+class Table(NamedTuple):
+    """A table of text; ``jaxpf.cli.shared.console.print_table(*table)`` prints it."""
+
+    title: str
+    columns: list[str]
+    rows: list[list[str]]
+
+    def add(self, column: str, texts: Iterable[str]) -> None:
+        """Add a column, a text for each row."""
+        self.columns.append(column)
+        for row, text in zip(self.rows, texts, strict=True):
+            row.append(text)
+
+
+def estimate_tables(
+    object_ids: Sequence[int],
+    summaries: Sequence["Summary"],
+    places: Iterable[int],
+    measures: Sequence[Measure] = HEADLINE,
+) -> list[Table]:
+    """Rates and means, one table per object.
+
+    Args:
+        object_ids: numbers of the P objects.
+        summaries: of the configurations.
+        places: indices of objects; P stands for all of them.
+        measures: the columns.
+    """
+    tables = []
+    for place in _distinct(object_ids, places) if summaries else ():
+        table = _estimates(object_name(object_ids, place), summaries, place, measures)
+        if place == len(object_ids) or len(object_ids) == 1:
+            _add_speed(table, summaries)
+        tables.append(table)
+    return tables
+
+
+def score_tables(summaries: Sequence["Summary"], num_objects: int) -> list[Table]:
+    """One table with the standard scores, of all objects together; none without TrackEval."""
+    if not any(SCORES[0].name in summary.estimates for summary in summaries):
+        return []
+    return [_estimates("standard scores, all objects", summaries, num_objects, SCORES)]
+
+
+def calibration_tables(
+    object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
+) -> list[Table]:
+    """How honest spreads are, one table per object; none where no filter has any of places."""
+    known = [s for s in summaries if s.transforms.any()]
+    return [
+        _estimates(f"calibration, {object_name(object_ids, place)}", known, place, CALIBRATION)
+        for place in _distinct(object_ids, places)
+        if known
+    ]
+
+
+def difference_tables(
+    object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
+) -> list[Table]:
+    """Paired differences, one table per object; arguments as for ``estimate_tables``."""
+    return [
+        _differences(object_name(object_ids, place), summaries, place)
+        for place in _distinct(object_ids, places)
+        if any(summary.reference is not None for summary in summaries)
+    ]
+
+
+def equal_time_tables(
+    object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
+) -> list[Table]:
+    """Differences from the first method at the same time, one table per object."""
+    compared = [(each.name, each.at_equal_time) for each in summaries if each.at_equal_time]
+    tables = []
+    for place in _distinct(object_ids, places) if compared else ():
+        title = f"{object_name(object_ids, place)}: differences at equal time"
+        table = Table(title, ["method", "compared with", "ms a frame"], [])
+        for name, at in compared:
+            fewer, more = (summaries[index] for index in at.references)
+            pair = f"{fewer.name} to {more.configuration.parameters['particles']}"
+            table.rows.append([name, pair, f"{1000 * at.seconds:.3g}"])
+        for measure in COMPARED:
+            found = triples([at.differences[measure.name] for _, at in compared], place)
+            if are_known(found):
+                table.add(difference_heading(measure), cells_of(measure, found, sign="+"))
+        tables.append(table)
+    return tables
+
+
+def object_name(object_ids: Sequence[int], place: int) -> str:
+    """What tables and figures call an object."""
+    return "all objects" if place == len(object_ids) else f"object {object_ids[place]}"
+
+
+def _distinct(object_ids: Sequence[int], places: Iterable[int]) -> list[int]:
+    """Each place once; all of one object is that object."""
+    return list(dict.fromkeys(0 if len(object_ids) == 1 else place for place in places))
+
+
+def _estimates(
+    title: str, summaries: Sequence["Summary"], place: int, measures: Sequence[Measure]
+) -> Table:
+    table = Table(title, ["method"], [[summary.name] for summary in summaries])
+    if len({summary.runs for summary in summaries}) > 1:
+        table.add("runs", [f"{summary.runs}" for summary in summaries])
+    for measure in measures:
+        found = triples([summary.estimates[measure.name] for summary in summaries], place)
+        if are_known(found):
+            table.add(heading(measure), cells_of(measure, found))
+    return table
+
+
+def _add_speed(table: Table, summaries: Sequence["Summary"]) -> None:
+    speeds = np.array([summary.frames_per_second for summary in summaries])
+    if np.isfinite(speeds).any():
+        texts = (f"{x:.{1 if x < 99.5 else 0}f}" if np.isfinite(x) else "-" for x in speeds)
+        table.add("frames/s", texts)
+
+
+def _differences(title: str, summaries: Sequence["Summary"], place: int) -> Table:
+    compared = [summary for summary in summaries if summary.reference is not None]
+    rows = [[s.name, summaries[s.reference or 0].name] for s in compared]
+    table = Table(f"{title}: differences on common seeds", ["method", "compared with"], rows)
+    for measure in COMPARED:
+        found = triples([summary.differences[measure.name] for summary in compared], place)
+        if are_known(found):
+            p = [summary.adjusted[measure.name][place] for summary in compared]
+            texts = zip(cells_of(measure, found, sign="+"), p, strict=True)
+            starred = (f"{text} *" if p < SIGNIFICANT else text for text, p in texts)
+            table.add(difference_heading(measure), starred)
+    return table
+
+
+def triples(found: Sequence["Estimate | Difference"], place: int) -> np.ndarray:
+    """Value and ends of the interval ``[C, 3]`` of the object at ``place``, C configurations."""
+    return np.array([[x[place] for x in (e.value, e.lower, e.upper)] for e in found])
+
+
+def are_known(values: np.ndarray) -> bool:
+    """Whether any of ``triples`` has a value: a column of dashes tells nothing."""
+    return bool(np.isfinite(values[:, 0]).any())
+
+
+def heading(measure: Measure) -> str:
+    """Title of a measure and what it is counted in."""
+    unit = "%" if measure.percent else measure.unit
+    return f"{measure.title} ({unit})" if unit else measure.title
+
+
+def difference_heading(measure: Measure) -> str:
+    """As ``heading``; differences of percentages are counted in percentage points."""
+    return heading(measure).replace("(%)", "(points)")
+
+
+def cells_of(measure: Measure, found: np.ndarray, sign: str = "") -> list[str]:
+    """ "value [lower, upper]" for triples ``[C, 3]``, all with the same number of decimals.
+
+    So many decimals that the typical half-width of an interval is 3 to 30 of the last digit.
+    """
+    found = found * (100 if measure.percent else 1)
+    reach = (found[:, 2] - found[:, 1]) / 2
+    known = reach[np.isfinite(reach) & (reach > _ROUNDING)]
+    typical = float(np.median(known)) if len(known) else math.nan
+    decimals = 1 if math.isnan(typical) else min(max(-math.floor(math.log10(typical / 3)), 0), 4)
+
+    def number(value: float, sign: str = "") -> str:
+        # Adding 0 turns -0 into 0.
+        return f"{round(value, decimals) + 0:{sign}.{decimals}f}"
+
+    texts = []
+    for value, lower, upper in found:
+        text = number(value, sign) if np.isfinite(value) else "-"
+        ends = number(lower), number(upper)
+        if np.isfinite([value, lower, upper]).all() and (sign or ends[0] != ends[1]):
+            text += f" [{ends[0]}, {ends[1]}]"
+        texts.append(text)
+    return texts
+
+
+def to_markdown(
+    title: str, tables: Iterable[Table], remarks: Iterable[str], notes: Iterable[str] = NOTES
+) -> str:
+    """A Markdown document with all tables."""
+    parts = [f"# {_markdown(title)}", *(_markdown(note) for note in notes)]
+    parts += [f"- {_markdown(remark)}" for remark in remarks]
+    for table in tables:
+        rows = [[_markdown(cell) for cell in row] for row in table.rows]
+        parts += [f"## {_markdown(table.title)}", _tabulate(table.columns, rows, "github")]
+    return "\n\n".join(parts) + "\n"
+
+
+def to_latex(title: str, tables: Iterable[Table], remarks: Iterable[str]) -> str:
+    """LaTeX ``table`` environments, which need the package booktabs."""
+    parts = ["% \\usepackage{booktabs}"]
+    # On one line each: what follows a line's end would be no comment.
+    parts += [f"% {' '.join(line.split())}" for line in (*NOTES, *remarks)]
+    for table in tables:
+        body = _tabulate(table.columns, table.rows, "latex_booktabs")
+        caption = _latex(f"{title}: {table.title}.")
+        parts.append(
+            f"\\begin{{table}}\n\\centering\\footnotesize\n\\caption{{{caption}}}\n{body}\n\\end{{table}}"
+        )
+    return "\n\n".join(parts) + "\n"
+
+
+def _tabulate(columns: Sequence[str], rows: Sequence[Sequence[str]], style: str) -> str:
+    try:
+        from tabulate import tabulate
+    except ModuleNotFoundError:
+        raise InputError("writing tables needs tabulate; pip install 'jaxpf[cli]'") from None
+    alignment = ["left", *["right"] * (len(columns) - 1)]
+    return tabulate(
+        rows, headers=columns, tablefmt=style, disable_numparse=True, colalign=alignment
+    )
+
+
+def _markdown(text: str) -> str:
+    for mark in "\\`*_{}<>|#":
+        text = text.replace(mark, "\\" + mark)
+    return text
+
+
+_LATEX: dict[str, Any] = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    **{mark: "\\" + mark for mark in "&%$#_{}"},
+}
+
+
+def _latex(text: str) -> str:
+    return text.translate(str.maketrans(_LATEX))

@@ -1,0 +1,180 @@
+"""Several sequences, one evaluation each: what holds over all of them.
+
+Sequences are the units here, as in the tables of benchmarks: a sequence's figure is that of all its
+objects and runs (and, of a method with several orders, their mean), and intervals are Student's
+over sequences, which are wide for a few of them, whatever the number of runs.
+"""
+
+import csv
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxpf.evaluation.measures import CURVES, MEASURES, SCORES, by_name
+from jaxpf.evaluation.output.layout import (
+    ABOUT_CALIBRATION,
+    ABOUT_MEASURES,
+    CALIBRATION,
+    NOTES,
+    Table,
+    are_known,
+    cells_of,
+    heading,
+    to_markdown,
+)
+from jaxpf.files.writing import csv_text, write_text
+from jaxpf.measures.intervals import student_interval
+
+_SHOWN = ("success_half", "success_area", "distance_precision", "overlap", "HOTA", "IDF1")
+#: Measures that the tables show; all of them are in ``overall.csv``.
+SHOWN = (*map(by_name, _SHOWN), *CALIBRATION[-2:])
+#: What a reader must know.
+UNITS = "Sequences are the units: 95 % intervals (Student's) are over their means."
+FILES = ("overall.md", "overall.csv", "sequences.csv", "overall.png", "overall.pdf")
+
+
+class OverSequences(NamedTuple):
+    """A mean over sequences with its 95 % interval, NaN for fewer than two.
+
+    Attributes:
+        sequences: that count.
+        value: the mean.
+        lower: end of the interval.
+        upper: end of the interval.
+    """
+
+    sequences: int
+    value: float
+    lower: float
+    upper: float
+
+
+def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> list[Table]:
+    """Write ``FILES`` from the summaries of the evaluations in ``folder``.
+
+    Args:
+        folder: of all; ``folder / name`` holds an evaluation that is finished.
+        names: of the sequences.
+        varied: options of which several values were asked for, which tell configurations apart.
+
+    Returns:
+        The tables that a terminal shows: means, and differences from the first method.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    found = {
+        name: _of_sequence(folder / name / "summary.csv", varied, lambda row: row["measure"])
+        for name in names
+    }
+    methods = list(dict.fromkeys(method for each in found.values() for method in each))
+    measures = [each.name for each in (*MEASURES, *SCORES)]
+    values = {
+        (method, measure): np.array(
+            [each.get(method, {}).get(measure, np.nan) for each in found.values()]
+        )
+        for method in methods
+        for measure in measures
+    }
+    first = methods[0]
+    means = {key: over_sequences(of) for key, of in values.items()}
+    differences = {
+        (method, measure): over_sequences(of - values[first, measure])
+        for (method, measure), of in values.items()
+        if method != first
+    }
+    tables = [_table(f"means over {len(names)} sequences", methods, means)]
+    if len(methods) > 1:
+        title = f"differences from {first}, paired by sequence"
+        tables.append(_table(title, methods[1:], differences))
+    notes = [UNITS, NOTES[ABOUT_MEASURES], NOTES[ABOUT_CALIBRATION]]
+    text = to_markdown("Over all sequences", tables, [", ".join(names)], notes)
+    write_text(folder / "overall.md", text)
+    write_text(folder / "overall.csv", csv_text(_rows(means, differences)))
+    rows = [
+        [name, method, measure, f"{x:.7g}"]
+        for (method, measure), of in values.items()
+        for name, x in zip(names, of, strict=True)
+        if np.isfinite(x)
+    ]
+    header = ["sequence", "method", "measure", "value"]
+    write_text(folder / "sequences.csv", csv_text([header, *rows]))
+    _draw(folder, names, methods, varied)
+    return tables
+
+
+def over_sequences(values: np.ndarray) -> OverSequences:
+    """The mean of ``values [S]`` with Student's interval; what is not finite does not count."""
+    found = student_interval(values)
+    return OverSequences(np.isfinite(values).sum(), found.value, found.lower, found.upper)
+
+
+def _of_sequence(
+    path: Path, varied: Sequence[str], key: Callable[[dict[str, str]], Any]
+) -> dict[str, dict[Any, float]]:
+    """Method, with the options that vary -> key of a row -> figure of all objects."""
+    gathered: dict[str, dict[Any, list[float]]] = {}
+    with path.open(newline="") as file:
+        for row in csv.DictReader(file):
+            if row["object"] != "all":
+                continue
+            options = [f"{name} {row[name]}" for name in varied if row.get(name)]
+            method = ", ".join([row["method"], *options])
+            by_key = gathered.setdefault(method, {})
+            by_key.setdefault(key(row), []).append(float(row["value"]))
+    return {
+        method: {name: float(np.mean(each)) for name, each in by_key.items()}
+        for method, by_key in gathered.items()
+    }
+
+
+def _draw(
+    folder: Path, names: Sequence[str], methods: Sequence[str], varied: Sequence[str]
+) -> None:
+    """Success and precision curves: means over sequences, and their intervals."""
+    from jaxpf.evaluation.output import charts
+    from jaxpf.evaluation.output.figures import in_style, save
+
+    def point(row: dict[str, str]) -> tuple[str, float]:
+        return row["curve"], float(row["threshold"])
+
+    found = [_of_sequence(folder / name / "curves.csv", varied, point) for name in names]
+    curves = {
+        (method, curve): np.array(
+            [
+                over_sequences(
+                    np.array([each[method][curve, t] for each in found if method in each])
+                )
+                for t in thresholds.tolist()
+            ]
+        )
+        for curve, thresholds in CURVES.items()
+        for method in methods
+    }
+    with in_style():
+        save(charts.curves_over_sequences(methods, curves), folder / "overall.png")
+
+
+def _table(
+    title: str, methods: Sequence[str], found: Mapping[tuple[str, str], OverSequences]
+) -> Table:
+    table = Table(title, ["method"], [[method] for method in methods])
+    counts = [found[method, "overlap"].sequences for method in methods]
+    if len(set(counts)) > 1:
+        table.add("sequences", map(str, counts))
+    for measure in SHOWN:
+        values = np.array([found[method, measure.name][1:] for method in methods])
+        if are_known(values):
+            table.add(heading(measure), cells_of(measure, values))
+    return table
+
+
+def _rows(*given: Mapping[tuple[str, str], OverSequences]) -> Iterator[list[Any]]:
+    yield ["what", "method", "measure", *OverSequences._fields]
+    for what, found in zip(("mean", "difference"), given, strict=True):
+        for (method, measure), of in found.items():
+            if of.sequences:
+                ends = [f"{x:.7g}" if np.isfinite(x) else "" for x in of[1:]]
+                yield [what, method, measure, of.sequences, *ends]

@@ -1,0 +1,264 @@
+"""Tables of an evaluation: every run, the summary over runs, and tracks of chosen runs.
+
+``write_tables`` writes into the evaluation's folder
+
+* ``results.csv``: one row per scene, method, ordering, parameters, seed, run and object, which
+  ``pandas.read_csv`` reads as it is;
+* ``summary.csv``: one row per configuration, object ("all" for all of them) and measure;
+* ``curves.csv``: success and precision curves of every configuration and object;
+* ``differences.csv``: configurations against their references, on common seeds;
+* ``summary.md`` and ``summary.tex``: what a paper shows of them;
+* ``tracks/``: the best, the median and the worst run of each configuration in MOT format, and
+  the truth.
+
+Fields of a table that do not exist, such as the precision of an object that was never tracked,
+are empty.
+"""
+
+import dataclasses
+import re
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from jaxpf import filters
+from jaxpf.contract.options import plain
+from jaxpf.evaluation.collection import SCORED_RUNS, Collected, Curve, collect, has_scores
+from jaxpf.evaluation.measures import COLUMNS, CURVES
+from jaxpf.evaluation.output.layout import (
+    PRINTED,
+    Table,
+    calibration_tables,
+    difference_tables,
+    equal_time_tables,
+    estimate_tables,
+    score_tables,
+    to_latex,
+    to_markdown,
+)
+from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
+from jaxpf.evaluation.summary import Summary, configuration_name, hardest_object, summarise
+from jaxpf.evaluation.work.batches import Batch
+from jaxpf.files.writing import atomic_write, csv_text, report_os_errors, write_text
+
+#: What there is to say of a single object.
+ONE_OBJECT = (
+    "One object: there is nothing to order, so all orderings coincide (SIR, PS, DPS, SPS) and one "
+    "is run unless methods are named."
+)
+_KEYS = ("scene", "method", "ordering")
+_ENOUGH = 20  # runs, at which the normal quantile is 6 % below Student's
+_NUMBERS = ",".join(["%.7g"] * len(COLUMNS))
+
+
+@dataclasses.dataclass(frozen=True)
+class Tables:
+    """What ``write_tables`` found.
+
+    Attributes:
+        summaries: of every configuration with finished runs.
+        remarks: sentences about what is missing or to be read with care.
+        hardest: index of the object that was recovered least, over all configurations.
+        printed: the tables that a terminal shows.
+    """
+
+    summaries: list[Summary]
+    remarks: list[str]
+    hardest: int
+    printed: list[Table]
+
+
+def write_tables(results: Results) -> Tables:
+    """Write all tables of an evaluation, finished or not, in memory that runs do not add to.
+
+    Raises:
+        InputError: a file cannot be written; a batch is damaged.
+    """
+    configurations = results.configurations
+    with report_os_errors("write into", results.folder):
+        for leaving in results.folder.glob(".tables-*"):  # of a process that was killed
+            shutil.rmtree(leaving, ignore_errors=True)
+        scratch = tempfile.TemporaryDirectory(dir=results.folder, prefix=".tables-")
+    with scratch as store, atomic_write(results.folder / "results.csv") as file:
+        writer = _RowWriter(file, results)
+        collected: list[Collected] = []
+        for index, configuration in enumerate(configurations):
+            folder = Path(store) / f"{index}"
+            folder.mkdir()
+            rows = writer.for_configuration(configuration)
+            if (found := collect(results, configuration, folder, rows)) is not None:
+                collected.append(found)
+        summaries = summarise(results, collected)
+    hardest = hardest_object(summaries, len(results.object_ids))
+    remarks = _remarks(results, summaries)
+    for name, rows in (
+        ("summary", _summary_rows(results, summaries)),
+        ("curves", _curve_rows(results, summaries)),
+        ("differences", _difference_rows(results, summaries)),
+    ):
+        write_text(results.folder / f"{name}.csv", csv_text(rows))
+    ids = results.object_ids
+    places = [len(ids), *range(len(ids))]
+    everything = [
+        *estimate_tables(ids, summaries, places),
+        *score_tables(summaries, len(ids)),
+        *calibration_tables(ids, summaries, places),
+        *difference_tables(ids, summaries, places),
+        *equal_time_tables(ids, summaries, places),
+    ]
+    title = f"{results.scene_name}, {results.runs} runs"
+    for suffix, render in ((".md", to_markdown), (".tex", to_latex)):
+        write_text(results.folder / f"summary{suffix}", render(title, everything, remarks))
+    _write_tracks(results, summaries)
+    printed = [
+        *estimate_tables(ids, summaries, [len(ids), hardest], PRINTED),
+        *calibration_tables(ids, summaries, [len(ids)]),
+        *difference_tables(ids, summaries, [hardest]),
+        *equal_time_tables(ids, summaries, [len(ids)]),
+    ]
+    return Tables(summaries, remarks, hardest, printed)
+
+
+class _RowWriter:
+    """Rows of ``results.csv``, written as the batches come."""
+
+    def __init__(self, file: IO[str], results: Results):
+        self._file, self._results = file, results
+        header = [*_KEYS, *_parameters(results), "seed", "run", "object", *COLUMNS]
+        file.write(csv_text([header]))
+
+    def for_configuration(self, configuration: Configuration) -> Any:
+        results, file = self._results, self._file
+        prefix = csv_text([_keys(results, configuration)]).rstrip("\n")
+        ids = results.object_ids
+
+        def write(batch: Batch, columns: np.ndarray) -> None:
+            lines = []
+            runs = zip(batch.seeds.tolist(), batch.runs.tolist(), columns.tolist(), strict=True)
+            for seed, run, objects in runs:
+                for identity, values in zip(ids, objects, strict=True):
+                    numbers = (_NUMBERS % tuple(values)).replace("nan", "")
+                    lines.append(f"{prefix},{seed},{run},{identity},{numbers}\n")
+            file.write("".join(lines))
+
+        return write
+
+
+def _remarks(results: Results, summaries: Sequence[Summary]) -> list[str]:
+    remarks = []
+    finished = {summary.name: summary.runs for summary in summaries}
+    for configuration in results.configurations:
+        name = configuration_name(results, configuration)
+        runs = finished.get(name, 0)
+        if configuration.is_imported:
+            remarks.append(f"{name}: one track, the same for every seed; without intervals.")
+        elif runs < results.runs:
+            remarks.append(f"{name}: {runs} of {results.runs} runs are finished.")
+    ours = [c for c in results.configurations if c.kind == BUILT_IN]
+    ordered = any(filters.filter_of(c.method.lower()).by_default for c in ours)
+    if len(results.object_ids) == 1 and ordered:
+        remarks.append(ONE_OBJECT)
+    fewest = min((s.runs for s in summaries if not s.configuration.is_imported), default=_ENOUGH)
+    if fewest < _ENOUGH:
+        remarks.append(
+            f"With fewer than {_ENOUGH} runs the normal intervals of means are too narrow; those "
+            "of rates and of differences are not."
+        )
+    if not has_scores():
+        remarks.append(
+            "HOTA, MOTA and IDF1 are left out; pip install --no-deps trackeval adds them."
+        )
+    elif any(summary.runs > SCORED_RUNS for summary in summaries):
+        remarks.append(f"HOTA, MOTA and IDF1 are of the first {SCORED_RUNS} runs.")
+    return remarks
+
+
+def _summary_rows(results: Results, summaries: Iterable[Summary]) -> Iterator[list[Any]]:
+    fields = ("runs", "value", "standard_error", "lower", "upper")
+    yield [*_KEYS, *_parameters(results), "object", "measure", *fields]
+    for summary in summaries:
+        keys = _keys(results, summary.configuration)
+        for measure, found in summary.estimates.items():
+            for place, identity in _known(results, found.value):
+                numbers = [_number(getattr(found, field)[place]) for field in fields]
+                yield [*keys, identity, measure, *numbers]
+        if np.isfinite(speed := summary.frames_per_second):
+            yield [*keys, "all", "frames_per_second", 1, _number(speed), "", "", ""]
+
+
+def _curve_rows(results: Results, summaries: Iterable[Summary]) -> Iterator[list[Any]]:
+    yield [*_KEYS, *_parameters(results), "object", "curve", "threshold", *Curve._fields]
+    for summary in summaries:
+        keys = _keys(results, summary.configuration)
+        for name, thresholds in CURVES.items():
+            curve = getattr(summary, name)
+            for place, identity in _known(results, curve.value[:, 0]):
+                for number, threshold in enumerate(thresholds):
+                    ends = [_number(each[place, number]) for each in curve]
+                    yield [*keys, identity, name, f"{threshold:g}", *ends]
+
+
+def _difference_rows(results: Results, summaries: Sequence[Summary]) -> Iterator[list[Any]]:
+    fields = ("runs", "value", "standard_error", "lower", "upper", "gained", "lost", "p")
+    names = ("runs", "difference", *fields[2:], "p_holm")
+    yield [*_KEYS, *_parameters(results), "reference", "object", "measure", *names]
+    for summary in summaries:
+        if summary.reference is None:
+            continue
+        keys = _keys(results, summary.configuration)
+        reference = summaries[summary.reference].name
+        for measure, found in summary.differences.items():
+            for place, identity in _known(results, found.value):
+                numbers = [_number(getattr(found, field)[place]) for field in fields]
+                adjusted = _number(summary.adjusted[measure][place])
+                yield [*keys, reference, identity, measure, *numbers, adjusted]
+
+
+def _write_tracks(results: Results, summaries: Sequence[Summary]) -> None:
+    folder = results.folder / "tracks"
+    with report_os_errors("create the folder", folder):
+        folder.mkdir(exist_ok=True)
+        for path in folder.glob("*-run*.*"):  # other runs may have been best before
+            path.unlink()
+    of = results.adapter
+
+    def write(name: str, shapes: np.ndarray, lost: np.ndarray) -> None:
+        with of.track_writer(folder / f"{name}{of.track_suffix}", results.start) as writer:
+            for time, row in enumerate(shapes):
+                writer.append(results.start_frame + 1 + time, row, lost[time])
+
+    write("truth", results.truth, np.zeros(results.truth.shape[:2], bool))
+    for number, summary in enumerate(summaries, start=1):
+        slug = re.sub(r"[^A-Za-z0-9.]+", "-", summary.name).strip("-.")
+        for shown in summary.shown:
+            write(f"{number:02d}-{slug}-{shown.role}-run{shown.run}", shown.shapes, shown.lost)
+
+
+def _known(results: Results, values: np.ndarray) -> Iterator[tuple[int, str]]:
+    """Place and name of the objects that have a value; "all" comes last."""
+    names = [*map(str, results.object_ids), "all"]
+    return ((place, name) for place, name in enumerate(names) if np.isfinite(values[place]))
+
+
+def _parameters(results: Results) -> list[str]:
+    """Names of all parameters, in the order in which configurations have them."""
+    names = (name for c in results.configurations for name in c.parameters)
+    return list(dict.fromkeys(names))
+
+
+def _keys(results: Results, configuration: Configuration) -> list[Any]:
+    values = [_cell(configuration.parameters.get(name)) for name in _parameters(results)]
+    return [results.scene_name, configuration.method, configuration.ordering, *values]
+
+
+def _cell(value: Any) -> Any:
+    """An option's value in a CSV field."""
+    return "" if value is None else plain(value) if isinstance(value, tuple) else value
+
+
+def _number(value: float) -> str:
+    return f"{value:.7g}" if np.isfinite(value) else ""

@@ -1,0 +1,264 @@
+"""Carrying out an evaluation: what is missing is done, batch by batch, and kept."""
+
+import dataclasses
+import functools
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
+from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.evaluation.work.batches import Batch, survey, write_batch
+from jaxpf.evaluation.work.execution import RETRIES, Factory, in_turn
+from jaxpf.evaluation.work.fingerprint import fingerprint
+from jaxpf.evaluation.work.folder import locked, remove_leavings, stored_settings, write_settings
+from jaxpf.evaluation.work.scene import (
+    check_scene,
+    object_ids,
+    open_scene,
+    remember_scene,
+    remembered_scene,
+    start_frame,
+)
+from jaxpf.files.writing import report_os_errors
+from jaxpf.targets import adapter_of_scene
+from jaxpf.targets.target import Start, Target
+
+if TYPE_CHECKING:
+    from jaxpf.evaluation.work.worker import Work
+
+
+@dataclasses.dataclass(frozen=True)
+class Prepared:
+    """An evaluation that is about to be carried out.
+
+    Attributes:
+        plan: what was asked.
+        folder: where results go.
+        settings: for ``settings.json``.
+        truth: ``[T, P, S]`` of the frames after the start frame.
+        start: where the objects are in the start frame.
+        configurations: all of them.
+        done: runs per configuration that are on disk.
+        work: batches that are missing.
+        imports: imported tracks that are missing, as (index of the configuration, batch).
+        import_seconds: how long it took to make those of them that were made here.
+        damaged: batch files that are damaged; their runs are among the missing.
+        seconds: about how long the missing work takes on this machine; NaN if nobody knows.
+        memory: about how many bytes a working process takes.
+    """
+
+    plan: Plan
+    folder: Path
+    settings: dict[str, Any]
+    truth: np.ndarray
+    start: Start
+    configurations: list[Configuration]
+    done: list[int]
+    work: list["Work"]
+    imports: list[tuple[int, Batch]]
+    import_seconds: dict[int, float]
+    damaged: list[Path]
+    seconds: float
+    memory: int
+
+    @property
+    def missing_runs(self) -> int:
+        """Runs that are to be done, over all configurations."""
+        return sum(work.num_runs for work in self.work) + len(self.imports)
+
+
+def evaluate(
+    plan: Plan,
+    folder: str | os.PathLike[str],
+    *,
+    executor: Executor | Factory | None = None,
+    progress: Callable[[int], None] | None = None,
+    limits: Limits = DEFAULT_LIMITS,
+    retries: int = RETRIES,
+) -> Results:
+    """Run every configuration of a plan, and keep what is finished.
+
+    The same call again does only what is missing; more ``runs`` may be asked for.  The
+    results of a seed are the same, bit for bit, on one machine, whatever the batches, the
+    executor and the number of workers or devices; among other numbers of runs, whose blocks may
+    have other widths (``jaxpf.running.blocks.blocks_of``), they are equal to rounding.
+
+    Args:
+        plan: what to run.
+        folder: new, empty, or of the same evaluation.
+        executor: where batches are computed: any ``concurrent.futures.Executor``, or a
+            function without arguments that returns one, so that a broken one can be
+            replaced; in this process by default.  See ``execution.local_pool``.
+        progress: called with the number of runs that were finished.
+        limits: how the runs are divided into batches.
+        retries: times that a batch may be repeated because a worker died.
+
+    Raises:
+        InputError: the folder belongs to other settings or another version; the scene cannot
+            be opened or an object is absent in its first frame; an argument is out of range;
+            the disk is full; workers died too often.
+    """
+    prepared = prepare(plan, folder, limits)
+    return carry_out(prepared, executor=executor, progress=progress, retries=retries)
+
+
+def finished(plan: Plan, folder: str | os.PathLike[str]) -> Results | None:
+    """The results of an evaluation with nothing left to do, or None.
+
+    Neither the scene nor JAX is needed to tell.  Every batch is read to its end.  Where the
+    scene's files have changed since, there is something to do: ``prepare`` tells what it means.
+
+    Raises:
+        InputError: the folder belongs to other settings or another version.
+    """
+    folder = Path(folder)
+    settings = stored_settings(plan, folder)
+    if settings is None or settings["runs"] != plan.runs:
+        return None
+    if settings["scene"].get("files") != fingerprint(plan.scene):
+        return None
+    results = _opened(plan, folder)
+    done, damaged = _surveyed(results, plan.runs)
+    return results if not damaged and all(runs.all() for runs in done) else None
+
+
+def prepare(
+    plan: Plan, folder: str | os.PathLike[str], limits: Limits = DEFAULT_LIMITS
+) -> Prepared:
+    """Find out what is to be done, and write nothing; arguments and errors as for ``evaluate``."""
+    from jaxpf.evaluation.work import schedule
+    from jaxpf.evaluation.work import settings as about
+
+    folder = Path(folder)
+    settings = stored_settings(plan, folder)
+    scene = open_scene(plan.scene)
+    check_scene(scene)
+    adapter = adapter_of_scene(scene, plan.target)
+    start, truth = adapter.scene_start(scene), adapter.scene_shapes(scene)[1:]
+    if settings is None:
+        settings = about.new_settings(plan, scene, adapter.target, start)
+        configurations = [Configuration.from_json(entry) for entry in settings["configurations"]]
+        done = [np.zeros(1 if c.is_imported else plan.runs, bool) for c in configurations]
+        damaged: list[Path] = []
+    else:
+        about.check_continues(settings, scene, folder)
+        files = fingerprint(plan.scene)
+        settings = {**settings, "runs": plan.runs, "scene": {**settings["scene"], "files": files}}
+        results = Results(folder, settings, truth, start)
+        configurations = results.configurations
+        done, damaged = _surveyed(results, plan.runs)
+    digest = settings["scene"]["digest"]
+    remember_scene(scene, digest)
+    work, seconds, memory = schedule.batches(
+        plan, scene, adapter, digest, configurations, done, limits
+    )
+    imports = list(_missing_imports(plan, scene, adapter.target, configurations, done))
+    return Prepared(
+        plan=plan,
+        folder=folder,
+        settings=settings,
+        truth=truth,
+        start=start,
+        configurations=configurations,
+        done=[int(runs.sum()) for runs in done],
+        work=work,
+        imports=[(index, batch) for index, batch, _ in imports],
+        import_seconds={index: seconds for index, _, seconds in imports if seconds is not None},
+        damaged=damaged,
+        seconds=seconds,
+        memory=memory,
+    )
+
+
+def carry_out(
+    prepared: Prepared,
+    *,
+    executor: Executor | Factory | None = None,
+    progress: Callable[[int], None] | None = None,
+    retries: int = RETRIES,
+) -> Results:
+    """Do what ``prepare`` found missing; arguments and errors as for ``evaluate``."""
+    from jaxpf.evaluation.work.worker import run_batch
+
+    folder = prepared.folder
+    with locked(folder):
+        remove_leavings(folder)
+        for path in prepared.damaged:
+            with report_os_errors("replace", path):
+                path.unlink(missing_ok=True)
+        write_settings(folder, prepared.settings, prepared.truth, prepared.start)
+        for index, batch in prepared.imports:
+            write_batch(folder, index, batch)
+            if progress is not None:
+                progress(1)
+        for work, batch in in_turn(run_batch, prepared.work, executor, retries=retries):
+            write_batch(folder, work.index, batch)
+            if progress is not None:
+                progress(work.num_runs)
+    digest = prepared.settings["scene"]["digest"]
+    return Results.open(folder, functools.partial(_remembered, digest, prepared.plan.scene))
+
+
+def _opened(plan: Plan, folder: Path) -> Results:
+    return Results.open(folder, functools.partial(open_scene, plan.scene))
+
+
+def _remembered(digest: str, scene: Any) -> Any:
+    """The scene, which this process may have open, so that there are no two copies of it."""
+    found = remembered_scene(digest)
+    return open_scene(scene) if found is None else found
+
+
+def _surveyed(results: Results, num_runs: int) -> tuple[list[np.ndarray], list[Path]]:
+    """Which runs of each configuration are done, and the damaged files."""
+    done, damaged = [], []
+    for index, configuration in enumerate(results.configurations):
+        wanted = 1 if configuration.is_imported else num_runs
+        runs, broken = survey(results.folder, index, wanted, results.truth.shape)
+        done.append(runs)
+        damaged += broken
+    return done, damaged
+
+
+def _missing_imports(
+    plan: Plan,
+    scene: Any,
+    target: Target,
+    configurations: list[Configuration],
+    done: list[np.ndarray],
+) -> Iterator[tuple[int, Batch, float | None]]:
+    """Index, boxes, and how long it took to make them, of tracks that are not on disk yet."""
+    from jaxpf.evaluation.trackers import own_tracker
+    from jaxpf.evaluation.work.worker import imported_batch
+
+    for index, configuration in enumerate(configurations):
+        if not configuration.is_imported or done[index].all():
+            continue
+        name = configuration.method
+        if not target.has_boxes:
+            raise InputError(
+                f"{name!r} gives boxes, but the objects of {scene.name!r} are {target.name}; "
+                "leave it out."
+            )
+        seconds: float | None = None
+        if name in plan.trackers:
+            function: Any = plan.trackers[name]
+            began = time.perf_counter()
+            boxes = own_tracker(name, function, scene)
+            seconds = time.perf_counter() - began
+            if hasattr(function, "seconds"):  # a baseline remembers its boxes
+                seconds = function.seconds(scene)
+        else:
+            from jaxpf.evaluation.other_tracks import read_tracks
+
+            boxes = read_tracks(
+                plan.tracks[name], scene.boxes, object_ids(scene), start_frame(scene)
+            )
+        yield index, imported_batch(boxes[1:], plan.seed), seconds

@@ -1,0 +1,110 @@
+"""The folder of an evaluation: what was asked, and whether it may be continued."""
+
+import contextlib
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf import __version__
+from jaxpf.contract.errors import InputError
+from jaxpf.evaluation.plan import Plan
+from jaxpf.evaluation.results import TRUTH, read_settings
+from jaxpf.evaluation.work.batches import FOLDER
+from jaxpf.files import locking
+from jaxpf.files.locking import LOCK
+from jaxpf.files.store import SETTINGS, Store, differences
+from jaxpf.files.writing import PARTIAL, report_os_errors
+from jaxpf.targets.target import Start
+
+
+def stored_settings(plan: Plan, folder: Path) -> dict[str, Any] | None:
+    """The settings of an evaluation that ``plan`` continues; None where it would be new.
+
+    Raises:
+        InputError: the folder holds something else, or an evaluation of another version or
+            with other settings.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"'{folder}' is a file; choose another output folder.")
+    if not (folder / SETTINGS).exists():
+        _check_empty(folder)
+        return None
+    settings = read_settings(folder)
+    version = settings.get("versions", {}).get("jaxpf")
+    if version != __version__:
+        raise InputError(
+            f"the evaluation in '{folder}' was made by jaxpf {version} and this is jaxpf "
+            f"{__version__}, which may give other results; choose another output folder, or "
+            "continue with that version."
+        )
+    scene = settings["scene"]
+    plan = plan.for_target(scene["target"], scene["parents"])
+    change = _change(settings["asked"], plan.asked())
+    if change is not None:
+        raise InputError(
+            f"the evaluation in '{folder}' was begun with {change}; choose another output folder, "
+            "or ask for the same (only `runs` may grow)."
+        )
+    if plan.runs < settings["runs"]:
+        raise InputError(
+            f"the evaluation in '{folder}' was begun with runs = {settings['runs']}, now "
+            f"{plan.runs}; choose another output folder, or ask for at least as many."
+        )
+    return settings
+
+
+def _change(before: dict[str, Any], now: dict[str, Any]) -> str | None:
+    """What is asked now and was not before, in words; None if it is the same."""
+    for kind in ("trackers", "tracks"):
+        old, new = before.get(kind, {}), now.get(kind, {})
+        for name in dict.fromkeys([*old, *new]):
+            if name not in old:
+                return f"other {kind}, without {name!r}"
+            if name not in new:
+                return f"the {kind} {name!r}, too"
+            if old[name] != new[name]:
+                return f"another file or text of the {kind} {name!r}"
+    return next(iter(differences(before, now)), None)
+
+
+def write_settings(folder: Path, settings: dict[str, Any], truth: np.ndarray, start: Start) -> None:
+    """Begin or continue an evaluation; the settings, by which it is known, come last.
+
+    Raises:
+        InputError: the folder or the files cannot be written.
+    """
+    with report_os_errors("create the folder", folder):
+        (folder / FOLDER).mkdir(parents=True, exist_ok=True)
+    store = Store(folder)
+    if not store.path(TRUTH).exists():
+        store.write(TRUTH, {"truth": truth, "start": start.shapes, "sizes": start.sizes})
+    store.begin(settings)
+
+
+def remove_leavings(folder: Path) -> None:
+    """Remove what a killed process left half-written."""
+    for place in (folder, folder / FOLDER):
+        Store(place).remove_leavings()
+
+
+def locked(folder: Path) -> contextlib.AbstractContextManager[None]:
+    """Keep other processes from evaluating into the same folder; see ``jaxpf.files.locking``."""
+    return locking.locked(folder, "evaluating")
+
+
+def _check_empty(folder: Path) -> None:
+    """Refuse a folder with files of somebody else; what a killed start left is ours."""
+    if not folder.is_dir():
+        return
+    with report_os_errors("read the folder", folder):
+        names = sorted(os.listdir(folder))
+    for name in names:
+        ours = name in (f"{TRUTH}.npz", LOCK) or (name.startswith(".") and PARTIAL in name)
+        if ours or (name == FOLDER and not os.listdir(folder / FOLDER)):
+            continue
+        raise InputError(
+            f"'{folder}' holds '{name}' but no evaluation ('{SETTINGS}' is missing); choose "
+            "another output folder."
+        )

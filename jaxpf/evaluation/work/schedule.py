@@ -1,0 +1,208 @@
+"""Dividing an evaluation into batches, and what they cost in time and memory."""
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf import filters
+from jaxpf.contract.options import options_of
+from jaxpf.evaluation.plan import Limits, Plan
+from jaxpf.evaluation.results import BUILT_IN, Configuration
+from jaxpf.evaluation.trackers import tracker_of
+from jaxpf.evaluation.work.worker import Work
+from jaxpf.running.blocks import WIDE, Blocks, blocks_of
+from jaxpf.running.chunks import chunk_length
+from jaxpf.targets.adapter import Adapter
+from jaxpf.targets.target import Target
+
+#: Seconds that a batch takes about, at most: what a kill can cost.
+SECONDS_PER_BATCH = 15.0
+#: Of the memory of a batch, what a chunk of frames may take.
+_SHARE_OF_FRAMES = 1 / 4
+#: Chunks in memory at once: one that is computed, here and on the devices, and one that is read.
+_CHUNKS = 3
+#: Bytes of JAX, its libraries and the compiling of a kernel, measured.
+_BASE_MEMORY = 800 * 2**20
+#: What a core adds to the speed, where there are several.
+_SHARE_OF_CORE = 0.75
+#: Seconds to decode a pixel of a long recording, which every batch reads anew.
+_READ = 5e-9
+#: What a block costs beside its runs, in terms of a run: 5 runs as 6, one as 2.
+_OF_BLOCK = 0.8
+#: Seconds to compile one kernel for blocks of one width.
+_COMPILE = 9.0
+
+
+class Costs(NamedTuple):
+    """What the runs of one configuration cost, about.
+
+    Attributes:
+        seconds_per_batch: on one core, for what a batch of any size needs: the frames' tables.
+        seconds_per_run: on top of that, on one core.
+        bytes_per_run: of memory while a run's batch is computed.
+        bytes_per_frame: of what is kept of a frame while runs are moved on to it.
+    """
+
+    seconds_per_batch: float
+    seconds_per_run: float
+    bytes_per_run: int
+    bytes_per_frame: int
+
+
+def batches(
+    plan: Plan,
+    scene: Any,
+    adapter: Adapter,
+    digest: str,
+    configurations: list[Configuration],
+    done: list[np.ndarray],
+    limits: Limits,
+) -> tuple[list[Work], float, int]:
+    """Divide what is missing into batches.
+
+    Returns:
+        The batches, about how many seconds they take on this machine, compiling included, and
+        about how many bytes a process takes.  NaN seconds where nobody knows what a likelihood
+        costs: the progress tells.  A user's tracker is not counted, and goes by smallest batches.
+    """
+    ours = [index for index, c in enumerate(configurations) if not c.is_imported]
+    missing = sum(int(np.sum(~done[index])) for index in ours)
+    share = max(1, math.ceil(missing / limits.workers))
+    devices = limits.devices or jax.local_device_count()
+    known: dict[Any, Costs | None] = {}
+    kernels = set()
+    work, seconds, largest = [], 0.0, 0
+    one = math.prod(scene.frames.shape[1:])
+    length = chunk_length(len(scene.frames) - 1, one, int(_SHARE_OF_FRAMES * limits.memory))
+    for index in ours:
+        configuration = configurations[index]
+        if done[index].all():
+            continue
+        shape = shape_of(configuration, adapter.target)
+        function = plan.trackers.get(configuration.method)
+        if shape not in known:
+            known[shape] = costs(configuration, scene, adapter)
+        cost = known[shape]
+        most = limits.runs_per_batch or WIDE * devices
+        if cost and not limits.runs_per_batch:
+            most = most_runs(cost, limits.memory, devices)
+        for first, count, blocks in divide(done[index], min(most, share)):
+            work.append(
+                Work(
+                    index=index,
+                    configuration=configuration,
+                    first_run=first,
+                    num_runs=count,
+                    blocks=blocks,
+                    frames_per_chunk=length,
+                    seed=plan.seed,
+                    float64=double_precision(),
+                    scene=plan.scene,
+                    digest=digest,
+                    target=adapter.name,
+                    function=function,
+                )
+            )
+            kernels |= {(shape, blocks, width) for _, width in blocks}
+            if cost is None and configuration.kind == BUILT_IN:
+                seconds = math.nan
+            elif cost:
+                used = min(devices, max(number for number, _ in blocks))
+                # Devices have a block each at a time, and share the frames' tables.
+                in_turn = sum(math.ceil(n / used) * (width + _OF_BLOCK) for n, width in blocks)
+                takes = cost.seconds_per_batch / used + in_turn * cost.seconds_per_run
+                seconds += takes if used == 1 else takes / _SHARE_OF_CORE
+                # Of a group of frames every device has what all devices made of theirs.
+                kept = work[-1].width * cost.bytes_per_run + devices * used * cost.bytes_per_frame
+                largest = max(largest, kept)
+    kept = scene.frames.nbytes
+    if not isinstance(scene.frames, np.ndarray):
+        seconds += len(work) * _READ * kept / 3
+        kept = 0
+    memory = _BASE_MEMORY + kept + _CHUNKS * length * one + largest
+    at_once = max(1.0, _SHARE_OF_CORE * min(limits.workers, len(work)))
+    return work, seconds / at_once + _COMPILE * len(kernels), memory
+
+
+def double_precision() -> bool:
+    """Whether JAX computes in double precision."""
+    return jnp.zeros(()).dtype == jnp.float64
+
+
+def costs(configuration: Configuration, scene: Any, adapter: Adapter) -> Costs | None:
+    """What the runs of a configuration cost; None where nobody knows: of a user's tracker."""
+    if configuration.kind != BUILT_IN:
+        return None
+    tracker = tracker_of(scene, adapter, configuration)
+    estimate = getattr(tracker.likelihood, "estimated_nanoseconds", None)
+    if estimate is None:
+        return None
+    num_frames = len(scene.frames) - 1
+    size = _bytes(jax.eval_shape(tracker.init, jax.random.key(0)))
+    frame = jax.ShapeDtypeStruct(scene.frames.shape[1:], scene.frames.dtype)
+    bytes_per_frame = _bytes(jax.eval_shape(tracker.observe, frame))
+    recorded = 4 * num_frames * (tracker.num_partitions * 8 + 2)
+    bytes_per_run = 3 * size + 4 * recorded
+    queries = tracker.num_partitions * tracker.num_particles
+    fixed, per_query = estimate(scene.frames.shape[1:3])
+    kernel = filters.filter_of(configuration.variant["method"]).nanoseconds
+    seconds = 1e-9 * num_frames
+    return Costs(
+        fixed * seconds, (per_query + kernel) * queries * seconds, bytes_per_run, bytes_per_frame
+    )
+
+
+def most_runs(cost: Costs, memory: int, devices: int) -> int:
+    """Runs that one batch may hold, by its memory and by what a kill would cost."""
+    by_memory = memory / cost.bytes_per_run
+    by_time = SECONDS_PER_BATCH / cost.seconds_per_run * max(1.0, _SHARE_OF_CORE * devices)
+    unit = WIDE * devices
+    return max(1, int(min(by_memory, by_time)) // unit) * unit
+
+
+def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, Blocks]]:
+    """Divide the missing runs into batches of whole blocks, nearly equal in size.
+
+    Blocks count from the first run of a gap, so that however a gap is divided, and whatever of
+    its batches a kill leaves, a run has a block of the same width.
+
+    Args:
+        done: ``[R]`` bool.
+        largest: runs that a batch may hold, if they fill a block.
+
+    Yields:
+        First run, number of runs, and blocks to compute.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], done, [True]]).astype(np.int8)))
+    for start, stop in edges.reshape(-1, 2).tolist():
+        blocks = blocks_of(stop - start, len(done))
+        if stop - start <= largest:
+            yield start, stop - start, blocks
+            continue
+        for count, width in blocks:
+            batches = math.ceil(count / max(1, largest // width))
+            each = math.ceil(count / batches)
+            end = min(stop, start + count * width)
+            for first in range(start, end, each * width):
+                yield first, min(each * width, end - first), ((each, width),)
+            start = end
+
+
+def _bytes(tree: Any) -> int:
+    """Of the arrays of a tree of shapes."""
+    arrays = [leaf for leaf in jax.tree.leaves(tree) if hasattr(leaf, "shape")]
+    return sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in arrays)
+
+
+def shape_of(configuration: Configuration, target: Target) -> tuple[Any, ...]:
+    """What a kernel is compiled for."""
+    if configuration.kind != BUILT_IN:
+        return (configuration.method,)
+    its = filters.filter_of(configuration.variant["method"])
+    options = options_of(target.options, its.options)
+    names = [name for name, option in options.items() if option.compiles and name not in its.varied]
+    return (its.name, *(configuration.parameters[name] for name in names))

@@ -1,0 +1,74 @@
+"""What an evaluation keeps of its scene and configurations, and refuses to mix."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.evaluation.plan import Plan
+from jaxpf.evaluation.results import IMPORTED, OWN, Configuration
+from jaxpf.evaluation.trackers import looks_of, own_tracker
+from jaxpf.evaluation.work.fingerprint import fingerprint
+from jaxpf.evaluation.work.scene import object_ids, scene_digest, start_frame
+from jaxpf.evaluation.work.schedule import double_precision
+from jaxpf.files.versions import versions
+from jaxpf.targets.target import Start, Target
+
+
+def new_settings(plan: Plan, scene: Any, of: Target, start: Start) -> dict[str, Any]:
+    """What ``settings.json`` holds.
+
+    Raises:
+        InputError: see ``Plan.configurations``; a user's tracker that cannot be made.
+    """
+    plan = plan.for_target(of.name, start.parents)
+
+    def settle(of: Target, options: Any, particles: int) -> Any:
+        # Whatever the number of runs: it decides about results.
+        return of.settled(options, start, looks_of(scene, particles))
+
+    configurations = plan.configurations(start, settle)
+    for name, function in plan.trackers.items():
+        fixed = isinstance(own_tracker(name, function, scene), np.ndarray)
+        configurations.append(Configuration(name, kind=IMPORTED if fixed else OWN))
+    configurations += [Configuration(name, kind=IMPORTED) for name in plan.tracks]
+    return {
+        "versions": versions(),
+        "asked": plan.asked(),
+        "runs": plan.runs,
+        "float64": double_precision(),
+        "scene": {
+            "name": scene.name,
+            "target": of.name,
+            "parents": list(start.parents),
+            "object_ids": object_ids(scene),
+            "start_frame": start_frame(scene),
+            "fps": float(scene.fps),
+            "num_frames": len(scene.frames),
+            "width": scene.frames.shape[2],
+            "height": scene.frames.shape[1],
+            "digest": scene_digest(scene),
+            "files": fingerprint(plan.scene),
+        },
+        "configurations": [dataclasses.asdict(one) for one in configurations],
+    }
+
+
+def check_continues(settings: dict[str, Any], scene: Any, folder: Any) -> None:
+    """Refuse to mix results of different pictures or precisions.
+
+    Raises:
+        InputError: the scene or the precision is not that of the finished batches.
+    """
+    if scene_digest(scene) != settings["scene"]["digest"]:
+        raise InputError(
+            f"scene {scene.name!r} has other pictures or boxes than when the evaluation in "
+            f"'{folder}' was begun; choose another output folder, or restore the scene."
+        )
+    if double_precision() != settings["float64"]:
+        begun, now = ("double", "single") if settings["float64"] else ("single", "double")
+        raise InputError(
+            f"the evaluation in '{folder}' was begun in {begun} precision, now {now}; choose "
+            "another output folder, or set JAX_ENABLE_X64 as it was."
+        )

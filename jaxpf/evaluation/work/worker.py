@@ -1,0 +1,167 @@
+"""The work of an evaluation: one batch of runs, in this process or another."""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.evaluation.results import BUILT_IN, Configuration
+from jaxpf.evaluation.trackers import shapes_of, tracker_of
+from jaxpf.evaluation.work.batches import Batch
+from jaxpf.evaluation.work.scene import open_scene, remember_scene, remembered_scene, scene_digest
+from jaxpf.running.blocks import Blocks, run_blocks
+from jaxpf.targets import find_adapter
+
+
+@dataclasses.dataclass(frozen=True)
+class Work:
+    """A batch that is to be done; everything that another process needs for it.
+
+    Attributes:
+        index: of the configuration.
+        configuration: what to run.
+        first_run: number of the first run.
+        num_runs: R.
+        blocks: in which they are vectorised, filled up: one shape for many batches.
+        frames_per_chunk: that travel to the devices together.
+        seed: of the evaluation.
+        float64: whether JAX computes in double precision.
+        scene: the scene, or a picklable function without arguments that opens it.
+        digest: of the scene, which must be the same everywhere.
+        target: name of what the scene's objects are.
+        function: for a user's own tracker, the function of the scene that makes it.
+    """
+
+    index: int
+    configuration: Configuration
+    first_run: int
+    num_runs: int
+    blocks: Blocks
+    frames_per_chunk: int
+    seed: int
+    float64: bool
+    scene: Any
+    digest: str
+    target: str
+    function: Any = None
+
+    @property
+    def width(self) -> int:
+        """Runs that are computed, those included that fill up the last block."""
+        return sum(count * width for count, width in self.blocks)
+
+    def __str__(self) -> str:
+        last = self.first_run + self.num_runs - 1
+        return f"{self.configuration.label}, runs {self.first_run} to {last},"
+
+
+def run_batch(work: Work, attempt: int = 0) -> Batch:
+    """Do one batch.
+
+    Args:
+        work: what to do.
+        attempt: of no effect; it tells a repetition from the first time, where an executor
+            takes equal calls for one.
+
+    Raises:
+        InputError: the scene cannot be opened here, or is not the one that was planned.
+    """
+    with jax.enable_x64(work.float64):
+        scene = _opened(work)
+        of = find_adapter(work.target)
+        start, tracker = of.scene_start(scene), _tracker(scene, work)
+        recorded = run_blocks(
+            tracker,
+            run_keys(work.seed, work.first_run, work.num_runs),
+            scene.frames[1:],
+            work.blocks,
+            record=keep_measures,
+            frames_per_chunk=work.frames_per_chunk,
+        )
+    kept = {
+        name: np.asarray(value, bool if name == "lost" else np.float32)
+        for name, value in recorded.items()
+    }
+    return Batch(
+        seeds=np.full(work.num_runs, work.seed, np.int64),
+        runs=np.arange(work.first_run, work.first_run + work.num_runs),
+        shapes=shapes_of(tracker, of.target, start, kept.pop("estimate")).astype(np.float32),
+        **kept,
+    )
+
+
+def keep_measures(state: Any, summary: Any) -> dict[str, jax.Array]:
+    """What an evaluation keeps of a frame; what a user's summary lacks is no number."""
+    estimate = summary.estimate
+
+    def known(name: str, *shape: int) -> jax.Array:
+        value = getattr(summary, name, None)
+        return jnp.full(shape, jnp.nan, estimate.dtype) if value is None else value
+
+    lost = getattr(summary, "lost", None)
+    return {
+        "estimate": estimate,
+        "uniqueness": known("uniqueness", *estimate.shape[:-1]),
+        "spread": known("spread", *estimate.shape),
+        "ess": known("ess"),
+        "log_evidence": known("log_evidence"),
+        "lost": ~jnp.isfinite(estimate).all(axis=-1) if lost is None else lost,
+    }
+
+
+def run_keys(seed: int, first_run: int, num_runs: int) -> jax.Array:
+    """``[num_runs]`` keys; that of run r is ``fold_in(key(seed), r)``, whatever the batch."""
+    numbers = jnp.arange(first_run, first_run + num_runs, dtype=jnp.uint32)
+    return jax.vmap(jax.random.fold_in, in_axes=(None, 0))(jax.random.key(seed), numbers)
+
+
+def imported_batch(shapes: np.ndarray, seed: int) -> Batch:
+    """Another tracker's shapes ``[T, P, S]`` as a batch of one run; all else is unknown."""
+    times, objects = shapes.shape[:2]
+
+    def unknown(*shape: int) -> np.ndarray:
+        return np.full((1, *shape), np.nan, np.float32)
+
+    return Batch(
+        seeds=np.array([seed], np.int64),
+        runs=np.array([0], np.int64),
+        shapes=shapes[None].astype(np.float32),
+        uniqueness=unknown(times, objects),
+        spread=unknown(times, objects, 3),
+        ess=unknown(times),
+        log_evidence=unknown(times),
+        lost=~np.isfinite(shapes[None]).all(axis=-1),
+    )
+
+
+def _tracker(scene: Any, work: Work) -> Any:
+    """A user's function is called once for a scene; grids of ours make a tracker each."""
+    if work.configuration.kind == BUILT_IN:
+        return tracker_of(scene, find_adapter(work.target), work.configuration)
+    key = work.digest, work.configuration.method
+    if _own_tracker.get("key") != key:
+        made = tracker_of(scene, find_adapter(work.target), work.configuration, work.function)
+        _own_tracker.update(key=key, tracker=made)
+    return _own_tracker["tracker"]
+
+
+#: The user's tracker that this process made last, and for what.
+_own_tracker: dict[str, Any] = {}
+
+
+def _opened(work: Work) -> Any:
+    scene = remembered_scene(work.digest)
+    if scene is None:
+        scene = open_scene(work.scene)
+        found = scene_digest(scene)
+        if found != work.digest:
+            raise InputError(
+                f"scene {scene.name!r} is not the same in every process: its pictures or boxes "
+                "differ from those the evaluation began with; give all workers the same files and "
+                "the same versions of the libraries that decode them."
+            )
+        remember_scene(scene, found)
+    return scene

@@ -1,0 +1,51 @@
+"""How sure a filter is.
+
+How much another run would differ, from several side by side (``SideBySide``) or from the ancestors
+of a single one (``WithErrorBars``); and whether regions hold the truth as often as they say
+(``transforms``, ``crps``, ``log_score``).
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from jaxpf.filters.uncertainty.error_bars import ErrorBars, WithErrorBars
+from jaxpf.filters.uncertainty.side_by_side import RunsState, SideBySide
+from jaxpf.measures.calibration import crps, log_score, transforms
+
+__all__ = [
+    "ErrorBars",
+    "RunsState",
+    "SideBySide",
+    "WithErrorBars",
+    "crps",
+    "log_score",
+    "quantiles",
+    "transforms",
+]
+
+
+def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndarray:
+    """Quantiles of weighted particles: the smallest values that at least so much weight reaches.
+
+    Args:
+        values: ``[N, P, C]``, such as coordinates of ``state.substates``; NaN, of a particle that
+            holds another target, has no weight.
+        log_weights: ``[N]``, or ``[P, N]`` where each partition has weights of its own.
+        levels: L of them, from 0 to 1.
+
+    Returns:
+        ``[L, P, C]``; NaN of a partition that no particle holds.
+    """
+    values = np.moveaxis(np.asarray(values), 0, -1)
+    weights = np.exp(np.asarray(log_weights, np.float64))
+    weights = np.broadcast_to(weights if weights.ndim == 1 else weights[:, None], values.shape)
+    weights = np.where(np.isnan(values), 0.0, weights)
+    order = np.argsort(values, axis=-1)
+    reached = np.cumsum(np.take_along_axis(weights, order, axis=-1), axis=-1)
+    below = [np.sum(reached < level * reached[..., -1:], axis=-1) for level in levels]
+    places = np.minimum(below, values.shape[-1] - 1)
+    return np.take_along_axis(np.take_along_axis(values, order, -1)[None], places[..., None], -1)[
+        ..., 0
+    ]

@@ -1,0 +1,147 @@
+"""Several runs of one filter side by side: their mean, and how much they differ.
+
+Runs share what is observed of a frame and differ in their random numbers, so ten of them cost a
+few times as much as one.  What they report differs by the Monte-Carlo error and by nothing else:
+the standard deviation of R estimates over sqrt(R) is the standard error of their mean.
+"""
+
+import functools
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf import contract
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.contract.state import Summary
+from jaxpf.filters.uncertainty.error_bars import ErrorBars
+
+
+@pytree_dataclass
+class RunsState:
+    """The states of R runs, and their particles pooled.
+
+    Attributes:
+        runs: of the filter, with a leading axis R.
+        log_evidence: ``[R]``, of all frames so far.
+    """
+
+    runs: Any
+    log_evidence: jax.Array
+
+    @property
+    def substates(self) -> jax.Array:
+        """All runs' particles, ``[R N, P, D]``."""
+        return jnp.concatenate(list(self.runs.substates))
+
+    @property
+    def log_weights(self) -> jax.Array:
+        """Theirs, ``[R N]``, or ``[P, R K]`` where each partition has weights of its own."""
+        weights = self.runs.log_weights
+        return jnp.concatenate(list(weights), axis=-1) - np.log(len(weights)).astype(weights.dtype)
+
+    @property
+    def label(self) -> jax.Array | None:
+        """Theirs, ``[R N]``; None where particles carry none."""
+        label = getattr(self.runs, "label", None)
+        return None if label is None else label.reshape(-1)
+
+
+@pytree_dataclass
+class SideBySide(contract.Tracker):
+    """R runs of a tracker as one tracker, whose estimate is their mean.
+
+    Run r draws with the key of a frame folded with r, so that more runs leave the others as they
+    are, up to rounding.  A frame reports ``ErrorBars`` of the pooled particles: their mean is that
+    of the runs, and ``estimate_variance`` is its own, a quarter for four times as many runs.
+    ``log_evidence`` sums to the log of the runs' mean evidence, which is as unbiased as theirs.
+
+    Attributes:
+        tracker: whose frames report a ``jaxpf.Summary``.
+        num_runs: R, static.
+
+    Raises:
+        InputError: fewer than two runs.
+    """
+
+    tracker: Any
+    num_runs: int = static_field(default=2)
+
+    def __post_init__(self):
+        if self.num_runs < 2:
+            raise InputError(
+                f"num_runs={self.num_runs} says nothing of how much runs differ; give at least 2."
+            )
+
+    @property
+    def num_partitions(self) -> int:
+        """Number of partitions, P."""
+        return self.tracker.num_partitions
+
+    @property
+    def num_particles(self) -> int:
+        """Of all runs."""
+        return self.tracker.num_particles * self.num_runs
+
+    def init(self, key: jax.Array) -> RunsState:
+        """The runs' first states."""
+        runs = jax.vmap(self.tracker.init)(self._keys(key))
+        dtype = jax.tree.leaves(getattr(runs, "log_weights", jnp.zeros(())))[0].dtype
+        return RunsState(runs, jnp.zeros(self.num_runs, dtype))
+
+    def observe(self, frame: Any) -> Any:
+        """What the filter needs of a frame, once for all runs."""
+        return contract.observed_apart(self.tracker)[0](frame)
+
+    def step_observed(
+        self, key: jax.Array, state: RunsState, observation: Any
+    ) -> tuple[RunsState, ErrorBars]:
+        """One frame of every run."""
+        step = contract.observed_apart(self.tracker)[1]
+        runs, summaries = jax.vmap(lambda key, run: step(key, run, observation))(
+            self._keys(key), state.runs
+        )
+        # A frame that is impossible for a run is left out of it, and it out of that frame's mean.
+        possible = jnp.isfinite(summaries.log_evidence)
+        so_far = state.log_evidence + jnp.where(possible, summaries.log_evidence, 0.0)
+        seen = jax.nn.logsumexp(jnp.where(possible, so_far, -jnp.inf))
+        increment = seen - jax.nn.logsumexp(state.log_evidence)
+        # Of a filter that has no evidence, nothing is said.
+        unknown = jnp.all(jnp.isnan(summaries.log_evidence))
+        increment = jnp.where(unknown, jnp.nan, increment)
+        return RunsState(runs, so_far), _pooled(summaries, increment, so_far)
+
+    def _keys(self, key: jax.Array) -> jax.Array:
+        return jax.vmap(functools.partial(jax.random.fold_in, key))(jnp.arange(self.num_runs))
+
+
+def _pooled(runs: Summary, log_evidence: jax.Array, so_far: jax.Array) -> ErrorBars:
+    """What R runs say together, of their summaries and log-evidences ``[R, ...]``."""
+
+    def mean(values: Any) -> Any:
+        return None if values is None else jnp.mean(values, axis=0)
+
+    def pooled_size(sizes: Any) -> Any:
+        return None if sizes is None else len(sizes) ** 2 / jnp.sum(1 / sizes, axis=0)
+
+    num_runs = len(runs.estimate)
+    between = jnp.var(runs.estimate, axis=0)
+    variance = jnp.mean(runs.spread**2, axis=0) + between
+    return ErrorBars(
+        estimate=mean(runs.estimate),
+        log_evidence=log_evidence,
+        ess=pooled_size(runs.ess),
+        uniqueness=mean(runs.uniqueness),
+        # As of one run's: no derivative where nothing spreads.
+        spread=jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0),
+        status=jnp.bitwise_or.reduce(runs.status),
+        lost=jnp.all(runs.lost, axis=0),
+        num_invalid=jnp.sum(runs.num_invalid),
+        ess_parts=pooled_size(runs.ess_parts),
+        label_probabilities=mean(runs.label_probabilities),
+        confidence=mean(runs.confidence),
+        estimate_variance=between / (num_runs - 1),
+        evidence_variance=jnp.var(num_runs * jax.nn.softmax(so_far)) / (num_runs - 1),
+    )

@@ -1,0 +1,98 @@
+"""Learning the reference histograms of boxes, and checking what they are learned from."""
+
+import math
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.likelihoods._checks import INTERPOLATIONS, check_choice, check_positive
+from jaxpf.likelihoods._sampled import LEVEL_LANES
+from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
+from jaxpf.likelihoods.distance_law import FORMS
+
+METHODS = ("integral", "sampled")
+
+#: Samples per side of a box: more do not fit the counters of ``_sampled``.
+_MOST_SAMPLES = 500
+
+
+def used_levels(references):
+    """[P, parts, K]: the bins that each reference uses, in order, filled up with B."""
+    is_used = references > 0
+    num_levels = -(-is_used.sum(axis=-1).max() // LEVEL_LANES) * LEVEL_LANES
+    levels = np.where(is_used, np.arange(references.shape[-1]), references.shape[-1])
+    return np.sort(levels, axis=-1)[..., :num_levels]
+
+
+def box_histogram(bins, box, parts, place):
+    """Reference [parts, 110] of a box: normalised over its pixels in the frame."""
+    x, y, width, height = box
+    rows = np.floor(y + height * np.arange(parts + 1) / parts + 0.5)
+    columns = np.floor(np.array([x, x + width]) + 0.5)
+    rows = np.clip(rows, 0, bins.shape[0]).astype(int)
+    left, right = np.clip(columns, 0, bins.shape[1]).astype(int)
+    result = np.zeros((parts, NUM_BINS))
+    for k in range(parts):
+        inside = bins[rows[k] : rows[k + 1], left:right]
+        if inside.size == 0:
+            raise InputError(
+                f"{place} is {box.tolist()}: its part {k} of {parts} has no pixel inside the "
+                f"frame of {bins.shape[1]} x {bins.shape[0]} pixels; move it inside or use fewer "
+                "parts."
+            )
+        result[k] = np.bincount(inside.ravel(), minlength=NUM_BINS) / inside.size
+    return result
+
+
+def patch_histogram(patch, parts, place):
+    check_frame(patch, place)
+    height, width, _ = patch.shape
+    if height < parts:
+        raise InputError(
+            f"{place} is {height} pixels high: {parts} parts need at least {parts} rows."
+        )
+    bins = np.asarray(hsv_bins(patch))
+    return box_histogram(bins, np.array([0, 0, width, height], float), parts, place)
+
+
+def check_parts(parts):
+    if isinstance(parts, bool) or not isinstance(parts, int | np.integer) or parts < 1:
+        raise InputError(f"parts is {parts!r}: use a whole number of horizontal bands, 1 or more.")
+
+
+def check_sizes(sizes, parts, name):
+    for i, (width, height) in enumerate(sizes):
+        if not (math.isfinite(width) and math.isfinite(height)):
+            raise InputError(
+                f"{name}[{i}] is {width} pixels wide and {height} high: both must be finite."
+            )
+        if width < 1 or height < parts:
+            raise InputError(
+                f"{name}[{i}] is {width} pixels wide and {height} high: use at least 1 pixel "
+                f"of width and {parts} of height, one for each band."
+            )
+
+
+def check_settings(
+    sharpness, method, num_particles, num_runs, samples, num_parts, interpolation, form,
+    background_frames,
+):  # fmt: skip
+    """Refuse what no histogram likelihood can be made with."""
+    check_positive("sharpness", sharpness)
+    check_choice("method", method, ("auto", *METHODS))
+    check_choice("interpolation", interpolation, INTERPOLATIONS)
+    check_choice("form", form, FORMS)
+    if form == "ratio" and background_frames is None:
+        raise InputError(
+            "form is 'ratio', but there is no background_frames: give frames that show what "
+            "the background looks like."
+        )
+    for name, count in (("num_particles", num_particles or 1), ("num_runs", num_runs)):
+        if count < 1:
+            raise InputError(f"{name} is {count}: it must be at least 1.")
+    if samples < num_parts:
+        raise InputError(
+            f"samples is {samples}, which leaves a part without samples: use {num_parts} or more."
+        )
+    if samples > _MOST_SAMPLES:
+        raise InputError(f"samples is {samples}: use at most {_MOST_SAMPLES} per side of a box.")

@@ -1,0 +1,144 @@
+"""Histograms of boxes at any angle, from pixels sampled in groups of four.
+
+A box is covered by a grid of groups, each of four pixels at the corners of an upright square.
+The codes of a group lie in one 32-bit word of a table made once per frame, so that a gather,
+which costs several nanoseconds on a CPU however little it fetches, brings four pixels.
+
+With n samples of a part whose pixels fall in K bins, the sampled d^2 is too large by about
+(K - 1) / (8 n) (less as n nears the number of pixels), and scatters around that.  The bias is
+nearly the same for every particle, so it hardly changes the weights.  Measured against every
+pixel on the scene "articulated" (parts of 28 x 16 pixels, 8 to 12 bins each, poses some pixels
+and degrees from the truth): bias .026, .012, .010, .002 and standard deviation .023, .017, .014,
+.009 of d^2 at 8, 10, 12 and 16 samples per side, where d^2 itself varies by .08.
+"""
+
+import math
+
+import jax
+import jax.numpy as jnp
+
+from jaxpf.likelihoods._places import cell_centres, places_in_image
+from jaxpf.lowering.columns import sum_of_rows, words_at
+
+#: Levels are counted in groups of this many, side by side in vector registers.
+LEVEL_LANES = 8
+#: The code of what lies outside the frame; bins are below it, and codes have 7 bits.
+OUTSIDE = 127
+# Groups whose codes are compared in one piece of straight-line code.
+_UNROLLED = 64
+
+
+def group_distance(num_samples, num_parts, sizes) -> int:
+    """Pixels between the samples of a group: half the mean distance between groups.
+
+    Args:
+        num_samples: samples per side of a box, S.
+        num_parts: horizontal bands of a box.
+        sizes: [P][2], width and height of the boxes, pixels.
+    """
+    columns, rows = _grid(num_samples, num_parts)
+    spacings = [x for w, h in sizes for x in (w / (2 * columns), h / (2 * rows * num_parts))]
+    return max(1, round(math.exp(sum(map(math.log, spacings)) / len(spacings))))
+
+
+def sample_table(bins, distance):
+    """Codes of four pixels per entry, made once per frame.
+
+    Args:
+        bins: integer [H, W], below ``OUTSIDE``.
+        distance: pixels between the samples of a group, d.
+
+    Returns:
+        uint32 [H + d + 2, W + d + 2]: entry (i, j) holds pixels (i, j) - d - 1 and those d
+        columns, d rows and both further; those outside the frame are ``OUTSIDE``.
+    """
+    margin = distance + 1
+    before, after = margin, margin + distance
+    codes = jnp.pad(
+        bins.astype(jnp.uint32), ((before, after), (before, after)), constant_values=OUTSIDE
+    )
+    rows, columns = (size + distance + 2 for size in bins.shape)
+    table = jnp.zeros((rows, columns), jnp.uint32)
+    for k, (down, right) in enumerate(((0, 0), (0, distance), (distance, 0), (distance, distance))):
+        table |= codes[down : down + rows, right : right + columns] << (8 * k)
+    return table
+
+
+def sampled_similarity(
+    table, distance, num_samples, levels, roots, partition, u, v, width, height, cosine, sine
+):
+    """Sum over parts of the Bhattacharyya coefficient, for many rotated boxes.
+
+    Args:
+        table: uint32, see :func:`sample_table`.
+        distance: pixels between the samples of a group, as given to :func:`sample_table`.
+        num_samples: samples per side of the box, S: the box gets at least S / 2 columns and
+            rows of groups, the same number of rows in each part.
+        levels: integer [P, parts, K], bins that each object's references use.
+        roots: [P, parts, K], square roots of the references there.
+        partition: int [N].
+        u: [N], centre, pixels from the left.
+        v: [N], centre, pixels from the top.
+        width: [N], pixels.
+        height: [N], pixels.
+        cosine: [N], of the rotation, clockwise in the image.
+        sine: [N].
+
+    Returns:
+        Similarity [N].
+    """
+    num_parts = levels.shape[1]
+    dtype = u.dtype
+    columns, rows = _grid(num_samples, num_parts)
+    across, down = cell_centres(columns, rows * num_parts)
+    x, y = places_in_image(across, down, u, v, width, height, cosine, sine)
+    margin = distance + 1
+    last_row, last_column = (size - 1 for size in table.shape)
+    # A group's first pixel is d / 2 up and left of its middle; truncation is floor from 0 on.
+    column = jnp.clip(x + (margin - distance / 2), 0, last_column).astype(jnp.int32)
+    row = jnp.clip(y + (margin - distance / 2), 0, last_row).astype(jnp.int32)
+    words = words_at(table, row, column)
+
+    words = words.reshape(-1, num_parts, rows, columns)
+    levels = levels.astype(jnp.uint32)[partition]
+    similarity = jnp.zeros_like(u)
+    for k in range(num_parts):
+        counts = _counts(words[:, k], levels[:, k])
+        root = jnp.sqrt(counts.astype(dtype) / (4 * rows * columns))
+        similarity += sum_of_rows(root * roots.astype(dtype)[partition, k])
+    return similarity
+
+
+def _grid(num_samples, num_parts) -> tuple[int, int]:
+    """Columns of groups, and rows of groups in each part."""
+    return -(-num_samples // 2), -(-num_samples // (2 * num_parts))
+
+
+def _counts(words, levels):
+    """How many codes equal each level: int32 [N, K] of words [N, rows, columns], levels [N, K].
+
+    Four codes of 7 bits are compared at once: a byte of ``(word ^ level) + 0x7f`` has its
+    highest bit unless the codes are equal.  These bits are added byte by byte.  A scatter-add
+    does less work, but under ``vmap`` it becomes a scalar loop, ten times slower on a CPU.
+    """
+    num_rows, num_columns = words.shape[1:]
+    together = max(
+        r
+        for r in range(1, num_rows + 1)
+        if num_rows % r == 0 and r * num_columns <= max(_UNROLLED, num_columns)
+    )
+    levels = levels * jnp.uint32(0x01010101)
+    pieces = words.reshape(words.shape[0], num_rows // together, together * num_columns)
+
+    def add_piece(i, misses):
+        piece = jax.lax.dynamic_index_in_dim(pieces, i, 1, keepdims=False)
+        by_byte = jnp.zeros(levels.shape, jnp.uint32)
+        for j in range(piece.shape[1]):
+            differs = ((piece[:, j, None] ^ levels) + jnp.uint32(0x7F7F7F7F)) >> 7
+            by_byte += differs & jnp.uint32(0x01010101)
+        pairs = (by_byte & jnp.uint32(0x00FF00FF)) + ((by_byte >> 8) & jnp.uint32(0x00FF00FF))
+        return misses + (pairs & jnp.uint32(0xFFFF)) + (pairs >> 16)
+
+    none = jnp.zeros(levels.shape, jnp.uint32)
+    misses = jax.lax.fori_loop(0, num_rows // together, add_piece, none)
+    return (4 * num_rows * num_columns - misses).astype(jnp.int32)

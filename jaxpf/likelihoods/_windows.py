@@ -1,0 +1,40 @@
+"""The pixels of many windows, taken on a grid from one frame.
+
+A pixel (i, j), row i and column j, is the square [j, j + 1) x [i, i + 1); those outside the frame
+are black.
+"""
+
+import jax.numpy as jnp
+
+from jaxpf.likelihoods._places import cell_centres, places_in_image
+from jaxpf.lowering.columns import words_at
+from jaxpf.shapes.rectangles import cos_sin
+
+
+def words_of(frame):
+    """The colours of uint8 RGB [H, W, 3], one word per pixel: uint32 [H + 2, W + 2]."""
+    red, green, blue = (frame[..., k].astype(jnp.uint32) for k in range(3))
+    return jnp.pad(red | green << 8 | blue << 16, 1)
+
+
+def window_colours(observation, u, v, width, height, theta, window, interpolation):
+    """The colours at the places of a grid in every window: [N, rows * columns, 3]."""
+    across, down = cell_centres(*window)
+    x, y = places_in_image(across, down, u, v, width, height, *cos_sin(theta))
+    num_rows, num_columns = observation.shape
+
+    def colours(row, column):
+        row = jnp.clip(row, 0, num_rows - 1).astype(jnp.int32)
+        column = jnp.clip(column, 0, num_columns - 1).astype(jnp.int32)
+        word = words_at(observation, row, column)
+        shifts = jnp.array([0, 8, 16], jnp.uint32)
+        return ((word[..., None] >> shifts) & 255).astype(x.dtype)
+
+    # The black margin is the first pixel of the table.
+    if interpolation == "nearest":
+        return colours(jnp.floor(y) + 1, jnp.floor(x) + 1)
+    left, top = jnp.floor(x - 0.5), jnp.floor(y - 0.5)
+    right, below = (x - 0.5 - left)[..., None], (y - 0.5 - top)[..., None]
+    upper = (1 - right) * colours(top + 1, left + 1) + right * colours(top + 1, left + 2)
+    lower = (1 - right) * colours(top + 2, left + 1) + right * colours(top + 2, left + 2)
+    return (1 - below) * upper + below * lower

@@ -1,0 +1,145 @@
+"""Making a likelihood of contours: arguments checked, defaults in one place."""
+
+from typing import Any
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.names import EXCLUSIONS
+from jaxpf.contract.pytree import as_array
+from jaxpf.likelihoods.contours.clutter import check_clutter, learn_clutter, poisson_clutter
+from jaxpf.likelihoods.contours.edges import EdgeDetector
+from jaxpf.likelihoods.contours.exclusive import ExclusiveContours, OpaqueContours
+from jaxpf.likelihoods.contours.likelihood import IndependentContours
+from jaxpf.likelihoods.contours.line_model import SIGMA, check_detection, detection_probabilities
+from jaxpf.shapes.depth import depth_orders
+from jaxpf.shapes.spaces import ShapeSpace
+
+_KINDS: dict[str, tuple[type[IndependentContours], dict[str, str]]] = {
+    "wires": (ExclusiveContours, {}),
+    "opaque": (OpaqueContours, {}),
+    "none": (IndependentContours, {}),
+    "wires-literal": (ExclusiveContours, {"payment": "literal"}),
+    "opaque-literal": (OpaqueContours, {"payment": "literal"}),
+}
+#: Subsets of so many crossings are still summed in a moment.
+_MOST_CROSSINGS = 8
+
+
+def contours(
+    space: ShapeSpace,
+    num_targets: int,
+    *,
+    exclusion: str = "wires",
+    frames: Any = None,
+    clutter: Any = None,
+    detector: EdgeDetector | None = None,
+    detection: Any = None,
+    sigma: float = SIGMA,
+    independence: float = 1.0,
+    width: float | None = None,
+    num_lines: int = 32,
+    crossings: int | None = None,
+) -> IndependentContours:
+    """The likelihood of contours by edges on their normals (maccormick1999).
+
+    Args:
+        space: of the substates.
+        num_targets: P; of opaque ones 2 to 4.
+        exclusion: one of ``EXCLUSIONS``: ``"wires"`` or ``"opaque"``, by which an edge is paid for
+            once; ``"none"``, the paper's control; ``"wires-literal"`` and ``"opaque-literal"``,
+            eq. 2 and 5 as printed, which pay for an edge on the lines of every target near it.
+        frames: uint8 RGB ``[T, H, W, 3]``, from which clutter is learned; or
+        clutter: either b(n) for n = 0 .. max_features, or the mean of Poisson clutter, features
+            per line.
+        detector: of edges; its ``length`` is L.
+        detection: probabilities that k of c boundaries are detected, ``[c, k]`` for c = 0 to
+            ``num_targets * crossings``; default ``detection_probabilities``.
+        sigma: width of the law of a boundary's feature, pixels.
+        independence: share of its log-ratio that each line counts, above 0 to 1; less than 1 where
+            lines lie so near to each other that they see the same.  Each line is still a density,
+            so that evidence may choose among shares, but of the literal likelihoods and with
+            further ``crossings``; see ``share`` for where it is one nearly.
+        width: of a wire both of whose edges are seen, pixels; None: the contour is one edge.
+        num_lines: M, lines per contour.
+        crossings: at most so many crossings of one contour with one line count; default 1, or 2
+            for a wire with two edges.
+
+    Raises:
+        InputError: an argument is out of range; the sentence says which.
+    """
+    detector = EdgeDetector() if detector is None else detector
+    edges = 1 if width is None else 2
+    crossings = edges if crossings is None else crossings
+    _check(space, num_targets, exclusion, sigma, independence, width, num_lines, crossings, edges)
+    if width is not None and width >= detector.length:
+        raise InputError(
+            f"width {width:g} does not fit on lines of {detector.length} pixels; give the detector "
+            "a greater length."
+        )
+    if (frames is None) == (clutter is None):
+        raise InputError("give either frames to learn clutter from, or the clutter itself.")
+    if frames is not None:
+        clutter = learn_clutter(frames, detector)
+    elif np.ndim(clutter) == 0:
+        clutter = poisson_clutter(float(clutter), detector.max_features)
+    together = crossings * (1 if exclusion == "none" else num_targets)
+    detection = detection_probabilities(together) if detection is None else detection
+    detection = check_detection(detection)
+    if len(detection) <= together:
+        raise InputError(
+            f"detection speaks of at most {len(detection) - 1} boundaries on a line, but "
+            f"{together} may cross it; give {together + 1} rows."
+        )
+    kind, payment = _KINDS[exclusion]
+    options: dict[str, Any] = dict(payment)
+    if issubclass(kind, OpaqueContours):
+        options["num_targets"] = num_targets
+    return kind(
+        space=space,
+        detector=detector,
+        clutter=check_clutter(clutter, detector.max_features),
+        detection=as_array(detection, float),
+        sigma=sigma,
+        independence=independence,
+        width=0.0 if width is None else width,
+        edges=edges,
+        num_lines=num_lines,
+        crossings=crossings,
+        **options,
+    )
+
+
+def _check(
+    space, num_targets, exclusion, sigma, independence, width, num_lines, crossings, edges
+) -> None:
+    if exclusion not in _KINDS:
+        raise InputError(f"exclusion {exclusion!r} is unknown; choose one of {list(EXCLUSIONS)}.")
+    for name, value in (("sigma", sigma), ("width", 1.0 if width is None else width)):
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(f"{name} {value} must be a number of pixels above 0.")
+    if not 0 < independence <= 1:
+        raise InputError(f"independence {independence} must be above 0 and at most 1.")
+    if num_lines < 4:
+        raise InputError(f"num_lines {num_lines} must be 4 or more.")
+    if edges == 2 and space.closed:
+        raise InputError("a wire with two edges is an open contour, and this shape space's is not.")
+    if issubclass(_KINDS[exclusion][0], OpaqueContours):
+        depth_orders(num_targets)
+        if not space.closed:
+            raise InputError(
+                f"{num_targets} opaque target(s) with open contours: what is hidden is told by "
+                "what lies inside a nearer target's closed contour; give closed contours, or treat "
+                "the targets as wires."
+            )
+    most = crossings * (1 if exclusion == "none" else num_targets)
+    if crossings < edges or most > _MOST_CROSSINGS:
+        raise InputError(
+            f"crossings {crossings} of each of {num_targets} targets must be {edges} or more, and "
+            f"{_MOST_CROSSINGS} at most together."
+        )
+    if space.num_templates not in (1, num_targets):
+        raise InputError(
+            f"the shape space has {space.num_templates} templates; give one for all "
+            f"targets, or {num_targets}."
+        )

@@ -1,0 +1,186 @@
+"""Edges on measurement lines: gradient images once per frame, features line by line.
+
+The gradient of the frame's brightness is taken once per frame and shared by all runs and
+particles.  A line reads it at the nearest pixels, one apart; its response is the size of the
+gradient along the line.  A feature is a local maximum of the response above a threshold, to the
+nearest sample: fine enough where the width of the boundary's law is several pixels.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.likelihoods.color import check_frame
+
+#: Steps of the stored gradient per grey level and pixel; 16 bits hold up to 511.
+_STEPS = 64.0
+#: Brightness of red, green and blue (ITU-R BT.601).
+_BRIGHTNESS = (0.299, 0.587, 0.114)
+#: A feature is kept as one whole number, its response and, in the last bits, its place.
+_PLACE_BITS = 8
+LONGEST_LINE = 2**_PLACE_BITS - 3
+
+
+class Lines(NamedTuple):
+    """Measurement lines: ``[M, N]`` each, or any other shape they all have.
+
+    Attributes:
+        x: of the middle, in pixels; pixel (0, 0) is the square [0, 1) x [0, 1).
+        y: of the middle.
+        along_x: the line's direction, of length 1.
+        along_y: the same in y.
+    """
+
+    x: jax.Array
+    y: jax.Array
+    along_x: jax.Array
+    along_y: jax.Array
+
+
+class Features(NamedTuple):
+    """Features found on lines, strongest first, at most F on each.
+
+    Attributes:
+        places: ``[F, ...]``, pixels along the line from its middle.
+        present: ``[F, ...]`` bool.
+    """
+
+    places: jax.Array
+    present: jax.Array
+
+
+@pytree_dataclass
+class EdgeDetector:
+    """A one-dimensional edge detector.
+
+    Attributes:
+        threshold: least response of a feature, grey levels (0 to 255) per pixel.
+        length: static, L, pixels along a line on which features may lie; odd.
+        max_features: static, at most so many are kept on a line, the strongest.
+        smoothing: static, standard deviation of the blur before the gradient, pixels.
+    """
+
+    threshold: float | jax.Array = 8.0
+    length: int = static_field(default=41)
+    max_features: int = static_field(default=6)
+    smoothing: float = static_field(default=1.0)
+
+    def __post_init__(self):
+        if self.length % 2 == 0 or not 3 <= self.length <= LONGEST_LINE:
+            raise InputError(
+                f"length {self.length} of the measurement lines must be an odd number of pixels, 3 "
+                f"to {LONGEST_LINE}."
+            )
+        if not 1 <= self.max_features <= self.length // 2 + 1:
+            raise InputError(
+                f"max_features {self.max_features} must be 1 to {self.length // 2 + 1} on lines of "
+                f"{self.length} pixels, as two features are two pixels apart at least; give fewer, "
+                "or longer lines (--line-length)."
+            )
+        if not 0 <= self.smoothing <= 20:
+            raise InputError(f"smoothing {self.smoothing} must be 0 to 20 pixels.")
+
+    @property
+    def reach(self) -> float:
+        """Half of L: a line's features lie at -reach to reach."""
+        return self.length / 2
+
+    def observe(self, frame) -> jax.Array:
+        """The frame's gradient, one word per pixel, int32, with a margin in which there is none.
+
+        Args:
+            frame: uint8 RGB ``[H, W, 3]``.
+
+        Raises:
+            InputError: it is something else.
+        """
+        check_frame(frame)
+        gradient = brightness_gradient(frame, self.smoothing)
+        limit = 2**15 - 1
+        steps = jnp.clip(jnp.round(gradient * _STEPS), -limit, limit).astype(jnp.int32)
+        words = (steps[0] & 0xFFFF) | (steps[1] << 16)
+        return jnp.pad(words, self._margin)
+
+    def frame_size(self, observation) -> tuple[int, int]:
+        """Width and height of the frame that was observed."""
+        height, width = observation.shape
+        return width - 2 * self._margin, height - 2 * self._margin
+
+    def find(self, observation, lines: Lines) -> Features:
+        """The features on lines; what lies outside the frame holds none.
+
+        A pass along all lines at once: only the last three responses and the features found so
+        far are held.
+        """
+        width, height = self.frame_size(observation)
+        stride, words = observation.shape[1], observation.reshape(-1)
+        beyond = self.length // 2 + 2  # lines this far outside the frame see nothing of it
+        x = jnp.clip(lines.x, -beyond, width + beyond) + self._margin
+        y = jnp.clip(lines.y, -beyond, height + beyond) + self._margin
+
+        def response(step):
+            column = (x + step * lines.along_x).astype(jnp.int32)
+            row = (y + step * lines.along_y).astype(jnp.int32)
+            word = words.at[row * stride + column]
+            word = word.get(mode="promise_in_bounds", wrap_negative_indices=False)
+            across, down = ((word << 16) >> 16).astype(x.dtype), (word >> 16).astype(x.dtype)
+            return jnp.abs(across * lines.along_x + down * lines.along_y)
+
+        half = self.length // 2
+        threshold = jnp.asarray(self.threshold, x.dtype) * _STEPS
+        largest = jnp.iinfo(jnp.int32).max
+
+        def along(carry, step):
+            found, before, here = carry
+            after = response(step)
+            is_feature = (here > threshold) & (here >= before) & (here > after)
+            place = (step - 1 + half).astype(jnp.int32)
+            new = jnp.where(is_feature, (here.astype(jnp.int32) << _PLACE_BITS) + place, 0)
+            # Insertion into a sorted list: each entry, the one above it, or the new one.
+            above = jnp.concatenate([jnp.full_like(found[:1], largest), found[:-1]])
+            return (jnp.maximum(found, jnp.minimum(above, new)), here, after), None
+
+        steps = jnp.arange(-half - 1, half + 2, dtype=x.dtype)
+        none = jnp.zeros((self.max_features, *x.shape), jnp.int32)
+        begin = none, response(steps[0]), response(steps[1])
+        (found, _, _), _ = lax.scan(along, begin, steps[2:])
+        places = (found & (2**_PLACE_BITS - 1)).astype(x.dtype) - half
+        return Features(places, found > 0)
+
+    @property
+    def _margin(self) -> int:
+        return self.length + 6
+
+
+def brightness_gradient(frame, smoothing: float) -> jax.Array:
+    """Gradient ``[2, H, W]`` in x and y of a frame's blurred brightness, grey levels per pixel."""
+    grey = sum(
+        (share * frame[..., k].astype(jnp.float32) for k, share in enumerate(_BRIGHTNESS)),
+        start=jnp.zeros(frame.shape[:2], jnp.float32),
+    )
+    radius = int(np.ceil(3 * smoothing))
+    offsets = np.arange(-radius, radius + 1)
+    blur = np.exp(-0.5 * (offsets / max(smoothing, 1e-6)) ** 2)
+    blur, half = blur / blur.sum(), np.array([-0.5, 0.0, 0.5])
+    for axis in (0, 1):
+        grey = _filtered(grey, blur, axis)
+    return jnp.stack([_filtered(grey, half, 1), _filtered(grey, half, 0)])
+
+
+def _filtered(image, kernel: np.ndarray, axis: int):
+    """Correlation with a short kernel along an axis; the border is repeated outwards."""
+    radius = len(kernel) // 2
+    pad = [(0, 0), (0, 0)]
+    pad[axis] = (radius, radius)
+    padded = jnp.pad(image, pad, mode="edge")
+    length = image.shape[axis]
+    parts = [
+        float(weight) * lax.slice_in_dim(padded, k, k + length, axis=axis)
+        for k, weight in enumerate(kernel)
+    ]
+    return sum(parts[1:], start=parts[0])

@@ -1,0 +1,186 @@
+"""Likelihoods of contours that exclude one another: wire frames, and opaque bodies."""
+
+from functools import reduce
+
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.likelihoods.contours import crossings as crossing
+from jaxpf.likelihoods.contours.edges import Lines
+from jaxpf.likelihoods.contours.likelihood import IndependentContours, joined
+from jaxpf.likelihoods.contours.union import mean_over_orders, sets_before
+from jaxpf.shapes.depth import depth_orders, depths
+
+
+@pytree_dataclass
+class ExclusiveContours(IndependentContours):
+    """Targets that exclude one another: ``P`` of maccormick1999, section 3, relative to clutter.
+
+    A line is crossed by the boundaries of every target, and no feature on it serves two of them.
+    The targets are wire frames: all boundaries are seen, also where they overlap.  The density of
+    one target alone is the weighting function of partitioned sampling.
+
+    Attributes:
+        payment: static, ``"once"`` or ``"literal"``.  With ``"once"`` an edge that lines of several
+            targets show is paid for once, see ``union``, which says what density that is.
+            ``"literal"`` is the product over all lines, eq. 2 as printed: a density of lines that
+            are independent, which they are not.  There an edge is paid for on the lines of every
+            target near it, so that two wires side by side count twice what they count apart.
+    """
+
+    payment: str = static_field(default="once")
+
+    def log_joint(self, observation, substates, log_probs):
+        """``log(P / P_0)`` ``[]`` of all targets' substates ``[P, D]`` together."""
+        return self.log_joint_all(observation, substates[..., None], log_probs[..., None])[0]
+
+    def log_joint_all(self, observation, substates, log_probs):
+        """``log(P / P_0)`` ``[N]`` of substates ``[P, D, N]``; NaN where one is not finite."""
+        return self._judged_together(observation, substates, None)
+
+    def lines_of_all(self, substates) -> Lines:
+        """Measurement lines ``[M, P, N]`` of substates ``[P, D, N]``."""
+        num_targets, _, num_particles = substates.shape
+        flat = jnp.moveaxis(substates, 0, 1).reshape(-1, num_targets * num_particles)
+        partition = jnp.repeat(jnp.arange(num_targets), num_particles)
+        lines = self.lines_of(partition, flat)
+        shape = self.num_lines, num_targets, num_particles
+        return Lines(*(values.reshape(shape) for values in lines))
+
+    def all_crossings(self, observation, lines, label=None):
+        """Places of all targets' boundaries on all lines, and which are seen.
+
+        The first ``edges`` rows are a line's own boundary, the next ``crossings - edges`` what
+        else of its own contour crosses it, and then each other target has ``crossings`` rows, the
+        targets in turn after the line's own.
+
+        Args:
+            observation: of the frame.
+            lines: ``[M, P, N]``.
+            label: who is in front, ``[N]``; None where nothing hides another.
+
+        Returns:
+            Places and bool, ``[C, M, P, N]`` with ``C = P * crossings``.
+        """
+        places, there = self._of_their_own(observation, lines)
+        found = places, there & ~self._hidden(lines, places, label, 0)
+        outline = self._outline(lines)
+        for step in range(1, lines.x.shape[1]):
+            other = outline._replace(
+                x=jnp.roll(outline.x, -step, axis=1), y=jnp.roll(outline.y, -step, axis=1)
+            )
+
+            def is_hidden(places, step=step):
+                return self._hidden(lines, places, label, step)
+
+            found = joined(
+                found,
+                self._crossings_of(observation, lines, other, self.crossings, None, is_hidden),
+            )
+        return found
+
+    def _hidden(self, lines, places, label, step):
+        """Which places on lines are hidden, of the target ``step`` after the lines' own."""
+        return jnp.zeros((), bool)
+
+    def _judged_together(self, observation, substates, label):
+        """``[N]`` of substates ``[P, D, N]`` and labels ``[N]`` or None."""
+        finite = jnp.all(jnp.isfinite(substates), axis=(0, 1))
+        lines = self.lines_of_all(jnp.where(finite, substates, 0.0))
+        boundaries = self.all_crossings(observation, lines, label)
+        joint = self._literal if self.payment == "literal" else self._once
+        return jnp.where(finite, joint(observation, lines, boundaries), jnp.nan)
+
+    def _literal(self, observation, lines, boundaries):
+        every = [range(len(boundaries[0]))]
+        (ratios,) = self._log_ratios(observation, lines, boundaries, every)
+        (means,) = self._log_means(observation, boundaries, every)
+        return jnp.sum(self._share(ratios) - means, axis=(0, 1))
+
+    def _once(self, observation, lines, boundaries):
+        block = self.crossings
+        before = [
+            [row for step in steps for row in range(step * block, (step + 1) * block)]
+            for steps in sets_before(lines.x.shape[1])
+        ]
+        with_own = [[*range(block), *rows] for rows in before]
+        ratios = self._log_ratios(observation, lines, boundaries, with_own + before)
+        top, bottom = ratios[: len(before)], ratios[len(before) :]
+        # Where lines cannot be without their target, nothing was there before it.
+        possible = ~jnp.isneginf(bottom)
+        ratio = jnp.where(possible, top - jnp.where(possible, bottom, 0.0), -jnp.inf)
+        means = self._log_means(observation, boundaries, with_own)
+        return mean_over_orders(jnp.sum(self._share(ratio) - means, axis=1))
+
+
+@pytree_dataclass
+class OpaqueContours(ExclusiveContours):
+    """Opaque targets, one behind another: ``P_occl`` of maccormick1999, section 4, rel. to clutter.
+
+    The label says in which order they lie in depth (``jaxpf.shapes.depth``).  What of a target's
+    boundary lies inside the outline of any nearer one is hidden, and is not counted.  While nothing
+    is hidden all labels are equally likely.
+
+    With ``payment="literal"`` it is eq. 5 as printed, by which a contour that is drawn inside a
+    nearer target is rewarded with that target's edge once more, and is as likely as the truth.  It
+    is printed for two targets, and is for more the same product over all lines.
+
+    Attributes:
+        num_targets: static, P.
+    """
+
+    num_targets: int = static_field(default=2)
+
+    @property
+    def orders_of_labels(self) -> tuple[tuple[int, ...], ...]:
+        """For each label the order of partitioned sampling: the nearer target first (figure 8)."""
+        return depth_orders(self.num_targets)
+
+    def log_joint_all(self, observation, substates, log_probs):
+        """The mean over all labels ``[N]``, for a filter that carries none."""
+        none = jnp.zeros(substates.shape[-1], int)
+        labels = jnp.arange(len(depth_orders(substates.shape[0])))
+        each = lax.map(lambda y: self._judged_together(observation, substates, none + y), labels)
+        return reduce(jnp.logaddexp, each) - np.log(float(len(labels)))
+
+    def log_joint_labelled(self, observation, substates, log_probs, label):
+        """``log(P_occl / P_0)`` ``[]`` of all targets' substates ``[P, D]``, given the label."""
+        return self.log_joint_labelled_all(
+            observation, substates[..., None], log_probs[..., None], jnp.asarray(label)[None]
+        )[0]
+
+    def log_joint_labelled_all(self, observation, substates, log_probs, label):
+        """``log(P_occl / P_0)`` ``[N]`` of substates ``[P, D, N]``, given labels ``[N]``."""
+        return self._judged_together(observation, substates, label)
+
+    def _hidden(self, lines, places, label, step):
+        """See ``ExclusiveContours``: ``[K, M, P, N]`` bool, what lies in any nearer target."""
+        outline, num_targets = self._outline(lines), lines.x.shape[1]
+        x, y = lines.x + places * lines.along_x, lines.y + places * lines.along_y
+        order = jnp.asarray(depth_orders(num_targets))[label]  # [N, P]
+        depth = jnp.roll(jnp.asarray(depths(num_targets))[label].T, -step, axis=0)
+        hidden = jnp.zeros((), bool)
+        for place in range(num_targets - 1):  # nobody is behind the last one
+            nearer = crossing.Polyline(
+                _of_target(outline.x, order[:, place]),
+                _of_target(outline.y, order[:, place]),
+                outline.joined,
+            )
+            hidden = hidden | ((depth > place) & crossing.is_inside(x, y, nearer))
+        return hidden
+
+    def overlap(self, substates, one=0, other=1):
+        """Whether two of the targets of substates ``[P, D]`` overlap, bool ``[]``."""
+        outline = self._outline(self.lines_of_all(substates[..., None]))
+        first, second = (
+            crossing.Polyline(outline.x[:, target], outline.y[:, target], outline.joined)
+            for target in (one, other)
+        )
+        return crossing.overlap(first, second)[0]
+
+
+def _of_target(values, target):
+    """``[V, N]``, of values ``[V, P, N]`` those of a target ``[N]`` in each particle."""
+    return jnp.take_along_axis(values, target[None, None], axis=1)[:, 0]

@@ -1,0 +1,208 @@
+"""The likelihood of contours each of which is judged alone.
+
+The substate is a point of a shape space (``jaxpf.shapes.spaces``).  Lines are normals of its
+contour, and each is judged by the line model; lines count as independent, so that a contour's
+log-likelihood is a sum over its lines (maccormick1999, eq. 2).
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.contract import Likelihood
+from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.likelihoods.contours import crossings as crossing
+from jaxpf.likelihoods.contours.edges import EdgeDetector, Features, Lines
+from jaxpf.likelihoods.contours.line_model import line_weights, log_ratios
+from jaxpf.likelihoods.contours.share import log_mean_of, log_means
+from jaxpf.shapes.spaces import ShapeSpace
+from jaxpf.shapes.splines import basis
+
+#: So many crossings of a contour with one line are looked at, to find those that are seen.
+_CANDIDATES = 4
+
+
+class Observation(NamedTuple):
+    """What is taken from a frame once.
+
+    Attributes:
+        gradient: see ``EdgeDetector.observe``.
+        log_means: see ``share``.
+    """
+
+    gradient: jax.Array
+    log_means: jax.Array
+
+
+@pytree_dataclass
+class IndependentContours(Likelihood):
+    """Each target alone: ``P_A`` of maccormick1999 (eq. 4), relative to clutter.
+
+    As a likelihood of several targets it is their product ``P_A P_B``, the paper's control: one
+    edge may support two targets, so that look-alikes coalesce.
+
+    Attributes:
+        space: of the substates.
+        detector: of edges on the lines.
+        clutter: b(n), ``[max_features + 1]``.
+        detection: ``q_kc`` at ``[c, k]``; its size bounds c.
+        sigma: width of the law of a boundary's feature, pixels.
+        independence: share of its log-ratio that each line counts, less a constant that makes a
+            density of it; see ``share``, which says why, and where that holds only nearly.
+        width: of a wire with two edges, pixels; what the spline draws is its middle.  Not used
+            with one edge.
+        edges: static, 1 where the spline is itself the boundary, 2 for both edges of a wire.
+        num_lines: static, M, measurement lines per contour.
+        crossings: static, at most so many crossings of one contour with one line count, those
+            nearest to the line's middle.
+    """
+
+    space: ShapeSpace
+    detector: EdgeDetector
+    clutter: Any
+    detection: Any
+    sigma: Any = 7.0
+    independence: Any = 1.0
+    width: Any = 0.0
+    edges: int = static_field(default=1)
+    num_lines: int = static_field(default=32)
+    crossings: int = static_field(default=1)
+
+    #: Lines are read at whole pixels.
+    state_gradient = False
+
+    def observe(self, frame):
+        """The frame's gradient and what lines count, shared by all runs and particles."""
+        means = log_means(
+            self.clutter,
+            self.detection,
+            jnp.asarray(self.sigma),
+            jnp.asarray(self.independence),
+            self._offsets(),
+            self.detector.length,
+        )
+        return Observation(self.detector.observe(frame), means)
+
+    def log_prob_all(self, observation, partition, substates):
+        """``log(P_A / P_0)`` ``[N]`` of substates ``[D, N]``; NaN where one is not finite."""
+        finite = jnp.all(jnp.isfinite(substates), axis=0)
+        lines = self.lines_of(partition, jnp.where(finite, substates, 0.0))
+        own = self._of_their_own(observation, lines)
+        every = [range(self.crossings)]
+        (ratios,) = self._log_ratios(observation, lines, own, every)
+        (means,) = self._log_means(observation, own, every)
+        total = jnp.sum(self._share(ratios) - means, axis=0)
+        return jnp.where(finite, total, jnp.nan)
+
+    def lines_of(self, partition, substates) -> Lines:
+        """Measurement lines ``[M, N]`` of substates ``[D, N]``, pointing outwards if clockwise."""
+        points, slopes = (jnp.asarray(matrix, substates.dtype) for matrix in self._bases())
+        both = self.space.points_all(jnp.concatenate([points, slopes]), partition, substates)
+        rows = both.reshape(2, 2, self.num_lines, -1)
+        return _lines_through(rows[0, 0], rows[1, 0], rows[0, 1], rows[1, 1])
+
+    def outline_points(self, substates) -> jax.Array:
+        """Points ``[..., P, M, 2]`` along the contours of substates ``[..., P, D]``, pixels."""
+        points = jnp.asarray(self._bases()[0], jnp.asarray(substates).dtype)
+        return jnp.einsum("mk,...kc->...mc", points, self.space.control_points(substates))
+
+    def _bases(self) -> tuple[np.ndarray, np.ndarray]:
+        closed, degree = self.space.closed, self.space.degree
+        first = 0.0 if closed else 0.5  # the ends of an open contour have no neighbours to check
+        places = (np.arange(self.num_lines) + first) / self.num_lines
+        num_points = self.space.num_points
+        kwargs: dict[str, Any] = {"closed": closed, "degree": degree}
+        return basis(places, num_points, **kwargs), basis(
+            places, num_points, derivative=1, **kwargs
+        )
+
+    def _offsets(self) -> list[Any]:
+        half = 0.5 * jnp.asarray(self.width)
+        return [0.0] if self.edges == 1 else [-half, half]
+
+    def _of_their_own(self, observation, lines):
+        """Places ``[crossings, M, ...]`` of a contour on its own lines, and which are seen.
+
+        The first ``edges`` rows are the boundary that a line belongs to, the others what else of
+        the contour crosses it.
+        """
+        places = jnp.stack([jnp.full_like(lines.x, offset) for offset in self._offsets()])
+        found = places, self._in_view(observation, lines, places)
+        if self.crossings == self.edges:
+            return found
+        left_out = crossing.own_sides(self.num_lines, self.edges, self.space.closed)
+        others = self._crossings_of(
+            observation, lines, self._outline(lines), self.crossings - self.edges, left_out
+        )
+        return joined(found, others)
+
+    def _crossings_of(self, observation, lines, polyline, keep, left_out=None, is_hidden=None):
+        """The seen crossings ``[keep, M, ...]`` nearest to the lines' middles, and which there are.
+
+        What is not seen takes no place from what is.
+        """
+        count = max(keep, _CANDIDATES)
+        places, there = crossing.nearest_crossings(
+            lines, polyline, self.detector.reach, count, left_out
+        )
+        there = there & self._in_view(observation, lines, places)
+        if is_hidden is not None:
+            there = there & ~is_hidden(places)
+        return crossing.first(places, there, keep)
+
+    def _outline(self, lines) -> crossing.Polyline:
+        return crossing.outline(lines, self._offsets(), self.space.closed)
+
+    def _in_view(self, observation, lines, places):
+        """Only what is seen counts: whether places on lines lie in the frame."""
+        width, height = self.detector.frame_size(observation.gradient)
+        x, y = lines.x + places * lines.along_x, lines.y + places * lines.along_y
+        return (x >= 0) & (x < width) & (y >= 0) & (y < height)
+
+    def _log_ratios(self, observation, lines, boundaries, groups):
+        """``log(p~_c / p_0)`` of lines ``[M, ...]``, given places of boundaries and which are seen.
+
+        ``[groups, M, ...]``: for each group of rows of boundaries, as if only these crossed a line.
+        """
+        places, seen = boundaries
+        features: Features = self.detector.find(observation.gradient, lines)
+        weights = line_weights(self.clutter, self.detection, self.detector.length)
+        sigma, reach = jnp.asarray(self.sigma, lines.x.dtype), self.detector.reach
+        return log_ratios(weights, features, places, seen, sigma, reach, groups)
+
+    def _share(self, log_ratio):
+        """What of a line's log-ratio counts."""
+        return log_ratio * jnp.asarray(self.independence, log_ratio.dtype)
+
+    def _log_means(self, observation, boundaries, groups):
+        """What makes densities ``[groups, M, ...]`` of shared lines ``[M, ...]``.
+
+        Every group of rows of boundaries holds the own ones, which are the first ``edges``.
+        """
+        places, seen = boundaries
+        own = jnp.sum(seen[: self.edges], axis=0, dtype=jnp.int32)
+        table = jnp.asarray(observation.log_means, places.dtype)
+        others = np.arange(self.edges, places.shape[0])[:, None]
+        there = np.concatenate([np.isin(others, np.array(group)) for group in groups], axis=1)
+        there = there.reshape(*there.shape, *[1] * own.ndim) & seen[self.edges :, None]
+        return log_mean_of(table, own, places[self.edges :, None], there, self.detector.reach)
+
+
+def _lines_through(x, y, slope_x, slope_y) -> Lines:
+    """Normals at points of a curve; where the curve has no direction, a line sees nothing."""
+    square = slope_x**2 + slope_y**2
+    directed = (square > 0) & jnp.isfinite(square) & jnp.isfinite(x) & jnp.isfinite(y)
+    scale = jnp.where(directed, 1 / jnp.sqrt(jnp.where(directed, square, 1.0)), 0.0)
+    return Lines(
+        jnp.where(directed, x, -1e4),
+        jnp.where(directed, y, -1e4),
+        jnp.where(directed, slope_y * scale, 1.0),
+        jnp.where(directed, -slope_x * scale, 0.0),
+    )
+
+
+def joined(one, other):
+    """Rows of boundaries, with which of them there are, one below the other."""
+    return tuple(jnp.concatenate(pair) for pair in zip(one, other, strict=True))

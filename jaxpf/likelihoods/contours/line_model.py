@@ -1,0 +1,232 @@
+"""What a measurement line shows of the boundaries that cross it: ``p_c`` of maccormick1999.
+
+A line of length L shows n features.  Boundaries at ``nu_1 .. nu_c`` cross it; k of them are
+detected, with probability ``q_kc``, and any k of the c are as likely.  A detected boundary gives
+one feature, of law G: normal about ``nu``, renormalised on the line.  The other n - k features are
+clutter: their number has the law b, their places are uniform.  **No feature serves two
+boundaries**, which is the exclusion principle.
+
+Everything is told relative to pure clutter, ``p~_c / p_0``: lines move with the hypothesis, so
+that densities of different hypotheses would speak of different data.
+
+A line keeps the n_max strongest features at most, so that n_max shown means "n_max or more".  The
+features of detected boundaries are taken to be among those that are kept, and the clutter that is
+kept to be any of it; then what a line shows is a density for every n from 0 to n_max, whose sum
+is one without a tail that is cut off.
+"""
+
+from collections.abc import Sequence
+from math import comb
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.scipy.special import ndtr
+
+from jaxpf.contract.errors import InputError
+from jaxpf.likelihoods.contours.edges import Features
+
+#: ``q_kc`` of maccormick1999, section 2.
+ONE_BOUNDARY = (0.1, 0.9)
+TWO_BOUNDARIES = (0.05, 0.2, 0.75)
+#: Width of the law of a boundary's feature in pixels, sigma of maccormick1999.
+SIGMA = 7.0
+#: Sums over the sets of so many boundaries are written out, which runs faster; those of more are
+#: arrays, since what is written out takes the compiler minutes.
+_WRITTEN_OUT = 3
+
+
+def detection_probabilities(most: int) -> np.ndarray:
+    """``q_kc`` at ``[c, k]``, ``[most + 1, most + 1]``.
+
+    The paper gives c = 1 and 2.  For more the detectability of a line is a Beta variable that its
+    boundaries share, with the two numbers that give the paper's c = 2 exactly: beta-binomial.
+    """
+    table = np.zeros((most + 1, most + 1))
+    table[0, 0] = 1.0
+    for c, given in ((1, ONE_BOUNDARY), (2, TWO_BOUNDARIES)):
+        if c <= most:
+            table[c, : c + 1] = given
+    missed, both_missed = TWO_BOUNDARIES[0] + TWO_BOUNDARIES[1] / 2, TWO_BOUNDARIES[0]
+    # E[1 - p] = beta / (alpha + beta) and E[(1 - p)^2], solved for alpha + beta.
+    total = (missed - both_missed) / (both_missed - missed**2)
+    for c in range(3, most + 1):
+        for k in range(c + 1):
+            table[c, k] = comb(c, k) * _beta_moment(k, c - k, (1 - missed) * total, missed * total)
+    return table
+
+
+def check_detection(table) -> np.ndarray:
+    """Detection probabilities ``[c, k]``, as ``detection_probabilities`` gives them.
+
+    Raises:
+        InputError: not square, negative, or a row that does not sum to one.
+    """
+    table = np.asarray(table, float)
+    square = table.ndim == 2 and table.shape[0] == table.shape[1] >= 2
+    if not square or (table < 0).any() or not np.allclose(table.sum(axis=1), 1, atol=1e-6):
+        raise InputError(
+            f"detection {table.tolist()} must hold the probabilities that k of c boundaries are "
+            "detected, one row for each c from 0 on, each summing to one."
+        )
+    return table
+
+
+def line_weights(clutter, detection, length: float) -> jax.Array:
+    """What multiplies the matchings of k boundaries on a line of c boundaries and n features.
+
+    ``q_kc / C(c, k) * L^k (n - k)! b(n - k) / (n! b(n))``, 0 where n < k.  At n = n_max the line
+    may have shown more, and in place of ``b(n - k)`` and ``b(n)`` stand the probabilities of so
+    many or more.
+
+    Args:
+        clutter: b(n) for n = 0 .. n_max, ``[n_max + 1]``, above 0; what it lacks to a sum of one
+            lies above n_max.
+        detection: ``q_kc``, ``[c, k]``.
+        length: L in pixels.
+
+    Returns:
+        ``[k, c, n]``.
+    """
+    clutter, detection = jnp.asarray(clutter), jnp.asarray(detection)
+    most, counts = detection.shape[0] - 1, np.arange(clutter.shape[0])
+    or_more = jnp.cumsum(at_most_shown(clutter)[::-1])[::-1]
+    rows = []
+    for k in range(most + 1):
+        falling = np.ones(len(counts))  # n (n - 1) .. (n - k + 1)
+        for step in range(k):
+            falling = falling * np.maximum(counts - step, 1)
+        fewer = np.maximum(counts - k, 0)
+        shares = clutter[fewer] / clutter
+        shares = shares.at[-1].set(or_more[fewer[-1]] / or_more[-1])
+        # Of a float: the power of a whole number of pixels soon exceeds 32 bits.
+        ratio = jnp.where(counts >= k, (1.0 * length) ** k / falling * shares, 0.0)
+        ways = np.array([max(comb(c, k), 1) for c in range(most + 1)])
+        rows.append((detection[:, k] / ways)[:, None] * ratio)
+    return jnp.stack(rows)
+
+
+def at_most_shown(clutter) -> jax.Array:
+    """b(n), with the probability of n_max or more at n_max: a law that sums to one."""
+    clutter = jnp.asarray(clutter)
+    return clutter.at[-1].add(jnp.maximum(1 - jnp.sum(clutter), 0))
+
+
+def boundary_law(places, boundary, sigma, reach):
+    """G: density at ``places`` of the feature of a boundary, renormalised on [-reach, reach]."""
+    mass = ndtr((reach - boundary) / sigma) - ndtr((-reach - boundary) / sigma)
+    scale = 1.0 / (sigma * np.sqrt(2 * np.pi) * jnp.maximum(mass, 1e-6))
+    return scale * jnp.exp(-0.5 * ((places - boundary) / sigma) ** 2)
+
+
+def matchings(laws) -> jax.Array:
+    """For each set of boundaries, the sum over the ways in which each has a feature of its own.
+
+    The recursion over features: each serves none or one of the boundaries that are still free,
+    always from the sums *before* it.  In place, it would serve two, and exclusion were lost.
+
+    Args:
+        laws: ``G_j(z_f)`` at ``[c, F, ...]``, 0 where there is no such boundary or feature.
+
+    Returns:
+        ``[2^c, ...]``: bit j of the first index says whether boundary j is in the set.
+    """
+    num_boundaries, shape = laws.shape[0], laws.shape[2:]
+    one = jnp.ones(shape, laws.dtype)
+    if num_boundaries <= 1:
+        return jnp.stack([one, *jnp.sum(laws, axis=1)])
+
+    written = min(num_boundaries, _WRITTEN_OUT)
+
+    def serve(sums, law):
+        """One feature more: ``law`` is ``G_j`` of it, ``[c, ...]``."""
+        # A block: the sets that hold the same of the boundaries that are written out.
+        blocks, found = [sums[number :: 2**written] for number in range(2**written)], []
+        for number, block in enumerate(blocks):
+            total = block
+            for j in range(written):
+                if number >> j & 1:
+                    total = total + blocks[number ^ (1 << j)] * law[j]
+            for j in range(written, num_boundaries):
+                # The middle axis says whether boundary j is in the set.
+                without = block.reshape(-1, 2, 2 ** (j - written), *shape)[:, 0]
+                gained = jnp.stack([jnp.zeros_like(without), without * law[j]], axis=1)
+                total = total + gained.reshape(block.shape)
+            found.append(total)
+        return jnp.stack(found, axis=1).reshape(sums.shape), None
+
+    # A loop, not written out: the compiler would repeat every shared sum in each of its uses.
+    begin = jnp.concatenate([one[None], jnp.zeros((2**num_boundaries - 1, *shape), laws.dtype)])
+    sums, _ = lax.scan(serve, begin, jnp.moveaxis(laws, 1, 0))
+    return sums
+
+
+def log_ratio(weights, features: Features, boundaries, crossing, sigma, reach):
+    """Log of ``p~_c / p_0`` on lines, where c may differ from line to line.
+
+    Args:
+        weights: ``[k, c, n]`` from ``line_weights``.
+        features: places and presence ``[F, ...]``, F at most n_max.
+        boundaries: ``nu``, ``[C, ...]``, pixels from the line's middle.
+        crossing: ``[C, ...]`` bool, whether there is such a boundary.
+        sigma: width of G, pixels.
+        reach: L / 2.
+
+    Returns:
+        ``[...]``.
+    """
+    every = range(boundaries.shape[0])
+    return log_ratios(weights, features, boundaries, crossing, sigma, reach, [every])[0]
+
+
+def log_ratios(
+    weights, features: Features, boundaries, crossing, sigma, reach, groups: Sequence[Sequence[int]]
+) -> jax.Array:
+    """``log_ratio`` as if a line were crossed by some of its boundaries only, for several groups.
+
+    Args:
+        weights: see ``log_ratio``, like the next five.
+        features: see there.
+        boundaries: see there.
+        crossing: see there.
+        sigma: see there.
+        reach: see there.
+        groups: which rows of ``boundaries`` there are.
+
+    Returns:
+        ``[groups, ...]``.
+    """
+    places, present = features
+    dtype = places.dtype
+    counted = jnp.sum(present, axis=0, dtype=jnp.int32)
+    law = boundary_law(places[None], boundaries[:, None], sigma, reach)
+    sums = matchings(jnp.where(present[None] & crossing[:, None], law, 0.0).astype(dtype))
+    weights = jnp.asarray(weights, dtype)
+    num_counts = weights.shape[2]
+    table = weights.reshape(weights.shape[0], -1)
+    rows, sets = np.arange(crossing.shape[0]), np.arange(len(sums))
+    members = np.array([np.isin(rows, np.array(group, int)) for group in groups])
+    # Which sets of boundaries lie within which group: those with no boundary outside of it.
+    within = (~members @ (1 << rows))[:, None] & sets == 0
+    sizes = np.array([int(s).bit_count() for s in sets])
+
+    crossed = jnp.tensordot(members.astype(np.int32), crossing.astype(jnp.int32), 1)
+    place = crossed * num_counts + counted
+    ratio = jnp.zeros((), dtype)
+    for k in range(max(map(len, groups)) + 1):
+        chosen = within[:, sizes == k].astype(dtype)
+        matched = jnp.tensordot(chosen, sums[sizes == k], 1, precision=lax.Precision.HIGHEST)
+        ratio = ratio + table[k][place] * matched
+    possible = ratio > 0
+    return jnp.where(possible, jnp.log(jnp.where(possible, ratio, 1.0)), -jnp.inf)
+
+
+def _beta_moment(successes: int, failures: int, alpha: float, beta: float) -> float:
+    """``E[p^successes (1 - p)^failures]`` of a Beta variable."""
+    moment = 1.0
+    for k in range(successes):
+        moment *= (alpha + k) / (alpha + beta + k)
+    for k in range(failures):
+        moment *= (beta + k) / (alpha + beta + successes + k)
+    return moment

@@ -1,0 +1,226 @@
+"""Making the likelihood of learned appearance from one frame."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import as_array
+from jaxpf.likelihoods._checks import INTERPOLATIONS, check_positive
+from jaxpf.likelihoods._integral import LANES
+from jaxpf.likelihoods._references import check_parts
+from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
+from jaxpf.likelihoods.discriminative.levels import factor_of, shrunk
+from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood, grid_places
+from jaxpf.likelihoods.discriminative.maps import gradients, hues
+from jaxpf.likelihoods.discriminative.training import RIDGE, trained, training_boxes
+
+#: Features by name; others are a user's own functions.
+FEATURES = ("colour", "gradients", "hues")
+#: Those that are used by default.
+USUAL_FEATURES = ("colour", "gradients")
+_MAPS: dict[str, Callable] = {"gradients": gradients, "hues": hues}
+#: Colour bins that count for an object, its most frequent ones.
+NUM_COLOURS = 36
+#: A share of the labels' spread that the regression must not leave.
+_MOST_UNEXPLAINED = 0.7
+
+
+def discriminative(
+    frame,
+    boxes,
+    *,
+    features: Sequence[str | Callable] = USUAL_FEATURES,
+    gain: float = 1.0,
+    bands: int = 2,
+    grid: tuple[int, int] = (4, 4),
+    penalty: float = RIDGE,
+    interpolation: str = "nearest",
+    background_frames: Any = None,
+) -> DiscriminativeLikelihood:
+    """Learn to tell P objects from what is around them, from their boxes in one frame.
+
+    Args:
+        frame: uint8 RGB [H, W, 3].
+        boxes: [P, 4], (x, y, w, h) in pixels.
+        features: of ``FEATURES``, by name, and functions of your own: of a picture, float
+            [h, w, 3] of red, green and blue from 0 to 1, that give maps [h, w, C] from 0 to 1, of
+            what is around each pixel, which are collected in cells as gradients are.  ``"hues"``
+            tells where on the object its colours are: better while the object fills its box, worse
+            where much of what is behind it shows in the box.
+        gain: how much scores are trusted.  Neighbouring cells see the same, so that the spread of
+            the particles is too small where it is large: on ten annotated clips of animals and
+            people (80 frames, 4 runs, PS, 300 particles) the 95 % region of x and y holds the truth
+            in 93 % of the frames in which the object is followed with 1, in 88 % with 2 and in 95 %
+            with .5; the overlap with 1 is .9 points less than with 2, with a standard error of 1.0,
+            and with .5 it is 3.1 less, with 1.6.
+        bands: horizontal bands of the colour histograms.
+        grid: rows and columns of cells.
+        penalty: of the ridge regression, per background.
+        interpolation: ``"nearest"``, or ``"bilinear"`` for gradients with respect to substates.
+        background_frames: uint8 RGB [n, H, W, 3]: the likelihood is weighed against that of boxes
+            anywhere in them, so that its evidence can choose a gain.  By default it is not.
+
+    Raises:
+        InputError: an argument is out of range; the sentence says which.
+    """
+    check_frame(frame)
+    frame = jnp.asarray(frame)
+    boxes = np.asarray(boxes, np.float64)
+    _check(boxes, features, gain, bands, grid, penalty, interpolation, frame.shape)
+    factors, level = np.unique(
+        [factor_of(width, height) for width, height in boxes[:, 2:]], return_inverse=True
+    )
+    maps: tuple[Any, ...] = tuple(
+        _MAPS[one] if isinstance(one, str) else one for one in features if one != "colour"
+    )
+    lookup, own = None, None
+    if "colour" in features:
+        lookup, own = _own_bins(frame, boxes, factors[level], bands)
+    likelihood = DiscriminativeLikelihood(
+        gain=as_array(gain, float),
+        sizes=as_array(boxes[:, 2:], float),
+        offset=as_array(np.zeros(len(boxes)), float),
+        residual=as_array(np.ones(len(boxes)), float),
+        colour_weights=None if own is None else as_array(own, float),
+        map_weights=tuple(
+            as_array(np.ones((len(boxes), *grid, _channels(one))), float) for one in maps
+        ),
+        bin_lookup=lookup,
+        level=as_array(level, jnp.int32),
+        factors=tuple(int(factor) for factor in factors),
+        maps=maps,
+        frame_shape=(int(frame.shape[0]), int(frame.shape[1])),
+        interpolation=interpolation,
+    )
+    likelihood = trained(likelihood, frame, boxes, penalty)
+    _check_learned(np.asarray(likelihood.residual))
+    if background_frames is None:
+        return likelihood
+    return dataclasses.replace(likelihood, background=_background(likelihood, background_frames))
+
+
+def _own_bins(frame, boxes, factors, bands) -> tuple[jax.Array, np.ndarray]:
+    """Colour bin -> one of B that some object has, and which of them are each object's own."""
+    kept = np.zeros((len(boxes), NUM_BINS), bool)
+    for factor in np.unique(factors):
+        picture = jnp.round(shrunk(frame, int(factor))).astype(jnp.uint8)
+        bins = np.asarray(hsv_bins(picture))
+        for place in np.flatnonzero(factors == factor):
+            x, y, width, height = boxes[place] / factor
+            limits = np.array([x, y, x + width, y + height])
+            left, top, right, bottom = np.clip(
+                np.floor(limits + 0.5), 0, bins.shape[::-1] * 2
+            ).astype(int)
+            inside = bins[top : max(bottom, top + 1), left : max(right, left + 1)]
+            counts = np.bincount(inside.ravel(), minlength=NUM_BINS)
+            most = np.argsort(-counts, kind="stable")[:NUM_COLOURS]
+            kept[place, most[counts[most] > 0]] = True
+    used = np.flatnonzero(kept.any(axis=0))
+    num_bins = -(-len(used) // LANES) * LANES
+    lookup = np.full(NUM_BINS, num_bins, np.int32)
+    lookup[used] = np.arange(len(used))
+    own = np.zeros((len(boxes), bands, num_bins))
+    own[:, :, : len(used)] = kept[:, None, used]
+    return as_array(lookup), own
+
+
+@jax.jit
+def _background(likelihood, frames):
+    """Scores [P, n] of boxes of every object's size, evenly spread over frames [n, H, W, 3]."""
+    places = grid_places(likelihood.frame_shape, likelihood.sizes.dtype)
+    substates = jnp.concatenate([places, jnp.ones_like(places[:1])])
+
+    def of_frame(frame):
+        seen = likelihood.observe(frame)
+
+        def of_object(number):
+            partition = jnp.full(substates.shape[1], number)
+            return likelihood.scores_all(seen, partition, substates)[0]
+
+        return jax.vmap(of_object)(jnp.arange(len(likelihood.sizes)))
+
+    scores = jax.lax.map(of_frame, frames)
+    return jnp.moveaxis(scores, 0, 1).reshape(len(likelihood.sizes), -1)
+
+
+def _channels(function: Callable) -> int:
+    """C of a map, which must be as large as the picture.
+
+    Raises:
+        InputError: it is not, or the function fails.
+    """
+    name = getattr(function, "__name__", type(function).__name__)
+    picture = jax.ShapeDtypeStruct((40, 50, 3), jnp.float32)
+    found = jax.eval_shape(function, picture)
+    shape = getattr(found, "shape", None)
+    if shape is None or len(shape) != 3 or shape[:2] != (40, 50):
+        shown = type(found).__name__ if shape is None else list(shape)
+        raise InputError(
+            f"the feature {name} makes {shown} of a picture [40, 50, 3]; return a map [40, 50, C]."
+        )
+    return shape[2]
+
+
+def _check_learned(residuals: np.ndarray) -> None:
+    """Refuse objects that boxes beside them look like.
+
+    Raises:
+        InputError: which.
+    """
+    spread = training_boxes()[1].std()
+    for i in np.flatnonzero(~(residuals < _MOST_UNEXPLAINED * spread)):
+        raise InputError(
+            f"boxes[{i}] looks like what is around it, so that nothing tells where it is; give a "
+            "box whose edges show, or another start frame."
+        )
+
+
+def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_shape) -> None:
+    if boxes.ndim != 2 or boxes.shape[1] != 4 or len(boxes) == 0:
+        raise InputError(
+            f"boxes has shape {list(boxes.shape)}: give one row (x, y, w, h) per object, [P, 4]."
+        )
+    height, width = frame_shape[:2]
+    for i, box in enumerate(boxes):
+        if not np.all(np.isfinite(box)):
+            raise InputError(f"boxes[{i}] is {box.tolist()}: every number must be finite.")
+        x, y, w, h = box
+        if w < 4 or h < 4:
+            raise InputError(
+                f"boxes[{i}] is {w:g} pixels wide and {h:g} high: appearance is learned from "
+                "objects of at least 4 x 4 pixels; enlarge the frames, or choose the appearance "
+                "colour."
+            )
+        inside = max(min(x + w, width) - max(x, 0), 0) * max(min(y + h, height) - max(y, 0), 0)
+        if inside > 0.5 * width * height:
+            raise InputError(
+                f"boxes[{i}] is {box.tolist()}: it covers more than half of the frame of {width} x "
+                f"{height} pixels, too much to learn what is around it; choose the appearance "
+                "colour."
+            )
+        if inside < 0.25 * w * h:
+            raise InputError(
+                f"boxes[{i}] is {box.tolist()}: less than a quarter of it lies in the frame of "
+                f"{width} x {height} pixels; start where more of the object is seen."
+            )
+    if not features:
+        raise InputError(f"features is empty: give at least one of {', '.join(FEATURES)}.")
+    for one in features:
+        if isinstance(one, str) and one not in FEATURES:
+            raise InputError(
+                f"feature {one!r} is unknown; choose of {', '.join(FEATURES)}, or give a function."
+            )
+    check_positive("gain", gain)
+    check_positive("penalty", penalty)
+    check_parts(bands)
+    if len(grid) != 2 or min(grid) < 1:
+        raise InputError(f"grid is {grid}: give the rows and columns of cells, at least 1 each.")
+    if interpolation not in INTERPOLATIONS:
+        raise InputError(
+            f"interpolation is {interpolation!r}: choose one of {', '.join(INTERPOLATIONS)}."
+        )

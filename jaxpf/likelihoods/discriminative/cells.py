@@ -1,0 +1,221 @@
+"""Cells of boxes: maps of features summed over a grid, by integral tables.
+
+``table[i, j, c]`` is the sum of channel c above row i and left of column j, of values that were
+rounded to whole numbers: a difference of sums is exact in whatever order they were added, also
+where they wrap around.  Channels come last: the corner of a cell is one contiguous row.
+
+With c a cell's mean of a channel and s that of all channels together, the cell's feature is
+``sqrt(c / (s + e))``, divided by the root of the number of cells: the root of a histogram, as of
+colours, that fades where there is next to nothing to see.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.lowering.columns import entries_at, sum_of_rows
+from jaxpf.lowering.tables import sums_above_and_left
+
+#: Whole numbers per unit of a map.
+_STEPS = 255
+#: e, in units of a map.
+_FAINT = 0.03
+#: Where edges cut pixels, a channel below this share of a cell counts in proportion, not by its
+#: root: the slope of a root is infinite at 0, where a channel appears.
+_ROUNDED = 1e-3
+
+
+class Boxes(NamedTuple):
+    """N upright boxes in the picture of all levels, each within the rows and columns of its own.
+
+    Attributes:
+        left: [N], pixels of the picture, like all others.
+        top: [N], counted from the level's first row.
+        width: [N].
+        height: [N].
+        first_row: int32 [N], where the level begins.
+        rows: int32 [N], the level's height.
+        columns: int32 [N], its width.
+    """
+
+    left: jax.Array
+    top: jax.Array
+    width: jax.Array
+    height: jax.Array
+    first_row: jax.Array
+    rows: jax.Array
+    columns: jax.Array
+
+
+@pytree_dataclass
+class SumTable:
+    """Integral table of a map, perhaps one of a stack of them, which is not copied.
+
+    Attributes:
+        cells: int32, ``[h + 1, w + 1, C]`` or ``[G, h + 1, w + 1, C]``.
+        totals: the same of all channels together, without the last axis.
+        place: int32 [], the frame's place in the stack; 0 of a single frame.
+    """
+
+    cells: Any
+    totals: Any
+    place: Any
+
+    def take_frame(self, index):
+        """Frame ``index`` of a stack of G tables, whose ``place`` is ``[G]``."""
+        return SumTable(self.cells, self.totals, index)
+
+
+def sum_table(values: jax.Array) -> SumTable:
+    """The integral table of a map, float [h, w, C], 0 to 1."""
+    whole = jnp.round(jnp.clip(values, 0, 1) * _STEPS).astype(jnp.int32)
+    cells = jnp.pad(sums_above_and_left(whole, lambda pixel: pixel), ((1, 0), (1, 0), (0, 0)))
+    return SumTable(cells, cells.sum(axis=-1, dtype=cells.dtype), jnp.zeros((), jnp.int32))
+
+
+def cell_features(
+    table: SumTable, boxes: Boxes, grid: tuple[int, int], interpolation: str
+) -> jax.Array:
+    """Features of the cells of boxes.
+
+    Args:
+        table: of a map with C channels.
+        boxes: N of them.
+        grid: rows and columns of cells.
+        interpolation: ``"nearest"``, where edges of cells lie between pixels, or ``"bilinear"``,
+            where a pixel that an edge cuts counts by its share.
+
+    Returns:
+        [N, rows, columns, C].
+    """
+    bilinear = interpolation == "bilinear"
+    sums = (_cut_sums if bilinear else _whole_sums)(table, boxes, grid)
+    total = jnp.sum(sums, axis=-1, keepdims=True) + _least(boxes, grid)[:, None, None, None]
+    share = sums / total
+    if bilinear:
+        share = jnp.maximum(share, 0)
+        root = share * jax.lax.rsqrt(share + _ROUNDED)
+    else:
+        root = jnp.sqrt(share)
+    return root / np.sqrt(grid[0] * grid[1])
+
+
+def cell_score(
+    table: SumTable, weights: jax.Array, partition: jax.Array, boxes: Boxes
+) -> jax.Array:
+    """``sum(cell_features * weights)`` of whole pixels, at a tenth of the time.
+
+    Args:
+        table: of a map with C channels.
+        weights: [P, rows, columns, C].
+        partition: int [N].
+        boxes: N of them.
+
+    Returns:
+        [N].
+    """
+    grid = (weights.shape[1], weights.shape[2])
+    cells, first_row, stride = _flat(table, boxes)
+    totals = table.totals.reshape(-1)
+    weights = (weights / np.sqrt(grid[0] * grid[1])).reshape(-1, cells.shape[-1])
+    dtype = boxes.left.dtype
+    columns = [
+        _line(boxes.left + boxes.width * (j / grid[1]), boxes.columns) for j in range(grid[1] + 1)
+    ]
+    least = _least(boxes, grid)
+
+    edges = [boxes.top + boxes.height * (i / grid[0]) for i in range(grid[0] + 1)]
+    starts = jnp.stack([(first_row + _line(edge, boxes.rows)) * stride for edge in edges])
+    # Computed once: compiled twice with other last bits, an edge half way between two lines would
+    # be one line here and the other there, and sums of cells neither's.
+    starts, columns = jax.lax.optimization_barrier((starts, columns))
+
+    def strip(table, start, j):
+        """What lies above a row's edge, in a column of cells."""
+        return entries_at(table, start + columns[j + 1]) - entries_at(table, start + columns[j])
+
+    def add_row(i, total):
+        # One fused loop over the particles' channels: gather, difference, root, multiply, add.
+        above, below = starts[i], starts[i + 1]
+        for j in range(grid[1]):
+            here, seen = (strip(t, below, j) - strip(t, above, j) for t in (cells, totals))
+            weight = entries_at(weights, (partition * grid[0] + i) * grid[1] + j)
+            faded = jax.lax.rsqrt(seen.astype(dtype) + least)
+            total += jnp.sqrt(here.astype(dtype)) * weight * faded[:, None]
+        return total
+
+    total = jnp.zeros((len(partition), cells.shape[-1]), dtype)
+    total = jax.lax.fori_loop(0, grid[0], add_row, total)
+    return sum_of_rows(total)
+
+
+def _line(place: jax.Array, size: jax.Array) -> jax.Array:
+    """The line between pixels next to a place, int32, within 0 to the size."""
+    # floor(x + 1/2), not round-half-to-even, as histograms of boxes have it.
+    return jnp.floor(jnp.clip(place, 0, size.astype(place.dtype)) + 0.5).astype(jnp.int32)
+
+
+def _least(boxes: Boxes, grid: tuple[int, int]) -> jax.Array:
+    """e times the area of a cell, [N], in the table's units."""
+    area = boxes.width * boxes.height / (grid[0] * grid[1])
+    return (_STEPS * _FAINT) * jnp.maximum(area, 1e-3)
+
+
+def _edges(boxes: Boxes, grid: tuple[int, int]) -> tuple[jax.Array, jax.Array]:
+    """Edges of cells within the level: rows [N, grid[0] + 1] and columns [N, grid[1] + 1]."""
+    dtype = boxes.left.dtype
+
+    def along(start, extent, count, size):
+        places = start[:, None] + extent[:, None] * (jnp.arange(count + 1, dtype=dtype) / count)
+        return jnp.clip(places, 0, size[:, None].astype(dtype))
+
+    return (
+        along(boxes.top, boxes.height, grid[0], boxes.rows),
+        along(boxes.left, boxes.width, grid[1], boxes.columns),
+    )
+
+
+def _flat(table: SumTable, boxes: Boxes) -> tuple[jax.Array, jax.Array, int]:
+    """Rows of channels, every box's first row among those of a stack of tables, and their width."""
+    num_rows, num_columns, channels = table.cells.shape[-3:]
+    return table.cells.reshape(-1, channels), table.place * num_rows + boxes.first_row, num_columns
+
+
+def _whole_sums(table, boxes, grid):
+    cells, first_row, stride = _flat(table, boxes)
+    # floor(x + 1/2), not round-half-to-even, as histograms of boxes have it.
+    rows, columns = (jnp.floor(x + 0.5).astype(jnp.int32) for x in _edges(boxes, grid))
+    start = (first_row[:, None] + rows) * stride
+    corners = entries_at(cells, start[:, :, None] + columns[:, None, :])
+    strips = corners[:, :, 1:] - corners[:, :, :-1]
+    return (strips[:, 1:] - strips[:, :-1]).astype(boxes.left.dtype)
+
+
+def _cut_sums(table, boxes, grid):
+    cells, first_row, stride = _flat(table, boxes)
+    dtype = boxes.left.dtype
+
+    def lines(places, size):
+        """The last line at or before a place, and how far the place is beyond it."""
+        line = jnp.floor(jax.lax.stop_gradient(places))
+        line = jnp.clip(line, 0, jnp.maximum(size[:, None] - 1, 0).astype(dtype))
+        return line.astype(jnp.int32), places - line
+
+    rows, columns = _edges(boxes, grid)
+    row, below = lines(rows, boxes.rows)
+    column, beyond = lines(columns, boxes.columns)
+
+    def strips(row):
+        """Sums above lines between the columns' edges; whole numbers are subtracted first."""
+        start = ((first_row[:, None] + row) * stride)[:, :, None] + column[:, None, :]
+        at = entries_at(cells, start)
+        cut = (entries_at(cells, start + 1) - at).astype(dtype) * beyond[:, None, :, None]
+        whole = (at[:, :, 1:] - at[:, :, :-1]).astype(dtype)
+        return whole + cut[:, :, 1:] - cut[:, :, :-1]
+
+    above, under = strips(row), strips(row + 1)
+    sums = above + below[:, :, None, None] * (under - above)
+    return sums[:, 1:] - sums[:, :-1]

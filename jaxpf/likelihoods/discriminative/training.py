@@ -1,0 +1,229 @@
+"""Learning to tell an object from what is around it: ridge regression on overlaps.
+
+A box shows some of what is behind its object too, and in one frame nothing tells the two apart: a
+score that counts on both stays behind with the wall when the object walks on.  So the object is
+also shown in front of other parts of its frame: what then still tells where it is, is its own.
+"""
+
+import dataclasses
+import functools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.contract.pytree import as_array
+from jaxpf.likelihoods.discriminative.levels import shrunk
+from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
+
+#: Weight of the penalty on the squared coefficients, per background.
+RIDGE = 0.5
+#: How far the frame is shifted behind the object, in widths and heights of its box: not at all, and
+#: so far that an object of less than a sixth of the frame's width has no copy next to it.
+BACKGROUNDS = ((0.0, 0.0), (3.2, 0.0), (-3.2, 0.0), (4.1, 0.3), (-4.1, -0.3))
+#: Where the object ends and its background begins: an ellipse in its box, with an edge so wide.
+_EDGE = 0.15
+#: How far windows reach beyond the farthest training box, shrunk pixels: maps look around pixels.
+_MARGIN = 8
+
+
+def training_boxes() -> tuple[np.ndarray, np.ndarray]:
+    """Boxes around an object that is [0, 1] x [0, 1], and how much each overlaps it.
+
+    Small shifts at three sizes, a coarse grid further out, and wrong sizes: 143 of them.
+
+    Returns:
+        [n, 4], x and y of the centre from the object's, width and height, all in shares of the
+        object's width and height; and [n], intersection over union with the object.
+    """
+    near, far = (-0.3, -0.15, 0.0, 0.15, 0.3), (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5)
+    beside = ((0.0, 0.0), (-0.15, 0.0), (0.15, 0.0), (0.0, -0.15), (0.0, 0.15))
+    rows = [(x, y, s, s) for s in (0.85, 1.0, 1.18) for x in near for y in near]
+    rows += [(x, y, 1.0, 1.0) for x in far for y in far if x or y]
+    rows += [(x, y, s, s) for s in (0.6, 0.7, 1.4, 1.6) for x, y in beside]
+    boxes = np.array(rows)
+    low, high = boxes[:, :2] - boxes[:, 2:] / 2, boxes[:, :2] + boxes[:, 2:] / 2
+    shared = np.maximum(np.minimum(high, 0.5) - np.maximum(low, -0.5), 0).prod(axis=1)
+    return boxes, shared / (1 + boxes[:, 2:].prod(axis=1) - shared)
+
+
+def window_shape(frame_shape: tuple[int, int], sizes: np.ndarray) -> tuple[int, int]:
+    """Height and width of windows that hold all training boxes of any of some objects.
+
+    Powers of two, so that few different ones are compiled; no larger than the frame.
+
+    Args:
+        frame_shape: height and width, as all else in shrunk pixels.
+        sizes: [P, 2], width and height of the objects.
+    """
+    reach = 4 * np.max(sizes, axis=0) + 2 * _MARGIN + 1
+    width, height = (2 ** math.ceil(math.log2(side)) for side in reach)
+    return min(height, frame_shape[0]), min(width, frame_shape[1])
+
+
+def window_corner(
+    frame_shape: tuple[int, int], box: np.ndarray, shape: tuple[int, int]
+) -> np.ndarray:
+    """Where an object's window begins: left and top, int32 [2].
+
+    Args:
+        frame_shape: height and width, as all else in shrunk pixels.
+        box: [4], x, y, width and height.
+        shape: height and width of the window.
+    """
+    first = np.floor(box[:2] - 1.5 * box[2:] - _MARGIN)
+    last = [frame_shape[1] - shape[1], frame_shape[0] - shape[0]]
+    return np.clip(first, 0, last).astype(np.int32)
+
+
+def before_background(
+    frame: jax.Array, box: jax.Array, shift: jax.Array, corner: jax.Array, shape: tuple[int, int]
+) -> jax.Array:
+    """An object in front of another part of its frame, seen through a window.
+
+    What lies in the ellipse that fills the box stays; all else is the frame, shifted and, beyond
+    its edges, begun anew.
+
+    Args:
+        frame: uint8 [H, W, 3].
+        box: [4], x, y, width and height in pixels.
+        shift: [2], to the right and down, in shares of the box's width and height.
+        corner: int32 [2], left and top of the window.
+        shape: height h and width w of the window.
+
+    Returns:
+        uint8 [h, w, 3].
+    """
+    columns, rows = corner[0] + jnp.arange(shape[1]), corner[1] + jnp.arange(shape[0])
+    across = (columns.astype(box.dtype) + 0.5 - box[0]) / box[2] * 2 - 1
+    down = (rows.astype(box.dtype) + 0.5 - box[1]) / box[3] * 2 - 1
+    away = jnp.hypot(across[None, :], down[:, None])
+    share = jnp.clip(0.5 + (1 - away) / _EDGE, 0, 1)[..., None]
+
+    def seen(right, lower):
+        return frame[(rows - lower)[:, None] % frame.shape[0], (columns - right) % frame.shape[1]]
+
+    behind = seen(*jnp.round(shift * box[2:]).astype(jnp.int32))
+    return jnp.round(share * seen(0, 0) + (1 - share) * behind).astype(frame.dtype)
+
+
+def ridge(
+    features: jax.Array, labels: jax.Array, penalty: float = RIDGE
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Coefficients that make ``features @ weights + offset`` close to the labels.
+
+    The minimum of the squared residuals plus ``penalty`` times the squared weights; the offset is
+    free.  Solved in the space of the examples, which are fewer than the features.
+
+    Args:
+        features: [n, F].
+        labels: [n].
+        penalty: above 0.
+
+    Returns:
+        Weights [F], offset [], and the root of the mean squared residual [].
+    """
+    middle, level = jnp.mean(features, axis=0), jnp.mean(labels)
+    centred = features - middle
+    kernel = jnp.matmul(centred, centred.T, precision="highest")
+    kernel = kernel + penalty * jnp.eye(len(labels), dtype=features.dtype)
+    factor = jax.scipy.linalg.cho_factor(kernel)
+    weights = centred.T @ jax.scipy.linalg.cho_solve(factor, labels - level)
+    residual = labels - level - centred @ weights
+    return weights, level - middle @ weights, jnp.sqrt(jnp.mean(residual**2))
+
+
+def trained(
+    likelihood: DiscriminativeLikelihood, frame: jax.Array, boxes: np.ndarray, penalty: float
+) -> DiscriminativeLikelihood:
+    """The likelihood with coefficients that are learned, of one object after the other.
+
+    Each object is learned in a window around it, shrunk as it will be: what lies further away is
+    in no training box.  One program serves objects of all sizes and any number of them.
+
+    Args:
+        likelihood: complete but for its coefficients, offsets and residuals.
+        frame: uint8 [H, W, 3].
+        boxes: [P, 4], x, y, width and height in pixels.
+        penalty: of ``ridge``, per background.
+    """
+    factors = np.array(likelihood.factors)[np.asarray(likelihood.level)]
+    shrunk_boxes = boxes / factors[:, None]
+    found = []
+    for number, factor in enumerate(map(int, factors)):
+        rows, columns = (-(-side // factor) for side in frame.shape[:2])
+        shape = window_shape((rows, columns), shrunk_boxes[:, 2:])
+        corner = window_corner((rows, columns), shrunk_boxes[number], shape)
+        pictures = _pictures(frame, as_array(boxes[number], float), corner, shape, factor)
+        place = shrunk_boxes[number] - [*corner, 0, 0]
+        alone = _only(likelihood, number, place, shape)
+        found.append(_coefficients(alone, pictures, as_array(place, float), penalty))
+    return _with(likelihood, *(np.stack(one) for one in zip(*found, strict=True)))
+
+
+@functools.partial(jax.jit, static_argnames=("shape", "factor"))
+def _pictures(frame, box, corner, shape, factor):
+    """An object's window, shrunk, with one background after the other: [n, h, w, 3]."""
+    padding = [(0, -side % factor) for side in frame.shape[:2]]
+    frame = jnp.pad(frame, [*padding, (0, 0)], mode="edge")
+    whole = (shape[0] * factor, shape[1] * factor)
+
+    def before(shift):
+        return shrunk(before_background(frame, box, shift, corner * factor, whole), factor)
+
+    return jax.lax.map(before, jnp.asarray(BACKGROUNDS, box.dtype))
+
+
+def _only(likelihood, number, box, shape) -> DiscriminativeLikelihood:
+    """What is of one object, for pictures of a shape in which it has that box."""
+
+    def own(values):
+        return as_array(np.asarray(values)[number : number + 1])
+
+    colour_weights = likelihood.colour_weights
+    return dataclasses.replace(
+        likelihood,
+        sizes=as_array(box[None, 2:], float),
+        offset=own(likelihood.offset),
+        residual=own(likelihood.residual),
+        colour_weights=None if colour_weights is None else own(colour_weights),
+        map_weights=tuple(map(own, likelihood.map_weights)),
+        level=as_array(np.zeros(1, np.int32)),
+        factors=(1,),
+        frame_shape=shape,
+    )
+
+
+@jax.jit
+def _coefficients(likelihood, pictures, box, penalty):
+    """Coefficients [F], offset and residual of one object, of pictures with other backgrounds."""
+    shifts, overlaps = (jnp.asarray(x, box.dtype) for x in training_boxes())
+    centres = box[:2] + box[2:] * (0.5 + shifts[:, :2])
+    substates = jnp.concatenate([centres, shifts[:, 2:3]], axis=1).T
+    first = jnp.zeros(len(shifts), jnp.int32)
+
+    def features(picture):
+        return likelihood.features_all(likelihood.seen_in([picture]), first, substates)
+
+    examples = jnp.concatenate(jax.lax.map(features, pictures))
+    return ridge(examples, jnp.tile(overlaps, len(pictures)), penalty * len(pictures))
+
+
+def _with(likelihood, weights, offset, residual):
+    """The likelihood with coefficients [P, F], offsets [P] and residuals [P]."""
+    place, colour_weights, map_weights = 0, likelihood.colour_weights, []
+    if colour_weights is not None:
+        place = math.prod(colour_weights.shape[1:])
+        colour_weights = weights[:, :place].reshape(colour_weights.shape)
+    for old in likelihood.map_weights:
+        length = math.prod(old.shape[1:])
+        map_weights.append(weights[:, place : place + length].reshape(old.shape))
+        place += length
+    return dataclasses.replace(
+        likelihood,
+        offset=as_array(offset),
+        residual=as_array(residual),
+        colour_weights=None if colour_weights is None else as_array(colour_weights),
+        map_weights=tuple(as_array(one) for one in map_weights),
+    )

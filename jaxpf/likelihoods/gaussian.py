@@ -1,0 +1,171 @@
+"""Linear-Gaussian observations, and the exact Kalman answer for checks and teaching."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.contract import Likelihood, of_partition
+from jaxpf.contract.pytree import pytree_dataclass
+
+
+@pytree_dataclass
+class Gaussian(Likelihood):
+    """``y^p = H x^p + L n`` for each partition; a frame is ``y``, ``[P, E]``.
+
+    Attributes:
+        noise: L, ``[P, E, E]``, lower triangular square root of the noise covariance.
+        observation: H, ``[P, E, D]``; None observes the substate itself.
+    """
+
+    noise: jax.Array
+    observation: jax.Array | None = None
+
+    #: ``log_prob`` is differentiable in the substate.
+    state_gradient = True
+
+    def observe(self, frame):
+        """The frame itself, ``[P, E]``."""
+        return frame
+
+    def log_prob_all(self, observation, partition, substates):
+        """Log-densities ``[N]`` given substates ``[D, N]``."""
+        dtype = substates.dtype
+        noise = jnp.asarray(self.noise, dtype)
+        whitener = jnp.linalg.inv(noise)
+        seen = jnp.asarray(observation, dtype)
+        # Whiten the observation once per partition; per particle only E x D products remain.
+        target = jnp.einsum("pef,pf->pe", whitener, seen)
+        design = whitener
+        if self.observation is not None:
+            design = whitener @ jnp.asarray(self.observation, dtype)
+        log_normaliser = jnp.sum(
+            jnp.log(jnp.abs(jnp.diagonal(noise, axis1=-2, axis2=-1))), axis=-1
+        ) + 0.5 * noise.shape[-1] * np.log(2 * np.pi)
+        squares = jnp.zeros(substates.shape[1:], dtype)
+        for row in range(design.shape[1]):
+            residual = of_partition(target[:, row], partition)
+            for column in range(design.shape[2]):
+                factor = of_partition(design[:, row, column], partition)
+                residual = residual - factor * substates[column]
+            squares = squares + residual**2
+        return -0.5 * squares - of_partition(log_normaliser, partition)
+
+
+@pytree_dataclass
+class CorrelatedGaussian:
+    """Partitions of one dimension observed with noise that is correlated between them.
+
+    The joint likelihood does not factor: ``log_prob`` is the marginal of each partition and
+    serves as the weighting function, ``log_joint`` the true density.  A frame is ``[P]``.
+
+    Attributes:
+        covariance: ``[P, P]`` of the observation noise.
+    """
+
+    covariance: jax.Array
+
+    #: ``log_prob`` is differentiable in the substate.
+    state_gradient = True
+
+    def observe(self, frame):
+        """The frame itself, ``[P]``."""
+        return frame
+
+    def log_prob(self, observation, partition, substate):
+        """Marginal log-density ``[]`` of one partition."""
+        variance = jnp.diagonal(self.covariance)[partition]
+        return -0.5 * (
+            (observation[partition] - substate[0]) ** 2 / variance + jnp.log(2 * np.pi * variance)
+        )
+
+    def log_joint(self, observation, substates, log_probs):
+        """Log-density ``[]`` of all partitions together."""
+        residual = observation - substates[:, 0]
+        return jax.scipy.stats.multivariate_normal.logpdf(
+            residual, jnp.zeros_like(residual), self.covariance
+        )
+
+
+def kalman(
+    transition: np.ndarray,
+    process_covariance: np.ndarray,
+    observation: np.ndarray,
+    noise_covariance: np.ndarray,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    frames: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Exact filtering of ``z_t = A z_{t-1} + q``, ``y_t = H z_t + r``, in float64.
+
+    Args:
+        transition: A, ``[S, S]``.
+        process_covariance: of q, ``[S, S]``.
+        observation: H, ``[E, S]``.
+        noise_covariance: of r, ``[E, E]``.
+        mean: ``[S]``, of the state just before the first frame.
+        covariance: ``[S, S]``, of the same.
+        frames: ``[T, E]``; what is NaN is missing.
+
+    Returns:
+        Log evidence increments ``[T]``, filtered means ``[T, S]`` and covariances
+        ``[T, S, S]``.
+    """
+    transition, observation = np.asarray(transition, float), np.asarray(observation, float)
+    mean, covariance = np.asarray(mean, float), np.asarray(covariance, float)
+    log_evidence, means, covariances = [], [], []
+    for frame in np.asarray(frames, float):
+        mean = transition @ mean
+        covariance = transition @ covariance @ transition.T + process_covariance
+        seen = ~np.isnan(frame)
+        of_seen = observation[seen]
+        innovation = frame[seen] - of_seen @ mean
+        spread = of_seen @ covariance @ of_seen.T + noise_covariance[np.ix_(seen, seen)]
+        gain = np.linalg.solve(spread, of_seen @ covariance).T
+        log_evidence.append(
+            -0.5 * innovation @ np.linalg.solve(spread, innovation)
+            - 0.5 * np.linalg.slogdet(2 * np.pi * spread)[1]
+        )
+        mean = mean + gain @ innovation
+        covariance = covariance - gain @ spread @ gain.T
+        means.append(mean)
+        covariances.append(covariance)
+    return np.array(log_evidence), np.array(means), np.array(covariances)
+
+
+def stacked_model(dynamics, parents: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """A ``LinearGaussian`` dynamics on a part tree as one system over ``(x_t, x_{t-1})``.
+
+    Solves the within-frame coupling ``(I - C) x_t = A x_{t-1} + B x_{t-2} + L n``.
+
+    Returns:
+        Transition ``[2PD, 2PD]`` and process covariance ``[2PD, 2PD]`` for ``kalman``;
+        the state is ordered partition by partition.
+    """
+    transition = np.asarray(dynamics.transition, float)
+    num_partitions, dimension = transition.shape[:2]
+    size = num_partitions * dimension
+
+    def block_diagonal(blocks):
+        out = np.zeros((size, size))
+        if blocks is None:
+            return out
+        for p, block in enumerate(np.asarray(blocks, float)):
+            out[p * dimension : (p + 1) * dimension, p * dimension : (p + 1) * dimension] = block
+        return out
+
+    coupling = np.zeros((size, size))
+    if dynamics.coupling is not None:
+        for p, parent in enumerate(parents):
+            if parent >= 0:
+                rows = slice(p * dimension, (p + 1) * dimension)
+                columns = slice(parent * dimension, (parent + 1) * dimension)
+                coupling[rows, columns] = np.asarray(dynamics.coupling, float)[p]
+    solve = np.linalg.inv(np.eye(size) - coupling)
+    stacked = np.zeros((2 * size, 2 * size))
+    stacked[:size, :size] = solve @ block_diagonal(transition)
+    stacked[:size, size:] = solve @ block_diagonal(dynamics.lag)
+    stacked[size:, :size] = np.eye(size)
+    root = solve @ block_diagonal(dynamics.noise)
+    covariance = np.zeros((2 * size, 2 * size))
+    covariance[:size, :size] = root @ root.T
+    return stacked, covariance

@@ -1,0 +1,106 @@
+"""Colour histograms of objects that are not known yet: as many places as there may be objects.
+
+The shapes of the arrays depend on the number of places alone, so that whoever comes and goes
+nothing is compiled anew.  All colour bins are counted, where ``histogram`` leaves out those that
+no object has: a newcomer may have any.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.contract.errors import InputError
+from jaxpf.likelihoods._integral import LANES
+from jaxpf.likelihoods._references import box_histogram, check_sizes
+from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
+from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
+
+
+def open_histogram(
+    capacity: int,
+    frame_shape: tuple[int, int],
+    *,
+    typical_size: tuple[float, float] = (32.0, 64.0),
+    sharpness: float = 20.0,
+    parts: int = 2,
+    method: str = "auto",
+    num_particles: int | None = None,
+) -> HistogramLikelihood:
+    """The likelihood of ``capacity`` places, all of them empty; fill one by ``with_object``.
+
+    Args:
+        capacity: P.
+        frame_shape: height and width of the frames.
+        typical_size: width and height of an object, pixels, by which samples are spread.
+        sharpness: as in ``histogram``, like the rest.
+        parts: see ``histogram``.
+        method: see ``histogram``; with all bins counted "auto" is "sampled" for all but huge sets.
+        num_particles: of all objects together, for ``"auto"``.
+
+    Raises:
+        InputError: an argument is out of range; the sentence says which.
+    """
+    # A picture with every bin in it gives the arrays their shapes.
+    colours = np.stack(np.meshgrid(*[np.arange(0, 256, 15)] * 3), axis=-1).reshape(1, -1, 3)
+    picture = np.repeat(colours.astype(np.uint8), parts, axis=0)
+    likelihood = histogram_from_patches(
+        [picture],
+        [typical_size],
+        sharpness=sharpness,
+        parts=parts,
+        method=method,
+        num_particles=num_particles,
+        frame_shape=frame_shape,
+    )
+    num_bins = -(-NUM_BINS // LANES) * LANES
+    return dataclasses.replace(
+        likelihood,
+        references=jnp.zeros((capacity, parts, num_bins)),
+        sizes=jnp.ones((capacity, 2)),
+        bin_lookup=jnp.arange(NUM_BINS, dtype=jnp.int32),
+        table_dtype="uint32",
+        levels=None,
+    )
+
+
+def with_object(
+    likelihood: HistogramLikelihood, place: int, frame: np.ndarray, box: ArrayLike
+) -> HistogramLikelihood:
+    """The likelihood in which a place holds the object that a frame shows in a box.
+
+    Args:
+        likelihood: from ``open_histogram``.
+        place: 0 to P - 1.
+        frame: uint8 RGB [H, W, 3].
+        box: x, y, w, h in pixels; what is outside the frame is left out.
+
+    Raises:
+        InputError: a place that there is not; a band of the box has no pixel inside the frame.
+    """
+    check_frame(frame)
+    if not 0 <= place < len(likelihood.references):
+        raise InputError(
+            f"place is {place}, and the likelihood has {len(likelihood.references)} places; count "
+            "them from 0."
+        )
+    box, parts = np.asarray(box, np.float64), likelihood.references.shape[1]
+    check_sizes(box[None, 2:], parts, "boxes")
+    learned = np.zeros(likelihood.references.shape[1:])
+    learned[:, :NUM_BINS] = np.sqrt(box_histogram(np.asarray(_bins(frame)), box, parts, "boxes[0]"))
+    return _replaced(likelihood, place, learned, box[2:])
+
+
+_bins = jax.jit(hsv_bins)
+
+
+@jax.jit
+def _replaced(likelihood, place, reference, size):
+    references, sizes = likelihood.references, likelihood.sizes
+    return dataclasses.replace(
+        likelihood,
+        references=references.at[place].set(reference.astype(references.dtype)),
+        sizes=sizes.at[place].set(size.astype(sizes.dtype)),
+    )

@@ -1,1 +1,0 @@
-"""How substates move and how they explain a frame."""

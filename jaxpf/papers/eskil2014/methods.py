@@ -1,0 +1,81 @@
+"""The methods compared, by name: trackers of points from a frame and where they start."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+import jaxpf.points
+from jaxpf.dynamics.gaussian import AR2
+from jaxpf.papers.eskil2014.published import PFFL_PARTICLES, SHAPE_SCALE, SIGMA
+
+PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
+WITH_DRIFT = "PFFL with drift"
+#: How much of its last displacement a particle of that one repeats: not published.
+MOMENTUM = 0.25
+
+#: Options of ``jaxpf.points.tracker``; what is not said has its default.
+_OPTIONS: Mapping[str, dict[str, Any]] = {
+    PROPOSED: {},
+    "eskil2014 as printed": {
+        "norm": "sum",
+        "sigma": SIGMA,
+        "shape": "pixels",
+        "shape_scale": SHAPE_SCALE,
+        "drift": "literal",
+    },
+    "without drift": {"drift": "none"},
+    "without shape": {"shape": "none"},
+    "signed drift": {"drift": "signed"},
+    "ridge drift": {"drift": "ridge"},
+    PFFL: {"method": "pffl", "particles": PFFL_PARTICLES},
+    "PFFL as printed": {
+        "method": "pffl",
+        "particles": PFFL_PARTICLES,
+        "form": "literal",
+        "norm": "sum",
+        "sigma": SIGMA,
+    },
+    # The paper's sketch of it moves particles by drift and diffusion, and defines no drift.
+    WITH_DRIFT: {"method": "pffl", "particles": PFFL_PARTICLES},
+    # As many likelihoods for every point as PFFL.
+    "SIR": {"method": "sir", "particles": 2 * PFFL_PARTICLES},
+    "PS": {"method": "ps", "particles": 2 * PFFL_PARTICLES},
+    "SPS": {"method": "sps", "particles": 2 * PFFL_PARTICLES},
+}
+FILTERS = tuple(_OPTIONS)
+#: Deterministic, once per clip or scene.
+OTHERS = (SPOT, FLOW, "not moving")
+QUICK = (PROPOSED, PFFL, "PS")
+
+
+def tracker(
+    name: str,
+    frame: np.ndarray,
+    points: np.ndarray,
+    scale: float,
+    momentum: float = MOMENTUM,
+    **changes: Any,
+) -> Any:
+    """The tracker of a method.
+
+    Args:
+        name: of ``FILTERS``.
+        frame: uint8 RGB [H, W, 3], with the points in it.
+        points: [P, 2], pixels.
+        scale: sigma_t, pixels.
+        momentum: of ``WITH_DRIFT``.
+        changes: of the method's options.
+    """
+    found = jaxpf.points.tracker(frame, points, diffusion=scale, **(_OPTIONS[name] | changes))
+    if name == WITH_DRIFT:
+        found = dataclasses.replace(found, dynamics=AR2(np.float32(scale), np.float32(momentum)))
+    return found
+
+
+def trackers(
+    frame: np.ndarray, points: np.ndarray, scale: float, names: Sequence[str] = FILTERS
+) -> dict[str, Any]:
+    """Method -> its ``tracker``, of the names."""
+    return {name: tracker(name, frame, points, scale) for name in names}

@@ -1,0 +1,63 @@
+"""Figures 8 to 11: curves over time."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from jaxpf.media import plotting
+from jaxpf.papers.gonzales2011.measure import Found
+from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, Outcomes
+
+
+def figures(found: Found) -> dict[str, Any]:
+    """All figures by the stem of their files."""
+    return curves(found.outcomes)
+
+
+def curves(outcomes: Outcomes) -> dict[str, Any]:
+    """Curves over time, as in the paper: a column per panel, a row per dynamics."""
+    smooth = [key for key in outcomes if key[0] == "smooth"]
+    found = {}
+    for parts in sorted({key[1] for key in smooth}):
+        cells = [key for key in smooth if key[1] == parts]
+        found[f"figure_8_{parts}_parts"] = _curves(outcomes, cells, ("error",))
+    nine = [key for key in smooth if key[2] == 10] or smooth[:1]
+    found["figure_9"] = _curves(outcomes, nine, ("variance",))
+    for name, motion, measures in (
+        ("figure_10", "strong_start", ("error",)),
+        ("figure_11", "erratic", ("error", "variance")),
+    ):
+        cells = [key for key in outcomes if key[0] == motion]
+        if cells:
+            found[name] = _curves(outcomes, cells, measures)
+    return found
+
+
+_LABELS = {"error": "sum of corner distances (pixels)", "variance": "variance (pixels$^2$)"}
+
+
+def _curves(
+    outcomes: Outcomes, cells: Sequence[tuple[str, int, int]], measures: Sequence[str]
+) -> Any:
+    columns = len(cells) * len(measures)
+    figure, axes = plotting.new_figure(
+        len(DYNAMICS), columns, figsize=(1.5 + 3.1 * columns, 5.6), share_x=True
+    )
+    colours = plotting.colours(len(METHODS))
+    for row, dynamics in enumerate(DYNAMICS):
+        for column in range(columns):
+            cell, measure = cells[column // len(measures)], measures[column % len(measures)]
+            axis = axes[row, column]
+            for method, colour in zip(METHODS, colours, strict=True):
+                values = getattr(outcomes[cell], measure)[dynamics, method]
+                curve = np.nanmean(values, axis=(0, 1))
+                axis.plot(1 + np.arange(len(curve)), curve, color=colour, label=method, lw=1.2)
+            axis.set(title=f"{cell[1]} parts, N = {cell[2]}", ylim=(0, None))
+            axis.grid(alpha=0.3)
+            if column == 0 or len(measures) > 1:
+                axis.set_ylabel(f"{dynamics}\n{_LABELS[measure]}")
+            if row == len(DYNAMICS) - 1:
+                axis.set_xlabel("frame")
+    axes[0, 0].legend(fontsize="x-small")
+    return figure

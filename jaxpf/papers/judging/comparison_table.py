@@ -1,0 +1,244 @@
+"""What repeating a paper gives, published and measured figures side by side, and how it is written.
+
+A ``Comparison`` holds tables, claims with verdicts (``jaxpf.papers.judging.claims``) and figures; the
+command line prints it and writes it as Markdown, CSV, JSON and PNG.
+"""
+
+import csv
+import dataclasses
+import datetime
+import io
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jaxpf import __version__
+from jaxpf.files.writing import atomic_write
+from jaxpf.papers.judging.claims import Claim, Measured
+
+
+@dataclasses.dataclass(frozen=True)
+class Cell:
+    """A published figure and ours; either may be missing.
+
+    Attributes:
+        published: the paper's figure, or None where it has none.
+        measured: ours with its 95 % interval, or None.
+        digits: decimal places to show.
+    """
+
+    published: float | None = None
+    measured: Measured | None = None
+    digits: int = 0
+
+    def text(self) -> str:
+        """``published | measured [low, high]``, with a dash for what is missing."""
+        left = "–" if self.published is None else f"{self.published:.{self.digits}f}"
+        if self.measured is None or math.isnan(self.measured.value):
+            return f"{left} | –"
+        value, low, high = (f"{x:.{self.digits}f}" for x in self.measured)
+        interval = "" if math.isnan(self.measured.low) else f" [{low}, {high}]"
+        return f"{left} | {value}{interval}"
+
+
+#: A label and a cell, or a text, per column.
+Rows = list[tuple[str, Sequence[Cell | str]]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """One table: every row a label and a cell (or a text) per column.
+
+    Attributes:
+        name: stem of its CSV file.
+        title: one line above it, with the units.
+        columns: header, the label's column first.
+        rows: ``(label, cells)``.
+        note: what a reader must know of it; may be empty.
+    """
+
+    name: str
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[tuple[str, Sequence[Cell | str]]]
+    note: str = ""
+
+    def texts(self) -> list[list[str]]:
+        """Rows of text, to print."""
+        return [
+            [label, *(cell if isinstance(cell, str) else cell.text() for cell in cells)]
+            for label, cells in self.rows
+        ]
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """A paper's figures beside ours.
+
+    Attributes:
+        paper: key of the paper, such as "smith2004".
+        title: one line.
+        tables: in the order in which they are shown.
+        claims: with their verdicts.
+        figures: stem of the file -> matplotlib figure.
+        notes: sentences on what was done and what to beware of.
+        settings: everything that repeats the run; JSON values.
+    """
+
+    paper: str
+    title: str
+    tables: Sequence[Table]
+    claims: Sequence[Claim]
+    figures: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    notes: Sequence[str] = ()
+    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+
+CLAIM_COLUMNS = ("claim", "source", "published", "measured [95 %]", "ours")
+#: Fields of a claim that are written, the columns above.
+CLAIM_FIELDS = Claim._fields[: len(CLAIM_COLUMNS)]
+#: Where a written claim comes from.
+ORIGIN = ("runs", "seed", "command", "version", "date")
+
+
+def claim_rows(claims: Sequence[Claim]) -> list[list[str]]:
+    """Rows of text, to print and to write."""
+    return [[getattr(claim, field) for field in CLAIM_FIELDS] for claim in claims]
+
+
+def markdown(comparison: Comparison) -> str:
+    """The whole comparison as one Markdown text; figures are linked by their file names."""
+    lines = [f"# {comparison.title}", ""]
+    if comparison.tables:
+        lines += ["Cells read: published | measured [95 % interval].", ""]
+    for table in comparison.tables:
+        lines += [f"## {table.title}", "", *markdown_table(table.columns, table.texts()), ""]
+        if table.note:
+            lines += [table.note, ""]
+    if comparison.claims:
+        lines += [
+            "## Claims",
+            "",
+            *markdown_table(CLAIM_COLUMNS, claim_rows(comparison.claims)),
+            "",
+        ]
+    for stem in comparison.figures:
+        lines += [f"![{stem}]({stem}.png)", ""]
+    if comparison.notes:
+        lines += ["## Notes", "", *(f"- {note}" for note in comparison.notes), ""]
+    return "\n".join(lines)
+
+
+def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """A table as lines of Markdown."""
+
+    def line(cells: Sequence[str]) -> str:
+        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+    return [line(columns), "|" + " --- |" * len(columns), *(line(row) for row in rows)]
+
+
+def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
+    """Write ``PAPER.md``, ``PAPER.json``, a CSV file per table and the figures into ``folder``.
+
+    Args:
+        comparison: what is written.
+        folder: where to; it exists.
+        command: what repeats it; stands beside each claim, with version and date.
+
+    Returns:
+        The names of the files, in the order written.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    from jaxpf.media import plotting
+
+    written = []
+
+    def text(name: str, content: str) -> None:
+        with atomic_write(folder / name) as file:
+            file.write(content)
+        written.append(name)
+
+    for table in comparison.tables:
+        text(f"{table.name}.csv", table_csv(table))
+    if comparison.claims:
+        text("claims.csv", _csv([CLAIM_FIELDS + ORIGIN, *_claims_with_origin(comparison, command)]))
+    for stem, figure in comparison.figures.items():
+        plotting.save_figure(figure, folder / f"{stem}.png")
+        written.append(f"{stem}.png")
+    text(f"{comparison.paper}.json", json.dumps(as_json(comparison), indent=1) + "\n")
+    text(f"{comparison.paper}.md", markdown(comparison))
+    return written
+
+
+def _claims_with_origin(comparison: Comparison, command: str) -> list[list[str]]:
+    asked = [str(comparison.settings.get(name, "")) for name in ORIGIN[:2]]
+    origin = [*asked, command, __version__, datetime.date.today().isoformat()]
+    return [row + origin for row in claim_rows(comparison.claims)]
+
+
+def table_csv(table: Table) -> str:
+    """Long form: a line per cell, with its published and measured figures in columns."""
+    header = ("row", "column", "published", "measured", "low", "high", "text")
+    lines: list[Sequence[Any]] = [header]
+    for label, cells in table.rows:
+        for column, cell in zip(table.columns[1:], cells, strict=True):
+            if isinstance(cell, str):
+                lines.append((label, column, "", "", "", "", cell))
+                continue
+            published = "" if cell.published is None else cell.published
+            measured = [""] * 3 if cell.measured is None else [f"{x:.6g}" for x in cell.measured]
+            lines.append((label, column, published, *measured, ""))
+    return _csv(lines)
+
+
+def as_json(comparison: Comparison) -> dict[str, Any]:
+    """Everything but the figures, as JSON values; NaN becomes null."""
+    content = {
+        "paper": comparison.paper,
+        "title": comparison.title,
+        "settings": dict(comparison.settings),
+        "notes": list(comparison.notes),
+        "claims": [
+            dict(zip(CLAIM_FIELDS, row, strict=True)) for row in claim_rows(comparison.claims)
+        ],
+        "tables": [
+            {
+                "name": table.name,
+                "title": table.title,
+                "note": table.note,
+                "columns": list(table.columns),
+                "rows": [
+                    {"label": label, "cells": [_json_cell(cell) for cell in cells]}
+                    for label, cells in table.rows
+                ],
+            }
+            for table in comparison.tables
+        ],
+    }
+    return _without_nan(content)
+
+
+def _json_cell(cell: Cell | str) -> Any:
+    if isinstance(cell, str):
+        return cell
+    measured = None if cell.measured is None else cell.measured._asdict()
+    return {"published": cell.published, "measured": measured}
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _csv(lines: Sequence[Sequence[Any]]) -> str:
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows(lines)
+    return buffer.getvalue()

@@ -1,0 +1,170 @@
+"""The paper's figures, repeated."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from jaxpf.media import plotting
+from jaxpf.papers.judging.estimates import mean_of
+from jaxpf.papers.maccormick1999 import published, toy
+from jaxpf.papers.maccormick1999.measure import Found
+from jaxpf.papers.maccormick1999.one_line import likelihood
+from jaxpf.papers.maccormick1999.passing import AS_MANY, ENOUGH, FAILING, PARTITIONED, Passing
+from jaxpf.papers.maccormick1999.published import FEATURES
+from jaxpf.papers.maccormick1999.tables import rate_of
+from jaxpf.papers.maccormick1999.tracking import REDRAWN
+
+
+def figures(found: Found) -> dict[str, Any]:
+    """All figures by the stem of their files."""
+    return {
+        "figure_3": line_figure(),
+        "figures_9_10": toy_figure(found.toy),
+        "figure_11": ess_figure(found.leaves),
+        "figure_12": success_figure(found.leaves),
+        **{f"figure_4_{meeting.name}": meeting_figure(meeting) for meeting in found.meetings},
+        "figure_7": passing_figure(found.leaves, (PARTITIONED, AS_MANY, FAILING, ENOUGH)),
+        "figures_1_6": passing_figure(found.walkers),
+    }
+
+
+def line_figure() -> Any:
+    """One target above, two below, as the paper draws them."""
+    grid = np.linspace(-80, 80, 161)
+    drawing, axes = plotting.new_figure(1, 2, figsize=(11, 4.6))
+    one, two = axes[0]
+    one.plot(grid, likelihood(grid[None]), color="black")
+    one.plot(FEATURES, np.zeros(4), "o", color="gray")
+    one.set(xlabel="boundary (pixels along the line)", ylabel="one target, relative to clutter")
+    pairs = np.stack(np.meshgrid(grid, grid))
+    shown = two.imshow(likelihood(pairs), origin="lower", extent=(-80, 80, -80, 80), cmap="gray_r")
+    two.plot([-80, 80], [-80, 80], ":", color="gray", lw=1)
+    two.set(xlabel="boundary of A (pixels)", ylabel="boundary of B (pixels)", title="two targets")
+    drawing.colorbar(shown, ax=two)
+    drawing.suptitle("Figure 3 repeated: four features, on each of which one boundary may lie")
+    return drawing
+
+
+def toy_figure(steps: Mapping[str, Sequence[toy.Step]]) -> Any:
+    """All steps of both figures, of one run, y in black and grey."""
+    drawing, axes = plotting.new_figure(2, 4, figsize=(16, 8.4))
+    for row, (method, found) in zip(axes, steps.items(), strict=True):
+        for axis, step in zip(row, found, strict=True):
+            weights, labels = step.weights[0], step.labels[0]
+            axis.scatter(
+                *step.substates[0].T, s=1000 * weights, facecolors="none", linewidths=1.2,
+                edgecolors=np.where(labels == 0, "black", "darkgray"),
+            )  # fmt: skip
+            axis.plot(*toy.TARGET, "+", color="red", ms=14, mew=2)
+            axis.set(
+                xlim=(-3, 3), ylim=(-3, 3), xlabel="A", ylabel="B",
+                title=f"{method}: {step.name}\neffective sample size {step.ess[0]:.1f} of "
+                f"{toy.PARTICLES}",
+            )  # fmt: skip
+            axis.title.set_fontsize(9)
+    drawing.suptitle(
+        "Figures 9 and 10 repeated: areas are weights, the cross is the target; with branches, "
+        "black particles search A first and grey ones B"
+    )
+    return drawing
+
+
+def ess_figure(leaves: Passing) -> Any:
+    """Effective sample size over the frames, mean and 95 % interval over sequences."""
+    drawing, axes = plotting.new_figure(1, 1, figsize=(8, 4.6))
+    (axis,) = axes[0]
+    for name, colour in zip((PARTITIONED, AS_MANY), plotting.colours(2), strict=True):
+        found = np.array([mean_of(each).measured() for each in leaves.ess_by_frame(name).T])
+        values, lows, highs = found.T
+        frames = np.arange(1, len(found) + 1)
+        axis.plot(frames, values, color=colour, label=f"{name} ({_sequences(leaves, name)})")
+        axis.fill_between(frames, lows, highs, color=colour, alpha=0.2, lw=0)
+    axis.axvline(published.FIRST_FRAMES, color="gray", ls=":", lw=1)
+    axis.set(xlabel="frame", ylabel="effective sample size", ylim=(0, None))
+    axis.legend()
+    drawing.suptitle(
+        f"Figure 11 repeated on leaves: the paper averages {published.FIRST_FRAMES} frames, those "
+        "left of the dotted line", fontsize=10,
+    )  # fmt: skip
+    return drawing
+
+
+def success_figure(leaves: Passing) -> Any:
+    """Share of the sequences on which both are kept, over N, with 95 % intervals."""
+    drawing, axes = plotting.new_figure(1, 1, figsize=(8, 4.6))
+    (axis,) = axes[0]
+    ways = ("ps", "PS"), ("sir", "SIR, ordinary Condensation")
+    for (ordering, label), colour in zip(ways, plotting.colours(2), strict=True):
+        names = [
+            name
+            for name, method in leaves.methods.items()
+            if (method.ordering, method.flip) == (ordering, REDRAWN)
+        ]
+        names.sort(key=lambda name: leaves.methods[name].num_particles)
+        numbers = [leaves.methods[name].num_particles for name in names]
+        rates = [rate_of(leaves.kept(name)).measured() for name in names]
+        values, lows, highs = np.array(rates).T
+        reach = np.maximum([values - lows, highs - values], 0)
+        axis.errorbar(numbers, values, reach, color=colour, marker="o", capsize=3, label=label)
+        for name, number, value in zip(names, numbers, values, strict=True):
+            axis.annotate(
+                str(len(leaves.outcomes[name])), (number, value), (5, 5), fontsize=8,
+                textcoords="offset points", color=colour,
+            )  # fmt: skip
+    axis.set(xscale="log", xlabel="particles", ylabel="both leaves kept (%)", ylim=(0, 105))
+    axis.legend(loc="lower right")
+    drawing.suptitle(
+        "Figure 12 as a curve, on leaves: small numbers are those of the sequences", fontsize=10
+    )
+    return drawing
+
+
+def _sequences(passing: Passing, method: str) -> str:
+    return f"{len(passing.outcomes[method])} sequence(s)"
+
+
+def meeting_figure(meeting: Passing, num_runs: int = 5) -> Any:
+    """Three frames of the first case with the contours of several runs, by each likelihood."""
+    times = [round(time) for time in np.linspace(0, len(meeting.cases[0].frames) - 1, 3)]
+    title = f"Figure 4 repeated on {meeting.name}: {num_runs} runs, A and B by colour"
+    return _frames_figure(meeting, times, title, 3.2 * len(meeting.methods), num_runs)
+
+
+def passing_figure(passing: Passing, methods: Sequence[str] = (), num_runs: int = 5) -> Any:
+    """The first sequence before, in and after the occlusion, with contours of several runs.
+
+    Of all methods, or of those that are named and were measured.
+    """
+    case = passing.cases[0]
+    times = 0, int(case.hidden.argmax()), len(case.frames) - 1
+    if methods:
+        kept = {name: passing.methods[name] for name in methods if name in passing.methods}
+        passing = passing._replace(methods=kept)
+    runs = min(num_runs, passing.kept(next(iter(passing.methods))).shape[1])
+    title = f"{case.name}: {runs} run(s), A and B by colour"
+    return _frames_figure(passing, times, title, 3.2 * len(passing.methods), num_runs)
+
+
+def _frames_figure(
+    passing: Passing, times: Sequence[int], title: str, height: float, num_runs: int
+) -> Any:
+    case = passing.cases[0]
+    drawing, axes = plotting.new_figure(len(passing.methods), len(times), figsize=(12, height))
+    for row, name in zip(axes, passing.methods, strict=True):
+        outlines = passing.outcomes[name][0].outlines[:num_runs]
+        for axis, time in zip(row, times, strict=True):
+            draw_contours(axis, case.frames[time], outlines[:, time], case.space.closed)
+            axis.set_title(f"{name}: frame {time}", fontsize=9)
+    drawing.suptitle(title)
+    return drawing
+
+
+def draw_contours(axis: Any, frame: np.ndarray, outlines: np.ndarray, closed: bool) -> None:
+    """A frame with contours ``[R, 2, M, 2]`` of several runs."""
+    axis.imshow(frame, extent=(0, frame.shape[1], frame.shape[0], 0))
+    for pair in outlines:
+        for outline, colour in zip(pair, plotting.colours(2), strict=True):
+            line = np.concatenate([outline, outline[:1]]) if closed else outline
+            axis.plot(*line.T, color=colour, lw=1, alpha=0.8)
+    axis.set(xlim=(0, frame.shape[1]), ylim=(frame.shape[0], 0), xticks=[], yticks=[])

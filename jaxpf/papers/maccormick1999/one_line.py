@@ -1,0 +1,46 @@
+"""Figure 3: the likelihoods of one and of two targets on one measurement line."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf.likelihoods.contours import (
+    Features,
+    detection_probabilities,
+    line_weights,
+    log_ratio,
+    poisson_clutter,
+)
+from jaxpf.papers.maccormick1999.published import FEATURES
+
+_LENGTH, _SIGMA, _CLUTTER = 161, 7.0, 2.0
+
+
+def likelihood(boundaries: Any) -> np.ndarray:
+    """``p~_c / p_0`` ``[...]`` of the line for boundaries ``[c, ...]``, pixels from its middle."""
+    return np.asarray(_likelihood(jnp.asarray(boundaries, jnp.float32)))
+
+
+def peaks() -> tuple[np.ndarray, np.ndarray]:
+    """The two-target likelihood at one feature twice, ``[4]``, and at pairs of them, ``[6]``."""
+    first, second = np.triu_indices(len(FEATURES), 1)
+    places = np.array(FEATURES)
+    together = likelihood(np.stack([places, places]))
+    return together, likelihood(np.stack([places[first], places[second]]))
+
+
+@jax.jit
+def _likelihood(boundaries: jax.Array) -> jax.Array:
+    count, shape = len(FEATURES), boundaries.shape[1:]
+    places = jnp.broadcast_to(jnp.array(FEATURES).reshape(-1, *[1] * len(shape)), (count, *shape))
+    features = Features(places, jnp.ones(places.shape, bool))
+    weights = line_weights(
+        # A longer law than there are features: a full line may have shown more.
+        poisson_clutter(_CLUTTER, 3 * count),
+        detection_probabilities(len(boundaries)),
+        _LENGTH,
+    )
+    there = jnp.ones(boundaries.shape, bool)
+    return jnp.exp(log_ratio(weights, features, boundaries, there, _SIGMA, _LENGTH / 2))

@@ -1,0 +1,206 @@
+"""Targets that meet or pass each other, tracked by several methods: figures 1, 4, 6, 7, 11, 12."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxpf.papers.maccormick1999 import published
+from jaxpf.papers.maccormick1999.scenes import Case
+from jaxpf.papers.maccormick1999.tracking import REDRAWN, Outcome, track, tracker_of
+from jaxpf.papers.measuring.checkpoints import Measure, each
+
+#: Labels are judged where a larger share of the farther target is hidden.
+MUCH_HIDDEN = 0.2
+#: Frames just before an occlusion, and some frames after it, in which spreads are compared.
+_BEFORE, _AFTER = 5, slice(5, 10)
+
+
+class Method(NamedTuple):
+    """A filter to compare.
+
+    Attributes:
+        exclusion: of its likelihood.
+        ordering: ``"ps"``, or ``"sir"``: ordinary Condensation.
+        num_particles: N.
+        one_in: it tracks one of so many sequences, the first ones: dear filters see fewer.
+        flip: see ``tracker_of``.
+    """
+
+    exclusion: str
+    ordering: str
+    num_particles: int
+    one_in: int = 1
+    flip: float = REDRAWN
+
+
+EXCLUSIVE, NAIVE = "P, exclusion", "P', none"
+LIKELIHOODS = {EXCLUSIVE: "wires", NAIVE: "none"}
+#: The paper's section 3 has ordinary Condensation.
+CONDENSATION = ", Condensation"
+#: The paper's probability that labels change.
+PUBLISHED_FLIP = f", delta {published.DELTA:g}".replace("0.", ".")
+PARTITIONED, AS_MANY = f"PS, {published.LEAF_PARTICLES}", f"SIR, {published.LEAF_PARTICLES}"
+FAILING, ENOUGH = (
+    f"SIR, {number}"
+    for number in (published.LEAF_PARTICLES_FAILING, published.LEAF_PARTICLES_ENOUGH)
+)
+LEAVES = {
+    PARTITIONED: Method("opaque", "ps", published.LEAF_PARTICLES),
+    PARTITIONED + PUBLISHED_FLIP: Method(
+        "opaque", "ps", published.LEAF_PARTICLES, 5, published.DELTA
+    ),
+    "PS, 100": Method("opaque", "ps", 100, 5),
+    "PS, 300": Method("opaque", "ps", 300, 5),
+    "SIR, 100": Method("opaque", "sir", 100, 5),
+    "SIR, 300": Method("opaque", "sir", 300, 5),
+    AS_MANY: Method("opaque", "sir", published.LEAF_PARTICLES, 5),
+    FAILING: Method("opaque", "sir", published.LEAF_PARTICLES_FAILING, 5),
+    ENOUGH: Method("opaque", "sir", published.LEAF_PARTICLES_ENOUGH, 5),
+}
+OCCLUSION, INDEPENDENT = "occlusion", "independent"
+WALKERS = {
+    OCCLUSION: Method("opaque", "ps", published.WALKER_PARTICLES),
+    INDEPENDENT: Method("none", "ps", published.WALKER_PARTICLES, 5),
+    OCCLUSION + CONDENSATION: Method("opaque", "sir", published.WALKER_PARTICLES, 5),
+    INDEPENDENT + CONDENSATION: Method("none", "sir", published.WALKER_PARTICLES, 10),
+}
+
+
+def likelihoods(num_particles: int, condensation: bool = False) -> dict[str, Method]:
+    """With exclusion and without, by partitioned sampling, and by Condensation if asked for."""
+    found = {name: Method(kind, "ps", num_particles) for name, kind in LIKELIHOODS.items()}
+    if condensation:
+        for name, kind in LIKELIHOODS.items():
+            found[name + CONDENSATION] = Method(kind, "sir", num_particles)
+    return found
+
+
+class Passing(NamedTuple):
+    """Targets that met or passed each other.
+
+    Attributes:
+        cases: one or several sequences; of opaque targets only the first keeps its frames.
+        outcomes: method -> an outcome for each case, or for the first ones.
+        methods: those of the outcomes.
+    """
+
+    cases: Sequence[Case]
+    outcomes: Mapping[str, Sequence[Outcome]]
+    methods: Mapping[str, Method]
+
+    @property
+    def name(self) -> str:
+        """Of the sequences."""
+        return self.cases[0].name
+
+    def kept(self, method: str) -> np.ndarray:
+        """``[cases, runs]`` bool: both contours end on their own targets."""
+        return np.array([outcome.kept for outcome in self.outcomes[method]])
+
+    def coalesced(self, method: str) -> np.ndarray:
+        """``[cases, runs]`` bool: both end on one."""
+        return np.array([outcome.coalesced for outcome in self.outcomes[method]])
+
+    def swapped(self, method: str) -> np.ndarray:
+        """``[cases, runs]`` bool: each ends on the other's target."""
+        return np.array([outcome.swapped for outcome in self.outcomes[method]])
+
+    def labels_right(self, method: str) -> np.ndarray:
+        """``[cases]``: share of the frames with much overlap in which the label is likely right."""
+        found = []
+        for case, outcome in self._of(method):
+            of_front = outcome.in_front if case.farther == 1 else 1 - outcome.in_front
+            of_front = of_front[:, case.hidden > MUCH_HIDDEN]
+            found.append(np.mean(np.where(np.isnan(of_front), np.nan, of_front > 0.5)))
+        return np.array(found)
+
+    @property
+    def frames_judged(self) -> int:
+        """Frames of a sequence in which labels are judged, the mean over all."""
+        much = [np.sum(case.hidden > MUCH_HIDDEN) for case in self.cases]
+        return max(round(float(np.mean(much))), 1)
+
+    def ess(self, method: str) -> np.ndarray:
+        """``[cases]``, mean over the runs and the first frames."""
+        return self.ess_by_frame(method)[:, : published.FIRST_FRAMES].mean(axis=1)
+
+    def ess_by_frame(self, method: str) -> np.ndarray:
+        """``[cases, T]``, mean over the runs."""
+        return np.array([outcome.ess.mean(axis=0) for outcome in self.outcomes[method]])
+
+    def widening(self, method: str) -> np.ndarray:
+        """``[cases]``: spread of the farther contour where most is hidden over that just before.
+
+        Of the runs that keep both: where a target is lost, the spread is not that of waiting for
+        it.  NaN where none does.
+        """
+        before, hidden, _ = self._spreads(method)
+        return hidden / before
+
+    def narrowing(self, method: str) -> np.ndarray:
+        """``[cases]``: its spread some frames after the occlusion over that where most is hidden.
+
+        Of the runs that keep both, likewise.
+        """
+        _, hidden, after = self._spreads(method)
+        return after / hidden
+
+    def _spreads(self, method: str) -> np.ndarray:
+        """``[3, cases]``: just before the occlusion, at its height, and some frames after it."""
+        found = []
+        for case, outcome in self._of(method):
+            spread = outcome.spread[outcome.kept][:, :, case.farther]  # [kept, T]
+            if not len(spread):
+                found.append([np.nan] * 3)
+                continue
+            spread, hidden = spread.mean(axis=0), case.hidden
+            covered = np.flatnonzero(hidden > 0)
+            first, after = max(covered[0], 1), spread[covered[-1] + 1 :][_AFTER]
+            before = spread[max(first - _BEFORE, 0) : first].mean()
+            height = spread[hidden > 0.5 * hidden.max()].mean()
+            found.append([before, height, after.mean() if len(after) else np.nan])
+        return np.array(found).T
+
+    def _of(self, method: str) -> Iterator[tuple[Case, Outcome]]:
+        return zip(self.cases, self.outcomes[method], strict=False)
+
+
+def measure(
+    cases: Iterable[Case],
+    seeds: Sequence[int],
+    methods: Mapping[str, Method],
+    runs: int,
+    report: Callable[[str], None],
+) -> Passing:
+    """Track cases ``runs`` times by each method; their runs follow their seeds."""
+    kept: list[Case] = []
+    # Two at least: one tells nothing of how sequences differ.
+    least = min(len(seeds), 2)
+    last = {name: max(len(seeds) // method.one_in, least) for name, method in methods.items()}
+    tracked = [[name for name in methods if number < last[name]] for number in range(len(seeds))]
+    outcomes: dict[str, list[Outcome]] = {name: [] for name in methods}
+
+    def parts() -> Iterator[tuple[str, Measure]]:
+        for case, seed, names in zip(cases, seeds, tracked, strict=True):
+            # Figures show the first; many sequences of opaque targets would fill the memory.
+            is_shown = not kept or case.hidden is None
+            kept.append(case if is_shown else case._replace(frames=case.frames[:0]))
+            for method in map(methods.__getitem__, names):
+                name = "-".join(map(str, (case.name, *method[:3], method.flip, seed, runs)))
+                yield name, partial(_outcome, case, method, runs, seed)
+
+    found = each(parts())
+    for done, names in enumerate(tracked, start=1):
+        for name in names:
+            outcomes[name].append(Outcome(**next(found)))
+        report(f"  {kept[done - 1].name}: sequence {done} of {len(seeds)} done")
+    return Passing(kept, outcomes, methods)
+
+
+def _outcome(case: Case, method: Method, runs: int, seed: int) -> dict[str, np.ndarray]:
+    """Fields of the ``Outcome`` of a case's runs."""
+    kind, ordering, particles, _, flip = method
+    tracker = tracker_of(case, kind, particles, ordering, flip)
+    return track(case, tracker, runs, seed)._asdict()

@@ -1,0 +1,136 @@
+"""Figures 9 and 10: two targets of one dimension each, sampled together and one after another.
+
+The steps that are shown are the filter's own: ``jaxpf.filters.partitioned.kernel``, stage by stage.
+"""
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf import ordering as orderings
+from jaxpf.dynamics.gaussian import RandomWalk
+from jaxpf.filters.partitioned import ending, kernel
+from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.likelihoods import Gaussian
+
+#: The posterior is this much narrower than the spread of the dynamics.
+_NARROWER = 8.0
+PARTICLES, _RUNS = 150, 40
+TARGET = (1.2, -0.8)
+#: Standard deviation of the prior.
+_PRIOR = 0.5
+#: The paper's filters: conventional, and with an order for each value of y, figure 8.
+CONVENTIONAL, BRANCHED = "SIR", "branched PS"
+#: What was just done at each step that is shown.
+STEPS = {
+    CONVENTIONAL: ("the prior", "A moved", "A weighed", "B moved, both weighed"),
+    BRANCHED: ("the prior", "first moved", "weighted resampling", "both moved and weighed"),
+}
+
+
+class Step(NamedTuple):
+    """The particles at one step of a frame, in R runs.
+
+    Attributes:
+        name: what was just done.
+        substates: ``[R, N, 2]``.
+        weights: ``[R, N]``, sum 1.
+        labels: ``[R, N]``, y: which target is searched first; 0 throughout for ``CONVENTIONAL``.
+    """
+
+    name: str
+    substates: np.ndarray
+    weights: np.ndarray
+    labels: np.ndarray
+
+    @property
+    def ess(self) -> np.ndarray:
+        """``[R]``, eq. 6."""
+        return 1 / (self.weights**2).sum(axis=1)
+
+
+def tracker_of(method: str) -> Partitioned:
+    """The filter by its name."""
+    is_branched = method == BRANCHED
+    return Partitioned(
+        dynamics=RandomWalk(scale=1.0),
+        likelihood=Gaussian(jnp.full((2, 1, 1), 1 / _NARROWER)),
+        ordering=orderings.branched([[0, 1], [1, 0]]) if is_branched else orderings.sir(2),
+        initial=jax.tree_util.Partial(_prior),
+        initial_label=np.full(2, 0.5, np.float32) if is_branched else None,
+        num_particles=PARTICLES,
+    )
+
+
+def steps(seed: int) -> dict[str, list[Step]]:
+    """Method -> the ``STEPS`` of one frame."""
+    keys = jax.random.split(jax.random.key(seed), _RUNS)
+    found = {}
+    for method in (CONVENTIONAL, BRANCHED):
+        tracker = tracker_of(method)
+        stages = jax.jit(jax.vmap(partial(frame, tracker)))(keys)
+        found[method] = [_step(*each) for each in zip(STEPS[method], stages, strict=True)]
+    return found
+
+
+def frame(tracker: Partitioned, key: jax.Array) -> list[tuple[jax.Array, ...]]:
+    """Substates ``[2, N]``, log-weights and labels ``[N]`` at each of ``STEPS``.
+
+    What ``tracker.step`` does, and the particles in between.
+    """
+    init_key, step_key = jax.random.split(key)
+    prior = tracker.init(init_key)
+    observation = tracker.observe(jnp.asarray(TARGET).reshape(2, 1))
+    begin_key, stages_key = jax.random.split(step_key)
+    state, components, carry = kernel.begin(tracker, begin_key, prior)
+    shared = kernel.Shared(tracker, state, observation, components, None)
+
+    def shown(state) -> tuple[jax.Array, ...]:
+        labels = jnp.zeros(PARTICLES, jnp.int32) if state.label is None else state.label
+        return state.lagged[0, 0], state.log_weights, labels
+
+    found = [shown(prior)]
+    for stage in map(jnp.asarray, range(2)):
+        is_first, at_stage = len(found) == 1, jax.random.fold_in(stages_key, stage)
+        move, select, exchange, weigh = jax.random.split(at_stage, 4)
+        before, drawn = carry, kernel.move(shared, move, stage, carry)
+        carry = kernel.weigh(shared, weigh, stage, carry, drawn)
+        if is_first:
+            # As it moved, with the weight it had.
+            moved = carry._replace(log_weights=before.log_weights)
+            found.append(_whole(shared, stage, moved))
+        chosen = partial(kernel.select, shared, select, stage, before.log_weights)
+        carry = kernel.exchange(shared, exchange, stage, carry, chosen)
+        if is_first:
+            found.append(_whole(shared, stage, carry))
+    label_key = jax.random.fold_in(stages_key, 2)
+    found.append(shown(ending.finish(tracker, label_key, observation, components, carry)[0]))
+    return found
+
+
+def _whole(shared: kernel.Shared, stage: jax.Array, carry: Any) -> tuple[jax.Array, ...]:
+    """All targets after a stage: who has not moved yet is where it was."""
+    ordering, last = shared.tracker.ordering, shared.state.lagged[0, 0]  # [P, N]
+    partition = ordering.order[shared.components.index].T  # [P, N], of every row
+    rows = jnp.where(
+        jnp.arange(2)[:, None] <= stage,
+        jnp.take_along_axis(carry.stages[0, 0], carry.lineage, axis=1),
+        last[partition, carry.lineage],
+    )
+    rank = ordering.rank[shared.components.index].T
+    log_weights = jax.nn.log_softmax(carry.log_weights)
+    return jnp.take_along_axis(rows, rank, axis=0), log_weights, carry.label
+
+
+def _prior(key: jax.Array) -> jax.Array:
+    return _PRIOR * jax.random.normal(key, (2, 1))
+
+
+def _step(name: str, found: tuple[Any, ...]) -> Step:
+    substates, log_weights, labels = found
+    weights = np.exp(np.asarray(log_weights, float))
+    weights /= weights.sum(axis=1, keepdims=True)
+    return Step(name, np.moveaxis(np.asarray(substates), 1, 2), weights, np.asarray(labels))

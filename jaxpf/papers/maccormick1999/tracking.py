@@ -1,0 +1,125 @@
+"""Tracking a case many times, and judging who ended where."""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxpf
+from jaxpf import ordering as orderings
+from jaxpf.dynamics.occlusion import WithOcclusion
+from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.likelihoods.contours import contours
+from jaxpf.papers.maccormick1999.scenes import Case, distances
+
+#: Runs that are vectorised together.
+_BATCH = 5
+#: Probability per frame with which targets that do not overlap change their order in depth.
+#: While they are apart nothing tells the order, and at the paper's .01 few particles forget one of
+#: the two before the targets meet.  On 26 sequences of leaves of seeds that no report uses, labels
+#: were right in 94 % of the frames with much overlap, for 80 with .01; 24 were kept, for 23.
+REDRAWN = 0.5
+
+
+class Outcome(NamedTuple):
+    """R runs of one method on one case.
+
+    Attributes:
+        outlines: ``[R, T, 2, M, 2]``, the estimates.
+        ess: ``[R, T]``.
+        spread: ``[R, T, 2]``, of each target's contour, pixels, root mean square.
+        kept: ``[R]`` bool, both contours end on their own targets.
+        coalesced: ``[R]`` bool, both end on one.
+        swapped: ``[R]`` bool, each ends on the other's.
+        log_evidence: ``[R]``, of all frames.
+        in_front: ``[R, T]``, probability that the first target is in front; NaN without labels.
+    """
+
+    outlines: np.ndarray
+    ess: np.ndarray
+    spread: np.ndarray
+    kept: np.ndarray
+    coalesced: np.ndarray
+    swapped: np.ndarray
+    log_evidence: np.ndarray
+    in_front: np.ndarray
+
+
+def tracker_of(
+    case: Case, exclusion: str, num_particles: int, method: str = "ps", flip: float = REDRAWN
+) -> Partitioned:
+    """A tracker of both targets of a case.
+
+    Args:
+        case: what is tracked.
+        exclusion: see ``jaxpf.likelihoods.contours``; ``"none"`` is the paper's control.
+        num_particles: N.
+        method: ``"ps"``, or ``"sir"`` for the unpartitioned filter; with opaque targets, particles
+            of ``"ps"`` place the target first that they believe to be in front (figure 8).
+        flip: of opaque targets, probability per frame that they change their order in depth while
+            they do not overlap.
+    """
+    likelihood = contours(case.space, 2, exclusion=exclusion, **case.options)
+    dynamics, label = case.dynamics, None
+    if exclusion in case.noise:
+        noise = case.noise[exclusion] * np.asarray(dynamics.noise)
+        dynamics = dataclasses.replace(dynamics, noise=noise)
+    ordering = orderings.ps([0, 1]) if method == "ps" else orderings.sir(2)
+    if exclusion == "opaque":
+        dynamics, label = WithOcclusion(dynamics, likelihood, flip), np.full(2, 0.5, np.float32)
+        if method == "ps":
+            ordering = orderings.branched([[0, 1], [1, 0]])
+    return Partitioned(
+        dynamics=dynamics,
+        likelihood=likelihood,
+        ordering=ordering,
+        initial=case.start,
+        initial_label=label,
+        num_particles=num_particles,
+        resampling="systematic",
+    )
+
+
+def track(case: Case, tracker: Partitioned, runs: int, seed: int) -> Outcome:
+    """Track a case in independent runs."""
+    return outcome_of(case, tracker, filtered(case, tracker, runs, seed))
+
+
+def filtered(case: Case, tracker: Partitioned, runs: int, seed: int) -> list[np.ndarray]:
+    """What the filter reports of independent runs, for ``outcome_of``: what is to be timed."""
+    keys = jax.random.split(jax.random.key(seed), runs)
+    frames = jnp.asarray(case.frames)
+    found = jaxpf.monte_carlo(tracker, keys, frames, _keep, batch_size=min(runs, _BATCH))
+    return [np.asarray(values) for values in found]
+
+
+def outcome_of(case: Case, tracker: Partitioned, found: list[np.ndarray]) -> Outcome:
+    """What came of it."""
+    estimates, ess, spread, log_evidence, in_front = found
+    outlines = np.asarray(tracker.likelihood.outline_points(jnp.asarray(estimates)))
+    spread = np.sqrt((spread**2).sum(axis=-1))
+    ends = judged(case, outlines)
+    return Outcome(outlines, ess, spread, *ends, log_evidence.sum(axis=1), in_front)
+
+
+def judged(case: Case, outlines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Whether runs end with both contours on their own targets, on one, or on each other's.
+
+    None of these is a run of which a contour ends on no target.
+
+    Args:
+        case: with T frames.
+        outlines: ``[R, T, 2, M, 2]``.
+    """
+    last = distances(case, outlines)[:, -1]  # [R, estimate, target]
+    on = (last.min(axis=-1) < case.on_target).all(axis=-1)
+    first, second = last.argmin(axis=-1).T
+    return on & (first < second), on & (first == second), on & (first > second)
+
+
+def _keep(state: Any, summary: Any) -> Any:
+    labels = summary.label_probabilities
+    in_front = jnp.nan * summary.ess if labels is None else labels[0]
+    return summary.estimate, summary.ess, summary.spread, summary.log_evidence, in_front

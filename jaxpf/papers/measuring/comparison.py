@@ -1,0 +1,89 @@
+"""Several orderings on one scene, with common seeds and honest intervals."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from jaxpf.boxes import tracker as box_tracker
+from jaxpf.contract.state import Summary
+from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.measures import metrics
+from jaxpf.measures.intervals import Interval
+from jaxpf.ordering import Ordering
+from jaxpf.running.blocks import monte_carlo
+from jaxpf.shapes.rectangles import boxes_from_substates
+
+#: The tracker of smith2004's synthetic test: noise of u and v in pixels, and of the scale.
+SMITH2004_SCALE = (2.0, 2.0, 0.001)
+SMITH2004_PARTICLES = 300
+
+
+class Result(NamedTuple):
+    """Many runs of one ordering on one scene, in NumPy arrays.
+
+    The first frame of the scene is where the tracker starts; T counts the frames after it.
+
+    Attributes:
+        name: of the ordering.
+        boxes: estimated boxes x, y, w, h, ``[R, T, P, 4]``.
+        summary: of every run and frame, leading axes ``[R, T]``.
+        measures: see ``jaxpf.measures.summarise``.
+    """
+
+    name: str
+    boxes: np.ndarray
+    summary: Summary
+    measures: dict[str, Interval]
+
+
+def scene_tracker(
+    scene: Any,
+    ordering: Ordering,
+    *,
+    sharpness: float = 20.0,
+    num_particles: int = SMITH2004_PARTICLES,
+    scale: tuple[float, ...] = SMITH2004_SCALE,
+    resampling: str = "multinomial",
+    appearance: str = "colour",
+) -> Partitioned:
+    """A tracker that knows a scene's patches, with smith2004's settings as defaults."""
+    return box_tracker(
+        scene.frames[0],
+        scene.boxes[0],
+        patches=scene.patches,
+        ordering=ordering,
+        particles=num_particles,
+        sharpness=sharpness,
+        scale=scale,
+        resampling=resampling,
+        appearance=appearance,
+    )
+
+
+def compare(
+    scene: Any,
+    trackers: Mapping[str, Partitioned],
+    seeds: Iterable[int],
+    batch_size: int | None = None,
+) -> Iterator[Result]:
+    """Run every tracker with the same seeds; yields each result as it is done.
+
+    Args:
+        scene: see ``scenes.Scene``.
+        trackers: name -> tracker; those of one shape share one compiled kernel.
+        seeds: one per run.
+        batch_size: see ``jaxpf.monte_carlo``.
+    """
+    keys = jax.vmap(jax.random.key)(np.array(list(seeds)))
+    frames, truth = scene.frames[1:], scene.boxes[1:]
+    for name, tracker in trackers.items():
+        summary = jax.tree.map(
+            np.asarray, monte_carlo(tracker, keys, frames, batch_size=batch_size)
+        )
+        boxes = np.asarray(
+            boxes_from_substates(summary.estimate, np.asarray(scene.boxes[0][:, 2:]))
+        )
+        measures = metrics.summarise(boxes, truth)
+        yield Result(name, boxes, summary, jax.tree.map(np.asarray, measures))

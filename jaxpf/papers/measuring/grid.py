@@ -1,0 +1,240 @@
+"""Many orderings x sharpness values x runs on many scenes, in one compiled kernel.
+
+What a frame costs once, its histogram table, is shared by everything that sees the frame:
+all orderings, sharpness values and runs.  Orderings come one after another, for a branch they
+do not take costs nothing only where all runs agree; sharpness values and runs are vectorised
+together.  Scenes are independent, so each device takes its own.
+"""
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.sharding import Mesh, PartitionSpec
+from jax.typing import ArrayLike
+
+from jaxpf.dynamics.gaussian import AR2
+from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.likelihoods._integral import LANES
+from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
+from jaxpf.ordering import Ordering
+from jaxpf.papers.measuring.checkpoints import each
+from jaxpf.papers.measuring.comparison import SMITH2004_PARTICLES, SMITH2004_SCALE
+from jaxpf.running import frame_step, init
+from jaxpf.shapes.rectangles import boxes_from_substates
+
+
+class GridResult(NamedTuple):
+    """Runs on one scene: O orderings, L sharpness values, R runs, T frames, P objects.
+
+    Attributes:
+        boxes: estimated boxes x, y, w, h, ``[O, L, R, T, P, 4]``.
+        uniqueness: distinct draws over particles, ``[O, L, R, T, P]``.
+        spread: standard deviation of the particle set, ``[O, L, R, T, P, 3]``.
+    """
+
+    boxes: np.ndarray
+    uniqueness: np.ndarray
+    spread: np.ndarray
+
+
+class Work(NamedTuple):
+    """What one scene's runs need, all arrays; scenes of one shape share the kernel.
+
+    Attributes:
+        frames: ``[T, H, W, 3]`` uint8, those after the start.
+        initial: ``[P, 3]``, substates before the first frame.
+        likelihood: of the scene's objects.
+        keys: ``[R, ...]`` key data, one per run.
+    """
+
+    frames: np.ndarray
+    initial: np.ndarray
+    likelihood: HistogramLikelihood
+    keys: np.ndarray
+
+
+def run_grid(
+    scenes: Sequence[Any],
+    keys: Sequence[jax.Array],
+    orderings: Mapping[str, Ordering],
+    sharpness: Sequence[float],
+    *,
+    num_particles: int = SMITH2004_PARTICLES,
+    scale: Sequence[float] = SMITH2004_SCALE,
+    resampling: str = "multinomial",
+    name: str = "grid",
+    wrap: Callable[[Partitioned], Any] | None = None,
+) -> Iterator[GridResult]:
+    """Track every scene with every ordering and sharpness; yields scene by scene.
+
+    A run's random numbers depend on its key alone, which is common to all orderings and
+    sharpness values.
+
+    Args:
+        scenes: of one shape, see ``scenes.Scene``; the trackers start at the true boxes of
+            the first frame and know the scene's patches.
+        keys: for each scene its runs' keys ``[R]``, equally many; see ``run_keys``.
+        orderings: of one shape (name -> ordering).
+        sharpness: values of lambda.
+        num_particles: N.
+        scale: noise of u, v (pixels) and of the box's scale.
+        resampling: scheme; smith2004 names none.
+        name: under which scenes are kept; see ``jaxpf.papers.measuring.checkpoints``.
+        wrap: makes another tracker of each one, of the same likelihood.
+    """
+    learned = [
+        histogram_from_patches(
+            scene.patches,
+            scene.sizes,
+            method="integral",
+            num_particles=num_particles,
+            frame_shape=scene.frames.shape[1:3],
+        )
+        for scene in scenes
+    ]
+    num_bins = max(likelihood.references.shape[-1] for likelihood in learned)
+    stacked = jax.tree.map(lambda *rows: jnp.stack(rows), *orderings.values())
+    batch = min(jax.local_device_count(), len(scenes))
+    settings = stacked, jnp.asarray(sharpness, float), jnp.asarray(scale, float)
+    track = partial(_track, settings, (num_particles, resampling, wrap))
+    chosen = [range(i, min(i + batch, len(scenes))) for i in range(0, len(scenes), batch)]
+
+    def works(places: Sequence[int]) -> list[Work]:
+        works = [_work(scenes[i], with_bins(learned[i], num_bins), keys[i]) for i in places]
+        # The last batch is padded: another width would compile anew.
+        return (works + works[-1:] * batch)[:batch]
+
+    found = each(
+        (f"{name}-{its[0]}-{its[-1]}-by-{batch}", partial(track, works(its))) for its in chosen
+    )
+    for its, recorded in zip(chosen, found, strict=True):
+        for place, i in enumerate(its):
+            estimate, *others = (np.asarray(recorded[what][place]) for what in _RECORDED)
+            boxes = np.asarray(boxes_from_substates(estimate, scenes[i].sizes))
+            yield GridResult(boxes, *others)
+
+
+def _track(settings: Any, static: tuple, works: Sequence[Work]) -> dict[str, Any]:
+    """What ``_run_scene`` reports of each work, by its name."""
+    # Elsewhere there may be fewer devices.
+    most = min(jax.local_device_count(), len(works))
+    devices = max(n for n in range(1, most + 1) if len(works) % n == 0)
+    kernel = _sharded(devices, *static)
+    recorded = kernel(jax.tree.map(lambda *rows: np.stack(rows), *works), *settings)
+    return dict(zip(_RECORDED, recorded, strict=True))
+
+
+def run_keys(seed: int, runs: ArrayLike) -> jax.Array:
+    """``[R]``: run r has the key ``fold_in(key(seed), r)``, as in ``jaxpf.evaluation``."""
+    return jax.vmap(jax.random.fold_in, in_axes=(None, 0))(
+        jax.random.key(seed), np.asarray(runs, np.uint32)
+    )
+
+
+def _work(scene: Any, likelihood: HistogramLikelihood, keys: jax.Array) -> Work:
+    boxes = np.asarray(scene.boxes[0], np.float32)
+    initial = np.concatenate(
+        [boxes[:, :2] + boxes[:, 2:] / 2, np.ones((len(boxes), 1), np.float32)], axis=1
+    )
+    return Work(scene.frames[1:], initial, likelihood, np.asarray(jax.random.key_data(keys)))
+
+
+def with_bins(likelihood: HistogramLikelihood, num_bins: int) -> HistogramLikelihood:
+    """The same likelihood with a longer table of bins; what it adds is never counted."""
+    references, lookup = likelihood.references, likelihood.bin_lookup
+    missing = num_bins - references.shape[-1]
+    assert missing % LANES == 0
+    return dataclasses.replace(
+        likelihood,
+        references=jnp.pad(references, ((0, 0), (0, 0), (0, missing))),
+        bin_lookup=jnp.where(lookup == references.shape[-1], num_bins, lookup),
+    )
+
+
+@lru_cache
+def _sharded(
+    num_devices: int, num_particles: int, resampling: str, wrap: Callable | None
+) -> Callable:
+    """The compiled kernel for scenes that so many devices share."""
+    one = partial(_run_scene, num_particles=num_particles, resampling=resampling, wrap=wrap)
+
+    def rows(works: Work, *settings: Any) -> Any:
+        return lax.map(lambda work: one(work, *settings), works)
+
+    mesh = Mesh(np.array(jax.local_devices()[:num_devices]), ("scene",))
+    per_scene, shared = PartitionSpec("scene"), PartitionSpec()
+    return jax.jit(
+        jax.shard_map(
+            rows,
+            mesh=mesh,
+            in_specs=(per_scene, shared, shared, shared),
+            out_specs=per_scene,
+            check_vma=False,
+        )
+    )
+
+
+def _run_scene(
+    work: Work,
+    orderings: Ordering,
+    sharpness: jax.Array,
+    scale: jax.Array,
+    *,
+    num_particles: int,
+    resampling: str,
+    wrap: Callable | None,
+) -> Any:
+    """Leading axes ``[O, L, R, T]`` of what a frame reports."""
+    num_runs, num_values = work.keys.shape[0], sharpness.shape[0]
+    keys = jnp.tile(jax.random.wrap_key_data(jnp.asarray(work.keys)), num_values)
+    values = jnp.repeat(sharpness, num_runs)
+
+    def tracker(ordering: Ordering, value: Any) -> Any:
+        partitioned = Partitioned(
+            dynamics=AR2(scale=scale),
+            likelihood=dataclasses.replace(work.likelihood, sharpness=value),
+            ordering=ordering,
+            initial=work.initial,
+            num_particles=num_particles,
+            resampling=resampling,
+        )
+        return partitioned if wrap is None else wrap(partitioned)
+
+    def begin(ordering: Ordering) -> Any:
+        return jax.vmap(lambda key: init(tracker(ordering, sharpness[0]), key))(keys)
+
+    def of_every_run(advance: Callable, states: Any) -> Any:
+        def of_ordering(item: Any) -> Any:
+            ordering, states = item
+
+            def of_value(key: Any, value: Any, state: Any) -> Any:
+                return advance(tracker(ordering, value), key, state)
+
+            return jax.vmap(of_value)(keys, values, states)
+
+        return lax.map(of_ordering, (orderings, states))
+
+    step_all = frame_step(work.likelihood.observe, of_every_run, _keep)
+    times = jnp.arange(work.frames.shape[0])
+    _, recorded = lax.scan(step_all, lax.map(begin, orderings), (times, work.frames))
+
+    def arranged(array: jax.Array) -> jax.Array:
+        """``[T, O, L * R, ...]`` to ``[O, L, R, T, ...]``."""
+        array = jnp.moveaxis(array, 0, 2)
+        return array.reshape(array.shape[0], num_values, num_runs, *array.shape[2:])
+
+    return jax.tree.map(arranged, recorded)
+
+
+#: All but the boxes as ``GridResult`` has it, and the estimate first.
+_RECORDED = ("estimate", "uniqueness", "spread")
+
+
+def _keep(state: Any, summary: Any) -> Any:
+    return tuple(getattr(summary, what) for what in _RECORDED)

@@ -1,0 +1,56 @@
+"""Figures 2 to 6: samples per target, lost samples, the error of the size, and runs in pictures."""
+
+from typing import Any
+
+import numpy as np
+
+from jaxpf.media import plotting
+from jaxpf.papers.rowe2005 import pictures
+from jaxpf.papers.rowe2005.measure import Found
+from jaxpf.papers.rowe2005.scenes import Outcome
+
+
+def figures(found: Found) -> dict[str, Any]:
+    """All figures by the stem of their files."""
+    return {
+        "figure_2": figure_2(found.outcome),
+        "figure_3": figure_3(found.outcome),
+        "figure_4": figure_4(found.outcome),
+        **pictures.figures(found.pictures),
+    }
+
+
+def figure_2(outcome: Outcome) -> Any:
+    """Share of the samples on target 1, frame by frame: every scene's first run."""
+    figure, axes = plotting.new_figure(1, 2, figsize=(10, 3.6))
+    for axis, variant, title in zip(
+        axes[0], ("without eq. 4", "both"), ("without eq. 4", "with eq. 4"), strict=True
+    ):
+        shares = 100 * outcome.share[outcome.of(variant), :, 0, :, 0]
+        axis.plot(np.arange(1, shares.shape[1] + 1), shares.T, linewidth=0.7)
+        axis.set(title=title, xlabel="frame", ylabel="samples on target 1 (%)", ylim=(-2, 102))
+    return figure
+
+
+def figure_3(outcome: Outcome) -> Any:
+    """Share of lost samples, frame by frame, mean over the runs."""
+    figure, axes = plotting.new_figure(figsize=(7, 3.6))
+    axis = axes[0, 0]
+    for variant, colour in zip(("neither", "both"), plotting.colours(2), strict=True):
+        astray = 100 * outcome.astray[outcome.of(variant)].mean(axis=(0, 1))
+        axis.plot(np.arange(1, len(astray) + 1), astray, color=colour, label=variant)
+    axis.set(xlabel="frame", ylabel="lost samples (%)")
+    axis.legend(title="regularising and feedback")
+    return figure
+
+
+def figure_4(outcome: Outcome) -> Any:
+    """Error of the area in six runs, both targets."""
+    figure, axes = plotting.new_figure(figsize=(7, 3.6))
+    axis = axes[0, 0]
+    ratio = outcome.area_ratio[outcome.of("both")]
+    ratio = ratio.reshape(-1, *ratio.shape[2:])[:6]
+    for run in ratio:
+        axis.plot(np.arange(1, len(run) + 1), 100 * (run - 1), linewidth=0.7)
+    axis.set(xlabel="frame", ylabel="error of the area (%)", ylim=(-100, 200))
+    return figure

@@ -1,0 +1,239 @@
+"""The runs behind all tables: every variant of the labelled filter on projectile scenes."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxpf
+import scenes
+from jaxpf.dynamics.gaussian import FirstOrder
+from jaxpf.likelihoods.pixels import pixels
+from jaxpf.papers.measuring.checkpoints import each
+from jaxpf.papers.measuring.grid import run_keys
+from jaxpf.papers.rowe2005.published import PARTICLES
+from jaxpf.shapes.rectangles import area, intersection_area
+
+#: Runs on each scene.  Scenes differ more than runs do.
+RUNS_PER_SCENE = 4
+
+
+class Settings(NamedTuple):
+    """What the paper leaves open about the tracker.
+
+    Attributes:
+        position_scale: noise xi_x, pixels per frame.
+        speed_scale: noise xi_u, pixels per frame squared.
+        size_scale: noise xi_w of width and height, pixels per frame.
+        sigma: of the pixels' Gaussians, grey levels.
+        min_slope: of the overlap's power, per pixel.
+        size_term: exponent of the size term.
+        rates: a_x and a_u.
+    """
+
+    position_scale: float
+    speed_scale: float
+    size_scale: float
+    sigma: float
+    min_slope: float
+    size_term: float
+    rates: tuple[float, float]
+
+
+#: Found by ``calibration.calibrate`` on its own seeds, each variant by itself.
+TUNED = {
+    "both": Settings(1.5, 0.02, 1.2, 50.0, 1.0, 0.5, (0.7, 0.2)),
+    "neither": Settings(2.5, 0.02, 1.2, 40.0, 1.0, 0.5, (0.9, 0.4)),
+    "feedback only": Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.25, (0.9, 0.4)),
+    "without eq. 4": Settings(1.5, 0.05, 1.2, 50.0, 1.0, 0.12, (0.9, 0.4)),
+    "Condensation": Settings(2.5, 0.1, 1.2, 40.0, 1.0, 0.5, (0.9, 0.4)),
+    "product": Settings(1.5, 0.02, 1.2, 80.0, 1.0, 1.0, (0.9, 0.4)),
+}
+SETTINGS = TUNED["both"]
+
+#: Variant -> what differs from the paper's filter: eq. 4, feedback and regularising on.
+VARIANTS: dict[str, dict[str, Any]] = {
+    "both": {},
+    "neither": {"feedback": "none", "rates": (1.0, 1.0)},
+    "regularising only": {"feedback": "none"},
+    "feedback only": {"rates": (1.0, 1.0)},
+    "without eq. 4": {"weights": "plain"},
+    "Condensation": {"weights": "plain", "feedback": "none", "rates": (1.0, 1.0)},
+    "eq. 4 corrected": {"weights": "corrected"},
+    "systematic": {"resampling": "systematic"},
+    # It takes no power: it is sharp enough.
+    "product": {"pool": "product", "min_slope": 0.0},
+    "without size term": {"size_term": 0.0},
+    "without power": {"min_slope": 0.0},
+}
+
+
+def settings_of(variant: str) -> Settings:
+    """What a variant is run with: its own settings, or those of the filter it is a form of.
+
+    Without feedback regularising changes what is reported and nothing else, so that "regularising
+    only" has the settings of "neither".  How weights are corrected and particles drawn asks for no
+    other noise than the whole filter's; what becomes of sizes without their term is seen at the
+    noise that it has; and without power all targets were lost with every setting that was tried.
+    """
+    if variant == "regularising only":
+        return TUNED["neither"]._replace(rates=SETTINGS.rates)
+    return TUNED.get(variant, SETTINGS)
+
+
+def tracker(scene: Any, settings: Settings = SETTINGS, **changes: Any) -> jaxpf.Labelled:
+    """The paper's tracker on a scene, or a variant.
+
+    A substate is (u, v, w, h, du, dv): centre and sides of a box in pixels, and speed in pixels
+    per frame.  Targets start at their true boxes of the first frame, at rest.
+
+    Args:
+        scene: with targets that have patches.
+        settings: what the paper leaves open.
+        changes: ``weights``, ``feedback``, ``resampling``, ``pool``, or a field of ``Settings``.
+    """
+    own = {name: changes.pop(name) for name in Settings._fields if name in changes}
+    settings = settings._replace(**own)
+    pool = changes.pop("pool", "mean")
+    likelihood = pixels(
+        scene.patches,
+        sigma=settings.sigma,
+        window=(8, 12),
+        pool=pool,
+        colour="grey",
+        min_slope=settings.min_slope,
+        size_term=settings.size_term,
+    )
+    boxes = np.asarray(scene.boxes[0], np.float32)
+    initial = np.hstack(
+        [boxes[:, :2] + boxes[:, 2:] / 2, boxes[:, 2:], np.zeros_like(boxes[:, :2])]
+    )
+    scales = (settings.position_scale, settings.size_scale, settings.speed_scale)
+    options: dict[str, Any] = {
+        "num_particles": PARTICLES,
+        "resampling": "multinomial",
+        "feedback": "estimate",
+        "speed": (4, 5),
+    }
+    return jaxpf.Labelled(
+        dynamics=FirstOrder(scale=np.repeat(np.array(scales, np.float32), 2), speed=(4, 5)),
+        likelihood=likelihood,
+        initial=initial,
+        regularise=np.array(settings.rates, np.float32),
+        **(options | changes),
+    )
+
+
+class Outcome(NamedTuple):
+    """V variants, S scenes, R runs on each, T frames, L targets.
+
+    Attributes:
+        names: of the variants.
+        error: ``[V, S, R, T, L]``, distance of the centres over the root of the true area.
+        area_ratio: ``[V, S, R, T, L]``, estimated over true area.
+        share: ``[V, S, R, T, L]``, the target's share of the particles.
+        astray: ``[V, S, R, T]``, share of the particles whose box misses their target's.
+        between: ``[V, S]``, how far the runs' estimates lie from their mean, over the root of the
+            true area: root of the mean square over runs, frames and targets.
+        within: ``[V, S]``, the same of a run's own particles, of targets that have some.
+        in_strip: ``[S, T, L]`` bool, the true box meets a strip.
+    """
+
+    names: tuple[str, ...]
+    error: np.ndarray
+    area_ratio: np.ndarray
+    share: np.ndarray
+    astray: np.ndarray
+    between: np.ndarray
+    within: np.ndarray
+    in_strip: np.ndarray
+
+    def of(self, variant: str) -> int:
+        """Place of a variant."""
+        return self.names.index(variant)
+
+
+def measure(
+    seeds: Sequence[int],
+    variants: Mapping[str, Mapping[str, Any]] = VARIANTS,
+    progress: Callable[[int], None] = lambda done: None,
+    name: str = "scene",
+    **parameters: Any,
+) -> Outcome:
+    """Run every variant on the scenes of the seeds, ``RUNS_PER_SCENE`` times, see ``settings_of``.
+
+    ``parameters`` are the scene's, where they differ from its defaults.  A run's random numbers
+    depend on its seed and number alone, which are common to all variants.  ``name`` is that under
+    which scenes are kept (``jaxpf.papers.measuring.checkpoints``).
+    """
+    found = []
+    for one in each(
+        (f"{name}-{seed}", partial(_on_scene, seed, variants, parameters)) for seed in seeds
+    ):
+        found.append(one)
+        progress(len(found))
+    columns = (
+        np.stack([scene[field] for scene in found], axis=0 if field == "in_strip" else 1)
+        for field in Outcome._fields[1:]
+    )
+    return Outcome(tuple(variants), *columns)
+
+
+def _on_scene(
+    seed: int,
+    variants: Mapping[str, Mapping[str, Any]],
+    parameters: Mapping[str, Any],
+) -> dict[str, np.ndarray]:
+    """Fields of an ``Outcome`` of one scene, without the axis of the scenes."""
+    scene = scenes.make("projectiles", seed=seed, **parameters)
+    measured = [
+        run_on(scene, seed, changes, settings_of(name)) for name, changes in variants.items()
+    ]
+    columns = [np.stack(column) for column in zip(*measured, strict=True)]
+    in_strip = _in_strip(np.asarray(scene.boxes[1:], np.float32), scene.extras["strips"])
+    return dict(zip(Outcome._fields[1:], [*columns, in_strip], strict=True))
+
+
+def run_on(
+    scene: Any, seed: int, changes: Mapping[str, Any], settings: Settings
+) -> list[np.ndarray]:
+    """What ``RUNS_PER_SCENE`` runs on a scene give: fields of an ``Outcome``, one variant's."""
+    keys = run_keys(seed, np.arange(RUNS_PER_SCENE))
+    frames, truth = jnp.asarray(scene.frames[1:]), np.asarray(scene.boxes[1:], np.float32)
+    return _measured(tracker(scene, settings, **changes), keys, frames, truth)
+
+
+def _in_strip(boxes: np.ndarray, strips: np.ndarray) -> np.ndarray:
+    left, right = boxes[..., 0, None], boxes[..., 0, None] + boxes[..., 2, None]
+    return np.any((left < strips[:, 1]) & (right > strips[:, 0]), axis=-1)
+
+
+def _measured(tracker: Any, keys: Any, frames: Any, truth: np.ndarray) -> list[np.ndarray]:
+    found = jaxpf.monte_carlo(tracker, keys, frames, _record, batch_size=len(keys))
+    return [np.asarray(each) for each in _measures(found, truth)]
+
+
+def _record(state: Any, summary: Any) -> Any:
+    """What is reported, and every particle's box and label."""
+    reported = summary.estimate, summary.uniqueness, summary.spread[..., :2]
+    return *reported, state.lagged[0, :4], state.labels
+
+
+@jax.jit
+def _measures(found: Any, truth: jax.Array) -> tuple[jax.Array, ...]:
+    estimate, share, spread, particles, labels = found
+    centres = truth[..., :2] + truth[..., 2:] / 2
+    error = jnp.linalg.norm(estimate[..., :2] - centres, axis=-1) / jnp.sqrt(area(truth))
+    ratio = estimate[..., 2] * estimate[..., 3] / area(truth)
+    particles = jnp.moveaxis(particles, -2, -1)
+    boxes = jnp.concatenate([particles[..., :2] - particles[..., 2:] / 2, particles[..., 2:]], -1)
+    own = jnp.take_along_axis(truth[None], labels[..., None], axis=2)
+    astray = jnp.mean(intersection_area(boxes, own) <= 0, axis=-1)
+    apart = estimate[..., :2] - estimate[..., :2].mean(axis=0)
+    freedom = len(apart) / (len(apart) - 1)
+    between = jnp.sqrt(freedom * jnp.mean(jnp.sum(apart**2, axis=-1) / area(truth)))
+    within = jnp.sqrt(jnp.nanmean(jnp.sum(spread**2, axis=-1) / area(truth)))
+    return error, ratio, share, astray, between, within

@@ -1,0 +1,293 @@
+"""Tables 1 to 4: published figures beside ours, and the sweep."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jaxpf.measures.timing import median_interval
+from jaxpf.papers.judging.claims import Measured, wilson
+from jaxpf.papers.judging.comparison_table import Cell, Rows, Table
+from jaxpf.papers.judging.estimates import mean_cell, mean_of, rate_cell
+from jaxpf.papers.smith2004 import costs, occlusions
+from jaxpf.papers.smith2004.conditions import Condition
+from jaxpf.papers.smith2004.measure import Found
+from jaxpf.papers.smith2004.occlusions import Tracked
+from jaxpf.papers.smith2004.orders import shuffled_orders
+from jaxpf.papers.smith2004.published import (
+    BEST_ORDER_RECOVERY,
+    FIRST_STAGE_UNIQUENESS,
+    SHARPNESS,
+    TABLE_1,
+    TABLE_2,
+)
+from jaxpf.papers.smith2004.scenes import METHODS, NUM_OBJECTS, RUNS_PER_SCENE, Outcome
+from jaxpf.papers.smith2004.sweep import Sweep
+
+
+def tables(found: Found) -> list[Table]:
+    """All of them, in the order in which they are shown."""
+    return [
+        *table_1(found.outcome),
+        *table_2(found.outcome),
+        uniqueness_table(found.outcome),
+        sweep_table(found.swept),
+        *occlusion_tables(found.tracked),
+        conditions_table(found.conditions),
+        cost_table(found.costs),
+    ]
+
+
+def table_1(outcome: Outcome) -> list[Table]:
+    """Success, precision and recall of objects 2 to 7."""
+    measures = {
+        "success": outcome.success,
+        "precision": outcome.precision,
+        "recall": outcome.recall,
+    }
+    tables = []
+    for measure, values in measures.items():
+        rows: Rows = []
+        for column, sharpness in enumerate(SHARPNESS):
+            cells: list[Cell | str] = []
+            for method in METHODS:
+                by_scene = values[:, outcome.of(method), column].mean(axis=1)
+                # A run's objects share its particles: they are no independent trials.
+                trials = RUNS_PER_SCENE * len(outcome.of(method))
+                known = TABLE_1[measure].get(method)
+                published = known[column] if known else None
+                if measure == "success":
+                    cells.append(rate_cell(by_scene, trials, published))
+                else:
+                    cells.append(_share_cell(by_scene, published=published))
+            rows.append((f"{sharpness:g}", cells))
+        tables.append(
+            Table(
+                f"table_1_{measure}",
+                f"Table 1, objects 2-7: {measure} (%)",
+                ["sharpness", *METHODS],
+                rows,
+            )
+        )
+    return tables
+
+
+def table_2(outcome: Outcome) -> list[Table]:
+    """Recovery, precision and recall of object 1."""
+    measures = {
+        "recovery": outcome.recovered.mean(axis=-1),
+        "precision": outcome.leader_precision,
+        "recall": outcome.leader_recall,
+    }
+    notes = {
+        "recovery": (
+            "Worst and best are selected by chance too: of seven orders that were all alike, the "
+            f"worst would show {_extremes(outcome)} at these sharpness values."
+        ),
+        "precision": "Over the frames in which object 1 is tracked, as in the paper.",
+        "recall": "",
+    }
+    return [
+        Table(
+            f"table_2_{measure}",
+            f"Table 2, object 1: {measure} (%)",
+            ["sharpness", "Non-PS", "PS mean", "PS worst", "PS best", *METHODS[2:]],
+            [
+                (f"{sharpness:g}", _row_2(outcome, measure, values, column))
+                for column, sharpness in enumerate(SHARPNESS)
+            ],
+            notes[measure],
+        )
+        for measure, values in measures.items()
+    ]
+
+
+def _row_2(outcome: Outcome, measure: str, values: np.ndarray, column: int) -> list[Cell | str]:
+    """The cells of a row; worst and best order are those of the *recovery* rate."""
+    orders = outcome.orders()
+    recovery = outcome.recovered[:, orders, column].mean(axis=(0, 2))
+    places = {
+        "Non-PS": outcome.of("Non-PS"),
+        "PS mean": orders,
+        "PS worst": [orders[int(np.argmin(recovery))]],
+        "PS best": [orders[int(np.argmax(recovery))]],
+        **{method: outcome.of(method) for method in METHODS[2:]},
+    }
+    cells: list[Cell | str] = []
+    for name, place in places.items():
+        by_scene = values[:, place, column]
+        known = TABLE_2[measure].get(name)
+        published = known[column] if known else None
+        if measure != "recovery":
+            by_scene = np.nanmean(by_scene, axis=1) if len(place) > 1 else by_scene[:, 0]
+            cells.append(_share_cell(by_scene, published=published))
+            continue
+        if name == "PS best":
+            published = BEST_ORDER_RECOVERY.get(SHARPNESS[column])
+        cells.append(rate_cell(by_scene.mean(axis=1), RUNS_PER_SCENE * len(place), published))
+    return cells
+
+
+def _share_cell(shares: np.ndarray, digits: int = 0, published: float | None = None) -> Cell:
+    """The scenes' shares ``[S]``, 0 to 1, as a mean percentage, whose interval has ends too."""
+    value, low, high = mean_of(100 * np.asarray(shares, float)).measured()
+    return Cell(published, Measured(value, max(low, 0.0), min(high, 100.0)), digits)
+
+
+def _extremes(outcome: Outcome) -> str:
+    pieces = []
+    for column in range(len(SHARPNESS)):
+        chance = 100 * shuffled_orders(outcome.recovered[:, outcome.orders(), column])
+        pieces.append(
+            f"{chance.min(axis=1).mean():.0f} and the best {chance.max(axis=1).mean():.0f}"
+        )
+    return ", ".join(pieces)
+
+
+def uniqueness_table(outcome: Outcome) -> Table:
+    """Uniqueness by stage of PS, over all orders, at the first sharpness; and DPS's range."""
+    stages = []
+    for stage in range(NUM_OBJECTS):
+        by_scene = [
+            outcome.uniqueness[:, place, 0, (shift + stage) % NUM_OBJECTS]
+            for shift, place in enumerate(outcome.orders())
+        ]
+        stages.append(np.mean(by_scene, axis=0))
+    published = [FIRST_STAGE_UNIQUENESS] + [None] * (NUM_OBJECTS - 1)
+    cells: list[Cell | str] = [
+        _share_cell(values, 1, figure) for figure, values in zip(published, stages, strict=True)
+    ]
+    distributed: list[Cell | str] = [
+        _share_cell(outcome.uniqueness[:, outcome.of("DPS")[0], 0, place], 1)
+        for place in range(NUM_OBJECTS)
+    ]
+    return Table(
+        "uniqueness",
+        f"Section 3.3: uniqueness (%) at sharpness {SHARPNESS[0]:g}",
+        ["", *(str(k + 1) for k in range(NUM_OBJECTS))],
+        [("PS, by stage", cells), ("DPS, by object", distributed)],
+    )
+
+
+def sweep_table(result: Sweep) -> Table:
+    """A row for every distance."""
+    rows: Rows = [
+        (f"{distance:g}", [Cell(None, result.rates[method][place]) for method in METHODS])
+        for place, distance in enumerate(result.distances)
+    ]
+    return Table(
+        "sweep",
+        "Recovery of object 1 (%) by the distance to which the distracter leads, all sharpness "
+        "values",
+        ["pixels", *METHODS],
+        rows,
+        f"{result.num_scenes} scenes with {RUNS_PER_SCENE} runs each at every distance.",
+    )
+
+
+def conditions_table(found: Sequence[Condition]) -> Table:
+    """A row for every condition under which the order of objects may matter more."""
+    recovery = TABLE_2["recovery"]
+    gap = BEST_ORDER_RECOVERY[30.0] - recovery["PS worst"][SHARPNESS.index(30.0)]
+    gain = float(np.mean(recovery["DPS"]) - np.mean(recovery["PS mean"]))
+    rows: Rows = [
+        (
+            f"N = {its.particles}, {its.ending}",
+            [
+                mean_cell(its.ps, published=float(np.mean(recovery["PS mean"]))),
+                mean_cell(its.best_over_worst, published=gap),
+                mean_cell(its.dps_over_ps, published=gain),
+                *(mean_cell(its.by_stage[:, stage]) for stage in (0, -2, -1)),
+            ],
+        )
+        for its in found
+    ]
+    return Table(
+        "conditions",
+        "Recovery of object 1 (%, all sharpness values) under what the paper leaves open",
+        ["condition", "PS", "best - worst order", "DPS - PS", "first", "last but one", "last"],
+        rows,
+        "Best and worst order are chosen on half of the scenes and compared on the other half; the "
+        "published gap is that at sharpness 30, and of orders chosen on the very runs.  First, "
+        "last but one, last: PS that comes to object 1 so.  Drawn twice: by the weights at the "
+        "end of a frame and at the start of the next, as figure 1 has it.  Counted twice: stages "
+        "are resampled by, and not divided out of the last weights.",
+    )
+
+
+def cost_table(found: costs.Costs) -> Table:
+    """Processor time of every method, and over that of PS."""
+    rows: Rows = []
+    for number, by_method in found.items():
+        for method, seconds in by_method.items():
+            spent = Measured(*(1e3 * each for each in median_interval(seconds)))
+            ratio = Measured(*median_interval(seconds / by_method["PS"]))
+            rows.append((f"N = {number}, {method}", [Cell(None, spent, 2), Cell(None, ratio, 2)]))
+    return Table(
+        "costs",
+        "Beyond the paper: processor time of a frame",
+        ["", "milliseconds", "this / PS"],
+        rows,
+        f"Median and 95 % interval of {costs.REPEATS} interleaved timings of {costs.RUNS} runs "
+        "together, on one device.  Where the ratio is 1, equal N is equal time.",
+    )
+
+
+def occlusion_tables(outcomes: Sequence[Tracked]) -> list[Table]:
+    """As tables 3 and 4 for each hidden object and N, then all objects in short."""
+    return [
+        *(_occlusion_table(outcome) for outcome in outcomes if outcome.hidden),
+        *(
+            _overview([outcome for outcome in outcomes if outcome.particles == count])
+            for count in dict.fromkeys(outcome.particles for outcome in outcomes)
+        ),
+    ]
+
+
+def _overview(outcomes: Sequence[Tracked]) -> Table:
+    """Success of every object."""
+    rows: Rows = [
+        (
+            name,
+            [_rate(outcome.successes[name], outcome.runs) for outcome in outcomes],
+        )
+        for name in outcomes[0].successes
+    ]
+    return Table(
+        f"real_{occlusions.CLIP}_n{outcomes[0].particles}",
+        f"{occlusions.CLIP}: success of all objects, {outcomes[0].particles} particles (%)",
+        [
+            "method",
+            *(
+                f"object {outcome.identity}{' (hidden)' if outcome.hidden else ''}"
+                for outcome in outcomes
+            ),
+        ],
+        rows,
+    )
+
+
+def _occlusion_table(outcome: Tracked) -> Table:
+    """A row for every method."""
+    rows: Rows = [
+        (
+            name,
+            [
+                _rate(outcome.successes[name], outcome.runs),
+                _rate(outcome.recoveries[name], outcome.runs),
+                Cell(None, outcome.precision[name]),
+                Cell(None, outcome.recall[name]),
+            ],
+        )
+        for name in outcome.successes
+    ]
+    return Table(
+        f"real_{occlusions.CLIP}_object_{outcome.identity}_n{outcome.particles}",
+        f"As tables 3 and 4: {occlusions.CLIP}, hidden object {outcome.identity}, "
+        f"{outcome.particles} particles (%)",
+        ["method", *occlusions.MEASURES],
+        rows,
+    )
+
+
+def _rate(count: int, runs: int) -> Cell:
+    return Cell(None, Measured(100 * count / runs, *wilson(count, runs)(0.95)))

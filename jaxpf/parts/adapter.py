@@ -1,0 +1,86 @@
+"""Parts of articulated objects read from files, written and drawn."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.parts.target import PARTS, Parts
+from jaxpf.targets.adapter import Adapter, Marks, TrackFile
+from jaxpf.targets.target import Start
+
+
+class PartAdapter(Adapter):
+    """See ``Adapter``."""
+
+    target = PARTS
+    example = "--parts-file parts.csv"
+    start_flags: Mapping[str, Mapping[str, Any]] = {
+        "parts_file": {
+            "type": Path,
+            "help": "Instead of boxes, the parts of an articulated object: CSV with the header "
+            "part,parent,x,y,w,h,angle (x, y the centre, angle in degrees clockwise, no parent: "
+            "root).",
+        }
+    }
+
+    def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
+        """See ``Adapter``."""
+        from jaxpf.parts.files import read_parts
+
+        path = given["parts_file"]
+        if path is None:
+            raise InputError("no parts: give --parts-file FILE.csv.")
+        parts = read_parts(path)
+        for name, (x, y, _) in zip(parts.names, parts.poses, strict=True):
+            if not (0 <= x < source.width and 0 <= y < source.height):
+                raise InputError(
+                    f"part '{name}' of '{path}' has its centre ({x:g},{y:g}) outside the "
+                    f"{source.width}x{source.height} frame; give x and y of the centre, in pixels."
+                )
+        return PARTS.start(parts)
+
+    def fits_scene(self, scene: Any) -> bool:
+        """Scenes of parts tell poses and who hangs on whom."""
+        return {"poses", "parents"} <= set(scene.extras)
+
+    def scene_shapes(self, scene: Any) -> np.ndarray:
+        """See ``Adapter``."""
+        return np.asarray(scene.extras["poses"], np.float64)
+
+    def scene_start(self, scene: Any) -> Start:
+        """See ``Adapter``."""
+        parents = tuple(int(parent) for parent in scene.extras["parents"])
+        ids = scene.extras.get("ids", range(1, len(parents) + 1))
+        return PARTS.start(Parts(tuple(ids), parents, scene.extras["poses"][0], scene.sizes))
+
+    def scaled(
+        self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
+    ) -> tuple[Start, np.ndarray]:
+        """See ``Adapter``."""
+        sizes = start.sizes * np.sqrt(np.prod(factors))
+        return dataclasses.replace(start, sizes=sizes), shapes * np.array([*factors, 1.0])
+
+    def track_writer(self, path: Any, start: Start) -> TrackFile:
+        """See ``Adapter``: CSV with the header ``frame,part,x,y,w,h,angle``."""
+        from jaxpf.parts.files import PartTrackWriter
+
+        writer = PartTrackWriter(path)
+
+        def append(frame: int, shapes: Any, lost: Any) -> None:
+            writer.append(frame, start.ids, shapes, start.sizes)
+
+        return TrackFile(writer, append)
+
+    def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
+        """See ``Adapter``."""
+        from jaxpf.media.overlay import draw_rectangles
+
+        corners = np.asarray(PARTS.outlines(start, np.asarray(shapes)), float)
+        return draw_rectangles(frame, corners, list(start.ids), marks.colours, marks.lost)
+
+
+ADAPTER = PartAdapter()

@@ -1,0 +1,168 @@
+"""Files of articulated objects: the parts to start from, and their tracks.
+
+A part is a rectangle at any angle.  In files, (x, y) is its centre in continuous pixels, pixel
+(0, 0) being the square [0, 1) x [0, 1), and the angle counts degrees clockwise in the image;
+frames count from 0.  In memory angles are radians.
+"""
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.contract.errors import InputError
+from jaxpf.files.reading import read_rows
+from jaxpf.files.writing import LineWriter
+from jaxpf.parts.target import Parts
+
+HEADER = "part,parent,x,y,w,h,angle"
+#: A number beyond which pixels are no longer told apart, and letters of a name.
+_FARTHEST, _LONGEST_NAME = 1e9, 200
+TRACK_HEADER = "frame,part,x,y,w,h,angle"
+
+
+def read_parts(path: str | os.PathLike[str], *, one_root: bool = True) -> Parts:
+    """Read the parts of an object.
+
+    The file is CSV with the header ``part,parent,x,y,w,h,angle``: a name, its parent's name (empty
+    for a root), centre, width and height in pixels, and the angle in degrees, clockwise.  Parts
+    may come in any order.
+
+    Args:
+        path: the file; UTF-8, blank lines are skipped.
+        one_root: refuse a file with several roots.
+
+    Raises:
+        InputError: the file cannot be read, or a line cannot be used; the sentence says which.
+    """
+    path = Path(path)
+    lines: dict[str, int] = {}
+    parent_names, numbers = [], []
+    for line, fields in _lines(path):
+        place = f"line {line} of '{path}'"
+        name, parent = fields[:2]
+        if not name:
+            raise InputError(f"{place} has no part in column 1; give every part a name")
+        if name in lines:
+            raise InputError(
+                f"{place} repeats the part '{name}' of line {lines[name]}; give it another name"
+            )
+        lines[name] = line
+        parent_names.append(parent)
+        numbers.append(
+            [_number(field, column, place) for column, field in enumerate(fields[2:], 3)]
+        )
+        width, height = numbers[-1][2:4]
+        if width <= 0 or height <= 0:
+            raise InputError(
+                f"{place}: part '{name}' has a box of {width:g} x {height:g} pixels, which has no "
+                "area; give a positive w and h"
+            )
+    if not lines:
+        raise InputError(f"'{path}' holds no parts; give one line {HEADER} for each")
+    names = list(lines)
+    parents = []
+    for name, parent in zip(names, parent_names, strict=True):
+        if parent and parent not in lines:
+            raise InputError(
+                f"line {lines[name]} of '{path}': part '{name}' hangs on '{parent}', which is no "
+                f"part of the file; its parts are {', '.join(names)}"
+            )
+        parents.append(names.index(parent) if parent else -1)
+    _check_tree(path, names, parents, one_root)
+    table = np.array(numbers)
+    return Parts(
+        names=tuple(names),
+        parents=tuple(parents),
+        poses=np.column_stack([table[:, :2], np.deg2rad(table[:, 4])]),
+        sizes=table[:, 2:4],
+    )
+
+
+class PartTrackWriter(LineWriter):
+    """Append tracks of parts, frame by frame; after every frame the file holds whole lines only.
+
+    CSV with the header ``frame,part,x,y,w,h,angle``, in the units of ``read_parts``.
+    """
+
+    header = TRACK_HEADER
+
+    def append(self, frame: int, names: ArrayLike, poses: ArrayLike, sizes: ArrayLike) -> None:
+        """Write the parts of one frame.
+
+        Args:
+            frame: counting from 0.
+            names: [P].
+            poses: x, y, theta (radians) [P, 3]; those that are not finite are left out.
+            sizes: width and height [P, 2].
+
+        Raises:
+            InputError: the disk is full or the file cannot be written; it then ends with the
+                last whole frame.
+        """
+        parts = zip(np.asarray(names), np.asarray(poses), np.asarray(sizes), strict=True)
+        there = [(name, *pose, *size) for name, pose, size in parts if np.isfinite(pose).all()]
+        self.write_rows(
+            [int(frame), name, *(f"{value:.3f}" for value in (x, y, w, h, math.degrees(theta)))]
+            for name, x, y, theta, w, h in there
+        )
+
+
+def _lines(path: Path) -> list[tuple[int, list[str]]]:
+    """Number and fields of every line after the header."""
+    rows = read_rows(path, "parts", f"CSV with the header {HEADER}")
+    for line, fields in rows:
+        for column, field in enumerate(fields, start=1):
+            if len(field) > _LONGEST_NAME:
+                raise InputError(
+                    f"line {line} of '{path}' has {len(field)} letters in column {column}, from "
+                    f"'{field[:40]}' on; give at most {_LONGEST_NAME}"
+                )
+    if not rows or ",".join(rows[0][1]).lower() != HEADER:
+        found = ",".join(rows[0][1])[:80] if rows else ""
+        raise InputError(f"'{path}' begins with '{found}'; its first line must be {HEADER}")
+    expected = HEADER.count(",") + 1
+    for line, fields in rows[1:]:
+        if len(fields) != expected:
+            raise InputError(
+                f"line {line} of '{path}' has {len(fields)} column(s) separated by commas; "
+                f"expected {expected}: {HEADER}"
+            )
+    return rows[1:]
+
+
+def _number(field: str, column: int, place: str) -> float:
+    try:
+        value = float(field)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= _FARTHEST:  # nor NaN
+        name = HEADER.split(",")[column - 1]
+        raise InputError(
+            f"{place} has '{field[:40]}' for {name} in column {column}; give a finite number, at "
+            f"most {_FARTHEST:.0f}"
+        )
+    return value
+
+
+def _check_tree(path: Path, names: list[str], parents: list[int], one_root: bool) -> None:
+    for part in range(len(parents)):
+        trail = [part]
+        while parents[trail[-1]] >= 0:
+            trail.append(parents[trail[-1]])
+            if trail[-1] == part:
+                circle = " on ".join(f"'{names[step]}'" for step in trail)
+                raise InputError(
+                    f"the parts of '{path}' hang in a circle, {circle}; leave the parent of the "
+                    "object's root empty"
+                )
+            if len(trail) > len(parents):
+                break  # it leads into a circle that does not hold this part
+    roots = [name for name, parent in zip(names, parents, strict=True) if parent < 0]
+    if one_root and len(roots) > 1:
+        raise InputError(
+            f"'{path}' has {len(roots)} roots, {', '.join(roots)}; an object has one, so give the "
+            "others a parent, or track the objects one by one"
+        )

@@ -1,0 +1,179 @@
+"""Parts: rectangles of fixed size at any angle that hang on one another (gonzales2011).
+
+A part is a partition with substate (x, y, theta, ...): its centre in pixels and its angle in
+radians, clockwise in the image.  Options and files count angles in degrees.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.model import Model
+from jaxpf.contract.options import check_options, option
+from jaxpf.targets.appearance import (
+    bands_option,
+    likelihood_option,
+    naming,
+    scale_option,
+    sharpness_option,
+)
+from jaxpf.targets.target import Looks, Start, Target
+
+# Samples per side of a part: its likelihood is then off by .017 sharpness, see
+# jaxpf.likelihoods._sampled.
+_SAMPLES = 10
+_PATCH_WINDOW = (12, 12)
+_DEGREES = np.array([1, 1, math.pi / 180])
+
+
+def _outlines(poses: Any, sizes: Any) -> Any:
+    from jaxpf.shapes.rectangles import corners_from_poses
+
+    return corners_from_poses(poses, sizes)
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """Options of the model of parts; see the help of each."""
+
+    sharpness: float = sharpness_option(50.0, "likelihood.likelihood.sharpness")
+    scale: tuple[float, ...] = scale_option((3.0, 3.0, 3.5), factors=tuple(_DEGREES), tuned=("",))
+    joint_scale: tuple[float, ...] = option(
+        (0.5, 0.5, 4.5),
+        "Of parts, noise of a joint per frame: x and y in pixels, and degrees.",
+        least=0,
+        path="dynamics.joint_scale",
+        common=True,
+        factors=tuple(_DEGREES),
+        tuned=("[2]",),
+        implies=("dynamics", "relative"),
+    )
+    bands: int = bands_option(1)
+    likelihood: str = likelihood_option("auto", "sampled", "patch")
+    dynamics: str = option(
+        "relative",
+        "Of parts: relative (they follow their parents) or absolute (each moves on its own).",
+        choices=("relative", "absolute"),
+        common=True,
+        compiles=True,
+    )
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        if self.likelihood == "patch" and self.bands > 1:
+            raise InputError(
+                f"bands = {self.bands} goes with histograms, and likelihood 'patch' compares "
+                "pixels; leave one of them out."
+            )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Parts:
+    """The parts of an articulated object.
+
+    Attributes:
+        names: of the P parts.
+        parents: index of each part's parent, -1 for a root.
+        poses: ``[P, 3]``: x, y of the centre in pixels, and the angle in radians, clockwise.
+        sizes: ``[P, 2]``: width and height in pixels.
+    """
+
+    names: tuple[Any, ...]
+    parents: tuple[int, ...]
+    poses: np.ndarray
+    sizes: np.ndarray
+
+
+class PartTarget(Target):
+    """Parts as a target; shapes are poses x, y (pixels), theta (radians)."""
+
+    name = "parts"
+    options = Options
+    coordinates = ("x", "y", "angle")
+    defaults: Mapping[str, Any] = {"method": "sps"}
+    outlines_of_estimates = staticmethod(_outlines)
+
+    def start(self, given: Parts, names: Any = None) -> Start:
+        """See ``Target``."""
+        poses, sizes = np.asarray(given.poses, np.float64), np.asarray(given.sizes, np.float64)
+        ids = np.array(given.names if names is None else names)
+        return Start(ids, poses, sizes, tuple(given.parents))
+
+    def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
+        """See ``Target``."""
+        from jaxpf.likelihoods import patch, patch_from_pictures
+
+        if options.likelihood != "patch":
+            return self._histogram(options, start, looks)
+        settings: dict[str, Any] = {
+            "sigma": 1 / math.sqrt(options.sharpness),
+            "window": _PATCH_WINDOW,
+        }
+        with naming([f"part '{name}'" for name in start.ids]):
+            if looks.patches is None:
+                return patch(looks.frame, start.shapes, start.sizes, **settings)
+            return patch_from_pictures(looks.patches, start.sizes, **settings)
+
+    def training_likelihood(self, options: Options, start: Start, looks: Looks, frames: Any) -> Any:
+        """See ``Target``: bilinear histograms, weighed against those of boxes anywhere."""
+        bilinear = {"interpolation": "bilinear", "form": "ratio", "background_frames": frames}
+        return self._histogram(options, start, looks, **bilinear)
+
+    def model(self, options: Options, start: Start, likelihood: Any) -> Model:
+        """See ``Target``; the likelihood is of (u, v, scale, theta)."""
+        from jaxpf.parts.models import parts_model
+
+        return parts_model(
+            likelihood,
+            start.shapes,
+            start.sizes,
+            start.parents,
+            dynamics=options.dynamics,
+            scale=_DEGREES * options.scale,
+            joint_scale=_DEGREES * options.joint_scale,
+        )
+
+    def _histogram(self, options: Options, start: Start, looks: Looks, **settings: Any) -> Any:
+        from jaxpf.likelihoods import histogram_from_patches
+        from jaxpf.parts.models import cut_pictures
+
+        pictures = looks.patches
+        if pictures is None:
+            pictures = cut_pictures(looks.frame, start.shapes, start.sizes)
+        with naming([f"part '{name}'" for name in start.ids]):
+            return histogram_from_patches(
+                pictures,
+                start.sizes,
+                sharpness=options.sharpness,
+                parts=options.bands,
+                method="sampled",
+                samples=max(_SAMPLES, 2 * options.bands),
+                **settings,
+            )
+
+    def settled(self, options: Options, start: Start, looks: Looks) -> Options:
+        """See ``Target``."""
+        if options.likelihood != "auto":
+            return options
+        return dataclasses.replace(options, likelihood="sampled")
+
+    def noise(self, options: Options, start: Start) -> np.ndarray:
+        """See ``Target``: of parts that move each on their own; joints have no noise in x, y."""
+        if options.dynamics == "absolute":
+            return _DEGREES * options.scale
+        return np.full(3, np.nan)
+
+    def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
+        """See ``Target``."""
+        return np.asarray(estimate)[..., :3]
+
+    def outlines(self, start: Start, shapes: Any) -> Any:
+        """See ``Target``."""
+        return _outlines(shapes, start.sizes)
+
+
+PARTS = PartTarget()

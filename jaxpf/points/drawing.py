@@ -1,0 +1,80 @@
+"""Drawing tracked points: where they are, where they came from, and their particles."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.media.overlay import DARK, object_colours
+
+_SHIFT = 3  # bits of a fraction of a pixel, for OpenCV
+
+
+def draw_points(
+    frame: np.ndarray,
+    places: ArrayLike,
+    *,
+    trails: ArrayLike | None = None,
+    particles: ArrayLike | None = None,
+    hidden: ArrayLike | None = None,
+    colours: ArrayLike | None = None,
+    names: Sequence[str] | None = None,
+    radius: float | None = None,
+) -> np.ndarray:
+    """A copy of a frame with points on it.
+
+    Args:
+        frame: uint8 RGB [H, W, 3].
+        places: [P, 2], x and y in pixels; those that are not finite are not drawn.
+        trails: [L, P, 2], places of the frames before, the latest last.
+        particles: [K, P, 2].
+        hidden: bool [P]: these are drawn hollow.
+        colours: uint8 RGB [P, 3]; by default ``jaxpf.media.object_colours``.
+        names: [P], written beside the points.
+        radius: of a point, pixels; by default larger in larger frames.
+    """
+    picture = np.ascontiguousarray(frame).copy()
+    places = np.asarray(places, float)
+    chosen = object_colours(len(places)) if colours is None else np.asarray(colours)
+    shades = [tuple(map(int, each)) for each in chosen]
+    hollow = np.zeros(len(places), bool) if hidden is None else np.asarray(hidden, bool)
+    radius = max(4.0, min(picture.shape[:2]) / 120) if radius is None else radius
+    line = max(1, round(radius / 4))
+    # What is underneath first, so that no point's particles hide another point.
+    for point, colour in enumerate(shades):
+        if trails is not None:
+            trail = np.asarray(trails, float)[:, point]
+            trail = np.round(trail[np.isfinite(trail).all(axis=1)] * 2**_SHIFT - 2 ** (_SHIFT - 1))
+            whole = [trail.astype(np.int32)]
+            cv2.polylines(picture, whole, False, colour, line, cv2.LINE_AA, _SHIFT)
+        if particles is not None:
+            for x, y in np.asarray(particles, float)[:, point]:
+                if np.isfinite(x + y):
+                    cv2.circle(picture, _centre(x, y), 2**_SHIFT, colour, -1, cv2.LINE_AA, _SHIFT)
+    for point, colour in enumerate(shades):
+        x, y = places[point]
+        if not np.isfinite(x + y):
+            continue
+        size, at = round(radius * 2**_SHIFT), _centre(x, y)
+        # A dark rim keeps every colour visible on every background and on its own particles.
+        cv2.circle(picture, at, size, DARK, 3 * line, cv2.LINE_AA, _SHIFT)
+        cv2.circle(picture, at, size, colour, line if hollow[point] else -1, cv2.LINE_AA, _SHIFT)
+        if names is not None:
+            _write(picture, names[point], x + 1.5 * radius, y - radius, radius, colour)
+    return picture
+
+
+def _write(picture: np.ndarray, text: str, x: float, y: float, radius: float, colour) -> None:
+    """A name on a dark rim, its lower left corner at (x, y)."""
+    at = (int(np.clip(x, -1e4, 1e4)), int(np.clip(y, -1e4, 1e4)))
+    for shade, thickness in ((DARK, 2), (colour, 1)):
+        cv2.putText(
+            picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, radius / 10, shade, thickness, cv2.LINE_AA
+        )
+
+
+def _centre(x: float, y: float) -> tuple[int, int]:
+    # A pixel's middle lies half a pixel from its number.
+    x, y = np.clip([x, y], -1e4, 1e5)
+    return round((x - 0.5) * 2**_SHIFT), round((y - 0.5) * 2**_SHIFT)

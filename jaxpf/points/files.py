@@ -1,0 +1,145 @@
+"""Files of points: where tracking starts, and tracks of points.
+
+(x, y) counts in continuous pixels, pixel (0, 0) being the square [0, 1) x [0, 1); frames count
+from 0.
+"""
+
+import dataclasses
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.contract.errors import InputError
+from jaxpf.files.reading import read_rows
+from jaxpf.files.writing import LineWriter
+
+HEADERS = ("x,y", "x,y,name")
+TRACK_HEADER = "frame,point,x,y,lost"
+_REMEDY = "write x,y or x,y,name in pixels, such as 120,80,nose"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Points:
+    """Points to start from.
+
+    Attributes:
+        names: of the P points; by default their numbers, from 0.
+        places: float64 [P, 2], x and y in pixels.
+    """
+
+    names: tuple[str, ...]
+    places: np.ndarray
+
+
+def read_points(path: str | os.PathLike[str]) -> Points:
+    """Read points from CSV: lines ``x,y`` or ``x,y,name``, under a header of that kind or none.
+
+    Args:
+        path: the file; UTF-8, blank lines are skipped.
+
+    Raises:
+        InputError: the file cannot be read or a line cannot be used; the sentence says which.
+    """
+    path = Path(path)
+    rows = read_rows(path, "points", "CSV lines x,y,name")
+    if rows and ",".join(rows[0][1]).lower() in HEADERS:
+        rows = rows[1:]
+    if not rows:
+        raise InputError(f"'{path}' holds no points; {_REMEDY}, a line each")
+    return _points([(f"line {line} of '{path}'", fields) for line, fields in rows])
+
+
+def parse_points(texts: Sequence[str]) -> Points:
+    """Points typed as ``"x,y"`` or ``"x,y,name"``.
+
+    Raises:
+        InputError: none is given, or one cannot be used.
+    """
+    if not texts:
+        raise InputError(f"no point was given; {_REMEDY}")
+    return _points([(f"point '{text}'", _fields(text)) for text in texts])
+
+
+def grid_points(mask: ArrayLike, step: float) -> Points:
+    """Points of a square grid that lie on a mask, row by row.
+
+    Args:
+        mask: bool [H, W].
+        step: pixels from one to the next.
+
+    Raises:
+        InputError: the mask is no picture of one channel, the step below 1, or no point is on it.
+    """
+    mask = np.asarray(mask)
+    if mask.ndim != 2:
+        raise InputError(f"the mask has shape {list(mask.shape)}; give one channel, [H, W]")
+    if not (math.isfinite(step) and step >= 1):
+        raise InputError(f"a grid's step of {step:g} pixels must be a number of at least 1")
+    height, width = mask.shape
+    x, y = np.meshgrid(np.arange(step / 2, width, step), np.arange(step / 2, height, step))
+    on = mask[y.astype(int), x.astype(int)] != 0
+    if not on.any():
+        raise InputError(f"no point of a grid of {step:g} pixels is on the mask; use a finer one")
+    places = np.stack([x[on], y[on]], axis=1)
+    return Points(tuple(str(number) for number in range(len(places))), places)
+
+
+class PointTrackWriter(LineWriter):
+    """Append tracks of points, frame by frame; after every frame the file holds whole lines only.
+
+    CSV with the header ``frame,point,x,y,lost``, in pixels; lost is 1 where nothing in the frame
+    spoke for any of the point's particles, else 0.
+    """
+
+    header = TRACK_HEADER
+
+    def append(self, frame: int, names: Sequence[str], places: ArrayLike, lost: ArrayLike) -> None:
+        """Write the points of one frame.
+
+        Args:
+            frame: counting from 0.
+            names: [P].
+            places: x, y [P, 2]; those that are not finite are left out.
+            lost: bool [P].
+
+        Raises:
+            InputError: the disk is full or the file cannot be written; it then ends with the
+                last whole frame.
+        """
+        points = zip(names, np.asarray(places), np.asarray(lost), strict=True)
+        self.write_rows(
+            [int(frame), name, *(f"{value:.3f}" for value in place), int(gone)]
+            for name, place, gone in points
+            if np.isfinite(place).all()
+        )
+
+
+def _points(rows: list[tuple[str, list[str]]]) -> Points:
+    names: list[str] = []
+    places: list[tuple[float, float]] = []
+    for where, fields in rows:
+        if len(fields) not in (2, 3):
+            raise InputError(f"{where} has {len(fields)} value(s); {_REMEDY}")
+        try:
+            x, y = float(fields[0]), float(fields[1])
+        except ValueError:
+            raise InputError(f"{where} holds something that is not a number; {_REMEDY}") from None
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise InputError(f"{where} is not finite; say where the point is")
+        name = fields[2] if len(fields) == 3 and fields[2] else str(len(names))
+        if name in names:
+            raise InputError(f"{where} repeats the name '{name}'; give every point its own")
+        if (x, y) in places:
+            other = names[places.index((x, y))]
+            raise InputError(f"{where} is at the place of '{other}'; move or remove one of them")
+        names.append(name)
+        places.append((x, y))
+    return Points(tuple(names), np.array(places))
+
+
+def _fields(text: str) -> list[str]:
+    return [field.strip() for field in text.split(",")]

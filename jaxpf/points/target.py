@@ -1,0 +1,128 @@
+"""Points: landmarks on one deforming body, known by the pixels around them.
+
+A point is a partition with substate (u, v), pixels.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.model import Model
+from jaxpf.contract.options import check_options, option
+from jaxpf.targets.target import Looks, Start, Target
+
+#: Side in pixels of what stands for a point where something has to be an area.
+_SIDE = 21.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """Options of the model of points; see the help of each."""
+
+    sigma: float = option(
+        0.1,
+        "Of points, how much windows may differ.",
+        above=0,
+        path="likelihood.sigma",
+        common=True,
+        tuned=("",),
+    )
+    diffusion: float = option(
+        5.0,
+        "Of points, noise per frame, pixels; larger for fast motion or large frames.",
+        least=0,
+        path="dynamics.scale",
+        common=True,
+        tuned=("",),
+    )
+    window_size: int = option(
+        21,
+        "Of points, side of the window around each, an odd number of pixels.",
+        least=1,
+        most=999,
+        common=True,
+    )
+    norm: str = option(
+        "mean", "Of points, whether a window's differences are averaged.", choices=("mean", "sum")
+    )
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        if self.window_size % 2 == 0:
+            raise InputError(
+                f"window_size = {self.window_size} must be an odd number of pixels, such as "
+                f"{self.window_size + 1}."
+            )
+
+
+class PointTarget(Target):
+    """Points as a target; shapes are x, y in pixels."""
+
+    name = "points"
+    options = Options
+    coordinates = ("x", "y")
+    defaults: Mapping[str, Any] = {"method": "eskil"}
+
+    def start(self, given: Any, names: Any = None) -> Start:
+        """See ``Target``: x and y ``[P, 2]``, pixels; by default they are numbered from 0."""
+        places = np.asarray(given, np.float64)
+        if places.ndim != 2 or places.shape[1] != 2:
+            raise InputError(f"points has shape {list(places.shape)}: give a row (x, y) per point.")
+        ids = np.asarray(range(len(places)) if names is None else names, str)
+        return Start(ids, places, np.full_like(places, _SIDE), (-1,) * len(places))
+
+    def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
+        """See ``Target``: patches of the window's size, or else windows of the start frame."""
+        from jaxpf.likelihoods.windows import windows, windows_from_pictures
+
+        side = (options.window_size, options.window_size)
+        settings: dict[str, Any] = {"sigma": options.sigma, "norm": options.norm}
+        if looks.patches is not None and all(one.shape[:2] == side for one in looks.patches):
+            return windows_from_pictures(looks.patches, **settings)
+        return windows(looks.start_frame, start.shapes, window=side, **settings)
+
+    def model(self, options: Options, start: Start, likelihood: Any) -> Model:
+        """See ``Target``; substates are (u, v)."""
+        from jaxpf.dynamics.gaussian import RandomWalk
+
+        _check_apart(start)
+        return Model(
+            dynamics=RandomWalk(np.float32(options.diffusion)),
+            likelihood=likelihood,
+            initial=start.shapes.astype(np.float32),
+            parents=start.parents,
+        )
+
+    def noise(self, options: Options, start: Start) -> np.ndarray:
+        """See ``Target``."""
+        return np.array([options.diffusion, options.diffusion, np.nan])
+
+    def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
+        """See ``Target``."""
+        return np.asarray(estimate)[..., :2]
+
+    def outlines(self, start: Start, shapes: Any) -> Any:
+        """See ``Target``: windows around the points, where something has to be a polygon."""
+        import jax.numpy as jnp
+
+        half = jnp.asarray(start.sizes, jnp.asarray(shapes).dtype)[:, None] / 2
+        corners = jnp.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], half.dtype)
+        return jnp.asarray(shapes)[..., None, :] + corners * half
+
+
+POINTS = PointTarget()
+
+
+def _check_apart(start: Start) -> None:
+    places = start.shapes
+    for second in range(len(places)):
+        for first in range(second):
+            if np.array_equal(places[first], places[second]):
+                x, y = places[first]
+                raise InputError(
+                    f"points {start.ids[first]} and {start.ids[second]} are both at "
+                    f"({x:g}, {y:g}): move or remove one."
+                )

@@ -1,0 +1,87 @@
+"""Detections in and out: MOT ``det.txt`` files, and boxes with which a user starts an object.
+
+A row with the id -1 is what a detector found.  A row with an id from 1 on is a user's: the object
+of that id starts in that frame, at that box.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from jaxpf.boxes.tables import BoxTable, parsed_lines, table_of
+from jaxpf.boxes.tracks import write_mot
+from jaxpf.contract.errors import InputError
+
+#: The id of what nobody named.
+DETECTED = -1
+
+
+def read_detections(path: str | os.PathLike[str]) -> BoxTable:
+    """Read a ``det.txt``: ``frame,-1,x,y,w,h,conf,...`` in MOT format, sorted by frame.
+
+    Args:
+        path: see ``jaxpf.boxes.read_boxes``; a header is taken, too.
+
+    Raises:
+        InputError: naming the line: one that cannot be read, that is in the wrong order, without
+            an area, with the id 0 or another below, or which starts an object a second time.
+    """
+    rows: list[tuple[float, ...]] = []
+    started: dict[int, int] = {}
+    last = 0.0
+    for line, row in parsed_lines(Path(path)):
+        frame, identity, (width, height) = row[0], int(row[1]), row[4:6]
+        place = f"line {line} of '{path}'"
+        if frame < last:
+            raise InputError(
+                f"{place} is of an earlier frame than the line before it; sort the detections by "
+                "frame"
+            )
+        last = frame
+        if width <= 0 or height <= 0:
+            raise InputError(
+                f"{place} has a box of {width:g} x {height:g} pixels; give it a width and a "
+                "height, or delete the line"
+            )
+        if identity < 1 and identity != DETECTED:
+            raise InputError(
+                f"{place} has the id {identity}; write {DETECTED} for a detection, or the number "
+                "from 1 on of an object that starts there"
+            )
+        if identity in started:
+            raise InputError(
+                f"{place} starts object {identity} again, as line {started[identity]} does; keep "
+                f"one of the two, and write the id {DETECTED} for detections"
+            )
+        if identity != DETECTED:
+            started[identity] = line
+        rows.append(row)
+    return table_of(rows, path)
+
+
+def check_frames(table: BoxTable, num_frames: int) -> None:
+    """Refuse detections in frames that the video does not have.
+
+    Raises:
+        InputError: naming the first such frame.
+    """
+    beyond = table.frame[table.frame >= num_frames]
+    if len(beyond):
+        raise InputError(
+            f"{table.source} has a detection in frame {beyond[0]}, and the video ends with frame "
+            f"{num_frames - 1} (both counting from 0); give the detections of this video"
+        )
+
+
+def write_detections(path: str | os.PathLike[str], detections: Sequence[np.ndarray]) -> None:
+    """Write boxes ``[M, 4]`` of every frame as a ``det.txt``.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    numbers = [len(boxes) for boxes in detections]
+    boxes = np.concatenate([np.reshape(boxes, (-1, 4)) for boxes in detections])
+    frames = np.repeat(np.arange(len(detections)), numbers)
+    write_mot(path, frames, np.full(len(boxes), DETECTED), boxes)

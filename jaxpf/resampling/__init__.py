@@ -1,0 +1,37 @@
+"""From weights to ancestors: resampling schemes, and weighted resampling.
+
+A scheme of one's own is a registered pytree (a class by ``jaxpf.pytree_dataclass``, or a function
+by ``jax.tree_util.Partial``) that goes wherever a name of ``SCHEMES`` does, as in
+``jaxpf.Partitioned(resampling=...)``::
+
+    __call__(key, log_weights [N], count) -> ancestors [count]
+
+It must be unbiased: particle i has ``count * w_i`` offspring on average, w its weight, and none
+where that is zero.  The weights that it is given sum to one, and ``count`` is a Python int.
+Filters call it within components and labels as they do the built-in ones: with C components it
+draws N ancestors in each of them, C times the work, and a component of n slots keeps n of its N,
+evenly spaced.
+"""
+
+from jaxpf.contract.names import SCHEMES
+from jaxpf.resampling.components import (
+    Components,
+    component_cdf,
+    components_of_sizes,
+    few_effective,
+    one_component,
+)
+from jaxpf.resampling.weighted import ancestors, renormalised, soft_selection, weighted_resample
+
+__all__ = [
+    "SCHEMES",
+    "Components",
+    "ancestors",
+    "component_cdf",
+    "components_of_sizes",
+    "few_effective",
+    "one_component",
+    "renormalised",
+    "soft_selection",
+    "weighted_resample",
+]

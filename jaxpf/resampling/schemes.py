@@ -1,0 +1,213 @@
+"""Resampling schemes: the ancestors of contiguous components, each by its own weights.
+
+A user's own scheme stands in the same place as the built-in ones; see ``jaxpf.resampling``.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.names import SCHEMES
+from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.lowering.prefix import running_sum
+from jaxpf.resampling.components import ComponentCDF, Components, ranks
+
+
+@pytree_dataclass
+class BuiltIn:
+    """A scheme by its name."""
+
+    name: str = static_field()
+
+    def __str__(self) -> str:
+        return self.name
+
+    def within(self, key: jax.Array, cdf: ComponentCDF, components: Components) -> jax.Array:
+        """Every slot's ancestor, ``[N]``, drawn within its component."""
+        return _SCHEMES[self.name](key, cdf, components)
+
+
+@pytree_dataclass
+class Own:
+    """A scheme of a user.
+
+    It draws ``count`` = N ancestors from each of the C components, C times the work of a
+    built-in scheme, except where one component holds all.  A component of n slots uses every
+    N/n-th of its draws, from a random place on: each of them with probability n/N, so that what
+    is unbiased stays so, and draws that lie evenly remain even.
+    """
+
+    scheme: Any
+
+    def within(self, key: jax.Array, cdf: ComponentCDF, components: Components) -> jax.Array:
+        """See ``BuiltIn``."""
+        num, count = cdf.weights.shape[0], components.size.shape[0]
+        log_weights = jnp.log(cdf.weights) - components.spread(
+            jnp.log(jnp.where(cdf.total > 0, cdf.total, 1.0))
+        )
+        log_weights = lax.stop_gradient(log_weights)
+        start, size = components.spread(components.start), components.spread(components.size)
+
+        def of_all():
+            return self.scheme(key, log_weights, num).astype(jnp.int32)
+
+        def of_each():
+            draw_key, place_key = jax.random.split(key)
+
+            def of_one(key, component):
+                # Nobody looks at what an empty component draws.
+                is_empty = components.size[component] == 0
+                mine = (components.index == component) | is_empty
+                drawn = self.scheme(key, jnp.where(mine, log_weights, -jnp.inf), num)
+                return drawn.astype(jnp.int32)
+
+            keys = jax.random.split(draw_key, count)
+            drawn = jax.vmap(of_one)(keys, jnp.arange(count))
+            slot = jnp.arange(num, dtype=jnp.int32) - start
+            offset = components.spread(jax.random.uniform(place_key, (count,)))
+            place = jnp.floor((slot + offset) * (num / size)).astype(jnp.int32)
+            return drawn[components.index, jnp.clip(place, 0, num - 1)]
+
+        chosen = of_all() if count == 1 else lax.cond(components.size[0] == num, of_all, of_each)
+        # Rounding may carry a search past the end.
+        return jnp.clip(chosen, start, start + size - 1)
+
+
+def scheme_of(given: Any) -> BuiltIn | Own:
+    """A scheme by its name, or a user's own.
+
+    Raises:
+        InputError: an unknown name, or what is no scheme; the sentence says what is wanted.
+    """
+    if isinstance(given, BuiltIn | Own):
+        return given
+    if isinstance(given, str) and given in SCHEMES:
+        return BuiltIn(given)
+    if not callable(given):
+        raise InputError(
+            f"resampling={given!r} is not a resampling scheme; choose one of {', '.join(SCHEMES)}, "
+            "or give one of your own (see jaxpf.resampling)."
+        )
+    name = getattr(given, "__name__", type(given).__name__)
+    if any(leaf is given for leaf in jax.tree.leaves(given)):
+        raise InputError(
+            f"the resampling scheme {name} is no pytree; wrap a function in "
+            "jax.tree_util.Partial, or decorate its class with @jaxpf.pytree_dataclass."
+        )
+    found = jax.eval_shape(
+        lambda scheme, key: scheme(key, jnp.zeros(4), 3), given, jax.random.key(0)
+    )
+    shape, dtype = jnp.shape(found), getattr(found, "dtype", np.dtype(object))
+    if shape != (3,) or not jnp.issubdtype(dtype, jnp.integer):
+        raise InputError(
+            f"the resampling scheme {name} returns {dtype} of shape {list(shape)} for count = 3; "
+            "return the ancestors' places, whole numbers [count]."
+        )
+    return Own(given)
+
+
+def inverse_cdf(
+    cumulative: jax.Array, targets: jax.Array, start: jax.Array, size: jax.Array
+) -> jax.Array:
+    """First position in ``[start, start + size)`` where ``cumulative`` exceeds the target.
+
+    A binary search by every slot at once.  All arguments ``[M]`` but ``cumulative``
+    ``[N]``, which never decreases within a segment.
+    """
+    num_particles = cumulative.shape[0]
+    steps = num_particles.bit_length()
+
+    # By halving strides: one bound to carry and no division, a tenth of the time of two.
+    def advance(step, passed):
+        ahead = passed + jnp.left_shift(1, steps - 1 - step)
+        value = cumulative[jnp.clip(start + ahead - 1, 0, num_particles - 1)]
+        return jnp.where((ahead <= size) & (value <= targets), ahead, passed)
+
+    passed = lax.fori_loop(0, steps, advance, jnp.zeros_like(start))
+    return start + jnp.minimum(passed, size - 1)
+
+
+def below(total: jax.Array, uniform: jax.Array) -> jax.Array:
+    """``uniform * total``, kept strictly below ``total`` so that a search always ends."""
+    return jnp.minimum(uniform * total, jnp.nextafter(total, jnp.zeros_like(total)))
+
+
+def ancestors_of_thresholds(end: jax.Array) -> jax.Array:
+    """Ancestors from where offspring end: slot j takes the first particle k with end > j.
+
+    ``end`` ``[N]`` int32, never decreasing, counts the offspring of particles up to and
+    including k.  Counting how many particles end at or before each slot avoids a search: one
+    scatter and one running sum (O(N)).
+    """
+    return running_sum(jnp.zeros(end.shape, jnp.int32).at[end].add(1, mode="drop"))
+
+
+def _complete(counts, cumulative, total, components) -> jax.Array:
+    """Cumulative counts clipped to the component, complete where the weights end.
+
+    Rounding of ``n * cumulative / total - u`` in float32 could leave the last slots
+    without an ancestor, or give them a particle of zero weight.
+    """
+    size = components.spread(components.size)
+    counts = jnp.clip(counts.astype(jnp.int32), 0, size)
+    return jnp.where(cumulative >= components.spread(total), size, counts)
+
+
+def _expected(values, total, components) -> jax.Array:
+    """``n_c * values / total_c``: offspring expected, or running counts of them."""
+    return values * components.spread(components.size.astype(values.dtype) / total)
+
+
+def _systematic(key, cdf, components):
+    uniform = jax.random.uniform(key, components.size.shape, cdf.cumulative.dtype)
+    expected = _expected(cdf.cumulative, cdf.total, components)
+    counts = jnp.ceil(expected - components.spread(uniform))
+    start = components.spread(components.start)
+    return ancestors_of_thresholds(start + _complete(counts, cdf.cumulative, cdf.total, components))
+
+
+def _stratified(key, cdf, components):
+    uniform = jax.random.uniform(key, cdf.cumulative.shape, cdf.cumulative.dtype)
+    expected = _expected(cdf.cumulative, cdf.total, components)
+    whole = jnp.floor(expected)
+    start, size = components.spread(components.start), components.spread(components.size)
+    stratum = start + jnp.minimum(whole.astype(jnp.int32), size - 1)
+    counts = whole + (uniform[stratum] < expected - whole)
+    return ancestors_of_thresholds(start + _complete(counts, cdf.cumulative, cdf.total, components))
+
+
+def _multinomial(key, cdf, components):
+    uniform = jax.random.uniform(key, cdf.cumulative.shape, cdf.cumulative.dtype)
+    targets = below(components.spread(cdf.total), uniform)
+    start, size = components.spread(components.start), components.spread(components.size)
+    return inverse_cdf(cdf.cumulative, targets, start, size)
+
+
+def _residual(key, cdf, components):
+    # Liu & Chen 1998: floor(n w) copies for certain, the rest multinomial on what is left.
+    start, size = components.spread(components.start), components.spread(components.size)
+    rank = ranks(components)
+    expected = _expected(cdf.weights, cdf.total, components)
+    copies = jnp.floor(expected)
+    # Rounding may push the sum of the floors past n where all n w are whole numbers.
+    certain = jnp.minimum(running_sum(copies.astype(jnp.int32), rank), size)
+    from_copies = ancestors_of_thresholds(start + certain)
+    left = running_sum(jnp.maximum(expected - copies, 0.0), rank)
+    uniform = jax.random.uniform(key, cdf.cumulative.shape, cdf.cumulative.dtype)
+    targets = below(components.spread(components.last_of(left)), uniform)
+    from_rest = inverse_cdf(left, targets, start, size)
+    slot = jnp.arange(start.shape[0], dtype=jnp.int32) - start
+    num_certain = components.spread(components.last_of(certain))
+    return jnp.where(slot < num_certain, from_copies, from_rest)
+
+
+_SCHEMES = {
+    "systematic": _systematic,
+    "stratified": _stratified,
+    "multinomial": _multinomial,
+    "residual": _residual,
+}

@@ -1,0 +1,120 @@
+"""From weights to ancestors, within contiguous components of any run-time size.
+
+The schemes share one contract: ``ancestors(key, log_weights, scheme, components)`` gives
+``[N]`` int32, every slot's ancestor lies in the slot's own component, and the expected
+number of offspring of particle i is ``n_c * w_i`` within its component c.  A particle of
+zero weight never has offspring.  A component whose weights are all zero keeps its
+particles (identity): there is nothing to choose by.
+
+Weighted resampling (maccormick1999, section 5; smith2004, section 3) selects by one
+function and corrects by its inverse, so that the weighted set keeps its expectation.
+"""
+
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+
+from jaxpf.lowering.derivatives import with_gradient_of
+from jaxpf.resampling.components import Components, component_cdf, one_component
+from jaxpf.resampling.schemes import BuiltIn, Own, scheme_of
+
+
+def ancestors(
+    key: jax.Array,
+    log_weights: jax.Array,
+    scheme: str | BuiltIn | Own = "systematic",
+    components: Components | None = None,
+) -> jax.Array:
+    """Draw the ancestor of every slot.
+
+    Args:
+        key: a JAX random key.
+        log_weights: ``[N]``, unnormalised; NaN counts as zero weight.
+        scheme: one of ``SCHEMES``, or a scheme of one's own.
+        components: how the slots divide into components; default one.
+
+    Returns:
+        ``[N]`` int32 indices of particles, each in its slot's own component.
+
+    Raises:
+        InputError: unknown scheme.
+    """
+    return weighted_resample(key, log_weights, log_weights, scheme, components)[0]
+
+
+def weighted_resample(
+    key: jax.Array,
+    log_weights: jax.Array,
+    log_selection: jax.Array,
+    scheme: str | BuiltIn | Own = "systematic",
+    components: Components | None = None,
+    largest: jax.Array | None = None,
+) -> tuple[jax.Array, jax.Array]:
+    """Select particles by one function and correct their weights by its inverse.
+
+    Within each component of n slots, with ``rho = selection / sum(selection)``, slot i
+    draws ancestor k from rho and gets the weight ``w_k / (n rho_k)``.  The papers drop
+    the 1/n; it is what keeps ``E[sum_i w_i f(x_i)]`` and so the evidence estimate
+    unchanged (smith2004, figure 1; maccormick1999, figure 8).
+
+    Args:
+        key: a JAX random key.
+        log_weights: ``[N]``.  A component's total weight is unchanged in expectation.
+        log_selection: ``[N]``, log of the selecting function, unnormalised.  It must be
+            finite wherever the weight is not zero.
+        scheme: one of ``SCHEMES``, or a scheme of one's own.
+        components: how the slots divide into components; default one.
+        largest: ``[C]``, the largest ``log_selection`` of each component, where it is known.
+
+    Returns:
+        Ancestors ``[N]`` int32 and the new log-weights ``[N]``.
+    """
+    num_particles = log_weights.shape[0]
+    if components is None:
+        components = one_component(num_particles)
+    by_weight = log_selection is log_weights
+    log_selection = jnp.where(jnp.isnan(log_selection), -jnp.inf, log_selection)
+    cdf = component_cdf(log_selection, components, largest)
+    alive = components.spread(cdf.alive)
+    chosen = scheme_of(scheme).within(key, cdf, components)
+    chosen = jnp.where(alive, chosen, jnp.arange(num_particles, dtype=jnp.int32))
+    new_log_weights = components.spread(cdf.log_mean)
+    if not by_weight:
+        selectable = ~jnp.isneginf(log_selection)
+        correction = jnp.where(selectable, log_weights - log_selection, 0.0)
+        new_log_weights += correction[chosen]
+    return chosen, jnp.where(alive, new_log_weights, log_weights)
+
+
+def soft_selection(log_weights: jax.Array, share: ArrayLike, components: Components) -> jax.Array:
+    """Log of the mixture ``share * rho + (1 - share) / n`` of weights and uniform, ``[N]``.
+
+    Selecting by it and reweighting keeps a derivative (Karkus, Hsu & Lee 2018, "soft
+    resampling").  A component whose weights are all zero is left so.
+    """
+    cdf = component_cdf(log_weights, components)
+    alive, part = components.spread(cdf.alive), jnp.asarray(share, log_weights.dtype)
+    # Relative to the component's mean weight, the uniform law is 1.
+    relative = log_weights - components.spread(jnp.where(cdf.alive, cdf.log_mean, 0.0))
+    relative = jnp.where(alive, relative, 0.0)
+    rest = jnp.log1p(-jnp.minimum(part, 1 - jnp.finfo(part.dtype).eps))
+    mixed = jnp.logaddexp(jnp.log(part) + relative, rest)
+    return jnp.where(alive, mixed, -jnp.inf)
+
+
+def keep_total(log_weights: jax.Array, before: jax.Array, components: Components) -> jax.Array:
+    """Give a component's new weights ``[N]`` the derivative of their total ``before``.
+
+    Their own total has the right expectation, but not its derivative.  Values are unchanged.
+    """
+    change = component_cdf(before, components).log_mean
+    change -= component_cdf(log_weights, components).log_mean
+    return with_gradient_of(log_weights, components.spread(change))
+
+
+def renormalised(log_weights: jax.Array, components: Components) -> jax.Array:
+    """smith2004's literal reassembly: every component's weights sum to its share n_c / N."""
+    cdf = component_cdf(log_weights, components)
+    mean = components.spread(jnp.where(cdf.alive, cdf.log_mean, 0.0))
+    scaled = jnp.where(components.spread(cdf.alive), log_weights - mean, -jnp.inf)
+    return scaled - jax.nn.logsumexp(scaled)

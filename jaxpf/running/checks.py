@@ -1,0 +1,182 @@
+"""What a user's classes and frames must be, checked before anything is compiled.
+
+JAX would notice most of it, later and in words about its own insides.
+"""
+
+import functools
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf import contract
+from jaxpf.contract.errors import InputError
+
+#: So many particles are tried, to tell their axis from others.
+_TRIED = 3
+
+
+def check_run(tracker: Any, frames: Any) -> None:
+    """Refuse what cannot run.
+
+    Args:
+        tracker: any tracker.
+        frames: as for ``jaxpf.run``.
+
+    Raises:
+        InputError: a class that is no pytree, frames that are a list or complex, and, of a tracker
+            of dynamics and a likelihood, methods that return something else than they should.
+    """
+    check_pytree(tracker)
+    check_frames(frames)
+    if not all(hasattr(tracker, name) for name in ("dynamics", "likelihood", "initial")):
+        return
+    leaves, structure = jax.tree.flatten(tracker)
+    first = jax.tree.map(
+        lambda x: jax.ShapeDtypeStruct(np.shape(x)[1:], jnp.result_type(x)), frames
+    )
+    frame_leaves, frame_structure = jax.tree.flatten(first)
+    shapes = tuple((np.shape(x), jnp.result_type(x)) for x in leaves)
+    frame_shapes = tuple((x.shape, x.dtype) for x in frame_leaves)
+    # Told by the tracker itself: it may have to draw to know.
+    num_partitions = getattr(tracker, "num_partitions", None)
+    _check_methods(structure, shapes, frame_structure, frame_shapes, num_partitions)
+
+
+def check_pytree(tracker: Any) -> None:
+    """Refuse a tracker that JAX cannot look into, or one of whose parts it cannot.
+
+    Raises:
+        InputError: which class, and where it stands.
+    """
+    for path, leaf in jax.tree_util.tree_leaves_with_path(tracker):
+        if isinstance(leaf, np.ndarray | np.generic | jax.Array | int | float | complex):
+            continue
+        place = f"tracker{jax.tree_util.keystr(path)}"
+        remedy = "wrap it in jax.tree_util.Partial"
+        if type(leaf).__name__ not in ("function", "method", "builtin_function_or_method"):
+            remedy = "decorate the class with @jaxpf.pytree_dataclass, or give numbers"
+        raise InputError(f"{place} is {_a(type(leaf).__name__)}, which is no pytree; {remedy}.")
+
+
+def check_uncoupled(dynamics: Any, what: str) -> None:
+    """Refuse coupled dynamics where a particle holds no whole state, or is to be taken apart.
+
+    Raises:
+        InputError: ``what`` does not go with them.
+    """
+    if contract.is_coupled(dynamics):
+        raise InputError(
+            f"{type(dynamics).__name__} moves a partition by all the others, which does not go "
+            f"with {what}; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single "
+            "partitions."
+        )
+
+
+def check_frames(frames: Any) -> None:
+    """Refuse frames that are a list, no numbers, or complex.
+
+    Raises:
+        InputError: which of them.
+    """
+    if isinstance(frames, list):
+        raise InputError(
+            f"frames is a list of {len(frames)}; give one array [T, ...]: np.stack(frames)."
+        )
+    for leaf in jax.tree.leaves(frames):
+        if not hasattr(leaf, "dtype"):
+            raise InputError(
+                f"frames hold {_a(type(leaf).__name__)}; give arrays with a leading axis of time."
+            )
+        if jnp.issubdtype(jnp.result_type(leaf), jnp.complexfloating):
+            raise InputError("frames hold complex numbers; give real ones.")
+
+
+@functools.lru_cache(maxsize=64)
+def _check_methods(
+    structure: Any, shapes: Any, frame_structure: Any, frame_shapes: Any, num_partitions: int | None
+) -> None:
+    """What a model's methods return, told by their shapes alone; once for each kind of tracker."""
+
+    def made(structure: Any, shapes: Any) -> Any:
+        leaves = [jax.ShapeDtypeStruct(shape, dtype) for shape, dtype in shapes]
+        return jax.tree.unflatten(structure, leaves)
+
+    tracker, frame = made(structure, shapes), made(frame_structure, frame_shapes)
+    key = jax.eval_shape(lambda: jax.random.key(0))
+    initial = tracker.initial
+    if callable(initial):
+        initial = jax.eval_shape(lambda its, key: its.initial(key), tracker, key)
+        _check(initial, (num_partitions, None), "the initial sampler", "[P, D]")
+    size, kind = initial.shape[-1], initial.dtype
+    one = jax.ShapeDtypeStruct((size,), kind)
+    place = jax.ShapeDtypeStruct((), jnp.int32)
+    many = jax.ShapeDtypeStruct((size, _TRIED), kind)
+    places = jax.ShapeDtypeStruct((_TRIED,), jnp.int32)
+
+    coupled = contract.is_coupled(tracker.dynamics)
+    base = contract.CoupledDynamics if coupled else contract.Dynamics
+
+    def others(substates: Any) -> list[Any]:
+        whole = jax.ShapeDtypeStruct((num_partitions, *substates.shape), kind)
+        return [whole] if coupled else []
+
+    dynamics = type(tracker.dynamics).__name__
+    if _defines(tracker.dynamics, base, "propagate_all"):
+        moved = jax.eval_shape(
+            lambda its, *x: contract.at_frame(its, 0).dynamics.propagate_all(*x),
+            *(tracker, key, places, many, many, many),
+            *others(many),
+        )
+        _check(moved, many.shape, f"{dynamics}.propagate_all", "the moved substates [D, N]")
+    elif _defines(tracker.dynamics, base, "propagate"):
+        moved = jax.eval_shape(
+            lambda its, *x: contract.at_frame(its, 0).dynamics.propagate(*x),
+            *(tracker, key, place, one, one, one),
+            *others(one),
+        )
+        _check(moved, one.shape, f"{dynamics}.propagate", "the moved substate [D]")
+
+    likelihood = type(tracker.likelihood).__name__
+    seen = jax.eval_shape(lambda its, frame: contract.observed_apart(its)[0](frame), tracker, frame)
+    if _defines(tracker.likelihood, contract.Likelihood, "log_prob_all"):
+        weighed = jax.eval_shape(
+            lambda its, *x: its.likelihood.log_prob_all(*x), tracker, seen, places, many
+        )
+        _check(weighed, (_TRIED,), f"{likelihood}.log_prob_all", "one number for each, [N]")
+    elif _defines(tracker.likelihood, contract.Likelihood, "log_prob"):
+        weighed = jax.eval_shape(
+            lambda its, *x: its.likelihood.log_prob(*x), tracker, seen, place, one
+        )
+        _check(weighed, (), f"{likelihood}.log_prob", "a single number")
+
+
+def _defines(part: Any, base: type, name: str) -> bool:
+    own = getattr(type(part), name, None)
+    return own is not None and own is not getattr(base, name)
+
+
+def _check(found: Any, shape: tuple[Any, ...], who: str, wanted: str) -> None:
+    if not hasattr(found, "shape"):
+        what = "nothing" if found is None else _a(type(found).__name__)
+        raise InputError(f"{who} returns {what}; return {wanted}.")
+    fits = len(found.shape) == len(shape) and all(
+        want in (None, size) for size, want in zip(found.shape, shape, strict=True)
+    )
+    if not fits:
+        should = ", ".join("D" if size is None else str(size) for size in shape)
+        raise InputError(
+            f"{who} returns an array of shape {_shape(found.shape)} where [{should}] was expected; "
+            f"return {wanted}."
+        )
+    if jnp.issubdtype(found.dtype, jnp.complexfloating):
+        raise InputError(f"{who} returns complex numbers; return real ones.")
+
+
+def _shape(shape: tuple[int, ...]) -> str:
+    return f"[{', '.join(map(str, shape))}]"
+
+
+def _a(noun: str) -> str:
+    return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"

@@ -1,0 +1,133 @@
+"""Frames in chunks: however long a sequence is, few of its frames are in memory at a time."""
+
+import itertools
+from collections.abc import Iterable, Iterator, Sized
+from typing import Any
+
+import jax
+import numpy as np
+
+from jaxpf.contract.errors import InputError
+
+#: Bytes of the frames of one chunk, where nothing else is said.
+CHUNK_BYTES = 64 * 2**20
+#: Frames of a chunk at least, for each device: a compiler writes out a loop of one pass, and may
+#: round it otherwise than a loop.
+_LEAST = 2
+
+
+def come_one_by_one(frames: Any) -> bool:
+    """Whether frames are an iterable that is neither an array nor a pytree of arrays."""
+    return (
+        isinstance(frames, Iterable)
+        and not isinstance(frames, np.ndarray | jax.Array | str)
+        and jax.tree_util.all_leaves([frames])
+    )
+
+
+def chunk_length(num_frames: int | None, frame_bytes: int, most_bytes: int = CHUNK_BYTES) -> int:
+    """Frames per chunk: as many as the bytes allow, two at least.
+
+    Args:
+        num_frames: of the whole sequence, which is divided evenly; None where nobody knows.
+        frame_bytes: of one frame.
+        most_bytes: of a chunk.
+    """
+    most = max(_LEAST, most_bytes // max(frame_bytes, 1))
+    if num_frames is None:
+        return most
+    return max(_LEAST, -(-num_frames // -(-num_frames // most)))
+
+
+def in_chunks(frames: Any, length: int | None, multiple: int) -> Iterator[tuple[int, int, Any]]:
+    """A sequence's frames, chunk by chunk.
+
+    Args:
+        frames: arrays with a leading axis T, of NumPy or on a device, or frames one by one.
+        length: frames per chunk, rounded up to a multiple; None for as many as ``CHUNK_BYTES``
+            allow, and for all of them if they are on a device already.
+        multiple: what the length of every chunk is a multiple of.
+
+    Yields:
+        The number of the chunk's first frame, how many frames are the sequence's own, and the
+        frames: all chunks have one length, except that of a sequence of one chunk.  What is
+        missing is filled up with the last frame.
+
+    Raises:
+        InputError: no frame, or one that differs in shape from the first; ``length`` below 1.
+    """
+    if length is not None and length < 1:
+        raise InputError(f"frames_per_chunk={length} must be at least 1.")
+    if come_one_by_one(frames):
+        yield from _gathered(frames, length, multiple)
+        return
+    leaves = jax.tree.leaves(frames)
+    total = np.shape(leaves[0])[0]
+    if length is None and not all(isinstance(leaf, np.ndarray) for leaf in leaves):
+        length = total
+    elif length is None:
+        length = chunk_length(total, sum(leaf.nbytes for leaf in leaves) // total)
+    length = _rounded(length, multiple)
+    for first in range(0, total, length):
+        count = min(length, total - first)
+        wanted = _filled_length(first, count, length, multiple)
+        chunk = jax.tree.map(lambda x, i=first, n=count: x[i : i + n], frames)
+        if wanted > count:
+            places = np.minimum(np.arange(wanted), count - 1)
+            chunk = jax.tree.map(lambda x, places=places: x[places], chunk)
+        yield first, count, chunk
+
+
+def _gathered(frames: Iterable[Any], length: int | None, multiple: int) -> Iterator[Any]:
+    """``in_chunks`` of frames that come one by one: they are written where they are to be."""
+    source = iter(frames)
+    start = next(source, None)
+    if start is None:
+        raise InputError("frames has no frame; give at least one.")
+    leaves, structure = _leaves(start)
+    kinds = [_kind(leaf) for leaf in leaves]
+    if length is None:
+        total = len(frames) if isinstance(frames, Sized) else None
+        length = chunk_length(total, sum(leaf.nbytes for leaf in leaves))
+    length = _rounded(length, multiple)
+    rest = enumerate(itertools.chain([start], source))
+    for first in itertools.count(0, length):
+        arrays = [np.empty((length, *leaf.shape), leaf.dtype) for leaf in leaves]
+        count = 0
+        for number, frame in itertools.islice(rest, length):
+            own, shape = _leaves(frame)
+            found = [_kind(leaf) for leaf in own]
+            if (found, shape) != (kinds, structure):
+                raise InputError(
+                    f"frame {number} is {', '.join(found)}, the first one {', '.join(kinds)}; "
+                    "give frames that are all alike."
+                )
+            for array, leaf in zip(arrays, own, strict=True):
+                array[count] = leaf
+            count += 1
+        if not count:
+            return
+        wanted = _filled_length(first, count, length, multiple)
+        for array in arrays:
+            array[count:wanted] = array[count - 1]
+        yield first, count, jax.tree.unflatten(structure, [array[:wanted] for array in arrays])
+        if count < length:
+            return
+
+
+def _leaves(frame: Any) -> tuple[list[np.ndarray], Any]:
+    leaves, structure = jax.tree.flatten(frame)
+    return [np.asarray(leaf) for leaf in leaves], structure
+
+
+def _kind(leaf: np.ndarray) -> str:
+    return f"{leaf.dtype} {list(leaf.shape)}"
+
+
+def _rounded(length: int, multiple: int) -> int:
+    return -(-max(length, _LEAST * multiple) // multiple) * multiple
+
+
+def _filled_length(first: int, count: int, length: int, multiple: int) -> int:
+    """A chunk's length: that of all, unless there is but one."""
+    return length if first else -(-count // multiple) * multiple

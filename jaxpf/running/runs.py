@@ -1,0 +1,254 @@
+"""Running any tracker over the frames of a sequence.
+
+There is one loop over frames, ``frame_step``.  One run, many of them (``blocks``), a video's frames
+as they come and objectives that are differentiated arrange the runs as they need; ``gaps`` leaves
+out frames that are missing.
+"""
+
+import sys
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxpf import contract
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete
+from jaxpf.running import missing_frames
+from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.chunks import come_one_by_one
+
+#: In which a run goes that tells how far it is.
+_BLOCKS = 20
+
+
+def summary_only(state: Any, summary: Any) -> Any:
+    """The default of ``record``: keep the summary of every frame."""
+    return summary
+
+
+def run(
+    tracker: Any,
+    key: jax.Array,
+    frames: Any,
+    record: Callable[[Any, Any], Any] = summary_only,
+    observed: Any = None,
+    state: Any = None,
+    time: int = 0,
+    progress: bool | Callable[[int, int], Any] = False,
+) -> tuple[Any, Any]:
+    """Track one sequence once.
+
+    The first call with a kind of tracker and frames of a shape compiles, for seconds or, of many
+    objects, minutes, and says nothing: ``jax.config.update("jax_log_compiles", True)`` logs when
+    that begins and ends, and ``jaxpf.stream`` gives every frame's summary as it comes.
+
+    To go on where another run ended, give its final state and how many frames it had: the rest
+    comes out as if nothing had been between (``jaxpf.save`` keeps both on disk).
+
+    Args:
+        tracker: any object with ``init`` and ``step``, registered as a pytree.
+        key: the run's random key; frame t uses ``fold_in(key, t + 1)``.
+        frames: array or pytree with a leading time axis ``[T, ...]``.
+        record: function of ``(state, summary)``, what to keep of each frame.  Pass a
+            named function: a new lambda compiles anew.
+        observed: ``[T]`` bool, false for a frame that is missing: particles move by their
+            dynamics, and the evidence increment is 0; or ``[T, P]``, false for a partition that is,
+            such as a landmark out of view.  By default those frames of floats are missing that
+            are NaN throughout.
+        state: after the frames before these; None begins with ``tracker.init``.
+        time: number of those frames.
+        progress: true tells on stderr how many frames are done; or a function of that number and
+            of T.  The frames then go in some twenty blocks, to the same results.
+
+    Returns:
+        The final state, and what ``record`` kept, with a leading axis T.
+
+    Raises:
+        InputError: no frames, arrays with different numbers of frames, or frames that come one by
+            one; ``observed`` of another shape; see also ``jaxpf.running.checks.check_run``.
+    """
+    if come_one_by_one(frames):
+        raise InputError(
+            "frames come one by one, and run needs them all at once; use jaxpf.stream or "
+            "jaxpf.monte_carlo, which keep few of them, or give np.stack(list(frames))."
+        )
+    check_frames(frames)
+    num_frames(frames)
+    check_run(tracker, frames)
+    tracker, frames = missing_frames.marked(tracker, frames, observed)
+    key = as_key(key)
+    if not progress or not is_concrete(tracker, key, frames, state):
+        return run_compiled(tracker, key, frames, record, state, time)
+    tell = _tell if progress is True else progress
+    return _in_blocks(tracker, key, frames, record, state, time, tell)
+
+
+def forecast(
+    tracker: Any,
+    key: jax.Array,
+    state: Any,
+    steps: int,
+    record: Callable[[Any, Any], Any] = summary_only,
+    time: int = 0,
+) -> tuple[Any, Any]:
+    """Where targets are going, of which no more frames were seen: as ``run`` over missing ones.
+
+    Particles move by their dynamics; ``summary.spread`` tells how fast the doubt grows.
+
+    Args:
+        tracker: which has tracked so far.
+        key: as for ``run``.
+        state: after the last frame.
+        steps: frames ahead, S.
+        record: as for ``run``.
+        time: number of frames so far; with the same key it goes on as ``run`` would.
+
+    Returns:
+        The state S frames ahead, and what ``record`` kept, with a leading axis S.
+
+    Raises:
+        InputError: fewer than one step, no key, or a tracker without a likelihood to leave out.
+    """
+    if steps < 1:
+        raise InputError(f"steps={steps} must be at least 1.")
+    missing_frames.check_gaps(tracker)
+    nothing = np.zeros(steps, bool)
+    blind = missing_frames.WithoutFrames(tracker)
+    return run_compiled(blind, as_key(key), (nothing, nothing), record, state, time)
+
+
+def _in_blocks(tracker, key, frames, record, state, time, tell):
+    """``run_compiled`` with a word after every block of frames."""
+    total, kept = num_frames(frames), []
+    length = -(-total // _BLOCKS)
+    if state is None:
+        state = jax.jit(init)(tracker, key)
+    for first in range(0, total, length):
+        block = jax.tree.map(lambda x, first=first: x[first : first + length], frames)
+        state, found = run_compiled(tracker, key, block, record, state, time + first)
+        kept.append(jax.block_until_ready(found))
+        tell(min(first + length, total), total)
+    return state, jax.tree.map(lambda *x: jnp.concatenate(x), *kept)
+
+
+def _tell(done: int, total: int) -> None:
+    end = "\n" if done == total else ""
+    print(f"\r{done} of {total} frames", end=end, file=sys.stderr, flush=True)
+
+
+def frame_key(key: jax.Array, time: Any) -> jax.Array:
+    """The key of frame ``time`` (from 0) of a run; key 0 is kept for ``init``."""
+    return jax.random.fold_in(key, time + 1)
+
+
+def init(tracker: Any, key: jax.Array) -> Any:
+    """A run's state just before its first frame, as ``run`` makes it."""
+    return tracker.init(jax.random.fold_in(key, 0))
+
+
+def as_key(key: Any) -> jax.Array:
+    """One typed key, ``[]``, also from a key of the old kind.
+
+    Raises:
+        InputError: no key.
+    """
+    return _typed(key, 0, "key", "a random key, such as jax.random.key(0)")
+
+
+def as_keys(keys: jax.Array) -> jax.Array:
+    """One typed key per run, ``[R]``, also from keys of the old kind.
+
+    Raises:
+        InputError: no keys, or an array of another shape.
+    """
+    return _typed(keys, 1, "keys", "one key per run, as jax.random.split(key, R) does")
+
+
+def _typed(keys: Any, ndim: int, name: str, wanted: str) -> jax.Array:
+    dtype, shape = getattr(keys, "dtype", None), np.shape(keys)
+    if dtype == np.uint32 and len(shape) == ndim + 1:  # of the old kind
+        keys = jax.random.wrap_key_data(jnp.asarray(keys))
+    elif dtype is None or not jax.dtypes.issubdtype(dtype, jax.dtypes.prng_key):
+        raise InputError(f"{name} is {keys!r:.60}; give {wanted}.")
+    if keys.ndim != ndim or keys.size == 0:
+        raise InputError(f"{name} has shape {keys.shape}; give {wanted}.")
+    return keys
+
+
+def num_frames(frames: Any) -> int:
+    """Length of the leading axis of all arrays.
+
+    Raises:
+        InputError: no frames, or arrays with different numbers of frames.
+    """
+    leaves = jax.tree.leaves(frames)
+    lengths = {jnp.shape(leaf)[0] if jnp.ndim(leaf) else 0 for leaf in leaves}
+    if len(lengths) != 1 or 0 in lengths:
+        raise InputError(
+            f"frames have leading axes {sorted(lengths)}; give at least one frame, and the same "
+            "number of frames in every array."
+        )
+    return lengths.pop()
+
+
+def frame_step(
+    observe: Callable[[Any], Any],
+    of_every_run: Callable[[Callable, Any], Any],
+    record: Callable[[Any, Any], Any],
+) -> Callable[[Any, Any], Any]:
+    """What every loop over frames repeats: observe a frame once, and advance all runs by it.
+
+    Args:
+        observe: a frame as the likelihood needs it.
+        of_every_run: function of ``(advance, states)`` that applies ``advance(tracker, key,
+            state)`` to every run, in whatever arrangement the states have, and returns what it
+            returns: the new states, and what is kept.
+        record: as for ``run``.
+
+    Returns:
+        Function of ``states`` and ``(time, frame)``, as ``lax.scan`` takes it, that returns the
+        new states and what is kept of the frame.
+    """
+
+    def step_all(states: Any, item: Any) -> Any:
+        time, frame = item
+        observation = observe(frame)
+
+        def advance(tracker: Any, key: jax.Array, state: Any) -> Any:
+            step = contract.observed_apart(contract.at_frame(tracker, time))[1]
+            state, summary = step(frame_key(key, time), state, observation)
+            return state, record(state, summary)
+
+        return of_every_run(advance, states)
+
+    return step_all
+
+
+def one_run(tracker: Any, key: jax.Array, record: Callable[[Any, Any], Any]) -> Callable:
+    """The ``frame_step`` of a single run, whose states are one state."""
+    observe = contract.observed_apart(tracker)[0]
+    return frame_step(observe, lambda advance, state: advance(tracker, key, state), record)
+
+
+def together(tracker: Any, keys: jax.Array) -> Callable[[Callable, Any], Any]:
+    """``of_every_run`` for runs of one tracker that are vectorised, keys and states ``[R]``."""
+
+    def of_every_run(advance: Callable, states: Any) -> Any:
+        return jax.vmap(partial(advance, tracker))(keys, states)
+
+    return of_every_run
+
+
+@partial(jax.jit, static_argnames="record")
+def run_compiled(
+    tracker: Any, key: jax.Array, frames: Any, record: Callable, state: Any = None, time: int = 0
+) -> Any:
+    """``run`` without its checks."""
+    times = time + jnp.arange(num_frames(frames))
+    state = init(tracker, key) if state is None else state
+    return lax.scan(one_run(tracker, key, record), state, (times, frames))

@@ -1,0 +1,61 @@
+"""Tracking one video as its frames stream by: constant memory, one compiled step."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from jaxpf import running
+from jaxpf.running import missing_frames
+
+
+class TrackedFrame(NamedTuple):
+    """One tracked frame, in NumPy arrays.
+
+    Attributes:
+        time: number of the frame among those tracked, from 0.
+        frame: the picture, as it came.
+        state: the tracker's state, still on the device.
+        summary: what the frame reports.
+    """
+
+    time: int
+    frame: np.ndarray
+    state: Any
+    summary: Any
+
+
+def stream(
+    tracker: Any,
+    key: jax.Array,
+    frames: Iterable[np.ndarray],
+    observed: Iterable[bool] | None = None,
+    state: Any = None,
+    time: int = 0,
+) -> Iterator[TrackedFrame]:
+    """Track frames one by one; gives what ``jaxpf.run`` gives with the same key.
+
+    Frames are not kept: memory does not grow with the length of the video.
+
+    Args:
+        tracker: any tracker.
+        key: the run's random key.
+        frames: uint8 RGB ``[H, W, 3]``, all of one size.
+        observed: whether each was seen, as for ``jaxpf.run``; a frame that was dropped may hold
+            anything of that size.
+        state: as for ``jaxpf.run``, to go on.
+        time: likewise; frames are numbered from it.
+    """
+    if state is None:
+        state = jax.jit(running.init)(tracker, key)
+    marked = missing_frames.marked_one_by_one(tracker, frames, observed)
+    for number, (frame, its, taken) in enumerate(marked, time):
+        state, summary = step(its, key, number, state, taken)
+        yield TrackedFrame(number, frame, state, jax.tree.map(np.asarray, summary))
+
+
+@jax.jit
+def step(tracker: Any, key: jax.Array, time: int, state: Any, frame: np.ndarray) -> Any:
+    """State and summary of frame ``time`` (from 0) of a run, as ``stream`` makes them."""
+    return running.one_run(tracker, key, running.summary_only)(state, (time, frame))

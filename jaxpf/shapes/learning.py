@@ -1,0 +1,137 @@
+"""Key frames from what an annotator has: masks, outlines, or centrelines.
+
+Principal components compare point with point, so that the k-th control point must mean the same
+in every example.  Outlines are brought to one sense of turning and to the starting point that
+fits the first example best; centrelines to the end that fits best, unless told that theirs
+correspond already.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.names import ANNOTATIONS
+from jaxpf.shapes.spaces import ShapeSpace, key_frame_space
+from jaxpf.shapes.splines import fit_spline, resampled
+
+#: Points per control point at which examples are compared.
+_FINENESS = 16
+
+
+def learn_shape_space(
+    examples: Sequence[ArrayLike],
+    kind: str,
+    *,
+    num_points: int,
+    dimension: int,
+    ordered: bool = False,
+) -> tuple[ShapeSpace, np.ndarray]:
+    """A space of key frames (``jaxpf.shapes.key_frame_space``) from annotations.
+
+    Args:
+        examples: by ``kind``: ``"masks"``, pictures ``[H, W]`` that are not 0 on the target,
+            whose largest piece is taken; ``"outlines"``, closed polylines ``[S, 2]``;
+            ``"centrelines"``, open polylines ``[S, 2]``; pixels.  Lengths may differ.
+        kind: one of ``ANNOTATIONS``.
+        num_points: K, control points of each contour.
+        dimension: D, see ``key_frame_space``.
+        ordered: the examples' points correspond already, and are not turned round.
+
+    Returns:
+        The space, and the examples' control points ``[S, K, 2]``, whose projections are the
+        examples' substates.
+
+    Raises:
+        InputError: an unknown kind, no examples or too few, an empty mask.
+    """
+    check_known("kind ", kind, ANNOTATIONS)
+    closed = kind != "centrelines"
+    lines = (
+        [outline_of(mask, k) for k, mask in enumerate(examples)] if kind == "masks" else examples
+    )
+    even = [resampled(line, _FINENESS * num_points, closed=closed) for line in lines]
+    if closed and even and not ordered:
+        even[0] = _clockwise(even[0])
+    if not ordered:
+        even = [*even[:1], *(_matched(line, even[0], closed) for line in even[1:])]
+    contours = [fit_spline(line, num_points, closed=closed) for line in even]
+    control = np.array(contours).reshape(-1, num_points, 2)
+    return key_frame_space(control, dimension, closed=closed), control
+
+
+def varied(examples: ArrayLike, turns: int) -> np.ndarray:
+    """Open contours as they are, from the other end, in a mirror, and each turned.
+
+    For bodies that bend to either side, whichever way they lie, where few were seen.
+
+    Args:
+        examples: control points ``[S, K, 2]``.
+        turns: how many directions are shown, evenly around.
+
+    Returns:
+        ``[4 * turns * S, K, 2]``.
+    """
+    examples = np.asarray(examples, float)
+    both = np.concatenate([examples, examples[:, ::-1]])
+    every = np.concatenate([both, both * (-1, 1)])
+    middles = every.mean(axis=1, keepdims=True)
+    angles = 2 * np.pi * np.arange(turns) / turns
+    matrices = np.array([[(np.cos(a), np.sin(a)), (-np.sin(a), np.cos(a))] for a in angles])
+    return np.concatenate([(every - middles) @ matrix + middles for matrix in matrices])
+
+
+def outline_of(mask: Any, number: int = 0) -> np.ndarray:
+    """Outline ``[S, 2]`` of the largest piece of a mask ``[H, W]``, in continuous pixels.
+
+    Args:
+        mask: not 0 on the target.
+        number: what a message calls the mask.
+
+    Raises:
+        InputError: nothing is marked.
+    """
+    import cv2
+
+    marked = (np.asarray(mask) != 0).astype(np.uint8)
+    if marked.ndim != 2 or not marked.any():
+        raise InputError(
+            f"mask {number} of shape {list(marked.shape)} marks nothing; give a picture [H, W] "
+            "that is not 0 on the target."
+        )
+    outlines, _ = cv2.findContours(marked, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    largest = max(outlines, key=len)[:, 0].astype(float)
+    if len(largest) < 3:
+        raise InputError(
+            f"mask {number} marks {int(marked.sum())} pixel(s), which have no outline; mark more."
+        )
+    # OpenCV joins the middles of the outermost pixels, half a pixel inside the target.
+    return _grown(_clockwise(largest) + 0.5, 0.5)
+
+
+def _clockwise(points: np.ndarray) -> np.ndarray:
+    x, y = points.T
+    doubled_area = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
+    return points if doubled_area > 0 else points[::-1]
+
+
+def _grown(points: np.ndarray, distance: float) -> np.ndarray:
+    """A clockwise outline moved outwards."""
+    along = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    outwards = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.where(length > 0, length, 1.0)
+    return points + distance * outwards
+
+
+def _matched(points: np.ndarray, first: np.ndarray, closed: bool) -> np.ndarray:
+    """The same points from another start, or in the other sense, nearest to ``first``."""
+    target = first - first.mean(axis=0)
+    if closed:
+        points = _clockwise(points)
+        candidates = [np.roll(points, -k, axis=0) for k in range(len(points))]
+    else:
+        candidates = [points, points[::-1]]
+    distances = [np.sum((c - c.mean(axis=0) - target) ** 2) for c in candidates]
+    return candidates[int(np.argmin(distances))]

@@ -1,0 +1,228 @@
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from box_files import GT, message_of
+
+from jaxpf.boxes import (
+    TrackWriter,
+    check_boxes,
+    dense,
+    detections,
+    parse_box,
+    read_boxes,
+    start_boxes,
+    write_mot,
+)
+
+# Choosing and checking
+
+
+def test_start_boxes_come_in_the_order_asked(boxes_file):
+    table = read_boxes(boxes_file(GT))
+    ids, boxes = start_boxes(table, 0, [1, 3])
+    assert ids.tolist() == [1, 3]
+    assert boxes.tolist() == [[11.5, 21, 31, 41], [10, 20, 30, 40]]
+    assert start_boxes(table, 0)[0].tolist() == [3, 1], "by default in the order of the file"
+
+
+@pytest.mark.parametrize(
+    ("frame", "ids", "expected"),
+    [
+        (1, None, ["no box in frame 1", "frame among 0, 2", "counting from 0"]),
+        (2, [1, 3], ["id 3 has no box in frame 2", "the ids there are 1"]),
+        (0, [1, 3, 1], ["id 1 is asked for twice", "name each id once"]),
+        (0, [], ["no ids were asked for", "choose among 1, 3"]),
+    ],
+)
+def test_start_boxes_that_are_not_there_are_refused(boxes_file, frame, ids, expected):
+    path = boxes_file(GT)
+    message = message_of(start_boxes, read_boxes(path), frame, ids)
+    for part in expected:
+        assert part in message
+
+
+def test_long_lists_of_frames_are_shortened(boxes_file):
+    lines = [f"{frame},1,2,3,4,5" for frame in [*range(1, 72), 80, 81, 90]]
+    table = read_boxes(boxes_file("\n".join(lines)))
+    assert "frame among 0-70, 79, 80, 89 (counting" in message_of(start_boxes, table, 75)
+    table = read_boxes(boxes_file("\n".join(f"{frame},1,2,3,4,5" for frame in range(1, 100, 2))))
+    assert "22, ... (counting from 0)" in message_of(start_boxes, table, 1)
+
+
+def test_dense_has_nan_where_an_object_is_absent(boxes_file):
+    table = read_boxes(boxes_file(GT))
+    boxes = dense(table, [1, 3], 2)
+    assert boxes.shape == (2, 2, 4)
+    assert boxes[0].tolist() == [[11.5, 21, 31, 41], [10, 20, 30, 40]]
+    assert np.isnan(boxes[1]).all()
+    assert dense(table, [1], 4)[2, 0].tolist() == [12, 22, 32, 42]
+    message = message_of(dense, table, [1, 9], 4)
+    assert "id 9 does not occur in" in message
+    assert "its ids are 1, 3" in message
+
+
+def test_a_typed_box_is_read():
+    assert parse_box(" 1, 2.5,30 ,4e1").tolist() == [1, 2.5, 30, 40]
+    assert parse_box("-5,-6,7,8").tolist() == [-5, -6, 7, 8]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1,2,3", "has 3 number(s) instead of 4"),
+        ("", "has 1 number(s) instead of 4"),
+        ("1,2,3,4,5", "has 5 number(s)"),
+        ("1,2,c,4", "holds 'c', which is not a number"),
+        ("1,,3,4", "holds '', which is not a number"),
+        ("1,2,nan,4", "not finite"),
+        ("1,2,0,4", "size 0 x 4"),
+        ("1,2,3,-4", "size 3 x -4"),
+    ],
+)
+def test_a_mistyped_box_is_refused(text, expected):
+    message = message_of(parse_box, text)
+    assert f"box '{text}'" in message
+    assert expected in message
+    assert "write x,y,w,h in pixels, such as 120,80,40,90" in message
+
+
+def test_boxes_partly_outside_the_frame_pass():
+    check_boxes([[-5, -5, 10, 10], [635, 475, 10, 10], [-9, -9, 999, 999]], 640, 480)
+
+
+@pytest.mark.parametrize(
+    ("box", "expected"),
+    [
+        ([np.nan, 1, 2, 3], "is not finite; give four numbers"),
+        ([1, 2, 0, 3], "(1,2,0,3) has no area; give a positive width"),
+        ([1, 2, 3, -3], "has no area"),
+        ([640, 2, 3, 3], "(640,2,3,3) lies outside the 640x480 frame; give a box that overlaps"),
+        ([2, 480, 3, 3], "lies outside"),
+        ([-3, 2, 3, 3], "lies outside"),
+        ([2, -3, 3, 3], "lies outside"),
+    ],
+)
+def test_unusable_boxes_are_refused(box, expected):
+    message = message_of(check_boxes, [[1, 2, 3, 4], box], 640, 480)
+    assert message.startswith("box 2 (")
+    assert expected in message
+    assert "the box of id 7 (" in message_of(check_boxes, [box], 640, 480, ["id 7"])
+
+
+# Writing
+
+
+def test_mot_is_written_counting_from_one(tmp_path):
+    path = tmp_path / "tracks.txt"
+    boxes = [[0, 0, 30, 40], [10.5, 19.25, 31.12345, 4e1], [np.nan] * 4]
+    write_mot(path, [0, 2, 2], [7, 8, 9], boxes, [1, 0, 1])
+    assert path.read_bytes() == (
+        b"1,7,1.000,1.000,30.000,40.000,1,-1,-1,-1\n3,8,11.500,20.250,31.123,40.000,0,-1,-1,-1\n"
+    )
+    assert os.listdir(tmp_path) == ["tracks.txt"]
+
+
+def test_written_and_read_again_gives_the_same_numbers(tmp_path):
+    path = tmp_path / "tracks.txt"
+    rng = np.random.default_rng(0)
+    frames, ids = np.repeat(np.arange(50), 2), np.tile([4, 9], 50)
+    boxes = np.round(rng.uniform(1, 900, (100, 4)), 3) - [[300, 300, 0, 0]]
+    confidence = rng.integers(0, 2, 100)
+    write_mot(path, frames, ids, boxes, confidence)
+    table = read_boxes(path)
+    np.testing.assert_array_equal(table.frame, frames)
+    np.testing.assert_array_equal(table.id, ids)
+    np.testing.assert_allclose(table.box, boxes, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(table.confidence, confidence)
+    again = tmp_path / "again.txt"
+    write_mot(again, table.frame, table.id, table.box, table.confidence)
+    assert again.read_bytes() == path.read_bytes()
+
+
+def test_a_track_writer_appends_and_its_file_is_whole_after_every_frame(tmp_path):
+    path = tmp_path / "tracks.txt"
+    with TrackWriter(path) as writer:
+        assert path.read_bytes() == b""
+        writer.append(0, [7, 8], [[0, 0, 3, 4], [1, 1, 3, 4]])
+        assert path.read_bytes().count(b"\n") == 2
+        writer.append(1, [7, 8], [[0, 0, 3, 4], [np.nan] * 4], [0, 1])
+        writer.append(2, [], np.zeros((0, 4)))
+        assert path.read_text().splitlines()[2:] == ["2,7,1.000,1.000,3.000,4.000,0,-1,-1,-1"]
+    writer.close()
+    table = read_boxes(path)
+    assert table.frame.tolist() == [0, 0, 1]
+    assert table.box[1].tolist() == [1, 1, 3, 4]
+
+
+def test_an_interrupted_track_writer_closes_its_file(tmp_path):
+    def write_until_interrupted():
+        with TrackWriter(tmp_path / "tracks.txt") as writer:
+            writer.append(0, [7], [[0, 0, 3, 4]])
+            kept.append(writer)
+            raise KeyboardInterrupt
+
+    kept: list[TrackWriter] = []
+    with pytest.raises(KeyboardInterrupt):
+        write_until_interrupted()
+    with pytest.raises(ValueError, match="closed file"):
+        kept[0].append(1, [7], [[0, 0, 3, 4]])
+    assert len(read_boxes(tmp_path / "tracks.txt")) == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
+def test_a_killed_track_writer_leaves_whole_lines(tmp_path):
+    program = (
+        "import itertools; from jaxpf.boxes.tracks import TrackWriter\n"
+        "with TrackWriter('tracks.txt') as writer:\n"
+        "    for frame in itertools.count():\n"
+        "        writer.append(frame, [1, 2], [[0, 0, 3, 4], [5, 6, 7, 8]])\n"
+        "        if frame == 100: print('running', flush=True)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], cwd=tmp_path, stdout=subprocess.PIPE
+    )
+    assert process.stdout.readline() == b"running\n"
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    assert (tmp_path / "tracks.txt").read_bytes().endswith(b",1,-1,-1,-1\n")
+    assert len(read_boxes(tmp_path / "tracks.txt")) >= 200
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
+def test_a_full_disk_is_reported_and_the_last_line_is_whole(tmp_path):
+    program = (
+        "import resource; from jaxpf.boxes.tracks import TrackWriter\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
+        "with TrackWriter('tracks.txt') as writer:\n"
+        "    for frame in range(99): writer.append(frame, [1], [[0, 0, 3, 4]])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=600
+    )
+    assert "InputError: cannot write 'tracks.txt': file too large; check" in done.stderr
+    assert 20 < len(read_boxes(tmp_path / "tracks.txt")) < 30
+
+
+def test_places_that_cannot_be_written_are_named(tmp_path):
+    path = tmp_path / "gone" / "tracks.txt"
+    for message in (
+        message_of(TrackWriter, path),
+        message_of(write_mot, path, [0], [1], [[1, 2, 3, 4]]),
+    ):
+        assert f"cannot write '{path}': no such file or directory; check the path" in message
+
+
+def test_boxes_become_supervisions_detections():
+    boxes = [[1.0, 2, 10, 20], [np.nan] * 4, [5.0, 6, 7, 8]]
+    found = detections(boxes, ids=[3, 4, 9], confidence=[0.5, 0, 1])
+    assert found.xyxy.tolist() == [[1, 2, 11, 22], [5, 6, 12, 14]]
+    assert found.tracker_id.tolist() == [3, 9]
+    assert found.confidence.tolist() == [0.5, 1]
+    plain = detections(boxes)
+    assert plain.tracker_id.tolist() == [1, 3]
+    assert plain.confidence is None

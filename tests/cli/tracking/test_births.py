@@ -1,0 +1,141 @@
+"""``jaxpf track --births``: objects that come and go, and what is refused."""
+
+import os
+
+import numpy as np
+import pytest
+from command_line import jaxpf
+from small_video import FROM_1, LENGTH, rows_of, summary_of, true_boxes
+
+from jaxpf.populations.detections import write_detections
+
+RULES = ("--birth-frames", "2", "--capacity", "3")
+
+
+@pytest.fixture
+def detected(tmp_path):
+    """Both rectangles in every frame, and once something else."""
+    detections = [true_boxes(time).astype(float) for time in range(LENGTH)]
+    detections[4] = np.vstack([detections[4], [[1, 30, 12, 16]]])
+    write_detections(tmp_path / "det.txt", detections)
+    return tmp_path / "det.txt"
+
+
+def test_objects_start_by_detections_and_the_run_can_be_repeated(track, tmp_path, detected, place):
+    outcome = track("--births", detected, *RULES)
+    assert outcome.code == 0, outcome.err
+    assert "2 objects came, 0 went" in outcome.out
+    rows = rows_of(tmp_path / "out")
+    assert set(rows[:, 1]) == {1, 2}
+    for identity in (1, 2):
+        own = rows[rows[:, 1] == identity]
+        assert own[:, 0].tolist() == list(range(2, LENGTH + 1))
+        truth = [true_boxes(int(frame) - 1)[identity - 1] for frame in own[:, 0]]
+        assert np.abs(own[:, 2:6] - [1, 1, 0, 0] - truth).max() < 4
+    summary = summary_of(tmp_path / "out")
+    assert [birth["frame"] for birth in summary["births"]] == [1, 1]
+    assert (summary["deaths"], summary["refused"]) == ([], [])
+    assert summary["parameters"]["method"] == "labelled"
+    header = (tmp_path / "out" / "diagnostics.csv").read_text().splitlines()[0]
+    assert header.endswith("uniqueness_slot_1,uniqueness_slot_2,uniqueness_slot_3")
+    assert (tmp_path / "out" / "overlay.mp4").stat().st_size > 0
+    again = track("--config", tmp_path / "out" / "run.toml", "-o", tmp_path / "again")
+    assert again.code == 0, again.err
+    np.testing.assert_array_equal(rows_of(tmp_path / "again"), rows)
+
+
+def test_start_boxes_and_named_ones_keep_their_numbers_and_scores_judge_all(track, tmp_path, place):
+    pytest.importorskip("trackeval")
+    x, y, w, h = true_boxes(4)[1] + [1, 1, 0, 0]
+    (tmp_path / "later.txt").write_text(f"5,9,{x},{y},{w},{h}\n")
+    start = ("--box", "6,8,12,16", "--births", tmp_path / "later.txt", "--capacity", "2")
+    outcome = track(*start, "--truth", place / "gt.csv")
+    assert outcome.code == 0, outcome.err
+    rows = rows_of(tmp_path / "out")
+    assert rows[rows[:, 1] == 1][0, 0] == 1
+    assert rows[rows[:, 1] == 9][0, 0] == 5
+    assert "HOTA" in outcome.out
+    header, scores = (tmp_path / "out" / "metrics.csv").read_text().splitlines()
+    scores = dict(zip(header.split(","), map(float, scores.split(",")), strict=True))
+    assert scores["IDSW"] == 0
+    assert scores["FN"] == 3  # object 2 in frames 1 to 3, before it was named
+
+
+def test_who_finds_no_place_is_told(track, tmp_path, detected):
+    outcome = track("--births", detected, "--birth-frames", "2", "--capacity", "1")
+    assert outcome.code == 0
+    assert (
+        "Refused: 1 that could not start, first in frame 1: all places, 1, are taken" in outcome.err
+    )
+    (refused,) = summary_of(tmp_path / "out")["refused"]
+    assert refused["frame"] == 1
+
+
+BOX = ("--box", "6,8,12,16")
+
+
+@pytest.mark.parametrize(
+    ("content", "arguments", "message"),
+    [
+        ("3,-1,1,1,9,9,1\n2,-1,1,1,9,9,1\n", (), "line 2 of 'd.txt' is of an earlier frame"),
+        ("1,-1,1,1,9\n", (), "line 1 of 'd.txt' has 5 column(s)"),
+        ("11,-1,1,1,9,9,1\n", (), "has a detection in frame 10, and the video ends with frame 9"),
+        ("1,-1,70,1,9,9,1\n", (), "the detection in frame 0 (69,0,9,9) lies outside the 64x48"),
+        ("1,7,1,1,9,9\n", ("--start", "2"), "starts object 7 in frame 0, and tracking starts"),
+        ("2,1,1,1,9,9\n", BOX, "starts object 1, which has a start box already"),
+        (
+            "2,7,1,1,9,9\n",
+            (*BOX, *BOX, "--capacity", "1"),
+            "object 2 is one more than the capacity",
+        ),
+        ("1,-1,1,1,9,9,1\n", ("-n", "15"), "--particles 15 is fewer than the 16"),
+        ("1,-1,1,1,9,9,1\n", ("--method", "dps"), "partitioned is not one; use --filter labelled"),
+        ("1,-1,1,1,9,9,1\n", ("--capacity", "0"), "--capacity 0 must be a whole number from 1"),
+        ("1,-1,1,1,9,9,1\n", ("--weights", "plain"), "has none to give"),
+        (
+            "1,-1,1,1,9,9,.9\n",
+            ("--birth-confidence", "2"),
+            "--birth-confidence 2 leaves out every detection of 'd.txt', whose confidences are",
+        ),
+        ("1,-1,1,1,9,9,1\n", ("--tracker", "a.py:f"), "--births needs a tracker with room"),
+        (None, (*BOX, "--capacity", "4"), "--capacity is about --births, which was not given"),
+    ],
+)
+def test_what_does_not_go_is_refused(refuse, tmp_path, content, arguments, message):
+    births = ()
+    if content is not None:
+        (tmp_path / "d.txt").write_text(content)
+        births = ("--births", "d.txt")
+    assert message in refuse(*births, *arguments)
+
+
+def test_a_user_can_simulate_a_detector(place, tmp_path):
+    arguments = ("detections", place / "clip.avi", place / "gt.csv", "-o", tmp_path / "det.txt")
+    outcome = jaxpf(*arguments, "--misses", "0", "--false-alarms", "0", "--jitter", "0")
+    assert outcome.code == 0, outcome.err
+    assert f"{2 * LENGTH} detections in {LENGTH} frames" in outcome.out
+    rows = np.loadtxt(tmp_path / "det.txt", delimiter=",")
+    assert rows[0, 0] == 1
+    truth = {tuple(box) for box in true_boxes(LENGTH - 1) + FROM_1}
+    assert {tuple(row[2:6]) for row in rows if row[0] == LENGTH} == truth
+    assert "is there already" in jaxpf(*arguments).err
+    for more, sentence in (
+        (("--misses", "2"), "--misses 2.0 must be from 0 to 1"),
+        (("-o", place / "clip.avi"), "is what is read; choose another --output"),
+        (("-o", place / "gt.csv"), "is what is read; choose another --output"),
+        (("-o", os.devnull), "is a device or a pipe; choose another --output"),
+    ):
+        outcome = jaxpf(*arguments, "--overwrite", *more)
+        assert outcome.code == 2
+        assert sentence in outcome.err
+    late = tmp_path / "late.csv"
+    late.write_text(f"{LENGTH + 1},1,6,8,12,16\n")
+    outcome = jaxpf("detections", place / "clip.avi", late, "-o", tmp_path / "late.txt")
+    assert f"has no box in the {LENGTH} frames of" in outcome.err
+
+
+def test_a_start_at_which_an_object_fits_nothing_is_refused_in_its_first_frame(refuse):
+    # One particle for each object, and sizes so uncertain that half of them are below nothing.
+    start = ("--box", "6,8,12,16", "--box", "40,22,12,16", "--filter", "labelled", "-n", "2")
+    said = refuse(*start, "--scale", "1,1,1000", "--seed", "1")
+    assert "in the first frame no particle of target" in said

@@ -1,0 +1,175 @@
+"""``jaxpf track``: what is reported rather than silent, and interruptions."""
+
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from small_video import (
+    BOXES,
+    LENGTH,
+    PARTICLES,
+    picture,
+    rows_of,
+    summary_of,
+    write_images,
+    write_lossless_video,
+)
+
+from jaxpf import boxes
+from jaxpf.media import open_frames
+
+# What is reported rather than silent
+
+#: One appearance and kind of motion, so that the filter is compiled once.
+COLOUR = ("--appearance", "colour")
+
+
+def test_a_lost_object_is_reported_marked_and_listed(track, tmp_path):
+    outcome = track(*BOXES, *COLOUR, "--scale", "1e4,1e4,0", "--frames", 3)  # thrown off the frame
+    assert outcome.code == 0
+    assert "Lost: object 1 was outside the picture in 3 frames, first in frame 1." in outcome.err
+    assert summary_of(tmp_path / "out")["frames_outside"]["1"] == [1, 2, 3]
+    rows = rows_of(tmp_path / "out")
+    np.testing.assert_array_equal(rows[:, 6], [1, 1, 0, 0, 0, 0, 0, 0])
+
+
+def test_a_frame_that_no_particle_explains_is_left_out_and_counted(track, tmp_path):
+    # Off the frame, 3e38 times the distance is more than float32 holds: -inf for everyone.
+    scale = ("--scale", "1e4,1e4,0", "--sharpness", "3e38")
+    outcome = track(*BOXES, *COLOUR, *scale, "--frames", 2, "--no-overlay")
+    assert outcome.code == 0
+    assert "Warning: 2 frames had no likelihood for any particle" in outcome.err
+    summary = summary_of(tmp_path / "out")
+    assert summary["impossible_frames"] == 2
+    assert summary["frames_without_likelihood"] == {"1": [1, 2], "2": [1, 2]}
+    assert cv2.imread(str(tmp_path / "out" / "diagnostics.png")) is not None
+
+
+def test_likelihoods_that_are_no_number_are_counted(track, tmp_path):
+    outcome = track(*BOXES, *COLOUR, "--scale", "2e38,2e38,1", "--frames", 3, "--no-overlay")
+    assert outcome.code == 0
+    assert "likelihood(s) were not a number and counted as zero" in outcome.err
+    assert summary_of(tmp_path / "out")["invalid_likelihoods"] > 0
+
+
+def test_a_truncated_video_is_tracked_as_far_as_it_goes_with_a_note(track, place, tmp_path):
+    data = (place / "clip.avi").read_bytes()
+    (tmp_path / "cut.avi").write_bytes(data[: len(data) // 2])
+    outcome = track(*BOXES, "--no-overlay", video=tmp_path / "cut.avi")
+    assert outcome.code == 0
+    assert re.search(r"Note: .*announces 10 frames.*it is cut off or damaged", outcome.err)
+    summary = summary_of(tmp_path / "out")
+    assert summary["video_truncated"] is True
+    assert 0 < summary["frames_tracked"] < LENGTH - 1
+
+
+def test_a_video_of_one_frame_is_refused_as_nothing_can_be_tracked(refuse, tmp_path):
+    clip = write_lossless_video(tmp_path / "one.avi", [picture(0)])
+    sentence = refuse(*BOXES, video=clip)
+    assert "no frame of" in sentence
+    assert "follows the start frame 0, so there is nothing to track" in sentence
+
+
+def test_a_fault_of_the_video_on_the_way_keeps_what_was_tracked(track, tmp_path):
+    frames = [picture(0), picture(1), picture(2)[:40]]
+    outcome = track(*BOXES, video=write_images(tmp_path / "mixed", frames))
+    assert outcome.code == 2
+    assert "mixes image sizes: '0.png' is 64x48 but '2.png' is 64x40" in outcome.err
+    assert rows_of(tmp_path / "out").shape == (4, 10)
+    assert len(list(open_frames(tmp_path / "out" / "overlay.mp4"))) == 2
+    assert "mixes image sizes" in summary_of(tmp_path / "out")["error"]
+
+
+def test_a_disk_that_fills_up_is_one_sentence_and_keeps_whole_lines(track, tmp_path, monkeypatch):
+    class Filling:
+        """Room for three lines and three bytes."""
+
+        def __init__(self, *arguments, **settings):
+            self.file, self.lines = open(*arguments, **settings), 0  # noqa: SIM115
+            self.truncate, self.seek = self.file.truncate, self.file.seek
+            self.close = self.file.close
+
+        def write(self, data):
+            self.lines += 1
+            if self.lines <= 3:
+                return self.file.write(data)
+            self.file.write(data[:3])
+            raise OSError(28, "No space left on device")
+
+    def opened(path, *arguments, **settings):
+        kind = Filling if Path(path).name == "diagnostics.csv" else open
+        return kind(path, *arguments, **settings)
+
+    monkeypatch.setattr("jaxpf.files.writing.open", opened, raising=False)
+    outcome = track(*BOXES)
+    assert outcome.code == 2
+    assert re.search(r"cannot write '.*diagnostics.csv': no space left", outcome.err)
+    assert (tmp_path / "out" / "diagnostics.csv").read_text().count("\n") == 3
+    assert summary_of(tmp_path / "out")["frames_tracked"] == 2
+
+
+# Ctrl-C
+
+
+# A program that is started in the background inherits an ignored Ctrl-C.
+PROGRAM = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from jaxpf.cli import main
+main(sys.argv[1:])
+"""
+
+
+def ended_by_interrupt(output, arguments):
+    """Start the program, interrupt it once it tracks, and wait for its end."""
+    command = [sys.executable, "-c", PROGRAM, "track", *map(str, arguments), "-o", str(output)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    try:
+        deadline = time.monotonic() + 600
+        while process.poll() is None and time.monotonic() < deadline:
+            with contextlib.suppress(FileNotFoundError):
+                if (output / "tracks.csv").read_text().count("\n") > 10:
+                    break
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        return process.wait(600), process.stderr.read()
+    finally:
+        process.kill()
+        process.stderr.close()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_ctrl_c_leaves_valid_tracks_and_a_playable_video(whole_run, tmp_path):
+    frames = (picture(number % LENGTH, noise=False) for number in range(1000))
+    clip = write_lossless_video(tmp_path / "long.avi", frames)
+    output = tmp_path / "out"
+    code, errors = ended_by_interrupt(output, [clip, *BOXES, *PARTICLES])
+    assert code == 130
+    assert errors.strip().endswith("Interrupted.")
+    assert "Traceback" not in errors
+    summary = summary_of(output)
+    assert summary["interrupted"] is True
+    assert 3 < summary["frames_tracked"] < 999
+    table = boxes.read_boxes(output / "tracks.csv")
+    shown = len(list(open_frames(output / "overlay.mp4")))
+    assert abs(len(table) / 2 - 1 - summary["frames_tracked"]) <= 1
+    assert abs(shown - 1 - summary["frames_tracked"]) <= 1
+    assert (output / "diagnostics.png").exists()
+
+
+def test_ctrl_c_before_the_first_frame_leaves_no_folder(track, tmp_path, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("jaxpf.stream", interrupted)
+    outcome = track(*BOXES)
+    assert outcome.code == 130
+    assert not (tmp_path / "out").exists()

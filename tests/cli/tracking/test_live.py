@@ -1,0 +1,95 @@
+"""``jaxpf track`` on streams and cameras, and its window."""
+
+import _thread
+import contextlib
+import signal
+import sys
+
+import numpy as np
+import pytest
+from live_sources import put_camera, served
+from small_video import BOXES, HEIGHT, WIDTH, picture, rows_of, summary_of, true_boxes
+
+from jaxpf.media import open_frames
+
+
+def test_a_stream_is_tracked_as_its_file_is_and_shown(
+    track, place, whole_run, tmp_path, monkeypatch
+):
+    shown = []
+
+    class Window:
+        is_due = True
+
+        def __init__(self, title):
+            self.show = shown.append
+
+        def close(self):
+            shown.append("closed")
+
+    monkeypatch.setattr("jaxpf.media.preview.Preview", Window)
+    with served(place) as server:
+        outcome = track(*BOXES, "--preview", video=f"{server}/clip.avi")
+        assert outcome.code == 0, outcome.err
+        again = track(
+            "--config", tmp_path / "out/run.toml", "-o", "again", video=f"{server}/no.avi"
+        )
+    assert "no.avi' does not open" in again.err
+    np.testing.assert_array_equal(rows_of(tmp_path / "out"), rows_of(whole_run[1]))
+    *pictures, last = shown
+    assert last == "closed"
+    assert len(pictures) == len(list(open_frames(tmp_path / "out" / "overlay.mp4")))
+    assert {picture.shape for picture in pictures} == {(48, 64, 3)}
+
+
+@pytest.fixture
+def ctrl_c():
+    """Ctrl-C works, also where the tests were started to ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield _thread.interrupt_main
+    signal.signal(signal.SIGINT, before)
+
+
+def test_a_camera_is_tracked_until_ctrl_c_which_keeps_all_results(
+    track, tmp_path, monkeypatch, ctrl_c
+):
+    # Nothing is to be seen in its first picture.
+    def press(number):
+        with contextlib.suppress(FileNotFoundError):
+            if (tmp_path / "out" / "tracks.csv").read_text().count("\n") > 40:
+                ctrl_c()
+
+    def seen(number):
+        if number == 100_000:
+            return None  # minutes later: a Ctrl-C that is not answered fails the test
+        return picture(0) if number else np.full((HEIGHT, WIDTH, 3), 110, np.uint8)
+
+    put_camera(monkeypatch, seen, 0.002, press)
+    outcome = track(*BOXES, video="0")
+    assert outcome.code == 130, outcome.err
+    assert "Tracking begins: the start frame is taken" in outcome.err
+    summary = summary_of(tmp_path / "out")
+    assert summary["interrupted"] is True
+    assert summary["parameters"]["video"] == "0"
+    rows = rows_of(tmp_path / "out")
+    assert len(rows) > 40
+    assert abs(len(rows) / 2 - 1 - summary["frames_tracked"]) <= 1
+    assert np.abs(rows[:, 2:4].reshape(-1, 2, 2) - true_boxes(0)[:, :2] - 1).max() < 4
+    monkeypatch.undo()  # a camera no longer
+    shown = len(list(open_frames(tmp_path / "out" / "overlay.mp4")))
+    assert abs(shown - 1 - summary["frames_tracked"]) <= 1
+
+
+def test_what_a_camera_cannot_have_is_refused(refuse, place, monkeypatch):
+    put_camera(monkeypatch, picture)
+    said = refuse(*BOXES, "--truth", place / "gt.csv", video="0")
+    assert "--truth is about frames that are known beforehand, and camera '0' is live" in said
+    assert "camera '1' does not open" in refuse(*BOXES, video="1")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="screens are named in DISPLAY")
+def test_a_preview_without_a_screen_is_refused(refuse, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    said = refuse(*BOXES, "--preview")
+    assert "a preview needs" in said
+    assert said.endswith("leave --preview out")

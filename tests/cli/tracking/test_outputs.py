@@ -1,0 +1,335 @@
+"""``jaxpf track``: what it writes, and that it repeats."""
+
+import json
+import tomllib
+
+import cv2
+import numpy as np
+import pytest
+from command_line import jaxpf
+from small_video import (
+    BOXES,
+    FROM_1,
+    HEIGHT,
+    LENGTH,
+    PARTICLES,
+    WIDTH,
+    picture,
+    rows_of,
+    summary_of,
+    true_boxes,
+    write_images,
+    write_truth,
+)
+
+from jaxpf import boxes as tracks
+from jaxpf import measures
+from jaxpf.media import open_frames
+
+# What a run writes
+
+
+def test_a_run_writes_these_files_and_no_others(whole_run):
+    _, output = whole_run
+    assert sorted(path.name for path in output.iterdir()) == [
+        "diagnostics.csv",
+        "diagnostics.png",
+        "metrics.csv",
+        "overlay.mp4",
+        "run.toml",
+        "summary.json",
+        "tracks.csv",
+        "uncertainty.csv",
+    ]
+
+
+def test_tracks_are_mot_rows_whose_first_frame_is_the_given_boxes_counted_from_1(whole_run):
+    rows = rows_of(whole_run[1])
+    assert rows.shape == (2 * LENGTH, 10)
+    np.testing.assert_array_equal(rows[:, 0], np.repeat(np.arange(1, LENGTH + 1), 2))
+    np.testing.assert_array_equal(rows[:, 1], np.tile([1, 2], LENGTH))
+    np.testing.assert_array_equal(rows[:2, 2:6], true_boxes(0) + FROM_1)
+    np.testing.assert_array_equal(rows[:2, 6], 1)
+
+
+def test_the_confidence_is_the_same_in_tracks_diagnostics_and_summary(whole_run):
+    _, output = whole_run
+    confidence = rows_of(output)[2:, 6].reshape(-1, 2)
+    assert np.all((confidence > 0) & (confidence < 1))
+    table = np.loadtxt(output / "diagnostics.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(table[:, 5:], confidence)
+    summary = summary_of(output)
+    mean = [summary["mean_confidence"][name] for name in ("1", "2")]
+    np.testing.assert_allclose(mean, confidence.mean(axis=0), atol=1e-4)
+    for name, values in zip(("1", "2"), confidence.T, strict=True):
+        doubtful = 1 + np.flatnonzero(values < 0.5)
+        assert summary["frames_probably_lost"][name] == doubtful.tolist()
+
+
+def test_colour_cannot_tell_who_is_lost_and_nobody_invents_a_number(track, tmp_path):
+    assert track(*BOXES, "--frames", 2, "--appearance", "colour", "--no-overlay").code == 0
+    output = tmp_path / "out"
+    np.testing.assert_array_equal(rows_of(output)[:, 6], 1)
+    assert "confidence" not in (output / "diagnostics.csv").read_text()
+    assert summary_of(output)["mean_confidence"] is None
+
+
+def test_tracks_follow_the_objects(whole_run):
+    table = tracks.read_boxes(whole_run[1] / "tracks.csv")
+    boxes = tracks.dense(table, [1, 2], LENGTH)
+    truth = np.array([true_boxes(number) for number in range(LENGTH)])
+    assert np.abs(boxes - truth).max() < 5
+
+
+def test_the_overlay_shows_every_frame_from_the_start_frame_on(whole_run):
+    overlay = open_frames(whole_run[1] / "overlay.mp4")
+    frames = list(overlay)
+    assert len(frames) == LENGTH
+    assert frames[0].shape == (HEIGHT, WIDTH, 3)
+    assert overlay.fps == 25
+
+
+def test_the_summary_holds_parameters_versions_seed_and_timing(whole_run):
+    summary = summary_of(whole_run[1])
+    assert summary["parameters"]["seed"] == 0
+    assert summary["parameters"]["particles"] == 60
+    assert summary["frames_tracked"] == LENGTH - 1
+    assert summary["interrupted"] is False
+    assert summary["error"] is None
+    assert summary["frames_outside"] == {"1": [], "2": []}
+    assert summary["frames_without_likelihood"] == {"1": [], "2": []}
+    assert summary["seconds_first_frame"] > 0
+    assert summary["frames_per_second"] > 0
+    assert {"python", "jax", "jaxlib", "numpy", "jaxpf"} <= set(summary["versions"])
+
+
+def test_the_diagnostics_are_a_plot_and_its_numbers(whole_run):
+    _, output = whole_run
+    plot = cv2.imread(str(output / "diagnostics.png"))
+    assert min(plot.shape[:2]) > 300
+    header, *rows = (output / "diagnostics.csv").read_text().splitlines()
+    assert header == "frame,ess,log_evidence,uniqueness_1,uniqueness_2,confidence_1,confidence_2"
+    numbers = np.array([row.split(",") for row in rows], float)
+    np.testing.assert_array_equal(numbers[:, 0], np.arange(1, LENGTH))
+    assert np.all((numbers[:, 1] >= 1) & (numbers[:, 1] <= 60))
+    assert np.all((numbers[:, 3:] > 0) & (numbers[:, 3:] <= 1))
+
+
+def test_truth_adds_a_table_over_the_frames_that_have_truth(whole_run):
+    outcome, output = whole_run
+    assert "Against the truth" in outcome.out
+    assert "object 2" in outcome.out
+    header, *rows = (output / "metrics.csv").read_text().splitlines()
+    assert header.startswith("id,frames,success_half,success_area,overlap,tracked,precision")
+    boxes = tracks.dense(tracks.read_boxes(output / "tracks.csv"), [1, 2], LENGTH)[1:]
+    truth = np.array([true_boxes(number) for number in range(1, LENGTH)])
+    overlaps = np.asarray(measures.overlap(boxes, truth))
+    for row, known in zip(rows, (overlaps[:, 0], overlaps[:-1, 1]), strict=True):
+        values = dict(zip(header.split(","), map(float, row.split(",")), strict=True))
+        assert (values["frames"], values["tracked"]) == (len(known), 1)
+        assert values["success_half"] == pytest.approx(np.mean(known > 0.5), rel=1e-5)
+        thresholds = np.arange(21)[:, None] / 20
+        assert values["success_area"] == pytest.approx(np.mean(known > thresholds), rel=1e-5)
+    table = outcome.out[outcome.out.index("Against the truth") :]
+    assert table.index("success at .5") < table.index("success area") < table.index("tracked")
+
+
+def test_progress_tells_frames_per_second_and_the_time_left(whole_run):
+    progress = whole_run[0].err
+    assert "9/9" in progress
+    assert "frames/s" in progress
+    assert "left" in progress
+
+
+def test_run_toml_repeats_the_run_bit_for_bit(whole_run, tmp_path, monkeypatch):
+    _, output = whole_run
+    monkeypatch.chdir(tmp_path)  # the file does not depend on where one stands
+    outcome = jaxpf("track", "--config", output / "run.toml", "-o", "again")
+    assert outcome.code == 0, outcome.err
+    again = tmp_path / "again"
+    for name in ("tracks.csv", "diagnostics.csv", "metrics.csv", "run.toml"):
+        assert (again / name).read_bytes() == (output / name).read_bytes()
+
+
+def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
+    options = tomllib.loads((whole_run[1] / "run.toml").read_text())["track"]
+    from jaxpf.cli.tracking.command import command
+    from jaxpf.contract.options import options_of
+    from jaxpf.filters import filter_of, filters
+    from jaxpf.populations import Rules
+
+    params = command.get_command(None, "boxes").params
+    every = options_of(*(one.options for one in filters().values()))
+    others = every.keys() - options_of(filter_of("dps").options)
+    unset = (
+        others
+        | options_of(Rules).keys()
+        | {
+            "frames",
+            "order",
+            "ess_threshold",
+            "tracker",
+            "runs",
+            "error_bars",
+            "smooth_lag",
+            "resume",
+        }
+    ) | {"boxes", "ids", "births"}
+    # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
+    unset |= {"sharpness", "bands", "likelihood", "scale", "swap"}
+    elsewhere = {
+        "output",
+        "overwrite",
+        "config",
+        "filter",
+        "preview",
+        "fit_motion",
+        "help_all",
+        "save_state",
+    }
+    names = {param.name for param in params} | {"target"}
+    assert set(options) == names - unset - elsewhere
+
+
+@pytest.mark.slow
+def test_fitted_motion_is_kept_and_run_toml_repeats_it(track, tmp_path):
+    outcome = track(*BOXES, "--fit-motion", 5, "--no-overlay")
+    assert outcome.code == 0, outcome.err
+    kept = tomllib.loads((tmp_path / "out" / "run.toml").read_text())["track"]
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    told = summary["remarks"][-1]
+    assert told in outcome.err.replace("\n", " ")
+    assert "fitted to 5 frames" in told
+    assert f"--momentum {kept['momentum']:g}" in told
+    assert summary["parameters"]["momentum"] == kept["momentum"]
+    # Those of half, the usual and double noise.
+    assert kept["relative_scale"][0] in (0.0225, 0.045, 0.09)
+    again = jaxpf("track", "--config", tmp_path / "out" / "run.toml", "-o", tmp_path / "again")
+    assert again.code == 0, again.err
+    tracks = [(tmp_path / name / "tracks.csv").read_bytes() for name in ("out", "again")]
+    assert tracks[0] == tracks[1]
+
+
+@pytest.mark.slow
+def test_a_chosen_order_is_kept_and_run_toml_repeats_it(track, tmp_path):
+    outcome = track(*BOXES, "--method", "ps", "--order", "auto", "--no-overlay")
+    assert outcome.code == 0, outcome.err
+    kept = tomllib.loads((tmp_path / "out" / "run.toml").read_text())["track"]
+    told = summary_of(tmp_path / "out")["remarks"][-1]
+    assert told in outcome.err.replace("\n", " ")
+    assert f"of 2 orders {''.join(map(str, kept['order']))} was chosen" in told
+    again = jaxpf("track", "--config", tmp_path / "out" / "run.toml", "-o", tmp_path / "again")
+    assert again.code == 0, again.err
+    tracks = [(tmp_path / name / "tracks.csv").read_bytes() for name in ("out", "again")]
+    assert tracks[0] == tracks[1]
+
+
+def test_every_object_may_have_a_noise_of_its_own(track, tmp_path):
+    still = ("--relative-scale", ".045,.18,.02,0,0,0")
+    assert track(*BOXES, *still, "--no-overlay").code == 0
+    lines = np.loadtxt(tmp_path / "out" / "tracks.csv", delimiter=",")
+    boxes = {number: lines[lines[:, 1] == number, 2:6] for number in (1, 2)}
+    assert np.ptp(boxes[1][1:], axis=0).min() > 0
+    assert np.ptp(boxes[2], axis=0).max() == 0
+
+
+def test_another_seed_gives_other_tracks(whole_run, track, tmp_path):
+    assert track(*BOXES, "--seed", 1, "--no-overlay").code == 0
+    assert (tmp_path / "out" / "tracks.csv").read_bytes() != (
+        whole_run[1] / "tracks.csv"
+    ).read_bytes()
+    assert not (tmp_path / "out" / "overlay.mp4").exists()
+
+
+def test_a_folder_of_images_gives_the_same_tracks_as_the_lossless_video(
+    whole_run, track, place, tmp_path
+):
+    assert track(*BOXES, "--no-overlay", video=place / "images").code == 0
+    assert (tmp_path / "out" / "tracks.csv").read_bytes() == (
+        whole_run[1] / "tracks.csv"
+    ).read_bytes()
+
+
+def test_boxes_of_a_gt_file_and_of_a_mot_file_start_the_same_run(whole_run, track, place, tmp_path):
+    expected = (whole_run[1] / "tracks.csv").read_bytes()
+    for boxes in (place / "gt.csv", whole_run[1] / "tracks.csv"):
+        outcome = track("--boxes", boxes, "--ids", "1,2", "--no-overlay", "--overwrite")
+        assert outcome.code == 0, outcome.err
+        assert (tmp_path / "out" / "tracks.csv").read_bytes() == expected
+
+
+def test_ids_choose_the_objects_and_their_order(track, place, tmp_path):
+    truth = write_truth(tmp_path / "named.csv", ids=(7, 3))
+    outcome = track("--boxes", truth, "--ids", "3,7", "--frames", 1, "--no-overlay")
+    assert outcome.code == 0, outcome.err
+    rows = rows_of(tmp_path / "out")
+    np.testing.assert_array_equal(rows[:, 1], [3, 7, 3, 7])
+    np.testing.assert_array_equal(rows[0, 2:6], true_boxes(0)[1] + FROM_1)
+
+
+def test_start_and_frames_bound_what_is_tracked(track, place, tmp_path):
+    outcome = track("--boxes", place / "gt.csv", "--start", 3, "--frames", 2)
+    assert outcome.code == 0, outcome.err
+    rows = rows_of(tmp_path / "out")
+    np.testing.assert_array_equal(rows[::2, 0], [4, 5, 6])  # frames 3, 4, 5 counted from 0
+    np.testing.assert_array_equal(rows[:2, 2:6], true_boxes(3) + FROM_1)
+    assert len(list(open_frames(tmp_path / "out" / "overlay.mp4"))) == 3
+
+
+@pytest.mark.parametrize("method", ["sir", "ps", "sps"])
+def test_every_method_tracks(track, tmp_path, method):
+    order = ("--order", "2,1") if method == "ps" else ()
+    outcome = track(*BOXES, "--method", method, *order, "--frames", 2, "--no-overlay")
+    assert outcome.code == 0, outcome.err
+    assert (rows_of(tmp_path / "out")[:, 6] > 0.5).all()
+
+
+def test_names_with_spaces_and_any_letters_work(track, place, tmp_path):
+    clip = tmp_path / "mein Vidéo 日本.avi"
+    clip.write_bytes((place / "clip.avi").read_bytes())
+    assert track(*BOXES, "--frames", 1, "-o", tmp_path / "a b" / "ü", video=clip).code == 0
+
+
+def test_the_folder_is_named_after_the_video_by_default(place, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    outcome = jaxpf("track", place / "clip.avi", *BOXES, *PARTICLES, "--frames", 1)
+    assert outcome.code == 0
+    assert (tmp_path / "jaxpf-clip" / "tracks.csv").exists()
+
+
+@pytest.mark.parametrize("kind", ["grey", "alpha"])
+def test_grey_and_alpha_frames_are_tracked(track, tmp_path, kind):
+    frames = [picture(number) for number in range(2)]
+    if kind == "grey":
+        frames = [np.repeat(frame[..., :1], 3, axis=-1) for frame in frames]
+    else:
+        frames = [np.dstack([frame, np.full((HEIGHT, WIDTH), 77, np.uint8)]) for frame in frames]
+    outcome = track(*BOXES, "--no-overlay", video=write_images(tmp_path / kind, frames))
+    assert outcome.code == 0, outcome.err
+
+
+def test_overwrite_leaves_no_file_of_the_earlier_run_and_every_other_file(track, place, tmp_path):
+    assert track(*BOXES, "--frames", 1).code == 0
+    for name in ("notes.txt", "metrics.csv"):
+        (tmp_path / "out" / name).write_text("of before")
+    assert track(*BOXES, "--frames", 1, "--no-overlay", "--overwrite").code == 0
+    left = {path.name for path in (tmp_path / "out").iterdir()}
+    assert "notes.txt" in left
+    assert not left & {"overlay.mp4", "metrics.csv"}
+
+
+def test_a_run_in_two_pieces_gives_the_tracks_of_one(whole_run, track, tmp_path):
+    kept = tmp_path / "kept.npz"
+    first = track(*BOXES, "--frames", 4, "--save-state", kept, "--no-overlay")
+    assert first.code == 0, first.err
+    lines = (tmp_path / "out" / "tracks.csv").read_text()
+    more = track(*BOXES, "--resume", kept, "--overwrite")
+    assert more.code == 0, more.err
+    lines += (tmp_path / "out" / "tracks.csv").read_text()
+    assert lines == (whole_run[1] / "tracks.csv").read_text()
+    assert summary_of(tmp_path / "out")["frames_tracked"] == LENGTH - 5
+    ended = track(*BOXES, "--resume", kept, "--frames", 4, "--overwrite")
+    assert ended.code == 2
+    assert "has tracked 4 frames already" in ended.err
+    other = track(*BOXES, "--resume", kept, "-n", 61, "--overwrite")
+    assert "as many particles" in other.err

@@ -1,0 +1,70 @@
+"""Annotated contours: CSV and masks are read; what cannot be used is refused."""
+
+import cv2
+import numpy as np
+import pytest
+
+from jaxpf import InputError
+from jaxpf.contours.annotated_files import read_annotated
+
+
+def write_lines(folder, rows, name="centrelines.csv"):
+    folder.mkdir(exist_ok=True)
+    (folder / name).write_text("\n".join(["frame,id,k,x,y", *rows]) + "\n")
+    return folder
+
+
+def test_points_are_read_by_frame_and_target_in_their_order(tmp_path):
+    rows = ["1,b,1,5,6", "1,b,0,3,4", "", "0,a,0,1,2", "0,a,1,2,2.5", "7,a,0,9,9"]
+    found = read_annotated(write_lines(tmp_path, rows), last=6)
+    assert found.kind == "centrelines"
+    assert list(found.lines) == [(0, "a"), (1, "b")]
+    np.testing.assert_array_equal(found.lines[1, "b"], [(3, 4), (5, 6)])
+
+
+def test_masks_are_read_in_the_order_of_their_names(tmp_path):
+    folder = tmp_path / "masks"
+    folder.mkdir()
+    for number, level in ((10, 2), (2, 1), (3, 0)):
+        cv2.imwrite(str(folder / f"{number}.png"), np.full((4, 5), level, np.uint8))
+    found = read_annotated(tmp_path)
+    assert (found.kind, list(found.lines)) == ("masks", [(0, "1"), (2, "1")])
+    assert found.lines[0, "1"].shape == (4, 5)
+    assert list(read_annotated(tmp_path, value=2).lines) == [(2, "1")]
+
+
+@pytest.mark.parametrize(
+    ("rows", "options", "message"),
+    [
+        (["0,a,0,1"], {}, "line 2: '0,a,0,1' is not"),
+        (["0,a,0,1,x"], {}, "line 2"),
+        (["0,a,0,1,inf"], {}, "line 2"),
+        (["0.5,a,0,1,2"], {}, "line 2"),
+        (["0,a,0,1,2"], {"first": 3}, "no centrelines in the frames from 3 on"),
+        (["0,a,0,1,2"], {"first": 3, "last": 1}, "there are no frames from 3 to 1"),
+        (["0,a,0,1,2"], {"value": 1}, "object 1 is of masks"),
+        (["0,a,0,1,2"], {"kind": "outlines"}, "there is no .*outlines.csv"),
+        (["0,a,0,1,2"], {"kind": "masks"}, "holds no masks"),
+    ],
+)
+def test_what_cannot_be_used_is_refused(tmp_path, rows, options, message):
+    with pytest.raises(InputError, match=message):
+        read_annotated(write_lines(tmp_path / "clip", rows), **options)
+
+
+def test_another_header_and_a_missing_folder_are_refused(tmp_path):
+    (tmp_path / "outlines.csv").write_text("frame,id,x,y\n")
+    with pytest.raises(InputError, match="begins with 'frame,id,x,y'"):
+        read_annotated(tmp_path)
+    with pytest.raises(InputError, match="there is no folder"):
+        read_annotated(tmp_path / "none")
+
+
+def test_photographs_are_no_masks(tmp_path):
+    photograph = np.random.default_rng(0).integers(0, 255, (30, 40, 3), np.uint8)
+    cv2.imwrite(str(tmp_path / "a.png"), photograph)
+    with pytest.raises(InputError, match=r"a\.png' holds 1200 colours.*a mask has few"):
+        read_annotated(tmp_path)
+    cv2.imwrite(str(tmp_path / "a.png"), photograph[..., 0])
+    with pytest.raises(InputError, match="grey levels, as a photograph does"):
+        read_annotated(tmp_path)

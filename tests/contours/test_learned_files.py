@@ -1,0 +1,73 @@
+"""Files of learned shape spaces: what is written is read; what is none is refused."""
+
+import json
+
+import jax
+import numpy as np
+import pytest
+
+from jaxpf import InputError
+from jaxpf.contours import Learned
+from jaxpf.contours.learned_files import read_learned, write_learned
+from jaxpf.dynamics import fit
+from jaxpf.shapes import key_frame_space
+
+
+@pytest.fixture(scope="module")
+def learned():
+    rng = np.random.default_rng(0)
+    space = key_frame_space(rng.normal(0, 9, (9, 6, 2)), 4, closed=False)
+    tracks = rng.normal(0, 1, (40, 2, space.dimension)).cumsum(axis=0)
+    return Learned(space, fit(tracks, 2, coefficients="own", pooled=True))
+
+
+def test_what_is_written_is_read(tmp_path, learned):
+    write_learned(tmp_path / "learned.json", learned)
+    found = read_learned(tmp_path / "learned.json")
+    assert (found.space.num_points, found.space.closed, found.space.degree) == (6, False, 3)
+    for one, other in (
+        (found.space, learned.space),
+        (found.dynamics_of(3), learned.dynamics_of(3)),
+    ):
+        for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-6)
+    assert np.shape(found.dynamics_of(3).noise)[0] == 3
+
+
+def test_dynamics_may_be_missing(tmp_path, learned):
+    write_learned(tmp_path / "learned.json", learned._replace(dynamics=None))
+    found = read_learned(tmp_path / "learned.json")
+    assert found.dynamics is None
+    assert found.dynamics_of(2) is None
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda content: content.pop("space"), "it has no 'space'"),
+        (lambda content: content["space"].pop("modes"), "it has no 'modes'"),
+        (lambda content: content["space"].update(degree=9), "too few for degree 9"),
+        (lambda content: content["dynamics"].update(noise=[1, 2]), "noise must be finite numbers"),
+        (lambda content: content["dynamics"].update(offset=[float("nan")] * 4), "offset must be"),
+    ],
+)
+def test_what_is_none_is_refused(tmp_path, learned, damage, message):
+    path = tmp_path / "learned.json"
+    write_learned(path, learned)
+    content = json.loads(path.read_text())
+    damage(content)
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=message) as refusal:
+        read_learned(path)
+    assert str(path) in str(refusal.value)
+
+
+def test_files_that_are_none_are_refused(tmp_path):
+    with pytest.raises(InputError, match="there is no file of a learned"):
+        read_learned(tmp_path / "none.json")
+    (tmp_path / "text.json").write_text("{closed")
+    with pytest.raises(InputError, match="it is no JSON"):
+        read_learned(tmp_path / "text.json")
+    (tmp_path / "list.json").write_text("[1]")
+    with pytest.raises(InputError, match="is no file of a learned"):
+        read_learned(tmp_path / "list.json")

@@ -1,0 +1,165 @@
+"""A tracker from start contours: it follows its targets, keeps them apart, and writes tracks."""
+
+import csv
+from itertools import permutations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+import scenes
+from jaxpf import InputError
+from jaxpf.contours import Contours
+from jaxpf.contours.adapter import ADAPTER as CONTOUR_FILES
+from jaxpf.contours.adapter import _hidden
+from jaxpf.contours.files import ContourTrackWriter
+from jaxpf.contours.target import CONTOURS, Options
+from jaxpf.filters.partitioned.options import PARTITIONED
+from jaxpf.filters.partitioned.options import Options as FilterOptions
+from jaxpf.shapes import fit_spline
+from jaxpf.targets.target import Looks, Start
+
+
+@pytest.fixture(scope="module")
+def wires():
+    scene = scenes.make("wires", seed=1, num_frames=12, meeting_frames=2, meeting_distance=60)
+    points = [fit_spline(line, 8, closed=False) for line in scene.extras["outlines"][0]]
+    start = Contours(("left", "right"), np.array(points), closed=False, width=4.0)
+    return scene, start
+
+
+@pytest.fixture(scope="module")
+def tracked(wires):
+    scene, start = wires
+    tracker = jaxpf.contours.tracker(
+        scene.frames[0], start, sigma=3.0, independence=1.0, particles=150
+    )
+    _, summary = jaxpf.run(tracker, jax.random.key(0), jnp.asarray(scene.frames[1:]))
+    return tracker, np.asarray(summary.estimate)
+
+
+def test_both_wires_are_followed(wires, tracked):
+    found, truth = jaxpf.contours.shapes(*tracked)[-1], wires[0].extras["outlines"][-1]
+    gaps = np.linalg.norm(found[:, :, None] - truth[:, None], axis=-1).min(axis=-1).mean(axis=-1)
+    assert (gaps < 5).all()
+
+
+def test_tracks_hold_control_points_and_outlines(tmp_path, tracked):
+    tracker, estimates = tracked
+    broken = estimates[1].copy()
+    broken[1] = np.nan
+    space = tracker.likelihood.space
+    with ContourTrackWriter(tmp_path / "tracks.csv") as writer:
+        for frame, estimate in enumerate((estimates[0], broken)):
+            control = np.asarray(space.control_points(estimate))
+            writer.append(
+                frame, ("left", "right"), control, jaxpf.contours.shapes(tracker, estimate)
+            )
+    rows = list(csv.DictReader((tmp_path / "tracks.csv").open()))
+    assert len(rows) == 3 * (8 + 65)
+    control = [
+        row
+        for row in rows
+        if (row["frame"], row["kind"], row["contour"]) == ("0", "control", "right")
+    ]
+    expected = tracker.likelihood.space.control_points(estimates[0])[1]
+    np.testing.assert_allclose(
+        [(float(row["x"]), float(row["y"])) for row in control], expected, atol=1e-3
+    )
+
+
+def test_opaque_targets_are_branched_and_labelled(wires):
+    scene, start = wires
+    closed = Contours(start.names, start.points)
+    made = jaxpf.contours.tracker(scene.frames[0], closed, exclusion="opaque", clutter=0.5)
+    assert made.ordering.keeps_components
+    np.testing.assert_array_equal(made.initial_label, (0.5, 0.5))
+    np.testing.assert_allclose(made.initial, 0, atol=1e-3)
+    plain = jaxpf.contours.tracker(
+        scene.frames[0], closed, exclusion="opaque", clutter=0.5, method="sir"
+    )
+    assert not plain.ordering.keeps_components
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_each_order_in_depth_has_a_label_and_a_branch(count):
+    scene = scenes.make("leaves", seed=0, leaves=count, num_frames=2)
+    points = [fit_spline(line, 8, closed=True) for line in scene.extras["outlines"][0]]
+    start = Contours(tuple(range(count)), np.array(points))
+    made = jaxpf.contours.tracker(scene.frames[0], start, exclusion="opaque", clutter=0.5)
+    orders = list(permutations(range(count)))
+    np.testing.assert_allclose(made.initial_label, 1 / len(orders))
+    assert made.ordering.keeps_components
+    np.testing.assert_array_equal(made.ordering.order, orders)
+
+
+def test_what_particles_believe_to_be_hidden_is_drawn_so():
+    circle = np.stack(
+        [np.cos(np.linspace(0, 2 * np.pi, 65)), np.sin(np.linspace(0, 2 * np.pi, 65))]
+    )
+    lines = 20 * circle.T + np.array([(50, 50), (65, 50), (80, 50)])[:, None]
+    first, last = _hidden(np.stack([lines, lines]), [(0, 1, 2), (2, 1, 0)])
+    assert not first[0].any()
+    assert not last[2].any()
+    x = lines[..., 0]
+    np.testing.assert_array_equal(first[1], x[1] < 57.5)
+    np.testing.assert_array_equal(last[1], x[1] > 72.5)
+    # The third is hidden by both of the others: what lies in either.
+    in_first = np.linalg.norm(lines[2] - (50, 50), axis=-1) < 20
+    in_second = np.linalg.norm(lines[2] - (65, 50), axis=-1) < 20
+    np.testing.assert_array_equal(first[2], in_first | in_second)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"exclusion": "some"}, "exclusion = 'some'"),
+        ({"bend_noise": -1.0}, "bend_noise"),
+        ({"shape_space": "bent"}, "shape_space = 'bent'"),
+        ({"exclusion": "opaque"}, "open contours"),
+    ],
+)
+def test_what_cannot_be_tracked_is_refused(wires, options, message):
+    with pytest.raises(InputError, match=message):
+        jaxpf.contours.tracker(wires[0].frames[0], wires[1], **{"clutter": 0.5, **options})
+
+
+def test_contours_are_no_bare_points(wires):
+    with pytest.raises(InputError, match=r"contours is ndarray: give jaxpf.contours.Contours"):
+        jaxpf.contours.tracker(wires[0].frames[0], wires[1].points)
+
+
+def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, wires, tracked):
+    scene, _ = wires
+    start, truth = CONTOUR_FILES.scene_start(scene), CONTOUR_FILES.scene_shapes(scene)
+    assert start.contours.width == scene.parameters["wire_width"]
+    found = CONTOURS.shapes(start, tracked[1], tracked[0])
+    measured = CONTOURS.measures(start, found, truth[1:])
+    assert np.asarray(measured["overlap"])[-1].min() > 0.5
+    assert np.asarray(measured["corner_error"])[-1].max() < 5
+    # A stored evaluation knows of shapes, and of no splines.
+    stored = Start(start.ids, start.shapes, start.sizes, start.parents)
+    with CONTOUR_FILES.track_writer(tmp_path / "tracks.csv", stored) as writer:
+        writer.append(3, found[0], None)
+    rows = list(csv.DictReader((tmp_path / "tracks.csv").open()))
+    assert {(row["contour"], row["kind"]) for row in rows} == {("1", "outline"), ("2", "outline")}
+    _, doubled = CONTOUR_FILES.scaled(stored, found, (2.0, 1.0))
+    wide, plain = (np.asarray(CONTOURS.outlines(stored, shapes)) for shapes in (doubled, found))
+    np.testing.assert_allclose(wide, plain * (2, 1))
+
+
+def test_a_closed_contour_ends_where_it_begins():
+    scene = scenes.make("leaves", seed=0, num_frames=2)
+    shapes = CONTOUR_FILES.scene_shapes(scene)
+    np.testing.assert_array_equal(shapes[..., :2], shapes[..., -2:])
+    start = CONTOUR_FILES.scene_start(scene)
+    np.testing.assert_array_equal(start.shapes[:, :2], start.shapes[:, -2:])
+    assert np.asarray(CONTOURS.measures(start, start.shapes, shapes[0])["corner_error"]).max() < 1
+    options = Options(exclusion="opaque", clutter=1.0)
+    likelihood = CONTOURS.likelihood(options, start, Looks(None, None, (9, 9), 9))
+    model = CONTOURS.model(options, start, likelihood)
+    tracker = PARTITIONED.tracker(model, FilterOptions(method="ps", particles=9))
+    assert tracker.ordering.keeps_components
+    assert tracker.initial_label is not None

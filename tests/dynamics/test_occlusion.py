@@ -1,0 +1,174 @@
+"""The label of depth: kept while shapes overlap, flipped now and then while they do not."""
+
+from itertools import combinations, permutations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxpf import InputError, pytree_dataclass
+from jaxpf.dynamics import FLIP, RandomWalk, WithOcclusion
+from jaxpf.shapes import depth_orders, in_front
+
+RUNS = 40_000
+
+
+@pytree_dataclass
+class Discs:
+    """Discs of radius 1."""
+
+    def overlap(self, substates, one=0, other=1):
+        return jnp.abs(substates[one, 0] - substates[other, 0]) < 2
+
+
+DYNAMICS = WithOcclusion(RandomWalk(scale=0.5), Discs())
+
+
+def flips(distance, label):
+    """Share of the draws that end with the other label."""
+    substates = jnp.array([[0.0], [distance]])
+    keys = jax.random.split(jax.random.key(label), RUNS)
+    moved = jax.vmap(DYNAMICS.propagate_label, in_axes=(0, None, None))(keys, label, substates)
+    return float(jnp.mean(moved != label))
+
+
+def test_the_label_is_kept_while_shapes_overlap():
+    assert flips(1.0, 0) == flips(1.5, 1) == 0
+
+
+def test_the_label_flips_with_a_small_probability_while_they_are_apart():
+    error = np.sqrt(FLIP * (1 - FLIP) / RUNS)
+    for label in (0, 1):
+        assert abs(flips(3.0, label) - FLIP) < 4.5 * error
+
+
+def test_substates_move_as_without_occlusion():
+    arguments = jax.random.key(3), jnp.zeros(4, int), *[jnp.ones((2, 4))] * 3
+    np.testing.assert_array_equal(
+        DYNAMICS.propagate_all(*arguments), DYNAMICS.dynamics.propagate_all(*arguments)
+    )
+
+
+def test_the_density_of_a_move_and_of_a_flip():
+    arguments = jnp.zeros(4, int), *[jnp.ones((2, 4))] * 4
+    np.testing.assert_array_equal(
+        DYNAMICS.log_density_all(*arguments), DYNAMICS.dynamics.log_density_all(*arguments)
+    )
+    near, far = jnp.array([[0.0], [1.0]]), jnp.array([[0.0], [3.0]])
+    for substates, flip in ((near, 0.0), (far, FLIP)):
+        for label in (0, 1):
+            same = DYNAMICS.log_label(label, label, substates)
+            other = DYNAMICS.log_label(1 - label, label, substates)
+            np.testing.assert_allclose(jnp.exp(jnp.array([same, other])), [1 - flip, flip])
+
+
+def test_two_targets_flip_by_the_number_and_the_probability_they_are_given():
+    """With the keys of old: a tracker of two is what it was."""
+    keys = jax.random.split(jax.random.key(7), 2000)
+    drawn = jax.vmap(jax.random.uniform)(keys) < FLIP
+    for label in (0, 1):
+        moved = jax.vmap(DYNAMICS.propagate_label, in_axes=(0, None, None))(
+            keys, label, jnp.array([[0.0], [3.0]])
+        )
+        np.testing.assert_array_equal(moved, np.where(drawn, 1 - label, label))
+    assert 0 < drawn.sum() < 100
+
+
+#: Places of discs, of which those overlap that are less than 2 apart.
+SETTINGS = {
+    "all apart": (0.0, 3.0, 6.0),
+    "one pair": (0.0, 1.0, 6.0),
+    "a chain": (0.0, 1.5, 3.0),
+    "all over": (0.0, 0.5, 1.0),
+    "two pairs": (0.0, 1.0, 6.0, 7.0),
+    "a star": (3.0, 1.5, 4.5, 9.0),
+}
+
+
+def moves(places, flip):
+    """Probabilities ``[from, to]`` of the label's moves."""
+    dynamics = WithOcclusion(RandomWalk(scale=0.5), Discs(), flip)
+    labels = np.arange(len(depth_orders(len(places))))
+    every = jax.vmap(jax.vmap(dynamics.log_label, in_axes=(0, None, None)), in_axes=(None, 0, None))
+    return np.exp(np.asarray(every(labels, labels, jnp.array(places)[:, None]), float))
+
+
+def by_definition(places, flip):
+    """The same, told in words: neighbours in depth change places unless they overlap."""
+    orders = list(permutations(range(len(places))))
+    table = np.zeros((len(orders), len(orders)))
+    for here, order in enumerate(orders):
+        for place in range(len(places) - 1):
+            one, other = order[place : place + 2]
+            there = list(order)
+            if abs(places[one] - places[other]) >= 2:
+                there[place : place + 2] = other, one
+            table[here, orders.index(tuple(there))] += flip / (len(places) - 1)
+        table[here, here] += 1 - flip
+    return table
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_an_order_changes_between_neighbours_that_do_not_overlap(name):
+    places = SETTINGS[name]
+    np.testing.assert_allclose(moves(places, 0.3), by_definition(places, 0.3), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_all_orders_that_keep_overlapping_pairs_become_equally_likely(name):
+    places = SETTINGS[name]
+    table = moves(places, 0.3)
+    np.testing.assert_allclose(table, table.T, atol=1e-6)  # reversible
+    over = [pair for pair in combinations(range(len(places)), 2) if _are_over(places, *pair)]
+    orders = list(permutations(range(len(places))))
+    kept = [tuple(order.index(i) < order.index(j) for i, j in over) for order in orders]
+    admissible = np.array([[one == other for other in kept] for one in kept], float)
+    in_the_end = np.linalg.matrix_power(table / table.sum(axis=1, keepdims=True), 2000)
+    np.testing.assert_allclose(
+        in_the_end, admissible / admissible.sum(axis=1, keepdims=True), atol=1e-6
+    )
+
+
+def _are_over(places, one, other):
+    return abs(places[one] - places[other]) < 2
+
+
+@pytest.mark.parametrize("name", ["one pair", "a star"])
+def test_labels_are_drawn_with_the_probabilities_that_are_told(name):
+    places, flip = SETTINGS[name], 0.7
+    dynamics = WithOcclusion(RandomWalk(scale=0.5), Discs(), flip)
+    for label in (0, 3):
+        keys = jax.random.split(jax.random.key(label), RUNS)
+        drawn = jax.vmap(dynamics.propagate_label, in_axes=(0, None, None))(
+            keys, label, jnp.array(places)[:, None]
+        )
+        expected = moves(places, flip)[label]
+        shares = np.bincount(np.asarray(drawn), minlength=len(expected)) / RUNS
+        error = np.sqrt(expected * (1 - expected) / RUNS)
+        assert (np.abs(shares - expected) <= 4.5 * error + 1e-6).all()
+
+
+def test_a_flip_of_none_keeps_every_label():
+    dynamics = WithOcclusion(RandomWalk(scale=0.5), Discs(), 0.0)
+    keys, substates = jax.random.split(jax.random.key(0), 100), jnp.array([[0.0], [3.0], [6.0]])
+    drawn = jax.vmap(dynamics.propagate_label, in_axes=(0, None, None))(keys, 4, substates)
+    assert (np.asarray(drawn) == 4).all()
+
+
+def test_who_is_in_front_of_whom_is_read_from_labels():
+    np.testing.assert_allclose(in_front([0.7, 0.3]), [[0, 0.7], [0.3, 0]])
+    probabilities = np.random.default_rng(0).dirichlet(np.ones(6), 5)
+    found = in_front(probabilities)
+    assert found.shape == (5, 3, 3)
+    for i, j in permutations(range(3), 2):
+        expected = sum(
+            probabilities[:, label]
+            for label, order in enumerate(depth_orders(3))
+            if order.index(i) < order.index(j)
+        )
+        np.testing.assert_allclose(found[:, i, j], expected)
+    with pytest.raises(InputError, match=r"shape \(5,\); .* \[2, 6, 24\] for \[2, 3, 4\] targets"):
+        in_front(np.full(5, 0.2))
+    with pytest.raises(InputError, match=r"5 opaque target.*give 2 to 4 closed contours, or treat"):
+        depth_orders(5)

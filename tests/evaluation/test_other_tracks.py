@@ -1,0 +1,169 @@
+"""Other trackers' files: which track belongs to which object, and where its rows go."""
+
+import numpy as np
+import pytest
+
+from jaxpf import InputError
+from jaxpf.boxes import read_boxes, write_mot
+from jaxpf.evaluation.other_tracks import match_tracks, read_tracks
+from jaxpf.measures import pairwise_overlap
+
+IDS = [3, 5]
+START = 2
+
+
+@pytest.fixture
+def truth():
+    """Four frames of two objects, 50 pixels apart; the second is absent in the last frame."""
+    boxes = np.zeros((4, 2, 4))
+    boxes[..., 2:] = 20, 40
+    boxes[:, 0, :2] = np.arange(4)[:, None] * [3, 1] + 10
+    boxes[:, 1, :2] = np.arange(4)[:, None] * [-2, 1] + [80, 10]
+    boxes[3, 1] = np.nan
+    return boxes
+
+
+def write(path, boxes, ids, start=START):
+    frames = np.repeat(np.arange(len(boxes)) + start, len(ids))
+    write_mot(path, frames, np.tile(ids, len(boxes)), boxes.reshape(-1, 4))
+    return path
+
+
+def complaint_of(*arguments):
+    with pytest.raises(InputError) as caught:
+        read_tracks(*arguments)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def matched(path, truth, ids=IDS, start=START):
+    return match_tracks(read_boxes(path), truth, ids, start)
+
+
+def test_a_perfect_tracker_with_the_ids_of_the_truth_is_the_truth(tmp_path, truth):
+    path = write(tmp_path / "t.csv", truth, IDS)
+    np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), truth)
+
+
+def test_rows_belong_to_the_frames_of_the_scene(tmp_path, truth):
+    before_and_after = np.concatenate([truth[:1] + 1, truth, truth[:2] + 7])
+    path = write(tmp_path / "t.csv", before_and_after, IDS, START - 1)
+    np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), truth)
+
+
+def test_a_gt_csv_counts_from_0(tmp_path, truth):
+    path = tmp_path / "t.csv"
+    rows = [f"{t + START},5,{x},{y},{w},{h}" for t, (x, y, w, h) in enumerate(truth[:3, 1])]
+    path.write_text("\n".join(["frame,id,x,y,w,h", *rows]))
+    boxes = read_tracks(path, truth, IDS, START)
+    np.testing.assert_array_equal(boxes[:, 1], truth[:, 1])
+    assert np.isnan(boxes[:, 0]).all()
+
+
+def test_other_ids_are_assigned_by_overlap_in_the_start_frame(tmp_path, truth):
+    # Afterwards the two trackers change sides: the start frame alone decides.
+    boxes = truth + np.array([1, -2, 0, 0])
+    boxes[1:3] = boxes[1:3, ::-1]
+    path = write(tmp_path / "t.csv", boxes, [71, 2])
+    assert matched(path, truth) == [71, 2]
+    np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), boxes)
+    path = write(tmp_path / "t.csv", boxes[:, ::-1], [71, 2])
+    assert matched(path, truth) == [2, 71]
+    np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), boxes)
+
+
+def test_ids_that_agree_by_chance_are_not_trusted(tmp_path, truth):
+    path = write(tmp_path / "t.csv", truth[:, ::-1], IDS)
+    assert matched(path, truth) == [5, 3]
+    np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), truth)
+
+
+def test_an_inaccurate_tracker_keeps_its_ids(tmp_path, truth):
+    path = write(tmp_path / "t.csv", truth + np.array([15, 0, 0, 0]), IDS)
+    assert matched(path, truth) == IDS
+
+
+def test_an_object_without_a_box_at_the_start_keeps_its_id(tmp_path, truth):
+    boxes = truth.copy()
+    boxes[0, 0] = np.nan
+    path = write(tmp_path / "t.csv", boxes, IDS)
+    assert matched(path, truth) == IDS
+    np.testing.assert_array_equal(read_tracks(path, truth, IDS, START), boxes)
+
+
+def test_a_tracker_that_confirms_late_is_matched_where_it_begins(tmp_path, truth):
+    path = write(tmp_path / "t.csv", truth[2:], [8, 9], START + 2)
+    boxes = read_tracks(path, truth, IDS, START)
+    assert np.isnan(boxes[:2]).all()
+    np.testing.assert_array_equal(boxes[2:], truth[2:])
+
+
+def test_the_largest_overlap_goes_first_and_each_track_once(tmp_path, truth):
+    # Track 1 covers object 3 exactly, tracks 4 and 6 less; object 5 has too little of any.
+    x, y, w, h = truth[0, 0]
+    far = truth[0, 1] + np.array([14, 0, 0, 0])
+    boxes = np.array([[[x + 3, y, w, h], [x, y, w, h], [x, y + 5, w, h], far]])
+    path = write(tmp_path / "t.csv", boxes, [4, 1, 6, 7])
+    assert matched(path, truth) == [1, None]
+    assert np.isnan(read_tracks(path, truth, IDS, START)[:, 1]).all()
+
+
+def test_an_empty_box_is_an_absent_one(tmp_path, truth):
+    path = write(tmp_path / "t.csv", truth, IDS)
+    lines = path.read_text().splitlines()
+    lines[2] = "4,3,12,13,0,0,1,-1,-1,-1"
+    path.write_text("\n".join(lines))
+    boxes = read_tracks(path, truth, IDS, START)
+    assert np.isnan(boxes[1, 0]).all()
+    np.testing.assert_array_equal(np.delete(boxes, 1, axis=0), np.delete(truth, 1, axis=0))
+
+
+def test_a_file_of_another_scene_is_refused(tmp_path, truth):
+    path = write(tmp_path / "t.csv", truth + np.array([500, 0, 0, 0]), [8, 9])
+    message = complaint_of(path, truth, IDS, START)
+    assert "in frame 2 (counting from 0) overlaps an object of the scene by 0.5" in message
+    path = write(tmp_path / "t.csv", truth, IDS, 50)
+    message = complaint_of(path, truth, IDS, START)
+    assert "no box in the scene's frames 2 to 5" in message
+    assert "lie in 50 to 53" in message
+    path.write_text("1,1,5,5,0,0,1\n")
+    assert "are none" in complaint_of(path, truth, IDS, START)
+    assert "no file of boxes" in complaint_of(tmp_path / "nowhere.csv", truth, IDS, START)
+
+
+def test_overlaps_of_pairs_are_worked_out_by_hand():
+    one = [[0, 0, 4, 2], [0, 0, 0, 5], [np.nan, 0, 1, 1]]
+    other = [[2, 0, 4, 2], [0, 0, 4, 2], [4, 0, 4, 2], [1, 0, 2, 2]]
+    expected = np.zeros((3, 4))
+    expected[0] = 4 / 12, 1, 0, 0.5
+    np.testing.assert_array_equal(pairwise_overlap(one, other), expected)
+    assert pairwise_overlap(one, np.zeros((0, 4))).shape == (3, 0)
+
+
+def test_a_neighbour_that_overlaps_a_little_takes_no_object_over(tmp_path, truth):
+    truth[:, 1, :2] = truth[:, 0, :2] + np.array([12, 0])  # overlap 8 / 32
+    boxes = truth.copy()
+    boxes[0, 0] = np.nan
+    path = write(tmp_path / "t.csv", boxes, IDS)
+    assert matched(path, truth) == IDS
+
+
+def test_ids_are_not_trusted_when_another_begins_on_the_object(tmp_path, truth):
+    # Object 3's own id appears only later, where track 9 stood from the start.
+    boxes = np.full((4, 3, 4), np.nan)
+    boxes[:, 0], boxes[:, 1], boxes[2:, 2] = truth[:, 0], truth[:, 1], truth[2:, 0] + 300
+    path = write(tmp_path / "t.csv", boxes, [9, 5, 3])
+    assert matched(path, truth) == [9, 5]
+
+
+def test_swapped_ids_that_fit_badly_are_given_to_no_object(tmp_path, truth):
+    boxes = truth[:, ::-1] + np.array([9, 0, 0, 0])  # overlap 11 / 29 with the other object
+    path = write(tmp_path / "t.csv", boxes, IDS)
+    assert "overlaps an object of the scene by 0.5" in complaint_of(path, truth, IDS, START)
+
+
+def test_one_track_is_given_to_one_object(tmp_path, truth):
+    truth[:, 1] = truth[:, 0] + np.array([5, 0, 0, 0])
+    boxes = truth[:, :1] + np.array([2, 0, 0, 0])
+    path = write(tmp_path / "t.csv", boxes, [8])
+    assert matched(path, truth) == [8, None]

@@ -1,0 +1,142 @@
+"""Error bars from one run: the filter's answers stay, and what is not known is said."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf import InputError, ordering
+from jaxpf.dynamics import RandomWalk
+from jaxpf.filters import WithErrorBars
+from jaxpf.gradients import Transport
+from jaxpf.likelihoods import Gaussian
+
+FRAMES = np.random.default_rng(0).normal(size=(6, 3, 1)).astype(np.float32)
+KEY = jax.random.key(1)
+
+
+def tracker(order=None, **changes):
+    settings = {
+        "dynamics": RandomWalk(scale=1.0),
+        "likelihood": Gaussian(noise=jnp.ones((3, 1, 1))),
+        "ordering": ordering.ps([1, 0, 2]) if order is None else order,
+        "initial": jnp.zeros((3, 1)),
+        "num_particles": 64,
+    }
+    return jaxpf.Partitioned(**settings | changes)
+
+
+@pytest.mark.parametrize("order", [ordering.ps([1, 0, 2]), ordering.sps([-1, -1, -1])])
+def test_the_filter_answers_as_without(order):
+    its = tracker(order)
+    _, plain = jaxpf.run(its, KEY, FRAMES)
+    _, told = jaxpf.run(WithErrorBars(its), KEY, FRAMES)
+    for name in ("estimate", "log_evidence", "uniqueness", "spread"):
+        assert jnp.array_equal(getattr(told, name), getattr(plain, name))
+    assert told.estimate_variance.shape == told.estimate_error.shape == (6, 3, 1)
+
+
+def families_by_hand(order, **settings):
+    """Ancestors of the particles in the first frame, from what the filter drew frame by frame."""
+    its = WithErrorBars(tracker(order), **settings)
+    _, states = jaxpf.run(its, KEY, FRAMES, lambda state, summary: state)
+    return states, np.asarray(states.state.sources), np.asarray(states.families)
+
+
+def test_ancestors_of_the_start_are_handed_on():
+    _, sources, families = families_by_hand(ordering.ps([1, 0, 2]))
+    assert (sources == sources[:, :1]).all()  # particles are whole
+    ancestor = np.arange(64)
+    for source, family in zip(sources[:, 0], families, strict=True):
+        ancestor = ancestor[source]
+        np.testing.assert_array_equal(family[0, 0, 0], ancestor)
+
+
+def test_ancestors_of_a_lag_are_those_of_its_frame():
+    states, sources, families = families_by_hand(ordering.ps([1, 0, 2]), lag=2)
+    first_drawn = np.asarray(states.state.lineage)[:, 1]  # stage 0 is the turn of partition 1
+    two_back = first_drawn[3][sources[4, 0]][sources[5, 0]]
+    np.testing.assert_array_equal(families[5, 2, 0, 0], two_back)
+
+
+def test_exchanged_parts_have_ancestors_of_their_own():
+    _, sources, families = families_by_hand(ordering.sps([-1, -1, -1]))
+    assert families.shape == (6, 1, 1, 3, 64)
+    assert (sources[-1, 0] != sources[-1, 1]).any()
+    ancestor = np.arange(64)
+    for source in sources[:, 2]:
+        ancestor = ancestor[source]
+    np.testing.assert_array_equal(families[-1, 0, 0, 2], ancestor)
+
+
+def test_what_is_not_known_is_not_zero():
+    # Nobody is left but the children of one: 40 frames for 16 particles.
+    frames = np.tile(FRAMES, (7, 1, 1))
+    its = WithErrorBars(tracker(num_particles=16, resampling="multinomial"))
+    _, told = jaxpf.run(its, KEY, frames)
+    assert np.isnan(told.estimate_variance[-1]).all()
+    assert np.isnan(told.evidence_variance[-1])
+    assert told.unknown[-1].all()
+    assert (told.num_ancestors[-1] == 1).all()
+    # A lag keeps the estimate's error bars alive, and says nothing of the evidence.
+    _, lagged = jaxpf.run(
+        WithErrorBars(tracker(num_particles=64, resampling="multinomial"), lag=1), KEY, frames
+    )
+    assert np.isfinite(lagged.estimate_variance).mean() > 0.9
+    assert (lagged.estimate_variance[np.isfinite(lagged.estimate_variance)] > 0).all()
+    assert np.isnan(lagged.evidence_variance[2:]).all()
+
+
+def test_the_evidence_of_exchanged_parts_has_no_error_bar():
+    _, told = jaxpf.run(WithErrorBars(tracker(ordering.sps([-1, -1, -1]))), KEY, FRAMES)
+    assert np.isnan(told.evidence_variance).all()
+    assert np.isfinite(told.estimate_variance[0]).all()
+
+
+def test_the_evidence_has_an_error_bar_with_multinomial_draws_alone():
+    known = {
+        scheme: jaxpf.run(WithErrorBars(tracker(resampling=scheme)), KEY, FRAMES[:2])[1]
+        for scheme in ("multinomial", "systematic")
+    }
+    assert np.isfinite(known["multinomial"].evidence_variance).any()
+    assert np.isnan(known["systematic"].evidence_variance).all()
+    assert np.isfinite(known["systematic"].estimate_variance).all()
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2], [2, 1, 0]])
+def test_the_stage_of_the_sharpest_likelihood_makes_most_of_the_error(order):
+    noise = jnp.array([0.05, 3.0, 3.0])[:, None, None]
+    its = tracker(
+        ordering.ps(order),
+        likelihood=Gaussian(noise=noise),
+        num_particles=400,
+        resampling="multinomial",
+    )
+    _, told = jaxpf.run(WithErrorBars(its, lag=1, stages=True), KEY, FRAMES)
+    assert (np.asarray(told.evidence_terms)[:2].argmax(axis=-1) == order.index(0)).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: WithErrorBars(tracker(), lag=-1), "lag=-1"),
+        (lambda: WithErrorBars(tracker(), stages=True), "stages=True needs a lag"),
+        (
+            lambda: WithErrorBars(tracker(ordering.sps([-1, -1, -1])), lag=3, stages=True),
+            "exchanges no parts",
+        ),
+        (lambda: WithErrorBars(tracker(gradient=Transport())), "Transport blends"),
+        (
+            lambda: WithErrorBars(
+                jaxpf.PFFL(
+                    RandomWalk(1.0), Gaussian(noise=jnp.ones((3, 1, 1))), initial=jnp.zeros((3, 1))
+                )
+            ),
+            "PFFL has not",
+        ),
+    ],
+)
+def test_what_has_no_ancestors_is_refused(make, sentence):
+    with pytest.raises(InputError, match=sentence):
+        make()

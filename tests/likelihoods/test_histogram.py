@@ -1,0 +1,296 @@
+"""Colour-histogram likelihood: exact against brute force, and honest about its limits."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from histograms import (
+    HEIGHT,
+    WIDTH,
+    brute_log_prob,
+    full_references,
+    log_prob,
+    log_prob_all,
+    noise,
+    observe,
+    observe_all,
+    values,
+)
+
+from jaxpf import InputError
+from jaxpf.likelihoods import histogram, histogram_from_patches
+from jaxpf.likelihoods.histogram import estimated_costs
+
+#: Frames and boxes are of few sizes, so that the tests share programs: noise of 60 x 80 pixels
+#: seen in three boxes, one colour or two on 300 x 300 seen in one, all with two parts.
+RED = np.full((300, 300, 3), (255, 0, 0), np.uint8)
+
+
+@pytest.mark.parametrize("method", ["integral", "sampled"])
+def test_histogram_of_a_two_coloured_box_by_hand(method):
+    # Left red, right blue, all rows alike.
+    frame = RED.copy()
+    frame[:, 280:] = 0, 0, 255
+    likelihood = histogram(frame, [[272, 8, 16, 16]], sharpness=10.0, method=method)
+    at = np.array([[280.0, 284.0, 288.0, 296.0], [16.0] * 4, [1.0] * 4])
+    got = values(likelihood, observe(likelihood, frame), 0, at)
+    # Coefficient of (p, 1 - p) with (1/2, 1/2); at 296 a quarter is off the frame.
+    root = np.sqrt(0.5)
+    expected = np.array([1, root * (0.5 + np.sqrt(0.75)), root, root * np.sqrt(0.75)])
+    np.testing.assert_allclose(got, -10 * 2 * (1 - expected), atol=1e-5)
+
+
+@pytest.mark.parametrize("parts", [1, 2, 3])
+def test_integral_equals_brute_force(parts, boxes, substates):
+    frame = noise()
+    likelihood = histogram(frame, boxes, parts=parts, method="integral", sharpness=30.0)
+    # A strange frame, so that bins without a table occur.
+    frame = np.where(np.arange(WIDTH)[None, :, None] < 40, frame, noise(8) // 2)
+    partition = np.arange(substates.shape[1]) % len(boxes)
+    got = values(likelihood, observe(likelihood, frame), partition, substates)
+    references = full_references(likelihood)
+    expected = [
+        brute_log_prob(frame, references, boxes[:, 2:], p, s, 30.0, parts)
+        for p, s in zip(partition, substates.T, strict=True)
+    ]
+    np.testing.assert_allclose(got, expected, atol=2e-4)
+
+
+@pytest.mark.parametrize("interpolation", ["nearest", "bilinear"])
+def test_a_frame_of_a_stack_of_tables_counts_as_alone(interpolation, boxes, substates):
+    frames = np.stack([noise(seed) for seed in (0, 8, 9)])
+    likelihood = histogram(frames[0], boxes, method="integral", interpolation=interpolation)
+    partition = np.arange(substates.shape[1]) % len(boxes)
+    stack = observe_all(likelihood, frames)
+    for index, frame in enumerate(frames):
+        alone = values(likelihood, observe(likelihood, frame), partition, substates)
+        within = values(likelihood, stack.take_frame(index), partition, substates)
+        np.testing.assert_array_equal(alone, within)
+
+
+def test_wrapped_counts_are_exact():
+    # 90 000 pixels of one colour: every count beyond 2^16 has wrapped.
+    likelihood = histogram(RED, [[200, 200, 100, 60]], method="integral")
+    assert likelihood.table_dtype == "uint16"
+    observation = observe(likelihood, RED)
+    assert observation.cells.dtype == jnp.uint16
+    assert np.asarray(observation.cells)[-1, -1].max() == 90_000 - 2**16
+    at = np.array([[250.0, 150, 150, 150], [260.0, 150, 150, 150], [1.0, 1, 2.75, 5]])
+    got = values(likelihood, observation, 0, at)
+    # The last box is 500 x 300, of which 300 x 300 are in the frame, 45 000 in each part.
+    np.testing.assert_allclose(got, [0, 0, 0, -20 * 2 * (1 - np.sqrt(0.6))], atol=1e-4)
+
+
+def test_a_part_with_65536_pixels_is_refused_under_uint16_and_not_under_uint32():
+    small = histogram(RED, [[0, 0, 50, 50]], parts=1, method="integral")
+    assert small.table_dtype == "uint16"
+    at = np.array([[128.0, 128.0], [128.0, 128.0], [255 / 50, 256.1 / 50]])
+    both = values(small, observe(small, RED), 0, at)
+    np.testing.assert_allclose(both, [0, -np.inf], atol=1e-4)
+    large = histogram(RED, [[0, 0, 300, 300]], parts=1, method="integral")
+    assert large.table_dtype == "uint32"
+    one = log_prob(large, observe(large, RED), 0, np.array([150.0, 150.0, 1.0]))
+    np.testing.assert_allclose(one, 0, atol=1e-4)
+
+
+def test_a_box_fully_outside_has_distance_parts(boxes):
+    likelihood = histogram(noise(), boxes, method="integral")
+    at = np.array([[-1000.0, 20, 1], [1e9, 20, 1], [20.0, -50, 1], [20.0, 3e30, 1]]).T
+    np.testing.assert_array_equal(values(likelihood, observe(likelihood, noise()), 0, at), -20 * 2)
+
+
+def test_references_are_normalised_over_pixels_in_the_frame():
+    frame = noise()
+    for box in ([-8, -4, 20, 20], [70, 45, 20, 20], [5, 5, 9.5, 13.7]):
+        total = full_references(histogram(frame, [box])).sum(-1)
+        np.testing.assert_allclose(total, 1, rtol=1e-6)
+
+
+def test_similarity_falls_smoothly_as_a_box_leaves_the_frame():
+    likelihood = histogram(RED, [[0, 20, 16, 16]], sharpness=1.0, method="integral")
+    u = np.arange(8.0, -9.0, -1.0)
+    at = np.stack([u, np.full_like(u, 28), np.ones_like(u)])
+    got = values(likelihood, observe(likelihood, RED), 0, at)
+    np.testing.assert_allclose(got, -2 * (1 - np.sqrt(np.arange(16, -1, -1) / 16)), atol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["integral", "sampled"])
+@pytest.mark.parametrize(
+    "parts", [pytest.param(1, marks=pytest.mark.slow), 2, pytest.param(3, marks=pytest.mark.slow)]
+)
+def test_one_particle_agrees_with_all(method, parts, boxes, substates):
+    likelihood = histogram(noise(), boxes, method=method, parts=parts)
+    observation = observe(likelihood, noise(9))
+    partition, at = np.arange(40, dtype=np.int32) % 3, substates[:, :40].astype(np.float32)
+    every = values(likelihood, observation, partition, at)
+    each = [log_prob(likelihood, observation, partition[n], at[:, n]) for n in range(40)]
+    mapped = jax.jit(jax.vmap(likelihood.log_prob, in_axes=(None, 0, 1)))(
+        observation, partition, at
+    )
+    np.testing.assert_allclose(every, each, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(every, mapped, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("method", ["integral", "sampled"])
+def test_runs_and_grids_of_parameters_map(method, boxes, substates):
+    frame = noise()
+    likelihood = histogram(frame, boxes, method=method)
+    partition = np.arange(substates.shape[1]) % len(boxes)
+    at = np.stack([np.roll(substates, run, axis=1) for run in range(10)]).astype(np.float32)
+    sharpness = np.linspace(20, 40, 10, dtype=np.float32)
+    shapes = []
+
+    def step(sharpness, substates, frame):
+        changed = dataclasses.replace(likelihood, sharpness=sharpness)
+        observation = observe(changed, frame)
+        shapes.append(jax.tree.leaves(observation)[0].shape)
+        return log_prob_all(changed, observation, partition, substates)
+
+    mapped = jax.jit(jax.vmap(step, in_axes=(0, 0, None))).trace(sharpness, at, frame)
+    rows, columns = shapes[0][:2]
+    assert f"[10,{rows},{columns}" not in str(mapped.jaxpr), "it was observed for every run"
+    got = mapped.lower().compile()(sharpness, at, frame)
+    alone = values(likelihood, observe(likelihood, frame), partition, at[4])
+    np.testing.assert_allclose(got[4], alone * sharpness[4] / 20, atol=1e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("method", ["integral", "sampled"])
+def test_non_finite_substates_give_nan_and_tiny_boxes_minus_infinity(method, boxes):
+    likelihood = histogram(noise(), boxes, method=method)
+    nan, inf = np.nan, np.inf
+    at = np.array(
+        [[nan, 20, 20, inf, 20, 20, 20, 20], [20, nan, 20, 20, -inf, 20, 20, 20],
+         [1, 1, nan, 1, 1, 0, -1, 0.05]]
+    )  # fmt: skip
+    got = values(likelihood, observe(likelihood, noise()), 0, at)
+    assert np.isnan(got[:5]).all()
+    assert np.isneginf(got[5:]).all()
+
+
+@pytest.mark.parametrize("method", ["integral", "sampled"])
+def test_gradients_are_finite_even_where_the_value_is_not(method, boxes):
+    likelihood = histogram(noise(), boxes, method=method)
+    observation = observe(likelihood, noise())
+    at = np.array([[20.0, -500, 20, 3], [20.0, 20, 20, 3], [1.0, 1, 0, 1]])
+    names = ("sharpness", "references", "sizes")
+
+    def total(parameters, at):
+        changed = dataclasses.replace(likelihood, **parameters)
+        log_prob = changed.log_prob_all(observation, np.array([0, 1, 2, 1]), at)
+        return jnp.sum(jnp.where(jnp.isfinite(log_prob), log_prob, 0))
+
+    @jax.jit
+    def gradients(parameters, at):
+        alone = jax.grad(lambda s: likelihood.log_prob(observation, 0, s))(at[:, 2])
+        return *jax.value_and_grad(total, (0, 1))(parameters, at), alone
+
+    parameters = {name: getattr(likelihood, name) for name in names}
+    value, (by_parameters, by_substate), alone = gradients(parameters, at)
+    assert np.isfinite(by_substate).all()
+    for name in names:
+        assert np.isfinite(by_parameters[name]).all(), name
+    expected = value / likelihood.sharpness
+    np.testing.assert_allclose(by_parameters["sharpness"], expected, rtol=1e-5)
+    assert np.isfinite(alone).all()
+
+
+@pytest.mark.parametrize("method", ["integral", "sampled"])
+def test_the_result_has_the_dtype_of_the_substates_under_x64(method, boxes, substates):
+    single = histogram(noise(), boxes, method=method)
+    at = substates.astype(np.float32)
+    expected = values(single, observe(single, noise()), 0, at)
+    assert expected.dtype == np.float32
+    with jax.enable_x64(True):
+        double = histogram(noise(), boxes, method=method)
+        observation = observe(double, noise())
+        for dtype in (np.float32, np.float64):
+            got = values(double, observation, 0, at.astype(dtype))
+            assert got.dtype == dtype
+            np.testing.assert_allclose(got, expected, atol=1e-4)
+
+
+def test_references_learned_from_patches(boxes):
+    frame = noise()
+    patches = [frame[int(y) : int(y + h), int(x) : int(x + w)] for x, y, w, h in boxes]
+    from_boxes = histogram(frame, boxes)
+    from_patches = histogram_from_patches(patches, boxes[:, 2:])
+    np.testing.assert_array_equal(from_boxes.references, from_patches.references)
+    np.testing.assert_array_equal(from_boxes.sizes, histogram_from_patches(patches).sizes)
+    swapped = histogram(frame, boxes, references={0: patches[1]})
+    np.testing.assert_allclose(
+        full_references(swapped)[0], full_references(from_boxes)[1], atol=1e-6
+    )
+
+
+def test_only_used_bins_have_a_table():
+    frame = np.full((HEIGHT, WIDTH, 3), (255, 0, 0), np.uint8)
+    likelihood = histogram(frame, [[10, 10, 20, 20]], method="integral")
+    assert likelihood.references.shape[-1] == 16
+    assert jax.eval_shape(likelihood.observe, noise()).cells.shape == (HEIGHT + 1, WIDTH + 1, 16)
+
+
+def test_what_is_chosen_does_not_depend_on_how_many_runs_there_are():
+    """The same objects give the same results in one run, in `monte_carlo` and on a command line."""
+    frame, box = noise(0, 288, 360), [[100, 100, 32, 42]]
+    for particles in (100, 300, 3000):
+        usual = histogram(frame, box, num_particles=particles)
+        asked = histogram(frame, box, num_particles=particles, num_runs=25)
+        assert usual.method == asked.method
+
+
+def test_the_cheaper_method_is_chosen_and_can_be_overridden():
+    frame = noise(0, 288, 360)
+    box = [[100, 100, 32, 42]]
+    assert histogram(frame, box, num_particles=300, num_runs=1).method == "sampled"
+    assert histogram(frame, box, num_particles=300, num_runs=500).method == "integral"
+    assert histogram(frame, box, num_runs=500, method="sampled").method == "sampled"
+    few = estimated_costs(num_pixels=100_000, num_bins=64, num_runs=1)
+    many = estimated_costs(num_pixels=100_000, num_bins=64, num_runs=1000)
+    assert few["sampled"] < few["integral"]
+    assert many["sampled"] > many["integral"]
+
+
+GOOD = [[10, 10, 16, 16]]
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: histogram(noise(), [[10, 10, 0, 16]]), r"boxes\[0\].*0\.0 pixels wide"),
+        (lambda: histogram(noise(), [*GOOD, [10, 10, 16, np.nan]]), r"boxes\[1\].*finite"),
+        (lambda: histogram(noise(), [[np.nan, 10, 16, 16]]), r"boxes\[0\].*finite"),
+        (lambda: histogram(noise(), [[500, 10, 16, 16]]), r"boxes\[0\].*no pixel inside"),
+        (lambda: histogram(noise(), [[10, -12, 16, 16]]), "part 0 of 2 has no pixel"),
+        (lambda: histogram(noise(), [10, 10, 16, 16]), r"boxes has shape \[4\]"),
+        (lambda: histogram(noise() / 255, GOOD), r"frame is float64 \[60, 80, 3\].*uint8"),
+        (lambda: histogram(noise()[..., 0], GOOD), r"frame is uint8 \[60, 80\]"),
+        (lambda: histogram(None, GOOD), "frame is NoneType"),
+        (lambda: histogram(noise(), GOOD, method="fast"), "'auto', 'integral', 'sampled'"),
+        (lambda: histogram(noise(), GOOD, sharpness=0.0), "sharpness is 0.0"),
+        (lambda: histogram(noise(), GOOD, sharpness=np.inf), "sharpness is inf"),
+        (lambda: histogram(noise(), GOOD, parts=0), "parts is 0"),
+        (lambda: histogram(noise(), GOOD, parts=20), "20 of height"),
+        (lambda: histogram(noise(), GOOD, samples=1), "samples is 1"),
+        (lambda: histogram(noise(), GOOD, samples=1000), "samples is 1000: use at most 500"),
+        (lambda: histogram(noise(), GOOD, num_runs=0), "num_runs is 0"),
+        (lambda: histogram(noise(), GOOD, num_particles=-3), "num_particles is -3"),
+        (lambda: histogram(noise(), GOOD, references={3: noise()}), "object 3"),
+        (lambda: histogram(noise(), GOOD, references={0: noise()[:1]}), "1 pixels high"),
+        (lambda: histogram_from_patches([]), "patches is empty"),
+        (lambda: histogram_from_patches([noise() * 1.0]), r"patches\[0\] is float64"),
+        (lambda: histogram_from_patches([noise()], [[4, 4, 4]]), "sizes has shape"),
+        (lambda: histogram_from_patches([noise()], [[4, 0]]), r"sizes\[0\]"),
+        (
+            lambda: histogram(noise(), GOOD, method="integral").log_prob(
+                jnp.zeros((61, 81, 16), jnp.uint16), 0, jnp.ones(4)
+            ),
+            "method='sampled'",
+        ),
+        (lambda: histogram(noise(), GOOD).observe(noise() / 2), "frame is float64"),
+    ],
+)
+def test_every_mistake_has_one_clear_sentence(call, words):
+    with pytest.raises(InputError, match=words):
+        call()

@@ -1,0 +1,114 @@
+"""What the paper leaves open, varied: other endings of a frame, and gaps between orders."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from smith2004_outcomes import outcome_of
+
+import jaxpf
+from jaxpf.dynamics import LinearGaussian
+from jaxpf.likelihoods import Gaussian
+from jaxpf.papers.smith2004 import claims, conditions, costs, tables
+from jaxpf.papers.smith2004.orders import best_over_worst
+from jaxpf.papers.smith2004.scenes import METHODS, all_orderings
+
+ONE = jnp.ones((3, 1, 1))
+FRAME = jnp.array([[0.5], [-1.0], [2.0]])
+#: Two components that end with other partitions.
+TRACKER = jaxpf.Partitioned(
+    dynamics=LinearGaussian(transition=ONE, noise=ONE),
+    likelihood=Gaussian(noise=ONE),
+    ordering=jaxpf.ordering.dps(orders=[[0, 1, 2], [2, 0, 1]]),
+    initial=jnp.zeros((3, 1)),
+    num_particles=200,
+)
+
+
+def ended(**how):
+    """The library's state after a frame, the other one's, and its summary."""
+    key = jax.random.key(3)
+    state = TRACKER.init(jax.random.key(0))
+    here, _ = jax.jit(TRACKER.step)(jax.random.split(key)[0], state, FRAME)
+    tracker = conditions.OtherEnding(TRACKER, **how)
+    return here, *jax.jit(tracker.step)(key, state, FRAME)
+
+
+def test_all_partitions_but_the_last_of_the_order_count_twice():
+    here, there, summary = ended(counts_twice=True)
+    values = np.asarray(here.substates)[..., 0]  # [N, P]
+    scores = -((values - np.asarray(FRAME)[:, 0]) ** 2) / 2
+    last = np.array([2, 1])[np.asarray(here.component)]
+    assert set(last) == {1, 2}
+    expected = np.asarray(here.log_weights) + scores.sum(axis=1)
+    expected -= scores[np.arange(200), last]
+    expected -= np.logaddexp.reduce(expected)
+    np.testing.assert_allclose(there.log_weights, expected, rtol=1e-4, atol=1e-4)
+    mean = np.exp(expected) @ values
+    np.testing.assert_allclose(summary.estimate[:, 0], mean, rtol=1e-4, atol=1e-4)
+
+
+def test_drawing_again_leaves_equal_weights_and_copies():
+    here, there, early = ended(draws_again=True)
+    np.testing.assert_allclose(np.exp(there.log_weights), 1 / 200, rtol=1e-5)
+    assert {tuple(x) for x in np.asarray(there.lineage).T} < {
+        tuple(x) for x in np.asarray(here.lineage).T
+    }
+    _, _, late = ended(draws_again=True, reads_late=True)
+    drawn = np.asarray(there.substates)[..., 0]
+    np.testing.assert_allclose(late.estimate[:, 0], drawn.mean(axis=0), rtol=1e-4)
+    apart = np.asarray(late.estimate - early.estimate)[:, 0]
+    assert np.all(apart != 0)
+    assert np.all(np.abs(apart) < 4.5 * drawn.std(axis=0) / np.sqrt(200))
+
+
+def test_gaps_are_free_of_the_luck_of_selection():
+    rng = np.random.default_rng(0)
+    alike = best_over_worst(rng.normal(size=(4000, 7, 1)))[:, 0]
+    assert alike.shape == (2000,)
+    assert abs(alike.mean()) < 3.3 * np.sqrt(2 / 2000)
+    apart = best_over_worst(np.arange(7) + rng.normal(size=(200, 7)))
+    assert abs(apart.mean() - 6) < 3.3 * np.sqrt(2 / 100)
+
+
+def test_orders_are_told_by_the_stage_of_object_1(monkeypatch):
+    names = [name for name in all_orderings() if name.startswith("PS ")]
+    rates = dict.fromkeys([*names, "Non-PS", "DPS", "SPS"], 0.0)
+    rates["PS 2,3,4,5,6,7,1"] = 1.0
+    monkeypatch.setattr(conditions, "measure", lambda *_, **__: outcome_of(rates))
+    (found,) = conditions.measure_conditions([0], [300], ["as here"])
+    np.testing.assert_allclose(found.by_stage.mean(axis=0), [0, 0, 0, 0, 0, 0, 100])
+    assert (found.best_over_worst == 100).all()
+
+
+def test_dps_is_read_off_where_it_takes_the_time_of_ps():
+    def condition(particles, ps, dps):
+        ps, dps = np.array(ps), np.array(dps)
+        return conditions.Condition(particles, "as here", ps, ps, dps - ps, ps)
+
+    found = [condition(300, [20.0, 30], [40.0, 50]), condition(50, [5.0, 6], [10.0, 20])]
+    taken = {
+        50: {"PS": np.full(3, 1.0), "DPS": np.full(3, 2.0)},
+        300: {"PS": np.full(3, 6.0), "DPS": np.full(3, 8.0)},
+    }
+    share = np.log(6 / 2) / np.log(8 / 2)
+    expected = np.array([10.0, 20]) * (1 - share) + np.array([40.0, 50]) * share - [20, 30]
+    np.testing.assert_allclose(costs.dps_over_ps(taken, found), expected)
+    (claim,) = claims.equal_time_claims(taken, found)
+    np.testing.assert_allclose(claim.parts[0].value, expected.mean())
+    assert "DPS takes 1.33 times as long" in claim.measured
+    # One N is no curve.
+    assert costs.dps_over_ps(taken, found[:1]) is None
+    assert claims.equal_time_claims(taken, found[:1]) == []
+
+
+def test_the_costs_of_all_methods_are_timed(monkeypatch):
+    monkeypatch.setattr(costs, "FRAMES", 1)
+    monkeypatch.setattr(costs, "RUNS", 2)
+    monkeypatch.setattr(costs, "REPEATS", 2)
+    found = costs.measure([20])
+    assert set(found["20"]) == set(METHODS)
+    assert all(seconds.shape == (2,) and (seconds > 0).all() for seconds in found["20"].values())
+    table = tables.cost_table({20: found["20"]})
+    assert [label for label, _ in table.rows] == [f"N = 20, {method}" for method in METHODS]
+    (ratio,) = [cells[1].measured.value for label, cells in table.rows if label.endswith(" PS")]
+    assert ratio == 1

@@ -1,0 +1,68 @@
+import csv
+import json
+
+import pytest
+
+from jaxpf import InputError, media
+from jaxpf.papers.judging import comparison_table
+from jaxpf.papers.judging.claims import Claim, Measured
+from jaxpf.papers.judging.comparison_table import Cell, Comparison, Table
+
+
+@pytest.fixture
+def comparison():
+    figure, axes = media.new_figure()
+    axes[0, 0].plot([0, 1])
+    nan = float("nan")
+    cells = [Cell(19, Measured(26.6, 20.2, 33.4)), Cell(None, Measured(nan, nan, nan)), "text"]
+    return Comparison(
+        paper="someone1999",
+        title="someone1999 repeated",
+        tables=[
+            Table("table_1", "Table 1 (%)", ["row", "a", "b", "c"], [("20", cells)], "A note.")
+        ],
+        claims=[Claim("a | b", "table 1", "1", "2", "supports")],
+        figures={"figure": figure},
+        notes=["What was done."],
+        settings={"runs": 5},
+    )
+
+
+def test_cells_show_published_and_measured_side_by_side():
+    assert Cell(19, Measured(26.6, 20.2, 33.4)).text() == "19 | 27 [20, 33]"
+    assert Cell(None, Measured(1.96, 1.5, 2.5), digits=1).text() == "– | 2.0 [1.5, 2.5]"
+    assert Cell(1.99, None, digits=2).text() == "1.99 | –"
+
+
+def test_everything_is_written(comparison, tmp_path):
+    names = comparison_table.write(comparison, tmp_path)
+    assert sorted(names) == sorted(path.name for path in tmp_path.iterdir())
+    assert {"table_1.csv", "claims.csv", "figure.png", "someone1999.json", "someone1999.md"} == set(
+        names
+    )
+    with open(tmp_path / "table_1.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert rows[0]["published"] == "19"
+    assert float(rows[0]["measured"]) == 26.6
+    assert rows[2]["text"] == "text"
+    content = json.loads((tmp_path / "someone1999.json").read_text())
+    first, second, third = content["tables"][0]["rows"][0]["cells"]
+    assert first == {"published": 19, "measured": {"value": 26.6, "low": 20.2, "high": 33.4}}
+    assert second["measured"]["value"] is None  # NaN is no JSON
+    assert third == "text"
+    assert content["claims"][0]["verdict"] == "supports"
+    assert content["settings"] == {"runs": 5}
+
+
+def test_the_markdown_keeps_its_columns_where_cells_hold_bars(comparison):
+    lines = comparison_table.markdown(comparison).splitlines()
+    (row,) = [line for line in lines if line.startswith("| 20 ")]
+    assert row.replace("\\|", "").count("|") == 5
+    assert "| a \\| b |" in "\n".join(lines)
+    assert "![figure](figure.png)" in lines
+    assert "A note." in lines
+
+
+def test_a_folder_that_cannot_be_written_is_told(comparison, tmp_path):
+    with pytest.raises(InputError, match="missing"):
+        comparison_table.write(comparison, tmp_path / "missing")

@@ -1,0 +1,326 @@
+"""gonzales2011 repeated: what is measured, and how it becomes tables, claims and figures."""
+
+import re
+from contextlib import suppress
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from jaxpf import InputError
+from jaxpf.papers import gonzales2011
+from jaxpf.papers.gonzales2011 import accuracy, claims, figures, published, scenes, tables, times
+from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, RUNS_PER_SCENE, Outcome
+from jaxpf.papers.judging.claims import CONTRADICTS, EQUAL, SUPPORTS
+from jaxpf.papers.judging.comparison_table import Comparison, write
+from jaxpf.papers.measuring.checkpoints import keeping
+
+FRAMES = 7
+CELL = scenes.Cell("smooth", 3, (12,))
+KINDS = [(dynamics, method) for dynamics in DYNAMICS for method in METHODS]
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return scenes.measure([CELL], seeds=(0, 1), num_frames=FRAMES)["smooth", 3, 12]
+
+
+@pytest.mark.slow
+def test_every_method_is_measured_on_every_sequence_and_run(measured):
+    assert set(measured.error) == set(measured.variance) == set(KINDS)
+    for values in (*measured.error.values(), *measured.variance.values()):
+        assert values.shape == (2, RUNS_PER_SCENE, FRAMES - 1)
+        assert np.isfinite(values).all()
+        assert (values > 0).all()
+    for error in measured.error.values():
+        # Twelve corners, each some pixels away: a tracker that lost the object is far above.
+        assert error.mean() < 12 * 8
+
+
+@pytest.mark.slow
+def test_methods_and_dynamics_really_differ_and_runs_do_too(measured):
+    errors = [values.ravel() for values in measured.error.values()]
+    for first in range(len(errors)):
+        for second in range(first):
+            assert not np.allclose(errors[first], errors[second])
+    runs = measured.error["absolute", "PS"].reshape(-1, FRAMES - 1)
+    assert len(np.unique(runs[:, -1])) == len(runs)
+
+
+@pytest.mark.slow
+def test_a_run_depends_on_its_sequence_and_seed_alone(measured):
+    swapped = scenes.measure([CELL], seeds=(1, 0), num_frames=FRAMES)["smooth", 3, 12]
+    for kind in KINDS:
+        np.testing.assert_array_equal(measured.error[kind][::-1], swapped.error[kind])
+
+
+def test_trackers_of_all_methods_have_one_shape():
+    import jax
+
+    from scenes import make
+
+    scene = make("articulated", 0, num_parts=5, num_frames=2)
+    found = scenes.trackers(scene, scenes.learn(scene), "erratic", 4)
+    assert set(found) == set(KINDS)
+    assert len({jax.tree.structure(tracker) for tracker in found.values()}) == 1
+    assert len({str(jax.tree.map(np.shape, tracker)) for tracker in found.values()}) == 1
+    alone = found["absolute", "PS"].dynamics.walks_alone
+    assert np.all(alone)
+    assert np.asarray(found["relative", "PS"].dynamics.walks_alone).tolist() == [True] + [False] * 4
+
+
+def test_what_was_tracked_before_a_stop_is_not_tracked_again(tmp_path, monkeypatch):
+    def tracked(cell, *_):
+        asked.append(cell[:2])
+        return {
+            "10": {
+                what: {kind: {m: np.full((2, 5, 3), 7.0) for m in METHODS} for kind in DYNAMICS}
+                for what in Outcome._fields
+            }
+        }
+
+    asked = []
+    monkeypatch.setattr(scenes, "_measured", tracked)
+    for _ in range(2):
+        with suppress(KeyboardInterrupt), keeping(tmp_path, {}):
+            found = scenes.measure([scenes.Cell("smooth", 3, (10,))], (0, 1), 4)["smooth", 3, 10]
+            raise KeyboardInterrupt
+    assert asked == [("smooth", 3)]
+    assert set(found.variance) == set(KINDS)
+    np.testing.assert_array_equal(found.error["relative", "PS"], np.full((2, 5, 3), 7.0))
+
+
+def fake_outcome(gains, variance_gains=None, num_scenes=4, spread=0.5):
+    """Outcomes in which a method has so many per cent less error than PS, give or take."""
+    rng = np.random.default_rng(0)
+
+    def values(gain):
+        noise = spread * rng.normal(size=(num_scenes, 1, 1))
+        return np.full((num_scenes, RUNS_PER_SCENE, 9), 1.0) * (100 - gain + noise)
+
+    by_gain = {"PS": 0.0} | gains
+    by_variance = {"PS": 0.0} | (variance_gains or gains)
+    return Outcome(
+        error={(d, m): values(by_gain.get(m, 0.0)) for d, m in KINDS},
+        variance={(d, m): values(by_variance.get(m, 0.0)) for d, m in KINDS},
+    )
+
+
+def everything(outcome):
+    cells = [("smooth", p, n) for p in (7, 9) for n in published.FIGURE_8_PARTICLES]
+    cells += [("strong_start", p, 20) for p in published.PARTS] + [("erratic", 5, 10)]
+    return dict.fromkeys(cells, outcome)
+
+
+def test_claims_follow_what_was_measured():
+    outcome = fake_outcome({"SPS sorted": 8.0, "SPS combinatorial": -8.0}, {"SPS sorted": 0.0})
+    found = claims.curve_claims(everything(outcome))
+    assert len(found) == 2 * 2 * 6 + 1
+    for claim in found[:-1]:
+        if "variance" in claim.statement:
+            assert claim.verdict == EQUAL  # to no gain, within the margin
+        elif "combinatorial" in claim.statement:
+            assert claim.verdict == CONTRADICTS
+        else:
+            assert claim.verdict == SUPPORTS
+    assert found[-1].verdict == SUPPORTS
+    assert "7 / 4" in found[-1].measured
+    assert "9 / 5" in found[-1].measured
+    first = found[0]
+    assert all(f"N = {n}: " in first.measured for n in published.FIGURE_8_PARTICLES)
+
+
+def test_one_bad_cell_contradicts_a_claim_about_every_cell():
+    outcomes = everything(fake_outcome({"SPS sorted": 8.0}))
+    outcomes["smooth", 7, 40] = fake_outcome({"SPS sorted": -8.0})
+    found = {claim.statement.split(" [")[0]: claim for claim in claims.curve_claims(outcomes)[:6]}
+    verdicts = {
+        name.split(" ")[2]: claim.verdict for name, claim in found.items() if "every N" in name
+    }
+    assert verdicts == {"7": CONTRADICTS, "9": SUPPORTS}
+
+
+def test_gains_are_per_cent_of_ps_sequence_by_sequence():
+    ours, base = np.array([15.0, 60.0]), np.array([20.0, 60.0])
+    found = tables.gain(ours, base)
+    np.testing.assert_allclose(found.value, 100 * (1 - np.sqrt(0.75)))
+    low, high = found.interval(0.9)
+    assert low < found.value < high
+
+
+def test_two_methods_that_lose_as_much_by_turns_are_equal():
+    ours = np.array([10.0, 40.0] * 10)
+    assert tables.gain(ours, ours[::-1]).value == pytest.approx(0)
+
+
+def fake_times():
+    rng = np.random.default_rng(1)
+    found = {}
+    for parts in published.PARTS:
+        for particles in published.TABLE_1_PARTICLES:
+            base = 1e-3 * parts * particles * (1 + 0.001 * rng.normal(size=5))
+            found[parts, particles] = {
+                "PS": base,
+                "SPS sorted": 1.3 * base * (1 + 1e-7 * rng.normal()),
+                "SPS combinatorial": 1.01 * base * (1 + 1e-7 * rng.normal()),
+            }
+    return found
+
+
+def test_times_stand_beside_the_published_ones():
+    seconds, nanoseconds, ratios = tables.time_tables(fake_times())
+    assert [len(table.rows) for table in (seconds, nanoseconds, ratios)] == [15, 15, 10]
+    label, cells = seconds.rows[-3]
+    assert label == "11 parts, PS"
+    assert cells[-1].published == 26.37
+    # 26.37 s over 11 parts, 200 particles and 300 frames: about 41 microseconds, the known figure.
+    assert 39_000 < nanoseconds.rows[-3][1][-1].published < 42_000
+    label, cells = ratios.rows[0]
+    assert label == "3 parts, SPS sorted / PS"
+    np.testing.assert_allclose(cells[0].published, 0.56 / 0.54)
+    np.testing.assert_allclose(cells[0].measured.value, 1.3, rtol=1e-6)
+    by_method = {claim.statement: claim for claim in claims.time_claims(fake_times())}
+    verdicts = [claim.verdict for claim in by_method.values()]
+    assert verdicts == [CONTRADICTS, SUPPORTS]
+    # Counted by hand in the paper's table: four cells are above 4 %.
+    assert all("in 31 of 35 cells" in claim.published for claim in by_method.values())
+
+
+def test_figure_8_is_judged_at_equal_time_too():
+    """SPS takes twice PS's time: with half as many particles it makes the errors of the half."""
+
+    def outcome(number):
+        rng = np.random.default_rng(number)
+        # PS and the sorted SPS make an error of 100 / N, the combinatorial one of a quarter.
+        size = {"SPS combinatorial": 25.0}
+        noise = 1 + 0.001 * rng.normal(size=(4, 1, 1))
+        values = {
+            (d, m): size.get(m, 100.0) / number * noise * np.ones((4, RUNS_PER_SCENE, 9))
+            for d, m in KINDS
+        }
+        return Outcome(error=values, variance=values)
+
+    outcomes = {("smooth", 7, n): outcome(n) for n in published.FIGURE_8_PARTICLES}
+    seconds = {
+        (7, n): {m: np.full(3, n * (1.0 if m == "PS" else 2.0)) for m in times.METHODS}
+        for n in published.TABLE_1_PARTICLES
+    }
+    found = claims.equal_time_claims(outcomes, seconds)
+    assert len(found) == 4
+    for claim in found:
+        # Of N = 10 nothing is known: SPS would have 5, whose time nobody measured.
+        assert [part.what for part in claim.parts] == ["N = 20, of SPS 10", "N = 40, of SPS 20"]
+        worse = "sorted" in claim.statement
+        expected = -100 if worse else 50
+        np.testing.assert_allclose([part.value for part in claim.parts], expected, rtol=0.01)
+        assert claim.verdict == (CONTRADICTS if worse else SUPPORTS)
+    # Between two numbers: 30 of PS take the time of 15 of SPS.
+    slower = seconds | {(7, 40): {m: np.full(3, 40 if m == "PS" else 60.0) for m in times.METHODS}}
+    _, forty = claims.equal_time_claims(outcomes, slower)[1].parts
+    share = np.log(40 / 40) / np.log(60 / 40)
+    assert forty.what == f"N = 40, of SPS {20 ** (1 - share) * 40**share:.0f}"
+    assert claims.equal_time_claims(outcomes, {}) == []
+
+
+def test_growth_is_compared_with_linear_growth():
+    rows = dict(tables.growth_table(fake_times()).rows)
+    assert len(rows) == len(published.PARTS) + len(published.TABLE_1_PARTICLES)
+    linear, ps, _, combinatorial = rows["7 parts, N from 100 to 200"]
+    assert linear == "2.00"
+    np.testing.assert_allclose(ps.published, 17.10 / 7.86)
+    # The times were made to grow linearly.
+    np.testing.assert_allclose([ps.measured.value, combinatorial.measured.value], 2, rtol=0.01)
+    linear, ps, *_ = rows["3 to 11 parts, N = 200"]
+    assert linear == "3.67"
+    np.testing.assert_allclose(ps.measured.value, 11 / 3, rtol=0.01)
+
+
+def test_methods_are_timed_in_turn_for_every_cell(monkeypatch):
+    """By a clock that goes on while a method works, by its place times the size of the cell."""
+    clock, worked = [0.0], []
+
+    def compiled(num_parts, num_particles, num_frames, num_runs):
+        def work(method, seconds):
+            worked.append(method)
+            clock[0] += seconds
+
+        return {
+            method: partial(work, method, float(k * num_parts * num_particles))
+            for k, method in enumerate(times.METHODS, 1)
+        }
+
+    monkeypatch.setattr(times, "_compiled", compiled)
+    monkeypatch.setattr(times, "time", SimpleNamespace(process_time=lambda: clock[0]))
+    found = times.measure_times((3, 5), (10, 20), num_frames=3, repeats=3, num_runs=5)
+    assert list(found) == [(3, 10), (3, 20), (5, 10), (5, 20)]
+    of_sizes = [
+        cell[method] / (k * parts * particles)
+        for (parts, particles), cell in found.items()
+        for k, method in enumerate(times.METHODS, 1)
+    ]
+    np.testing.assert_allclose(of_sizes, of_sizes[0][0])
+    # After a warm-up of each, to and fro.
+    names = list(times.METHODS)
+    assert worked[:12] == [*names, *names, *names[::-1], *names]
+
+
+def test_more_samples_come_closer_to_every_pixel():
+    few, many = (accuracy.likelihood_errors(n, num_parts=3, poses_per_part=30) for n in (8, 64))
+    assert few.shape == (3, 30)
+    assert np.std(many, axis=1).mean() < 0.5 * np.std(few, axis=1).mean()
+    # 64 x 64 samples of 28 x 16 pixels: only those at the edges may count otherwise.
+    assert np.abs(many).mean() < 0.4
+
+
+# A second transcription of the paper's table 1, line by line.
+TABLE_1 = """3 0.54 0.88 1.58 2.99 2.82 3.45 6.80 | 0.56 0.91 1.61 2.33 2.84 3.50 6.92
+5 0.71 1.26 2.33 3.34 4.43 5.43 11.62 | 0.74 1.32 2.42 3.43 4.51 5.60 12.05
+7 0.95 1.72 3.21 4.7 6.22 7.86 17.10 | 1.00 1.76 3.28 4.84 6.46 7.99 17.73
+9 1.21 2.18 4.12 6.16 8.12 10.35 22.06 | 1.25 2.23 4.25 6.32 8.40 10.59 22.77
+11 1.41 2.61 4.99 7.38 10.02 12.69 26.37 | 1.46 2.77 5.11 7.61 10.33 13.01 27.18"""
+
+
+def test_table_1_is_the_papers():
+    for line in TABLE_1.splitlines():
+        parts, ps, sps = re.match(r"(\d+) (.*) \| (.*)", line).groups()
+        assert list(published.TABLE_1[int(parts)]["PS"]) == [float(x) for x in ps.split()]
+        assert list(published.TABLE_1[int(parts)]["SPS"]) == [float(x) for x in sps.split()]
+    slip_parts, method, particles = published.SLIP
+    assert (
+        published.TABLE_1[slip_parts][method][published.TABLE_1_PARTICLES.index(particles)] == 2.99
+    )
+
+
+def test_everything_is_written(tmp_path):
+    outcomes = everything(fake_outcome({"SPS sorted": 8.0}))
+    comparison = Comparison(
+        paper="gonzales2011",
+        title="a test",
+        tables=[
+            *tables.error_tables(outcomes),
+            *tables.time_tables(fake_times()),
+            tables.growth_table(fake_times()),
+        ],
+        claims=claims.curve_claims(outcomes),
+        figures=figures.curves(outcomes),
+        notes=gonzales2011.NOTES,
+    )
+    written = write(comparison, tmp_path)
+    assert {"figure_8_7_parts.png", "figure_9.png", "figure_10.png", "figure_11.png"} <= set(
+        written
+    )
+    text = (tmp_path / "gonzales2011.md").read_text()
+    assert "erratic, 5 parts, N = 10" in text
+
+
+def test_runs_come_in_whole_sequences():
+    with pytest.raises(InputError, match="--runs 7 must be a multiple of 5"):
+        gonzales2011.PAPER.run(runs=7)
+
+
+def test_a_folder_without_the_flies_is_refused_before_the_work_begins(tmp_path):
+    told = []
+    with pytest.raises(InputError, match="holds no sleap_fly_pair; name one that does, or leave"):
+        gonzales2011.PAPER.run(quick=True, data=tmp_path, report=told.append)
+    assert not told

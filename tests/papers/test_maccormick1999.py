@@ -1,0 +1,339 @@
+"""maccormick1999: what is measured is what is said; small versions of every part."""
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxpf import InputError
+from jaxpf.cli.benchmarks import contours
+from jaxpf.papers.maccormick1999 import (
+    PAPER,
+    calibration,
+    claims,
+    contacts,
+    look_ahead,
+    one_line,
+    passing,
+    toy,
+    tracking,
+)
+from jaxpf.papers.maccormick1999 import scenes as cases
+from jaxpf.papers.maccormick1999.tables import look_ahead_table, rate_of_labels
+
+
+def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
+    together, apart = one_line.peaks()
+    assert together.max() < 0.1 * apart.min()
+    alone = one_line.likelihood(np.array([[-50.0, -32.0]]))
+    assert alone[0] > 5 * alone[1]
+    assert claims.line_claim().verdict == "supports"
+
+
+def test_the_bench_compares_like_with_like():
+    likelihood, frame, substates = contours.problem()
+    hypothesis = contours.opencv_hypothesis(likelihood, frame)
+    few = substates[:, :40]
+    partition = jnp.zeros(40, jnp.int32)
+    observation = jax.jit(likelihood.observe)(frame)
+    ours = np.asarray(jax.jit(likelihood.log_prob_all)(observation, partition, few))
+    usual = np.array([hypothesis(substate) for substate in few.T])
+    # Pixels on the border between two are rounded either way, now and then.
+    assert np.median(np.abs(ours - usual)) < 1.5
+    assert np.corrcoef(ours, usual)[0, 1] > 0.98
+
+
+@pytest.fixture(scope="module")
+def wires():
+    return cases.wires(0, num_frames=40)
+
+
+def test_a_case_starts_on_its_targets_and_learns_from_other_seeds(wires):
+    tracker = tracking.tracker_of(wires, "wires", 10)
+    start = np.asarray(tracker.likelihood.outline_points(wires.start))
+    still = wires._replace(truth=wires.truth[:1])
+    gaps = cases.distances(still, start[None])[0]
+    assert np.diagonal(gaps).max() < 4
+    other = cases.wires(1, num_frames=40)
+    np.testing.assert_array_equal(wires.dynamics.noise, other.dynamics.noise)
+    assert (wires.frames != other.frames).any()
+
+
+def test_each_likelihood_has_a_noise_of_its_own(wires):
+    learned = np.asarray(wires.dynamics.noise)
+    for exclusion, factor in (*cases.NOISE_OF_WIRES.items(), ("wires-literal", 1.0)):
+        noise = tracking.tracker_of(wires, exclusion, 10).dynamics.noise
+        np.testing.assert_allclose(noise, factor * learned, rtol=1e-6)
+
+
+def test_leaves_move_as_other_leaves_did_with_the_noise_that_was_chosen():
+    case, other = (cases.leaves(seed, num_frames=9) for seed in (0, 1))
+    for name in ("transition", "lag", "noise"):
+        found = (getattr(each.dynamics, name) for each in (case, other))
+        np.testing.assert_array_equal(*found)
+    tracked = tracking.tracker_of(case, "opaque", 10).dynamics.dynamics
+    factor = cases.NOISE_OF_LEAVES["opaque"]
+    np.testing.assert_allclose(tracked.noise, factor * case.dynamics.noise, rtol=1e-6)
+
+
+def test_the_search_takes_the_noise_that_keeps_most_and_of_those_the_best_labels(monkeypatch):
+    def track(case, noise, runs, seed):
+        kept = np.array([noise in (3.0, 4.0), True])
+        in_front = np.full((2, 4), 0.9 if noise == 4.0 else 0.1)
+        return tracking.Outcome(*[None] * 3, kept, ~kept, *[None] * 2, in_front)
+
+    def case(seed):
+        fields = cases.Case(*[None] * 8)
+        return fields._replace(hidden=np.full(4, 0.5), farther=1)
+
+    monkeypatch.setattr(calibration, "SEEDS", (0,))
+    monkeypatch.setattr(calibration, "track", track)
+    monkeypatch.setattr(calibration, "tracker_of", lambda case, kind, _: case.noise[kind])
+    monkeypatch.setattr(cases, "wires", case)
+    monkeypatch.setattr(cases, "leaves", case)
+    table = calibration.calibrate(lambda line: None)
+    assert len(table.rows) == 3 * len(calibration.FACTORS)
+    assert table.note == "Best: wires 3, none 3, opaque 4."
+    monkeypatch.setattr(contacts, "contact", lambda data, clip, seed: case(seed))
+    with_worms = calibration.calibrate(lambda line: None, Path("clips"))
+    assert with_worms.note == table.note[:-1] + ", worms, wires 3, worms, none 3."
+
+
+def test_who_ended_where_is_judged_by_the_truth(wires):
+    truth = wires.truth
+    swapped, on_first = truth[:, ::-1], truth[:, [0, 0]]
+    lost = truth + 60
+    point = truth[:, :, :1].repeat(truth.shape[2], axis=2)  # lies on its target, and is none of it
+    outlines = np.stack([truth, swapped, on_first, lost, point])
+    kept, coalesced, exchanged = tracking.judged(wires, outlines)
+    np.testing.assert_array_equal(kept, (True, False, False, False, False))
+    np.testing.assert_array_equal(coalesced, (False, False, True, False, False))
+    np.testing.assert_array_equal(exchanged, (False, True, False, False, False))
+
+
+def test_distances_count_both_ways(wires):
+    half = wires.truth[:, :, : wires.truth.shape[2] // 2]
+    there = cases.distances(wires, half[None])[0]
+    assert np.diagonal(there, axis1=1, axis2=2).min() > 6
+
+
+def test_claims_follow_from_the_rates(wires):
+    outlines = np.stack([wires.truth] * 20)
+    kept, none = np.ones(20, bool), np.zeros(20, bool)
+    good = tracking.Outcome(
+        outlines,
+        np.ones((20, 2)),
+        np.ones((20, 2, 2)),
+        kept,
+        none,
+        none,
+        np.zeros(20),
+        np.full((20, 2), np.nan),
+    )
+    bad = good._replace(kept=none, coalesced=kept)
+    outcomes = {passing.EXCLUSIVE: [good] * 10, passing.NAIVE: [bad] * 10}
+    meeting = passing.Passing([wires] * 10, outcomes, passing.likelihoods(300))
+    first, second, third = claims.meeting_claims(meeting)
+    assert second.verdict == third.verdict == "supports"
+    assert "100" in first.measured
+    reverse = {passing.EXCLUSIVE: [bad] * 10, passing.NAIVE: [good] * 10}
+    verdicts = {
+        claim.verdict for claim in claims.meeting_claims(meeting._replace(outcomes=reverse))
+    }
+    assert verdicts == {"contradicts"}
+
+
+@pytest.fixture(scope="module")
+def one_kept_one_lost():
+    """A sequence of leaves; of two runs the first keeps both, and is right about who is in front.
+
+    Its hidden contour has three times the spread while it is hidden, and half of it afterwards.
+    """
+    case = cases.leaves(0, num_frames=30)
+    runs, frames = 2, len(case.frames)
+    right = np.full((runs, frames), 0.9 if case.farther == 1 else 0.1)
+    right[1] = 1 - right[1]
+    covered = np.flatnonzero(case.hidden > 0)
+    spread = np.ones((runs, frames, 2))
+    spread[0, covered] = 3
+    spread[0, covered[-1] + 1 :] = 1.5
+    spread[1] = 50 + np.arange(frames)[:, None] ** 2
+    ends = np.array([True, False]), np.zeros(2, bool), np.zeros(2, bool)
+    outlines, ess = np.zeros((runs, frames, 2, 4, 2)), np.ones((runs, frames))
+    outcome = tracking.Outcome(outlines, ess, spread, *ends, np.zeros(2), right)
+    return passing.Passing([case], {"PS": [outcome]}, {"PS": passing.Method("opaque", "ps", 9)})
+
+
+def with_outcomes(found, methods):
+    """Every method with outcomes of its own on as many sequences as it has."""
+    cases_of = [found.cases[0]] * max(map(len, methods.values()))
+    return passing.Passing(cases_of, methods, dict.fromkeys(methods, found.methods["PS"]))
+
+
+def test_labels_are_scored_by_the_truth_and_lost_runs_do_not_widen(one_kept_one_lost):
+    found = one_kept_one_lost
+    np.testing.assert_array_equal(found.labels_right("PS"), [0.5])
+    np.testing.assert_allclose(found.widening("PS"), [3.0])
+    np.testing.assert_allclose(found.narrowing("PS"), [0.5])
+    (outcome,) = found.outcomes["PS"]
+    lost = found._replace(outcomes={"PS": [outcome._replace(kept=np.zeros(2, bool))]})
+    assert np.isnan(lost.widening("PS")).all()
+    assert np.isnan(lost.narrowing("PS")).all()
+
+
+def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost):
+    """Of runs that keep both with exclusion and end on one without; and the other way round."""
+    (outcome,) = one_kept_one_lost.outcomes["PS"]
+    good, bad = (
+        type(outcome)(*(None if value is None else value[[run]] for value in outcome))
+        for run in (0, 1)
+    )
+    bad = bad._replace(coalesced=np.ones(1, bool))
+    hidden = one_kept_one_lost.cases[0].hidden
+
+    def varied(outcome, k):
+        """Spreads differ between sequences, and on one of ten so does one frame's label."""
+        spread = np.where(hidden[:, None] > 0, 1 + 0.01 * k, 1) * outcome.spread
+        other = (k % 10 == 0) & (np.arange(len(hidden)) == hidden.argmax())
+        in_front = np.where(other, 1 - outcome.in_front, outcome.in_front)
+        return outcome._replace(spread=spread, in_front=in_front)
+
+    all_good, all_bad = ([varied(each, k) for k in range(40)] for each in (good, bad))
+    condensation = passing.OCCLUSION + passing.CONDENSATION
+
+    def verdicts(first, second):
+        methods = {passing.OCCLUSION: first, passing.INDEPENDENT: second, condensation: first[:20]}
+        walkers = claims.walker_claims(with_outcomes(one_kept_one_lost, methods))
+        methods = {
+            passing.PARTITIONED: first,
+            passing.AS_MANY: second[:20],
+            passing.FAILING: second[:20],
+            passing.ENOUGH: first[:20],
+        }
+        leaves = claims.leaf_claims(with_outcomes(one_kept_one_lost, methods))
+        return [claim.verdict for claim in walkers], [claim.verdict for claim in leaves]
+
+    supported, contradicted = (["supports"] * 7, ["supports"] * 4), ["contradicts"] * 4
+    walkers, leaves = verdicts(all_good, all_bad)
+    assert (walkers, [*leaves[:2], *leaves[3:]]) == supported
+    walkers, leaves = verdicts(all_bad, all_good)
+    assert [*walkers[:4], *leaves[:2], *leaves[3:]] == [*contradicted, *contradicted]
+    # Of targets that are lost nothing is said about spreads.
+    assert walkers[4:6] == ["cannot resolve"] * 2
+
+
+def test_labels_that_were_always_right_may_be_wrong_on_the_next_sequence(one_kept_one_lost):
+    (outcome,) = one_kept_one_lost.outcomes["PS"]
+    right = outcome._replace(in_front=outcome.in_front[:1])
+    found = with_outcomes(one_kept_one_lost, {"PS": [right] * 10})
+    value, low, high = rate_of_labels(found, "PS").measured()
+    assert (value, round(low), high) == (100, 72, 100)  # Wilson's interval of ten trials
+    claim = claims.labels_claim(found, "PS", "a source")
+    assert claim.verdict == "cannot resolve"
+    assert 2 < claim.growth < 10
+
+
+def test_dear_filters_track_the_first_sequences(monkeypatch):
+    seen = []
+
+    def outcome(case, method, runs, seed):
+        seen.append((method.num_particles, seed))
+        return dict.fromkeys(tracking.Outcome._fields, np.zeros(runs))
+
+    monkeypatch.setattr(passing, "_outcome", outcome)
+    blank = cases.Case("leaves", np.zeros((3, 2)), *[None] * 6)._replace(hidden=np.zeros(3))
+    methods = {"a": passing.Method("opaque", "ps", 1), "b": passing.Method("opaque", "sir", 2, 3)}
+    found = passing.measure([blank] * 4, range(4), methods, 1, lambda line: None)
+    assert seen == [(1, 0), (2, 0), (1, 1), (2, 1), (1, 2), (1, 3)]
+    assert [len(found.outcomes[name]) for name in methods] == [4, 2]
+    # Figures show the first; the others need not be kept in memory.
+    assert [len(case.frames) for case in found.cases] == [3, 0, 0, 0]
+
+
+def test_look_ahead_is_told_by_the_ratio_of_variances():
+    steps = np.random.default_rng(0).normal(size=(10, 5))
+    kept = np.ones((10, 5), bool)
+    plain = look_ahead.Weighting(300, 2.0, 3 * steps, kept)
+    ahead = look_ahead.Weighting(150, 2.2, steps + 7, kept)
+    table = look_ahead_table("wires", {look_ahead.PLAIN: plain, look_ahead.SAME_TIME: ahead})
+    particles, time, _, ratio, _ = table.rows[1][1]
+    assert (particles, time) == ("150", "1.10")
+    np.testing.assert_allclose(ratio.measured, 1 / 9)
+
+
+@pytest.mark.slow
+def test_look_ahead_is_measured_at_equal_time(wires):
+    found = look_ahead.measure([wires], 2, 60, 0)
+    plain, same, as_dear = found.values()
+    assert plain.log_evidence.shape == plain.kept.shape == (2, 5)
+    assert plain.particles == same.particles == 60
+    assert np.isfinite(same.log_evidence).all()
+    assert (same.log_evidence != plain.log_evidence).all()
+    # Look-ahead weighs both contours at both stages, so that it takes longer and gets fewer.
+    assert 2 <= as_dear.particles < 60
+
+
+def test_hidden_shares_follow_the_overlap():
+    case = cases.leaves(0, num_frames=9)
+    assert case.hidden.shape == (8,)
+    assert case.hidden[-1] == 0
+    assert case.hidden.max() > 0.3
+    assert case.farther in (0, 1)
+
+
+@pytest.mark.parametrize("method", [toy.CONVENTIONAL, toy.BRANCHED])
+def test_the_steps_of_the_toy_are_the_filters_own(method):
+    tracker, key = toy.tracker_of(method), jax.random.key(5)
+    init_key, step_key = jax.random.split(key)
+    frame = jnp.asarray(toy.TARGET).reshape(2, 1)
+    state, _ = jax.jit(tracker.step)(step_key, jax.jit(tracker.init)(init_key), frame)
+    _, moved, _, last = jax.jit(lambda: toy.frame(tracker, key))()
+    np.testing.assert_allclose(last[0], state.lagged[0, 0], rtol=1e-5)
+    np.testing.assert_allclose(last[1], state.log_weights, rtol=1e-4)
+    # Each particle has moved the target that its label says, and no other: as large a spread as
+    # that of prior and dynamics together, beside the prior's.
+    first = np.asarray(moved[2])
+    for target in set(first):
+        spread = np.asarray(moved[0])[:, first == target].std(axis=1)
+        assert spread[target] > 1.5 * spread[1 - target]
+    assert set(first) == ({0, 1} if method == toy.BRANCHED else {0})
+
+
+@pytest.mark.slow
+def test_the_toy_shows_that_partitioned_sets_are_finer():
+    assert claims.toy_claim(toy.steps(0)).verdict == "supports"
+
+
+def test_a_missing_clip_is_refused_before_the_work_begins(tmp_path):
+    with pytest.raises(InputError, match="holds no worm_crossing"):
+        PAPER.run(runs=5, data=tmp_path)
+    with pytest.raises(InputError, match="multiple of 5"):
+        PAPER.run(runs=7)
+
+
+def test_composed_contacts_show_two_worms_that_touch_for_so_long(data_folder):
+    case = contacts.contact(data_folder, cases.CLIP, 5)
+    one, other = np.moveaxis(case.truth, 1, 0)
+    gaps = np.linalg.norm(one[:, :, None] - other[:, None], axis=-1).min(axis=(1, 2))
+    low, high = contacts.CONTACT
+    assert low <= (gaps < 18).sum() <= high + 10
+    assert min(gaps[:2].min(), gaps[-12:].min()) > 15
+    # Dark on their middle lines, and what lies behind elsewhere.
+    x, y = case.truth[:, :, 4:-4].astype(int).reshape(-1, 2).T
+    on_lines = case.frames[np.repeat(np.arange(len(gaps)), 2 * 24), y, x, 0]
+    assert np.median(on_lines) < 110
+    assert abs(np.median(case.frames) - 147) < 2
+    again = contacts.contact(data_folder, cases.CLIP, 5)
+    np.testing.assert_array_equal(case.frames, again.frames)
+
+
+@pytest.mark.slow
+def test_exclusion_keeps_both_worms(data_folder):
+    """Two filmed look-alikes cross; each contour ends on its own in most runs."""
+    case = cases.worms(data_folder)
+    assert case.frames.shape[0] == cases.TRACKED_FRAMES
+    outcome = tracking.track(case, tracking.tracker_of(case, "wires", 2000), 20, 1)
+    # 20 of 20 runs of another seed did; half of 20 is far below any rate that leaves.
+    assert outcome.kept.sum() > 10

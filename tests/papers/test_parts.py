@@ -1,0 +1,183 @@
+"""Parts of an experiment are measured once, whatever stops it in between."""
+
+import contextlib
+import importlib
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import numpy as np
+import pytest
+from command_line import jaxpf
+
+from jaxpf import InputError
+from jaxpf.cli import reproduce
+from jaxpf.papers import paper
+from jaxpf.papers.measuring.checkpoints import can_go_on, each, keeping, part, sharing
+from jaxpf.papers.paper import PAPERS, Paper, paper_of
+
+
+class Measured:
+    """Counts how often it was asked, by name."""
+
+    def __init__(self):
+        self.asked = []
+
+    def part(self, name):
+        def measure():
+            self.asked.append(name)
+            return {"with a space": np.arange(3.0), "flags": np.array([True, False])}
+
+        return part(name, measure)
+
+
+def test_without_a_folder_parts_are_measured_each_time():
+    measured = Measured()
+    measured.part("a")
+    found = measured.part("a")
+    assert measured.asked == ["a", "a"]
+    np.testing.assert_array_equal(found["with a space"], [0, 1, 2])
+
+
+def test_what_was_measured_before_a_stop_is_not_measured_again(tmp_path):
+    measured = Measured()
+    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {"seed": 1}):
+        measured.part("a")
+        measured.part("b")
+        raise KeyboardInterrupt
+    assert can_go_on(tmp_path, {"seed": 1})
+    assert not can_go_on(tmp_path, {"seed": 2})
+    (tmp_path / "parts" / "b.npz").write_bytes(b"PK damaged")
+    with keeping(tmp_path, {"seed": 1}):
+        found = measured.part("a")
+        measured.part("b")
+    assert measured.asked == ["a", "b", "b"]
+    assert list(found) == ["with a space", "flags"]
+    assert found["flags"].dtype == bool
+    assert not can_go_on(tmp_path, {"seed": 1})
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("share", [True, False])
+def test_parts_that_are_shared_out_come_in_their_order_and_once(tmp_path, share):
+    asked = []
+
+    def measure(number):
+        time.sleep(0.02 * (3 - number))  # the first is the last to be ready
+        asked.append(number)
+        return {"number": number}
+
+    def measured(numbers):
+        executor = partial(ThreadPoolExecutor, 3) if share else None
+        with sharing(executor):
+            parts = ((f"part-{number}", partial(measure, number)) for number in numbers)
+            return [int(found["number"]) for found in each(parts, threads=2)]
+
+    assert measured(range(3)) == [0, 1, 2]
+    assert sorted(asked) == [0, 1, 2]
+    asked.clear()
+    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {}):
+        assert measured([2, 1]) == [2, 1]
+        raise KeyboardInterrupt
+    with keeping(tmp_path, {}):
+        assert measured(range(4)) == [0, 1, 2, 3]
+    assert sorted(asked) == [0, 1, 2, 3]
+
+
+def test_a_mistake_before_anything_is_measured_leaves_nothing(tmp_path):
+    with contextlib.suppress(InputError), keeping(tmp_path, {"runs": 7}):
+        raise InputError("--runs 7 must be a multiple of 5.")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_other_settings_begin_anew(tmp_path):
+    measured = Measured()
+    for seed in (1, 2):
+        with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {"seed": seed}):
+            measured.part("a")
+            raise KeyboardInterrupt
+    assert measured.asked == ["a", "a"]
+
+
+def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
+    measured, stops = Measured(), [InputError("the disk is full; make room.")]
+
+    def measure(request):
+        measured.part("a")
+        if stops:
+            raise stops.pop()
+        measured.part("b")
+        return request
+
+    def nothing(found):
+        return []
+
+    stopping = Paper(
+        name="eskil2014",
+        title="a title",
+        runs=5,
+        quick_runs=5,
+        runs_per_scene=5,
+        measure=measure,
+        tables=nothing,
+        claims=nothing,
+        figures=lambda found: {},
+        notes=["a note"],
+        read=lambda data, quick: None,
+        without_clips="",
+    )
+    monkeypatch.setattr(paper, "paper_of", lambda name: stopping)
+    command = ["reproduce", "eskil2014", "-o", str(tmp_path / "out")]
+    assert jaxpf(*command).code == 2
+    assert "is not empty" in jaxpf(*command, "--seed", "7").err
+    result = jaxpf(*command)
+    assert result.code == 0, result.err
+    assert "Going on with what" in result.out
+    assert measured.asked == ["a", "b"]
+    assert not (tmp_path / "out" / "parts").exists()
+    assert (tmp_path / "out" / "eskil2014.md").exists()
+    # The quick version and the full one do not get into each other's way.
+    monkeypatch.chdir(tmp_path)
+    for quick in ([], ["--quick"]):
+        assert jaxpf("reproduce", "eskil2014", *quick).code == 0
+    assert (tmp_path / "jaxpf-eskil2014" / "eskil2014.md").exists()
+    assert (tmp_path / "jaxpf-eskil2014-quick" / "eskil2014.md").exists()
+
+
+def test_nested_arrays_come_back_as_they_were(tmp_path):
+    found = {"a": {"b, c": np.arange(2), "d": {"e": np.zeros(1)}}, "f": np.ones(3)}
+    with contextlib.suppress(KeyboardInterrupt), keeping(tmp_path, {}):
+        part("deep", lambda: found)
+        raise KeyboardInterrupt
+    with keeping(tmp_path, {}):
+        again = part("deep", lambda: {})
+    np.testing.assert_equal(again, found)
+
+
+@pytest.mark.parametrize("name", PAPERS)
+def test_papers_look_alike(name):
+    """The same files in every folder, and no runs that scenes cannot share."""
+    one = paper_of(name)
+    assert one.name == name
+    for file in ("published", "scenes", "measure", "tables", "claims", "figures"):
+        module = importlib.import_module(f"jaxpf.papers.{name}.{file}")
+        assert module.__doc__
+    for runs in (one.runs, one.quick_runs):
+        assert runs % one.runs_per_scene == 0
+    assert reproduce.PAPERS == PAPERS
+
+
+def test_a_search_is_not_shared_out():
+    asked = ("reproduce", "smith2004", "--calibrate", "--dask", "tcp://127.0.0.1:8786")
+    result = jaxpf(*asked)
+    assert result.code == 2
+    assert "--calibrate searches on this machine alone; leave --dask out" in result.err
+
+
+@pytest.mark.parametrize("name", ["smith2004", "maccormick1999"])
+def test_a_mistake_leaves_no_folder(name, tmp_path):
+    folder = tmp_path / "out"
+    result = jaxpf("reproduce", name, "--runs", "7", "-o", str(folder))
+    assert result.code == 2
+    assert "must be a multiple of" in result.err
+    assert not folder.exists()

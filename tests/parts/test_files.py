@@ -1,0 +1,119 @@
+"""Files of parts: what is read, what is refused and how, what is written."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from jaxpf import InputError
+from jaxpf.parts.files import HEADER, TRACK_HEADER, PartTrackWriter, read_parts
+
+GOOD = """\
+hand,arm,140,30,10,8,-90
+arm,body,120.5,10,20,8,0
+
+body,,100,20,20,40,45
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text, header=HEADER, **options):
+        path = tmp_path / "parts.csv"
+        path.write_text(f"{header}\n{text}", encoding="utf-8", **options)
+        return path
+
+    return write
+
+
+def test_parts_are_read_in_the_order_of_the_file(write):
+    parts = read_parts(write(GOOD))
+    assert parts.names == ("hand", "arm", "body")
+    assert parts.parents == (1, 2, -1)
+    expected = [[140, 30, -np.pi / 2], [120.5, 10, 0], [100, 20, np.pi / 4]]
+    np.testing.assert_allclose(parts.poses, expected)
+    np.testing.assert_allclose(parts.sizes, [[10, 8], [20, 8], [20, 40]])
+
+
+def test_spreadsheets_may_have_written_it(tmp_path):
+    path = tmp_path / "parts.csv"
+    text = f'\n{HEADER.title()}\r\n"left, upper", ,1,2,3,4,5\r\n'
+    path.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    parts = read_parts(path)
+    assert parts.names == ("left, upper",)
+    assert parts.parents == (-1,)
+
+
+def test_several_roots_can_be_allowed(write):
+    path = write("a,,1,1,2,2,0\nb,,9,9,2,2,0\nc,b,5,5,2,2,0\n")
+    assert read_parts(path, one_root=False).parents == (-1, -1, 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "a,c,1,1,2,2,0\nb,a,1,1,2,2,0\nc,b,1,1,2,2,0\n",
+            "hang in a circle, 'a' on 'c' on 'b' on 'a'; leave the parent of the object's root",
+        ),
+        ("a,a,1,1,2,2,0\n", "hang in a circle, 'a' on 'a'"),
+        ("r,,1,1,2,2,0\nx,a,1,1,2,2,0\na,b,1,1,2,2,0\nb,a,1,1,2,2,0\n", "'a' on 'b' on 'a'"),
+        (
+            "a,,1,1,2,2,0\nb,,9,9,2,2,0\n",
+            "has 2 roots, a, b; an object has one, so give the others",
+        ),
+        ("a,,1,1,2,2,0\nb,c,1,1,2,2,0\n", r"line 3 of .*: part 'b' hangs on 'c', .* are a, b"),
+        ("a,,1,1,0,2,0\n", "line 2 of .*: part 'a' has a box of 0 x 2 pixels, which has no area"),
+        ("a,,1,1,2,-3,0\n", "a box of 2 x -3 pixels"),
+        ("a,,1,1,2,2,0\na,,1,1,2,2,0\n", "line 3 of .* repeats the part 'a' of line 2"),
+        (",,1,1,2,2,0\n", "line 2 of .* has no part in column 1"),
+        ("a,,1,1,2,2\n", "line 2 of .* has 6 column.*expected 7: part,parent,x,y,w,h,angle"),
+        ("a,,1,1,2,2,0,9\n", "has 8 column"),
+        ("a,,1,one,2,2,0\n", "line 2 of .* has 'one' for y in column 4; give a finite number"),
+        ("a,,1,1,2,2,\n", "has '' for angle in column 7"),
+        ("a,,nan,1,2,2,0\n", "has 'nan' for x in column 3"),
+        ("a,,1,1,inf,2,0\n", "has 'inf' for w in column 5"),
+        ("", "holds no parts; give one line part,parent,x,y,w,h,angle for each"),
+    ],
+)
+def test_every_mistake_has_one_clear_sentence(write, text, words):
+    with pytest.raises(InputError, match=words):
+        read_parts(write(text))
+
+
+def test_other_files_are_refused(write, tmp_path):
+    with pytest.raises(InputError, match=r"begins with 'frame,id'; its first line must be part,"):
+        read_parts(write("0,1\n", header="frame,id"))
+    (tmp_path / "empty.csv").touch()
+    with pytest.raises(InputError, match="begins with ''"):
+        read_parts(tmp_path / "empty.csv")
+    (tmp_path / "picture.csv").write_bytes(b"\x89PNG\xff\xfe")
+    with pytest.raises(InputError, match="is not a text file"):
+        read_parts(tmp_path / "picture.csv")
+    with pytest.raises(InputError, match=r"no file of parts at '.*gone.csv'"):
+        read_parts(tmp_path / "gone.csv")
+    with pytest.raises(InputError, match="is a folder"):
+        read_parts(tmp_path)
+
+
+def test_tracks_are_whole_after_every_frame(tmp_path):
+    path = tmp_path / "tracks.csv"
+    names, sizes = ["body", 'a "b", c'], np.array([[20, 40], [10, 8]])
+    with PartTrackWriter(path) as writer:
+        assert path.read_text() == f"{TRACK_HEADER}\n"
+        writer.append(7, names, [[1, 2, np.pi / 2], [3, 4, -0.1]], sizes)
+        assert path.read_bytes().count(b"\n") == 3
+        writer.append(8, names, [[np.nan, 2, 0], [3.14159, 4, 0]], sizes)
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["frame"], row["part"]) for row in rows] == [
+        ("7", "body"), ("7", 'a "b", c'), ("8", 'a "b", c')
+    ]  # fmt: skip
+    assert rows[0]["angle"] == "90.000"
+    assert rows[1]["w"] == "10.000"
+    assert rows[2]["x"] == "3.142"
+
+
+def test_places_that_cannot_be_written_are_named(tmp_path):
+    with pytest.raises(InputError, match=r"cannot write '.*tracks.csv': no such file"):
+        PartTrackWriter(tmp_path / "gone" / "tracks.csv")

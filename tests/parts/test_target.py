@@ -1,0 +1,124 @@
+"""Trackers of articulated objects: they follow the scene, and refuse what they cannot track."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+import scenes
+from jaxpf import InputError
+from jaxpf.likelihoods import histogram_from_patches
+from jaxpf.ordering import SWAPS, named
+from jaxpf.parts import OfFixedSize, parts_model
+from jaxpf.shapes import corners_from_poses
+
+TREE = (-1, 0, 0, 1, 2)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return scenes.make("articulated", 1, num_parts=5, num_frames=16)
+
+
+@pytest.fixture(scope="module")
+def likelihood(scene):
+    return histogram_from_patches(
+        scene.patches, sharpness=50.0, parts=1, method="sampled", samples=10
+    )
+
+
+def tracker_of(scene, likelihood, ordering, **changes):
+    settings = {
+        "anchors": (scene.extras["parent_anchors"], scene.extras["part_anchors"]),
+        "reach": (3, 3, 0.05),
+    }
+    start = scene.extras["poses"][0]
+    return build(
+        likelihood, start, scene.sizes, scene.extras["parents"], ordering, **(settings | changes)
+    )
+
+
+def mean_corner_distance(scene, summary):
+    corners = corners_from_poses(summary.estimate, scene.sizes)
+    return float(np.mean(np.linalg.norm(corners - scene.extras["corners"][1:], axis=-1)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dynamics", ["relative", "absolute"])
+def test_every_ordering_follows_the_object(scene, likelihood, dynamics):
+    orderings = {"ps": named("ps", TREE)}
+    orderings |= {swap: named("sps", TREE, swap=swap) for swap in SWAPS}
+    keys = jax.random.split(jax.random.key(0), 6)
+    for name, ordering in orderings.items():
+        tracker = tracker_of(scene, likelihood, ordering, dynamics=dynamics)
+        summary = jaxpf.monte_carlo(tracker, keys, scene.frames[1:], batch_size=6)
+        error = mean_corner_distance(scene, summary)
+        assert error < 4, f"{name}: {error:.2f} pixels"
+        assert (np.asarray(summary.status) == 0).all()
+
+
+def test_a_start_without_reach_has_every_particle_at_the_poses(scene, likelihood):
+    for dynamics in ("relative", "absolute"):
+        ordering = named("sps", TREE)
+        tracker = tracker_of(scene, likelihood, ordering, dynamics=dynamics, reach=0)
+        start = tracker.init(jax.random.key(0)).substates[..., :3]
+        expected = np.broadcast_to(scene.extras["poses"][0], start.shape)
+        np.testing.assert_allclose(start, expected, atol=1e-3)
+
+
+@pytest.mark.slow
+def test_a_part_of_fixed_size_is_a_box_of_scale_one(scene, likelihood):
+    part = OfFixedSize(likelihood)
+    observation = part.observe(scene.frames[0])
+    poses = jnp.array(scene.extras["poses"][0].T, jnp.float32)
+    poses = jnp.concatenate([poses, jnp.full((3, 5), 7.0)])  # a joint, which is not looked at
+    every = part.log_prob_all(observation, jnp.arange(5), poses)
+    boxes = jnp.stack([poses[0], poses[1], jnp.ones(5), poses[2]])
+    np.testing.assert_allclose(every, likelihood.log_prob_all(observation, jnp.arange(5), boxes))
+    one = part.log_prob(observation, 3, poses[:, 3])
+    np.testing.assert_allclose(one, every[3], rtol=1e-5)
+
+
+def test_orders_put_parents_first_whatever_the_numbering():
+    tree = (2, -1, 1, 0)
+    for method in ("sir", "ps", "sps"):
+        assert named(method, tree).order[0].tolist() == [1, 2, 0, 3]
+    assert not named("sir", tree).resample_after.any()
+    assert named("ps", tree).resample_after.tolist() == [True, True, True, False]
+    arms = named("sps", TREE)
+    assert arms.resample_after.tolist() == [True, False, True, False, False]
+
+
+POSES, SIZES = np.zeros((5, 3)), np.ones((5, 2))
+
+
+def build(likelihood=None, poses=POSES, sizes=SIZES, tree=TREE, ordering=None, **settings):
+    model = parts_model(likelihood, poses, sizes, tree, **settings)
+    ordering = ordering or named("ps", TREE)
+    return jaxpf.Partitioned(**model._asdict(), ordering=ordering, num_particles=60)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (
+            lambda: named("dps", TREE),
+            "method 'dps' goes through circular shifts.*choose one of sir",
+        ),
+        (lambda: named("sps", TREE, swap="best"), "swap='best' is unknown"),
+        (lambda: named("ps", (-1, 2, 1)), "cycle through part 1"),
+        (lambda: named("ps", (-1, 7)), r"parents\[1\]=7 is not a part"),
+        (lambda: build(dynamics="free"), "dynamics 'free' is unknown; choose one of relative"),
+        (lambda: build(sizes=SIZES * [1, 0]), "part 0 measures 1 x 0 pixels, which is no area"),
+        (lambda: build(poses=POSES + np.nan), "the pose of part 0 is .*finite"),
+        (lambda: build(poses=POSES[:4]), r"poses has shape \[4, 3\]; give \[5, 3\]"),
+        (lambda: build(scale=(1, 1)), "scale .* must be three finite numbers"),
+        (lambda: build(joint_scale=(1, 1, -1)), "joint_scale .* must be three finite numbers"),
+        (lambda: build(reach=np.inf), "reach .* must be three finite numbers"),
+        (lambda: build(tree=(-1, 0, 0)), r"poses has shape \[5, 3\]; give \[3, 3\]"),
+    ],
+)
+def test_every_mistake_has_one_clear_sentence(call, words):
+    with pytest.raises(InputError, match=words):
+        call()

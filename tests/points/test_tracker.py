@@ -1,0 +1,138 @@
+"""Points followed by every filter, from the same start."""
+
+import dataclasses
+
+import cv2
+import jax
+import numpy as np
+import pytest
+
+import jaxpf
+import scenes
+from jaxpf.points import draw_points
+from jaxpf.points.adapter import ADAPTER as POINT_FILES
+from jaxpf.points.target import POINTS, Options
+from jaxpf.targets.adapter import Marks, looks_of_scene
+from jaxpf.targets.target import Looks, Start
+from jaxpf.tuning.declared import with_tuned
+
+RNG = np.random.default_rng(0)
+PICTURE = np.kron(RNG.integers(30, 256, (20, 26, 3), dtype=np.uint8), np.ones((6, 6, 1), np.uint8))
+PLACES = np.array([[40.5, 40.5], [70.5, 45.5], [55.5, 75.5]])
+FRAMES = np.stack([np.roll(PICTURE, 2 * t, axis=1) for t in range(1, 9)])
+
+
+@pytest.mark.parametrize("method", ["eskil", "pffl", "ps", "sps"])
+def test_every_filter_follows_points(method):
+    tracker = jaxpf.points.tracker(PICTURE, PLACES, method=method, diffusion=3.0)
+    _, summary = jaxpf.run(tracker, jax.random.key(0), FRAMES)
+    truth = PLACES + np.arange(2, 18, 2)[:, None, None] * np.array([1.0, 0.0])
+    assert np.linalg.norm(summary.estimate - truth, axis=-1).mean() < 2.5
+
+
+@pytest.mark.parametrize(
+    ("points", "changes", "message"),
+    [
+        (PLACES, {"method": "best"}, "method 'best' is unknown"),
+        (PLACES, {"speed": 3}, "there is no option 'speed'"),
+        (PLACES, {"diffusion": -1.0}, "diffusion = -1 must be"),
+        (PLACES, {"window_size": 199}, "the window is 199 x 199 pixels and the frame 156 x 120"),
+        (PLACES[0], {}, "give a row"),
+        (PLACES[:1], {}, "two partitions or more"),
+        (PLACES[[0, 0]], {"method": "pffl"}, "points 0 and 1 are both at"),
+        (PLACES + 100, {}, "outside the frame"),
+    ],
+)
+def test_bad_input_is_refused(points, changes, message):
+    with pytest.raises(jaxpf.InputError, match=message):
+        jaxpf.points.tracker(PICTURE, points, **changes)
+
+
+def test_hidden_points_are_drawn_hollow():
+    black = np.zeros((60, 60, 3), np.uint8)
+    drawn = draw_points(
+        black,
+        [[15.5, 15.5], [45.5, 15.5], [np.nan, 3]],
+        trails=np.full((3, 3, 2), 30.0),
+        particles=np.full((2, 3, 2), 50.0),
+        hidden=[False, True, False],
+    )
+    assert not black.any()
+    assert drawn[15, 15].any()
+    assert not drawn[15, 45].any()
+    assert drawn[15, 41].any()
+    assert drawn[50, 50].any()
+
+
+class _Source:
+    width, height, path = 156, 120, "clip"
+
+
+def test_the_target_says_where_points_start(tmp_path):
+    nothing = {"point": (), "points": None, "mask": None, "mask_step": None}
+    given = nothing | {"point": ("40.5,40.5,nose", "70.5,45.5")}
+    start = POINT_FILES.read_start(given, 0, _Source)
+    assert start.ids.tolist() == ["nose", "1"]
+    np.testing.assert_array_equal(start.shapes, PLACES[:2])
+    assert POINTS.outlines(start, start.shapes).shape == (2, 4, 2)
+    for wrong, message in (
+        ({"point": ("1,2",), "points": "file"}, "both given"),
+        ({}, "no start point"),
+        ({"point": ("200,3,nose",)}, "point 'nose' is at .200, 3., outside"),
+        ({"point": ("1,2",), "mask_step": 5.0}, "--mask-step is about the grid on a --mask"),
+    ):
+        with pytest.raises(jaxpf.InputError, match=message):
+            POINT_FILES.read_start(nothing | wrong, 0, _Source)
+    with POINT_FILES.track_writer(tmp_path / "t.csv", start) as writer:
+        writer.append(3, start.shapes, [False, True])
+    assert "3,1,70.500,45.500,1" in (tmp_path / "t.csv").read_text()
+    tuned = with_tuned(Options(), {"likelihood.sigma": 0.2, "dynamics.scale": 3.0}, "points")
+    assert (tuned.sigma, tuned.diffusion) == (0.2, 3.0)
+
+
+def test_a_grid_of_points_starts_on_a_mask(tmp_path):
+    mask = np.zeros((120, 156), np.uint8)
+    mask[20:60, 40:80] = 255
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+    given = {"point": (), "points": None, "mask": tmp_path / "mask.png", "mask_step": None}
+    start = POINT_FILES.read_start(given, 0, _Source)
+    np.testing.assert_array_equal(start.shapes, [[50, 30], [70, 30], [50, 50], [70, 50]])
+    assert len(POINT_FILES.read_start(given | {"mask_step": 10.0}, 0, _Source).shapes) == 16
+    with pytest.raises(jaxpf.InputError, match="0 pixels"):
+        POINT_FILES.read_start(given | {"mask_step": 0.0}, 0, _Source)
+    cv2.imwrite(str(tmp_path / "mask.png"), mask[:50])
+    with pytest.raises(jaxpf.InputError, match="has 156 x 50 pixels and the frame 156 x 120"):
+        POINT_FILES.read_start(given, 0, _Source)
+    cv2.imwrite(str(tmp_path / "mask.png"), 0 * mask)
+    with pytest.raises(jaxpf.InputError, match="is 0 everywhere; mark the body"):
+        POINT_FILES.read_start(given, 0, _Source)
+    with pytest.raises(jaxpf.InputError, match="there is no mask at"):
+        POINT_FILES.read_start(given | {"mask": tmp_path / "none.png"}, 0, _Source)
+
+
+def test_the_target_starts_from_a_scene():
+    scene = scenes.make("face", seed=0, num_frames=2, frame_width=640, frame_height=400)
+    assert POINT_FILES.fits_scene(scene)
+    start = POINT_FILES.scene_start(scene)
+    learned = [
+        POINTS.likelihood(Options(), start, Looks(frame, patches, scene.frames.shape[1:3], 10))
+        for frame, patches in ((scene.frames[0], None), (None, scene.patches))
+    ]
+    references = [np.asarray(likelihood.references) for likelihood in learned]
+    np.testing.assert_allclose(*references, rtol=1e-5)
+    hidden = dict(scene.extras) | {"visible": scene.extras["visible"] & (np.arange(18) != 3)}
+    with pytest.raises(jaxpf.InputError, match="'left eye inner' of scene 'face' is hidden"):
+        POINT_FILES.scene_start(dataclasses.replace(scene, extras=hidden))
+
+
+def test_windows_of_scenes_have_the_size_that_was_asked_for():
+    scene = scenes.make("face", seed=0, num_frames=2, frame_width=640, frame_height=400)
+    start, looks = POINT_FILES.scene_start(scene), looks_of_scene(scene, 10)
+    assert POINTS.likelihood(Options(window_size=31), start, looks).window == (31, 31)
+    assert POINTS.likelihood(Options(), start, looks).window == (21, 21)
+
+
+def test_points_of_a_stored_evaluation_which_knows_numbers_are_drawn():
+    start = Start(np.array([1, 2]), PLACES[:2], np.full((2, 2), 21.0), (-1, -1))
+    marks = Marks(np.full((2, 3), 255, np.uint8), np.zeros(2, bool))
+    assert (POINT_FILES.draw(PICTURE, start, PLACES[:2], marks) != PICTURE).any()

@@ -1,0 +1,133 @@
+"""Frames in chunks: the same bits as all at once, whatever the filter and the frames' source."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf import InputError, ordering
+from jaxpf.dynamics import RandomWalk
+from jaxpf.likelihoods import Gaussian
+from jaxpf.running.chunks import chunk_length, in_chunks
+
+T, P, D = 7, 3, 2
+START = np.array([[0.0, 0.0], [20.0, 0.0], [0.0, 20.0]], np.float32)
+FRAMES = START + np.random.default_rng(0).normal(size=(T, P, D)).astype(np.float32).cumsum(axis=0)
+KEYS = jax.random.split(jax.random.key(5), 4)
+WALK = RandomWalk(np.float32(1.0))
+SEEN = Gaussian(noise=0.5 * np.tile(np.eye(D, dtype=np.float32), (P, 1, 1)))
+
+
+def partitioned(order):
+    return jaxpf.Partitioned(WALK, SEEN, order, START, num_particles=40)
+
+
+TRACKERS = {
+    "ps": lambda: partitioned(ordering.ps([2, 0, 1])),
+    "sps": lambda: partitioned(ordering.sps(num_partitions=P)),  # the same program
+    "labelled": lambda: jaxpf.Labelled(WALK, SEEN, START, num_particles=40),
+    "pffl": lambda: jaxpf.PFFL(WALK, SEEN, START, num_particles=40),
+    "eskil": lambda: jaxpf.Eskil(WALK, SEEN, START, num_particles=40),
+}
+
+
+def everything(state, summary):
+    return state, summary
+
+
+def track(tracker, frames, **given):
+    return jaxpf.monte_carlo(tracker, KEYS, frames, everything, batch_size=2, **given)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [one if one == "labelled" else pytest.param(one, marks=pytest.mark.slow) for one in TRACKERS],
+)
+def test_states_are_carried_from_chunk_to_chunk_bit_for_bit(kind):
+    """Chunks of 3, 3 and 1 frames: slices of an array, and what a generator gives."""
+    tracker = TRACKERS[kind]()
+    whole = track(tracker, FRAMES)
+    assert np.ptp(whole[1].estimate[..., 0, 0], axis=0).min() > 0
+    for frames in (FRAMES, (frame for frame in FRAMES), jnp.asarray(FRAMES)):
+        chunked = track(tracker, frames, frames_per_chunk=3)
+        for one, other in zip(jax.tree.leaves(whole), jax.tree.leaves(chunked), strict=True):
+            assert isinstance(other, jax.Array)
+            np.testing.assert_array_equal(one, other)
+
+
+@jaxpf.pytree_dataclass
+class Sum:
+    """The least that is a tracker."""
+
+    start: jax.Array
+
+    def init(self, key):
+        return jnp.asarray(self.start)
+
+    def step(self, key, state, frame):
+        return state + jnp.sum(frame), state
+
+
+def test_no_more_frames_are_read_than_two_chunks_hold():
+    """While one chunk is read the one before may be computed, but none before that."""
+    computed, ahead = [], []
+
+    def frames():
+        for number in range(T):
+            ahead.append(number - len(computed))
+            yield FRAMES[number]
+
+    def count(state, summary):
+        jax.debug.callback(lambda _: computed.append(0), summary)
+        return summary
+
+    tracker = Sum(np.float32(0.0))
+    jaxpf.monte_carlo(tracker, KEYS[:1], frames(), count, batch_size=1, frames_per_chunk=2)
+    jax.effects_barrier()
+    assert max(ahead) < 4
+    assert len(computed) == 8  # the last chunk is filled up with a frame that does not count
+
+
+@pytest.mark.parametrize("source", [iter, lambda frames: {"one": frames, "two": frames[:, 0]}])
+@pytest.mark.parametrize(
+    ("length", "multiple", "found"),
+    [
+        (3, 1, [(0, 3, 3), (3, 3, 3), (6, 1, 3)]),
+        (1, 3, [(0, 6, 6), (6, 1, 6)]),  # two for each of three devices
+        (99, 3, [(0, 7, 9)]),
+        (None, 1, [(0, 7, 7)]),
+    ],
+)
+def test_chunks_have_one_length_and_end_with_the_last_frame(source, length, multiple, found):
+    chunks = list(in_chunks(source(FRAMES), length, multiple))
+    lengths = [len(jax.tree.leaves(chunk)[0]) for _, _, chunk in chunks]
+    assert [(*chunk[:2], n) for chunk, n in zip(chunks, lengths, strict=True)] == found
+    own = [jax.tree.leaves(chunk)[0][:count] for _, count, chunk in chunks]
+    np.testing.assert_array_equal(np.concatenate(own), FRAMES)
+    np.testing.assert_array_equal(jax.tree.leaves(chunks[-1][2])[0][-1], FRAMES[-1])
+
+
+def test_a_chunk_holds_as_much_as_it_may_and_all_hold_nearly_the_same():
+    assert chunk_length(None, 10, 99) == 9
+    assert chunk_length(20, 10, 99) == 7  # 7, 7 and 6
+    assert chunk_length(5, 10, 99) == 5
+    assert chunk_length(20, 10, 3) == 2
+
+
+@pytest.mark.parametrize(
+    ("frames", "given", "sentence"),
+    [
+        (lambda: iter(()), {}, r"frames has no frame; give at least one\."),
+        (lambda: iter([FRAMES[0], FRAMES[1, :2]]), {}, r"frame 1 is float32 \[2, 2\], the first"),
+        (lambda: FRAMES, {"frames_per_chunk": 0}, r"frames_per_chunk=0 must be at least 1"),
+    ],
+)
+def test_frames_that_make_no_sequence_are_refused(frames, given, sentence):
+    with pytest.raises(InputError, match=sentence):
+        track(TRACKERS["ps"](), frames(), **given)
+
+
+def test_one_run_needs_all_frames_at_once():
+    with pytest.raises(InputError, match=r"frames come one by one.*jaxpf\.streaming\.stream"):
+        jaxpf.run(TRACKERS["ps"](), KEYS[0], iter(FRAMES))

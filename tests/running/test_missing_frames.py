@@ -1,0 +1,247 @@
+"""Missing frames: dynamics alone, no evidence, and nothing of what they hold gets anywhere."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf import InputError, ordering, pytree_dataclass, smoothing, stream
+from jaxpf.dynamics import LinearGaussian, RandomWalk
+from jaxpf.filters import WithErrorBars
+from jaxpf.likelihoods import CorrelatedGaussian, Gaussian
+
+KEY = jax.random.key(1)
+SEEN = np.array([True, True, False, False, True])
+FRAMES = np.random.default_rng(0).normal(size=(5, 3, 1)).astype(np.float32)
+GAPS = np.where(SEEN[:, None, None], FRAMES, np.nan)
+
+
+@pytree_dataclass
+class Picky:
+    """A user's likelihood, which a missing frame would break; ``poison`` tells where NaN got."""
+
+    poison: jax.Array
+
+    def observe(self, frame):
+        return jnp.log(frame**2) * self.poison  # of zeros: minus infinity, with a NaN derivative
+
+    def log_prob(self, observation, partition, substate):
+        return -0.5 * (observation[partition, 0] - substate[0]) ** 2
+
+
+def partitioned(order, likelihood=None, **changes):
+    return jaxpf.Partitioned(
+        dynamics=RandomWalk(scale=1.0),
+        likelihood=Gaussian(noise=jnp.ones((3, 1, 1))) if likelihood is None else likelihood,
+        ordering=order,
+        initial=jnp.zeros((3, 1)),
+        num_particles=60,
+        **changes,
+    )
+
+
+def others(kind):
+    return kind(RandomWalk(1.0), Gaussian(noise=jnp.ones((3, 1, 1))), initial=jnp.zeros((3, 1)))
+
+
+TRACKERS = {
+    "sir": partitioned(ordering.sir(3)),
+    "literal-dps": partitioned(ordering.dps(3, reassembly="literal")),
+    "sps": partitioned(ordering.sps([-1, -1, -1])),
+    "sorted": partitioned(ordering.sps([-1, 0, 0], "sorted"), parents=(-1, 0, 0)),
+    "tempered": partitioned(ordering.ps([0, 1, 2]), tempering=0.5),
+    "adaptive": partitioned(ordering.ps([0, 1, 2]), ess_threshold=0.5),
+    "joint": partitioned(ordering.ps([0, 1, 2]), CorrelatedGaussian(jnp.eye(3) / 2 + 0.5)),
+    "look-ahead": partitioned(
+        ordering.ps([0, 1, 2]), CorrelatedGaussian(jnp.eye(3) / 2 + 0.5), look_ahead=True
+    ),
+    "error-bars": WithErrorBars(partitioned(ordering.ps([0, 1, 2]))),
+    "labelled": jaxpf.Labelled(
+        RandomWalk(1.0),
+        Gaussian(noise=jnp.ones((3, 1, 1))),
+        initial=jnp.zeros((3, 1)),
+        position=(0,),
+    ),
+    "pffl": others(jaxpf.PFFL),
+}
+
+
+def frames_for(name, frames):
+    return frames[..., 0] if name in ("joint", "look-ahead") else frames
+
+
+@pytest.mark.parametrize("name", TRACKERS)
+def test_a_missing_frame_changes_no_weight_and_no_evidence(name):
+    its, frames = TRACKERS[name], frames_for(name, GAPS)
+    summary = jaxpf.run(its, KEY, frames)[1]
+    log_evidence = np.asarray(summary.log_evidence)
+    assert (log_evidence[~SEEN] == 0).all()
+    assert np.isfinite(log_evidence).all()
+    assert (log_evidence[SEEN] != 0).all()
+    assert (np.asarray(summary.status) == 0).all()
+    assert np.isfinite(summary.estimate).all()
+    # Particles have spread, by the noise of a random walk.
+    assert (summary.spread[3] > summary.spread[1]).all()
+
+
+@pytest.mark.parametrize("name", ["sir", "labelled"])
+def test_what_is_said_of_a_frame_is_what_it_shows(name):
+    shown = jaxpf.run(TRACKERS[name], KEY, GAPS)[1]
+    told = jaxpf.run(TRACKERS[name], KEY, FRAMES, observed=SEEN)[1]
+    np.testing.assert_array_equal(told.estimate, shown.estimate)
+
+
+@pytest.mark.parametrize("name", ["sir", "error-bars", "pffl"])
+def test_a_partition_may_be_missing_alone(name):
+    """As if there were no likelihood of it; NaN in its place gets nowhere."""
+    seen = np.ones((5, 3), bool)
+    seen[2:4, 1] = False
+    frames = np.where(seen[..., None], FRAMES, np.nan)
+    summary = jaxpf.run(TRACKERS[name], KEY, frames, observed=seen)[1]
+    assert np.isfinite(summary.estimate).all()
+    assert (np.asarray(summary.log_evidence) != 0).all()
+    assert (np.asarray(summary.status) == 0).all()
+    spread = np.asarray(summary.spread)[..., 0]
+    assert spread[3, 1] > 1.2 * spread[3, [0, 2]].max()
+
+
+def test_a_joint_likelihood_may_say_what_a_missing_partition_means():
+    @pytree_dataclass
+    class Joint(CorrelatedGaussian):
+        def log_joint(self, observation, substates, log_probs, observed=None):
+            return jnp.sum(log_probs if observed is None else jnp.where(observed, log_probs, 0))
+
+    seen = np.ones((5, 3), bool)
+    seen[1, 0] = False
+    its = partitioned(ordering.ps([0, 1, 2]), Joint(jnp.eye(3)))
+    alone = partitioned(ordering.ps([0, 1, 2]))
+    found = jaxpf.run(its, KEY, FRAMES[..., 0], observed=seen)[1]
+    expected = jaxpf.run(alone, KEY, FRAMES, observed=seen)[1]
+    np.testing.assert_allclose(found.log_evidence, expected.log_evidence, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["sir", "labelled"])
+def test_a_forecast_is_a_run_over_frames_that_are_missing(name):
+    its, frames = TRACKERS[name], GAPS
+    state, _ = jaxpf.run(its, KEY, frames[:2])
+    _, ahead = jaxpf.forecast(its, KEY, state, 2, time=2)
+    _, expected = jaxpf.run(its, KEY, frames[:4])
+    np.testing.assert_allclose(ahead.estimate, expected.estimate[2:], atol=1e-5)
+    np.testing.assert_allclose(ahead.spread, expected.spread[2:], atol=1e-5)
+    assert (np.asarray(ahead.log_evidence) == 0).all()
+
+
+def test_a_forecast_has_the_moments_of_the_dynamics():
+    """From an exact start: mean .9^k x, variance the sum of .81^j over j < k."""
+    one = jnp.ones((2, 1, 1))
+    its = jaxpf.Partitioned(
+        dynamics=LinearGaussian(transition=0.9 * one, noise=one),
+        likelihood=Gaussian(noise=one),
+        ordering=ordering.ps([1, 0]),
+        initial=jnp.array([[3.0], [-5.0]]),
+        num_particles=20_000,
+    )
+    _, ahead = jaxpf.forecast(its, KEY, its.init(KEY), 4)
+    steps = np.arange(1, 5)[:, None]
+    variance = (1 - 0.81**steps) / (1 - 0.81)
+    # Particles are independent: nothing was ever resampled by different weights.
+    error = (ahead.estimate[..., 0] - 0.9**steps * [3.0, -5.0]) / np.sqrt(variance / 20_000)
+    assert np.abs(error).max() < 4.5
+    assert np.abs(ahead.spread[..., 0] ** 2 / variance - 1).max() < 4.5 * np.sqrt(2 / 20_000)
+
+
+def test_what_has_no_forecast_is_refused():
+    its = partitioned(ordering.ps([0, 1, 2]))
+    with pytest.raises(InputError, match="steps=0 must be at least 1"):
+        jaxpf.forecast(its, KEY, its.init(KEY), 0)
+    with pytest.raises(InputError, match="Foreign has no field likelihood"):
+        jaxpf.forecast(Foreign(), KEY, None, 3)
+
+
+def test_whole_numbers_are_missing_by_word_alone():
+    frames = np.zeros((5, 3, 1), np.uint8)
+    its = partitioned(ordering.ps([0, 1, 2]))
+    summary = jaxpf.run(its, KEY, frames, observed=SEEN)[1]
+    assert ((np.asarray(summary.log_evidence) == 0) == ~SEEN).all()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_quickly")
+def test_every_way_to_run_leaves_the_same_frames_out():
+    its = partitioned(ordering.ps([0, 1, 2]))
+    expected = jaxpf.run(its, KEY, GAPS)[1].estimate
+    many = jaxpf.monte_carlo(its, jnp.stack([KEY, KEY]), GAPS, frames_per_chunk=2)
+    np.testing.assert_allclose(many.estimate[1], expected, atol=1e-5)
+    one_by_one = jaxpf.monte_carlo(its, KEY[None], iter(FRAMES), observed=SEEN)
+    np.testing.assert_allclose(one_by_one.estimate[0], expected, atol=1e-5)
+    as_they_are = jaxpf.monte_carlo(its, KEY[None], iter(GAPS), frames_per_chunk=2)
+    np.testing.assert_allclose(as_they_are.estimate[0], expected, atol=1e-5)
+    for streamed in (stream(its, KEY, GAPS), stream(its, KEY, FRAMES, SEEN)):
+        found = [frame.summary.estimate for frame in streamed]
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+    inside = jax.jit(lambda frames: jaxpf.run(its, KEY, frames)[1].estimate)(GAPS)
+    np.testing.assert_allclose(inside, expected, atol=1e-5)
+
+
+def test_without_gaps_nothing_changes():
+    its = partitioned(ordering.ps([0, 1, 2]))
+    expected = jaxpf.run(its, KEY, FRAMES)[1].estimate
+    told = jaxpf.run(its, KEY, FRAMES, observed=np.ones(5, bool))[1].estimate
+    np.testing.assert_allclose(told, expected, atol=1e-5)
+
+
+def test_nothing_of_a_missing_frame_gets_into_a_derivative():
+    frames = np.where(SEEN[:, None, None], FRAMES, 0.0).astype(np.float32)
+
+    def evidence(poison):
+        its = partitioned(ordering.ps([0, 1, 2]), Picky(poison))
+        return jnp.sum(jaxpf.run(its, KEY, frames, observed=SEEN)[1].log_evidence)
+
+    value, slope = jax.value_and_grad(evidence)(jnp.float32(0.5))
+    assert np.isfinite(value)
+    assert np.isfinite(slope)
+    assert slope != 0
+
+
+def test_smoothing_goes_through_a_gap():
+    its = partitioned(ordering.ps([0, 1, 2]))
+    whole = jaxpf.smooth(its, KEY, FRAMES, observed=SEEN)
+    assert whole.spread[3].mean() < whole.summaries.spread[3].mean()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_quickly")
+def test_smoothing_with_a_lag_goes_through_a_gap():
+    its = partitioned(ordering.ps([0, 1, 2]))
+    lagged = list(smoothing.stream(its, KEY, iter(GAPS), 2))
+    summaries = np.array([frame.summary.estimate for frame in lagged])
+    expected = jaxpf.run(its, KEY, GAPS)[1].estimate
+    np.testing.assert_allclose(summaries, expected, atol=1e-5)
+
+
+@pytree_dataclass
+class Foreign:
+    """A tracker without a likelihood."""
+
+    def init(self, key):
+        return jnp.zeros(())
+
+    def step(self, key, state, frame):
+        return state, state
+
+
+@pytest.mark.parametrize(
+    ("its", "observed", "sentence"),
+    [
+        (partitioned(ordering.sir(3)), np.ones(4, bool), "observed has shape"),
+        (partitioned(ordering.sir(3)), np.ones((5, 2), bool), r"or which partitions, \[5, 3\]"),
+        (TRACKERS["joint"], np.ones((5, 3), bool), "log_joint does not say what a missing part"),
+        (TRACKERS["labelled"], np.ones((5, 3), bool), "compares particles of different targets"),
+        (Foreign(), SEEN, "Foreign has no field likelihood"),
+    ],
+)
+def test_what_says_nothing_of_frames_is_refused(its, observed, sentence):
+    frames = FRAMES[..., 0] if its is TRACKERS["joint"] else FRAMES
+    with pytest.raises(InputError, match=sentence):
+        jaxpf.run(its, KEY, frames, observed=observed)

@@ -1,0 +1,329 @@
+"""Running trackers: keys, batches, records, and what they cost to compile."""
+
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from quick_compiling import quick
+
+import jaxpf
+from jaxpf import InputError, ordering, pytree_dataclass
+from jaxpf.dynamics import RandomWalk
+from jaxpf.likelihoods import Gaussian
+from jaxpf.running.blocks import WIDE, blocks_of
+
+FRAMES = np.random.default_rng(0).normal(size=(4, 3, 1))
+
+
+def tracker(order=None, **settings):
+    settings = {"num_particles": 50, "dynamics": RandomWalk(np.float64(1.0))} | settings
+    return jaxpf.Partitioned(
+        likelihood=Gaussian(noise=np.ones((3, 1, 1))),
+        ordering=ordering.ps([0, 1, 2]) if order is None else order,
+        initial=np.zeros((3, 1)),
+        **settings,
+    )
+
+
+def twice_the_state(state, summary):
+    return {"state": 2 * state}
+
+
+def trees_equal(one, other):
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_run_is_a_fold_of_steps_with_the_documented_keys():
+    made, key = tracker(), jax.random.key(3)
+    state = quick(lambda key: made.init(jax.random.fold_in(key, 0)))(key)
+    step = quick(lambda key, time, state, x: made.step(jax.random.fold_in(key, time), state, x))
+    total = 0.0
+    for time, frame in enumerate(FRAMES):
+        state, summary = step(key, time + 1, state, frame)
+        total += float(summary.log_evidence)
+    last, summaries = jaxpf.run(made, key, FRAMES)
+    np.testing.assert_allclose(last.substates, state.substates, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(np.sum(summaries.log_evidence), total, rtol=1e-5)
+
+
+def test_same_key_gives_the_same_bits_and_another_key_does_not():
+    made = tracker()
+    one = jaxpf.run(made, jax.random.key(0), FRAMES)
+    trees_equal(one, jaxpf.run(made, jax.random.key(0), FRAMES))
+    other = jaxpf.run(made, jax.random.key(1), FRAMES)
+    assert not np.array_equal(one[0].substates, other[0].substates)
+
+
+def test_a_longer_sequence_begins_like_a_shorter_one():
+    made = tracker()
+    whole = jaxpf.run(made, jax.random.key(0), FRAMES)[1]
+    part = jaxpf.run(made, jax.random.key(0), FRAMES[:2])[1]
+    np.testing.assert_array_equal(np.asarray(whole.estimate)[:2], part.estimate)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("float64", [False, True], ids=["float32", "float64"])
+def test_a_run_does_not_depend_on_how_many_runs_share_its_batch(float64):
+    """Bit for bit, for 1, 7 and 20 runs in batches of one width."""
+    with jax.enable_x64(float64):
+        made = tracker(ordering.dps(3))
+        keys = jax.random.split(jax.random.key(5), 20)
+        all_runs = jax.device_get(jaxpf.monte_carlo(made, keys, FRAMES))
+        assert all_runs.estimate.dtype == (np.float64 if float64 else np.float32)
+        for count in (1, 7):
+            fewer = jaxpf.monte_carlo(made, keys[:count], FRAMES)
+            trees_equal(fewer, jax.tree.map(lambda x, n=count: x[:n], all_runs))
+        shuffled = jaxpf.monte_carlo(made, keys[::-1], FRAMES)
+        trees_equal(shuffled, jax.tree.map(lambda x: x[::-1], all_runs))
+
+
+def test_monte_carlo_agrees_with_single_runs():
+    made, keys = tracker(), jax.random.split(jax.random.key(5), 3)
+    together = jax.device_get(jaxpf.monte_carlo(made, keys, FRAMES))
+    for number, key in enumerate(keys):
+        alone = jaxpf.run(made, key, FRAMES)[1]
+        np.testing.assert_allclose(together.estimate[number], alone.estimate, atol=1e-4)
+
+
+def test_monte_carlo_puts_runs_before_frames():
+    made, keys = tracker(), jax.random.split(jax.random.key(5), 3)
+    summaries = jaxpf.monte_carlo(made, keys, FRAMES)
+    assert summaries.estimate.shape == (3, 4, 3, 1)
+    assert summaries.log_evidence.shape == (3, 4)
+    assert summaries.uniqueness.shape == (3, 4, 3)
+
+
+def test_raw_keys_are_taken_as_typed_ones_are():
+    made = tracker()
+    typed = jax.random.split(jax.random.key(5), 3)
+    raw = jaxpf.monte_carlo(made, jax.random.key_data(typed), FRAMES)
+    trees_equal(raw, jaxpf.monte_carlo(made, typed, FRAMES))
+
+
+@pytree_dataclass
+class TracedWalk(RandomWalk):
+    """Counts how often it is traced, that is, for how many programs."""
+
+    def propagate_all(self, *arguments):
+        traced.append(0)
+        return super().propagate_all(*arguments)
+
+
+traced: list[int] = []
+
+
+def test_changing_the_ordering_compiles_nothing_new():
+    key = jax.random.key(0)
+    keys = jax.random.split(key, 3)
+    walk = TracedWalk(np.float64(1.0))
+    jaxpf.run(tracker(ordering.sir(3), dynamics=walk), key, FRAMES)
+    jaxpf.monte_carlo(tracker(ordering.sir(3), dynamics=walk), keys, FRAMES)
+    before = len(traced)
+    assert before > 0
+    for other in (
+        ordering.ps([2, 0, 1]),
+        ordering.dps(3),
+        ordering.dps(3, reassembly="literal"),
+        *(ordering.sps(num_partitions=3, swap=swap) for swap in ordering.SWAPS),
+    ):
+        jaxpf.run(tracker(other, dynamics=walk), key, FRAMES)
+        jaxpf.monte_carlo(tracker(other, dynamics=walk), keys, FRAMES)
+    assert len(traced) == before
+
+
+def test_changing_parameters_compiles_nothing_new():
+    key = jax.random.key(0)
+    jaxpf.run(tracker(dynamics=TracedWalk(np.float64(1.0))), key, FRAMES)
+    before = len(traced)
+    assert before > 0
+    jaxpf.run(tracker(dynamics=TracedWalk(np.float64(2.0))), key, FRAMES)
+    assert len(traced) == before
+
+
+@pytree_dataclass
+class CountingLikelihood:
+    """Counts, while the program runs, how often a frame is observed."""
+
+    noise: jax.Array
+
+    def observe(self, frame):
+        jax.debug.callback(lambda _: observed.append(0), frame)
+        return frame
+
+    def log_prob(self, observation, partition, substate):
+        return -0.5 * (observation[partition, 0] - substate[0]) ** 2
+
+
+observed: list[int] = []
+
+
+def test_a_frame_is_observed_once_for_all_runs():
+    made = jaxpf.Partitioned(
+        dynamics=RandomWalk(np.float64(1.0)),
+        likelihood=CountingLikelihood(np.float64(1.0)),
+        ordering=ordering.sir(3),
+        initial=np.zeros((3, 1)),
+        num_particles=5,
+    )
+    observed.clear()
+    keys = jax.random.split(jax.random.key(0), 25)  # three batches
+    jax.block_until_ready(jaxpf.monte_carlo(made, keys, FRAMES))
+    jax.effects_barrier()
+    assert len(observed) == len(FRAMES)
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_number_of_frames():
+    made, keys = tracker(), jax.random.split(jax.random.key(0), 10)
+    program = jax.jit(lambda made, keys, frames: jaxpf.monte_carlo(made, keys, frames))
+
+    def temporary_bytes(num_frames):
+        frames = jnp.zeros((num_frames, 3, 1))
+        compiled = program.lower(made, keys, frames).compile()
+        return compiled.memory_analysis().temp_size_in_bytes
+
+    few, many = temporary_bytes(10), temporary_bytes(1000)
+    summary_bytes = 1000 * 10 * 4 * (3 + 1 + 1 + 3 + 3 + 1 + 3 + 1)
+    assert many - few < 3 * summary_bytes
+    assert many - few < 1000 * 10 * 50 * 3 * 4  # less than keeping one substate of all
+
+
+SPEEDS = {"speed": np.float32([1.0, 2.0, 3.0])}
+
+
+@pytree_dataclass
+class Accumulator:
+    """The least that is a tracker: no particles, no ``observe``."""
+
+    start: jax.Array
+
+    def init(self, key):
+        return jnp.asarray(self.start)
+
+    def step(self, key, state, frame):
+        return state + frame["speed"], state
+
+
+def test_any_object_with_init_and_step_can_be_run():
+    final, before = jaxpf.run(Accumulator(np.float32(0.0)), jax.random.key(0), SPEEDS)
+    assert final == 6.0
+    np.testing.assert_array_equal(before, [0.0, 1.0, 3.0])
+    keys = jax.random.split(jax.random.key(0), 11)
+    many = jaxpf.monte_carlo(Accumulator(np.float32(0.0)), keys, SPEEDS)
+    np.testing.assert_array_equal(many, np.tile([0.0, 1.0, 3.0], (11, 1)))
+
+
+def test_record_picks_what_is_kept():
+    made, keys = Accumulator(np.float32(0.0)), jax.random.split(jax.random.key(0), 2)
+    _, kept = jaxpf.run(made, keys[0], SPEEDS, record=twice_the_state)
+    np.testing.assert_array_equal(kept["state"], [2.0, 6.0, 12.0])
+    many = jaxpf.monte_carlo(made, keys, SPEEDS, record=twice_the_state)
+    np.testing.assert_array_equal(many["state"], [[2.0, 6.0, 12.0]] * 2)
+
+
+@pytest.mark.parametrize(
+    ("frames", "sentence"),
+    [
+        (np.zeros((0, 3, 1)), r"leading axes \[0\]"),
+        (np.float64(1.0), r"leading axes \[0\]"),
+        ({"a": np.zeros((2, 1)), "b": np.zeros((3, 1))}, r"leading axes \[2, 3\]"),
+        ({}, r"leading axes \[\]"),
+    ],
+)
+def test_frames_without_one_time_axis_are_refused(frames, sentence):
+    with pytest.raises(InputError, match=sentence):
+        jaxpf.run(tracker(), jax.random.key(0), frames)
+    with pytest.raises(InputError, match=sentence):
+        jaxpf.monte_carlo(tracker(), jax.random.split(jax.random.key(0), 2), frames)
+
+
+def test_keys_that_are_not_one_per_run_are_refused():
+    with pytest.raises(InputError, match=r"keys has shape \(\)"):
+        jaxpf.monte_carlo(tracker(), jax.random.key(0), FRAMES)
+    with pytest.raises(InputError, match=r"keys has shape \(0,\)"):
+        jaxpf.monte_carlo(tracker(), jax.random.split(jax.random.key(0), 0), FRAMES)
+
+
+def test_an_empty_batch_is_refused():
+    keys = jax.random.split(jax.random.key(0), 2)
+    with pytest.raises(InputError, match="batch_size=0 must be at least 1"):
+        jaxpf.monte_carlo(tracker(), keys, FRAMES, batch_size=0)
+
+
+def test_few_runs_cost_about_their_share_of_many():
+    """A block costs as much as its runs and .8 of one, see ``jaxpf.evaluation.work.schedule``."""
+    for count in (*range(1, 200), 750):
+        blocks = blocks_of(count)
+        assert len(blocks) <= 2
+        filled = sum(number * width for number, width in blocks)
+        assert count <= filled <= count + 5
+        share = count * (1 + 0.8 / WIDE)
+        cost = sum(number * (width + 0.8) for number, width in blocks)
+        assert cost <= (1.5 if count >= 4 else 2) * share, count
+
+
+@pytest.mark.slow
+def test_runs_that_are_added_leave_the_bits_of_full_blocks():
+    """In blocks of another width they are equal to rounding."""
+    keys = jax.random.split(jax.random.key(0), 50)
+    more = jaxpf.monte_carlo(tracker(), keys, FRAMES)
+    for count, whole in ((3, 0), (29, 25)):
+        fewer = jaxpf.monte_carlo(tracker(), keys[:count], FRAMES)
+        for one, other in zip(jax.tree.leaves(fewer), jax.tree.leaves(more), strict=True):
+            np.testing.assert_array_equal(one[:whole], other[:whole])
+            np.testing.assert_allclose(one, other[:count], rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_devices_share_the_runs_bit_for_bit():
+    # In a process of its own: the number of host devices is fixed when JAX is first used.
+    program = """
+import jax
+jax.config.update("jax_num_cpu_devices", 3)
+import jax.numpy as jnp, numpy as np, jaxpf
+from jaxpf.dynamics import LinearGaussian
+from jaxpf.likelihoods import Gaussian
+from jaxpf.likelihoods import histogram
+
+one = jnp.ones((1, 1, 1))
+tracker = jaxpf.Partitioned(
+    dynamics=LinearGaussian(transition=0.9 * one, noise=one),
+    likelihood=Gaussian(noise=one),
+    ordering=jaxpf.ordering.ps([0]),
+    initial=jnp.zeros((1, 1)),
+    num_particles=40,
+)
+frames = jnp.asarray(np.random.default_rng(0).normal(size=(7, 1, 1)), jnp.float32)
+keys = jax.random.split(jax.random.key(0), 13)
+alone, all_ = (
+    jaxpf.monte_carlo(tracker, keys, frames, batch_size=4, devices=devices)
+    for devices in (jax.devices()[:1], None)
+)
+assert len(all_.estimate.devices()) == 3
+# Chunks of 6 frames and of 1, which are written to the devices that observe them.
+chunked = jaxpf.monte_carlo(tracker, keys, iter(np.asarray(frames)), batch_size=4,
+                            frames_per_chunk=1)
+for results in (all_, chunked):
+    jax.tree.map(np.testing.assert_array_equal, alone, results)
+print(np.asarray(alone.estimate).shape)
+
+# Tables that stay in their stack; every frame differs.
+video = np.random.default_rng(1).integers(0, 256, (4, 30, 40, 3), np.uint8)
+boxes = np.array([[10.0, 8, 12, 10]])
+tracker = jaxpf.boxes.tracker(
+    video[0], boxes, method="ps", likelihood="integral", scale=(2, 2, 0.01), particles=30,
+)
+alone, all_ = (
+    jaxpf.monte_carlo(tracker, keys[:6], video, batch_size=2, devices=devices)
+    for devices in (jax.devices()[:1], None)
+)
+assert np.ptp(np.asarray(alone.log_evidence), axis=1).min() > 0
+jax.tree.map(np.testing.assert_array_equal, alone, all_)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "(13, 7, 1, 1)"

@@ -1,0 +1,125 @@
+"""Trackers from the public factories are those of the command line."""
+
+import dataclasses
+import runpy
+from pathlib import Path
+
+import cv2
+import jax
+import numpy as np
+import pytest
+from command_line import jaxpf as command
+
+import jaxpf
+from jaxpf import InputError
+from jaxpf.targets import find_adapter
+
+PROGRAM = Path(__file__).parent / "house" / "ten_lines.py"
+BOXES = [[120, 80, 40, 90], [300, 85, 42, 88]]
+FRAME = cv2.resize(np.random.default_rng(0).integers(0, 255, (30, 48, 3), np.uint8), (384, 240))
+
+
+@pytest.fixture
+def clip(tmp_path, monkeypatch):
+    """A textured picture that moves by a pixel per frame."""
+    monkeypatch.chdir(tmp_path)
+    with jaxpf.media.VideoWriter("clip.mp4", 384, 240, 25) as video:
+        for time in range(4):
+            video.write(np.roll(FRAME, time, axis=1))
+    return tmp_path
+
+
+def test_ten_lines_track_as_the_command_line_does(clip):
+    code = [line for line in PROGRAM.read_text().splitlines() if line.strip()]
+    assert len(code) <= 1 + 10  # its docstring, and the program
+    made = runpy.run_path(str(PROGRAM))
+    assert jaxpf.media.open_frames("out.mp4").width == 384
+    boxes = [f"--box={','.join(map(str, box))}" for box in BOXES]
+    outcome = command("track", "clip.mp4", *boxes, "--no-overlay", "-o", "out")
+    assert outcome.code == 0, outcome.err
+    rows = np.loadtxt("out/tracks.csv", delimiter=",")[-2:, 2:6]
+    assert np.array_equal(rows, np.round(made["boxes"] + [1, 1, 0, 0], 3))
+
+
+PARTS = jaxpf.parts.Parts(
+    names=("body", "arm"), parents=(-1, 0),
+    poses=np.array([[150.0, 100.0, 0.0], [150.0, 150.0, np.pi / 6]]),
+    sizes=np.array([[40.0, 60.0], [16.0, 50.0]]),
+)  # fmt: skip
+CONTOUR = [[100, 60], [180, 50], [200, 120], [150, 160], [90, 130]]
+STARTS = {
+    "boxes": (BOXES, ["--box=120,80,40,90", "--box=300,85,42,88"]),
+    "points": ([[120.5, 80.0], [200.0, 90.0]], ["--point=120.5,80", "--point=200,90"]),
+    "parts": (PARTS, ["--parts-file=parts.csv"]),
+    "contours": (
+        jaxpf.contours.Contours(("leaf",), np.array([CONTOUR], float)),
+        ["--contours=contours.json"],
+    ),
+}
+#: Options of the factory, and the flags that say the same.
+GIVEN = {
+    "boxes": ({"gain": 3.0, "momentum": 0.1}, ["--gain=3", "--momentum=0.1"]),
+    "points": ({"method": "pffl", "diffusion": 4.0}, ["--method=pffl", "--diffusion=4"]),
+    "parts": ({"particles": 50, "bands": 2}, ["--particles=50", "--parts=2"]),
+    "contours": ({"method": "sir", "clutter": 2.0}, ["--method=sir", "--clutter=2"]),
+}
+
+
+@pytest.mark.parametrize("name", STARTS)
+@pytest.mark.parametrize("given", [False, True])
+def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatch):
+    from jaxpf.cli.tracking.command import TrackCommand
+    from jaxpf.cli.tracking.request import request_of
+    from jaxpf.cli.tracking.work import _build_tracker
+
+    monkeypatch.chdir(tmp_path)
+    Path("parts.csv").write_text(
+        "part,parent,x,y,w,h,angle\nbody,,150,100,40,60,0\narm,body,150,150,16,50,30\n"
+    )
+    Path("contours.json").write_text(f'{{"closed": true, "contours": {{"leaf": {CONTOUR}}}}}')
+    cv2.imwrite("0.png", FRAME[..., ::-1])
+    source = jaxpf.media.open_frames(tmp_path)
+    adapter, (start, flags), (options, more) = find_adapter(name), STARTS[name], GIVEN[name]
+    flags = [*flags, *(more if given else [])]
+    context = TrackCommand(adapter).make_context("track", [str(tmp_path), *flags])
+    request = request_of(context, adapter)
+    typed = _build_tracker(request, adapter.read_start(request.starts, 0, source), source, FRAME)
+    module = getattr(jaxpf, name)
+    made = module.tracker(FRAME, start, **(options if given else {}))
+    assert jax.tree.structure(made) == jax.tree.structure(typed)
+    jax.tree.map(np.testing.assert_array_equal, made, typed)
+    there = module.shapes(made, made.init(jax.random.key(0)).substates[0])
+    assert np.isfinite(there).all()
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, particels=9), "did you mean particles"),
+        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, diffusion=9), "no option 'diffusion' of boxes"),
+        (lambda: jaxpf.boxes.tracker(FRAME, [[1, 2, 3]]), r"shape \[1, 3\]: give a row x, y, w, h"),
+        (lambda: jaxpf.boxes.tracker(FRAME, [[1, 2, 3, 0]]), "a positive width and height"),
+        (lambda: jaxpf.boxes.tracker(FRAME / 255, BOXES), "uint8 RGB"),
+        (lambda: jaxpf.boxes.tracker(None, BOXES), "or a likelihood of your own"),
+        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, particles=0), "particles = 0 must be"),
+        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, method="best"), "method 'best' is unknown"),
+        (
+            lambda: jaxpf.boxes.tracker(FRAME, BOXES, method="ps", ordering=jaxpf.ordering.dps(2)),
+            "method and ordering were both given",
+        ),
+        (lambda: jaxpf.boxes.tracker(FRAME, BOXES, gain=2, appearance="colour"), "goes with"),
+    ],
+)
+def test_what_cannot_be_made_is_refused(call, sentence):
+    with pytest.raises(InputError, match=sentence):
+        call()
+
+
+def test_boxes_of_a_tracker_without_sizes_are_refused():
+    made = jaxpf.boxes.tracker(
+        None, BOXES, likelihood=jaxpf.likelihoods.Gaussian(np.ones((2, 3, 3), np.float32))
+    )
+    np.testing.assert_allclose(jaxpf.boxes.shapes(made, made.initial), BOXES)
+    alone = dataclasses.replace(made, dynamics=jaxpf.dynamics.AR2(scale=np.ones(3, np.float32)))
+    with pytest.raises(InputError, match="do not know the sizes"):
+        jaxpf.boxes.shapes(alone, made.initial)

@@ -1,7 +1,40 @@
-"""What stands in for the derivative of a draw: the strategies of ``Tracker(gradient=...)``.
+"""Gradients through resampling: what ``jax.grad`` of a particle filter means.
 
-What each of them means: see ``jaxpf.gradients``.  A strategy carries its own parameters, which
-are traced, and says itself what it does not go with.
+A resampling draws integers, which have no derivative.  ``Partitioned(gradient=...)`` says
+what stands in for it; all four compose with every scheme and component, and the first two
+with every swap: ``Soft`` runs it as none, and ``Transport`` refuses it.  x is a particle, w its
+weight, g a likelihood, n a component's size.
+
+``NoGradient()``
+    Weights are differentiated, ancestors are not: the derivative of the weights is forgotten
+    at every resampling.  Cheap, low variance, biased; the bias does not vanish with N.
+``StopGradient()``
+    After a resampling every weight is divided by its own stopped value: ancestor k gets
+    ``w_k / (n stop(rho_k))``, so that the draw's score enters (Scibior & Wood 2021).  The
+    forward pass is the same bit for bit, and the expected gradient of the *evidence* is exact
+    wherever the evidence is unbiased.  The ratios telescope: a weight's derivative is that of
+    ``log g`` summed along the particle's own past, which Fisher's identity asks for, too.
+    So the kernel keeps that sum, one row per partition beside the lineage, and an exchanged
+    part brings its own past's derivative along; this contains the ratios
+    ``log g_k - log(n_g a_g)`` of the draws within groups (combinatorial resampling).  The
+    variance grows with the number of frames: prefer short sequences and many runs.
+``Soft(share=0.5)``
+    Ancestors are drawn from ``share * rho + (1 - share) / n`` and weighted by the ratio, which
+    is differentiable (Karkus, Hsu & Lee 2018).  The filter stays properly weighted; the
+    derivative is that of the normalised weights, times the total before.  Some particles are
+    wasted, and the bias shrinks with the share.  Weights are then never equal, so that the
+    exchanges of ``sps`` are left out: it runs as with ``swap="none"``.
+``Transport(epsilon=0.5)``
+    No draw: each particle becomes a mixture of all, by entropy-regularised optimal transport
+    (Corenflos et al. 2021).  Differentiable, biased, O(N^2), and nobody descends from one
+    particle: refused with any swap.
+
+The *motion* of the particles is differentiated along their paths (``motion_gradient=
+"pathwise"``), which needs a likelihood that is differentiable in the state.  One that looks
+at whole pixels has a zero derivative almost everywhere, and noise scales then get a gradient
+of zero that looks like a result.  ``motion_gradient="score"`` stops the drawn substates and
+gives the weights the derivative of ``dynamics.log_density`` at them instead; together with
+``StopGradient`` it is exact in expectation for any likelihood.
 """
 
 import importlib.util
@@ -12,12 +45,12 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.interface import check_uncoupled
 from jaxpf.contract.names import MOTION_GRADIENTS
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.contract.state import ParticleState
 from jaxpf.resampling import transport, weighted
 from jaxpf.resampling.components import Components
-from jaxpf.running.checks import check_uncoupled
 
 
 class Gradient:

@@ -77,3 +77,13 @@ def data_folder() -> Path:
             "project or name their folder in JAXPF_DATA"
         )
     return folder
+
+
+@pytest.fixture
+def boxes_file(tmp_path):
+    def write(text, name="boxes.txt"):
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write

@@ -15,11 +15,12 @@ import pytest
 import jaxpf
 
 ROOT = Path(__file__).resolve().parents[1]
-PUBLIC = sorted(set(dir(jaxpf)) - set(jaxpf.__all__))
+PUBLIC = [name for name in jaxpf.__all__ if isinstance(getattr(jaxpf, name), types.ModuleType)]
+NAMES = [name for name in jaxpf.__all__ if name not in PUBLIC]
 TESTS = sorted((ROOT / "tests").rglob("*.py"))
 SOURCES = sorted(path for room in ("jaxpf", "scenes") for path in (ROOT / room).rglob("*.py"))
 #: What a program or a notebook may name besides: papers, and trackers to compare with.
-ROOMS = ("baselines", "experiments")
+ROOMS = ("papers",)
 MISSING = object()
 
 
@@ -54,7 +55,7 @@ def offered():
             value = getattr(there, name)
             if (home_of(value) or "").startswith("jaxpf"):
                 known.setdefault(id(value), []).append(f"jaxpf.{module}.{name}")
-    for name in jaxpf.__all__:
+    for name in NAMES:
         known.setdefault(id(getattr(jaxpf, name)), []).append(f"jaxpf.{name}")
     return known
 

@@ -6,11 +6,10 @@ import math
 import click
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from jaxpf import InputError, ordering
-from jaxpf import boxes as tracks
+from jaxpf.boxes import parse_box, read_boxes, write_mot
 from jaxpf.cli.shared import config
 from jaxpf.cli.shared.flags import NumberList
 from jaxpf.contract.options import Option
@@ -32,14 +31,14 @@ def file(tmp_path_factory):
 @EVERY
 @given(box=boxes)
 def test_a_typed_box_is_read_as_it_was_meant(box):
-    assert tracks.parse_box(",".join(map(repr, box))).tolist() == list(box)
+    assert parse_box(",".join(map(repr, box))).tolist() == list(box)
 
 
 @EVERY
 @given(text=st.text(max_size=40))
 def test_any_text_is_a_box_or_refused(text):
     try:
-        box = tracks.parse_box(text)
+        box = parse_box(text)
     except InputError as refusal:
         assert str(refusal)  # noqa: PT017
     else:
@@ -52,8 +51,8 @@ def test_any_text_is_a_box_or_refused(text):
                      unique_by=lambda row: row[:2]))  # fmt: skip
 def test_tracks_are_read_as_they_were_written(file, rows):
     frames, ids, places = zip(*rows, strict=True)
-    tracks.write_mot(file, frames, ids, places)
-    table = tracks.read_boxes(file)
+    write_mot(file, frames, ids, places)
+    table = read_boxes(file)
     assert table.frame.tolist() == list(frames)
     assert table.id.tolist() == list(ids)
     np.testing.assert_allclose(table.box, places, atol=0.00051, rtol=1e-12)

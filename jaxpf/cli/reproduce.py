@@ -103,8 +103,7 @@ def command(
     from jaxpf.papers.judging import comparison_table
     from jaxpf.papers.judging.claims import RULE
     from jaxpf.papers.measuring import checkpoints
-    from jaxpf.papers.paper import paper_of
-    from jaxpf.papers.paper import until_resolved as look_until_resolved
+    from jaxpf.papers.paper import paper_of, until_resolved as look_until_resolved
 
     began = time.perf_counter()
     one = paper_of(paper)

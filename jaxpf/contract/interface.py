@@ -39,6 +39,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxpf.contract.errors import InputError
+
 
 class Tracker:
     """Follows P targets from frame to frame; a filter on a model of them.
@@ -326,6 +328,20 @@ def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any
     else:
         object.__setattr__(changed, "tracker", changed_inside(tracker.tracker, name, change))
     return changed
+
+
+def check_uncoupled(dynamics: Any, what: str) -> None:
+    """Refuse coupled dynamics where a particle holds no whole state, or is to be taken apart.
+
+    Raises:
+        InputError: ``what`` does not go with them.
+    """
+    if is_coupled(dynamics):
+        raise InputError(
+            f"{type(dynamics).__name__} moves a partition by all the others, which does not go "
+            f"with {what}; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single "
+            "partitions."
+        )
 
 
 def has_log_density(dynamics: Any) -> bool:

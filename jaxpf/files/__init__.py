@@ -1,1 +1,1 @@
-"""Files in and out: atomic writing, tracks, boxes, parts."""
+"""Atomic writing, locks, the resumable store and saved states."""

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.writing import LOCK as LOCK
-from jaxpf.files.writing import report_os_errors
+from jaxpf.files.writing import LOCK as LOCK, report_os_errors
 
 #: Seconds in which a lock that was just given back, and its file removed, is had in spite of it.
 _PATIENCE = 0.1

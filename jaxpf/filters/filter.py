@@ -24,7 +24,8 @@ class Filter:
     Attributes:
         name: by which the registry in ``jaxpf.filters`` knows it.
         methods: names of its methods; the option ``method`` chooses one.
-        options: class of its options (``jaxpf.contract.options``), ``method`` and ``particles`` among them.
+        options: class of its options (``jaxpf.contract.options``), ``method`` and ``particles``
+            among them.
         varied: names of its options that ``variants`` varies, and that no grid has.
         by_default: whether an evaluation that names no methods compares them.
         opens: whether partitions may come and go while it runs, see ``Model.is_open``.

@@ -19,7 +19,7 @@ _FILTERS = {
 }
 
 
-def filters() -> "dict[str, Filter]":
+def all_filters() -> "dict[str, Filter]":
     """All filters, by name."""
     found = {}
     for name, place in _FILTERS.items():
@@ -30,7 +30,7 @@ def filters() -> "dict[str, Filter]":
 
 def methods() -> tuple[str, ...]:
     """The methods of all filters."""
-    return tuple(method for one in filters().values() for method in one.methods)
+    return tuple(method for one in all_filters().values() for method in one.methods)
 
 
 def filter_of(method: str) -> "Filter":
@@ -39,7 +39,7 @@ def filter_of(method: str) -> "Filter":
     Raises:
         InputError: no filter has it.
     """
-    for one in filters().values():
+    for one in all_filters().values():
         if method in one.methods:
             return one
     raise InputError(f"method {method!r} is unknown; choose one of {', '.join(methods())}.")

@@ -1,1 +1,5 @@
 """Video and images in and out, drawing and plotting."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

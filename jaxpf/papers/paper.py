@@ -3,7 +3,8 @@
 Each paper has a folder with the same files: ``published`` (its figures, as data), ``scenes`` (what
 is drawn or read, and the runs on it), ``tables``, ``claims`` and ``figures``, each of which makes
 what its name says from what was measured, and ``__init__`` with the ``PAPER``.  What it measures it
-keeps piece by piece (``jaxpf.papers.measuring.checkpoints``), so that it goes on after a stop.  The names of
+keeps piece by piece (``jaxpf.papers.measuring.checkpoints``), so that it
+goes on after a stop.  The names of
 the pieces tell the number of runs where that matters: looks at more and more runs share them.
 """
 

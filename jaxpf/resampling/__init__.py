@@ -13,25 +13,6 @@ draws N ancestors in each of them, C times the work, and a component of n slots 
 evenly spaced.
 """
 
-from jaxpf.contract.names import SCHEMES
-from jaxpf.resampling.components import (
-    Components,
-    component_cdf,
-    components_of_sizes,
-    few_effective,
-    one_component,
-)
-from jaxpf.resampling.weighted import ancestors, renormalised, soft_selection, weighted_resample
+import lazy_loader
 
-__all__ = [
-    "SCHEMES",
-    "Components",
-    "ancestors",
-    "component_cdf",
-    "components_of_sizes",
-    "few_effective",
-    "one_component",
-    "renormalised",
-    "soft_selection",
-    "weighted_resample",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -70,7 +70,8 @@ def monte_carlo(
             for bit however many runs there are; by default it depends on their number.
         devices: the blocks are dealt out to them; default all of ``jax.local_devices()``.
         frames_per_chunk: rounded up to a multiple of the devices, and to two for each of them.
-            By default as many as ``jaxpf.running.chunks.CHUNK_BYTES`` hold; and all of them, if they are
+            By default as many as ``jaxpf.running.chunks.CHUNK_BYTES`` hold; and all of them, if
+            they are
             on a device already.
         observed: as for ``run``.
 

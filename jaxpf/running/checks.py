@@ -60,20 +60,6 @@ def check_pytree(tracker: Any) -> None:
         raise InputError(f"{place} is {_a(type(leaf).__name__)}, which is no pytree; {remedy}.")
 
 
-def check_uncoupled(dynamics: Any, what: str) -> None:
-    """Refuse coupled dynamics where a particle holds no whole state, or is to be taken apart.
-
-    Raises:
-        InputError: ``what`` does not go with them.
-    """
-    if contract.is_coupled(dynamics):
-        raise InputError(
-            f"{type(dynamics).__name__} moves a partition by all the others, which does not go "
-            f"with {what}; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single "
-            "partitions."
-        )
-
-
 def check_frames(frames: Any) -> None:
     """Refuse frames that are a list, no numbers, or complex.
 

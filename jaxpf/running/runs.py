@@ -1,9 +1,4 @@
-"""Running any tracker over the frames of a sequence.
-
-There is one loop over frames, ``frame_step``.  One run, many of them (``blocks``), a video's frames
-as they come and objectives that are differentiated arrange the runs as they need; ``gaps`` leaves
-out frames that are missing.
-"""
+"""One run over the frames of a sequence: the loop over frames, and forecasts."""
 
 import sys
 from collections.abc import Callable

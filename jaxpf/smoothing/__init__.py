@@ -5,17 +5,6 @@ to the first, and draws whole trajectories from the posterior given all frames. 
 draws them one given the other, exactly at any number of particles.
 """
 
-from jaxpf.smoothing.gibbs import particle_gibbs
-from jaxpf.smoothing.groups import check_smoothing
-from jaxpf.smoothing.look_back import LookBack
-from jaxpf.smoothing.smoother import Smoothed, SmoothedFrame, smooth, stream
+import lazy_loader
 
-__all__ = [
-    "LookBack",
-    "Smoothed",
-    "SmoothedFrame",
-    "check_smoothing",
-    "particle_gibbs",
-    "smooth",
-    "stream",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

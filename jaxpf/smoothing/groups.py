@@ -14,10 +14,10 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.interface import check_uncoupled
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.ordering import SWAPS
-from jaxpf.running.checks import check_uncoupled
 
 _SUPPORTED = (
     "supported are methods sir, ps, dps, branched, and sps but for swap='sorted' and for roots "

@@ -1,5 +1,5 @@
-"""What a substate means: one ``Target`` per kind of object, which knows no filter.
+"""What a kind of target must offer, and the registry of those that there are."""
 
-How a target is read, written, drawn and asked for is said in ``jaxpf.targets``, where targets are
-entered.
-"""
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

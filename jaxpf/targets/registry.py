@@ -1,7 +1,8 @@
 """How a program reads, writes, draws and asks for a target: one adapter per target.
 
 To add a target, write a ``Target`` (what it is, ``jaxpf.targets.target``) and an ``Adapter``
-(``jaxpf.targets.adapter``) as ``ADAPTER`` of a file here, and enter the file in ``_ADAPTERS``.
+(``jaxpf.targets.adapter``) as ``ADAPTER`` of ``jaxpf/NAME/adapter.py``, and enter NAME
+in ``_ADAPTERS``.
 """
 
 import importlib
@@ -12,7 +13,7 @@ from jaxpf.contract.errors import InputError, check_known
 if TYPE_CHECKING:
     from jaxpf.targets.adapter import Adapter
 
-#: Files of this folder, named as their targets; the first that fits a scene's truth is taken.
+#: Folders of the targets; the first that fits a scene's truth is taken.
 _ADAPTERS = ("points", "parts", "contours", "boxes")
 #: What is tracked where nothing tells.
 DEFAULT = "boxes"
@@ -30,7 +31,7 @@ def find_adapter(name: str) -> "Adapter":
         InputError: there is none.
     """
     check_known("target ", name, _ADAPTERS)
-    return importlib.import_module(f"jaxpf.targets.{name}").ADAPTER
+    return importlib.import_module(f"jaxpf.{name}.adapter").ADAPTER
 
 
 def adapter_of_scene(scene: Any, name: str | None = None) -> "Adapter":

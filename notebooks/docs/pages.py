@@ -25,7 +25,8 @@ def write(folder):
         old.unlink()
     names = [_command(folder, *each) for each in _commands(cli.group, ())]
     _contents(folder / "commands.rst", "Commands", names)
-    names = ["jaxpf", *sorted(f"jaxpf.{name}" for name in jaxpf._MODULES)]
+    modules = (name for name in jaxpf.__all__ if inspect.ismodule(getattr(jaxpf, name)))
+    names = ["jaxpf", *(f"jaxpf.{name}" for name in modules)]
     documented = set()
     for name in reversed(names):  # the package's own page last: most of it stands elsewhere, too
         _module(folder, name, documented)

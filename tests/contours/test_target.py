@@ -12,12 +12,10 @@ import jaxpf
 import scenes
 from jaxpf import InputError
 from jaxpf.contours import Contours
-from jaxpf.contours.adapter import ADAPTER as CONTOUR_FILES
-from jaxpf.contours.adapter import _hidden
+from jaxpf.contours.adapter import ADAPTER as CONTOUR_FILES, _hidden
 from jaxpf.contours.files import ContourTrackWriter
 from jaxpf.contours.target import CONTOURS, Options
-from jaxpf.filters.partitioned.options import PARTITIONED
-from jaxpf.filters.partitioned.options import Options as FilterOptions
+from jaxpf.filters.partitioned.options import PARTITIONED, Options as FilterOptions
 from jaxpf.shapes import fit_spline
 from jaxpf.targets.target import Looks, Start
 

@@ -5,7 +5,7 @@ import pytest
 
 from jaxpf import InputError
 from jaxpf.boxes import read_boxes, write_mot
-from jaxpf.evaluation.other_tracks import match_tracks, read_tracks
+from jaxpf.evaluation import match_tracks, read_tracks
 from jaxpf.measures import pairwise_overlap
 
 IDS = [3, 5]

@@ -11,8 +11,7 @@ from quick_compiling import quick
 from small_evaluation import small_scene
 from two_objects import BOXES, FAR, NAN, TRUE, TRUTH, found, numbers, rows_of
 
-from jaxpf import InputError
-from jaxpf import measures as metrics
+from jaxpf import InputError, measures as metrics
 from jaxpf.evaluation import Configuration, Plan, Results, collection
 from jaxpf.evaluation.output import tables
 from jaxpf.evaluation.output.tables import write_tables

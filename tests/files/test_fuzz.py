@@ -19,7 +19,7 @@ from small_video import picture, write_lossless_video
 
 import scenes
 from jaxpf import InputError, tuning
-from jaxpf import boxes as tracks
+from jaxpf.boxes import check_boxes, dense, read_boxes, start_boxes
 from jaxpf.cli.shared.config import config_option
 from jaxpf.cli.shared.flags import NumberList
 from jaxpf.evaluation import Results
@@ -123,12 +123,12 @@ def survives(path, valid, read, count, name):
 
 
 def read_table(path):
-    table = tracks.read_boxes(path, empty_boxes="absent")
+    table = read_boxes(path, empty_boxes="absent")
     if len(table):
-        tracks.dense(table, [int(table.id[0])], 5)
+        dense(table, [int(table.id[0])], 5)
         frame = int(table.frame[0])
-        ids, boxes = tracks.start_boxes(table, frame)
-        tracks.check_boxes(boxes, 64, 48, [f"object {i}" for i in ids])
+        ids, boxes = start_boxes(table, frame)
+        check_boxes(boxes, 64, 48, [f"object {i}" for i in ids])
 
 
 def read_scene(folder, path):

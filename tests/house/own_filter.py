@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 import jaxpf
-from jaxpf.contract.pytree import static_field
+from jaxpf.contract import static_field
 
 
 @jaxpf.pytree_dataclass

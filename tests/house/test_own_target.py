@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 from command_line import jaxpf as command
 
-from jaxpf import targets
+from jaxpf.targets import registry
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Target
 
 
 @pytest.fixture(scope="module", autouse=True)
 def entered():
-    """As if the files stood in ``jaxpf/targets`` and ``jaxpf/adapters``."""
+    """As if the files stood in ``jaxpf/spots``."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(Path(__file__).parent))
         module = importlib.import_module("own_adapter")
-        patch.setitem(sys.modules, "jaxpf.targets.spots", module)
-        patch.setattr(targets, "_ADAPTERS", (*targets._ADAPTERS, "spots"))  # the line
+        patch.setitem(sys.modules, "jaxpf.spots.adapter", module)
+        patch.setattr(registry, "_ADAPTERS", (*registry._ADAPTERS, "spots"))  # the line
         yield module
 
 

@@ -13,16 +13,18 @@ FOUND[1, ..., 1] = 1.0
 
 
 def test_distances_leave_out_what_is_not_known():
-    distance = points.distances(FOUND, TRUTH)
+    distance = points.point_distances(FOUND, TRUTH)
     assert np.isnan(distance[:, 3, 1]).all()
     np.testing.assert_array_equal(distance[0, :, 0], np.arange(6))
-    np.testing.assert_array_equal(points.distances(FOUND, TRUTH, 2.0)[0, :, 0], np.arange(6) / 2)
+    np.testing.assert_array_equal(
+        points.point_distances(FOUND, TRUTH, 2.0)[0, :, 0], np.arange(6) / 2
+    )
     lengths = np.array([1, 2, 1, 1, 1, 5])
-    assert points.distances(FOUND, TRUTH, lengths)[0, 5, 0] == 1
+    assert points.point_distances(FOUND, TRUTH, lengths)[0, 5, 0] == 1
 
 
 def test_means_and_shares():
-    distance = points.distances(FOUND, TRUTH)
+    distance = points.point_distances(FOUND, TRUTH)
     np.testing.assert_allclose(points.mean_error(distance), [27 / 11, 1])
     np.testing.assert_allclose(points.share_within(distance, 2), [6 / 11, 1])
     chosen = np.zeros((6, 2), bool)
@@ -34,7 +36,7 @@ def test_means_and_shares():
 def test_recoveries_are_listed_and_judged():
     visible = np.array([[1, 0], [0, 0], [0, 1], [1, 1], [1, 0], [0, 1]], bool)
     assert points.recoveries(visible) == [(0, 1, 3), (1, 4, 5)]
-    distance = points.distances(FOUND, np.zeros((6, 2, 2)))
+    distance = points.point_distances(FOUND, np.zeros((6, 2, 2)))
     np.testing.assert_array_equal(
         points.recovered(distance, visible, threshold=3), [[True, False], [True, True]]
     )
@@ -42,7 +44,9 @@ def test_recoveries_are_listed_and_judged():
 
 
 def test_points_are_kept_if_they_end_where_they_should():
-    distance = points.distances(FOUND, TRUTH)
+    distance = points.point_distances(FOUND, TRUTH)
     np.testing.assert_array_equal(points.points_kept(distance, 4, last=3), [1, 2])
     nowhere = np.full((6, 2, 2), np.nan)
-    np.testing.assert_array_equal(points.points_kept(points.distances(FOUND, nowhere), 9), [0, 0])
+    np.testing.assert_array_equal(
+        points.points_kept(points.point_distances(FOUND, nowhere), 9), [0, 0]
+    )

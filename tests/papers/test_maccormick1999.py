@@ -17,10 +17,10 @@ from jaxpf.papers.maccormick1999 import (
     look_ahead,
     one_line,
     passing,
+    scenes as cases,
     toy,
     tracking,
 )
-from jaxpf.papers.maccormick1999 import scenes as cases
 from jaxpf.papers.maccormick1999.tables import look_ahead_table, rate_of_labels
 
 

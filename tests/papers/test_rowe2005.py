@@ -12,8 +12,7 @@ from jaxpf.papers.judging import comparison_table
 from jaxpf.papers.judging.claims import CANNOT_RESOLVE, CONTRADICTS, SUPPORTS, growth, told
 from jaxpf.papers.judging.estimates import mean_of
 from jaxpf.papers.measuring.checkpoints import keeping
-from jaxpf.papers.rowe2005 import births, claims, distracter, published, tables
-from jaxpf.papers.rowe2005 import scenes as synthetic
+from jaxpf.papers.rowe2005 import births, claims, distracter, published, scenes as synthetic, tables
 
 SCENES, RUNS, FRAMES, TARGETS = 25, synthetic.RUNS_PER_SCENE, 20, 2
 

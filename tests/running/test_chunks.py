@@ -129,5 +129,5 @@ def test_frames_that_make_no_sequence_are_refused(frames, given, sentence):
 
 
 def test_one_run_needs_all_frames_at_once():
-    with pytest.raises(InputError, match=r"frames come one by one.*jaxpf\.streaming\.stream"):
+    with pytest.raises(InputError, match=r"frames come one by one.*jaxpf\.stream"):
         jaxpf.run(TRACKERS["ps"](), KEYS[0], iter(FRAMES))

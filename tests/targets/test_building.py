@@ -14,7 +14,7 @@ import jaxpf
 from jaxpf import InputError
 from jaxpf.targets import find_adapter
 
-PROGRAM = Path(__file__).parent / "house" / "ten_lines.py"
+PROGRAM = Path(__file__).parents[1] / "house" / "ten_lines.py"
 BOXES = [[120, 80, 40, 90], [300, 85, 42, 88]]
 FRAME = cv2.resize(np.random.default_rng(0).integers(0, 255, (30, 48, 3), np.uint8), (384, 240))
 

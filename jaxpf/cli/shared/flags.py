@@ -1,8 +1,8 @@
 """Flags of declared options, and help that fits on a screen.
 
-The classes of options (``jaxpf.contract.options``) say all there is to say of an option; one loop makes its
-flag.  Help shows the common options section by section, and of the others the names alone, which
-``--help-all`` explains.
+The classes of options (``jaxpf.contract.options``) say all there is to say of an option; one loop
+makes its flag.  Help shows the common options section by section, and of the others the names
+alone, which ``--help-all`` explains.
 """
 
 import dataclasses

@@ -12,7 +12,7 @@ _SORTED = 200_000
 
 
 class UncertaintyTable:
-    """Writes uncertainty.csv, see ``jaxpf.cli.tracking.uncertainty_table``; it closes as a context does."""
+    """Writes uncertainty.csv, see ``uncertainty_table``; it closes as a context does."""
 
     def __init__(self, output: Any, request: Any, tracker: Any):
         self._path, self._run = output / "uncertainty.csv", request.run

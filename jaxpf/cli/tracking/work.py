@@ -13,8 +13,7 @@ import numpy as np
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.cli.shared.stopping import announced_stop
-from jaxpf.cli.tracking import births as births_of
-from jaxpf.cli.tracking import motion, order
+from jaxpf.cli.tracking import births as births_of, motion, order
 from jaxpf.cli.tracking.live import check_live, open_window, start_when_compiled, used_to_the_light
 from jaxpf.cli.tracking.population_recorder import PopulationRecorder
 from jaxpf.cli.tracking.recorder import Recorder, nothing_follows

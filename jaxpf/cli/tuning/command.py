@@ -221,7 +221,7 @@ def _tune(
     sequences: list[Any], wanted: list[Any], settings: Any, objective: str, output: Path
 ) -> Any:
     """Tune behind a progress bar, or, where no terminal shows one, with a line now and then."""
-    from jaxpf import tuning
+    from jaxpf.tuning import loop
 
     shows_bars = sys.stderr.isatty()
     with progress_bar("steps") as bar:
@@ -243,7 +243,7 @@ def _tune(
                     err=True,
                 )
 
-        return tuning.tune(
+        return loop.tune(
             sequences,
             wanted,
             objective=objective,

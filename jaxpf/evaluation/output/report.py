@@ -66,7 +66,7 @@ def write_report(results: Results, tables: Tables | None = None) -> Path:
         raise InputError("writing a report needs Jinja2; pip install 'jaxpf[cli]'") from None
     tables = write_tables(results) if tables is None else tables
     figures = write_figures(results, tables)
-    source = resources.files("jaxpf.evaluation").joinpath("report.html").read_text("utf-8")
+    source = resources.files("jaxpf.evaluation.output").joinpath("report.html").read_text("utf-8")
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

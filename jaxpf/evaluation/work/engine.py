@@ -133,8 +133,7 @@ def prepare(
     plan: Plan, folder: str | os.PathLike[str], limits: Limits = DEFAULT_LIMITS
 ) -> Prepared:
     """Find out what is to be done, and write nothing; arguments and errors as for ``evaluate``."""
-    from jaxpf.evaluation.work import schedule
-    from jaxpf.evaluation.work import settings as about
+    from jaxpf.evaluation.work import schedule, settings as about
 
     folder = Path(folder)
     settings = stored_settings(plan, folder)

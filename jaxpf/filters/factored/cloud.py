@@ -13,6 +13,7 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.interface import check_uncoupled
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,
@@ -24,7 +25,6 @@ from jaxpf.contract.state import (
 )
 from jaxpf.filters import initial as filters_initial
 from jaxpf.resampling import weighted as resampling
-from jaxpf.running.checks import check_uncoupled
 
 
 @pytree_dataclass

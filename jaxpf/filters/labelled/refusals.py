@@ -6,12 +6,12 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.interface import check_uncoupled
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.initial import check_count
 from jaxpf.filters.labelled.choices import FEEDBACKS, POPULATIONS, SCOPES, WEIGHTS
 from jaxpf.filters.relocation import check_relocation
 from jaxpf.gradients import check_gradients
-from jaxpf.running.checks import check_uncoupled
 
 
 def check_tracker(tracker: Any) -> None:

@@ -25,8 +25,7 @@ from jax import lax
 from jaxpf import contract
 from jaxpf.contract.state import ParticleState, Summary, sanitised
 from jaxpf.filters import confidence, relocation
-from jaxpf.filters.partitioned import ending, levels, look_ahead, selection
-from jaxpf.filters.partitioned import exchange as rules
+from jaxpf.filters.partitioned import ending, exchange as rules, levels, look_ahead, selection
 from jaxpf.filters.partitioned.carry import Carry
 from jaxpf.lowering.branches import choose, computed_before, computed_once
 from jaxpf.lowering.derivatives import with_gradient_of

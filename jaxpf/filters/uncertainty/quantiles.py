@@ -1,29 +1,9 @@
-"""How sure a filter is.
-
-How much another run would differ, from several side by side (``SideBySide``) or from the ancestors
-of a single one (``WithErrorBars``); and whether regions hold the truth as often as they say
-(``transforms``, ``crps``, ``log_score``).
-"""
+"""Quantiles of weighted particles."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-
-from jaxpf.filters.uncertainty.error_bars import ErrorBars, WithErrorBars
-from jaxpf.filters.uncertainty.side_by_side import RunsState, SideBySide
-from jaxpf.measures.calibration import crps, log_score, transforms
-
-__all__ = [
-    "ErrorBars",
-    "RunsState",
-    "SideBySide",
-    "WithErrorBars",
-    "crps",
-    "log_score",
-    "quantiles",
-    "transforms",
-]
 
 
 def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndarray:

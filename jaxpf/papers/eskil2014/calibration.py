@@ -103,7 +103,7 @@ def errors(
             truth, scale = scene.extras["points"], published.SEQUENCES[name].scale
             tracker = methods.tracker(method, scene.frames[0], truth[0], scale, **settings)
             places = places_of(tracker, jnp.asarray(scene.frames[1:]), RUNS_PER_SCENE, seed)
-            distance = measures.distances(places, truth[1:], scene.extras["body_length"][1:])
+            distance = measures.point_distances(places, truth[1:], scene.extras["body_length"][1:])
             found.append(100 * float(np.mean(distance)))
     return np.array(found).reshape(len(drawn), -1)
 

@@ -130,4 +130,6 @@ def measure(
         clip.name,
         lambda: track(clip.frames, clip.truth[0], SCALE, filters, others, runs, seed=0),
     )
-    return {name: measures.distances(places, clip.truth[1:]) for name, places in found.items()}
+    return {
+        name: measures.point_distances(places, clip.truth[1:]) for name, places in found.items()
+    }

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxpf.papers.eskil2014 import clips, methods, published, speed
-from jaxpf.papers.eskil2014.scenes import RUNS_PER_SCENE, Outcome
-from jaxpf.papers.eskil2014.scenes import measure as measure_scenes
+from jaxpf.papers.eskil2014.scenes import RUNS_PER_SCENE, Outcome, measure as measure_scenes
 from jaxpf.papers.measuring.checkpoints import part
 from jaxpf.papers.paper import Request
 

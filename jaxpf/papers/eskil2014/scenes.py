@@ -88,7 +88,7 @@ def measure(
         drawn = _drawn(scene, seed, **parameters)
         truth, names = drawn.extras["points"], drawn.extras["point_names"]
         for method, places in found.items():
-            distance = measures.distances(places, truth[1:], drawn.extras["body_length"][1:])
+            distance = measures.point_distances(places, truth[1:], drawn.extras["body_length"][1:])
             errors.setdefault(method, []).append(distance)
         visible.append(drawn.extras["visible"][1:])
         report(f"  {scene}: scene {done} of {len(seeds)} done")

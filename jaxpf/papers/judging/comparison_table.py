@@ -1,7 +1,7 @@
-"""What repeating a paper gives, published and measured figures side by side, and how it is written.
+"""Published and measured figures side by side, and how they are written.
 
-A ``Comparison`` holds tables, claims with verdicts (``jaxpf.papers.judging.claims``) and figures; the
-command line prints it and writes it as Markdown, CSV, JSON and PNG.
+A ``Comparison`` holds tables, claims with verdicts (``jaxpf.papers.judging.claims``) and figures;
+the command line prints it and writes it as Markdown, CSV, JSON and PNG.
 """
 
 import csv

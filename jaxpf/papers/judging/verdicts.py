@@ -9,7 +9,7 @@ import csv
 from collections.abc import Sequence
 from pathlib import Path
 
-_HERE = Path(__file__).parent
+_PAPERS = Path(__file__).parents[1]
 
 
 def stored(paper: str) -> list[dict[str, str]]:
@@ -47,7 +47,7 @@ def origin(claim: dict[str, str]) -> str:
 
 
 def _rows(paper: str, name: str) -> list[dict[str, str]]:
-    path = _HERE / paper / name
+    path = _PAPERS / paper / name
     if not path.exists():
         return []
     with path.open(newline="") as file:

@@ -1,1 +1,1 @@
-""""""
+"""Measuring what the papers measure, in pieces that are kept."""

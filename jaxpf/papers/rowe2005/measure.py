@@ -8,8 +8,12 @@ import numpy as np
 from jaxpf.papers.measuring.checkpoints import part
 from jaxpf.papers.paper import Request
 from jaxpf.papers.rowe2005 import bias, births, distracter, pictures
-from jaxpf.papers.rowe2005.scenes import RUNS_PER_SCENE, VARIANTS, Outcome
-from jaxpf.papers.rowe2005.scenes import measure as measure_scenes
+from jaxpf.papers.rowe2005.scenes import (
+    RUNS_PER_SCENE,
+    VARIANTS,
+    Outcome,
+    measure as measure_scenes,
+)
 
 #: Scenes of the comparison with PS, DPS and SPS, and runs behind the table of biases.
 _COMPARED, _QUICK_COMPARED = 20, 4

@@ -8,8 +8,7 @@ from jaxpf.papers.paper import Request
 from jaxpf.papers.smith2004 import costs, occlusions, published, sweep
 from jaxpf.papers.smith2004.conditions import ENDINGS, PARTICLES, Condition, measure_conditions
 from jaxpf.papers.smith2004.occlusions import Tracked
-from jaxpf.papers.smith2004.scenes import RUNS_PER_SCENE, Outcome
-from jaxpf.papers.smith2004.scenes import measure as measure_scenes
+from jaxpf.papers.smith2004.scenes import RUNS_PER_SCENE, Outcome, measure as measure_scenes
 from jaxpf.papers.smith2004.sweep import Sweep
 
 #: Scenes for each distance of the sweep.

@@ -169,7 +169,7 @@ def test_ctrl_c_before_the_first_frame_leaves_no_folder(track, tmp_path, monkeyp
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("jaxpf.stream", interrupted)
+    monkeypatch.setattr("jaxpf.running.streaming.stream", interrupted)
     outcome = track(*BOXES)
     assert outcome.code == 130
     assert not (tmp_path / "out").exists()

@@ -22,8 +22,8 @@ from small_video import (
     write_truth,
 )
 
-from jaxpf import boxes as tracks
 from jaxpf import measures
+from jaxpf.boxes import dense, read_boxes
 from jaxpf.media import open_frames
 
 # What a run writes
@@ -75,8 +75,8 @@ def test_colour_cannot_tell_who_is_lost_and_nobody_invents_a_number(track, tmp_p
 
 
 def test_tracks_follow_the_objects(whole_run):
-    table = tracks.read_boxes(whole_run[1] / "tracks.csv")
-    boxes = tracks.dense(table, [1, 2], LENGTH)
+    table = read_boxes(whole_run[1] / "tracks.csv")
+    boxes = dense(table, [1, 2], LENGTH)
     truth = np.array([true_boxes(number) for number in range(LENGTH)])
     assert np.abs(boxes - truth).max() < 5
 
@@ -121,7 +121,7 @@ def test_truth_adds_a_table_over_the_frames_that_have_truth(whole_run):
     assert "object 2" in outcome.out
     header, *rows = (output / "metrics.csv").read_text().splitlines()
     assert header.startswith("id,frames,success_half,success_area,overlap,tracked,precision")
-    boxes = tracks.dense(tracks.read_boxes(output / "tracks.csv"), [1, 2], LENGTH)[1:]
+    boxes = dense(read_boxes(output / "tracks.csv"), [1, 2], LENGTH)[1:]
     truth = np.array([true_boxes(number) for number in range(1, LENGTH)])
     overlaps = np.asarray(measures.overlap(boxes, truth))
     for row, known in zip(rows, (overlaps[:, 0], overlaps[:-1, 1]), strict=True):

@@ -19,8 +19,7 @@ from jaxpf.papers.measuring.calibration import trial_table
 from jaxpf.papers.measuring.checkpoints import sharing
 from jaxpf.papers.measuring.comparison import scene_tracker
 from jaxpf.papers.measuring.grid import run_grid, run_keys
-from jaxpf.papers.smith2004 import PAPER, calibration, occlusions
-from jaxpf.papers.smith2004 import scenes as synthetic
+from jaxpf.papers.smith2004 import PAPER, calibration, occlusions, scenes as synthetic
 from jaxpf.papers.smith2004.claims import occlusion_claims
 from jaxpf.papers.smith2004.scenes import Outcome
 from jaxpf.papers.smith2004.tables import occlusion_tables

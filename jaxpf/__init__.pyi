@@ -1,0 +1,35 @@
+from . import (
+    boxes as boxes,
+    contours as contours,
+    contract as contract,
+    dynamics as dynamics,
+    evaluation as evaluation,
+    filters as filters,
+    gradients as gradients,
+    likelihoods as likelihoods,
+    measures as measures,
+    media as media,
+    ordering as ordering,
+    parts as parts,
+    points as points,
+    populations as populations,
+    resampling as resampling,
+    shapes as shapes,
+    smoothing as smoothing,
+    tuning as tuning,
+)
+from .contract.errors import InputError as InputError
+from .contract.pytree import pytree_dataclass as pytree_dataclass
+from .contract.state import ParticleState as ParticleState, Summary as Summary
+from .files.states import load as load, save as save
+from .filters.factored.eskil import Eskil as Eskil
+from .filters.factored.pffl import PFFL as PFFL
+from .filters.labelled.tracker import Labelled as Labelled
+from .filters.partitioned.tracker import Partitioned as Partitioned
+from .running.blocks import monte_carlo as monte_carlo
+from .running.runs import forecast as forecast, run as run
+from .running.streaming import stream as stream
+from .smoothing.smoother import smooth as smooth
+from .tuning.loop import tune as tune
+
+__version__: str

@@ -1,0 +1,21 @@
+from .factory import shapes as shapes, tracker as tracker
+from .models import (
+    DEFAULT_MOMENTUM as DEFAULT_MOMENTUM,
+    DEFAULT_SCALE as DEFAULT_SCALE,
+    DEFAULT_STEPS as DEFAULT_STEPS,
+    box_model as box_model,
+    relative_box_model as relative_box_model,
+    relative_steps as relative_steps,
+    usual_noise as usual_noise,
+)
+from .tracks import (
+    BoxTable as BoxTable,
+    TrackWriter as TrackWriter,
+    check_boxes as check_boxes,
+    dense as dense,
+    detections as detections,
+    parse_box as parse_box,
+    read_boxes as read_boxes,
+    start_boxes as start_boxes,
+    write_mot as write_mot,
+)

@@ -1,0 +1,12 @@
+from .other_tracks import match_tracks as match_tracks, read_tracks as read_tracks
+from .plan import Limits as Limits, Plan as Plan
+from .results import Configuration as Configuration, Results as Results
+from .work.batches import Batch as Batch
+from .work.engine import (
+    Prepared as Prepared,
+    carry_out as carry_out,
+    evaluate as evaluate,
+    finished as finished,
+    prepare as prepare,
+)
+from .work.execution import local_pool as local_pool

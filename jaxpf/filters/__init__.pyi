@@ -1,0 +1,8 @@
+from .factored.drift import Motion as Motion, correlations as correlations
+from .labelled.population import born as born, ended as ended, homes as homes
+from .labelled.state import LabelledState as LabelledState, LabelledSummary as LabelledSummary
+from .registry import all_filters as all_filters, filter_of as filter_of, methods as methods
+from .relocation import Relocation as Relocation, relocation_in as relocation_in
+from .uncertainty.error_bars import ErrorBars as ErrorBars, WithErrorBars as WithErrorBars
+from .uncertainty.quantiles import quantiles as quantiles
+from .uncertainty.side_by_side import RunsState as RunsState, SideBySide as SideBySide

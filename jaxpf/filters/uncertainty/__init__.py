@@ -1,0 +1,1 @@
+"""How much another run would differ: runs side by side, or the ancestors of a single run."""

@@ -1,0 +1,47 @@
+from .association import pairwise_overlap as pairwise_overlap
+from .calibration import crps as crps, log_score as log_score, transforms as transforms
+from .intervals import (
+    Interval as Interval,
+    as_float as as_float,
+    masked_mean as masked_mean,
+    mean_interval as mean_interval,
+    student_interval as student_interval,
+    student_quantile as student_quantile,
+    wilson_interval as wilson_interval,
+)
+from .metrics import (
+    EffectiveDynamics as EffectiveDynamics,
+    centre_error as centre_error,
+    corner_distances as corner_distances,
+    effective_dynamics as effective_dynamics,
+    effective_sample_size as effective_sample_size,
+    has_truth as has_truth,
+    in_the_end as in_the_end,
+    mean_precision as mean_precision,
+    mean_recall as mean_recall,
+    overlap as overlap,
+    pose_variance as pose_variance,
+    precision as precision,
+    recall as recall,
+    recovery as recovery,
+    recovery_rate as recovery_rate,
+    resamplings_per_frame as resamplings_per_frame,
+    success as success,
+    success_rate as success_rate,
+    summarise as summarise,
+    throughout as throughout,
+    track_state as track_state,
+    uniqueness as uniqueness,
+)
+from .points import point_distances as point_distances
+from .scores import (
+    CENTRE_THRESHOLDS as CENTRE_THRESHOLDS,
+    OVERLAP_THRESHOLDS as OVERLAP_THRESHOLDS,
+    distance_precision as distance_precision,
+    import_trackeval as import_trackeval,
+    precision_curve as precision_curve,
+    success_area as success_area,
+    success_at_half as success_at_half,
+    success_curve as success_curve,
+    tracking_scores as tracking_scores,
+)

@@ -1,0 +1,19 @@
+from .overlay import (
+    DARK as DARK,
+    draw_boxes as draw_boxes,
+    draw_particles as draw_particles,
+    draw_pixel_grid as draw_pixel_grid,
+    draw_rectangles as draw_rectangles,
+    label_at as label_at,
+    line_thickness as line_thickness,
+    object_colours as object_colours,
+)
+from .plotting import (
+    bars_with_intervals as bars_with_intervals,
+    colours as colours,
+    diagnostics as diagnostics,
+    new_figure as new_figure,
+    save_figure as save_figure,
+)
+from .video import open_frames as open_frames
+from .video_writer import SUFFIXES as SUFFIXES, VideoWriter as VideoWriter

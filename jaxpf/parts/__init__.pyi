@@ -1,0 +1,11 @@
+from .factory import shapes as shapes, tracker as tracker
+from .models import (
+    DEFAULT_JOINT_SCALE as DEFAULT_JOINT_SCALE,
+    DEFAULT_SCALE as DEFAULT_SCALE,
+    DYNAMICS as DYNAMICS,
+    OfFixedSize as OfFixedSize,
+    check_parts as check_parts,
+    cut_pictures as cut_pictures,
+    parts_model as parts_model,
+)
+from .target import Parts as Parts

@@ -1,0 +1,16 @@
+from .blocks import monte_carlo as monte_carlo
+from .runs import (
+    as_key as as_key,
+    as_keys as as_keys,
+    forecast as forecast,
+    frame_key as frame_key,
+    frame_step as frame_step,
+    init as init,
+    num_frames as num_frames,
+    one_run as one_run,
+    run as run,
+    run_compiled as run_compiled,
+    summary_only as summary_only,
+    together as together,
+)
+from .streaming import TrackedFrame as TrackedFrame, stream as stream

@@ -1,0 +1,35 @@
+from .bending import BendingSpace as BendingSpace, bending_space as bending_space
+from .depth import depth_orders as depth_orders, in_front as in_front
+from .learning import (
+    learn_shape_space as learn_shape_space,
+    outline_of as outline_of,
+    varied as varied,
+)
+from .rectangles import (
+    area as area,
+    boxes_from_substates as boxes_from_substates,
+    centres as centres,
+    corners_from_poses as corners_from_poses,
+    cos_sin as cos_sin,
+    intersection_area as intersection_area,
+    is_proper as is_proper,
+    substates_from_boxes as substates_from_boxes,
+    turned as turned,
+)
+from .spaces import (
+    ShapeSpace as ShapeSpace,
+    check_contours as check_contours,
+    explained_share as explained_share,
+    key_frame_space as key_frame_space,
+    space_of as space_of,
+)
+from .splines import (
+    CUBIC as CUBIC,
+    basis as basis,
+    check_order as check_order,
+    crosses_itself as crosses_itself,
+    even_places as even_places,
+    fit_spline as fit_spline,
+    points_on as points_on,
+    resampled as resampled,
+)

@@ -1,0 +1,30 @@
+from .comparison import Comparison as Comparison, compare as compare
+from .loop import Diverged as Diverged, tune as tune
+from .objectives import (
+    crps as crps,
+    log_evidence as log_evidence,
+    log_mean_evidence as log_mean_evidence,
+    outline_loss as outline_loss,
+    overlap_loss as overlap_loss,
+    position_error as position_error,
+)
+from .orders import Pilot as Pilot, best_order as best_order, candidate_orders as candidate_orders
+from .parameters import (
+    Parameter as Parameter,
+    names as names,
+    parameter as parameter,
+    read as read,
+    replace as replace,
+)
+from .problem import (
+    OBJECTIVES as OBJECTIVES,
+    TrainingSequence as TrainingSequence,
+    loss_function as loss_function,
+)
+from .result import Descent as Descent, Result as Result
+from .sequences import (
+    Recipe as Recipe,
+    held_out as held_out,
+    training_sequence as training_sequence,
+)
+from .settings import RANDOM_NUMBERS as RANDOM_NUMBERS, Settings as Settings

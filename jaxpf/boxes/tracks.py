@@ -228,7 +228,7 @@ def detections(
     Args:
         boxes: ``[P, 4]``, x, y, w, h in pixels; those that are not finite are left out.
         ids: ``[P]``; by default from 1.
-        confidence: ``[P]``; by default none is told.
+        confidence: ``[P]``; left out by default.
 
     Raises:
         InputError: supervision is missing.

@@ -1,7 +1,7 @@
-"""The site: prose, the notebooks as they were run, every command, every public address.
+"""The site: prose, the notebooks as last run, every command and every public name.
 
-``sphinx-build -W -c notebooks/docs notebooks site``, from the repository's root.  Pages of
-commands, modules and scenes are written into ``generated`` first, from the program itself.
+``sphinx-build -W -c notebooks/docs notebooks site``, from the repository's root.  Pages about
+commands, modules and scenes are first written into ``generated``, from the program itself.
 """
 
 import sys
@@ -18,23 +18,32 @@ project, version, release = "jaxpf", jaxpf.__version__, jaxpf.__version__
 author = "The jaxpf developers"
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 root_doc = "index"
-# What other pages include is no page.
+# These are included by other pages.
 exclude_patterns = [
     "**/.ipynb_checkpoints",
     "docs/generated/counts.md",
     "docs/generated/verdicts.md",
 ]
-myst_enable_extensions = ["deflist"]
+myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 3
 nb_execution_mode = "off"
 napoleon_use_ivar = True
-autodoc_typehints = "none"  # docstrings tell shapes and units
-autoclass_content = "both"  # what making an instance takes stands in __init__
+autodoc_typehints = "none"  # docstrings give shapes and units
+autoclass_content = "both"  # arguments are documented in __init__
 html_theme = "sphinx_book_theme"
 html_title = "jaxpf"
 html_copy_source = html_show_copyright = False
+html_theme_options = {"navbar_persistent": []}  # one search box, in the sidebar
+html_static_path = ["static"]
+html_css_files = ["style.css"]
+
+
+def is_bare_field(app, what, name, value, skip, options):
+    """Skip the fields of named tuples: the class's docstring describes them."""
+    return True if (value.__doc__ or "").startswith("Alias for field number") else None
 
 
 def setup(app):
-    """Write the pages that the program tells."""
+    """Write the generated pages before the site is built."""
     app.connect("builder-inited", lambda app: pages.write(HERE / "generated"))
+    app.connect("autodoc-skip-member", is_bare_field)

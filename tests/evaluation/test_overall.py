@@ -99,7 +99,7 @@ def test_curves_are_means_over_sequences_with_their_intervals(tmp_path, monkeypa
     write(tmp_path, "two", [row], lambda threshold: 1 - threshold**2)
     write_overall(tmp_path, ["one", "two"], [])
     at_half = [0.5, 0.75]
-    low, high = stats.t.interval(0.95, 1, np.mean(at_half), stats.sem(at_half))
+    low, _ = stats.t.interval(0.95, 1, np.mean(at_half), stats.sem(at_half))
     assert low < 0  # less than a share can be
     np.testing.assert_allclose(drawn["SIR", "success"][10], (2, np.mean(at_half), 0, 1))
     np.testing.assert_allclose(drawn["SIR", "precision"][25, 1], 1 - np.mean(at_half))

@@ -44,9 +44,9 @@ def test_spreadsheets_may_have_written_it(tmp_path):
     assert parts.parents == (-1,)
 
 
-def test_several_roots_can_be_allowed(write):
+def test_each_object_has_its_root(write):
     path = write("a,,1,1,2,2,0\nb,,9,9,2,2,0\nc,b,5,5,2,2,0\n")
-    assert read_parts(path, one_root=False).parents == (-1, -1, 1)
+    assert read_parts(path).parents == (-1, -1, 1)
 
 
 @pytest.mark.parametrize(
@@ -58,10 +58,6 @@ def test_several_roots_can_be_allowed(write):
         ),
         ("a,a,1,1,2,2,0\n", "hang in a circle, 'a' on 'a'"),
         ("r,,1,1,2,2,0\nx,a,1,1,2,2,0\na,b,1,1,2,2,0\nb,a,1,1,2,2,0\n", "'a' on 'b' on 'a'"),
-        (
-            "a,,1,1,2,2,0\nb,,9,9,2,2,0\n",
-            "has 2 roots, a, b; an object has one, so give the others",
-        ),
         ("a,,1,1,2,2,0\nb,c,1,1,2,2,0\n", r"line 3 of .*: part 'b' hangs on 'c', .* are a, b"),
         ("a,,1,1,0,2,0\n", "line 2 of .*: part 'a' has a box of 0 x 2 pixels, which has no area"),
         ("a,,1,1,2,-3,0\n", "a box of 2 x -3 pixels"),

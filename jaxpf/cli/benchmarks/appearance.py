@@ -30,7 +30,7 @@ def rows(
     ):
         frames = jnp.stack([jnp.asarray(frame)] * num_frames)
         keys = jax.random.split(jax.random.key(0), runs)
-        colour = histogram(frame, boxes, num_particles=num_particles, num_runs=runs)
+        colour = histogram(frame, boxes, method="sampled" if runs == 1 else "integral")
         candidates: dict[str, Callable[[], Any]] = {}
         for name, likelihood in (("colour", colour), ("learned", discriminative(frame, boxes))):
             order = orderings.ps(range(len(boxes)))

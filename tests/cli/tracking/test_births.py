@@ -101,7 +101,7 @@ BOX = ("--box", "6,8,12,16")
         ("1,-1,1,1,9,9,1\n", ("-n", "15"), "--particles 15 is fewer than the 16"),
         ("1,-1,1,1,9,9,1\n", ("--method", "dps"), "partitioned is not one; use --filter labelled"),
         ("1,-1,1,1,9,9,1\n", ("--capacity", "0"), "--capacity 0 must be a whole number from 1"),
-        ("1,-1,1,1,9,9,1\n", ("--weights", "plain"), "has none to give"),
+        ("1,-1,1,1,9,9,1\n", ("--weights", "plain"), "equal share, which"),
         (
             "1,-1,1,1,9,9,.9\n",
             ("--birth-confidence", "2"),

@@ -11,6 +11,8 @@ from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import parse_number, read_rows
 
 HEADERS = ("frame,id,x,y,w,h", "frame,id,x,y,w,h,occ")
+#: How the header of a tracks.csv of boxes begins; its frames and pixels count from 0.
+TRACKS_HEADER = "frame,time,id,x,y,w,h"
 #: A coordinate in pixels, and a frame or an id, beyond which numbers are no longer told apart.
 _FARTHEST, _LARGEST_WHOLE = 1e9, 2**53
 _FORMATS = (
@@ -118,16 +120,28 @@ def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
     # CVAT's MOT archives, gt/gt.txt beside gt/labels.txt, count pixels from 0 and frames from 1.
     is_cvat = path.name == "gt.txt" and (path.parent / "labels.txt").is_file()
     header, first_pixel = None, 0 if is_cvat else 1
+    columns: list[str] = []
     line, fields = rows[0]
     if _is_header(fields[0]):
         header, first_pixel, rows = ",".join(fields).lower(), 0, rows[1:]
-        if header not in HEADERS:
+        if header.startswith(TRACKS_HEADER):
+            columns, header = header.split(","), HEADERS[0]
+        elif header not in HEADERS:
             raise InputError(
                 f"line {line} of '{path}' has an unknown header '{','.join(fields)[:80]}'; "
                 f"expected {_FORMATS}"
             )
     for line, fields in rows:
-        yield line, _parse_row(fields, header, first_pixel, f"line {line} of '{path}'")
+        place = f"line {line} of '{path}'"
+        if not columns:
+            yield line, _parse_row(fields, header, first_pixel, place)
+        elif len(fields) != len(columns):
+            raise InputError(f"{place} has {len(fields)} columns instead of {len(columns)}")
+        else:
+            row = dict(zip(columns, fields, strict=True))
+            box = _parse_row([row[name] for name in HEADERS[0].split(",")], header, 0, place)
+            is_lost = row.get("lost") == "1"
+            yield line, (*box[:-1], 0.0 if is_lost else float(row.get("confidence") or 1))
 
 
 def _parse_row(

@@ -97,14 +97,14 @@ class PointAdapter(Adapter):
         return TrackFile(writer, append)
 
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
-        """See ``Adapter``; lost points are hollow."""
+        """See ``Adapter``; points that are lost or probably lost are hollow."""
         from jaxpf.points.drawing import draw_points
 
         return draw_points(
             frame,
             shapes,
             trails=marks.past,
-            hidden=marks.lost,
+            hidden=marks.unsure,
             colours=marks.colours,
             names=[str(name) for name in start.ids],
         )

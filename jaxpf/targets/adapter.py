@@ -28,6 +28,11 @@ class Marks(NamedTuple):
     past: Any = None
     doubtful: Any = None
 
+    @property
+    def unsure(self) -> Any:
+        """bool ``[P]``, lost or probably lost."""
+        return self.lost if self.doubtful is None else self.lost | self.doubtful
+
 
 class TrackFile:
     """A file of tracks, written frame by frame; it closes as a context does.
@@ -61,12 +66,19 @@ class Adapter(abc.ABC):
             it starts; ``read_start`` is given their values.
         example: arguments of ``jaxpf track`` after the video, for its help.
         track_suffix: of the files that ``track_writer`` writes.
+        columns: columns of tracks.csv that say where an object is; angles in degrees, all others
+            in pixels.
+        fixed_columns: those of them that do not change, and so have no interval.
+        writes_outlines: whether outlines.csv, which ``track_writer`` writes, stands beside it.
     """
 
     target: Target
     start_flags: Mapping[str, Mapping[str, Any]] = {}
     example: str = ""
     track_suffix: str = ".csv"
+    columns: tuple[str, ...] = ("x", "y")
+    fixed_columns: tuple[str, ...] = ()
+    writes_outlines: bool = False
 
     @property
     def name(self) -> str:
@@ -106,6 +118,10 @@ class Adapter(abc.ABC):
         By default of shapes whose numbers are x and y in turn.
         """
         return start, shapes * np.tile(factors, shapes.shape[-1] // 2)
+
+    def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
+        """Values ``[..., P, C]`` of ``columns`` for shapes ``[..., P, S]``."""
+        return shapes[..., :2]
 
     @abc.abstractmethod
     def track_writer(self, path: Any, start: Start) -> TrackFile:

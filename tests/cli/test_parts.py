@@ -70,7 +70,7 @@ def mean_corner_distance(scene, output):
         rows = list(csv.DictReader(file))
     poses = np.zeros((LENGTH, len(NAMES), 3))
     for row in rows:
-        poses[int(row["frame"]), NAMES.index(row["part"])] = (
+        poses[int(row["frame"]), NAMES.index(row["id"])] = (
             float(row["x"]), float(row["y"]), np.radians(float(row["angle"]))
         )  # fmt: skip
     corners = corners_from_poses(poses, scene.sizes)
@@ -83,10 +83,13 @@ def test_parts_are_followed_and_every_file_is_written(scene, whole_run):
     assert f"{LENGTH - 1} frames tracked" in outcome.out
     assert {path.name for path in output.iterdir()} == {
         "tracks.csv", "overlay.webm", "diagnostics.csv", "diagnostics.png", "summary.json",
-        "run.toml", "uncertainty.csv",
+        "run.toml", "trajectories.png",
     }  # fmt: skip
     header, *rows = (output / "tracks.csv").read_text().splitlines()
-    assert header == "frame,part,x,y,w,h,angle"
+    assert header == (
+        "frame,time,id,x,y,w,h,angle,x_2.5,x_97.5,y_2.5,y_97.5,angle_2.5,angle_97.5,"
+        "speed,speed_2.5,speed_97.5,lost"
+    )
     assert len(rows) == LENGTH * len(NAMES)
     assert mean_corner_distance(scene, output) < 4
 
@@ -194,7 +197,7 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
     _, output = whole_run
     config = ("--config", output / "run.toml", "--box", "900,900,5,5", "-o", tmp_path / "o")
     outcome = jaxpf("track", clip, *config)
-    assert "--box is an option of boxes, and parts are tracked" in outcome.err
+    assert "--box works only for boxes" in outcome.err
     outcome = jaxpf("track", "boxes", clip, *config)
     assert "run.toml' is not of boxes, which are tracked here" in outcome.err
 
@@ -204,9 +207,9 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
     [
         (
             ("--box", "1,2,3,4"),
-            "--box is an option of boxes, and parts are tracked; write `jaxpf track boxes",
+            "--box works only for boxes; write `jaxpf track boxes",
         ),
-        (("--truth", "gt.csv"), "--truth is an option of boxes, and parts are tracked"),
+        (("--truth", "gt.csv"), "--truth works only for boxes"),
         (
             ("--method", "dps"),
             "method 'dps' goes through circular shifts.*choose one of sir, ps, sps",

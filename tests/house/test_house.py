@@ -180,7 +180,7 @@ def test_one_tracks_a_video(tmp_path, scene):
     arguments = ["track", tmp_path, *boxes, "--tracker", place, "--no-overlay"]
     outcome = command(*arguments, "-o", tmp_path / "out")
     assert outcome.code == 0, outcome.err
-    assert len((tmp_path / "out" / "tracks.csv").read_text().splitlines()) == 6 * len(boxes)
+    assert len((tmp_path / "out" / "tracks.csv").read_text().splitlines()) == 1 + 6 * len(boxes)
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["frames_tracked"] == 5
 
 

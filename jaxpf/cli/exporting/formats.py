@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.boxes.tables import read_boxes
-from jaxpf.boxes.tracks import dense
+from jaxpf.boxes.tracks import dense, read_tracks, write_mot
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import read_text
 from jaxpf.files.writing import atomic_path, atomic_write, report_os_errors, write_text
@@ -34,7 +34,7 @@ from jaxpf.media.video import open_frames
 
 #: What all that is tracked is called.
 _LABEL = "object"
-_INTERVAL = ("2.5", "50", "97.5")
+_INTERVAL = ("2.5", "97.5")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -46,8 +46,8 @@ class Tracked:
         names: ``[P]``.
         lines: ``[T, P, S, 2]``, corners, outlines or points, pixels; NaN where there is none.
         confidence: ``[T, P]``, that an object is where it is reported; 0 where it is lost.
-        intervals: ``[T, P, 2, 3]``, of the middle's x and y, below which 2.5, 50 and 97.5 % of the
-            particles lie; None where the folder has none.
+        intervals: ``[T, P, 2, 2]``, 2.5 and 97.5 % quantiles of x and y of the middle; None if the
+            folder has none.
         video: what was tracked.
         size: width and height of its frames.
         fps: its frames per second.
@@ -97,16 +97,14 @@ def read_tracked(folder: Path) -> Tracked:
         raise InputError(
             f"'{folder / 'summary.json'}' is no summary of `jaxpf track`; give its output folder."
         ) from None
-    names, lines, confidence = (_read_boxes if target == "boxes" else _read_lines)(
-        folder / "tracks.csv"
-    )
+    names, lines, confidence = (_read_boxes if target == "boxes" else _read_lines)(folder)
     source = open_frames(video)
     return Tracked(
         target,
         names,
         lines,
         confidence,
-        _read_intervals(folder / "uncertainty.csv", names, len(lines)),
+        _read_intervals(folder / "tracks.csv", names, len(lines), target == "boxes"),
         str(video),
         (source.width, source.height),
         source.fps,
@@ -114,8 +112,8 @@ def read_tracked(folder: Path) -> Tracked:
     )
 
 
-def _read_boxes(path: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    table = read_boxes(path)
+def _read_boxes(folder: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    table = read_boxes(folder / "tracks.csv")
     ids = sorted(set(table.id.tolist()))
     boxes = dense(table, ids, int(table.frame.max()) + 1)
     confidence = np.zeros(boxes.shape[:2])
@@ -125,54 +123,59 @@ def _read_boxes(path: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     return tuple(map(str, ids)), lines, confidence
 
 
-def _read_lines(path: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Tracks of parts, points or contours, told by their header."""
-    rows = _rows(path)
-    if "kind" in rows[0]:
-        rows = [row for row in rows if row["kind"] == "outline"]
-    # A contour's tracks have a column of points, too.
-    who = next((name for name in ("part", "contour", "point") if name in rows[0]), "")
-    try:
-        names = tuple(dict.fromkeys(row[who] for row in rows))
-        length = 1 + max(int(row["point"]) for row in rows) if who == "contour" else 1
-        last = max(int(row["frame"]) for row in rows)
-        places = np.full((last + 1, len(names), 4 if who == "part" else length, 2), np.nan)
-        confidence = np.zeros(places.shape[:2])
-        for row in rows:
-            frame, name = int(row["frame"]), names.index(row[who])
-            place = np.array([float(row["x"]), float(row["y"])])
-            if who == "part":
-                places[frame, name] = _corners(place, row)
-            else:
-                places[frame, name, int(row["point"]) if who == "contour" else 0] = place
-            confidence[frame, name] = 1 - float(row.get("lost", 0))
-    except (KeyError, ValueError):
-        raise InputError(
-            f"'{path}' holds no tracks of parts, points or contours; give the output folder of "
-            "`jaxpf track`."
-        ) from None
-    return names, places, confidence
+def _read_lines(folder: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Tracks of parts, points or contours."""
+    table = read_tracks(folder / "tracks.csv")
+    ids = [str(name) for name in table["id"].tolist()]
+    names = tuple(dict.fromkeys(ids))
+    rows = table["frame"], np.array([names.index(name) for name in ids], int)
+    num_frames = int(table["frame"].max(initial=-1)) + 1
+    confidence = np.zeros((num_frames, len(names)))
+    confidence[rows] = (1 - table["lost"]) * np.nan_to_num(table.get("confidence", 1.0), nan=1.0)
+    path = folder / "outlines.csv"
+    if path.is_file():
+        return names, _read_outlines(path, names, num_frames), confidence
+    places = np.stack([table["x"], table["y"]], axis=-1)[:, None]
+    if "angle" in table:
+        places = _corners(table)
+    lines = np.full((num_frames, len(names), *places.shape[1:]), np.nan)
+    lines[rows] = places
+    return names, lines, confidence
 
 
-def _corners(centre: np.ndarray, row: dict[str, str]) -> np.ndarray:
-    angle = np.deg2rad(float(row["angle"]))
-    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    half = np.array([float(row["w"]), float(row["h"])]) / 2
-    return centre + (np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half) @ turn
+def _read_outlines(path: Path, names: tuple[str, ...], num_frames: int) -> np.ndarray:
+    rows = [row for row in _rows(path) if row["kind"] == "outline"]
+    length = 1 + max(int(row["point"]) for row in rows)
+    lines = np.full((num_frames, len(names), length, 2), np.nan)
+    for row in rows:
+        place = float(row["x"]), float(row["y"])
+        lines[int(row["frame"]), names.index(row["contour"]), int(row["point"])] = place
+    return lines
 
 
-def _read_intervals(path: Path, names: tuple[str, ...], num_frames: int) -> np.ndarray | None:
-    if not path.is_file():
+def _corners(table: dict[str, np.ndarray]) -> np.ndarray:
+    """Corners ``[K, 4, 2]`` of turned rectangles."""
+    angle = np.deg2rad(table["angle"])
+    turn = np.stack([np.cos(angle), np.sin(angle), -np.sin(angle), np.cos(angle)], axis=-1)
+    half = np.stack([table["w"], table["h"]], axis=-1)[:, None] / 2
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
+    return np.stack([table["x"], table["y"]], -1)[:, None] + corners @ turn.reshape(-1, 2, 2)
+
+
+def _read_intervals(
+    path: Path, names: tuple[str, ...], num_frames: int, are_boxes: bool
+) -> np.ndarray | None:
+    """Of the middle; that of a box lies half its size from the corner, whose interval is known."""
+    table = read_tracks(path)
+    if "x_2.5" not in table:
         return None
-    found = np.full((num_frames, len(names), 2, len(_INTERVAL)), np.nan)
-    for row in _rows(path):
-        if row.get("x_50") and row["id"] in names and int(row["frame"]) < num_frames:
-            found[int(row["frame"]), names.index(row["id"])] = [
-                # An end that nobody knows is an empty field.
-                [float(row[f"{axis}_{level}"] or "nan") for level in _INTERVAL]
-                for axis in "xy"
-            ]
-    return found if np.isfinite(found).any() else None
+    intervals = np.full((num_frames, len(names), 2, len(_INTERVAL)), np.nan)
+    columns = [names.index(str(name)) for name in table["id"].tolist()]
+    for axis, (place, size) in enumerate((("x", "w"), ("y", "h"))):
+        half = table[size] / 2 if are_boxes else 0.0
+        for end, level in enumerate(_INTERVAL):
+            intervals[table["frame"], columns, axis, end] = table[f"{place}_{level}"] + half
+    return intervals
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
@@ -271,6 +274,21 @@ def write_cvat(path: Path, tracked: Tracked) -> None:
         archive.writestr("gt/labels.txt", f"{_LABEL}\n")
 
 
+def write_motchallenge(path: Path, tracked: Tracked) -> None:
+    """MOT lines ``frame,id,x,y,w,h,confidence,-1,-1,-1``; frames and x, y count from 1.
+
+    Raises:
+        InputError: points, which have no box; or the file cannot be written.
+    """
+    if tracked.target == "points":
+        raise InputError("MOT files hold boxes, and points have none; choose coco.")
+    frames, objects = tracked.there.T
+    numbers = [int(n) if n.isdecimal() else k + 1 for k, n in enumerate(tracked.names)]
+    ids = np.array(numbers)[objects]
+    boxes, confidence = tracked.boxes[frames, objects], tracked.confidence[frames, objects]
+    write_mot(path, frames, ids, boxes, confidence)
+
+
 def write_movement(path: Path, tracked: Tracked) -> None:
     """A netCDF file in ``movement``'s layout: poses for points, bounding boxes for all else.
 
@@ -329,5 +347,6 @@ def _rounded(values: Any) -> list[float]:
 FORMATS: dict[str, tuple[str, Callable[[Path, Tracked], None]]] = {
     "coco": (".json", write_coco),
     "cvat": (".zip", write_cvat),
+    "mot": (".txt", write_motchallenge),
     "movement": (".nc", write_movement),
 }

@@ -15,14 +15,14 @@ from jaxpf.populations.detections import DETECTED, check_frames, read_detections
 from jaxpf.populations.lifetimes import Rules
 from jaxpf.targets.target import Start
 
-#: Particles for each place, unless their number is said.
+#: Particles for each place by default.
 PARTICLES_EACH = 100
-#: A detector says where somebody is, which the picture has only to refine.
+#: Options of the model with a detector, which finds the objects: the picture only refines them.
 _GUIDED: Mapping[str, Any] = {"sharpness": 1.0, "scale": (6.0, 4.0, 0.02)}
 
 
 class Births(NamedTuple):
-    """What is known of those who come and go.
+    """Detections and rules for objects that come and go.
 
     Attributes:
         table: the file's rows.
@@ -34,7 +34,7 @@ class Births(NamedTuple):
 
     @property
     def watched(self) -> bool:
-        """Whether the file has detections, and not only boxes that a user named."""
+        """Whether the file has detections, not only boxes with ids."""
         return bool((self.table.id == DETECTED).any())
 
     @property
@@ -54,12 +54,13 @@ def read_births(options: Mapping[str, Any]) -> Births | None:
     if options.get("births") is None:
         for name, one in rules.items():
             if options.get(name) is not None:
-                raise InputError(f"{one.flag} is about --births, which was not given.")
+                raise InputError(
+                    f"{one.flag} works only with --births; add it, or leave {one.flag} out."
+                )
         return None
     if options["tracker"]:
         raise InputError(
-            "--births needs a tracker with room for who may come, and --tracker may have none; "
-            "leave one of them out."
+            "--births works only with the built-in filters; leave it or --tracker out."
         )
     births = Births(read_detections(options["births"]), picked(options, Rules))
     if not len(births.table):
@@ -73,7 +74,7 @@ def read_births(options: Mapping[str, Any]) -> Births | None:
 
 
 def _check_confidence(births: Births) -> None:
-    """Detectors count confidence as they like; one that leaves nobody is a mistake all the same."""
+    """Refuse a --birth-confidence that leaves out every detection."""
     least = births.rules.birth_confidence
     known = births.table.confidence[births.table.id == DETECTED]
     if least is not None and len(known) and known.max() < least:
@@ -85,7 +86,7 @@ def _check_confidence(births: Births) -> None:
 
 
 def defaults_of(births: Births | None) -> tuple[dict, Mapping[str, Any]]:
-    """Defaults of the filter's and of the target's options that differ with births."""
+    """Defaults of the filter's and the target's options that differ with --births."""
     if births is None:
         return {}, {}
     guided = births.watched and births.rules.detection_scale > 0
@@ -94,17 +95,17 @@ def defaults_of(births: Births | None) -> tuple[dict, Mapping[str, Any]]:
 
 
 def check_births(births: Births, start: Start, number: int, source: Any) -> None:
-    """Refuse what does not go with the video and the start.
+    """Check detections and start boxes against the video.
 
     Raises:
-        InputError: a detection in a frame that the video does not have, or outside the picture;
-            somebody who starts before the start frame, or twice; more start boxes than places.
+        InputError: a detection in a frame that the video does not have, or outside the picture; an
+            object that starts before the start frame, or twice; more start boxes than places.
     """
     table, capacity = births.table, births.rules.capacity
     if not source.is_live and table.frame.max() >= (
         source.num_frames or source.frames_expected or 0
     ):
-        # A container's word about its length is no proof.
+        # The length that a container states may be wrong.
         check_frames(table, source.num_frames or sum(1 for _ in source))
     named = table.id != DETECTED
     names = [f"the object that starts in frame {frame}" for frame in table.frame[named]]
@@ -139,7 +140,7 @@ def check_births(births: Births, start: Start, number: int, source: Any) -> None
 def by_frame(
     births: Births, start: Start, number: int
 ) -> tuple["Detections | None", list[tuple[int, int, np.ndarray]]]:
-    """Detections of the frames from the start on, and who is named there: see ``follow``."""
+    """Detections from the start frame on, and the objects with ids: see ``follow``."""
     table, least = births.table, births.rules.birth_confidence
     named = [(0, int(name), box) for name, box in zip(start.ids, start.shapes, strict=True)]
     rows = zip(table.frame - number, table.id, table.box, strict=True)
@@ -190,7 +191,7 @@ def nobody_came(births: Births, start: int) -> str:
 
 
 class Detections(Sequence):
-    """Boxes ``[M, 4]`` of every frame, without an end: a video may be longer than its file says.
+    """Boxes ``[M, 4]`` of every frame; a video may be longer than its file says.
 
     None for frames in which the detector did not run.
     """

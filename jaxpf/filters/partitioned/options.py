@@ -13,6 +13,8 @@ from jaxpf.filters.relocation_option import relocate_option, relocation_of
 
 #: For ``orders`` of an evaluation: PS in every circular shift, each a variant of its own.
 SHIFTS = "shifts"
+#: The order in which the objects are listed; of a part tree, level by level.
+GIVEN = "given"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -162,7 +164,10 @@ def _orders(asked: Sequence[Any], parents: Sequence[int]) -> list[tuple[int, ...
     """The orders that an evaluation asks for, each once."""
     orders: list[tuple[int, ...]] = []
     for order in asked:
-        orders += _shifts(parents) if order == SHIFTS else [tuple(order)]
+        if order in (GIVEN, SHIFTS):
+            orders += _shifts(parents)[: 1 if order == GIVEN else None]
+        else:
+            orders.append(tuple(order))
     return list(dict.fromkeys(orders))
 
 

@@ -9,15 +9,24 @@ import numpy as np
 import pytest
 from command_line import jaxpf
 
-from jaxpf.boxes import read_boxes, write_mot
-from jaxpf.cli.tracking.uncertainty_table import UncertaintyWriter
+from jaxpf.boxes import read_boxes
 from jaxpf.media import open_frames
-from jaxpf.parts.files import PartTrackWriter
-from jaxpf.points.files import PointTrackWriter
 
-BOXES = np.array([[[10.0, 5, 8, 4], [30, 20, 6, 9]], [[11.0, 6, 8, 4], [np.nan] * 4]])
-#: Centre, size and angle of a part that lies on its side.
-POSE, SIZE = np.array([[20.0, 15.0, np.pi / 2]]), np.array([[8.0, 4.0]])
+TRACKS = {
+    "boxes": """frame,time,id,x,y,w,h,x_2.5,x_97.5,y_2.5,y_97.5,speed,confidence,lost
+0,0.00,1,10,5,8,4,,,,,,,0
+0,0.00,2,30,20,6,9,,,,,,,0
+1,0.04,1,11,6,8,4,9,13,5,8,7,0.5,0
+""",
+    # A part that lies on its side.
+    "parts": """frame,time,id,x,y,w,h,angle,speed,lost
+0,0.00,arm,20,15,8,4,90,,0
+""",
+    "points": """frame,time,id,x,y,speed,lost
+0,0.00,nose,1,2,,0
+0,0.00,tail,3,4,,1
+""",
+}
 
 
 @pytest.fixture
@@ -32,21 +41,7 @@ def result(tmp_path):
     def make(target):
         about = {"parameters": {"target": target, "video": str(video)}}
         (folder / "summary.json").write_text(json.dumps(about))
-        tracks = folder / "tracks.csv"
-        if target == "boxes":
-            frames, ids = np.repeat([0, 1], 2), [1, 2, 1, 2]
-            write_mot(tracks, frames, ids, BOXES.reshape(-1, 4), [1, 1, 0.5, 1])
-            with UncertaintyWriter(folder / "uncertainty.csv", ("x", "y", "scale"), 2) as writer:
-                quantiles = np.arange(6.0).reshape(2, 3).T[:, None]
-                writer.append(1, [1], [[15, 8]], [[1, 2]], quantiles=quantiles)
-                some = [[[np.nan, 1]], [[2, 2]], [[np.nan, 3]]]  # of slots that come and go
-                writer.append(0, [2], [[30, 20]], [[1, 2]], quantiles=some)
-        elif target == "parts":
-            with PartTrackWriter(tracks) as writer:
-                writer.append(0, ["arm"], POSE, SIZE)
-        else:
-            with PointTrackWriter(tracks) as writer:
-                writer.append(0, ["nose", "tail"], [[1, 2], [3, 4]], [False, True])
+        (folder / "tracks.csv").write_text(TRACKS[target])
         return folder
 
     return make
@@ -110,9 +105,10 @@ def test_tracks_in_movements_layout(result, target):
         np.testing.assert_allclose(data["shape"].isel(time=0), [[8, 6], [4, 9]])
         assert np.isnan(data.position.isel(time=1, individuals=1)).all()
         known = data.interval.sel(individuals="id_1").isel(time=1)
-        np.testing.assert_allclose(known.sel(space="y"), [3, 4, 5])
-        partly = data.interval.sel(individuals="id_2", space="x").isel(time=0)
-        np.testing.assert_allclose(partly, [np.nan, 2, np.nan])
+        # Of the middle, half a height below the corner.
+        np.testing.assert_allclose(known.sel(space="y"), [7, 10])
+        unknown = data.interval.sel(individuals="id_2", space="x").isel(time=0)
+        assert np.isnan(unknown).all()
 
 
 @pytest.mark.parametrize(
@@ -136,8 +132,23 @@ def test_a_folder_without_results_is_refused(tmp_path):
     assert "summary.json" in outcome.err
 
 
+def test_boxes_as_mot_lines_count_from_1(result):
+    lines = exported(result("boxes"), "mot", "tracks.txt").read_text().splitlines()
+    assert lines == [
+        "1,1,11.000,6.000,8.000,4.000,1,-1,-1,-1",
+        "1,2,31.000,21.000,6.000,9.000,1,-1,-1,-1",
+        "2,1,12.000,7.000,8.000,4.000,0.5,-1,-1,-1",
+    ]
+
+
 #: Boxes of the objects 2 and 7, the second absent from frame 1: [T, P, 4].
+HEADER = "frame,time,id,x,y,w,h,lost"
 ROUND = np.array([[[10.25, 5, 8, 4], [30, 20.5, 6, 9]], [[11.0, 6, 8, 4], [np.nan] * 4]])
+ROUND_TRACKS = f"""{HEADER}
+0,0.00,2,10.25,5,8,4,0
+0,0.00,7,30,20.5,6,9,0
+1,0.04,2,11,6,8,4,0
+"""
 
 
 def read_coco(path):
@@ -173,13 +184,13 @@ def read_movement(path):
         ("coco", "t.json", read_coco),
         ("cvat", "t.zip", read_cvat),
         ("movement", "t.nc", read_movement),
+        ("mot", "t.txt", read_mot),
         (None, "tracks.csv", read_mot),
     ],
 )
 def test_every_format_comes_back_with_its_ids_and_pixels(result, form, name, read):
     folder = result("boxes")
-    write_mot(folder / "tracks.csv", np.repeat([0, 1], 2), [2, 7, 2, 7], ROUND.reshape(-1, 4))
-    (folder / "uncertainty.csv").unlink()
+    (folder / "tracks.csv").write_text(ROUND_TRACKS)
     if form == "movement":
         pytest.importorskip("xarray", reason="pip install 'jaxpf[formats]' for netCDF")
     found = read(folder / name if form is None else exported(folder, form, name))
@@ -204,7 +215,8 @@ def test_times_of_a_video_whose_frame_rate_varies_are_its_timestamps(result, tmp
     folder = result("boxes")
     about = {"parameters": {"target": "boxes", "video": str(video)}}
     (folder / "summary.json").write_text(json.dumps(about))
-    write_mot(folder / "tracks.csv", range(4), [1] * 4, [[10.0, 5, 8, 4]] * 4)
+    lines = [f"{number},0,1,10,5,8,4,0" for number in range(4)]
+    (folder / "tracks.csv").write_text("\n".join([HEADER, *lines]) + "\n")
     content = json.loads(exported(folder, "coco", "t.json").read_text())
     assert [image["time"] for image in content["images"]] == seconds
     np.testing.assert_array_equal(open_frames(video, fps=5).times(3), [0, 0.2, 0.4])

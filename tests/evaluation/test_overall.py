@@ -32,7 +32,7 @@ def write(folder, name, rows, curve=lambda threshold: 1 - threshold):
 def test_a_mean_over_sequences_has_students_interval():
     values = np.array([0.5, 0.75, np.nan, 0.7])
     known = values[np.isfinite(values)]
-    low, _ = stats.t.interval(0.95, 2, known.mean(), stats.sem(known))
+    low, high = stats.t.interval(0.95, 2, known.mean(), stats.sem(known))
     found = over_sequences(values)
     assert found.sequences == 3
     np.testing.assert_allclose(found[1:], (known.mean(), low, high))
@@ -64,7 +64,7 @@ def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
     (row,) = found
     # Only sequences that both have count: .6 - .5 and .6 - .4.
     assert (row["method"], row["sequences"]) == ("PS, gain 2.0", "2")
-    low, _ = stats.t.interval(0.95, 1, 0.15, stats.sem([0.1, 0.2]))
+    low, high = stats.t.interval(0.95, 1, 0.15, stats.sem([0.1, 0.2]))
     np.testing.assert_allclose(
         [float(row[x]) for x in ("value", "lower", "upper")], (0.15, low, high), rtol=1e-6
     )

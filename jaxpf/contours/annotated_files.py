@@ -6,6 +6,7 @@ frame, with the number of the frame at the end of its name, or else in the order
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -71,10 +72,11 @@ def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.n
         (entry.name for entry in place.iterdir() if entry.suffix.lower() in IMAGE_SUFFIXES),
         key=natural_order,
     )
-    numbers = [frame_number(name) for name in names]
+    numbers: list[Any] = [frame_number(name) for name in names]
     if None in numbers or len(set(numbers)) < len(numbers):
         numbers = list(range(len(names)))
-    masks, objects = {}, set()
+    masks: dict[tuple[int, str], np.ndarray] = {}
+    objects: set[int] = set()
     for number, name in zip(numbers, names, strict=True):
         if not first <= number <= until:
             continue
@@ -109,12 +111,12 @@ def _read_points(path: Path, first, until) -> dict[tuple[int, str], np.ndarray]:
         if len(fields) != len(_HEADER):
             raise InputError(f"{where} has {len(fields)} columns; expected {','.join(_HEADER)}.")
         number, k = (_whole(fields[column], f"{where}: {_HEADER[column]} is") for column in (0, 2))
-        place = tuple(
+        x, y = (
             parse_number(fields[column], f"{where}: {_HEADER[column]} is", "give pixels")
             for column in (3, 4)
         )
         if first <= number <= until:
-            points.setdefault((number, fields[1]), {})[k] = place
+            points.setdefault((number, fields[1]), {})[k] = x, y
     return {
         key: np.array([places[k] for k in sorted(places)]) for key, places in sorted(points.items())
     }

@@ -1,6 +1,6 @@
 """What a filter offers to commands and evaluations, which need not know it by name."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from jaxpf.contract.model import Model
@@ -58,7 +58,7 @@ class Filter:
         """
 
     def variants(
-        self, method: str, parents: Sequence[int], asked: dict[str, Sequence[Any]]
+        self, method: str, parents: Sequence[int], asked: Mapping[str, Sequence[Any]]
     ) -> list[Variant]:
         """The ways in which an evaluation runs a method on a part tree.
 

@@ -384,7 +384,7 @@ def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
 
 def _check_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
     """Refuse what is not boxes ``[..., 4]`` of shapes that broadcast."""
-    shapes = np.shape(estimate), np.shape(truth)
+    shapes: tuple[tuple[int, ...], ...] = (np.shape(estimate), np.shape(truth))
     try:
         np.broadcast_shapes(*shapes)
     except ValueError:

@@ -122,14 +122,15 @@ class _VideoFile(FrameSource):
     def _open(self) -> cv2.VideoCapture:
         with quiet_opencv():
             # An absolute path: FFmpeg takes what stands before a colon for a protocol.
-            return cv2.VideoCapture(str(self.path.absolute()))
+            return cv2.VideoCapture(str(Path(self.path).absolute()))
 
     def times(self, count: int) -> np.ndarray:
         """See ``FrameSource``; an ``fps`` in place of the container's replaces its timestamps."""
         even = super().times(count)
         if not self._has_timestamps:
             return even
-        capture, seconds = self._open(), []
+        capture = self._open()
+        seconds: list[float] = []
         try:
             with quiet_opencv():
                 while len(seconds) < count and capture.grab():

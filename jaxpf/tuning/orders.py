@@ -89,11 +89,11 @@ def best_order(
     posterior = np.mean(variances, axis=0)
     scores = np.array([_relative_variance(estimate, posterior) for estimate in estimates])
     by_variance = np.argsort(scores[:, 0], kind="stable")
-    orders, scores = [tuple(orders[place]) for place in by_variance], scores[by_variance]
-    if len(orders) > 1:
+    ranked, scores = [tuple(orders[place]) for place in by_variance], scores[by_variance]
+    if len(ranked) > 1:
         fresh_keys = jax.random.split(jax.random.fold_in(key, 1), num_runs)
-        scores[0] = _relative_variance(moments(orders[0], fresh_keys)[0], posterior)
-    return Pilot(orders, *scores.T)
+        scores[0] = _relative_variance(moments(ranked[0], fresh_keys)[0], posterior)
+    return Pilot(ranked, *scores.T)
 
 
 def _relative_variance(estimate: np.ndarray, posterior: np.ndarray) -> tuple[float, float]:

@@ -183,9 +183,9 @@ def _tell(
         population = recording.population
         came = counted(len(population.births), "object")
         click.echo(f"{came} came, {len(population.deaths)} went")
-        if not population.births and not population.refused:
-            request = recording.request
-            _warn(f"Note: {nobody_came(request.births, request.run.start)}")
+        births = recording.request.births
+        if births is not None and not population.births and not population.refused:
+            _warn(f"Note: {nobody_came(births, recording.request.run.start)}")
         if population.refused:
             refusal = population.refused[0]
             _warn(

@@ -35,7 +35,7 @@ def object_verdicts(table: Mapping[str, np.ndarray], ids: Any) -> dict[str, dict
         rows = np.flatnonzero((names == name) & np.isfinite(table["speed"]))
         frames = table["frame"][rows].astype(int)
         stretches = _stretches(frames[unsure[rows]])
-        kept = [row for row in rows if not unsure[row]]
+        kept = [int(row) for row in rows if not unsure[row]]
         first = stretches[0][0] if stretches else None
         before = frames if first is None else frames[frames < first]
         about: dict[str, Any] = {

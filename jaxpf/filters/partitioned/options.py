@@ -1,7 +1,7 @@
 """Options of the partitioned filter, and the ordering of each method."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from jaxpf.contract.errors import InputError
@@ -141,7 +141,7 @@ class PartitionedFilter(Filter):
                 )
 
     def variants(
-        self, method: str, parents: Sequence[int], asked: dict[str, Sequence[Any]]
+        self, method: str, parents: Sequence[int], asked: Mapping[str, Sequence[Any]]
     ) -> list[Variant]:
         """See ``Filter``: PS in every order, SPS with every swap."""
         if method == "ps":

@@ -24,7 +24,14 @@ from jax.scipy.special import logsumexp
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.measures.intervals import Interval, as_float, masked_mean, mean_interval, wilson_interval
+from jaxpf.measures.intervals import (
+    Interval,
+    as_float,
+    masked_mean,
+    mean_interval,
+    share_interval,
+    wilson_interval,
+)
 from jaxpf.shapes.rectangles import area, centres, intersection_area, is_proper
 
 Over = Literal["tracked", "all"]
@@ -244,16 +251,19 @@ def _summarise(estimate: Array, truth: Array, level: ArrayLike) -> dict[str, Int
         frames = jnp.sum(counts, axis=-2)
         return mean_interval(masked_mean(values, counts, -2), frames, axis=0, level=level)
 
+    def share(values: Array, counts: Array) -> Interval:
+        return share_interval(pooled(values, counts), level)
+
     precisions, recalls = precision(estimate, truth), recall(estimate, truth)
     return {
         "success_rate": success_rate(estimate, truth, level),
         "recovery_rate": recovery_rate(estimate, truth, level),
-        "tracked": pooled(tracked.astype(precisions.dtype), present),
-        "precision": pooled(precisions, tracked),
-        "recall": pooled(recalls, tracked),
-        "precision_all": pooled(precisions, present),
-        "recall_all": pooled(recalls, present),
-        "overlap": pooled(overlap(estimate, truth), present),
+        "tracked": share(tracked.astype(precisions.dtype), present),
+        "precision": share(precisions, tracked),
+        "recall": share(recalls, tracked),
+        "precision_all": share(precisions, present),
+        "recall_all": share(recalls, present),
+        "overlap": share(overlap(estimate, truth), present),
         "centre_error": pooled(centre_error(estimate, truth), present),
     }
 

@@ -16,6 +16,7 @@ from .tracks import (
     detections as detections,
     parse_box as parse_box,
     read_boxes as read_boxes,
+    read_tracks as read_tracks,
     start_boxes as start_boxes,
     write_mot as write_mot,
 )

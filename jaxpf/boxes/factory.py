@@ -16,6 +16,7 @@ from jaxpf.boxes.models import (
     usual_noise,
 )
 from jaxpf.boxes.target import BOXES
+from jaxpf.boxes.tracks import read_tracks
 from jaxpf.contract.errors import InputError
 from jaxpf.targets import building
 
@@ -24,6 +25,7 @@ __all__ = [
     "DEFAULT_SCALE",
     "DEFAULT_STEPS",
     "box_model",
+    "read_tracks",
     "relative_box_model",
     "relative_steps",
     "shapes",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxpf import InputError
-from jaxpf.cli.benchmarks import contours
+from jaxpf.cli.benchmarks import rivals
 from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, SUPPORTED, judge_all
 from jaxpf.papers.maccormick1999 import (
     PAPER,
@@ -35,8 +35,8 @@ def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
 
 
 def test_the_bench_compares_like_with_like():
-    likelihood, frame, substates = contours.problem()
-    hypothesis = contours.opencv_hypothesis(likelihood, frame)
+    likelihood, frame, substates = rivals.contour_problem()
+    hypothesis = rivals.opencv_hypothesis(likelihood, frame)
     few = substates[:, :40]
     partition = jnp.zeros(40, jnp.int32)
     observation = jax.jit(likelihood.observe)(frame)

@@ -13,6 +13,7 @@ import numpy as np
 from jaxpf import ordering as orderings
 from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.filters.partitioned import ending, kernel
+from jaxpf.filters.partitioned.carry import Shared
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods import Gaussian
 
@@ -86,7 +87,7 @@ def frame(tracker: Partitioned, key: jax.Array) -> list[tuple[jax.Array, ...]]:
     observation = tracker.observe(jnp.asarray(TARGET).reshape(2, 1))
     begin_key, stages_key = jax.random.split(step_key)
     state, components, carry = kernel.begin(tracker, begin_key, prior)
-    shared = kernel.Shared(tracker, state, observation, components, None)
+    shared = Shared(tracker, state, observation, components, tracker.motion)
 
     def shown(state) -> tuple[jax.Array, ...]:
         labels = jnp.zeros(PARTICLES, jnp.int32) if state.label is None else state.label
@@ -111,7 +112,7 @@ def frame(tracker: Partitioned, key: jax.Array) -> list[tuple[jax.Array, ...]]:
     return recorded
 
 
-def _whole(shared: kernel.Shared, stage: jax.Array, carry: Any) -> tuple[jax.Array, ...]:
+def _whole(shared: Shared, stage: jax.Array, carry: Any) -> tuple[jax.Array, ...]:
     """All targets after a stage: who has not moved yet is where it was."""
     ordering, last = shared.tracker.ordering, shared.state.lagged[0, 0]  # [P, N]
     partition = ordering.order[shared.components.index].T  # [P, N], of every row

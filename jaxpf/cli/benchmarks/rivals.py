@@ -1,30 +1,53 @@
-"""What the likelihood of a contour costs, beside the usual loop with OpenCV and NumPy."""
+"""What the benchmarks compare with: the usual loops with OpenCV, and a filter for one model."""
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 import scenes
-from jaxpf.cli.benchmarks.rows import Row, ahead_of, alone
 from jaxpf.likelihoods.contours import EdgeDetector, contours
 from jaxpf.likelihoods.contours.edges import brightness_gradient
-from jaxpf.measures.timing import interleaved
 from jaxpf.shapes.spaces import space_of
 from jaxpf.shapes.splines import basis, fit_spline
 
+#: Particles of one pass of ``opencv_loop``.
+LOOPED = 300
+#: Measurement lines and samples of a contour, and its hypotheses.
 LINES, SAMPLES, PARTICLES = 32, 41, 1000
-TITLE = (
-    f"Contour likelihood: {LINES} lines of {SAMPLES} samples (gradient excluded; per hypothesis)"
-)
-_LOOPED = 200
 _CLUTTER, _SIGMA, _THRESHOLD = 0.7, 7.0, 10.0
 
 
-def problem() -> tuple[Any, Any, np.ndarray]:
+def opencv_loop(frame: np.ndarray, box: np.ndarray) -> Callable[[], None]:
+    """The usual way: calcHist and compareHist for one particle after the other.
+
+    One hue-saturation histogram of 110 bins and no parts: less work than ours does.
+    """
+    import cv2
+
+    cv2.setNumThreads(1)
+    hsv = cv2.cvtColor(frame, cv2.COLOR_RGB2HSV)
+    x, y, w, h = (round(value) for value in box)
+    offsets = np.random.default_rng(1).normal(0, 4, (LOOPED, 2)).round().astype(int)
+
+    def counted(left: int, top: int) -> np.ndarray:
+        window = hsv[max(top, 0) : top + h, max(left, 0) : left + w]
+        return cv2.calcHist([window], [0, 1], None, [11, 10], [0, 180, 0, 256])
+
+    reference = counted(x, y)
+
+    def loop() -> None:
+        for right, down in offsets:
+            counts = counted(x + right, y + down)
+            np.exp(-20 * cv2.compareHist(reference, counts, cv2.HISTCMP_BHATTACHARYYA) ** 2)
+
+    return loop
+
+
+def contour_problem() -> tuple[Any, Any, np.ndarray]:
     """Likelihood of one leaf, a frame, and substates ``[6, N]`` around the truth."""
     scene = scenes.make("leaves", num_frames=2)
     control = [fit_spline(line, 10, closed=True) for line in scene.extras["outlines"][0, :1]]
@@ -78,19 +101,32 @@ def opencv_hypothesis(likelihood: Any, frame: np.ndarray) -> Callable[[np.ndarra
     return hypothesis
 
 
-def rows(repeats: int) -> Iterator[Row]:
-    """One hypothesis of a contour, everything included but the frame's gradient."""
-    likelihood, frame, substates = problem()
-    hypothesis = opencv_hypothesis(likelihood, frame)
+def minimal_filter(key: jax.Array, frames: jax.Array, num_particles: int) -> Any:
+    """A bootstrap filter for one linear-Gaussian model, and nothing but that."""
 
-    def loop() -> None:
-        for substate in substates.T[:_LOOPED]:
-            hypothesis(substate)
+    def step(carry, item):
+        x, log_weights = carry
+        time_, y = item
+        resample_key, noise_key = jax.random.split(jax.random.fold_in(key, time_))
+        weights = jnp.exp(log_weights - jnp.max(log_weights))
+        total = lax.scan(lambda c, w: (c + w, c + w), jnp.zeros(()), weights)[1]
+        offset = jax.random.uniform(resample_key)
+        ends = jnp.ceil(num_particles * total / total[-1] - offset).astype(jnp.int32)
+        counts = jnp.zeros(num_particles + 1, jnp.int32).at[ends].add(1, mode="drop")
+        ancestors = lax.scan(
+            lambda c, n: (c + n, c + n), jnp.zeros((), jnp.int32), counts[:num_particles]
+        )[1]
+        x = 0.9 * x[ancestors] + jax.random.normal(noise_key, (num_particles,))
+        log_weights = -0.5 * (y - x) ** 2 - 0.5 * jnp.log(2 * jnp.pi)
+        largest = jnp.max(log_weights)
+        weights = jnp.exp(log_weights - largest)
+        sum_ = jnp.sum(weights)
+        report = (
+            largest + jnp.log(sum_ / num_particles),
+            jnp.sum(weights * x) / sum_,
+            sum_**2 / jnp.sum(weights**2),
+        )
+        return (x, log_weights), report
 
-    observation = jax.jit(likelihood.observe)(frame)
-    partition = jnp.zeros(PARTICLES, jnp.int32)
-    ours = partial(jax.jit(likelihood.log_prob_all), observation, partition, jnp.asarray(substates))
-    seconds = interleaved({"opencv": loop, "ours": ours}, repeats)
-    usual, own = seconds["opencv"] / _LOOPED, seconds["ours"] / PARTICLES
-    yield alone("OpenCV's remap and NumPy, a loop", usual)
-    yield ahead_of("contour likelihood", own, usual, goal=">= 2.5")
+    start = jnp.zeros(num_particles), jnp.zeros(num_particles)
+    return lax.scan(step, start, (jnp.arange(frames.shape[0]), frames))[1]

@@ -28,6 +28,8 @@ above; a test holds this.
     particle holds one of many targets), ``factored/`` (PFFL and eskil2014), ``uncertainty/``.
 ``running/``
     ``run``, ``monte_carlo``, ``stream`` and ``forecast``, over the frames; missing frames.
+``proposals``
+    Draws of substates that see the frame.
 ``likelihoods/``, ``dynamics/``, ``shapes/``
     How a substate explains a frame, how it moves, and what shape it has.
 ``gradients``, ``resampling/``, ``ordering``

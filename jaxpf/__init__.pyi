@@ -13,6 +13,7 @@ from . import (
     parts as parts,
     points as points,
     populations as populations,
+    proposals as proposals,
     resampling as resampling,
     shapes as shapes,
     smoothing as smoothing,

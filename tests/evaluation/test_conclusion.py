@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from made_results import DPS, OTHER, PS, SIR, batch, imported, make, walks
 
+from jaxpf.evaluation import Configuration
 from jaxpf.evaluation.output.tables import MOST_PRINTED, write_tables
-from jaxpf.evaluation.results import Configuration
 
 
 def conclusion(folder, **shrunk):

@@ -18,12 +18,13 @@ class BoxAdapter(Adapter):
     target = BOXES
     example = "--box 120,80,40,90 --box 300,85,42,88"
     track_suffix = ".txt"
+    columns = ("x", "y", "w", "h")
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "box": {"multiple": True, "metavar": "X,Y,W,H", "help": "A start box; repeat it."},
         "boxes": {
             "type": Path,
-            "help": "CSV of start boxes: MOT format (frames and x, y from 1), or with the header "
-            "frame,id,x,y,w,h (from 0).",
+            "help": "CSV of start boxes, such as frame,id,x,y,w,h.  With that header, or that of a "
+            "tracks.csv, frames and x, y count from 0; without a header, as in MOT files, from 1.",
         },
         "ids": {"type": [int], "help": "Objects of --boxes, such as 1,2,5."},
         "births": {
@@ -68,6 +69,10 @@ class BoxAdapter(Adapter):
     def scene_start(self, scene: Any) -> Start:
         """See ``Adapter``."""
         return BOXES.start(scene.boxes[0], scene.extras.get("ids"))
+
+    def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
+        """See ``Adapter``: the top left corner and the size."""
+        return shapes
 
     def track_writer(self, path: Any, start: Start) -> TrackFile:
         """See ``Adapter``: MOT format."""

@@ -1,13 +1,14 @@
-"""Boxes and tracks: which to start from, checks, dense arrays, and MOT files out.
+"""Boxes and tracks: start boxes, checks, dense arrays, tables of tracks and MOT files.
 
-In memory frames count from 0 and boxes are x, y (top left), w, h in continuous pixels, with
-pixel (0, 0) the square [0, 1) x [0, 1).  MOT files count frames and pixels from 1; the shift
-happens where a file is read or written and nowhere else.
+In memory and in tracks.csv frames count from 0 and boxes are x, y (top left), w, h in continuous
+pixels, with pixel (0, 0) the square [0, 1) x [0, 1).  MOT files count frames and pixels from 1; the
+shift happens where a file is read or written and nowhere else.
 """
 
-import math
+import csv
 import os
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.boxes.tables import BoxTable, read_boxes
 from jaxpf.contract.errors import InputError
+from jaxpf.files.reading import parse_number, read_text
 from jaxpf.files.writing import LineWriter, write_text
 
 __all__ = [
@@ -25,9 +27,46 @@ __all__ = [
     "detections",
     "parse_box",
     "read_boxes",
+    "read_tracks",
     "start_boxes",
     "write_mot",
 ]
+
+
+def read_tracks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+    """Columns of the tracks.csv of a run, of any kind of target.
+
+    One row per frame and object: frame (from 0), time (seconds), id, coordinates (pixels, angles in
+    degrees), their quantiles ``x_2.5``, ``x_97.5``, ..., speed (pixels per second), confidence and
+    lost (1 or 0).  ``pandas.DataFrame(read_tracks(path))`` is a table of it.
+
+    Returns:
+        name -> values ``[K]``: floats, NaN for an empty field; ``id`` holds whole numbers, or texts
+        if some id is not a number.
+
+    Raises:
+        InputError: the file cannot be read or holds no tracks.
+    """
+    rows = list(csv.reader(read_text(Path(path), "tracks", "a tracks.csv of a run").splitlines()))
+    if not rows or not {"frame", "time", "id"} <= set(rows[0]):
+        raise InputError(f"'{path}' holds no tracks; give the tracks.csv of a run")
+    if any(len(row) != len(rows[0]) for row in rows):
+        raise InputError(f"'{path}' has rows of different lengths; give the tracks.csv of a run")
+    columns: dict[str, np.ndarray] = {}
+    for name, fields in zip(
+        rows[0], list(zip(*rows[1:], strict=True)) or [()] * len(rows[0]), strict=True
+    ):
+        try:
+            if name == "id":
+                columns[name] = np.array([int(field) for field in fields])
+            else:
+                columns[name] = np.array([float(field or "nan") for field in fields])
+        except ValueError:
+            if name != "id":
+                raise InputError(f"column {name} of '{path}' holds no numbers") from None
+            columns[name] = np.array(fields)
+    columns["frame"] = columns["frame"].astype(int)
+    return columns
 
 
 def start_boxes(
@@ -104,16 +143,7 @@ def parse_box(text: str) -> np.ndarray:
     fields = text.split(",")
     if len(fields) != 4:
         raise InputError(f"box '{text}' has {len(fields)} number(s) instead of 4; {remedy}")
-    values = []
-    for field in fields:
-        try:
-            values.append(float(field))
-        except ValueError:
-            raise InputError(
-                f"box '{text}' holds '{field.strip()}', which is not a number; {remedy}"
-            ) from None
-    if not all(map(math.isfinite, values)):
-        raise InputError(f"box '{text}' holds a value that is not finite; {remedy}")
+    values = [parse_number(field.strip(), f"box '{text}' holds", remedy) for field in fields]
     if values[2] <= 0 or values[3] <= 0:
         raise InputError(
             f"box '{text}' has the size {values[2]:g} x {values[3]:g}; both must be positive, so "
@@ -237,7 +267,7 @@ def detections(
     Args:
         boxes: ``[P, 4]``, x, y, w, h in pixels; those that are not finite are left out.
         ids: ``[P]``; by default from 1.
-        confidence: ``[P]``; by default none is told.
+        confidence: ``[P]``; left out by default.
 
     Raises:
         InputError: supervision is missing.

@@ -16,7 +16,7 @@ from jaxpf.targets.target import Start
 
 #: Control points of the contours of scenes, closed and open.
 _SCENE_POINTS = {True: 16, False: 8}
-#: So many particles' contours are drawn, the likeliest.
+#: Number of particles whose contours are drawn, the likeliest.
 _DRAWN = 20
 
 
@@ -25,6 +25,7 @@ class ContourAdapter(Adapter):
 
     target = CONTOURS
     example = "--contours wires.json --sigma 3"
+    writes_outlines = True
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "contours": {
             "type": Path,
@@ -84,6 +85,10 @@ class ContourAdapter(Adapter):
         return contour_start(
             Contours(tuple(map(str, names)), np.array(points), closed=closed, width=width)
         )
+
+    def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
+        """See ``Adapter``: the mean of the outline's points."""
+        return polylines(shapes).mean(axis=-2)
 
     def track_writer(self, path: Any, start: Start) -> TrackFile:
         """See ``Adapter``: CSV with the header ``frame,contour,kind,point,x,y``."""

@@ -1,8 +1,7 @@
-"""Options, declared once: fields of frozen dataclasses that say all there is to say of them.
+"""Options, declared once as fields of frozen dataclasses.
 
-A filter and a target each declare their options so, in modules that import no JAX.  Flags of the
-command line, their help, TOML keys, grids of an evaluation and refusals all follow from the
-fields; values travel as values.
+Filters and targets declare their options in modules that import no JAX.  Flags, help, TOML keys,
+grids of an evaluation and refusals follow from the fields.
 """
 
 import dataclasses
@@ -22,11 +21,11 @@ _NOUNS = {int: "a whole number", float: "a finite number", str: "a name", Path: 
 
 @dataclasses.dataclass(frozen=True)
 class Option:
-    """What is known of an option.
+    """The declaration of an option.
 
     Attributes:
         name: of the field; a flag has hyphens for its underscores.
-        default: the value where nobody says another; None leaves it open.
+        default: the value unless another is given; None leaves it open.
         kind: type of the value, or of each of its numbers: ``int``, ``float``, ``str``, ``bool`` or
             ``Path``.
         help: one sentence.
@@ -37,15 +36,15 @@ class Option:
         above: value that must be exceeded.
         most: largest value that is allowed.
         flags: further flags, such as ``-n``.
-        common: help of a command shows it first.
-        path: where the value stands in a tracker, if tuning may find it: its pytree path.
-        factors: by what its numbers are multiplied there, such as degrees to radians; () for 1.
-        tuned: endings of the path, such as "[0]", of what is tuned where nobody says what.
-        compiles: another value compiles another kernel.
-        places: the numbers are places of objects, which people count from 1 and programs from 0.
-        implies: (name, value) of another option of the same owner: this one counts only there, and
-            who gives it says so much of the other, too, where that is left open ("auto").
-        opens: the word "auto" is a value, too: to be chosen before it counts.
+        common: whether ``--help`` explains it.
+        path: the value's pytree path in a tracker, if it can be tuned.
+        factors: factors of its numbers there, such as degrees to radians; () for 1.
+        tuned: endings of the path, such as "[0]", that are tuned by default.
+        compiles: whether another value compiles another kernel.
+        places: whether the numbers are places of objects, typed from 1 and counted from 0.
+        implies: (name, value) of another option of the same owner: this option applies only with
+            that value, and giving this one chooses that value if the other is left open ("auto").
+        opens: whether "auto" is a value, too, which is settled later.
     """
 
     name: str
@@ -77,11 +76,11 @@ class Option:
         """The value in its own type.
 
         Args:
-            value: of any origin; a list becomes a tuple.
-            shown: what messages call the option; by default its name and an equals sign.
+            value: the value; a list becomes a tuple.
+            shown: the option as messages show it; by default its name and an equals sign.
 
         Raises:
-            InputError: another type, or out of range; the sentence says what is allowed.
+            InputError: the type is wrong or the value out of range.
         """
         if (value is None and self.default is None) or (self.opens and value == OPEN):
             return value
@@ -99,7 +98,7 @@ class Option:
 
     @property
     def wanted(self) -> str:
-        """What values are allowed, in words."""
+        """The allowed values in words."""
         noun = _NOUNS.get(self.kind, "")
         if self.length:
             count = {2: "two ", 3: "three "}.get(self.length, "")
@@ -143,7 +142,7 @@ def option(default: Any, help: str, **about: Any) -> Any:
 
 
 def _kind_and_length(annotation: Any) -> tuple[type, int]:
-    """Of one value, and -1 for many, of ``int | None`` or ``tuple[float, ...] | None``."""
+    """The type of a value, and 0 for one or -1 for many: ``tuple[float, ...]``."""
     inner = typing.get_args(annotation)
     if not inner:
         return annotation, 0
@@ -152,7 +151,7 @@ def _kind_and_length(annotation: Any) -> tuple[type, int]:
 
 
 def options_of(*owners: Any) -> dict[str, Option]:
-    """Name -> option, of classes of options in turn; a name that comes again counts once."""
+    """Name -> option, of several classes of options; the first declaration of a name counts."""
     found: dict[str, Option] = {}
     for owner in owners:
         for field in dataclasses.fields(owner):
@@ -165,7 +164,7 @@ def options_of(*owners: Any) -> dict[str, Option]:
 
 
 def check_options(options: Any) -> None:
-    """For ``__post_init__``: bring every field to its own type, or refuse it.
+    """For ``__post_init__``: convert every field to its type, or refuse it.
 
     Raises:
         InputError: see ``Option.checked``.
@@ -175,14 +174,14 @@ def check_options(options: Any) -> None:
 
 
 def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
-    """What options that were given say of others that were left open: name -> value.
+    """Values that given options imply for others that were left open: name -> value.
 
     Args:
         owner: a class of options.
-        given: name -> all the values that were given of it.
+        given: name -> all values given for it.
 
     Raises:
-        InputError: options were given that do not go with each other.
+        InputError: given options exclude each other.
     """
     known, found = options_of(owner), dict[str, Any]()
     for name in given:
@@ -202,7 +201,7 @@ def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
 
 
 def counting(options: Any) -> dict[str, bool]:
-    """Name -> whether an option counts, given the values of the others."""
+    """Name -> whether an option applies, given the values of the others."""
     known = options_of(options)
     return {
         name: one.implies is None
@@ -213,12 +212,12 @@ def counting(options: Any) -> dict[str, bool]:
 
 
 def chosen(owner: type, values: Mapping[str, Any]) -> Any:
-    """An instance of a class of options from those of the values that it declares."""
+    """An instance of a class of options, from those of the values that it declares."""
     return owner(**{name: values[name] for name in options_of(owner) if name in values})
 
 
 def plain(value: Any) -> str:
-    """A value as people write it: numbers without a needless ".0", lists with commas."""
+    """A value as it is typed: numbers without a needless ".0", lists with commas."""
     if isinstance(value, list | tuple):
         return ",".join(map(plain, value)) or "none"
     if isinstance(value, Mapping):
@@ -230,10 +229,10 @@ def plain(value: Any) -> str:
 
 
 def check_distinct(name: str, values: Iterable[Any]) -> tuple[Any, ...]:
-    """The values as a tuple: at least one, and each once.
+    """The values as a tuple.
 
     Raises:
-        InputError: which is not so.
+        InputError: there is none, or one is named twice.
     """
     values = tuple(values)
     if not values:

@@ -13,6 +13,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.contract.errors import InputError
+
 T = TypeVar("T")
 
 #: Of ``described``: characters of a line, sizes of arrays that are read and shown, dtypes.
@@ -63,6 +65,19 @@ def is_concrete(*values: Any) -> bool:
     """True if no leaf is a tracer, so that values (not only shapes) can be checked."""
     leaves = jax.tree_util.tree_leaves(values)
     return not any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
+
+
+def check_not_traced(what: str, remedy: str, *values: Any) -> None:
+    """Refuse tracers where a Python loop gives NumPy arrays frame by frame.
+
+    Raises:
+        InputError: a value is traced.
+    """
+    if not is_concrete(*values):
+        raise InputError(
+            f"{what} loops over frames in Python and cannot be traced; call it outside of jit, "
+            f"vmap, grad and scan, or use {remedy}."
+        )
 
 
 def as_array(value: Any, dtype: Any = None) -> jax.Array:

@@ -64,6 +64,20 @@ def wilson_interval(successes: ArrayLike, trials: ArrayLike, level: ArrayLike = 
     )
 
 
+def share_interval(share: Interval, level: ArrayLike = 0.95) -> Interval:
+    """Replace the ends of a mean of shares by Wilson's, which stay in [0, 1].
+
+    The number of trials is the effective one, p (1 - p) / SE^2 (Korn and Graubard 1998).  Where
+    the runs do not vary, or their number is 1, the ends stay as they are.
+    """
+    value, error = share.value, share.standard_error
+    varies = (error > 0) & (value > 0) & (value < 1)
+    trials = jnp.where(varies, value * (1 - value) / jnp.where(varies, error, 1) ** 2, 1)
+    wilson = wilson_interval(jnp.where(varies, value, 0) * trials, trials, level)
+    lower = jnp.where(varies, wilson.lower, share.lower)
+    return Interval(value, error, lower, jnp.where(varies, wilson.upper, share.upper))
+
+
 def newcombe_ends(
     first: Sequence[float], second: Sequence[float], correlation: float = 0.0
 ) -> tuple[float, float]:
@@ -146,6 +160,15 @@ def student_interval(values: ArrayLike, level: float = 0.95) -> Interval:
     error = known.std(ddof=1) / np.sqrt(count) if count > 1 else np.float64(np.nan)
     reach = student_quantile(count - 1, level) * error
     return Interval(mean, error, mean - reach, mean + reach)
+
+
+def within(interval: Interval, least: float, most: float) -> Interval:
+    """The interval of a figure that cannot leave [least, most], such as a mean of shares.
+
+    Its ends are cut there, which loses no coverage.
+    """
+    lower, upper = (jnp.clip(end, least, most) for end in interval[2:])
+    return interval._replace(lower=lower, upper=upper)
 
 
 def masked_mean(values: ArrayLike, mask: ArrayLike, axis: int | Sequence[int]) -> Array:

@@ -4,6 +4,9 @@ Every function takes a uint8 RGB frame [H, W, 3] and returns a new one.  Coordin
 continuous pixels: pixel (0, 0) is the square [0, 1) x [0, 1).
 """
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 
@@ -11,8 +14,12 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 #: Of rims, which show lines on whatever is behind them.
 DARK = (20, 20, 20)
 _LIGHT = (255, 255, 255)
-#: How much of a faint line is seen.
+#: Opacity of faint lines.
 _FAINT = 0.5
+#: Scale of letters below which they cannot be read.
+_SMALLEST_FONT = 0.33
+#: At most this many names of small objects are listed.
+_MOST_LISTED = 12
 
 # Okabe and Ito, "Color universal design" (2008), without black; the order keeps neighbours far
 # apart for every common kind of colour vision.
@@ -77,10 +84,13 @@ def draw_boxes(
     for index in np.flatnonzero(shown & ~doubtful):
         _draw_box(frame, boxes[index], colours[index], lost[index])
     # Labels come last so that no box crosses one.
+    labels = []
     for index in np.flatnonzero(shown):
-        left, top, _, _ = _corners(boxes[index], frame)
-        word = " lost" if lost[index] else " ?" if doubtful[index] else ""
-        label_at(frame, f"{names[index]}{word}", left, top, _as_colour(colours[index]))
+        left, top, right, bottom = _corners(boxes[index], frame)
+        mark = " lost" if lost[index] else " ?" if doubtful[index] else ""
+        colour = _as_colour(colours[index])
+        labels.append(Label(f"{names[index]}{mark}", left, top, right + 1, bottom + 1, colour))
+    draw_labels(frame, labels)
     return frame
 
 
@@ -102,6 +112,7 @@ def draw_rectangles(
     names: np.ndarray | list[str],
     colours: np.ndarray | None = None,
     lost: np.ndarray | None = None,
+    doubtful: np.ndarray | None = None,
 ) -> np.ndarray:
     """Draw labelled rectangles at any angle.
 
@@ -112,10 +123,15 @@ def draw_rectangles(
         names: the labels [P].
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
         lost: bool [P]; a lost part is drawn by its corners alone and its label says so.
+        doubtful: bool [P]; a part that is probably lost is drawn by its corners alone, and its
+            label has a question mark.
     """
     frame = frame.copy()
     corners = np.asarray(corners, np.float64).reshape(-1, 4, 2)
     colours = object_colours(len(corners)) if colours is None else np.asarray(colours)
+    nobody = np.zeros(len(corners), bool)
+    lost = nobody if lost is None else np.asarray(lost, bool)
+    doubtful = nobody if doubtful is None else np.asarray(doubtful, bool) & ~lost
     thickness = line_thickness(frame)
     rim = 2 if min(frame.shape[:2]) >= 240 else 1
     size = np.array(frame.shape[1::-1])
@@ -124,20 +140,20 @@ def draw_rectangles(
         if not np.isfinite(quad).all():
             continue
         # OpenCV counts from the middle of a pixel, here in 16ths; far outside it would overflow.
-        points = ((np.clip(quad, -size, 2 * size) - 0.5) * 16).round().astype(np.int32)
+        quad = np.clip(quad, -size, 2 * size)
+        points = ((quad - 0.5) * 16).round().astype(np.int32)
         colour = _as_colour(colours[index])
-        is_lost = lost is not None and bool(lost[index])
         for line, width in ((DARK, thickness + rim), (colour, thickness)):
-            if is_lost:
+            if lost[index] or doubtful[index]:
                 for point in points // 16:
                     cv2.circle(frame, (int(point[0]), int(point[1])), width, line, cv2.FILLED)
             else:
                 cv2.polylines(frame, [points], True, line, width, cv2.LINE_AA, 4)
-        left, top = np.floor(np.clip(quad, -size, 2 * size).min(axis=0)).astype(int)
-        name = f"{names[index]} lost" if is_lost else f"{names[index]}"
-        labels.append((name, int(left), int(top), colour))
-    for text, left, top, colour in labels:
-        label_at(frame, text, left, top, colour)
+        left, top = map(int, np.floor(quad.min(axis=0)))
+        right, bottom = map(int, np.ceil(quad.max(axis=0)))
+        mark = " lost" if lost[index] else " ?" if doubtful[index] else ""
+        labels.append(Label(f"{names[index]}{mark}", left, top, right, bottom, colour))
+    draw_labels(frame, labels)
     return frame
 
 
@@ -153,8 +169,8 @@ def draw_particles(
         frame: uint8 RGB [H, W, 3].
         centres: x, y in pixels [P, N, 2]; those that are not finite are skipped.
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
-        max_per_object: at most so many of the N particles are drawn, evenly spread over the
-            particle index, so that the picture does not depend on chance.
+        max_per_object: the largest number of particles to draw, evenly spread over the particle
+            index, so that the picture does not depend on chance.
     """
     frame = frame.copy()
     centres = np.asarray(centres, np.float64)
@@ -254,17 +270,17 @@ def line_thickness(frame: np.ndarray) -> int:
 
 
 def _font_scale(frame: np.ndarray) -> float:
-    # Below this, letters cannot be told apart.
-    return max(0.33, min(frame.shape[:2]) / 950)
+    return max(_SMALLEST_FONT, min(frame.shape[:2]) / 950)
 
 
-def _stroke(frame: np.ndarray) -> int:
+def _stroke(scale: float) -> int:
     """Thickness of letters: thinner than lines, or the loops of an 8 close."""
-    return max(1, int(2 * _font_scale(frame)))
+    return max(1, int(2 * scale))
 
 
 def _text_size(frame: np.ndarray, text: str) -> tuple[int, int]:
-    (width, height), _ = cv2.getTextSize(text, _FONT, _font_scale(frame), _stroke(frame))
+    scale = _font_scale(frame)
+    (width, height), _ = cv2.getTextSize(text, _FONT, scale, _stroke(scale))
     return width, height
 
 
@@ -306,22 +322,90 @@ def _dashed_rectangle(
             cv2.line(frame, (x, y), (x, min(y + dash, bottom)), colour, thickness)
 
 
+class Label(NamedTuple):
+    """The name of an object, and the rectangle around the object in pixels."""
+
+    text: str
+    left: int
+    top: int
+    right: int
+    bottom: int
+    colour: tuple[int, int, int]
+
+
+def draw_labels(frame: np.ndarray, labels: Sequence[Label]) -> None:
+    """Draw names as tags that are no wider than their objects and do not cover one another.
+
+    A tag stands above its object, below it or in it.  Names of objects that are too small for
+    letters that can be read are listed in the upper left corner instead.
+    """
+    height, width = frame.shape[:2]
+    taken: list[tuple[int, int, int, int]] = []
+    listed: list[Label] = []
+    for label in labels:
+        full = _tag_size(frame, label.text, _font_scale(frame))[0]
+        scale = _font_scale(frame) * min(1.0, (label.right - label.left) / full)
+        if scale < _SMALLEST_FONT:
+            listed.append(label)
+            continue
+        wide, high = _tag_size(frame, label.text, scale)
+        x = min(max(label.left, 0), max(width - wide, 0))
+        places = [
+            (x, min(max(y, 0), max(height - high, 0)))
+            for y in (label.top - high, label.bottom, label.top)
+        ]
+        free = [p for p in places if not any(_overlap((*p, wide, high), other) for other in taken)]
+        place = (free or places)[0]
+        taken.append((*place, wide, high))
+        _tag(frame, label.text, *place, label.colour, scale)
+    y = 0
+    for label in listed[:_MOST_LISTED]:
+        wide, high = _tag_size(frame, label.text, _SMALLEST_FONT)
+        if wide > width or y + high > height:
+            break
+        _tag(frame, label.text, 0, y, label.colour, _SMALLEST_FONT)
+        y += high
+
+
+def _overlap(one: tuple[int, int, int, int], other: tuple[int, int, int, int]) -> bool:
+    """Whether two rectangles x, y, width, height have pixels in common."""
+    return all(
+        one[axis] < other[axis] + other[axis + 2] and other[axis] < one[axis] + one[axis + 2]
+        for axis in (0, 1)
+    )
+
+
+def _padding(frame: np.ndarray) -> int:
+    return 2 + line_thickness(frame) if min(frame.shape[:2]) >= 240 else 1
+
+
+def _tag_size(frame: np.ndarray, text: str, scale: float) -> tuple[int, int]:
+    (width, height), _ = cv2.getTextSize(text, _FONT, scale, _stroke(scale))
+    return width + 2 * _padding(frame), height + 2 * _padding(frame)
+
+
+def _tag(
+    frame: np.ndarray, text: str, x: int, y: int, colour: tuple[int, int, int], scale: float
+) -> None:
+    """A filled tag whose upper left corner is (x, y)."""
+    width, height = _tag_size(frame, text, scale)
+    cv2.rectangle(frame, (x, y), (x + width - 1, y + height - 1), colour, cv2.FILLED)
+    luminance = 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]
+    ink = DARK if luminance > 110 else _LIGHT
+    origin = (x + _padding(frame), y + height - _padding(frame))
+    cv2.putText(frame, text, origin, _FONT, scale, ink, _stroke(scale), cv2.LINE_AA)
+
+
 def label_at(
     frame: np.ndarray, text: str, left: int, top: int, colour: tuple[int, int, int]
 ) -> None:
-    """A filled tag above the corner (left, top), moved into the frame where it sticks out."""
+    """A filled tag above the corner (left, top), moved into the frame if it sticks out."""
     height, width = frame.shape[:2]
-    text_width, text_height = _text_size(frame, text)
-    pad = 2 + line_thickness(frame) if min(frame.shape[:2]) >= 240 else 1
-    tag_width, tag_height = text_width + 2 * pad, text_height + 2 * pad
-    x = min(max(left, 0), max(width - tag_width, 0))
-    y = top - tag_height if top >= tag_height else max(top, 0)
-    y = min(y, max(height - tag_height, 0))
-    cv2.rectangle(frame, (x, y), (x + tag_width - 1, y + tag_height - 1), colour, cv2.FILLED)
-    luminance = 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]
-    ink = DARK if luminance > 110 else _LIGHT
-    origin = (x + pad, y + pad + text_height)
-    cv2.putText(frame, text, origin, _FONT, _font_scale(frame), ink, _stroke(frame), cv2.LINE_AA)
+    scale = _font_scale(frame)
+    wide, high = _tag_size(frame, text, scale)
+    y = top - high if top >= high else max(top, 0)
+    x = min(max(left, 0), max(width - wide, 0))
+    _tag(frame, text, x, min(y, max(height - high, 0)), colour, scale)
 
 
 def _text(frame: np.ndarray, text: str, left: int, top: int) -> None:
@@ -331,5 +415,5 @@ def _text(frame: np.ndarray, text: str, left: int, top: int) -> None:
     last = (left + width + 2 * pad - 1, top + height + 2 * pad - 1)
     cv2.rectangle(frame, (left, top), last, DARK, cv2.FILLED)
     origin = (left + pad, top + pad + height)
-    scale, stroke = _font_scale(frame), _stroke(frame)
-    cv2.putText(frame, text, origin, _FONT, scale, _LIGHT, stroke, cv2.LINE_AA)
+    scale = _font_scale(frame)
+    cv2.putText(frame, text, origin, _FONT, scale, _LIGHT, _stroke(scale), cv2.LINE_AA)

@@ -64,7 +64,7 @@ def diagnostics(
         log_evidence: increments ``[T]``; ``-inf`` is marked, not drawn; no panel if all are NaN.
         ids: the objects' names ``[P]``.
         num_particles: N.
-        confidence: ``[T, P]``, or None where nobody can tell.
+        confidence: ``[T, P]``, or None if the likelihood has none.
     """
     has_evidence = not np.isnan(log_evidence).all()
     rows = 2 + (confidence is not None) + has_evidence
@@ -92,6 +92,47 @@ def diagnostics(
     axes[-1, 0].set(xlabel="frame")
     for axis in axes[:, 0]:
         axis.grid(alpha=0.3)
+    return figure
+
+
+#: At most this many objects are drawn in one figure of trajectories.
+_MOST_OBJECTS = 8
+
+
+def trajectories(
+    table: Mapping[str, np.ndarray],
+    columns: Sequence[str],
+    lost: Mapping[str, Sequence[Sequence[int]]],
+) -> Any:
+    """Coordinates and speed over time with their 95 % intervals; lost stretches are shaded.
+
+    Args:
+        table: columns of tracks.csv, see ``jaxpf.boxes.read_tracks``.
+        columns: the coordinates to draw.
+        lost: id -> first and last frames of the stretches in which it was probably lost.
+    """
+    names = np.array([str(name) for name in table["id"].tolist()])
+    shown = list(dict.fromkeys(names.tolist()))[:_MOST_OBJECTS]
+    panels = [*columns, "speed"]
+    figure, axes = new_figure(len(panels), 1, figsize=(9, 1 + 2 * len(panels)), share_x=True)
+    for axis, column in zip(axes[:, 0], panels, strict=True):
+        for name, colour in zip(shown, colours(len(shown)), strict=True):
+            rows = names == name
+            frame, value = table["frame"][rows], table[column][rows]
+            axis.plot(frame, value, color=colour, linewidth=1.2, label=name)
+            if f"{column}_2.5" in table:
+                low, high = (table[f"{column}_{level}"][rows] for level in ("2.5", "97.5"))
+                axis.fill_between(frame, low, high, color=colour, alpha=0.25, linewidth=0)
+            for first, last in lost.get(name, ()):
+                axis.axvspan(first - 0.5, last + 0.5, color=colour, alpha=0.12, linewidth=0)
+        unit = {"angle": "degrees", "speed": "pixels/s"}.get(column, "pixels")
+        axis.set(ylabel=f"{column} ({unit})")
+        axis.grid(alpha=0.3)
+    if shown:
+        axes[0, 0].legend(ncols=min(len(shown), 7), fontsize="small", loc="upper right")
+    note = "" if len(shown) == len(set(names.tolist())) else f", the first {len(shown)} objects"
+    axes[0, 0].set_title(f"Bands: 95 % intervals.  Shaded: probably lost{note}.", fontsize="small")
+    axes[-1, 0].set(xlabel="frame")
     return figure
 
 

@@ -18,12 +18,14 @@ class PartAdapter(Adapter):
 
     target = PARTS
     example = "--parts-file parts.csv"
+    columns = ("x", "y", "w", "h", "angle")
+    fixed_columns = ("w", "h")
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "parts_file": {
             "type": Path,
-            "help": "Instead of boxes, the parts of an articulated object: CSV with the header "
-            "part,parent,x,y,w,h,angle (x, y the centre, angle in degrees clockwise, no parent: "
-            "root).",
+            "help": "CSV of the parts of one or several articulated objects, with the header "
+            "part,parent,x,y,w,h,angle (x, y: centre; angle: degrees clockwise; leave parent empty "
+            "for each object's root).",
         }
     }
 
@@ -44,7 +46,7 @@ class PartAdapter(Adapter):
         return PARTS.start(parts)
 
     def fits_scene(self, scene: Any) -> bool:
-        """Scenes of parts tell poses and who hangs on whom."""
+        """Whether the truth has poses and a part tree."""
         return {"poses", "parents"} <= set(scene.extras)
 
     def scene_shapes(self, scene: Any) -> np.ndarray:
@@ -64,6 +66,11 @@ class PartAdapter(Adapter):
         sizes = start.sizes * np.sqrt(np.prod(factors))
         return dataclasses.replace(start, sizes=sizes), shapes * np.array([*factors, 1.0])
 
+    def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
+        """See ``Adapter``: the centre, the size and the angle, clockwise."""
+        sizes = np.broadcast_to(start.sizes, (*shapes.shape[:-1], 2))
+        return np.concatenate([shapes[..., :2], sizes, np.rad2deg(shapes[..., 2:3])], axis=-1)
+
     def track_writer(self, path: Any, start: Start) -> TrackFile:
         """See ``Adapter``: CSV with the header ``frame,part,x,y,w,h,angle``."""
         from jaxpf.parts.files import PartTrackWriter
@@ -80,7 +87,9 @@ class PartAdapter(Adapter):
         from jaxpf.media.overlay import draw_rectangles
 
         corners = np.asarray(PARTS.outlines(start, np.asarray(shapes)), float)
-        return draw_rectangles(frame, corners, list(start.ids), marks.colours, marks.lost)
+        return draw_rectangles(
+            frame, corners, list(start.ids), marks.colours, marks.lost, marks.doubtful
+        )
 
 
 ADAPTER = PartAdapter()

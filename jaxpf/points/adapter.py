@@ -97,14 +97,14 @@ class PointAdapter(Adapter):
         return TrackFile(writer, append)
 
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
-        """See ``Adapter``; lost points are hollow."""
+        """See ``Adapter``; points that are lost or probably lost are hollow."""
         from jaxpf.points.drawing import draw_points
 
         return draw_points(
             frame,
             shapes,
             trails=marks.past,
-            hidden=marks.lost,
+            hidden=marks.unsure,
             colours=marks.colours,
             names=[str(name) for name in start.ids],
         )
@@ -115,12 +115,12 @@ ADAPTER = PointAdapter()
 
 def _on_mask(path: Path, step: float, source: Any) -> Any:
     """Points of a grid on a mask of the frame's size."""
-    from jaxpf.media.images import read_image
+    from jaxpf.media.images import read_mask
     from jaxpf.points.files import grid_points
 
     if not path.is_file():
         raise InputError(f"there is no mask at '{path}'; give a picture that is 0 off the body.")
-    mask = read_image(path).any(axis=-1)
+    mask = read_mask(path) > 0
     if not mask.any():
         raise InputError(f"the mask '{path}' is 0 everywhere; mark the body in it.")
     if mask.shape != (source.height, source.width):

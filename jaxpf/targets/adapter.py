@@ -20,7 +20,7 @@ class Marks(NamedTuple):
         colours: uint8 RGB ``[P, 3]``.
         lost: bool ``[P]``.
         past: ``[L, P, S]``, shapes of the frames before, the latest last, for trails.
-        doubtful: bool ``[P]``, probably lost; None where nobody can tell.
+        doubtful: bool ``[P]``, probably lost; None if unknown.
     """
 
     colours: Any
@@ -28,13 +28,18 @@ class Marks(NamedTuple):
     past: Any = None
     doubtful: Any = None
 
+    @property
+    def unsure(self) -> Any:
+        """bool ``[P]``, lost or probably lost."""
+        return self.lost if self.doubtful is None else self.lost | self.doubtful
+
 
 class TrackFile:
     """A file of tracks, written frame by frame; it closes as a context does.
 
     Attributes:
         append: function of (frame, shapes, lost).  Where objects come and go it also takes
-            ``ids``; where a likelihood can tell, ``confidence`` ``[P]``.
+            ``ids``; if the likelihood has log odds, ``confidence`` ``[P]``.
     """
 
     def __init__(self, writer: Any, append: Callable[..., None]):
@@ -61,12 +66,19 @@ class Adapter(abc.ABC):
             it starts; ``read_start`` is given their values.
         example: arguments of ``jaxpf track`` after the video, for its help.
         track_suffix: of the files that ``track_writer`` writes.
+        columns: columns of tracks.csv that say where an object is; angles in degrees, all others
+            in pixels.
+        fixed_columns: those of them that do not change, and so have no interval.
+        writes_outlines: whether outlines.csv, which ``track_writer`` writes, stands beside it.
     """
 
     target: Target
     start_flags: Mapping[str, Mapping[str, Any]] = {}
     example: str = ""
     track_suffix: str = ".csv"
+    columns: tuple[str, ...] = ("x", "y")
+    fixed_columns: tuple[str, ...] = ()
+    writes_outlines: bool = False
 
     @property
     def name(self) -> str:
@@ -101,11 +113,15 @@ class Adapter(abc.ABC):
     def scaled(
         self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
     ) -> tuple[Start, np.ndarray]:
-        """Where shapes lie in a picture that is so much wider and higher.
+        """Where shapes lie in a rescaled picture.
 
         By default of shapes whose numbers are x and y in turn.
         """
         return start, shapes * np.tile(factors, shapes.shape[-1] // 2)
+
+    def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
+        """Values ``[..., P, C]`` of ``columns`` for shapes ``[..., P, S]``."""
+        return shapes[..., :2]
 
     @abc.abstractmethod
     def track_writer(self, path: Any, start: Start) -> TrackFile:

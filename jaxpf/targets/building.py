@@ -1,7 +1,7 @@
-"""Trackers put together: a filter on a target's model, with the defaults of the command line.
+"""Trackers, built from a filter and a target's model with the defaults of the command line.
 
-Neither filters nor targets know each other; here they meet.  The command line, evaluations, tuning
-and the public factories (``jaxpf.boxes.tracker`` and the like) all build their trackers here.
+Filters and targets do not know each other.  The command line, evaluations, tuning and the public
+factories, such as ``jaxpf.boxes.tracker``, build their trackers here.
 """
 
 import dataclasses
@@ -17,12 +17,12 @@ from jaxpf.contract.options import implied, options_of
 from jaxpf.filters.filter import Filter
 from jaxpf.targets.target import Looks, Start, Target
 
-#: Where a method has a number of its own, by which histograms choose their way.
+#: Particles by which histograms choose their method, if the filter has a number of its own.
 _PARTICLES = 300
 
 
 def filter_for(target: Target, method: str | None = None) -> Filter:
-    """The filter of a method, or that which tracks such a target by default.
+    """The filter of a method, or the default filter of a target.
 
     Raises:
         InputError: no filter has it.
@@ -35,12 +35,12 @@ def filled(owner: type, given: Mapping[str, Any], defaults: Mapping[str, Any] | 
     """An instance of a class of options, from those of the values that are its own.
 
     Args:
-        owner: of the options.
-        given: name -> value; they also say what they imply of options that were left open.
-        defaults: where they are not the owner's.
+        owner: the class.
+        given: name -> value; values may imply others that were left open.
+        defaults: defaults that differ from the class's.
 
     Raises:
-        InputError: values that are out of range, or do not go with each other.
+        InputError: values out of range, or that exclude each other.
     """
     known = options_of(owner)
     found = {**(defaults or {}), **given}
@@ -52,15 +52,15 @@ def build(target: Target, model: Any, its: Filter, options: Any, start: Start, l
     """The tracker of a filter on a target's model.
 
     Args:
-        target: what is tracked.
-        model: its options.
+        target: the kind of target.
+        model: options of the target.
         its: the filter.
-        options: the filter's.
+        options: options of the filter.
         start: where tracking starts.
-        looks: from what likelihoods are learned.
+        looks: what the likelihood is learned from.
 
     Raises:
-        InputError: options that do not go with each other; what cannot be seen.
+        InputError: options that exclude each other, or an object that cannot be seen.
     """
     its.check(options, start.parents)
     model = target.resolved(model, looks.is_filmed)
@@ -69,11 +69,11 @@ def build(target: Target, model: Any, its: Filter, options: Any, start: Start, l
 
 
 def looks_of_frame(frame: Any, particles: int | None, patches: Any = None) -> Looks:
-    """What likelihoods are learned from: the start frame.
+    """What a likelihood is learned from: the start frame.
 
     Args:
         frame: uint8 RGB ``[H, W, 3]``.
-        particles: None where the method has a number of its own.
+        particles: number of particles; None if the filter has a number of its own.
         patches: see ``make``.
     """
     return Looks(
@@ -96,21 +96,21 @@ def make(
     ordering: Any = None,
     patches: Any = None,
 ) -> Any:
-    """What the public factories do.
+    """Build the tracker of a public factory.
 
     Args:
-        target: what is tracked.
-        frame: uint8 RGB ``[H, W, 3]``, in which it starts; None goes with one's own likelihood.
-        start: where.
-        given: options of the target and of the method's filter; None counts as not given.  The
-            resampling may be a scheme of one's own, see ``jaxpf.resampling``.
-        likelihood: the name of a way to compute it, or one of one's own.
+        target: the kind of target.
+        frame: the start frame, uint8 RGB ``[H, W, 3]``; may be None with your own likelihood.
+        start: where tracking starts.
+        given: options of the target and of the method's filter; None counts as not given.
+            ``resampling`` may be your own scheme, see ``jaxpf.resampling``.
+        likelihood: the name of a way to compute it, or your own likelihood.
         ordering: from ``jaxpf.ordering``, instead of a method.
-        patches: P pictures, uint8 RGB ``[h, w, 3]``, upright, from which looks are learned where
-            the start frame does not show them well.
+        patches: P upright pictures, uint8 RGB ``[h, w, 3]``, to learn the looks from if the start
+            frame does not show them well.
 
     Raises:
-        InputError: an option that there is not or a value out of range; the sentence says which.
+        InputError: an unknown option, or a value out of range.
     """
     values = {name: _plain(value) for name, value in given.items() if value is not None}
     if isinstance(likelihood, str):
@@ -167,5 +167,5 @@ def _checked(frame: Any) -> np.ndarray:
 
 
 def _plain(value: Any) -> Any:
-    """Arrays as the options have them: numbers and tuples."""
+    """Arrays as numbers and lists."""
     return value.tolist() if hasattr(value, "tolist") else value

@@ -65,7 +65,7 @@ def refusal(tmp_path, images, monkeypatch, capsys):
         ("[track]\nscale = 4", "to 4; give a list of numbers"),
         ("[track]\nscale = [4, 2]", "[4, 2] holds 2 number(s); give 3 of them"),
         ("[track]\nbox = ['1,2,3,4']\nids = [1]", "--ids names objects of a CSV file"),
-        ("[track]\nparts_file = 'a.csv'", "--parts-file is an option of parts, and boxes are"),
+        ("[track]\nparts_file = 'a.csv'", "--parts-file works only for parts"),
         ("[track]\ntarget = 'trees'", "target 'trees' is unknown; choose one of points,"),
         ("[track]\nids = [1.5]", "to [1.5]; give a list of whole numbers"),
         ("[track]\nbox = '6,8,12,16'", "give a list such as [[120, 80, 40, 90]"),

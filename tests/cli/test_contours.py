@@ -64,7 +64,8 @@ def test_wires_are_followed_also_through_a_frame_without_any_edge(whole_run):
     outcome, output = whole_run
     assert outcome.code == 0, outcome.err
     assert f"{LENGTH - 1} frames tracked" in outcome.out
-    rows = list(csv.DictReader((output / "tracks.csv").open()))
+    assert len((output / "tracks.csv").read_text().splitlines()) == 1 + 2 * LENGTH
+    rows = list(csv.DictReader((output / "outlines.csv").open()))
     assert {row["kind"] for row in rows} == {"control", "outline"}
     for name, side in (("left", -1), ("right", 1)):
         last = [
@@ -123,7 +124,7 @@ def test_three_opaque_contours_are_tracked_and_drawn(tmp_path):
     options = ("--exclusion", "opaque", "--clutter", "1", *FEW, "-o", tmp_path / "out")
     outcome = jaxpf("track", "contours", tmp_path, "--contours", start, *options)
     assert outcome.code == 0, outcome.err
-    rows = list(csv.DictReader((tmp_path / "out" / "tracks.csv").open()))
+    rows = list(csv.DictReader((tmp_path / "out" / "outlines.csv").open()))
     assert {row["contour"] for row in rows} == {"a", "b", "c"}
     assert (tmp_path / "out" / "overlay.mp4").exists()
 
@@ -160,7 +161,7 @@ def test_three_opaque_contours_are_tracked_and_drawn(tmp_path):
         ({}, ("--shape-space", "bent"), "'bent' is unknown; choose one of translation, similarity"),
         ({}, ("--method", "sps"), "--swap combinatorial needs a likelihood of single objects"),
         ({}, ("--method", "labelled"), "log_joint"),
-        ({}, ("--truth", "gt.csv"), "--truth is an option of boxes, and contours are tracked"),
+        ({}, ("--truth", "gt.csv"), "--truth works only for boxes"),
     ],
 )
 def test_every_mistake_has_one_clear_sentence(clip, tmp_path, content, options, words):

@@ -70,7 +70,7 @@ def mean_corner_distance(scene, output):
         rows = list(csv.DictReader(file))
     poses = np.zeros((LENGTH, len(NAMES), 3))
     for row in rows:
-        poses[int(row["frame"]), NAMES.index(row["part"])] = (
+        poses[int(row["frame"]), NAMES.index(row["id"])] = (
             float(row["x"]), float(row["y"]), np.radians(float(row["angle"]))
         )  # fmt: skip
     corners = corners_from_poses(poses, scene.sizes)
@@ -83,12 +83,49 @@ def test_parts_are_followed_and_every_file_is_written(scene, whole_run):
     assert f"{LENGTH - 1} frames tracked" in outcome.out
     assert {path.name for path in output.iterdir()} == {
         "tracks.csv", "overlay.webm", "diagnostics.csv", "diagnostics.png", "summary.json",
-        "run.toml", "uncertainty.csv",
+        "run.toml", "trajectories.png",
     }  # fmt: skip
     header, *rows = (output / "tracks.csv").read_text().splitlines()
-    assert header == "frame,part,x,y,w,h,angle"
+    assert header == (
+        "frame,time,id,x,y,w,h,angle,x_2.5,x_97.5,y_2.5,y_97.5,angle_2.5,angle_97.5,"
+        "speed,speed_2.5,speed_97.5,lost"
+    )
     assert len(rows) == LENGTH * len(NAMES)
     assert mean_corner_distance(scene, output) < 4
+
+
+@pytest.mark.parametrize("options", [(), ("--smooth",)], ids=["filtered", "smoothed"])
+def test_two_bodies_are_followed_in_one_run(scene, parts_file, tmp_path, options):
+    """One above the other: the first is the scene's object, the second moves like its mirror."""
+    film, shift = tmp_path / "film", scene.frames.shape[1]
+    film.mkdir()
+    for number, frame in enumerate(scene.frames):
+        both = np.concatenate([frame, frame[:, ::-1]])
+        cv2.imwrite(str(film / f"{number}.png"), both[..., ::-1])
+    width = scene.frames.shape[2]
+    poses, rows = scene.extras["poses"], list(lines_of(scene))
+    for part, (x, y, theta) in enumerate(poses[0]):
+        on = scene.extras["parents"][part]
+        w, h = scene.sizes[part]
+        parent = f"second {NAMES[on]}" if on >= 0 else ""
+        place = f"{width - x:.2f},{y + shift:.2f},{w:.0f},{h:.0f},{-np.degrees(theta):.2f}"
+        rows.append(f"second {NAMES[part]},{parent},{place}")
+    path, output = tmp_path / "parts.csv", tmp_path / "out"
+    path.write_text("part,parent,x,y,w,h,angle\n" + "\n".join(rows) + "\n")
+    outcome = jaxpf(
+        "track", "parts", film, "--parts-file", path, *PARTICLES, "-o", output, *options
+    )
+    assert outcome.code == 0, outcome.err
+    with (output / "tracks.csv").open(newline="") as file:
+        tracks = [row for row in csv.DictReader(file) if int(row["frame"]) == LENGTH - 1]
+    found = {row["part"]: (float(row["x"]), float(row["y"])) for row in tracks}
+    assert len(found) == 2 * len(NAMES)
+    mirrored = poses[-1, :, :2] * (-1, 1) + (width, shift)
+    for name, first, second in zip(NAMES, poses[-1, :, :2], mirrored, strict=True):
+        assert np.hypot(*(found[name] - first)) < 6
+        assert np.hypot(*(found[f"second {name}"] - second)) < 6
+    summary = json.loads((output / "summary.json").read_text())
+    assert len(summary["ids"]) == 2 * len(NAMES)
 
 
 def test_the_overlay_shows_turned_rectangles(scene, whole_run):
@@ -160,7 +197,7 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
     _, output = whole_run
     config = ("--config", output / "run.toml", "--box", "900,900,5,5", "-o", tmp_path / "o")
     outcome = jaxpf("track", clip, *config)
-    assert "--box is an option of boxes, and parts are tracked" in outcome.err
+    assert "--box works only for boxes" in outcome.err
     outcome = jaxpf("track", "boxes", clip, *config)
     assert "run.toml' is not of boxes, which are tracked here" in outcome.err
 
@@ -170,9 +207,9 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
     [
         (
             ("--box", "1,2,3,4"),
-            "--box is an option of boxes, and parts are tracked; write `jaxpf track boxes",
+            "--box works only for boxes; write `jaxpf track boxes",
         ),
-        (("--truth", "gt.csv"), "--truth is an option of boxes, and parts are tracked"),
+        (("--truth", "gt.csv"), "--truth works only for boxes"),
         (
             ("--method", "dps"),
             "method 'dps' goes through circular shifts.*choose one of sir, ps, sps",
@@ -182,7 +219,7 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
             "--likelihood 'integral' is unknown; choose one of auto, sampled, patch",
         ),
         (("--dynamics", "free"), "--dynamics 'free' is unknown; choose one of relative, absolute"),
-        (("--method", "ps", "--order", "2,1,3,4,5"), "puts part 2 before 1, on which it"),
+        (("--method", "ps", "--order", "2,1,3,4,5"), "puts part 2 before its parent 1"),
         (("--likelihood", "patch", "--bands", "2"), "--bands 2 goes with histograms"),
         (("--dynamics", "absolute", "--joint-scale", "1,1,2"), "--joint-scale goes with"),
         (
@@ -206,7 +243,6 @@ def test_every_mistake_has_one_clear_sentence(clip, parts_file, tmp_path, option
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("tail,,10,10,5,5,0", "has 2 roots, body, tail"),
         ("tail,nobody,10,10,5,5,0", "part 'tail' hangs on 'nobody', which is no part of the file"),
         ("tail,body,1000,10,5,5,0", r"part 'tail' of .* has its centre \(1000,10\) outside"),
         ("tail,body,10,10,0.4,5,0", "part 'tail' is 0.4.* pixels wide"),

@@ -5,6 +5,8 @@ import json
 import cv2
 import numpy as np
 
+from jaxpf.boxes import read_boxes
+
 WIDTH, HEIGHT, LENGTH = 64, 48, 10
 COLOURS = ((220, 30, 30), (30, 40, 220))
 # Every successful run has these shapes, so that the filter is compiled once.
@@ -53,8 +55,10 @@ def write_truth(path, ids=(1, 2), last=LENGTH):
     return path
 
 
-def rows_of(output):
-    return np.loadtxt(output / "tracks.csv", delimiter=",", ndmin=2)
+def rows_of(output, name="tracks.csv"):
+    """Frame, id, x, y, w, h and confidence of every row, counting from 0."""
+    table = read_boxes(output / name)
+    return np.column_stack([table.frame, table.id, table.box, table.confidence])
 
 
 def summary_of(output):

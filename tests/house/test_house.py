@@ -132,7 +132,7 @@ def only_evidence(state, summary):
         (3, "3 is not a resampling scheme"),
         (
             lambda key, log_weights, count: 0,
-            "is no pytree; wrap a function in jax.tree_util.Partial",
+            "is not a pytree; wrap a function in jax.tree_util.Partial",
         ),
         (jax.tree_util.Partial(lambda key, w, count: w), r"float32 of shape \[4\] for count = 3"),
     ],
@@ -180,7 +180,7 @@ def test_one_tracks_a_video(tmp_path, scene):
     arguments = ["track", tmp_path, *boxes, "--tracker", place, "--no-overlay"]
     outcome = command(*arguments, "-o", tmp_path / "out")
     assert outcome.code == 0, outcome.err
-    assert len((tmp_path / "out" / "tracks.csv").read_text().splitlines()) == 6 * len(boxes)
+    assert len((tmp_path / "out" / "tracks.csv").read_text().splitlines()) == 1 + 6 * len(boxes)
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["frames_tracked"] == 5
 
 

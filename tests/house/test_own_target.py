@@ -42,7 +42,7 @@ def test_it_is_tracked_from_the_command_line(clip, tmp_path):
     outcome = command("track", "spots", clip, "--spot", "10,12,star", "--step", "2", "-o", out)
     assert outcome.code == 0, outcome.err
     rows = list(csv.DictReader((out / "tracks.csv").open()))
-    assert [row["point"] for row in rows] == ["star"] * 6
+    assert [row["id"] for row in rows] == ["star"] * 6
     assert abs(float(rows[-1]["x"]) - 20) < 3
     assert abs(float(rows[-1]["y"]) - 17) < 3
     assert (out / "overlay.mp4").stat().st_size > 0

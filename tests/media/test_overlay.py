@@ -49,6 +49,29 @@ def test_labels_stay_inside_the_frame_whatever_the_box():
         assert changed(frame, drawn).any()
 
 
+def test_names_are_no_wider_than_their_objects_and_do_not_cover_one_another():
+    frame = grey(640, 480)
+    boxes = np.array([[50.0, 60, 80, 120], [60, 62, 80, 120]])
+    drawn = draw_boxes(frame, boxes, ["walker", "a long name"])
+    tags = [(drawn == colour).all(axis=-1) for colour in object_colours(2)]
+    for tag, (x, y, w, h) in zip(tags, boxes.astype(int), strict=True):
+        rows, columns = np.nonzero(tag)
+        assert columns.min() >= x - 1
+        assert columns.max() <= x + w
+        # Either above or below the box there is a tag.
+        assert (rows < y - 3).any() or (rows > y + h + 3).any()
+
+
+def test_names_of_tiny_objects_are_listed_in_a_corner():
+    frame = grey(640, 480)
+    drawn = draw_boxes(frame, np.array([[300.0, 200, 12, 12], [330, 200, 12, 12]]), ["f1", "f2"])
+    near = changed(frame, drawn)[190:225, 290:350]
+    assert changed(frame, drawn).sum() > near.sum() > 0
+    listed = changed(frame, drawn)[:60, :60]
+    assert changed(frame, drawn).sum() == near.sum() + listed.sum()
+    assert (drawn[:60, :60] == object_colours(2)[1]).all(-1).any()
+
+
 def test_a_lost_box_looks_different():
     boxes = np.array([[20.0, 30.0, 60.0, 45.0]])
     found = draw_boxes(grey(), boxes, [1], lost=np.array([False]))

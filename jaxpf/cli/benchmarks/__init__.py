@@ -1,20 +1,6 @@
-"""What things cost, each beside a baseline measured in the same minute: ``jaxpf bench``.
+"""The cost of everything that matters, each beside a baseline measured in the same minute.
 
-The unit is nanoseconds per particle, partition and frame, everything included but compilation.
-Baseline and candidate are timed alternately and the median of their ratios is reported: on a
-shared machine ratios can be trusted, figures hardly.  A benchmark is a module with a ``TITLE`` and
-``rows(repeats)``.
+The unit is nanoseconds per particle, partition and frame, compilation excluded.  Baseline and
+candidate are timed alternately and the median of their ratios is reported: on a shared machine
+ratios can be trusted, figures hardly.
 """
-
-#: Modules with a ``TITLE`` and ``rows``, in the order in which they are measured.
-SECTIONS = (
-    "histogram",
-    "contours",
-    "kernel",
-    "appearance",
-    "turned_parts",
-    "labelled",
-    "generic",
-    "points",
-    "gradients",
-)

@@ -1,6 +1,10 @@
 """``jaxpf bench``: the table of costs on the user's machine."""
 
-import importlib
+import os
+import subprocess
+import sys
+import tempfile
+import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -11,58 +15,53 @@ from jaxpf.cli.shared.console import print_table
 from jaxpf.cli.shared.speaking import Speaking
 from jaxpf.cli.shared.startup import start_jax
 
+_COLD_START = """
+from jaxpf.cli.shared.startup import start_jax
+start_jax()
+from jaxpf.papers.smith2004.scenes import RUNS_PER_SCENE, all_orderings, measure
+from jaxpf.papers.smith2004.published import RUNS
+chosen = {n: o for n, o in all_orderings().items() if n not in ("DPS evidence", "SPS")}
+measure(range(RUNS // RUNS_PER_SCENE), orderings=chosen)
+"""
+
 
 @click.command("bench", cls=Speaking)
-@click.option("--repeats", default=15, show_default=True, help="Interleaved repeats.")
-@click.option(
-    "--scaling", is_flag=True, help="Also how cost grows with N, P and R, to N = 10^6 (2 minutes)."
-)
-@click.option(
-    "--output",
-    "-o",
-    type=click.Path(path_type=Path),
-    help="CSV file to write, too; with --scaling, the curves in a PNG file beside it.",
-)
-def command(repeats: int, scaling: bool, output: Path | None) -> None:
+@click.option("--repeats", default=15, show_default=True, help="Number of interleaved repeats.")
+@click.option("--output", "-o", type=click.Path(path_type=Path), help="Also write a CSV file.")
+def command(repeats: int, output: Path | None) -> None:
     """Measure speed on this machine, each figure beside its baseline.
 
-    ns: nanoseconds per particle, partition and frame, compilation excluded; the whole
-    kernel includes the histogram table.  Ratios are medians of interleaved pairs with 95 %
-    intervals; trust them more than the figures.
+    ns: nanoseconds per particle, partition and frame, compilation excluded; the whole kernel
+    includes the histogram table.  Ratios are medians of interleaved pairs with 95 % intervals;
+    trust them more than the figures.
     """
     from jaxpf.contract.errors import InputError
+    from jaxpf.files.writing import check_output_file
 
     if repeats < 1:
         raise InputError(f"--repeats {repeats} must be at least 1.")
     if output is not None:
-        from jaxpf.files.writing import check_output_file
-
-        if scaling and output.suffix == ".png":
-            raise InputError(f"--output {output} is where the curves go; name the CSV file.")
         check_output_file(output)
     start_jax()
-    from jaxpf.cli.benchmarks import SECTIONS
+    from jaxpf.cli.benchmarks import measurements
 
     rows: list[Any] = []
-    for name in SECTIONS:
-        section: Any = importlib.import_module(f"jaxpf.cli.benchmarks.{name}")
-        rows += _show(section.TITLE, section.rows(repeats))
-    if scaling:
-        rows += _show_growth(output)
+    for make in measurements.SECTIONS:
+        section = make()
+        rows += _show(section.title, section.rows(repeats))
+    rows += _show("Turned parts: CPU time, one device", measurements.turned_parts(repeats))
     _show_memory()
     if output is not None:
         _write(rows, output)
-    from jaxpf.cli.benchmarks.cold_start import cold_reproduction
-
     print_table(
         "smith2004, tables 1 and 2: 1800 runs from a cold start",
         ["", "seconds", "goal"],
-        [["all, compilation included", f"{cold_reproduction():.1f}", "< 60"]],
+        [["all, compilation included", f"{_cold_reproduction():.1f}", "< 60"]],
     )
 
 
-def _show(title: str, section: Iterable[Any]) -> list[Any]:
-    rows = list(section)
+def _show(title: str, rows: Iterable[Any]) -> list[Any]:
+    rows = list(rows)
     print_table(
         title,
         ["", "ns", "ratio", "95 % interval", "of", "goal"],
@@ -70,8 +69,8 @@ def _show(title: str, section: Iterable[Any]) -> list[Any]:
             [
                 row.what,
                 f"{row.nanoseconds:.1f}",
-                "" if row.ratio != row.ratio else f"{row.ratio:.2f}",
-                "" if not row.of else f"[{row.low:.2f}, {row.high:.2f}]",
+                f"{row.ratio:.2f}",
+                f"[{row.low:.2f}, {row.high:.2f}]" if row.of else "",
                 row.of,
                 row.goal,
             ]
@@ -81,28 +80,8 @@ def _show(title: str, section: Iterable[Any]) -> list[Any]:
     return rows
 
 
-def _show_growth(output: Path | None) -> list[Any]:
-    from jaxpf.cli.benchmarks.growth import growth, growth_figure
-    from jaxpf.cli.benchmarks.rows import Row
-    from jaxpf.media import plotting
-
-    found = list(growth())
-    print_table(
-        "Growth of cost: 1-D model, one device (constant ns: linear)",
-        ["particles", "partitions", "runs", "ns"],
-        [[str(g.particles), str(g.partitions), str(g.runs), f"{g.nanoseconds:.1f}"] for g in found],
-    )
-    if output is not None:
-        picture = output.with_suffix(".png")
-        plotting.save_figure(growth_figure(found), picture)
-        click.echo(f"{picture}: written")
-    no_ratio = (float("nan"),) * 3
-    names = [f"N = {g.particles}, P = {g.partitions}, R = {g.runs}" for g in found]
-    return [Row(n, g.nanoseconds, *no_ratio, "", "") for n, g in zip(names, found, strict=True)]
-
-
 def _show_memory() -> None:
-    from jaxpf.cli.benchmarks import gradients, growth, memory
+    from jaxpf.cli.benchmarks import memory
     from jaxpf.cli.benchmarks.problems import line_tracker
 
     print_table(
@@ -111,29 +90,30 @@ def _show_memory() -> None:
         [[str(frames), str(size)] for frames, size in memory.of_runs(line_tracker(10_000), 1)],
     )
     print_table(
-        f"Megabytes of a gradient: {gradients.RUNS} runs, {gradients.PARTICLES} particles, one "
-        "partition",
+        f"Megabytes of a gradient: {memory.RUNS} runs, {memory.PARTICLES} particles, one partition",
         ["frames", "all kept", "each frame again", f"windows of {memory.WINDOW}"],
         [
             [str(frames), *(f"{size / 1e6:.1f}" for size in sizes)]
             for frames, sizes in memory.of_gradients()
         ],
     )
-    print_table(
-        f"Labelled particles, 1-D model, {growth.PER_TARGET} particles per target "
-        "(constant ns: linear)",
-        ["targets", "ns per particle and frame"],
-        [[str(targets), f"{ns:.1f}"] for targets, ns in growth.of_targets()],
-    )
 
 
-def _write(rows: Iterable[Any], output: Path) -> None:
-    from jaxpf.cli.benchmarks.rows import Row
-    from jaxpf.files.writing import atomic_write
+def _cold_reproduction() -> float:
+    """Seconds for smith2004's tables 1 and 2 in a new process without any compiled kernel.
 
-    with atomic_write(output) as file:
-        file.write(",".join(Row._fields) + "\n")
-        for row in rows:
-            file.write(",".join(f'"{x}"' if isinstance(x, str) else f"{x:.6g}" for x in row))
-            file.write("\n")
+    4 values of sharpness x (50 runs of Non-PS, 7 x 50 of PS, 50 of DPS): 1800 runs.
+    """
+    with tempfile.TemporaryDirectory() as empty:
+        environment = os.environ | {"JAXPF_CACHE_DIR": empty}
+        began = time.perf_counter()
+        subprocess.run([sys.executable, "-c", _COLD_START], env=environment, check=True)
+        return time.perf_counter() - began
+
+
+def _write(rows: list[Any], output: Path) -> None:
+    from jaxpf.files.writing import csv_text, write_text
+
+    lines = [[x if isinstance(x, str) else f"{x:.6g}" for x in row] for row in rows]
+    write_text(output, csv_text([rows[0]._fields, *lines]))
     click.echo(f"{output}: written")

@@ -7,13 +7,12 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxpf.cli.benchmarks.gradients import PARTICLES, RUNS, mean_evidence
-from jaxpf.cli.benchmarks.problems import line_tracker
+from jaxpf.cli.benchmarks.problems import line_tracker, mean_evidence
 from jaxpf.gradients import StopGradient
 from jaxpf.running import init
 
-#: Number of frames of ``of_gradients``, and the window of its last column.
-FRAMES, WINDOW = (100, 1000), 32
+#: Runs and particles of ``of_gradients``, its numbers of frames, and the window of its last column.
+RUNS, PARTICLES, FRAMES, WINDOW = 10, 1000, (100, 1000), 32
 
 
 def of_runs(

@@ -1,11 +1,7 @@
-"""What several benchmarks track: a crowded frame, and a model of one dimension."""
+"""What the benchmarks track: crowded frames, and a model of one dimension."""
 
-import time
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -14,7 +10,7 @@ from jaxpf import ordering as orderings
 from jaxpf.boxes.models import box_model
 from jaxpf.dynamics.gaussian import LinearGaussian
 from jaxpf.likelihoods.gaussian import Gaussian
-from jaxpf.measures.timing import interleaved
+from jaxpf.tuning import objectives
 
 OBJECTS, HEIGHT, WIDTH = 7, 288, 360
 #: Noise of u, v (pixels) and of the scale in all benchmarks with boxes.
@@ -87,22 +83,6 @@ def keep_report(state: Any, summary: Any) -> Any:
     return summary.log_evidence, summary.estimate, summary.ess
 
 
-def line_seconds(
-    tracker: Any,
-    num_partitions: int,
-    num_frames: int,
-    repeats: int,
-    num_runs: int = 1,
-    clock: Callable[[], float] = time.perf_counter,
-) -> float:
-    """Median seconds of a tracker on a line, all its runs, on one device."""
-    candidate = partial(
-        jaxpf.monte_carlo,
-        tracker,
-        jax.random.split(jax.random.key(0), num_runs),
-        jnp.zeros((num_frames, num_partitions, 1)),
-        keep_report,
-        min(num_runs, 100),
-        jax.local_devices()[:1],
-    )
-    return float(np.median(interleaved({"it": candidate}, repeats, clock)["it"]))
+def mean_evidence(tracker: Any, keys: Any, frames: Any, checkpoint: bool | int = True) -> Any:
+    """Mean log evidence of independent runs."""
+    return jnp.mean(objectives.log_evidence(tracker, keys, frames, checkpoint=checkpoint))

@@ -10,14 +10,19 @@ from jaxpf.contract.errors import InputError
 
 @click.command("export", cls=Speaking)
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.argument("form", metavar="FORMAT", type=click.Choice(["coco", "cvat", "movement", "arviz"]))
+@click.argument(
+    "form",
+    metavar="FORMAT",
+    type=click.Choice(["coco", "cvat", "mot", "movement", "arviz"]),
+)
 @click.argument("output", metavar="FILE", type=click.Path(path_type=Path))
 @click.option("--overwrite", is_flag=True, help="Replace the file if it is there.")
 def command(folder: Path, form: str, output: Path, overwrite: bool) -> None:
     """Write the tracks in FOLDER, which `jaxpf track` filled, to FILE in another project's FORMAT.
 
     coco: JSON with boxes, polygons or key points.  cvat: the archive that CVAT imports as "MOT
-    1.1".  movement: netCDF with positions, confidence and, where they are known, intervals.
+    1.1".  mot: text lines of the MOTChallenge, which count from 1.  movement: netCDF with
+    positions, confidence and intervals.
 
     arviz: netCDF of an evaluation, which `jaxpf evaluate` put into FOLDER, with runs as chains and
     frames as draws.  It and movement need the extra `formats`.

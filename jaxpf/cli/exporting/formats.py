@@ -1,7 +1,18 @@
 """Tracks in the formats of other projects: COCO, CVAT and ``movement``.
 
-All read the folder that ``jaxpf track`` wrote.  Frames and pixels count from 0 there, as in memory;
-each writer says where its format counts otherwise.
+All read the folder that ``jaxpf track`` wrote, and keep the objects' ids.  In memory frames and
+pixels count from 0, and pixel (0, 0) is the square [0, 1) x [0, 1).  Conventions of the files:
+
+=================  ============  ===========  ==================================
+format             first frame   first pixel  place
+=================  ============  ===========  ==================================
+MOT, tracks.csv    1             1            top left corner, width and height
+coco               image id 1    0            top left corner, width and height
+cvat (MOT 1.1)     1             0            top left corner, width and height
+movement (netCDF)  seconds       0            centre, width and height
+=================  ============  ===========  ==================================
+
+Seconds are the frames' timestamps, which differ from index / fps where the frame rate varies.
 """
 
 import csv
@@ -15,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.boxes.tables import read_boxes
-from jaxpf.boxes.tracks import dense
+from jaxpf.boxes.tracks import dense, read_tracks, write_mot
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import read_text
 from jaxpf.files.writing import atomic_path, atomic_write, report_os_errors, write_text
@@ -23,7 +34,7 @@ from jaxpf.media.video import open_frames
 
 #: What all that is tracked is called.
 _LABEL = "object"
-_INTERVAL = ("2.5", "50", "97.5")
+_INTERVAL = ("2.5", "97.5")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -35,11 +46,12 @@ class Tracked:
         names: ``[P]``.
         lines: ``[T, P, S, 2]``, corners, outlines or points, pixels; NaN where there is none.
         confidence: ``[T, P]``, that an object is where it is reported; 0 where it is lost.
-        intervals: ``[T, P, 2, 3]``, of the middle's x and y, below which 2.5, 50 and 97.5 % of the
-            particles lie; None where the folder has none.
+        intervals: ``[T, P, 2, 2]``, 2.5 and 97.5 % quantiles of x and y of the middle; None if the
+            folder has none.
         video: what was tracked.
         size: width and height of its frames.
         fps: its frames per second.
+        times: ``[T]``, when each frame is shown, seconds from the first.
     """
 
     target: str
@@ -50,6 +62,14 @@ class Tracked:
     video: str
     size: tuple[int, int]
     fps: float
+    times: np.ndarray
+
+    @property
+    def ids(self) -> list[int]:
+        """``[P]``: the names where they are whole numbers, else 1, 2, ..., P."""
+        if all(name.isdecimal() for name in self.names):
+            return [int(name) for name in self.names]
+        return list(range(1, len(self.names) + 1))
 
     @property
     def boxes(self) -> np.ndarray:
@@ -77,24 +97,23 @@ def read_tracked(folder: Path) -> Tracked:
         raise InputError(
             f"'{folder / 'summary.json'}' is no summary of `jaxpf track`; give its output folder."
         ) from None
-    names, lines, confidence = (_read_boxes if target == "boxes" else _read_lines)(
-        folder / "tracks.csv"
-    )
+    names, lines, confidence = (_read_boxes if target == "boxes" else _read_lines)(folder)
     source = open_frames(video)
     return Tracked(
         target,
         names,
         lines,
         confidence,
-        _read_intervals(folder / "uncertainty.csv", names, len(lines)),
+        _read_intervals(folder / "tracks.csv", names, len(lines), target == "boxes"),
         str(video),
         (source.width, source.height),
         source.fps,
+        source.times(len(lines)),
     )
 
 
-def _read_boxes(path: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    table = read_boxes(path)
+def _read_boxes(folder: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    table = read_boxes(folder / "tracks.csv")
     ids = sorted(set(table.id.tolist()))
     boxes = dense(table, ids, int(table.frame.max()) + 1)
     confidence = np.zeros(boxes.shape[:2])
@@ -104,54 +123,59 @@ def _read_boxes(path: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     return tuple(map(str, ids)), lines, confidence
 
 
-def _read_lines(path: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Tracks of parts, points or contours, told by their header."""
-    rows = _rows(path)
-    if "kind" in rows[0]:
-        rows = [row for row in rows if row["kind"] == "outline"]
-    # A contour's tracks have a column of points, too.
-    who = next((name for name in ("part", "contour", "point") if name in rows[0]), "")
-    try:
-        names = tuple(dict.fromkeys(row[who] for row in rows))
-        length = 1 + max(int(row["point"]) for row in rows) if who == "contour" else 1
-        last = max(int(row["frame"]) for row in rows)
-        places = np.full((last + 1, len(names), 4 if who == "part" else length, 2), np.nan)
-        confidence = np.zeros(places.shape[:2])
-        for row in rows:
-            frame, name = int(row["frame"]), names.index(row[who])
-            place = np.array([float(row["x"]), float(row["y"])])
-            if who == "part":
-                places[frame, name] = _corners(place, row)
-            else:
-                places[frame, name, int(row["point"]) if who == "contour" else 0] = place
-            confidence[frame, name] = 1 - float(row.get("lost", 0))
-    except (KeyError, ValueError):
-        raise InputError(
-            f"'{path}' holds no tracks of parts, points or contours; give the output folder of "
-            "`jaxpf track`."
-        ) from None
-    return names, places, confidence
+def _read_lines(folder: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Tracks of parts, points or contours."""
+    table = read_tracks(folder / "tracks.csv")
+    ids = [str(name) for name in table["id"].tolist()]
+    names = tuple(dict.fromkeys(ids))
+    rows = table["frame"], np.array([names.index(name) for name in ids], int)
+    num_frames = int(table["frame"].max(initial=-1)) + 1
+    confidence = np.zeros((num_frames, len(names)))
+    confidence[rows] = (1 - table["lost"]) * np.nan_to_num(table.get("confidence", 1.0), nan=1.0)
+    path = folder / "outlines.csv"
+    if path.is_file():
+        return names, _read_outlines(path, names, num_frames), confidence
+    places = np.stack([table["x"], table["y"]], axis=-1)[:, None]
+    if "angle" in table:
+        places = _corners(table)
+    lines = np.full((num_frames, len(names), *places.shape[1:]), np.nan)
+    lines[rows] = places
+    return names, lines, confidence
 
 
-def _corners(centre: np.ndarray, row: dict[str, str]) -> np.ndarray:
-    angle = np.deg2rad(float(row["angle"]))
-    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    half = np.array([float(row["w"]), float(row["h"])]) / 2
-    return centre + (np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half) @ turn
+def _read_outlines(path: Path, names: tuple[str, ...], num_frames: int) -> np.ndarray:
+    rows = [row for row in _rows(path) if row["kind"] == "outline"]
+    length = 1 + max(int(row["point"]) for row in rows)
+    lines = np.full((num_frames, len(names), length, 2), np.nan)
+    for row in rows:
+        place = float(row["x"]), float(row["y"])
+        lines[int(row["frame"]), names.index(row["contour"]), int(row["point"])] = place
+    return lines
 
 
-def _read_intervals(path: Path, names: tuple[str, ...], num_frames: int) -> np.ndarray | None:
-    if not path.is_file():
+def _corners(table: dict[str, np.ndarray]) -> np.ndarray:
+    """Corners ``[K, 4, 2]`` of turned rectangles."""
+    angle = np.deg2rad(table["angle"])
+    turn = np.stack([np.cos(angle), np.sin(angle), -np.sin(angle), np.cos(angle)], axis=-1)
+    half = np.stack([table["w"], table["h"]], axis=-1)[:, None] / 2
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
+    return np.stack([table["x"], table["y"]], -1)[:, None] + corners @ turn.reshape(-1, 2, 2)
+
+
+def _read_intervals(
+    path: Path, names: tuple[str, ...], num_frames: int, are_boxes: bool
+) -> np.ndarray | None:
+    """Of the middle; that of a box lies half its size from the corner, whose interval is known."""
+    table = read_tracks(path)
+    if "x_2.5" not in table:
         return None
-    found = np.full((num_frames, len(names), 2, len(_INTERVAL)), np.nan)
-    for row in _rows(path):
-        if row.get("x_50") and row["id"] in names and int(row["frame"]) < num_frames:
-            found[int(row["frame"]), names.index(row["id"])] = [
-                # An end that nobody knows is an empty field.
-                [float(row[f"{axis}_{level}"] or "nan") for level in _INTERVAL]
-                for axis in "xy"
-            ]
-    return found if np.isfinite(found).any() else None
+    intervals = np.full((num_frames, len(names), 2, len(_INTERVAL)), np.nan)
+    columns = [names.index(str(name)) for name in table["id"].tolist()]
+    for axis, (place, size) in enumerate((("x", "w"), ("y", "h"))):
+        half = table[size] / 2 if are_boxes else 0.0
+        for end, level in enumerate(_INTERVAL):
+            intervals[table["frame"], columns, axis, end] = table[f"{place}_{level}"] + half
+    return intervals
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
@@ -165,7 +189,8 @@ def _rows(path: Path) -> list[dict[str, str]]:
 def write_coco(path: Path, tracked: Tracked) -> None:
     """COCO's JSON: an image per frame; boxes, polygons, or a skeleton of all points.
 
-    ``track_id`` and ``score``, the confidence, stand beside COCO's own keys, as usual for tracks.
+    ``track_id``, ``score`` (the confidence) and ``time`` (of an image, in seconds) stand beside
+    COCO's own keys, as usual for tracks.
     """
     width, height = tracked.size
     name = Path(tracked.video).stem
@@ -176,12 +201,18 @@ def write_coco(path: Path, tracked: Tracked) -> None:
     annotations = list((_skeletons if of_points else _shapes)(tracked))
     content = {
         "images": [
-            {"id": t + 1, "file_name": f"{name}_{t:06d}.png", "width": width, "height": height}
-            for t in range(len(tracked.lines))
+            {
+                "id": t + 1,
+                "file_name": f"{name}_{t:06d}.png",
+                "width": width,
+                "height": height,
+                "time": round(float(time), 6),
+            }
+            for t, time in enumerate(tracked.times)
         ],
         "annotations": [
-            {"id": number, "category_id": 1, "iscrowd": 0, **one}
-            for number, one in enumerate(annotations, start=1)
+            {"id": number, "category_id": 1, "iscrowd": 0, **annotation}
+            for number, annotation in enumerate(annotations, start=1)
         ],
         "categories": [category],
     }
@@ -198,7 +229,7 @@ def _shapes(tracked: Tracked) -> Any:
         area = abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2
         yield {
             "image_id": int(t) + 1,
-            "track_id": int(p) + 1,
+            "track_id": tracked.ids[p],
             "bbox": _rounded(boxes[t, p]),
             "area": round(float(area if closed else boxes[t, p, 2:].prod()), 3),
             "segmentation": [_rounded(line.ravel())] if closed else [],
@@ -226,7 +257,7 @@ def _skeletons(tracked: Tracked) -> Any:
 
 
 def write_cvat(path: Path, tracked: Tracked) -> None:
-    """CVAT's "MOT 1.1" archive: frames count from 1, pixels from 0.
+    """CVAT's "MOT 1.1" archive.
 
     Raises:
         InputError: points, which have no box; or the file cannot be written.
@@ -235,12 +266,27 @@ def write_cvat(path: Path, tracked: Tracked) -> None:
         raise InputError("CVAT's MOT archive holds boxes, and points have none; choose coco.")
     boxes = tracked.boxes
     lines = (
-        ",".join([str(t + 1), str(p + 1), *map(str, _rounded(boxes[t, p])), "1,1,1"])
+        ",".join([str(t + 1), str(tracked.ids[p]), *map(str, _rounded(boxes[t, p])), "1,1,1"])
         for t, p in tracked.there
     )
     with atomic_write(path, "wb") as file, zipfile.ZipFile(file, "w") as archive:
         archive.writestr("gt/gt.txt", "\n".join(lines) + "\n")
         archive.writestr("gt/labels.txt", f"{_LABEL}\n")
+
+
+def write_motchallenge(path: Path, tracked: Tracked) -> None:
+    """MOT lines ``frame,id,x,y,w,h,confidence,-1,-1,-1``; frames and x, y count from 1.
+
+    Raises:
+        InputError: points, which have no box; or the file cannot be written.
+    """
+    if tracked.target == "points":
+        raise InputError("MOT files hold boxes, and points have none; choose coco.")
+    frames, objects = tracked.there.T
+    numbers = [int(n) if n.isdecimal() else k + 1 for k, n in enumerate(tracked.names)]
+    ids = np.array(numbers)[objects]
+    boxes, confidence = tracked.boxes[frames, objects], tracked.confidence[frames, objects]
+    write_mot(path, frames, ids, boxes, confidence)
 
 
 def write_movement(path: Path, tracked: Tracked) -> None:
@@ -271,7 +317,7 @@ def write_movement(path: Path, tracked: Tracked) -> None:
         "confidence": (["time", *whose], turned(tracked.confidence)),
     }
     coordinates: dict[str, Any] = {
-        "time": np.arange(len(boxes)) / tracked.fps,
+        "time": tracked.times,
         "space": ["x", "y"],
         "individuals": ["object"] if of_points else [f"id_{name}" for name in tracked.names],
     }
@@ -301,5 +347,6 @@ def _rounded(values: Any) -> list[float]:
 FORMATS: dict[str, tuple[str, Callable[[Path, Tracked], None]]] = {
     "coco": (".json", write_coco),
     "cvat": (".zip", write_cvat),
+    "mot": (".txt", write_motchallenge),
     "movement": (".nc", write_movement),
 }

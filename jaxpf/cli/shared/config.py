@@ -12,7 +12,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import atomic_write
 from jaxpf.targets import find_adapter
 
-#: Beyond this, whole numbers are no longer told apart once they are real ones.
+#: From here on, floats do not represent every whole number.
 _LARGEST_WHOLE = 2**53
 
 
@@ -27,7 +27,7 @@ _ABOUT: dict[str, Any] = {
     "callback": _load,
     "is_eager": True,
     "expose_value": False,
-    "help": "TOML file with options; what is typed wins.  Every run writes one.",
+    "help": "TOML file with options; typed values take precedence.  Every run writes one.",
 }
 
 
@@ -42,7 +42,7 @@ def config_option() -> Callable:
 
 
 def target_in(arguments: Sequence[str]) -> str | None:
-    """What the file of a ``--config`` among arguments says is tracked; None where nothing does."""
+    """The kind of target that the file of ``--config`` names; None if there is none."""
     for index, argument in enumerate(arguments):
         flag, equals, path = argument.partition("=")
         if flag == "--config" and (equals or index + 1 < len(arguments)):
@@ -80,8 +80,8 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
     target = getattr(ctx.command, "adapter", None)
     if target is not None and table.pop("target", target.name) != target.name:
         raise InputError(
-            f"the configuration '{path}' is not of {target.name}, which are tracked here; leave "
-            f"'{target.name}' out before the video, or take another configuration."
+            f"the configuration '{path}' is not for {target.name}; leave '{target.name}' out "
+            "before the video, or choose another configuration."
         )
     known = {param.name: param for param in ctx.command.params if param.name != "config"}
     options = {}
@@ -108,7 +108,7 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
 
 
 def _suits(param: click.Parameter, value: Any) -> tuple[bool, str]:
-    """Whether a TOML value has the option's type, which click would force it into; and the type."""
+    """Whether a TOML value has the option's type, without conversion; and that type in words."""
     kind = param.type
     if isinstance(param, click.Option) and param.multiple:
         suits = isinstance(value, list) and all(
@@ -137,7 +137,7 @@ def _are_numbers(values: Any, kind: type) -> bool:
 
 
 def _shown(value: Any) -> str:
-    """A value as TOML spells it, near enough for a message, and not too long for one."""
+    """A value as TOML spells it, shortened for a message."""
     if isinstance(value, int) and abs(value) >= _LARGEST_WHOLE:
         return f"a number beyond {_LARGEST_WHOLE}"
     text = str(value).lower() if isinstance(value, bool) else repr(value)

@@ -1,4 +1,4 @@
-"""What several commands print: tables that explain their terms, and progress."""
+"""Tables that explain their terms, and progress bars."""
 
 import sys
 from collections.abc import Iterable, Sequence
@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 _TRACKED = "overlapping the truth at all"
-#: What a table's words mean, by how they begin; a line under each table explains those it uses.
+#: Terms of tables, by how they begin; a line under each table explains those it uses.
 _TERMS = {
     "success at": "frames whose overlap is above that",
     "success area": "area under the curve of such frames over every overlap",
@@ -28,7 +28,7 @@ _TERMS = {
     "idf1": "F1 of boxes under the right identity",
     "mota": "1 less FP, FN and IDSW per true box",
     "motp": "mean overlap of the boxes found",
-    "fp": "boxes where nothing is",
+    "fp": "boxes without an object",
     "fn": "objects without a box",
     "idsw": "changes of identity",
     "frag": "times that a track is broken",
@@ -38,9 +38,9 @@ _TERMS = {
     "compared with": "differences are paired by run",
     "ns": "nanoseconds, without compilation",
     "ratio": "median of interleaved pairs",
-    "ordering": "who is searched after whom",
+    "ordering": "the order in which objects are searched",
     "done": "runs that are kept on disk",
-    "goal": "what this project asks of itself",
+    "goal": "the limit that this project sets itself",
     "frames/s": "of one run alone, compiling left out",
     "ms a frame": "of one run alone, compiling left out",
 }
@@ -67,7 +67,7 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
 
 
 def _terms(names: Iterable[str]) -> str:
-    """A sentence for each term among a table's columns and rows; "" where there is none."""
+    """A line that explains the terms among a table's columns and rows; "" if there is none."""
     used: dict[str, str] = {}
     for name in names:
         word = name.partition(",")[0].partition(" (")[0]

@@ -48,15 +48,16 @@ class Flag(click.Option):
     """An option with its place in the help.
 
     Attributes:
-        section: under which it stands.
-        common: whether ``--help`` explains it, or names it only.
+        section: its section of the help.
+        common: whether ``--help`` explains it, or only names it.
+        is_named: whether ``--help`` names it at all.
     """
 
     def __init__(
         self, *spellings: Any, section: str = "Options", common: bool = True, **about: Any
     ):
         super().__init__(*spellings, **about)
-        self.section, self.common = section, common
+        self.section, self.common, self.is_named = section, common, True
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
         """Spellings and help: its first sentence and the default, unless all is asked for."""
@@ -69,10 +70,10 @@ class Flag(click.Option):
 
 
 class Command(Speaking):
-    """A command whose help has sections: see ``Flag``.
+    """A command whose help has sections, see ``Flag``.
 
-    ``--help`` tells of the common options what each is in a sentence, and of the others the names;
-    ``--help-all`` tells all.
+    ``--help`` explains the common options in a sentence each and names the others; ``--help-all``
+    explains every option.
     """
 
     def __init__(self, *arguments: Any, more: str = "", **settings: Any):
@@ -80,7 +81,7 @@ class Command(Speaking):
 
         Args:
             arguments: see ``click.Command``.
-            more: what ``--help-all`` says further.
+            more: a text that only ``--help-all`` shows.
             settings: see ``click.Command``.
         """
         super().__init__(*arguments, **settings)
@@ -88,11 +89,11 @@ class Command(Speaking):
         self.params.append(_help_all())
 
     def shown(self, ctx: click.Context) -> list[click.Parameter]:
-        """What help tells of, in its order."""
+        """The parameters that help shows, in order."""
         return self.get_params(ctx)
 
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write what the command does."""
+        """Write the description of the command."""
         super().format_help_text(ctx, formatter)
         if ctx.meta.get(ALL) and self.more:
             formatter.write_paragraph()
@@ -100,19 +101,23 @@ class Command(Speaking):
                 formatter.write_text(self.more)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the sections, then the names of what they leave out."""
-        told: dict[str, list[tuple[str, str]]] = {}
+        """Write the sections, then the names of the options that they leave out."""
+        explained: dict[str, list[tuple[str, str]]] = {}
         left_out: dict[str, list[str]] = {}
+        unnamed: list[str] = []
         title = "Options"
         for param in self.shown(ctx):
             if not isinstance(param, click.Option):
                 continue
             title = getattr(param, "section", title)
             if not ctx.meta.get(ALL) and not getattr(param, "common", True):
-                left_out.setdefault(title, []).append(param.opts[0])
+                if getattr(param, "is_named", True):
+                    left_out.setdefault(title, []).append(param.opts[0])
+                elif title not in unnamed:
+                    unnamed.append(title)
             elif record := param.get_help_record(ctx):
-                told.setdefault(title, []).append(record)
-        for title, records in told.items():
+                explained.setdefault(title, []).append(record)
+        for title, records in explained.items():
             with formatter.section(title):
                 formatter.write_dl(records, col_max=26)
         if left_out:
@@ -121,7 +126,10 @@ class Command(Speaking):
                 width = formatter.width - 2 - max(map(len, left_out)) - 2
                 lines = textwrap.wrap(" ".join(names), width, break_on_hyphens=False)
                 rows += zip([title, *[""] * len(lines)], lines, strict=False)
-            with formatter.section("More, which --help-all explains"):
+            if unnamed:
+                families = ", ".join(title.removeprefix("Of ") for title in unnamed)
+                rows.append(("Other families", f"options of {families}"))
+            with formatter.section("More, explained by --help-all"):
                 formatter.write_dl(rows)
 
 
@@ -158,11 +166,11 @@ def declared_flags(
     Args:
         declared: name -> option, see ``jaxpf.contract.options.options_of``.
         section: of the help.
-        defaults: where others than the declared ones hold, for the help.
-        grid: for several values of each, separated by commas; an option of several numbers is
-            repeated instead.
-        rare: of a command's own options, those that help explains on request only; what is true or
-            false is a flag without a value there.
+        defaults: defaults that differ from the declared ones.
+        grid: whether each flag takes several values, separated by commas; an option of several
+            numbers is repeated instead.
+        rare: for a command's own options, those that only ``--help-all`` explains; booleans are
+            flags without a value.
     """
     found = []
     for one in declared.values():
@@ -211,14 +219,17 @@ def filter_flags(
     grid: bool = False,
     without: Sequence[str] = (),
     methods: Sequence[str] = (),
+    family: Any = None,
 ) -> list[Flag]:
-    """The flags of all filters: first what several have, then those of each.
+    """The flags of all filters: first those that several filters have, then those of each.
 
     Args:
-        defaults: where a target's differ from the filters'.
+        defaults: defaults of a target that differ from the filters'.
         grid: see ``declared_flags``.
         without: names to leave out.
-        methods: whose filters are meant; all by default.
+        methods: methods whose filters have flags; all by default.
+        family: the filter whose methods and options ``--help`` shows; those of the others are left
+            to ``--help-all``.  All by default.
     """
     every = list(filters.all_filters().values())
     meant = options_of(
@@ -231,27 +242,32 @@ def filter_flags(
                 known = shared.setdefault(name, its)
                 if its.help not in known.help:
                     shared[name] = dataclasses.replace(known, help=f"{known.help}  {its.help}")
-    told = shared["method"]
-    names = f"{', '.join(filters.methods())}."
-    shared["method"] = dataclasses.replace(told, help=f"{names}  {told.help}")
+    method = shared["method"]
+    shown = filters.methods() if family is None else family.methods
+    names = f"{', '.join(shown)}."
+    if others := [name for name in filters.methods() if name not in shown]:
+        names += f"  Other families: {', '.join(others)}."
+    shared["method"] = dataclasses.replace(method, help=f"{names}  {method.help}")
     sections = {"Filter": shared}
     for one in every:
         own = options_of(one.options)
-        sections["Of " + ", ".join(one.methods)] = {n: own[n] for n in own if n not in shared}
-    return [
-        flag
-        for title, those in sections.items()
-        for flag in declared_flags(
-            {n: its for n, its in those.items() if n in meant and n not in without},
-            title,
-            defaults=defaults,
-            grid=grid,
-        )
-    ]
+        sections[_section(one)] = {n: own[n] for n in own if n not in shared}
+    flags = []
+    for title, options in sections.items():
+        chosen = {n: one for n, one in options.items() if n in meant and n not in without}
+        for flag in declared_flags(chosen, title, defaults=defaults, grid=grid):
+            flag.is_named = family is None or title in ("Filter", _section(family))
+            flags.append(flag)
+    return flags
+
+
+def _section(family: Any) -> str:
+    """The title of a filter's own options in the help."""
+    return "Of " + ", ".join(family.methods)
 
 
 def start_flags(flags: Mapping[str, Mapping[str, Any]], section: str) -> list[Flag]:
-    """The flags by which a target is told where it starts."""
+    """The flags that say where a target starts."""
     found = []
     for name, about in flags.items():
         kind = about.get("type", str)
@@ -265,12 +281,12 @@ def start_flags(flags: Mapping[str, Mapping[str, Any]], section: str) -> list[Fl
 
 
 def given_in(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of the values of flags that were given."""
+    """The values of flags that were given."""
     return {name: value for name, value in values.items() if value not in (None, ())}
 
 
 def as_typed(options: Any) -> dict[str, Any]:
-    """Options that count, by name, as people type them; None for the others."""
+    """Options that apply, by name, as they are typed; None for the others."""
     counts, found = counting(options), {}
     for name, one in options_of(options).items():
         value = getattr(options, name) if counts[name] else None
@@ -297,11 +313,11 @@ def picked(
 
 
 def _from_people(one: Option, value: Any) -> Any:
-    """People count places from 1."""
+    """Places, typed counting from 1, counted from 0."""
     if not one.places or value == OPEN:
         return value
     if any(place < 1 for place in value):
-        raise InputError(f"{one.flag} {plain(value)} counts from 1; name no place below.")
+        raise InputError(f"{one.flag} {plain(value)} counts from 1; use no smaller number.")
     return tuple(place - 1 for place in value)
 
 
@@ -314,7 +330,7 @@ def refuse_others(values: Mapping[str, Any], target: Any, its: Any) -> None:
         its: the filter that tracks it.
 
     Raises:
-        InputError: which.
+        InputError: the option, and where it works.
     """
     own = options_of(target.options, its.options)
     every: dict[str, Any] = {name: one.target for name, one in adapters().items()}
@@ -325,7 +341,7 @@ def refuse_others(values: Mapping[str, Any], target: Any, its: Any) -> None:
         if owners:
             chosen = its.name if owners[0] in filters.all_filters() else target.name
             raise InputError(
-                f"{having[owners[0]][name].flag} is an option of {' and '.join(owners)}, and not "
-                f"of {chosen}, which was chosen, perhaps by default or by --method; leave one of "
-                "them out."
+                f"{having[owners[0]][name].flag} works only for {' and '.join(owners)}, not for "
+                f"{chosen}, the default or the choice of --method; leave it out, or choose "
+                f"{owners[0]}."
             )

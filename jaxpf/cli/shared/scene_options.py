@@ -1,4 +1,4 @@
-"""What `jaxpf evaluate` and `jaxpf tune` share: a scene, and the options of what is in it."""
+"""What `jaxpf evaluate` and `jaxpf tune` share: a scene, and options of its kind of target."""
 
 import contextlib
 import dataclasses
@@ -21,29 +21,29 @@ _TARGET, _METHODS = "jaxpf.cli.target", "jaxpf.cli.methods"
 
 @dataclasses.dataclass(frozen=True)
 class SceneOptions:
-    """Which scene is meant, and what of it; see the help of each."""
+    """The scene and the part of it to use; see the help of each option."""
 
     target: str | None = option(
-        None, f"What the objects are: {', '.join(adapters())}; by default what the truth tells."
+        None, f"Kind of target: {', '.join(adapters())}; by default that of the truth."
     )
     set: tuple[str, ...] = option(
         (), "NAME=VALUE, a parameter of a synthetic scene, such as lead_distance=60; repeat it."
     )
-    scene_seed: int = option(0, "Seed of a synthetic scene, or of the first.")
+    scene_seed: int = option(0, "Seed of a synthetic scene, or of the first one.")
     ids: tuple[int, ...] | None = option(
         None, "Objects of a folder's truth, such as 1,2,5; by default all in the start frame."
     )
-    frames: int | None = option(None, "Of a folder: how many, the start frame included.")
+    frames: int | None = option(None, "Frames of a folder to use, the start frame included.")
     start_frame: int | None = option(
-        None, "Of a folder, from 0; by default the first with all objects."
+        None, "Start frame of a folder, from 0; by default the first with all objects."
     )
 
 
 class SceneCommand(Command):
-    """A command on a scene, which has the options of the scene's target and of its methods.
+    """A command on a scene, with the options of the scene's target and of the methods.
 
-    Which those are is known once the scene is opened: all are parsed, those of others are refused
-    then, and ``COMMAND SCENE --help`` explains what there is for this one.
+    The target is known once the scene is open: the options of all targets are parsed, those of
+    others are refused then, and ``COMMAND SCENE --help`` explains those of this one.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class SceneCommand(Command):
         return [*own, *of] if named or ctx.meta.get(ALL) else own
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """As click does; where help is wanted, it is that of the scene."""
+        """As click does; help is about the scene, if one is named."""
         wanted = {"-h", "--help", "--help-all"} & set(args)
         if wanted and not ctx.resilient_parsing:
             others = [text for text in args if text not in wanted]
@@ -118,7 +118,7 @@ class SceneCommand(Command):
 
 
 def _target_of(values: Mapping[str, Any]) -> str | None:
-    """The target of a scene that was named; None without one."""
+    """The target of the scene; None without a scene."""
     from jaxpf.evaluation.opening import load_scene
 
     if values["target"] or not values["scene"]:
@@ -127,7 +127,7 @@ def _target_of(values: Mapping[str, Any]) -> str | None:
 
 
 def _methods_of(values: Mapping[str, Any]) -> list[str]:
-    """The methods that were named, as ``evaluate`` or ``tune`` has them; none are all."""
+    """The methods of ``evaluate`` or ``tune``; none means all."""
     named = names_in(values.get("methods") or values.get("method") or "")
     for method in named:
         filters.filter_of(method)
@@ -147,7 +147,7 @@ def resolved_scene(source: str) -> str:
 
 
 def scene_name(source: str) -> str:
-    """What to call the output folder of a scene."""
+    """The name of a scene, for its output folder."""
     return Path(source.rpartition(":")[2] or source).name
 
 
@@ -169,7 +169,7 @@ def pair(option: str, text: str, convert: Callable[[str], Any]) -> tuple[str, An
 
 
 def scene_parameters(texts: Sequence[str]) -> dict[str, Any]:
-    """What every ``--set`` says; a value is a number, true, false, none, or else a text.
+    """Parameters from ``--set``; a value is a number, true, false, none, or else a text.
 
     Raises:
         InputError: one has another form than NAME=VALUE.

@@ -1,4 +1,4 @@
-"""What ``jaxpf track --truth`` prints and writes: how near tracks are to the truth."""
+"""What ``jaxpf track --truth`` prints and writes: how close tracks are to the truth."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,6 +10,9 @@ from jaxpf.boxes import tracks
 from jaxpf.cli.shared import console
 from jaxpf.files.writing import csv_text, write_text
 from jaxpf.measures import metrics, scores
+
+_SCORES = ("HOTA", "DetA", "AssA", "IDF1", "MOTA", "MOTP")
+_COUNTS = ("FP", "FN", "IDSW", "Frag")
 
 
 def report_truth(output: Path, ids: Sequence[Any], first: int, truth: Any, which: str = "") -> None:
@@ -46,3 +49,26 @@ def report_truth(output: Path, ids: Sequence[Any], first: int, truth: Any, which
     lines = [[name, *(f"{c[k]:.6g}" for c in columns.values())] for k, name in enumerate(known)]
     path = output / f"{which + '_' if which else ''}metrics.csv"
     write_text(path, csv_text([["id", *names], *lines]))
+
+
+def report_identities(output: Path, start: int, num_frames: int, truth: Any) -> None:
+    """Scores that judge identities, of objects that come and go, as a table and as metrics.csv.
+
+    Args:
+        output: the folder of the run, which holds its tracks.
+        start: the start frame; scores are of those after it.
+        num_frames: the number of those.
+        truth: boxes, as ``read_boxes`` gives them.
+    """
+    estimated = tracks.read_boxes(output / "tracks.csv", empty_boxes="absent")
+    first = start + 1
+    estimates, targets = (
+        tracks.dense(table, sorted(set(table.id.tolist())), first + num_frames)[first:]
+        for table in (estimated, truth)
+    )
+    values = scores.tracking_scores(estimates, targets)
+    row = [f"{values[name]:.3f}" for name in _SCORES] + [f"{values[n]:.0f}" for n in _COUNTS]
+    title = f"Against the truth, {num_frames} frame{'' if num_frames == 1 else 's'}"
+    console.print_table(title, ["", *_SCORES, *_COUNTS], [["all", *row]])
+    lines = [values, [f"{value:.6g}" for value in values.values()]]
+    write_text(output / "metrics.csv", csv_text(lines))

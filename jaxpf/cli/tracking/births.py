@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import click
 import numpy as np
 
 from jaxpf.boxes.tables import BoxTable
@@ -14,14 +15,14 @@ from jaxpf.populations.detections import DETECTED, check_frames, read_detections
 from jaxpf.populations.lifetimes import Rules
 from jaxpf.targets.target import Start
 
-#: Particles for each place, unless their number is said.
+#: Particles for each place by default.
 PARTICLES_EACH = 100
-#: A detector says where somebody is, which the picture has only to refine.
+#: Options of the model with a detector, which finds the objects: the picture only refines them.
 _GUIDED: Mapping[str, Any] = {"sharpness": 1.0, "scale": (6.0, 4.0, 0.02)}
 
 
 class Births(NamedTuple):
-    """What is known of those who come and go.
+    """Detections and rules for objects that come and go.
 
     Attributes:
         table: the file's rows.
@@ -33,7 +34,7 @@ class Births(NamedTuple):
 
     @property
     def watched(self) -> bool:
-        """Whether the file has detections, and not only boxes that a user named."""
+        """Whether the file has detections, not only boxes with ids."""
         return bool((self.table.id == DETECTED).any())
 
     @property
@@ -53,12 +54,13 @@ def read_births(options: Mapping[str, Any]) -> Births | None:
     if options.get("births") is None:
         for name, one in rules.items():
             if options.get(name) is not None:
-                raise InputError(f"{one.flag} is about --births, which was not given.")
+                raise InputError(
+                    f"{one.flag} works only with --births; add it, or leave {one.flag} out."
+                )
         return None
     if options["tracker"]:
         raise InputError(
-            "--births needs a tracker with room for who may come, and --tracker may have none; "
-            "leave one of them out."
+            "--births works only with the built-in filters; leave it or --tracker out."
         )
     births = Births(read_detections(options["births"]), picked(options, Rules))
     if not len(births.table):
@@ -72,7 +74,7 @@ def read_births(options: Mapping[str, Any]) -> Births | None:
 
 
 def _check_confidence(births: Births) -> None:
-    """Detectors count confidence as they like; one that leaves nobody is a mistake all the same."""
+    """Refuse a --birth-confidence that leaves out every detection."""
     least = births.rules.birth_confidence
     known = births.table.confidence[births.table.id == DETECTED]
     if least is not None and len(known) and known.max() < least:
@@ -84,7 +86,7 @@ def _check_confidence(births: Births) -> None:
 
 
 def defaults_of(births: Births | None) -> tuple[dict, Mapping[str, Any]]:
-    """Defaults of the filter's and of the target's options that differ with births."""
+    """Defaults of the filter's and the target's options that differ with --births."""
     if births is None:
         return {}, {}
     guided = births.watched and births.rules.detection_scale > 0
@@ -93,20 +95,28 @@ def defaults_of(births: Births | None) -> tuple[dict, Mapping[str, Any]]:
 
 
 def check_births(births: Births, start: Start, number: int, source: Any) -> None:
-    """Refuse what does not go with the video and the start.
+    """Check detections and start boxes against the video.
 
     Raises:
-        InputError: a detection in a frame that the video does not have, or outside the picture;
-            somebody who starts before the start frame, or twice; more start boxes than places.
+        InputError: a detection in a frame that the video does not have, or outside the picture; an
+            object that starts before the start frame, or twice; more start boxes than places.
     """
     table, capacity = births.table, births.rules.capacity
     if not source.is_live and table.frame.max() >= (
         source.num_frames or source.frames_expected or 0
     ):
-        # A container's word about its length is no proof.
+        # The length that a container states may be wrong.
         check_frames(table, source.num_frames or sum(1 for _ in source))
-    names = [f"the detection in frame {frame}" for frame in table.frame]
-    check_boxes(table.box, source.width, source.height, names)
+    named = table.id != DETECTED
+    names = [f"the object that starts in frame {frame}" for frame in table.frame[named]]
+    check_boxes(table.box[named], source.width, source.height, names)
+    outside = _outside(table.box[~named], source.width, source.height)
+    if outside.any():
+        click.echo(
+            f"Note: {outside.sum()} of {len(outside)} detections of {table.source} lie outside the "
+            "picture and are left out.",
+            err=True,
+        )
     for frame, identity in zip(table.frame, table.id, strict=True):
         if identity != DETECTED and frame < number:
             raise InputError(
@@ -130,24 +140,69 @@ def check_births(births: Births, start: Start, number: int, source: Any) -> None
 def by_frame(
     births: Births, start: Start, number: int
 ) -> tuple["Detections | None", list[tuple[int, int, np.ndarray]]]:
-    """Detections of the frames from the start on, and who is named there: see ``follow``."""
+    """Detections from the start frame on, and the objects with ids: see ``follow``."""
     table, least = births.table, births.rules.birth_confidence
     named = [(0, int(name), box) for name, box in zip(start.ids, start.shapes, strict=True)]
     rows = zip(table.frame - number, table.id, table.box, strict=True)
     named += [(int(time), int(name), box) for time, name, box in rows if name != DETECTED]
     if not births.watched:
         return None, named
-    counts = (table.id == DETECTED) & (table.confidence >= (-np.inf if least is None else least))
-    return Detections(table.frame[counts] - number, table.box[counts]), named
+    detected = table.id == DETECTED
+    every = births.rules.detect_every or detection_step(table.frame[detected])
+    counts = detected & (table.confidence >= (-np.inf if least is None else least))
+    first = int(table.frame[detected].min()) - number
+    return Detections(table.frame[counts] - number, table.box[counts], first, every), named
+
+
+def detection_step(frames: np.ndarray) -> int:
+    """On every how many frames the detector ran: the largest step that all of them share.
+
+    1 where there are fewer than three frames with detections, which tell nothing.
+    """
+    steps = np.diff(np.unique(frames))
+    return int(np.gcd.reduce(steps)) if len(steps) > 1 else 1
+
+
+def _outside(boxes: np.ndarray, width: int, height: int) -> np.ndarray:
+    """``[M]`` bool: no part of the box lies in the picture."""
+    low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
+    return np.any((low >= [width, height]) | (high <= 0), axis=1)
+
+
+def nobody_came(births: Births, start: int) -> str:
+    """Why no object started, as far as the detections of the file say."""
+    table, rules = births.table, births.rules
+    least = -np.inf if rules.birth_confidence is None else rules.birth_confidence
+    counts = (table.id == DETECTED) & (table.confidence >= least) & (table.frame >= start)
+    frames = np.unique(table.frame[counts])
+    if len(frames) < rules.birth_frames:
+        return (
+            f"no object started: it must be detected {rules.birth_frames} times, and "
+            f"{table.source} has detections in {len(frames)} of the frames from {start} on; lower "
+            "--birth-frames, or give more detections."
+        )
+    every = rules.detect_every or detection_step(frames)
+    return (
+        f"no object started: none was detected {rules.birth_frames} times inside the picture with "
+        f"an overlap of {rules.birth_overlap:g} or more from one detection to the next (the "
+        f"detector's step is {every} frame(s)); lower --birth-overlap or --birth-frames, or "
+        "correct --detect-every."
+    )
 
 
 class Detections(Sequence):
-    """Boxes ``[M, 4]`` of every frame, without an end: a video may be longer than its file says."""
+    """Boxes ``[M, 4]`` of every frame; a video may be longer than its file says.
 
-    def __init__(self, times: np.ndarray, boxes: np.ndarray):
+    None for frames in which the detector did not run.
+    """
+
+    def __init__(self, times: np.ndarray, boxes: np.ndarray, first: int, every: int):
         self._times, self._boxes = times, boxes
+        self._first, self._every = first, every
 
     def __getitem__(self, time: Any) -> Any:
+        if (time - self._first) % self._every:
+            return None
         low, high = np.searchsorted(self._times, [time, time + 1])
         return self._boxes[low:high]
 

@@ -1,4 +1,4 @@
-"""``jaxpf track``: one command for every target, each with options of its own."""
+"""``jaxpf track``: one command for each kind of target, with the options of that kind."""
 
 import functools
 from typing import Any
@@ -14,8 +14,9 @@ from jaxpf.contract.options import options_of
 from jaxpf.populations.lifetimes import Rules
 from jaxpf.targets import DEFAULT, adapters, find_adapter
 from jaxpf.targets.adapter import Adapter
+from jaxpf.targets.building import filter_for
 
-_FILTER = f"How guesses are organised: {', '.join(filters.all_filters())}.  [default: by --method]"
+_FILTER = f"Filter family: {', '.join(filters.all_filters())}.  [default: by --method]"
 
 
 class TrackCommand(Command):
@@ -37,7 +38,7 @@ class TrackCommand(Command):
         self.adapter, self.table = adapter, "track"
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """As click does; of another target's option it says how it is spelt."""
+        """As click does, with a hint for an option of another kind of target."""
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
@@ -46,39 +47,39 @@ class TrackCommand(Command):
             raise
 
     def hint(self, flag: str) -> str:
-        """What to write for a flag that is not of this target; "" where nobody has it."""
+        """What to write for a flag of another kind of target; "" if no kind has it."""
         others = [name for name in adapters() if name != self.adapter.name]
         if flag == "--target":
             return (
-                f"what is tracked stands before the video, as in `jaxpf track {others[0]} VIDEO "
-                "...`; leave --target out."
+                f"--target is no option: name the kind of target before the video, as in `jaxpf "
+                f"track {others[0]} VIDEO ...`."
             )
         having = [name for name in others if _has(find_adapter(name), flag)]
         if not having or _has(self.adapter, flag):
             return ""
         return (
-            f"{flag} is an option of {' and '.join(having)}, and {self.adapter.name} are tracked; "
-            f"write `jaxpf track {having[0]} VIDEO ...`, or leave it out."
+            f"{flag} works only for {' and '.join(having)}; write `jaxpf track {having[0]} VIDEO "
+            "...`, or leave it out."
         )
 
 
-_ABOUT = """Track {what} through VIDEO: a video file, a folder of images, or what is live: the
-index of a camera, the address of a stream (http://, rtsp://, ...), a pipe.
+_ABOUT = """Track {what} through VIDEO: a video file or a folder of images.  VIDEO can also be a
+camera index, a stream (http://, rtsp://, ...) or a pipe.
 
-Filtering begins after the start frame.  The output folder receives tracks.csv, uncertainty.csv,
-overlay.mp4, diagnostics, summary.json, and run.toml, which repeats the run: `jaxpf track --config
-run.toml -o ANOTHER`.
-
-"""
-_OTHERS = """What is no box: `jaxpf track {others} VIDEO`.
+The output folder receives tracks.csv (a row per frame and object, with 95 % intervals),
+overlay.mp4, trajectories.png, summary.json (a verdict on each object), diagnostics, and run.toml,
+which repeats the run: `jaxpf track --config run.toml -o ANOTHER`.
 
 """
-_LIVE = """What is live is tracked until it ends or Ctrl-C is pressed, which keeps all results.  A
-stream's start frame is its first one.  A camera's is taken once everything is compiled: the objects
-must be where they start until a line says that tracking begins; `jaxpf frame 0 -n 30` shows what
-camera 0 sees.
+_OTHERS = """Other kinds of target: `jaxpf track {others} VIDEO`.
 
-A video that is called as a target, such as points, is ./points."""
+"""
+_LIVE = """A live source is tracked until it ends or you press Ctrl-C, which keeps all results.  The
+start frame of a stream is its first frame.  The start frame of a camera is taken once everything is
+compiled: keep the objects in place until a line says that tracking begins; `jaxpf frame 0 -n 30`
+shows what camera 0 sees.
+
+For a video file named like a kind of target, such as points, write ./points."""
 
 
 def _has(adapter: Adapter, flag: str) -> bool:
@@ -108,7 +109,7 @@ def _params(adapter: Adapter) -> list[click.Parameter]:
         "Model", *of_model
     )
     flags += [Flag(["--filter"], section="Filter", common=False, help=_FILTER)]
-    flags += filter_flags(adapter.target.defaults)
+    flags += filter_flags(adapter.target.defaults, family=filter_for(adapter.target))
     if "births" in adapter.start_flags:
         flags += declared_flags(options_of(Rules), "Births and deaths")
     flags += of_run("Run and output", but=early + of_model)
@@ -116,7 +117,7 @@ def _params(adapter: Adapter) -> list[click.Parameter]:
 
 
 class _Targets(click.Group):
-    """The commands of all targets; without the name of one, that of boxes."""
+    """The commands of all kinds of target; boxes if none is named."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(adapters())

@@ -1,4 +1,4 @@
-"""What ``jaxpf track`` was asked for: checked, complete, and fit to be repeated."""
+"""The request of ``jaxpf track``: parsed and checked, with everything that repeats the run."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -8,29 +8,30 @@ from typing import Any
 import click
 
 from jaxpf import filters
-from jaxpf.cli.shared.flags import as_typed, picked, refuse_others
+from jaxpf.cli.shared.flags import as_typed, given_in, picked, refuse_others
 from jaxpf.cli.tracking.births import Births, defaults_of, read_births
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.options import OPEN, check_options, option, options_of
 from jaxpf.files.writing import check_output_file
 from jaxpf.media.video_writer import SUFFIXES
 from jaxpf.targets.adapter import Adapter
+from jaxpf.targets.appearance import COLOUR
 from jaxpf.targets.target import Target
 
 #: Frames that a video may have.
 _MOST_FRAMES = 2**31 - 1
-#: Of --fit-motion: so many hold a walk or a throw; fewer leave the evidence undecided.
+#: Least frames for --fit-motion: they show a walk or a throw; fewer leave the evidence undecided.
 LEAST_FITTED = 5
-#: Options of a run that say where results go or how they are watched, not what they are; what
-#: --fit-motion found stands in the options of the model.
+#: Options of a run that do not shape its results; the motion of --fit-motion stands in the options
+#: of the model.
 _NOT_REPEATED = ("output", "overwrite", "preview", "fit_motion", "save_state")
-#: What is typed of these replaces the start of a configuration; of others it adds to it.
+#: Start flags that, when typed, add to the start of a configuration; others replace it.
 _ADDS_TO_START = ("ids", "mask_step", "learned")
 
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """Options of ``jaxpf track`` whatever is tracked; see the help of each."""
+    """Options of ``jaxpf track`` for every kind of target; see the help of each."""
 
     start: int = option(0, "Start frame, counting from 0.", least=0, most=_MOST_FRAMES)
     frames: int | None = option(
@@ -38,66 +39,65 @@ class Run:
     )
     fit_motion: int | None = option(
         None,
-        "Choose noise and momentum by so many frames, as 30.  Their evidence decides; they follow "
-        "the start frame, and run.toml keeps what was found.",
+        "Fit the motion on the first N frames, such as 30.  The noise and momentum with the "
+        "largest evidence are used, and run.toml keeps them.",
         least=LEAST_FITTED,
         most=_MOST_FRAMES,
     )
     seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
     runs: int | None = option(
         None,
-        "Track so many times: their mean, and its error.  Runs go side by side; uncertainty.csv "
-        "holds standard errors.  Ten cost two to nine times as much as one.",
+        "Track N times: the mean and its standard error.  The runs share each frame's work: ten "
+        "cost two to nine times as much as one.",
         least=2,
         most=10_000,
     )
     error_bars: int | None = option(
         None,
-        "Monte-Carlo error from one run, by ancestors so many frames back, such as 2; empty where "
-        "too few are left.",
+        "Estimate the Monte-Carlo error from one run, by ancestors N frames back, such as 2.  It "
+        "is empty if too few ancestors are left.",
         least=1,
         most=10_000,
     )
     smooth: bool = option(
         False,
-        "Look back when the clip ends: smoothed.csv tells where objects were, given all frames, "
-        "and smoothed_uncertainty.csv how sure that is.",
+        "Smooth when the clip ends.  smoothed.csv holds the tracks given all frames.",
     )
     smooth_lag: int | None = option(
         None,
-        "Smooth by so many frames ahead at least, such as 50, instead of by all; for long clips.",
+        "Smooth by at least N frames ahead, such as 50, instead of by all; for long clips.",
         least=1,
         most=_MOST_FRAMES,
     )
     save_state: Path | None = option(  # noqa: RUF009
-        None, "File for the state in which the last frame leaves the filter, for --resume."
+        None, "File for the filter's state after the last frame, for --resume."
     )
     resume: Path | None = option(  # noqa: RUF009
         None,
-        "State of --save-state: go on after its frames, with the other options as they were; the "
-        "tracks are those of one run through all.",
+        "State of --save-state: resume after its frames, with the same options; the tracks are "
+        "identical to an uninterrupted run.",
     )
     output: Path | None = option(  # noqa: RUF009
         None,
-        "Folder for the results; jaxpf-NAME by default.",
+        "Folder for the results.  [default: jaxpf-NAME]",
         flags=("-o",),
     )
     overwrite: bool = option(False, "Replace files in an existing folder.")
     overlay: bool = option(True, "Write the overlay video.")
     codec: str = option(
         "h264",
-        "Of the overlay: h264 (overlay.mp4), or vp9 (overlay.webm, smaller and slower to write).",
+        "Codec of the overlay: h264 (overlay.mp4), or vp9 (overlay.webm, smaller and slower).",
         choices=tuple(SUFFIXES),
     )
     preview: bool = option(
-        False, "Show the overlay in a window while it is made.  This needs a screen."
+        False, "Show the overlay in a window while tracking.  This needs a screen."
     )
     truth: Path | None = option(  # noqa: RUF009
-        None, "CSV as for --boxes: adds a metrics table."
+        None, "True boxes, a CSV as for --boxes, for metrics."
     )
     tracker: str | None = option(
         None,
-        "FILE.py:FUNCTION, a tracker of your own: a function of the scene, here the start frame "
+        "FILE.py:FUNCTION, a tracker of your own.  The function receives a scene: the start frame "
         "and its boxes.",
     )
 
@@ -110,7 +110,7 @@ class Run:
         return self.smooth or self.smooth_lag is not None
 
 
-#: Of a ``Run``, what only boxes have.
+#: Options of a ``Run`` that only boxes have.
 OF_BOXES = ("truth", "tracker")
 
 
@@ -119,14 +119,14 @@ class Request:
     """A run of ``jaxpf track``.
 
     Attributes:
-        video: a file, a folder, or what is live.
-        adapter: of what is tracked.
+        video: a file, a folder, or a live source.
+        adapter: of the kind of target.
         starts: values of its ``start_flags``.
-        run: options that every target has.
+        run: options that every kind of target has.
         model: options of the target.
-        filter: how guesses are organised.
+        filter: the filter family.
         filter_options: options of the filter.
-        births: who comes and goes; None where all are there from the start.
+        births: detections and rules of --births; None for a fixed population.
     """
 
     video: str | Path
@@ -140,30 +140,36 @@ class Request:
 
     @property
     def target(self) -> Target:
-        """What is tracked."""
+        """The kind of target."""
         return self.adapter.target
 
     @property
     def chooses_order(self) -> bool:
-        """Whether pilot runs are to choose the order."""
+        """Whether pilot runs choose the order."""
         return getattr(self.filter_options, "order", None) == OPEN
 
-    def table(self) -> dict[str, Any]:
-        """What ``run.toml`` holds: everything that repeats the run, as people write it."""
-        found = {"target": self.target.name, "video": self.video, **self.starts}
-        found |= {n: v for n, v in as_typed(self.run).items() if n not in _NOT_REPEATED}
-        found |= as_typed(self.model) | as_typed(self.filter_options)
+    def table(self, video: Any, model: Any, filter_options: Any) -> dict[str, Any]:
+        """What run.toml holds: everything that repeats the run, as it is typed.
+
+        Args:
+            video: without a password.
+            model: options of the target, with nothing left open.
+            filter_options: options of the filter, likewise.
+        """
+        values = {"target": self.target.name, "video": video, **self.starts}
+        values |= {n: v for n, v in as_typed(self.run).items() if n not in _NOT_REPEATED}
+        values |= as_typed(model) | as_typed(filter_options)
         if self.births is not None:
-            found |= as_typed(self.births.rules)
+            values |= as_typed(self.births.rules)
         return {
             name: value.resolve() if isinstance(value, Path) else value
-            for name, value in found.items()
+            for name, value in values.items()
             if value not in (None, ())
         }
 
 
 def request_of(ctx: click.Context, adapter: Adapter) -> Request:
-    """The request that was typed, or stands in a configuration file.
+    """The request from the command line and a configuration file.
 
     Raises:
         InputError: a value out of range, or options that do not go with each other.
@@ -177,14 +183,35 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     defaults = {**target.defaults, **particles}
     defaults.pop("method", None)
     filter_options = picked(values, its.options, defaults | ({"method": method} if method else {}))
-    # Who comes later is not in the start frame: nothing can be learned there.
+    # Objects that come later are not in the start frame: nothing can be learned from it.
     model = target.resolved(picked(values, target.options, of_target), is_filmed=births is None)
+    _report_implied(values, model, target.resolved(target.options(), is_filmed=births is None))
     starts = {name: values[name] for name in adapter.start_flags}
     request = Request(values["video"], adapter, starts, run, model, its, filter_options, births)
     _check_fit(request)
     _check_uncertainty(request)
     _check_states(request)
     return request
+
+
+def _report_implied(values: Mapping[str, Any], model: Any, usual: Any) -> None:
+    """Say which options, such as --sharpness, change others that were left at ``auto``."""
+    declared, given = options_of(type(model)), given_in(values)
+    flags: dict[tuple[str, Any], list[str]] = {}
+    for name in given:
+        implied = declared[name].implies if name in declared else None
+        if implied and values.get(implied[0]) in (None, OPEN):
+            flags.setdefault(implied, []).append(declared[name].flag)
+    for (other, wanted), causes in flags.items():
+        default = getattr(usual, other, wanted)
+        if default != wanted:
+            sets = "sets" if len(causes) == 1 else "set"
+            without = ", which reports no confidence" if wanted == COLOUR else ""
+            click.echo(
+                f"Note: {' and '.join(causes)} {sets} {declared[other].flag} {wanted}{without}; "
+                f"the default is {default}.",
+                err=True,
+            )
 
 
 def _check_fit(request: Request) -> None:
@@ -194,15 +221,18 @@ def _check_fit(request: Request) -> None:
         InputError: the sentence says why.
     """
     if request.chooses_order and request.run.tracker:
-        raise InputError("--order auto is about the built-in filters; leave it or --tracker out.")
+        raise InputError(
+            "--order auto works only with the built-in filters; leave it or --tracker out."
+        )
     if request.run.fit_motion is None:
         return
     if request.run.tracker:
-        raise InputError("--fit-motion is about the built-in motion; leave it or --tracker out.")
+        raise InputError(
+            "--fit-motion works only with the built-in motion; leave it or --tracker out."
+        )
     if request.births is not None:
         raise InputError(
-            "--fit-motion needs objects that are there in the start frame; leave it or --births "
-            "out."
+            "--fit-motion needs objects that are in the start frame; leave it or --births out."
         )
 
 
@@ -216,25 +246,24 @@ def _check_uncertainty(request: Request) -> None:
     asked = {flag: value for flag, value in asked.items() if value is not None}
     if len(asked) > 1:
         raise InputError(
-            "--runs and --error-bars both tell how much another run would differ; use one of them."
+            "--runs and --error-bars both estimate the Monte-Carlo error; use one of them."
         )
     smoothed = {"--smooth": request.run.smooth, "--smooth-lag": request.run.smooth_lag}
     smoothed = {flag: value for flag, value in smoothed.items() if value}
     if smoothed and request.run.runs is not None:
         raise InputError(
-            f"{next(iter(smoothed))} looks back over one run, and --runs gives many; leave one of "
+            f"{next(iter(smoothed))} smooths a single run, and --runs makes several; leave one of "
             "them out."
         )
     for flag in [*asked, *smoothed]:
         if request.births is not None:
             raise InputError(
-                f"{flag} needs objects that are there in every run, and with --births each run may "
-                "begin and end others; leave one of them out."
+                f"{flag} needs a fixed population, and --births changes it; leave one of them out."
             )
         if request.run.tracker and flag in asked:
             raise InputError(
-                f"{flag} is about the built-in filters; leave it out, or put the tracker of "
-                f"{request.run.tracker} into jaxpf.filters.SideBySide yourself."
+                f"{flag} works only with the built-in filters; leave it out, or wrap your tracker "
+                f"{request.run.tracker} in jaxpf.filters.SideBySide."
             )
 
 
@@ -248,15 +277,15 @@ def _check_states(request: Request) -> None:
     for flag, value in (("--save-state", run.save_state), ("--resume", run.resume)):
         if value is not None and request.births is not None:
             raise InputError(
-                f"{flag} is about a filter's state, which does not know whom --births began; "
-                "leave one of them out."
+                f"{flag} keeps a filter's state, which does not hold the births of --births; leave "
+                "one of them out."
             )
     if run.save_state is not None:
         check_output_file(run.save_state, "--save-state")
 
 
 def _given(ctx: click.Context, adapter: Adapter) -> dict[str, Any]:
-    """What was typed, and of the configuration what does not contradict it."""
+    """Typed values, and those of the configuration that do not contradict them."""
     values = dict(ctx.params)
     source = {name: ctx.get_parameter_source(name) for name in values}
     typed = {n for n in values if source[n] is click.core.ParameterSource.COMMANDLINE}
@@ -282,7 +311,7 @@ def _of_filters() -> dict[str, Any]:
 
 
 def _filter_of(values: Mapping[str, Any], target: Target, opens: bool) -> tuple[Any, str | None]:
-    """The filter that was named, by itself or by its method; and the method, where one is meant."""
+    """The filter that --filter or --method names, and the method if one is named."""
     known = filters.all_filters()
     name, method = values["filter"], values["method"]
     if name:
@@ -292,8 +321,8 @@ def _filter_of(values: Mapping[str, Any], target: Target, opens: bool) -> tuple[
         its = next(one for one in known.values() if one.opens)
     if its is not None and method and method not in its.methods:
         raise InputError(
-            f"--method {method} is not of the filter {its.name}, which has "
-            f"{', '.join(its.methods)}; leave one of them out."
+            f"--filter {its.name} has no method {method}; choose one of "
+            f"{', '.join(its.methods)}, or leave --filter out."
         )
     method = method or target.defaults.get("method")
     if its is None:
@@ -301,7 +330,7 @@ def _filter_of(values: Mapping[str, Any], target: Target, opens: bool) -> tuple[
     if opens and not its.opens:
         able = ", ".join(name for name, one in known.items() if one.opens)
         raise InputError(
-            f"--births needs a filter whose objects may come and go, and {its.name} is not one; "
-            f"use --filter {able}."
+            f"--births does not work with --filter {its.name}, whose population is fixed; use "
+            f"--filter {able}."
         )
     return its, method if method in its.methods else None

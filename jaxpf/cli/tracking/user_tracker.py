@@ -43,7 +43,7 @@ class OwnTracker:
         self.sha256 = hashlib.sha256(self.text.encode()).hexdigest()
 
     def __call__(self, scene: Any) -> Any:
-        """What the function makes of a scene."""
+        """Call the function with a scene."""
         try:
             function = scenes.function_of_text(self.text, self.path, self.function)
         except scenes.SceneError as error:
@@ -73,7 +73,7 @@ def own_tracker_of(place: str, scene: scenes.Scene) -> Any:
 
 
 def start_scene(name: str, frame: Any, boxes: Any, fps: float) -> scenes.Scene:
-    """A scene of one frame: what is known of a video when tracking starts."""
+    """A scene of one frame: the start of a video."""
     return scenes.Scene(
         name=name,
         frames=frame[None],

@@ -1,245 +1,254 @@
-"""What ``jaxpf track`` does: objects through a video, to tracks on disk."""
+"""``jaxpf track`` in steps: open, settle, build, run, finish; ``request_of`` parses."""
 
 import contextlib
 import dataclasses
 import functools
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
 
-from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.startup import use_compile_cache
-from jaxpf.cli.shared.stopping import announced_stop
-from jaxpf.cli.tracking import births as births_of, motion, order
+from jaxpf.cli.tracking import births as births_of
+from jaxpf.cli.tracking.finishing import finish
 from jaxpf.cli.tracking.live import check_live, open_window, start_when_compiled, used_to_the_light
-from jaxpf.cli.tracking.population_recorder import PopulationRecorder
-from jaxpf.cli.tracking.recorder import Recorder, nothing_follows
-from jaxpf.cli.tracking.request import Request, Run
+from jaxpf.cli.tracking.recorder import Recording, nothing_follows, record_run
+from jaxpf.cli.tracking.request import Request
+from jaxpf.cli.tracking.settling import LESS_MEMORY, Settled, chain, settle
 from jaxpf.contract.errors import InputError
 from jaxpf.files import writing
-from jaxpf.files.locking import locked
 from jaxpf.media.video import open_frames
 from jaxpf.running.memory import check_memory, needed_by
-from jaxpf.targets.building import build, looks_of_frame
+from jaxpf.targets.building import looks_of_frame
 from jaxpf.targets.target import Start
 
-#: Everything that a run may leave in its output folder.
-_OUTPUTS = (
-    "tracks.csv",
-    "overlay.mp4",
-    "overlay.webm",
-    "diagnostics.csv",
-    "diagnostics.png",
-    "metrics.csv",
-    "uncertainty.csv",
-    "smoothed.csv",
-    "smoothed_uncertainty.csv",
-    "smoothed_metrics.csv",
-    "summary.json",
-    "run.toml",
-)
+
+@dataclasses.dataclass(frozen=True)
+class Opened:
+    """What a request names, opened and checked.
+
+    Attributes:
+        source: the video.
+        first: the start frame.
+        frames: those after it.
+        start: where objects start.
+        truth: boxes of --truth, or None.
+        output: folder for the results.
+        window: of --preview, or None.
+    """
+
+    source: Any
+    first: np.ndarray
+    frames: Generator[np.ndarray, None, None]
+    start: Start
+    truth: Any
+    output: Path
+    window: Any
+
+
+@dataclasses.dataclass(frozen=True)
+class Built:
+    """The tracker to run.
+
+    Attributes:
+        tracker: it, perhaps repeated side by side.
+        filter: what is repeated; else the tracker.
+        before: state of --resume and its number of frames; else None and 0.
+    """
+
+    tracker: Any
+    filter: Any
+    before: tuple[Any, int]
 
 
 def track(request: Request) -> None:
-    """Track, and leave everything in the output folder.
+    """Track, and write everything into the output folder.
 
     Raises:
-        InputError: what cannot be tracked; before anything is written, where it can be known.
+        InputError: what cannot be tracked; before anything is written, if that can be known.
     """
-    ctx = click.get_current_context()
-    run = request.run
+    opened = open_input(request)
+    use_compile_cache()
+    settled = settle(request, opened.start, opened.first, opened.frames)
+    built = build_tracker(request, opened, settled)
+    outcome = run(request, opened, settled, built)
+    finish(outcome, opened.truth)
+
+
+def open_input(request: Request) -> Opened:
+    """Open the video, read where objects start, and check what was asked for against it."""
+    run_options = request.run
     source = open_frames(request.video)
-    request = dataclasses.replace(request, video=source.path)  # without a password
-    frames = source.frames(run.start)
-    ctx.call_on_close(frames.close)
+    frames = source.frames(run_options.start)
+    click.get_current_context().call_on_close(frames.close)
     check_live(request, source)
-    window = open_window(source) if run.preview else None
+    window = open_window(source) if run_options.preview else None
     first = used_to_the_light(frames) if source.is_camera else next(frames)
-    start = request.adapter.read_start(request.starts, run.start, source)
+    start = request.adapter.read_start(request.starts, run_options.start, source)
     for remark in start.remarks:
         click.echo(f"Note: {remark}", err=True)
     if request.births is not None:
-        births_of.check_births(request.births, start, run.start, source)
-    truth = _read_truth(run, None if request.births is not None else start.ids)
-    output = run.output or Path(f"jaxpf-{source.name}")
+        births_of.check_births(request.births, start, run_options.start, source)
+    truth = _read_truth(request, start)
+    output = run_options.output or Path(f"jaxpf-{source.name}")
     if isinstance(source.path, Path):
         _check_output(output, source.path)
     if not source.is_camera:
-        frames = _with_a_second(frames, source, run.start)
-    use_compile_cache()
-    import jax
+        second = next(frames, None)  # before anything is compiled
+        if second is None:
+            raise nothing_follows(source, run_options.start)
+        frames = chain([second], frames)
+    if run_options.smooth and source.is_live and run_options.frames is None:
+        raise InputError(
+            f"--smooth waits for the end of the clip, and the end of '{source.path}' is unknown; "
+            "use --smooth-lag 50, or --frames."
+        )
+    return Opened(source, first, frames, start, truth, output, window)
 
+
+def build_tracker(request: Request, opened: Opened, settled: Settled) -> Built:
+    """Build the tracker, and read the state from which it resumes.
+
+    Raises:
+        InputError: too little memory; a filter that cannot be smoothed; a state that does not fit.
+    """
     from jaxpf import smoothing
 
-    chooses_order = request.chooses_order
-    if chooses_order:
-        request = order.with_order(request, None)
-    tracker = _build_tracker(request, start, source, first)
-    fewer = " or fewer runs (--runs)" if run.runs else ""
-    check_memory(needed_by(tracker), f"ask for fewer particles (-n){fewer}")
-    before = _state_before(run, tracker)
-    if run.smooths:
-        smoothing.check_smoothing(tracker.tracker if run.error_bars else tracker)
-        if run.smooth_lag is None and source.is_live and run.frames is None:
-            raise InputError(
-                f"--smooth waits for the end of the clip, and that of '{source.path}' is not "
-                "known; use --smooth-lag 50, or --frames."
-            )
-    if run.fit_motion is not None:
-        model, told, frames = motion.fitted(
-            request, start, looks_of_frame(first, request.filter_options.particles), frames
-        )
-        click.echo(f"Note: {told}", err=True)
-        request = dataclasses.replace(request, model=model)
-        start = dataclasses.replace(start, remarks=(*start.remarks, told))
-        tracker = _build_tracker(request, start, source, first)
-    if chooses_order:
-        one = tracker.tracker if run.runs or run.error_bars else tracker
-        best, told, frames = order.chosen(request, one, frames)
-        click.echo(f"Note: {told}", err=True)
-        request = order.with_order(request, best)
-        start = dataclasses.replace(start, remarks=(*start.remarks, told))
-        tracker = _build_tracker(request, start, source, first)
-    existed = output.is_dir()
-    writing.prepare_output_folder(output, run.overwrite)
+    tracker = tracker_at(opened.first, request, opened, settled, settled.likelihood)
+    fewer = " or fewer runs (--runs)" if request.run.runs else ""
+    check_memory(needed_by(tracker), LESS_MEMORY + fewer)
+    repeats = request.run.runs or request.run.error_bars
+    filter_ = tracker.tracker if repeats else tracker
+    if request.run.smooths:
+        smoothing.check_smoothing(filter_)
+    for remark in settled.remarks:
+        click.echo(f"Note: {remark}", err=True)
+    return Built(tracker, filter_, _state_before(request, tracker))
 
-    recorder = None
-    stopped: KeyboardInterrupt | InputError | None = None
-    with locked(output, "tracking", keep=False):
-        try:
-            _remove_outputs(output)
-            write_config(output / "run.toml", "track", request.table())
-            if source.is_camera:
-                make = functools.partial(_build_tracker, request, start, source)
-                tracker, first = start_when_compiled(make, tracker, first, frames, source)
-            kind = Recorder if request.births is None else PopulationRecorder
-            recorder = kind(output, source, request, start, tracker)
-            recorder.window, recorder.before = window, before
-            saying = "Finishing: what was tracked is being written."
-            with announced_stop(saying), recorder, contextlib.closing(frames):
-                recorder.start(run.start, first)
-                recorder.follow(jax.random.key(run.seed), frames)
-        except (KeyboardInterrupt, InputError) as error:
-            stopped = error
-        kept = recorder is not None and (stopped is None or recorder.num_tracked > 0)
-        if recorder is not None and kept:
-            # What was tracked stays; the first error matters more than another one at the end.
-            with contextlib.suppress(*([] if stopped is None else [InputError])):
-                recorder.finish(stopped, truth)
-        else:
-            _remove_outputs(output)
-    if not kept and not existed:
-        # Nothing was tracked: leave no half-made folder behind.
+
+def tracker_at(
+    frame: np.ndarray, request: Request, opened: Opened, settled: Settled, likelihood: Any = None
+) -> Any:
+    """The tracker that starts at a frame.
+
+    Args:
+        frame: uint8 RGB ``[H, W, 3]``.
+        request, opened, settled: of the run.
+        likelihood: learned from that frame; by default it is learned now.
+    """
+    options, start = settled.filter_options, opened.start
+    if request.run.tracker:
+        from jaxpf.cli.tracking.user_tracker import own_tracker_of, start_scene
+
+        scene = start_scene(opened.source.name, frame, start.shapes, opened.source.fps)
+        return own_tracker_of(request.run.tracker, scene)
+    if request.births is not None:
+        from jaxpf.populations import open_model
+
+        capacity = request.births.rules.capacity
+        request.filter.check(options, (-1,) * capacity)
+        size = request.births.typical_size
+        model = open_model(settled.model, frame.shape[:2], capacity, size, options.particles)
+        return request.filter.tracker(model, options)
+    if likelihood is None:
+        looks = looks_of_frame(frame, options.particles)
+        likelihood = request.target.likelihood(settled.model, start, looks)
+    request.filter.check(options, start.parents)
+    model = request.target.model(settled.model, start, likelihood)
+    tracker = request.filter.tracker(model, options)
+    if request.run.runs is not None:
+        from jaxpf.filters import SideBySide
+
+        return SideBySide(tracker, request.run.runs)
+    if request.run.error_bars is not None:
+        from jaxpf.filters import WithErrorBars
+
+        return WithErrorBars(tracker, request.run.error_bars)
+    return tracker
+
+
+def run(request: Request, opened: Opened, settled: Settled, built: Built) -> Recording:
+    """Track the frames and write each as it is tracked.
+
+    What was tracked before an interruption or an error stays, and ``finish`` reports it; a run
+    without a single tracked frame leaves nothing behind.
+    """
+    existed = opened.output.is_dir()
+    writing.prepare_output_folder(opened.output, request.run.overwrite)
+    table = request.table(opened.source.path, settled.model, settled.filter_options)
+    remake = None
+    if opened.source.is_camera:
+        # The objects may have moved while everything was compiled: start at a later frame.
+        remake = functools.partial(_restart, request, opened, settled, built)
+    recording = record_run(request, opened, settled, built, table, remake)
+    if not recording.is_kept and not existed:
         with contextlib.suppress(OSError):
-            output.rmdir()
-    if stopped is not None:
-        raise stopped
+            opened.output.rmdir()
+    return recording
 
 
-def _state_before(run: Run, tracker: Any) -> tuple[Any, int]:
-    """The state of --resume, and how many frames it has seen; else None and 0."""
-    if run.resume is None:
+def _restart(
+    request: Request, opened: Opened, settled: Settled, built: Built
+) -> tuple[Any, np.ndarray]:
+    def make(frame: np.ndarray) -> Any:
+        return tracker_at(frame, request, opened, settled)
+
+    return start_when_compiled(make, built.tracker, opened.first, settled.frames, opened.source)
+
+
+def _state_before(request: Request, tracker: Any) -> tuple[Any, int]:
+    """The state of --resume and its number of frames; else None and 0."""
+    if request.run.resume is None:
         return None, 0
     from jaxpf.files import states
 
-    state, time = states.load(run.resume, tracker), states.saved_time(run.resume)
-    if run.frames is not None and run.frames <= time:
+    path, frames = request.run.resume, request.run.frames
+    state, time = states.load(path, tracker), states.saved_time(path)
+    if frames is not None and frames <= time:
         raise InputError(
-            f"--resume {run.resume} has tracked {time} frames already, and --frames {run.frames} "
-            "counts them; give more."
+            f"--resume {path} has tracked {time} frames already, and --frames {frames} includes "
+            "them; give a larger number."
         )
     return state, time
 
 
-def _with_a_second(
-    frames: Iterator[np.ndarray], source: Any, start: int
-) -> Generator[np.ndarray, None, None]:
-    """The frames after the start frame, of which there must be one before anything is compiled."""
-    second = next(frames, None)
-    if second is None:
-        raise nothing_follows(source, start)
-    return motion.again([second], frames)
-
-
-def _read_truth(run: Run, ids: np.ndarray | None) -> Any:
-    """The table of --truth, which must say something about this run; of all ids where None."""
-    if run.truth is None:
+def _read_truth(request: Request, start: Start) -> Any:
+    """The boxes of --truth, which must cover some object and frame of this run."""
+    if request.run.truth is None:
         return None
     from jaxpf.boxes.tracks import read_boxes
 
-    truth = read_boxes(run.truth, empty_boxes="absent")
-    ids = np.unique(truth.id) if ids is None else ids
+    first, count = request.run.start, request.run.frames
+    truth = read_boxes(request.run.truth, empty_boxes="absent")
+    ids = start.ids if request.births is None else np.unique(truth.id)
     names = ", ".join(map(str, ids))
-    ours = np.isin(truth.id, ids)
-    if not ours.any():
+    rows = np.isin(truth.id, ids)
+    if not rows.any():
         raise InputError(
             f"--truth {truth.source} has no box of object {names}, which this run tracks; give "
             "the truth of these objects, or leave it out."
         )
-    after = truth.frame[ours] > run.start
-    if run.frames is not None:
-        after &= truth.frame[ours] <= run.start + run.frames
+    after = truth.frame[rows] > first
+    if count is not None:
+        after &= truth.frame[rows] <= first + count
     if not after.any():
-        until = "" if run.frames is None else f" to {run.start + run.frames}"
+        until = "" if count is None else f" to {first + count}"
         raise InputError(
-            f"--truth {truth.source} has no box of object {names} in the frames from "
-            f"{run.start + 1}{until} (counting from 0); give another start, or leave it out."
+            f"--truth {truth.source} has no box of object {names} in the frames from {first + 1}"
+            f"{until} (counting from 0); give another start, or leave it out."
         )
     return truth
 
 
-def _build_tracker(request: Request, start: Start, source: Any, first: np.ndarray) -> Any:
-    """The built-in method's tracker, which learns from the start frame, or the user's own."""
-    if request.run.tracker:
-        from jaxpf.cli.tracking.user_tracker import own_tracker_of, start_scene
-
-        scene = start_scene(source.name, first, start.shapes, source.fps)
-        return own_tracker_of(request.run.tracker, scene)
-    if request.births is not None:
-        return _open_tracker(request, request.births, first)
-    options, run = request.filter_options, request.run
-    looks = looks_of_frame(first, options.particles)
-    made = build(request.target, request.model, request.filter, options, start, looks)
-    if run.runs is not None:
-        from jaxpf.filters import SideBySide
-
-        return SideBySide(made, run.runs)
-    if run.error_bars is not None:
-        from jaxpf.filters import WithErrorBars
-
-        return WithErrorBars(made, run.error_bars)
-    return made
-
-
-def _open_tracker(request: Request, births: births_of.Births, first: np.ndarray) -> Any:
-    """The tracker with a place for everybody who may come."""
-    from jaxpf.populations import open_model
-
-    options, capacity = request.filter_options, births.rules.capacity
-    request.filter.check(options, (-1,) * capacity)
-    made = open_model(
-        request.model, first.shape[:2], capacity, births.typical_size, options.particles
-    )
-    return request.filter.tracker(made, options)
-
-
 def _check_output(output: Path, video: Path) -> None:
     """Refuse to write among the frames, or over the video, that the run reads."""
+    from jaxpf.cli.tracking.recorder import OUTPUTS
+
     folder, video = output.resolve(), video.resolve()
-    if folder == video or (folder == video.parent and video.name in _OUTPUTS):
+    if folder == video or (folder == video.parent and video.name in OUTPUTS):
         raise InputError(
             f"output folder '{output}' would mix the results with the video '{video}' itself; "
             "choose another --output."
         )
-
-
-def _remove_outputs(output: Path) -> None:
-    """Remove the files of a run, what one that was killed left of them, and no others."""
-    for name in map(Path, _OUTPUTS):
-        unfinished = output.glob(f".{name.stem}.*.partial{name.suffix}")
-        for path in (output / name, *unfinished):
-            with writing.report_os_errors("replace", path):
-                path.unlink(missing_ok=True)

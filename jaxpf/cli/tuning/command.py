@@ -1,10 +1,10 @@
-"""``jaxpf tune``: parameters of the likelihood and the motion, found by gradient descent."""
+"""``jaxpf tune``: tune parameters of the likelihood and the motion by gradient descent."""
 
 import dataclasses
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
@@ -27,153 +27,236 @@ from jaxpf.running.memory import check_memory, needed_by
 from jaxpf.targets import adapter_of_scene
 from jaxpf.targets.adapter import is_filmed
 
-#: Particles of a run, where nobody says how many: a gradient costs more than a run.
+#: Particles of a run by default: a gradient costs more than a run.
 _PARTICLES = 100
-#: Without a terminal, progress is told so often.
+_LESS_MEMORY = "ask for fewer particles (-n), --runs or --frames"
+#: Without a terminal, progress is reported after this many steps.
 _STEPS_PER_LINE = 10
 
 
 @dataclasses.dataclass(frozen=True)
 class Scenes(SceneOptions):
-    """On what is tuned; see the help of each."""
+    """The scenes; see the help of each option."""
 
     train_scenes: int = option(3, "Synthetic scenes to tune on.", least=1)
-    held_out: int = option(10, "Further ones to compare on.", least=1)
+    held_out: int = option(10, "Further synthetic scenes to compare on.", least=1)
     frames: int | None = option(
         None,
-        "Of a folder: frames to tune on; by default half.  The start frame is included, and the "
-        "comparison is on those after them.",
+        "Frames of a folder to tune on, the start frame included; by default half.  The "
+        "comparison uses the frames after them.",
     )
 
 
 @dataclasses.dataclass(frozen=True)
 class Tuned:
-    """What is tuned; see the help of each."""
+    """The parameters and the objective; see the help of each option."""
 
     parameters: str | None = option(
         None,
-        "Paths in the tracker, each perhaps with bounds: likelihood.sharpness=1:500.  By default "
-        "how much the likelihood is trusted, and the noise of the position.",
+        "Parameters by their paths in the tracker, with optional bounds: "
+        "likelihood.sharpness=1:500.  By default the sharpness of the likelihood and the noise of "
+        "the position.",
     )
     objective: str = option(
         "evidence",
-        "evidence (no labels), or from the truth: position, overlap, crps (spread judged, too).",
+        "evidence (no labels), or against the truth: position, overlap, crps (also judges the "
+        "spread).",
         choices=OBJECTIVES,
     )
     labels: int | None = option(
-        None, "Labelled frames, evenly spread, for all but evidence; by default all."
+        None,
+        "Number of labelled frames, evenly spread; by default all.  Not for evidence.",
     )
 
 
 @dataclasses.dataclass(frozen=True)
 class Descent:
-    """How it is found; see the help of each."""
+    """The descent; see the help of each option."""
 
     gradient: str = option(
         "stop_gradient",
         "Through resampling: stop_gradient (unbiased), none (less noise), soft or transport.",
         choices=GRADIENTS,
     )
-    steps: int = option(150, "At most, per repeat.")
-    repeats: int = option(3, "Descents with seeds of their own.")
-    learning_rate: float = option(0.1, "0.1: up to 10 % per step.")
+    steps: int = option(150, "Most steps per repeat.")
+    repeats: int = option(3, "Number of descents, each with its own seed.")
+    learning_rate: float = option(0.1, "Step size; 0.1 changes values by up to 10 % per step.")
     runs: int = option(2, "Runs per sequence and step.")
-    seed: int = option(0, "Seed of everything random.")
+    seed: int = option(0, "Random seed.")
     sequences_per_step: int = option(1, "Scenes per step.")
-    random_numbers: str = option("fresh", "fresh at every step, or common to all.")
-    clip: float = option(10.0, "Longest gradient.")
-    window: int = option(20, "Steps that are averaged.")
+    random_numbers: str = option("fresh", "Random numbers: fresh at every step, or common.")
+    clip: float = option(10.0, "Longest gradient; longer ones are shortened.")
+    window: int = option(20, "Number of steps to average.")
     tolerance: float = option(
-        0.02, "Stop when values change by less than this share from window to window."
+        0.02, "Stop when the values change by less than this share between windows."
     )
 
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """How it is judged, and where all goes; see the help of each."""
+    """The comparison and the output; see the help of each option."""
 
     compare_runs: int = option(20, "Runs of the comparison.", least=2)
     compare_particles: int = option(300, "Particles of the comparison.", least=1)
     output: Path | None = option(  # noqa: RUF009
         None,
-        "Folder for the results, which a second call continues; jaxpf-tune-NAME by default.",
+        "Folder for the results; the same command resumes from it.  [default: jaxpf-tune-NAME]",
         flags=("-o",),
     )
 
 
 @dataclasses.dataclass(frozen=True)
 class Options(Outcome, Descent, Tuned, Scenes):
-    """Options of ``jaxpf tune`` whatever is tuned."""
+    """All options of ``jaxpf tune`` itself."""
 
     def __post_init__(self) -> None:
         check_options(self)
         if self.labels is not None and self.objective == "evidence":
             raise InputError(
-                f"labels = {self.labels} is of the other objectives, and evidence needs none; "
-                "leave one of them out."
+                f"--labels {self.labels} does not work with --objective evidence, which needs no "
+                "labels; leave one of them out."
             )
 
 
+class _Request(NamedTuple):
+    """What was typed: options, the scene in full, and the values of all flags."""
+
+    options: Options
+    source: str
+    values: Mapping[str, Any]
+
+    @property
+    def output(self) -> Path:
+        """The folder for the results."""
+        return self.options.output or Path(f"jaxpf-tune-{scene_name(self.source)}")
+
+
+class _Opened(NamedTuple):
+    """Scenes to tune on and scenes to compare on, and whether the folder holds a checkpoint."""
+
+    train: list[Any]
+    unseen: list[Any]
+    continues: bool
+
+    @property
+    def bytes(self) -> int:
+        """A gradient goes back through all frames: they are in memory and on the device."""
+        return 2 * sum(scene.frames.nbytes for scene in self.train)
+
+
+class _Settled(NamedTuple):
+    """The recipe before tuning, the options with nothing left open, and run.toml's table."""
+
+    before: Any
+    options: Options
+    table: dict[str, Any]
+
+
+class _Built(NamedTuple):
+    """Sequences to tune on, parameters, and settings of the descents."""
+
+    sequences: list[Any]
+    parameters: list[Any]
+    settings: Any
+
+
 def _command(**values: Any) -> None:
-    from jaxpf.cli.tuning.output import (
-        COMPARISON,
-        TRACES,
-        TUNED,
-        compare_before_and_after,
-        show,
-        write_traces,
-        write_tuned,
-    )
+    request = _Request(picked(values, Options), resolved_scene(values["scene"]), values)
+    opened = _open(request)
+    start_jax()
+    settled = _settle(request, opened)
+    built = _build(opened, settled)
+    result = _run(request, opened, settled, built)
+    _finish(request, opened, settled, result)
+
+
+def _open(request: _Request) -> _Opened:
+    """Load the scenes.
+
+    Raises:
+        InputError: they cannot be loaded or divided, or do not fit into memory.
+    """
     from jaxpf.cli.tuning.scenes import divided_scenes
-    from jaxpf.files.writing import prepare_output_folder, report_os_errors
+    from jaxpf.files.writing import report_os_errors
     from jaxpf.tuning.checkpoint import NAME
 
-    options, source = picked(values, Options), resolved_scene(values["scene"])
-    output = options.output or Path(f"jaxpf-tune-{scene_name(source)}")
-    with report_os_errors("write into the output folder", output):
-        continues = (output / NAME).is_file()
-    train, unseen = divided_scenes(source, options)
-    # A gradient goes back through all frames: they are in memory here and on the device.
-    of_frames = 2 * sum(scene.frames.nbytes for scene in train)
-    remedy = "ask for fewer particles (-n), --runs or --frames"
-    check_memory(of_frames, remedy)
-    start_jax()
-    from jaxpf import tuning
-    from jaxpf.tuning.declared import tuned_by_default
-    from jaxpf.tuning.sequences import training_sequence
+    with report_os_errors("write into the output folder", request.output):
+        continues = (request.output / NAME).is_file()
+    opened = _Opened(*divided_scenes(request.source, request.options), continues)
+    check_memory(opened.bytes, _LESS_MEMORY)
+    return opened
 
-    its = {field.name for field in dataclasses.fields(tuning.Settings)} & options_of(options).keys()
-    settings = tuning.Settings(**{name: getattr(options, name) for name in its})
-    before, repeated = _recipe(values, options, train[0])
+
+def _settle(request: _Request, opened: _Opened) -> _Settled:
+    """Choose the filter, the model and the default parameters."""
+    from jaxpf.tuning.declared import tuned_by_default
+
+    options = request.options
+    before, repeated = _recipe(request.values, options, opened.train[0])
     if options.parameters is None:
         usual = tuned_by_default(chosen(before.of.options, before.values))
         options = dataclasses.replace(options, parameters=",".join(usual))
-    wanted = [tuning.parameter(text) for text in names_in(options.parameters)]
+    table = {"scene": request.source, **as_typed(options), **repeated, "output": None}
+    return _Settled(before, options, table)
+
+
+def _build(opened: _Opened, settled: _Settled) -> _Built:
+    """Build the trackers and check that they have the parameters and fit into memory."""
+    from jaxpf import tuning
+    from jaxpf.tuning.sequences import training_sequence
+
+    options, before = settled.options, settled.before
+    names = {field.name for field in dataclasses.fields(tuning.Settings)}
+    names &= options_of(options).keys()
+    settings = tuning.Settings(**{name: getattr(options, name) for name in names})
+    parameters = [tuning.parameter(text) for text in names_in(options.parameters or "")]
     sequences = [
-        training_sequence(scene, before, options.objective, options.labels) for scene in train
+        training_sequence(scene, before, options.objective, options.labels)
+        for scene in opened.train
     ]
-    _check_parameters(sequences[0].tracker, before.of, wanted)
+    tracker = sequences[0].tracker
+    _check_parameters(tracker, before.of, parameters)
     longest = max(len(sequence.frames) for sequence in sequences)
-    check_memory(of_frames + needed_by(sequences[0].tracker, settings.runs, longest), remedy)
-    if not continues:
+    check_memory(opened.bytes + needed_by(tracker, settings.runs, longest), _LESS_MEMORY)
+    return _Built(sequences, parameters, settings)
+
+
+def _run(request: _Request, opened: _Opened, settled: _Settled, built: _Built) -> Any:
+    """Tune; an interrupted descent leaves a checkpoint, one that diverged its last good values."""
+    from jaxpf import tuning
+    from jaxpf.cli.tuning.output import TUNED, write_tuned
+    from jaxpf.files.writing import prepare_output_folder
+
+    output = request.output
+    if not opened.continues:
         prepare_output_folder(output)
     try:
-        result = _tune(sequences, wanted, settings, options.objective, output)
+        return _tune(
+            built.sequences, built.parameters, built.settings, settled.options.objective, output
+        )
     except tuning.Diverged as error:
-        write_tuned(output / TUNED, error.result, error.result.last_good, before)
+        write_tuned(output / TUNED, error.result, error.result.last_good, settled.before)
         raise InputError(f"{error} They are kept in '{output / TUNED}'.") from None
     except KeyboardInterrupt:
         click.echo(
             f"The steps so far are kept in '{output}'; the same command continues.", err=True
         )
         raise
-    repeated = {"scene": source, **as_typed(options), **repeated}
-    write_config(output / "run.toml", "tune", repeated | {"output": None})
-    write_tuned(output / TUNED, result, result.values, before)
-    write_traces(output / TRACES, result, options.objective)
-    show(result)
-    compare_before_and_after(output, unseen, before, before.with_values(result.values), options)
-    click.echo(f"{output}/: {TUNED}, {TRACES}, {COMPARISON}, run.toml")
+
+
+def _finish(request: _Request, opened: _Opened, settled: _Settled, result: Any) -> None:
+    """Write the results, and compare before and after on what was not seen."""
+    from jaxpf.cli.tuning import output as outputs
+
+    folder, before = request.output, settled.before
+    write_config(folder / "run.toml", "tune", settled.table)
+    outputs.write_tuned(folder / outputs.TUNED, result, result.values, before)
+    outputs.write_traces(folder / outputs.TRACES, result, settled.options.objective)
+    outputs.show(result)
+    after = before.with_values(result.values)
+    outputs.compare_before_and_after(folder, opened.unseen, before, after, settled.options)
+    names = (outputs.TUNED, outputs.TRACES, outputs.COMPARISON, "run.toml")
+    click.echo(f"{folder}/: {', '.join(names)}")
 
 
 command = SceneCommand(
@@ -202,14 +285,14 @@ command = SceneCommand(
     ),
     without=("order", "swap", "ess_threshold"),
     defaults={"particles": _PARTICLES},
-    help="""Tune parameters on SCENE, and compare before and after on what was not seen.
+    help="""Tune parameters on SCENE, and compare before and after on unseen frames.
 
-    SCENE is as for `jaxpf evaluate`; `jaxpf tune SCENE --help` shows the options of what is in it.
-    Synthetic scenes are tuned on some seeds and compared on others, a folder on its first frames
-    and on the rest, starting there from the truth.
+    SCENE is as for `jaxpf evaluate`; `jaxpf tune SCENE --help` shows the options for its kind of
+    target.  A synthetic scene is tuned on some seeds and compared on others; a folder is tuned on
+    its first frames and compared on the rest, starting there from the truth.
 
     The output folder receives tuned.toml (a --config for track and evaluate), tables, a figure and
-    a checkpoint, from which the same command goes on.
+    a checkpoint, from which the same command resumes.
 
     Example, in minutes: jaxpf tune distracter --sharpness 1 --scale 0.5,0.5,0.003 --learning-rate
     0.2 --window 15 --tolerance 0.1 --repeats 2 --steps 120
@@ -220,7 +303,7 @@ command = SceneCommand(
 def _tune(
     sequences: list[Any], wanted: list[Any], settings: Any, objective: str, output: Path
 ) -> Any:
-    """Tune behind a progress bar, or, where no terminal shows one, with a line now and then."""
+    """Tune with a progress bar, or with a line now and then if there is no terminal."""
     from jaxpf.tuning import loop
 
     shows_bars = sys.stderr.isatty()
@@ -254,7 +337,7 @@ def _tune(
 
 
 def _check_parameters(tracker: Any, target: Any, wanted: list[Any]) -> None:
-    """Refuse what `jaxpf track` and `jaxpf evaluate` have no option for."""
+    """Refuse parameters that `jaxpf track` and `jaxpf evaluate` have no option for."""
     from jaxpf import tuning
     from jaxpf.tuning.parameters import check_apart
 
@@ -274,7 +357,7 @@ def _check_parameters(tracker: Any, target: Any, wanted: list[Any]) -> None:
 
 
 def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[Any, dict[str, Any]]:
-    """What the tracker is made of before tuning, and how it is typed again."""
+    """The recipe of the tracker before tuning, and its options as they are typed."""
     from jaxpf.tuning.sequences import Recipe
 
     target = adapter_of_scene(scene, options.target).target

@@ -3,26 +3,12 @@
 Nothing is asserted about time.  For figures, run ``jaxpf bench``.
 """
 
-import importlib
-from itertools import islice
 from math import comb
 
 import numpy as np
 import pytest
 
-from jaxpf.cli.benchmarks import (
-    SECTIONS,
-    appearance,
-    generic,
-    gradients,
-    growth,
-    histogram,
-    labelled,
-    memory,
-    points,
-    problems,
-)
-from jaxpf.cli.benchmarks.growth import Growth
+from jaxpf.cli.benchmarks import measurements, memory, problems
 from jaxpf.measures.timing import median_interval
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_quickly")]
@@ -34,42 +20,47 @@ def test_memory_does_not_grow_with_the_number_of_frames():
     assert (sizes[1000] - sizes[10]) / 990 < 100
 
 
-def test_the_generic_kernel_is_timed_against_the_minimal_filter():
-    rows = list(generic.rows(repeats=1, num_particles=20, num_frames=3))
-    assert all(row.ratio > 0 for row in rows)
-    assert rows[0].ratio == 1
+@pytest.mark.parametrize(
+    ("make", "sizes", "goals"),
+    [
+        (measurements.generic, (20, 3), ["", "<= 1.5", "<= 2"]),
+        (measurements.histograms, (2, 20), ["", ">= 100", ""]),
+        (measurements.appearance, (1, 20, 2), ["", "<= 2"] * 2),
+        (measurements.gradients, (30, 6, 2), ["", "<= 4"] * 3),
+        (measurements.labelled, (70, 2, 2), ["", "<= 1.5", "<= 1.5"]),
+        (
+            measurements.points,
+            (240, 320, 2),
+            ["<= 2800 ns", "3.3e6 ns or less", "3.3e6 ns or less", "6.7e6 ns or less"],
+        ),
+    ],
+)
+def test_every_case_is_timed_against_its_baseline(make, sizes, goals):
+    section = make(*sizes)
+    rows = list(section.rows(repeats=1))
+    assert section.title
+    assert [row.goal for row in rows] == goals
+    names = {case.what for case in section.cases}
+    for case, row in zip(section.cases, rows, strict=True):
+        assert row.what == case.what
+        assert row.nanoseconds > 0
+        assert np.isfinite([row.ratio, row.low, row.high]).all()
+        assert case.baseline in names | {""}
+        if case.baseline in ("", case.what):
+            assert row.ratio == 1
 
 
-def test_the_histogram_is_timed_against_opencv(monkeypatch):
-    monkeypatch.setattr(histogram, "RUNS", 2)
-    monkeypatch.setattr(histogram, "PARTICLES", 20)
-    rows = list(histogram.rows(repeats=1))
-    assert [row.what for row in rows[1:]] == ["histogram, integral", "histogram, sampled"]
-    assert all(np.isfinite([row.nanoseconds, row.ratio]).all() for row in rows)
-
-
-def test_learned_appearance_is_timed_against_colour():
-    rows = list(appearance.rows(repeats=1, num_runs=1, num_particles=20, num_frames=2))
-    assert [row.of for row in rows] == ["", "this / colour"] * 2
-    assert all(np.isfinite([row.nanoseconds, row.ratio]).all() for row in rows)
-
-
-def test_growth_is_timed_and_drawn():
-    few, many = islice(growth.growth(largest=1000, repeats=1), 2)
-    assert (few[:3], many[:3]) == ((100, 1, 1), (1000, 1, 1))
-    assert few.nanoseconds > 0
-    assert many.nanoseconds > 0
-    others = [Growth(1000, 2, 1, 30.0), Growth(1000, 4, 1, 31.0), Growth(1000, 1, 10, 32.0)]
-    lines = [axis.lines[0].get_xydata() for axis in growth.growth_figure([few, many, *others]).axes]
-    assert [line[:, 0].tolist() for line in lines] == [[100, 1000], [1, 2, 4], [1, 10]]
-    assert lines[2][1, 1] == 32
-
-
-def test_the_gradient_is_timed_against_the_value():
-    rows = list(gradients.rows(repeats=1, num_particles=30, num_frames=6, num_runs=2))
-    assert [row.goal for row in rows] == ["", "<= 4"] * 3
-    assert [row.ratio for row in rows[::2]] == [1, 1, 1]
-    assert all(np.isfinite([row.nanoseconds, row.ratio]).all() for row in rows)
+def test_a_ratio_is_of_one_unit_and_may_be_the_other_way_round():
+    ways = []
+    for inverse in (False, True):
+        cases = [
+            measurements.Case("usual", lambda: None, 10),
+            measurements.Case("this", lambda: None, 100, "usual", "of", "", inverse),
+        ]
+        clock = iter(np.cumsum([0, 1.0] * 20))
+        rows = measurements.Section("", cases, lambda clock=clock: float(next(clock))).rows(3)
+        ways.append([row.ratio for row in rows][1])
+    assert ways == pytest.approx([0.1, 10])
 
 
 def test_windows_bound_the_memory_of_a_gradient():
@@ -93,29 +84,6 @@ def test_the_interval_of_the_median_covers_95_percent(repeats):
     assert outside <= 0.05
 
 
-def test_labelled_particles_are_timed_against_one_partition():
-    rows = list(labelled.rows(repeats=1, num_particles=70, num_runs=2, num_frames=2))
-    assert [row.goal for row in rows] == ["", "<= 1.5", "<= 1.5"]
-    assert rows[0].ratio == 1
-    (one, few), (other, many) = growth.of_targets((1, 6), per_target=20, repeats=1)
-    assert (one, other) == (1, 6)
-    assert few > 0
-    assert many > 0
-
-
 def test_memory_of_labelled_particles_does_not_grow_with_the_number_of_frames():
     sizes = dict(memory.of_runs(problems.labelled_line_tracker(10, 10_000), 10, (10, 1000)))
     assert (sizes[1000] - sizes[10]) / 990 < 100
-
-
-def test_points_are_timed():
-    found = list(points.rows(repeats=1, height=240, width=320))
-    assert len(found) == 5
-    assert all(row.nanoseconds > 0 for row in found)
-
-
-def test_every_section_has_a_title():
-    for name in SECTIONS:
-        section = importlib.import_module(f"jaxpf.cli.benchmarks.{name}")
-        assert section.TITLE
-        assert callable(section.rows)

@@ -7,6 +7,7 @@ import pytest
 from command_line import jaxpf
 from small_video import FROM_1, LENGTH, rows_of, summary_of, true_boxes
 
+from jaxpf.boxes import read_tracks
 from jaxpf.populations.detections import write_detections
 
 RULES = ("--birth-frames", "2", "--capacity", "3")
@@ -29,9 +30,14 @@ def test_objects_start_by_detections_and_the_run_can_be_repeated(track, tmp_path
     assert set(rows[:, 1]) == {1, 2}
     for identity in (1, 2):
         own = rows[rows[:, 1] == identity]
-        assert own[:, 0].tolist() == list(range(2, LENGTH + 1))
-        truth = [true_boxes(int(frame) - 1)[identity - 1] for frame in own[:, 0]]
-        assert np.abs(own[:, 2:6] - [1, 1, 0, 0] - truth).max() < 4
+        assert own[:, 0].tolist() == list(range(1, LENGTH))
+        truth = [true_boxes(int(frame))[identity - 1] for frame in own[:, 0]]
+        assert np.abs(own[:, 2:6] - truth).max() < 4
+    table = read_tracks(tmp_path / "out" / "tracks.csv")
+    for name in "xywh":
+        low, high = table[f"{name}_2.5"], table[f"{name}_97.5"]
+        assert np.nanmax(high - low) < 40
+        assert np.mean((low <= table[name] + 1e-3) & (table[name] <= high + 1e-3)) > 0.7
     summary = summary_of(tmp_path / "out")
     assert [birth["frame"] for birth in summary["births"]] == [1, 1]
     assert (summary["deaths"], summary["refused"]) == ([], [])
@@ -52,8 +58,8 @@ def test_start_boxes_and_named_ones_keep_their_numbers_and_scores_judge_all(trac
     outcome = track(*start, "--truth", place / "gt.csv")
     assert outcome.code == 0, outcome.err
     rows = rows_of(tmp_path / "out")
-    assert rows[rows[:, 1] == 1][0, 0] == 1
-    assert rows[rows[:, 1] == 9][0, 0] == 5
+    assert rows[rows[:, 1] == 1][0, 0] == 0
+    assert rows[rows[:, 1] == 9][0, 0] == 4
     assert "HOTA" in outcome.out
     header, scores = (tmp_path / "out" / "metrics.csv").read_text().splitlines()
     scores = dict(zip(header.split(","), map(float, scores.split(",")), strict=True))
@@ -71,6 +77,16 @@ def test_who_finds_no_place_is_told(track, tmp_path, detected):
     assert refused["frame"] == 1
 
 
+def test_when_nobody_comes_the_reason_is_said(track, tmp_path):
+    detections = [true_boxes(0).astype(float)] + [np.zeros((0, 4))] * (LENGTH - 1)
+    write_detections(tmp_path / "det.txt", detections)
+    outcome = track("--births", tmp_path / "det.txt", *RULES)
+    assert outcome.code == 0, outcome.err
+    assert "0 objects came" in outcome.out
+    assert "must be detected 2 times, and" in outcome.err
+    assert "has detections in 1 of the frames from 0 on; lower --birth-frames" in outcome.err
+
+
 BOX = ("--box", "6,8,12,16")
 
 
@@ -78,9 +94,13 @@ BOX = ("--box", "6,8,12,16")
     ("content", "arguments", "message"),
     [
         ("3,-1,1,1,9,9,1\n2,-1,1,1,9,9,1\n", (), "line 2 of 'd.txt' is of an earlier frame"),
-        ("1,-1,1,1,9\n", (), "line 1 of 'd.txt' has 5 column(s)"),
+        ("1,-1,1,1,9\n", (), "line 1 of 'd.txt' has 5 columns"),
         ("11,-1,1,1,9,9,1\n", (), "has a detection in frame 10, and the video ends with frame 9"),
-        ("1,-1,70,1,9,9,1\n", (), "the detection in frame 0 (69,0,9,9) lies outside the 64x48"),
+        (
+            "1,7,70,1,9,9\n",
+            (),
+            "the object that starts in frame 0 (69,0,9,9) lies outside the 64x48",
+        ),
         ("1,7,1,1,9,9\n", ("--start", "2"), "starts object 7 in frame 0, and tracking starts"),
         ("2,1,1,1,9,9\n", BOX, "starts object 1, which has a start box already"),
         (
@@ -89,16 +109,20 @@ BOX = ("--box", "6,8,12,16")
             "object 2 is one more than the capacity",
         ),
         ("1,-1,1,1,9,9,1\n", ("-n", "15"), "--particles 15 is fewer than the 16"),
-        ("1,-1,1,1,9,9,1\n", ("--method", "dps"), "partitioned is not one; use --filter labelled"),
+        ("1,-1,1,1,9,9,1\n", ("--method", "dps"), "use --filter labelled"),
         ("1,-1,1,1,9,9,1\n", ("--capacity", "0"), "--capacity 0 must be a whole number from 1"),
-        ("1,-1,1,1,9,9,1\n", ("--weights", "plain"), "has none to give"),
+        ("1,-1,1,1,9,9,1\n", ("--weights", "plain"), "equal share, which"),
         (
             "1,-1,1,1,9,9,.9\n",
             ("--birth-confidence", "2"),
             "--birth-confidence 2 leaves out every detection of 'd.txt', whose confidences are",
         ),
-        ("1,-1,1,1,9,9,1\n", ("--tracker", "a.py:f"), "--births needs a tracker with room"),
-        (None, (*BOX, "--capacity", "4"), "--capacity is about --births, which was not given"),
+        (
+            "1,-1,1,1,9,9,1\n",
+            ("--tracker", "a.py:f"),
+            "--births works only with the built-in filters",
+        ),
+        (None, (*BOX, "--capacity", "4"), "--capacity works only with --births"),
     ],
 )
 def test_what_does_not_go_is_refused(refuse, tmp_path, content, arguments, message):

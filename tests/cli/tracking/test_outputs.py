@@ -1,6 +1,7 @@
 """``jaxpf track``: what it writes, and that it repeats."""
 
 import json
+import shutil
 import tomllib
 
 import cv2
@@ -9,7 +10,6 @@ import pytest
 from command_line import jaxpf
 from small_video import (
     BOXES,
-    FROM_1,
     HEIGHT,
     LENGTH,
     PARTICLES,
@@ -23,7 +23,7 @@ from small_video import (
 )
 
 from jaxpf import measures
-from jaxpf.boxes import dense, read_boxes
+from jaxpf.boxes import dense, read_boxes, read_tracks
 from jaxpf.media import open_frames
 
 # What a run writes
@@ -39,17 +39,50 @@ def test_a_run_writes_these_files_and_no_others(whole_run):
         "run.toml",
         "summary.json",
         "tracks.csv",
-        "uncertainty.csv",
+        "trajectories.png",
     ]
 
 
-def test_tracks_are_mot_rows_whose_first_frame_is_the_given_boxes_counted_from_1(whole_run):
-    rows = rows_of(whole_run[1])
-    assert rows.shape == (2 * LENGTH, 10)
-    np.testing.assert_array_equal(rows[:, 0], np.repeat(np.arange(1, LENGTH + 1), 2))
-    np.testing.assert_array_equal(rows[:, 1], np.tile([1, 2], LENGTH))
-    np.testing.assert_array_equal(rows[:2, 2:6], true_boxes(0) + FROM_1)
-    np.testing.assert_array_equal(rows[:2, 6], 1)
+def test_tracks_are_one_tidy_table_that_begins_with_the_given_boxes(whole_run):
+    table = read_tracks(whole_run[1] / "tracks.csv")
+    assert list(table) == [
+        *("frame", "time", "id", "x", "y", "w", "h"),
+        *(f"{name}_{level}" for name in "xywh" for level in ("2.5", "97.5")),
+        *("speed", "speed_2.5", "speed_97.5", "confidence", "lost"),
+    ]
+    np.testing.assert_array_equal(table["frame"], np.repeat(np.arange(LENGTH), 2))
+    np.testing.assert_array_equal(table["id"], np.tile([1, 2], LENGTH))
+    np.testing.assert_allclose(table["time"], table["frame"] / 25)
+    given = np.column_stack([table[name][:2] for name in "xywh"])
+    np.testing.assert_array_equal(given, true_boxes(0))
+    assert np.isnan(table["x_2.5"][:2]).all(), "nothing is estimated in the start frame"
+    # An interval holds its estimate, and here almost always the truth.
+    for name, k in (("x", 0), ("y", 1), ("w", 2), ("h", 3)):
+        low, high = table[f"{name}_2.5"][2:], table[f"{name}_97.5"][2:]
+        assert np.all((low <= table[name][2:]) & (table[name][2:] <= high))
+        truth = np.array([true_boxes(t)[:, k] for t in range(1, LENGTH)]).ravel()
+        assert np.mean((low <= truth) & (truth <= high)) > 0.7
+    # Both move by sqrt(5) and sqrt(2) pixels a frame.
+    for name, step in ((1, 5**0.5), (2, 2**0.5)):
+        speed = table["speed"][2:][table["id"][2:] == name]
+        assert np.median(speed) == pytest.approx(25 * step, rel=0.5)
+
+
+def test_the_verdict_of_each_object_is_printed_and_kept(whole_run):
+    outcome, output = whole_run
+    objects = summary_of(output)["objects"]
+    assert set(objects) == {"1", "2"}
+    for name, about in objects.items():
+        assert about["frames"] == LENGTH - 1
+        assert about["followed_until"] == LENGTH - 1
+        assert about["probably_lost"] == []
+        width = f"{about['interval_width']:.2g}"
+        assert (
+            f"Object {name}: followed confidently to the end (frame 9); 95 % interval {width} "
+            "pixels wide" in outcome.out
+        )
+    assert summary_of(output)["effective_sample_size"] > 2
+    assert "near 1" not in outcome.out
 
 
 def test_the_confidence_is_the_same_in_tracks_diagnostics_and_summary(whole_run):
@@ -58,12 +91,8 @@ def test_the_confidence_is_the_same_in_tracks_diagnostics_and_summary(whole_run)
     assert np.all((confidence > 0) & (confidence < 1))
     table = np.loadtxt(output / "diagnostics.csv", delimiter=",", skiprows=1)
     np.testing.assert_array_equal(table[:, 5:], confidence)
-    summary = summary_of(output)
-    mean = [summary["mean_confidence"][name] for name in ("1", "2")]
+    mean = [summary_of(output)["objects"][name]["mean_confidence"] for name in ("1", "2")]
     np.testing.assert_allclose(mean, confidence.mean(axis=0), atol=1e-4)
-    for name, values in zip(("1", "2"), confidence.T, strict=True):
-        doubtful = 1 + np.flatnonzero(values < 0.5)
-        assert summary["frames_probably_lost"][name] == doubtful.tolist()
 
 
 def test_colour_cannot_tell_who_is_lost_and_nobody_invents_a_number(track, tmp_path):
@@ -71,7 +100,8 @@ def test_colour_cannot_tell_who_is_lost_and_nobody_invents_a_number(track, tmp_p
     output = tmp_path / "out"
     np.testing.assert_array_equal(rows_of(output)[:, 6], 1)
     assert "confidence" not in (output / "diagnostics.csv").read_text()
-    assert summary_of(output)["mean_confidence"] is None
+    assert "confidence" not in read_tracks(output / "tracks.csv")
+    assert summary_of(output)["objects"]["1"]["mean_confidence"] is None
 
 
 def test_tracks_follow_the_objects(whole_run):
@@ -155,11 +185,11 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
     options = tomllib.loads((whole_run[1] / "run.toml").read_text())["track"]
     from jaxpf.cli.tracking.command import command
     from jaxpf.contract.options import options_of
-    from jaxpf.filters import filter_of, filters
+    from jaxpf.filters import all_filters, filter_of
     from jaxpf.populations import Rules
 
     params = command.get_command(None, "boxes").params
-    every = options_of(*(one.options for one in filters().values()))
+    every = options_of(*(one.options for one in all_filters().values()))
     others = every.keys() - options_of(filter_of("dps").options)
     unset = (
         others
@@ -227,7 +257,7 @@ def test_a_chosen_order_is_kept_and_run_toml_repeats_it(track, tmp_path):
 def test_every_object_may_have_a_noise_of_its_own(track, tmp_path):
     still = ("--relative-scale", ".045,.18,.02,0,0,0")
     assert track(*BOXES, *still, "--no-overlay").code == 0
-    lines = np.loadtxt(tmp_path / "out" / "tracks.csv", delimiter=",")
+    lines = rows_of(tmp_path / "out")
     boxes = {number: lines[lines[:, 1] == number, 2:6] for number in (1, 2)}
     assert np.ptp(boxes[1][1:], axis=0).min() > 0
     assert np.ptp(boxes[2], axis=0).max() == 0
@@ -250,9 +280,16 @@ def test_a_folder_of_images_gives_the_same_tracks_as_the_lossless_video(
     ).read_bytes()
 
 
-def test_boxes_of_a_gt_file_and_of_a_mot_file_start_the_same_run(whole_run, track, place, tmp_path):
+def test_boxes_of_a_gt_file_a_mot_file_and_of_tracks_start_the_same_run(
+    whole_run, track, place, tmp_path
+):
     expected = (whole_run[1] / "tracks.csv").read_bytes()
-    for boxes in (place / "gt.csv", whole_run[1] / "tracks.csv"):
+    mot = tmp_path / "start.txt"
+    exported = jaxpf("export", whole_run[1], "mot", mot)
+    assert exported.code == 0, exported.err
+    first, *_ = mot.read_text().splitlines()
+    assert first == "1,1,7.000,9.000,12.000,16.000,1,-1,-1,-1"
+    for boxes in (place / "gt.csv", mot, whole_run[1] / "tracks.csv"):
         outcome = track("--boxes", boxes, "--ids", "1,2", "--no-overlay", "--overwrite")
         assert outcome.code == 0, outcome.err
         assert (tmp_path / "out" / "tracks.csv").read_bytes() == expected
@@ -264,15 +301,15 @@ def test_ids_choose_the_objects_and_their_order(track, place, tmp_path):
     assert outcome.code == 0, outcome.err
     rows = rows_of(tmp_path / "out")
     np.testing.assert_array_equal(rows[:, 1], [3, 7, 3, 7])
-    np.testing.assert_array_equal(rows[0, 2:6], true_boxes(0)[1] + FROM_1)
+    np.testing.assert_array_equal(rows[0, 2:6], true_boxes(0)[1])
 
 
 def test_start_and_frames_bound_what_is_tracked(track, place, tmp_path):
     outcome = track("--boxes", place / "gt.csv", "--start", 3, "--frames", 2)
     assert outcome.code == 0, outcome.err
     rows = rows_of(tmp_path / "out")
-    np.testing.assert_array_equal(rows[::2, 0], [4, 5, 6])  # frames 3, 4, 5 counted from 0
-    np.testing.assert_array_equal(rows[:2, 2:6], true_boxes(3) + FROM_1)
+    np.testing.assert_array_equal(rows[::2, 0], [3, 4, 5])
+    np.testing.assert_array_equal(rows[:2, 2:6], true_boxes(3))
     assert len(list(open_frames(tmp_path / "out" / "overlay.mp4"))) == 3
 
 
@@ -323,9 +360,11 @@ def test_a_run_in_two_pieces_gives_the_tracks_of_one(whole_run, track, tmp_path)
     first = track(*BOXES, "--frames", 4, "--save-state", kept, "--no-overlay")
     assert first.code == 0, first.err
     lines = (tmp_path / "out" / "tracks.csv").read_text()
-    more = track(*BOXES, "--resume", kept, "--overwrite")
-    assert more.code == 0, more.err
-    lines += (tmp_path / "out" / "tracks.csv").read_text()
+    second = track(*BOXES, "--resume", kept, "--overwrite")
+    assert second.code == 0, second.err
+    header, more = (tmp_path / "out" / "tracks.csv").read_text().split("\n", 1)
+    assert lines.startswith(header)
+    lines += more
     assert lines == (whole_run[1] / "tracks.csv").read_text()
     assert summary_of(tmp_path / "out")["frames_tracked"] == LENGTH - 5
     ended = track(*BOXES, "--resume", kept, "--frames", 4, "--overwrite")
@@ -333,3 +372,10 @@ def test_a_run_in_two_pieces_gives_the_tracks_of_one(whole_run, track, tmp_path)
     assert "has tracked 4 frames already" in ended.err
     other = track(*BOXES, "--resume", kept, "-n", 61, "--overwrite")
     assert "as many particles" in other.err
+
+
+def test_relative_names_with_colons_are_files(track, tmp_path, place):
+    shutil.copy(place / "clip.avi", tmp_path / "clip:1.avi")
+    outcome = track(*BOXES, "--frames", "2", "-o", "run:1", video="clip:1.avi")
+    assert outcome.code == 0, outcome.err
+    assert open_frames(tmp_path / "run:1" / "overlay.mp4").frames_expected == 3

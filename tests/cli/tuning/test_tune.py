@@ -132,7 +132,7 @@ def test_a_folder_is_divided_into_frames_to_learn_from_and_the_rest(tmp_path):
         (["--steps", "0"], "--steps 0 must be at least 1"),
         (["--compare-runs", "1"], "--compare-runs 1 must be a whole number of at least 2"),
         (["--frames", "3"], "--frames 3 divides a folder's frames"),
-        (["--labels", "5"], "--labels 5 is of the other objectives, and evidence needs none"),
+        (["--labels", "5"], "--labels 5 does not work with --objective evidence"),
         (["--labels", "99", "--objective", "position"], "--labels 99 must be 1 to"),
         (["--set", "likenes=1"], "no parameter 'likenes'"),
     ],

@@ -57,6 +57,7 @@ def joint_sampler(key):
 @pytest.mark.parametrize(
     ("order", "settings", "sentence"),
     [
+        (lambda: [0, 1, 2], {}, r"ordering=\[0, 1, 2\] is not an ordering; make one by"),
         (lambda: ordering.sir(3), {"resampling": "bootstrap"}, r"resampling='bootstrap'"),
         (lambda: ordering.sir(3), {"parents": (-1, 0)}, r"parents has 2 parts .* ordering has 3"),
         (lambda: ordering.sir(3), {"parents": (-1, 0, 7)}, r"parents\[2\]=7 is not a part"),

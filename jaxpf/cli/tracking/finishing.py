@@ -1,0 +1,216 @@
+"""The last step of ``jaxpf track``: summary, plots, verdicts and metrics."""
+
+import contextlib
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from jaxpf.boxes.tracks import read_tracks
+from jaxpf.cli.tracking.births import nobody_came
+from jaxpf.cli.tracking.recorder import Recording
+from jaxpf.cli.tracking.verdict import object_verdicts, sentences
+from jaxpf.contract.errors import InputError
+from jaxpf.files import writing
+from jaxpf.files.versions import versions
+
+
+def finish(recording: Recording, truth: Any) -> None:
+    """Write the summary and the plots, print the verdicts, and raise what ended the run early."""
+    if recording.is_kept:
+        # What was tracked stays; the first error matters more than one at the end.
+        with contextlib.suppress(*([] if recording.stopped is None else [InputError])):
+            _finish(recording, truth)
+    if recording.stopped is not None:
+        raise recording.stopped
+
+
+def _finish(recording: Recording, truth: Any) -> None:
+    from jaxpf.media import plotting
+
+    output, start = recording.output, recording.opened.start
+    table = read_tracks(output / "tracks.csv")
+    diagnostics = np.loadtxt(output / "diagnostics.csv", delimiter=",", skiprows=1, ndmin=2)
+    names = list(start.ids.tolist())
+    slots = names
+    if recording.population is not None:
+        names = [birth["id"] for birth in recording.population.births]
+        capacity = recording.request.births.rules.capacity  # type: ignore[union-attr]
+        slots = [f"slot {number}" for number in range(1, capacity + 1)]
+    verdicts = object_verdicts(table, names)
+    ess = float(np.median(diagnostics[:, 1]))
+    content = _summary(recording, names, verdicts, table, None if np.isnan(ess) else ess)
+    writing.write_text(output / "summary.json", json.dumps(content, indent=2) + "\n")
+    last = 3 + len(slots)
+    num_particles = _num_particles(recording, diagnostics)
+    figure = plotting.diagnostics(
+        diagnostics[:, 0],
+        diagnostics[:, 1],
+        diagnostics[:, 3:last],
+        diagnostics[:, 2],
+        slots,
+        num_particles,
+        diagnostics[:, last:] if diagnostics.shape[1] > last else None,
+    )
+    plotting.save_figure(figure, output / "diagnostics.png")
+    lost = {name: about["probably_lost"] for name, about in verdicts.items()}
+    adapter = recording.request.adapter
+    columns = [name for name in adapter.columns if name not in adapter.fixed_columns]
+    figure = plotting.trajectories(table, columns, lost)
+    plotting.save_figure(figure, output / "trajectories.png")
+    _tell(recording, verdicts, content, None if np.isnan(ess) else ess, num_particles)
+    if truth is not None:
+        _report_truth(recording, truth, names)
+
+
+def _num_particles(recording: Recording, diagnostics: np.ndarray) -> int:
+    known = getattr(recording.tracker, "num_particles", 0)
+    return int(known or np.nanmax(diagnostics[:, 1], initial=1))
+
+
+def _summary(
+    recording: Recording,
+    names: list[Any],
+    verdicts: dict[str, dict[str, Any]],
+    table: Any,
+    ess: float | None,
+) -> dict[str, Any]:
+    counts, source = recording.counts, recording.opened.source
+    population, stopped = recording.population, recording.stopped
+    first, rest = recording.seconds
+    kept: dict[str, Any] = {}
+    if population is not None:
+        kept = {
+            "births": population.births,
+            "deaths": population.deaths,
+            "refused": population.refused,
+        }
+    return {
+        "parameters": {
+            name: str(value) if isinstance(value, Path) else value
+            for name, value in recording.table.items()
+        },
+        "likelihood_method": _likelihood_method(recording),
+        "ids": names,
+        **kept,
+        "objects": verdicts,
+        "effective_sample_size": None if ess is None else round(ess, 3),
+        "frames_tracked": counts.tracked,
+        "fps": source.fps,
+        "interrupted": isinstance(stopped, KeyboardInterrupt),
+        "error": str(stopped) if isinstance(stopped, InputError) else None,
+        "video_truncated": source.truncated,
+        "video_note": source.note,
+        "remarks": [*recording.opened.start.remarks, *recording.settled.remarks],
+        "frames_outside": counts.outside,
+        "frames_without_likelihood": counts.without_likelihood,
+        "mean_error": _mean_errors(table, names),
+        "impossible_frames": counts.impossible,
+        "invalid_likelihoods": counts.invalid,
+        "seconds_first_frame": round(first, 3),
+        "seconds_other_frames": round(rest, 3),
+        "frames_per_second": round((counts.tracked - 1) / rest, 2) if rest > 0 else None,
+        "versions": versions(),
+    }
+
+
+def _mean_errors(table: Any, names: list[Any]) -> dict[str, float | None] | None:
+    """Mean Monte-Carlo error of x and y in pixels, by object; None unless requested."""
+    if "x_error" not in table:
+        return None
+    ids = np.array([str(name) for name in table["id"].tolist()])
+    errors = np.stack([table["x_error"], table["y_error"]])
+    means = {}
+    for name in map(str, names):
+        values = errors[:, ids == name]
+        known = np.isfinite(values)
+        means[name] = round(float(values[known].mean()), 4) if known.any() else None
+    return means
+
+
+def _likelihood_method(recording: Recording) -> Any:
+    """How the likelihood is computed, if it says so; else what was asked for."""
+    if recording.request.run.tracker:
+        return None
+    likelihood = recording.built.filter.likelihood
+    likelihood = getattr(likelihood, "likelihood", likelihood)
+    return getattr(likelihood, "method", getattr(recording.settled.model, "likelihood", None))
+
+
+def _tell(
+    recording: Recording,
+    verdicts: dict[str, dict[str, Any]],
+    content: dict[str, Any],
+    ess: float | None,
+    num_particles: int,
+) -> None:
+    counts, rate = recording.counts, content["frames_per_second"]
+    speed = "" if rate is None else f", {rate:.1f} frames/s"
+    click.echo(f"{recording.output}: {counted(counts.tracked)} tracked{speed}")
+    for line in sentences(verdicts, ess, num_particles):
+        click.echo(line)
+    if (errors := content["mean_error"]) is not None:
+        known = [f"{name} {error:.2g}" for name, error in errors.items() if error is not None]
+        if known:
+            click.echo(f"Monte-Carlo error of places in pixels: {', '.join(known)}")
+        else:
+            _warn(
+                "Note: too few ancestors were left to estimate the Monte-Carlo error; ask for "
+                "fewer frames (--error-bars), more particles (-n) or --runs."
+            )
+    if recording.opened.source.note:
+        _warn(f"Note: {recording.opened.source.note}")
+    for where, frames_of in (
+        ("was outside the picture", counts.outside),
+        ("had no likelihood for any particle", counts.without_likelihood),
+    ):
+        for name, frames in frames_of.items():
+            if frames:
+                _warn(
+                    f"Lost: object {name} {where} in {counted(len(frames))}, first in frame "
+                    f"{frames[0]}."
+                )
+    if counts.impossible:
+        _warn(
+            f"Warning: {counted(counts.impossible)} had no likelihood for any particle and counted "
+            "as missing."
+        )
+    if counts.invalid:
+        _warn(f"Warning: {counts.invalid} likelihood(s) were not a number and counted as zero.")
+    if recording.population is not None:
+        population = recording.population
+        came = counted(len(population.births), "object")
+        click.echo(f"{came} came, {len(population.deaths)} went")
+        births = recording.request.births
+        if births is not None and not population.births and not population.refused:
+            _warn(f"Note: {nobody_came(births, recording.request.run.start)}")
+        if population.refused:
+            refusal = population.refused[0]
+            _warn(
+                f"Refused: {len(population.refused)} that could not start, first in frame "
+                f"{refusal['frame']}: {refusal['reason']}"
+            )
+
+
+def _warn(text: str) -> None:
+    click.echo(text, err=True)
+
+
+def _report_truth(recording: Recording, truth: Any, names: list[Any]) -> None:
+    from jaxpf.cli.tracking import against_truth
+
+    run, output = recording.request.run, recording.output
+    if recording.population is not None:
+        against_truth.report_identities(output, run.start, recording.counts.tracked, truth)
+        return
+    first = run.start + recording.built.before[1]
+    against_truth.report_truth(output, names, first, truth)
+    if run.smooths:
+        against_truth.report_truth(output, names, first, truth, "smoothed")
+
+
+def counted(count: int, noun: str = "frame") -> str:
+    """``1 frame``, ``2 frames``."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"

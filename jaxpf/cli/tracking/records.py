@@ -1,0 +1,211 @@
+"""What is tracked in each frame, for fixed and for changing populations alike."""
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxpf.cli.tracking.births import Births, by_frame
+from jaxpf.cli.tracking.track_table import Places, centres_of, mean_centres, places_of
+from jaxpf.targets.adapter import Adapter
+from jaxpf.targets.target import Start
+
+
+class Record(NamedTuple):
+    """One frame, ready for the writers.
+
+    Attributes:
+        number: of the frame in the video, from 0.
+        frame: uint8 RGB ``[H, W, 3]``.
+        start: of the P objects in this frame, with their ids.
+        colours: uint8 RGB ``[P, 3]``.
+        shapes: ``[P, S]``.
+        places: the same in columns of tracks.csv, with intervals.
+        outside: bool ``[P]``, outside the picture.
+        lost: bool ``[P]``, outside the picture or without likelihood.
+        confidence: ``[P]``; None if the likelihood has none.
+        summary: of all partitions; None in a frame that is not filtered.
+        state: holds the particles; None likewise.
+        slots: the partitions that the objects have.
+        changes: births and deaths; None for a fixed population.
+    """
+
+    number: int
+    frame: np.ndarray
+    start: Start
+    colours: np.ndarray
+    shapes: np.ndarray
+    places: Places
+    outside: np.ndarray
+    lost: np.ndarray
+    confidence: Any = None
+    summary: Any = None
+    state: Any = None
+    slots: Any = slice(None)
+    changes: Any = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """What is the same in all frames of a run.
+
+    Attributes:
+        adapter: of the kind of target.
+        tracker: the filter itself, without what repeats it.
+        start: where objects start.
+        size: width and height of the frames, pixels.
+        fps: frames per second.
+        first: number of the start frame.
+        cloud: function from a state of the run to what holds the particles.
+        check_first: refuses objects that cannot be seen in the first frame.
+    """
+
+    adapter: Adapter
+    tracker: Any
+    start: Start
+    size: tuple[int, int]
+    fps: float
+    first: int
+    cloud: Callable[[Any], Any]
+    check_first: Callable[[Any, Any], None]
+
+    @property
+    def has_own_boxes(self) -> bool:
+        """Whether a user's tracker turns estimates into boxes itself."""
+        return self.adapter.target.has_boxes and hasattr(self.tracker, "boxes")
+
+    def outside(self, start: Start, shapes: np.ndarray) -> np.ndarray:
+        """Which shapes lie outside the picture, or are not finite."""
+        corners = np.asarray(self.adapter.target.outlines(start, shapes), float)
+        lowest, highest = corners.min(axis=1), corners.max(axis=1)
+        return ~np.all((lowest < np.array(self.size)) & (highest > 0), axis=1)
+
+    def shapes(self, start: Start, estimate: Any) -> np.ndarray:
+        """Shapes ``[..., P, S]`` of estimates or particles ``[..., P, D]``."""
+        from jaxpf.evaluation.trackers import shapes_of
+
+        return np.asarray(shapes_of(self.tracker, self.adapter.target, start, estimate), float)
+
+
+def fixed_population(
+    scene: Scene, tracker: Any, key: Any, frame: Any, frames: Any, before: tuple[Any, int]
+) -> Iterator[Record]:
+    """Records of objects that are there from the start.
+
+    Args:
+        scene: what is the same in all frames.
+        tracker: the tracker to run.
+        key: random key.
+        frame: the start frame, whose record says where the user put the objects.
+        frames: those after it, or after the frames of a run that is resumed.
+        before: state of a run that is resumed and its number of frames; else None and 0.
+    """
+    from jaxpf.media.overlay import object_colours
+    from jaxpf.running.streaming import stream
+
+    start, (state, time) = scene.start, before
+    colours, nobody = object_colours(len(start.ids)), np.zeros(len(start.ids), bool)
+
+    def to_shapes(substates: Any) -> np.ndarray:
+        return scene.shapes(start, substates)
+
+    if time:
+        cloud = None if scene.has_own_boxes else scene.cloud(state)
+        centres = mean_centres(scene.adapter, start, to_shapes, cloud)
+    else:
+        values = scene.adapter.column_values(start, start.shapes)
+        yield Record(
+            scene.first, frame, start, colours, start.shapes, Places(values), nobody, nobody
+        )
+        centres = centres_of(scene.adapter, start, start.shapes)
+    for tracked in stream(tracker, key, frames, state=state, time=time):
+        summary = tracked.summary
+        if tracked.time == 0:
+            scene.check_first(summary, start.ids)
+        shapes = scene.shapes(start, summary.estimate)
+        outside = scene.outside(start, shapes)
+        hopeless = getattr(summary, "lost", None)
+        cloud = None if scene.has_own_boxes else scene.cloud(tracked.state)
+        places, centres = places_of(
+            scene.adapter, start, to_shapes, shapes, cloud, slice(None), scene.fps, centres
+        )
+        variance = getattr(summary, "estimate_variance", None)
+        if variance is not None and scene.adapter.target.has_places:
+            places = places._replace(error=np.sqrt(variance)[:, :2])
+        yield Record(
+            number=scene.first + 1 + tracked.time,
+            frame=tracked.frame,
+            start=start,
+            colours=colours,
+            shapes=shapes,
+            places=places,
+            outside=outside,
+            lost=outside if hopeless is None else outside | hopeless,
+            confidence=getattr(summary, "confidence", None),
+            summary=summary,
+            state=tracked.state,
+        )
+
+
+def changing_population(
+    scene: Scene, tracker: Any, key: Any, frame: Any, frames: Any, births: Births
+) -> Iterator[Record]:
+    """Records of objects that come and go; a row exists only while its object does.
+
+    Args:
+        scene, tracker, key, frame, frames: see ``fixed_population``.
+        births: detections and the rules of births and deaths.
+    """
+    from jaxpf.media.overlay import object_colours
+    from jaxpf.populations import follow
+    from jaxpf.populations.lifetimes import EMPTY
+
+    detections, named = by_frame(births, scene.start, scene.first)
+    frames = itertools.chain([frame], frames)
+    rules, centres, ids = births.rules, None, np.zeros(0, int)
+    for tracked in follow(tracker, key, frames, detections, named=named, rules=rules):
+        slots = np.flatnonzero(tracked.ids != EMPTY)
+        # Sizes at which a scale of 1 gives these boxes.
+        scales = np.ones(len(tracked.ids))
+        if tracked.summary is not None:
+            # An object that was just born has no estimate, and a scale of 1.
+            scales = np.maximum(np.nan_to_num(tracked.summary.estimate[:, 2], nan=1.0), 1e-9)
+        all_ = dataclasses.replace(
+            scene.start, ids=tracked.ids, sizes=tracked.boxes[:, 2:] / scales[:, None]
+        )
+        start = dataclasses.replace(all_, ids=tracked.ids[slots], sizes=all_.sizes[slots])
+        if centres is not None:
+            centres = np.where((tracked.ids == ids)[:, None], centres, np.nan)
+        places, centres = places_of(
+            scene.adapter,
+            all_,
+            lambda substates, start=all_: scene.shapes(start, substates),
+            tracked.boxes,
+            None if tracked.summary is None else tracked.state,
+            slots,
+            scene.fps,
+            centres,
+        )
+        if tracked.summary is None:
+            places = Places(places.values)
+        ids = tracked.ids
+        confidence = getattr(tracked.summary, "confidence", None)
+        shapes = tracked.boxes[slots]
+        outside = scene.outside(start, shapes) if len(slots) else np.zeros(0, bool)
+        yield Record(
+            number=scene.first + tracked.time,
+            frame=tracked.frame,
+            start=start,
+            colours=object_colours(int(max(start.ids, default=0)) + 1)[start.ids],
+            shapes=shapes,
+            places=places,
+            outside=outside,
+            lost=outside | tracked.lost[slots],
+            confidence=None if confidence is None else confidence[slots],
+            summary=tracked.summary,
+            state=tracked.state,
+            slots=slots,
+            changes=tracked.changes,
+        )

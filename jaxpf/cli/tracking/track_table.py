@@ -1,0 +1,198 @@
+"""tracks.csv: one row per frame and object, for every kind of target."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxpf.files.writing import LineWriter
+
+#: Percentages of the quantiles that bound a 95 % interval.
+LEVELS = (2.5, 97.5)
+#: At most this many particles and objects are sorted per frame; of more, an even selection.
+_MOST_SORTED = 200_000
+
+
+class Places(NamedTuple):
+    """Where P objects are in one frame, in the C columns of their kind.
+
+    Attributes:
+        values: ``[P, C]``, pixels and degrees.
+        interval: ``[2, P, C]``, quantiles at ``LEVELS``; None if unknown.
+        speed: ``[P]``, pixels per second; None in the first frame.
+        speed_interval: ``[2, P]``; None if unknown.
+        error: ``[P, 2]``, Monte-Carlo standard errors of x and y; None unless requested.
+    """
+
+    values: np.ndarray
+    interval: Any = None
+    speed: Any = None
+    speed_interval: Any = None
+    error: Any = None
+
+
+class TrackTable(LineWriter):
+    """Writes tracks.csv; its header follows from the first frame that is filtered."""
+
+    def __init__(self, path: Path, adapter: Any, fps: float):
+        """Create the file for a kind of target."""
+        super().__init__(path)
+        self._adapter, self._fps = adapter, fps
+        self._waiting: list[tuple[int, Any, Places, Any, Any]] = []
+        self._columns: list[str] = []
+
+    def write(
+        self, number: int, ids: Any, places: Places, lost: Any, confidence: Any = None
+    ) -> None:
+        """Append the rows of one frame; the start frame waits for the one after it.
+
+        Args:
+            number: of the frame, from 0.
+            ids: ``[P]``.
+            places: where the objects are.
+            lost: bool ``[P]``.
+            confidence: ``[P]``, or None if the likelihood has none.
+        """
+        self._waiting.append((number, ids, places, lost, confidence))
+        if not self._columns and places.speed is None:
+            return
+        if not self._columns:
+            self._columns = self._header(places, confidence)
+            self.write_rows([["frame", "time", "id", *self._columns]])
+        for frame in self._waiting:
+            self.write_rows(self._rows(*frame))
+        self._waiting.clear()
+
+    def _header(self, places: Places, confidence: Any) -> list[str]:
+        names = [*self._adapter.columns]
+        if places.interval is not None:
+            varying = [name for name in names if name not in self._adapter.fixed_columns]
+            names += [f"{name}_{level:g}" for name in varying for level in LEVELS]
+        names.append("speed")
+        if places.speed_interval is not None:
+            names += [f"speed_{level:g}" for level in LEVELS]
+        if confidence is not None:
+            names.append("confidence")
+        names.append("lost")
+        return names + ([] if places.error is None else ["x_error", "y_error"])
+
+    def _rows(self, number: int, ids: Any, places: Places, lost: Any, confidence: Any) -> Any:
+        count = len(ids)
+        cells: dict[str, Any] = {"speed": places.speed, "confidence": confidence}
+        for column, name in enumerate(self._adapter.columns):
+            cells[name] = places.values[:, column]
+            for end, level in enumerate(LEVELS):
+                if places.interval is not None:
+                    cells[f"{name}_{level:g}"] = places.interval[end][:, column]
+        for end, level in enumerate(LEVELS):
+            if places.speed_interval is not None:
+                cells[f"speed_{level:g}"] = places.speed_interval[end]
+        if places.error is not None:
+            cells |= {"x_error": places.error[:, 0], "y_error": places.error[:, 1]}
+        unknown = np.full(count, np.nan)
+        given = (cells.get(name) for name in self._columns)
+        table = [unknown if values is None else values for values in given]
+        for place in np.flatnonzero(np.isfinite(places.values).all(axis=1)):
+            row = [
+                str(int(lost[place])) if name == "lost" else _cell(name, values[place])
+                for name, values in zip(self._columns, table, strict=True)
+            ]
+            yield [number, f"{number / self._fps:.4f}", ids[place], *row]
+
+
+def _cell(name: str, value: float) -> str:
+    if np.isnan(value):
+        return ""
+    return f"{value:.6g}" if name in ("confidence", "x_error", "y_error") else f"{value:.3f}"
+
+
+def places_of(
+    adapter: Any,
+    start: Any,
+    to_shapes: Any,
+    shapes: np.ndarray,
+    state: Any,
+    slots: Any,
+    fps: float,
+    before: np.ndarray | None,
+) -> tuple[Places, np.ndarray]:
+    """Values, intervals and speeds of one frame, and the centres ``[P, 2]`` for the next.
+
+    Args:
+        adapter: of the kind of target.
+        start: of all partitions.
+        to_shapes: function from substates ``[N, P, D]`` to shapes ``[N, P, S]``.
+        shapes: the estimate's ``[P, S]``, NaN for a partition without an object.
+        state: holds the weighted particles; one without ``substates`` has no intervals.
+        slots: the partitions to report.
+        fps: frames per second.
+        before: ``[P, 2]``, centres one frame earlier; None if unknown.
+    """
+    values = adapter.column_values(start, shapes)
+    before = np.full((len(shapes), 2), np.nan) if before is None else before
+    substates = getattr(state, "substates", None)
+    if substates is None:
+        centres = _centres(adapter, values)
+        speed = fps * np.linalg.norm(centres - before, axis=-1)
+        return Places(values[slots], speed=speed[slots]), centres
+    from jaxpf.filters import quantiles
+
+    kept, weights = _kept(state)
+    particles = adapter.column_values(start, to_shapes(np.asarray(substates)[kept]))
+    levels = [level / 100 for level in LEVELS]
+    # Only what is reported is sorted.
+    shown = weights if weights.ndim == 1 else weights[slots]
+    interval = quantiles(particles[:, slots], shown, levels)
+    middles = _centres(adapter, particles)
+    centres = _mean(middles, weights)
+    moved = fps * (centres - before)
+    speed = np.linalg.norm(moved, axis=-1)
+    places = Places(values[slots], interval, speed[slots])
+    previous = getattr(state, "previous_substates", None)
+    if previous is None:
+        return places, centres
+    earlier = adapter.column_values(start, to_shapes(np.asarray(previous)[kept]))
+    steps = fps * (middles - _centres(adapter, earlier))
+    # How far each particle's step, along the estimate's, differs from the mean step.
+    along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)
+    ends = speed[slots] + quantiles(along[:, slots, None], shown, levels)[..., 0]
+    return places._replace(speed_interval=np.maximum(ends, 0)), centres
+
+
+def mean_centres(adapter: Any, start: Any, to_shapes: Any, state: Any) -> np.ndarray | None:
+    """Centres ``[P, 2]`` of the particles of a state, see ``places_of``; None without particles."""
+    if not hasattr(state, "substates"):
+        return None
+    kept, weights = _kept(state)
+    particles = adapter.column_values(start, to_shapes(np.asarray(state.substates)[kept]))
+    return _mean(_centres(adapter, particles), weights)
+
+
+def _kept(state: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the particles to sort, and their log-weights ``[N]`` or ``[P, N]``."""
+    count, num_partitions = state.substates.shape[:2]
+    most = min(count, _MOST_SORTED // max(num_partitions, 1))
+    kept = np.unique(np.linspace(0, count - 1, most).astype(int))
+    return kept, np.asarray(state.log_weights)[..., kept]
+
+
+def _mean(values: np.ndarray, log_weights: np.ndarray) -> np.ndarray:
+    """Weighted means ``[P, C]`` of ``[N, P, C]``; NaN for a partition that no particle holds."""
+    weights = np.exp(np.asarray(log_weights, np.float64))
+    weights = weights[:, None] if weights.ndim == 1 else weights.T
+    held = np.isfinite(values).all(axis=-1)
+    weights = np.where(held, weights, 0.0)[..., None]
+    total = weights.sum(axis=0)
+    sums = np.sum(np.where(held[..., None], values, 0) * weights, axis=0)
+    return np.where(total > 0, sums / np.maximum(total, 1e-300), np.nan)
+
+
+def _centres(adapter: Any, values: np.ndarray) -> np.ndarray:
+    """x and y of the middle: ``[..., 2]``."""
+    corner = values[..., :2]
+    return corner + values[..., 2:4] / 2 if adapter.target.has_boxes else corner
+
+
+def centres_of(adapter: Any, start: Any, shapes: np.ndarray) -> np.ndarray:
+    """x and y of the middle of shapes ``[P, S]``: ``[P, 2]``."""
+    return _centres(adapter, adapter.column_values(start, shapes))

@@ -1,0 +1,126 @@
+"""What a run's tables say about each object: where to trust its track, and what to try."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from jaxpf.cli.tracking.writers import CONFIRMED_AFTER
+from jaxpf.contract.names import PROBABLY_LOST
+
+#: An effective sample size below this is close to a single particle.
+_NEAR_ONE = 2.0
+
+
+def object_verdicts(table: Mapping[str, np.ndarray], ids: Any) -> dict[str, dict[str, Any]]:
+    """A verdict for each object of tracks.csv.
+
+    Args:
+        table: columns, see ``read_tracks``.
+        ids: of the objects.
+
+    Returns:
+        id -> ``frames``, their number; ``followed_until``, the last frame before the object was
+        lost or probably lost for the first time (None if it was from the beginning);
+        ``probably_lost``, pairs of first and last frames; ``interval_width``, the median width in
+        pixels of the 95 % intervals of x and y while followed (None if unknown);
+        ``mean_confidence`` (None if the likelihood has none).
+    """
+    names = np.array([str(name) for name in table["id"].tolist()])
+    confidence, lost = table.get("confidence"), table["lost"] == 1
+    unsure = lost if confidence is None else lost | (confidence < PROBABLY_LOST)
+    verdicts = {}
+    for name in map(str, ids):
+        # The start frame holds what the user said, and has no speed.
+        rows = np.flatnonzero((names == name) & np.isfinite(table["speed"]))
+        frames = table["frame"][rows].astype(int)
+        stretches = _stretches(frames[unsure[rows]])
+        kept = [int(row) for row in rows if not unsure[row]]
+        first = stretches[0][0] if stretches else None
+        before = frames if first is None else frames[frames < first]
+        about: dict[str, Any] = {
+            "frames": len(frames),
+            "followed_until": int(before[-1]) if len(before) else None,
+            "probably_lost": stretches,
+            "interval_width": _width(table, kept),
+            "mean_confidence": None,
+        }
+        if confidence is not None and len(rows):
+            mean = np.mean(np.where(lost[rows], 0.0, confidence[rows]))
+            about["mean_confidence"] = round(float(mean), 4)
+        verdicts[name] = about
+    return verdicts
+
+
+def _stretches(frames: np.ndarray) -> list[list[int]]:
+    """First and last frames of stretches; those that are a few frames apart are one."""
+    pieces: list[list[int]] = []
+    for frame in frames.tolist():
+        if pieces and frame - pieces[-1][1] <= CONFIRMED_AFTER:
+            pieces[-1][1] = frame
+        else:
+            pieces.append([frame, frame])
+    return pieces
+
+
+def _width(table: Mapping[str, np.ndarray], rows: list[int]) -> float | None:
+    if "x_2.5" not in table or not rows:
+        return None
+    widths = [table[f"{axis}_97.5"][rows] - table[f"{axis}_2.5"][rows] for axis in "xy"]
+    width = float(np.nanmedian(widths)) if np.isfinite(widths).any() else float("nan")
+    return None if np.isnan(width) else round(width, 3)
+
+
+def sentences(
+    verdicts: Mapping[str, Mapping[str, Any]], ess: float | None, num_particles: int
+) -> list[str]:
+    """The verdicts in words, and what to try.
+
+    Args:
+        verdicts: see ``object_verdicts``.
+        ess: median effective sample size; None if unknown.
+        num_particles: N.
+    """
+    lines, some_lost = [], False
+    for name, about in verdicts.items():
+        if not about["frames"]:
+            continue
+        sure = about["mean_confidence"] is not None
+        followed = "followed confidently" if sure else "followed"
+        pieces = about["probably_lost"]
+        some_lost |= bool(pieces)
+        if not pieces:
+            text = f"{followed} to the end (frame {about['followed_until']})"
+        elif about["followed_until"] is None:
+            text = f"probably lost in {_frames(pieces)}"
+        else:
+            until = about["followed_until"]
+            text = f"{followed} until frame {until}, probably lost in {_frames(pieces)}"
+        if about["interval_width"] is not None:
+            text += f"; 95 % interval {about['interval_width']:.2g} pixels wide"
+        lines.append(f"Object {name}: {text}")
+    if some_lost:
+        lines.append(
+            "Try: check those frames in the overlay; track with more particles (-n); or start the "
+            "object again where it is seen well (--start)."
+        )
+    if is_degenerate(ess, num_particles):
+        lines.append(
+            f"The effective sample size stays near 1 (median {ess:.2g} of {num_particles} "
+            "particles), so intervals are too narrow.  Try: more particles (-n), or a likelihood "
+            "that is trusted less (see --help)."
+        )
+    return lines
+
+
+def is_degenerate(ess: float | None, num_particles: int) -> bool:
+    """Whether so few particles carry weight that intervals say little."""
+    return ess is not None and num_particles > _NEAR_ONE and ess < _NEAR_ONE
+
+
+def _frames(stretches: list[list[int]], most: int = 4) -> str:
+    texts = [f"{first} to {last}" if last > first else f"{first}" for first, last in stretches]
+    shown = texts[:most] + ([f"{len(texts) - most} more stretches"] if len(texts) > most else [])
+    joined = " and ".join([", ".join(shown[:-1]), shown[-1]]) if len(shown) > 1 else shown[0]
+    one = len(stretches) == 1 and stretches[0][0] == stretches[0][1]
+    return f"{'frame' if one else 'frames'} {joined}"

@@ -1,0 +1,249 @@
+"""Writers of a run: each takes the record of a frame and keeps one part of it."""
+
+import collections
+import contextlib
+from pathlib import Path
+from typing import Any, Protocol
+
+import click
+import numpy as np
+
+from jaxpf.cli.tracking.records import Record, Scene
+from jaxpf.cli.tracking.track_table import TrackTable, centres_of, places_of
+from jaxpf.contract.names import PROBABLY_LOST
+from jaxpf.files.writing import LineWriter
+from jaxpf.targets.adapter import Marks
+
+#: Frames that a trail reaches back.
+_TRAIL = 20
+#: Frames in a row that confirm an object that was found again.
+CONFIRMED_AFTER = 5
+#: Normal draws that give smoothed coordinates their intervals.
+_DRAWS = 400
+
+
+class Writer(Protocol):
+    """Takes the records of a run in turn."""
+
+    def write(self, record: Record) -> None:
+        """Keep what belongs to this writer."""
+
+
+class Tracks:
+    """Writes tracks.csv, and outlines.csv for kinds of target that have outlines."""
+
+    def __init__(self, output: Path, scene: Scene, stack: contextlib.ExitStack):
+        self._table = stack.enter_context(
+            TrackTable(output / "tracks.csv", scene.adapter, scene.fps)
+        )
+        self._outlines: Any = None
+        if scene.adapter.writes_outlines:
+            outlines = scene.adapter.track_writer(output / "outlines.csv", scene.start)
+            self._outlines = stack.enter_context(outlines)
+
+    def write(self, record: Record) -> None:
+        """See ``Writer``."""
+        self._table.write(
+            record.number, record.start.ids, record.places, record.lost, record.confidence
+        )
+        if self._outlines is not None:
+            self._outlines.append(record.number, record.shapes, record.lost)
+
+
+class Diagnostics:
+    """Writes diagnostics.csv: effective sample size, evidence, uniqueness and confidence."""
+
+    def __init__(self, output: Path, names: Any, stack: contextlib.ExitStack):
+        self._file = stack.enter_context(LineWriter(output / "diagnostics.csv"))
+        self._names, self._is_new = names, True
+
+    def write(self, record: Record) -> None:
+        """See ``Writer``; a user's tracker may report less than the built-in ones."""
+        summary = record.summary
+        if summary is None:
+            return
+        unknown = np.full(len(self._names), np.nan)
+        columns = {"uniqueness": getattr(summary, "uniqueness", unknown)}
+        if getattr(summary, "confidence", None) is not None:
+            columns["confidence"] = summary.confidence
+        if self._is_new:
+            names = [f"{column}_{name}" for column in columns for name in self._names]
+            self._file.write_rows([["frame", "ess", "log_evidence", *names]])
+            self._is_new = False
+        scalars = [float(getattr(summary, name, np.nan)) for name in ("ess", "log_evidence")]
+        values = [*scalars, *np.concatenate([*columns.values()])]
+        self._file.write_rows([[record.number, *(f"{value:.6g}" for value in values)]])
+
+
+class Overlay:
+    """Draws the overlay, into a video and into the window of --preview.
+
+    An object that was lost is drawn as doubtful until it has been followed for some frames.
+    """
+
+    def __init__(self, scene: Scene, video: Any, window: Any):
+        self._scene, self._video, self._window = scene, video, window
+        self._past: collections.deque[np.ndarray] = collections.deque(maxlen=_TRAIL)
+        self._unconfirmed: dict[Any, int] = {}
+
+    def write(self, record: Record) -> None:
+        """See ``Writer``."""
+        doubtful = self._doubtful(record)
+        if record.changes is None:
+            self._past.append(record.shapes)
+        shows = self._window is not None and self._window.is_due
+        if self._video is None and not shows:
+            return
+        picture = self._draw(record, doubtful)
+        if self._video is not None:
+            self._video.write(picture)
+        if shows:
+            self._window.show(picture)
+
+    def _doubtful(self, record: Record) -> np.ndarray:
+        """Which objects are probably lost, or found again and not yet confirmed: ``[P]``."""
+        unsure = record.lost.copy()
+        if record.confidence is not None:
+            unsure |= record.confidence < PROBABLY_LOST
+        for name, is_unsure in zip(record.start.ids.tolist(), unsure, strict=True):
+            left = self._unconfirmed.get(name, 0) - 1
+            self._unconfirmed[name] = CONFIRMED_AFTER if is_unsure else max(left, 0)
+        return np.array([self._unconfirmed[n] > 0 for n in record.start.ids.tolist()], bool)
+
+    def _draw(self, record: Record, doubtful: np.ndarray) -> np.ndarray:
+        from jaxpf.media.overlay import draw_spreads
+
+        adapter, frame, summary = self._scene.adapter, record.frame, record.summary
+        if summary is not None:
+            colours = np.zeros((len(summary.estimate), 3), np.uint8)
+            colours[record.slots] = record.colours
+            cloud = self._scene.cloud(record.state)
+            frame = adapter.draw_particles(
+                frame, self._scene.start, self._scene.tracker, cloud, colours
+            )
+        past = np.stack(self._past) if self._past else None
+        marks = Marks(record.colours, record.lost, past, doubtful)
+        picture = adapter.draw(frame, record.start, record.shapes, marks)
+        spread = getattr(summary, "spread", None)
+        if spread is None or self._scene.has_own_boxes or not adapter.target.has_places:
+            return picture
+        estimate = summary.estimate[record.slots, :2]
+        return draw_spreads(picture, estimate, spread[record.slots, :2], record.colours)
+
+
+class Smoothed:
+    """Writes smoothed.csv, the tracks given all frames or those up to a lag."""
+
+    def __init__(self, output: Path, scene: Scene, look_back: Any, stack: contextlib.ExitStack):
+        table = TrackTable(output / "smoothed.csv", scene.adapter, scene.fps)
+        self._table = stack.enter_context(table)
+        self._outlines: Any = None
+        if scene.adapter.writes_outlines:
+            path = output / "smoothed_outlines.csv"
+            self._outlines = stack.enter_context(scene.adapter.track_writer(path, scene.start))
+        self._scene, self._look_back = scene, look_back
+        self._before: Any = None
+
+    def write(self, record: Record) -> None:
+        """See ``Writer``."""
+        if record.summary is None:
+            nobody = np.zeros(len(record.start.ids), bool)
+            self._before = centres_of(self._scene.adapter, record.start, record.shapes)
+            self._table.write(record.number, record.start.ids, record.places, nobody)
+            if self._outlines is not None:
+                self._outlines.append(record.number, record.shapes, nobody)
+            return
+        self._append(self._look_back.add(self._scene.cloud(record.state)))
+
+    def finish(self) -> None:
+        """Smooth the frames that are left."""
+        self._append(self._look_back.finish())
+        if self._look_back.broken:
+            click.echo(
+                f"Note: {self._look_back.broken} steps of smoothed tracks fit no particle; use "
+                "more particles (-n).",
+                err=True,
+            )
+
+    def _append(self, frames: Any) -> None:
+        scene, start = self._scene, self._scene.start
+        nobody = np.zeros(len(start.ids), bool)
+        for frame in frames:
+            shapes = scene.shapes(start, frame.estimate)
+            places, self._before = places_of(
+                scene.adapter,
+                start,
+                lambda substates: scene.shapes(start, substates),
+                shapes,
+                _NormalDraws(frame.estimate, frame.spread),
+                slice(None),
+                scene.fps,
+                self._before,
+            )
+            number = scene.first + 1 + frame.time
+            self._table.write(number, start.ids, places, nobody)
+            if self._outlines is not None:
+                self._outlines.append(number, shapes, nobody)
+
+
+class _NormalDraws:
+    """Equally weighted draws from independent normal distributions, the same for every frame."""
+
+    def __init__(self, mean: np.ndarray, spread: np.ndarray):
+        half = np.random.default_rng(0).standard_normal((_DRAWS // 2, 1, mean.shape[-1]))
+        self.substates = mean + spread * np.concatenate([half, -half])
+        self.log_weights = np.full(_DRAWS, -np.log(_DRAWS))
+
+
+class Population:
+    """Keeps births, deaths and refusals for the summary."""
+
+    def __init__(self) -> None:
+        self.births: list[dict] = []
+        self.deaths: list[dict] = []
+        self.refused: list[dict] = []
+
+    def write(self, record: Record) -> None:
+        """See ``Writer``."""
+        from jaxpf.populations.lifetimes import EMPTY
+
+        number, changes = record.number, record.changes
+        for birth in changes.births:
+            self.births.append({"id": birth.id, "frame": number, "box": birth.box.tolist()})
+        for death in changes.deaths:
+            self.deaths.append({"id": death.id, "frame": number, "reason": death.reason})
+        for refusal in changes.refused:
+            name = None if refusal.id == EMPTY else refusal.id
+            box, reason = refusal.box.tolist(), refusal.reason
+            self.refused.append({"id": name, "frame": number, "box": box, "reason": reason})
+
+
+class Counts:
+    """Counts frames, failures of the likelihood, and frames in which objects were lost."""
+
+    def __init__(self, ids: Any):
+        self.tracked = self.invalid = self.impossible = 0
+        self.outside: dict[str, list[int]] = {str(name): [] for name in ids}
+        self.without_likelihood: dict[str, list[int]] = {str(name): [] for name in ids}
+
+    def write(self, record: Record) -> None:
+        """See ``Writer``."""
+        if record.summary is None:
+            return
+        self.tracked += 1
+        self.invalid += int(getattr(record.summary, "num_invalid", 0))
+        log_evidence = float(getattr(record.summary, "log_evidence", np.nan))
+        self.impossible += int(np.isneginf(log_evidence))
+        hopeless = getattr(record.summary, "lost", None)
+        hopeless = np.zeros(len(record.lost), bool) if hopeless is None else hopeless[record.slots]
+        for where, frames in ((record.outside, self.outside), (hopeless, self.without_likelihood)):
+            for name in record.start.ids[where]:
+                frames.setdefault(str(name), []).append(record.number)
+
+
+def overlay_video(output: Path, codec: str, source: Any) -> Any:
+    """The video that the overlay is written to."""
+    from jaxpf.media.video_writer import SUFFIXES, VideoWriter
+
+    path = output / f"overlay{SUFFIXES[codec]}"
+    return VideoWriter(path, source.width, source.height, source.fps)

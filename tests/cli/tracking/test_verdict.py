@@ -1,0 +1,80 @@
+"""What a run says of each object at its end."""
+
+import numpy as np
+
+from jaxpf.cli.tracking.verdict import object_verdicts, sentences
+from jaxpf.media import plotting
+
+
+def table(confidence=None, lost=None, length=30):
+    frames = np.arange(length)
+    columns = {
+        "frame": frames,
+        "time": frames / 25,
+        "id": np.full(length, 7),
+        "x": frames + 10.0,
+        "y": frames + 20.0,
+        "speed": np.where(frames == 0, np.nan, 35.0),
+        "lost": np.zeros(length) if lost is None else lost,
+    }
+    for name in "xy":
+        for level, shift in (("2.5", -2.0), ("97.5", 3.0)):
+            columns[f"{name}_{level}"] = np.where(frames == 0, np.nan, columns[name] + shift)
+    if confidence is not None:
+        columns["confidence"] = confidence
+    return columns
+
+
+def test_an_object_that_is_followed_throughout_needs_no_advice():
+    verdicts = object_verdicts(table(np.full(30, 0.9)), [7])
+    assert verdicts["7"] == {
+        "frames": 29,
+        "followed_until": 29,
+        "probably_lost": [],
+        "interval_width": 5.0,
+        "mean_confidence": 0.9,
+    }
+    assert sentences(verdicts, 120.0, 300) == [
+        "Object 7: followed confidently to the end (frame 29); 95 % interval 5 pixels wide"
+    ]
+
+
+def test_stretches_of_low_confidence_are_named_and_short_gaps_are_closed():
+    confidence = np.full(30, 0.9)
+    confidence[[10, 11, 14]] = 0.2  # found again for two frames only
+    lost = np.zeros(30)
+    lost[25:] = 1
+    verdicts = object_verdicts(table(confidence, lost), [7])
+    assert verdicts["7"]["followed_until"] == 9
+    assert verdicts["7"]["probably_lost"] == [[10, 14], [25, 29]]
+    first, advice = sentences(verdicts, 120.0, 300)
+    assert "until frame 9, probably lost in frames 10 to 14 and 25 to 29" in first
+    assert advice.startswith("Try: ")
+
+
+def test_without_confidence_nothing_is_called_confident():
+    verdicts = object_verdicts(table(), [7])
+    assert verdicts["7"]["mean_confidence"] is None
+    (line,) = sentences(verdicts, None, 300)
+    assert line.startswith("Object 7: followed to the end")
+
+
+def test_an_effective_sample_size_near_1_is_said():
+    verdicts = object_verdicts(table(), [7])
+    *_, line = sentences(verdicts, 1.03, 10)
+    assert "stays near 1 (median 1 of 10 particles), so intervals are too narrow" in line
+    assert len(sentences(verdicts, 1.0, 1)) == 1  # one particle has no other size
+
+
+def test_trajectories_shade_what_is_lost_and_have_a_panel_for_each_coordinate():
+    figure = plotting.trajectories(table(), ["x", "y"], {"7": [[10, 14]]})
+    assert [axis.get_ylabel() for axis in figure.axes] == [
+        "x (pixels)",
+        "y (pixels)",
+        "speed (pixels/s)",
+    ]
+    for axis in figure.axes:
+        (shade,) = axis.patches
+        assert (shade.get_x(), shade.get_width()) == (9.5, 5.0)
+    assert len(figure.axes[0].collections) == 1  # the band
+    assert len(figure.axes[2].collections) == 0  # no interval is known

@@ -155,6 +155,37 @@ def test_a_likelihood_that_sees_the_state_before_has_the_exact_evidence(coeffici
     assert scores.max() < LIMIT if is_right else scores.max() > WRONG
 
 
+@jaxpf.pytree_dataclass
+class Optimal:
+    """The posterior of a state given the one before and the frame."""
+
+    def moments(self, y, current):
+        a, s, noise = VALUES.values()
+        variance = 1 / (1 / s**2 + 1 / noise**2)
+        return variance * (a * current / s**2 + y / noise**2), variance**0.5
+
+    def propose(self, key, observation, partition, current, previous, parent):
+        mean, scale = self.moments(observation, current)
+        return mean + scale * jax.random.normal(key, current.shape)
+
+    def log_density(self, observation, partition, new, current, previous, parent):
+        return norm.logpdf(new, *self.moments(observation, current)).sum()
+
+
+def test_a_proposal_goes_through():
+    """It lowers the variance of the log evidence, not its mean."""
+    tracker = build(VALUES, transition_log_density=log_density)
+    proposed = build(VALUES, transition_log_density=log_density, proposal=Optimal())
+    keys = jax.random.split(KEY, 200)
+    plain, better = (
+        np.asarray(jaxpf.monte_carlo(each, keys, FRAMES).log_evidence).sum(1)
+        for each in (tracker, proposed)
+    )
+    assert better.var() < plain.var() / 3
+    bound = 4.5 * (plain.var() / len(keys)) ** 0.5 + plain.var() / 2
+    assert abs(better.mean() - plain.mean()) < bound
+
+
 # Parameters are traced
 
 

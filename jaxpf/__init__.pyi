@@ -24,6 +24,7 @@ from .contract.state import ParticleState as ParticleState, Summary as Summary
 from .files.states import load as load, save as save
 from .filters.factored.eskil import Eskil as Eskil
 from .filters.factored.pffl import PFFL as PFFL
+from .filters.functions import state_space as state_space
 from .filters.labelled.tracker import Labelled as Labelled
 from .filters.partitioned.tracker import Partitioned as Partitioned
 from .running.blocks import monte_carlo as monte_carlo
@@ -31,5 +32,6 @@ from .running.runs import forecast as forecast, run as run
 from .running.streaming import stream as stream
 from .smoothing.smoother import smooth as smooth
 from .tuning.loop import tune as tune
+from .tuning.metropolis import pmmh as pmmh
 
 __version__: str

@@ -127,7 +127,7 @@ class Soft(Gradient):
     def check(self, tracker: Any) -> None:
         """See ``Gradient``."""
         super().check(tracker)
-        share = self.share
+        share = self.share if not is_concrete(self.share) else np.asarray(self.share)
         if is_concrete(share) and not 0 < np.min(share) <= np.max(share) <= 1:
             raise InputError(f"Soft's share {share} must be above 0 and at most 1.")
 

@@ -71,11 +71,7 @@ class Ordering:
 
 
 def sir(num_partitions: int) -> Ordering:
-    """Condensation: no resampling inside the frame ("Non-PS" in smith2004).
-
-    Raises:
-        InputError: ``num_partitions`` < 1.
-    """
+    """Condensation: no resampling inside the frame ("Non-PS" in smith2004)."""
     _check_count(num_partitions)
     return _ordering([range(num_partitions)], np.zeros(num_partitions, bool))
 
@@ -84,9 +80,6 @@ def ps(order: Sequence[int]) -> Ordering:
     """Partitioned sampling in one order, resampling after every stage but the last.
 
     Source: maccormick1999, section 5; smith2004, figure 1.
-
-    Raises:
-        InputError: ``order`` is not a permutation of 0..P-1.
     """
     return _ordering([order], _all_but_last(len(_entries(order))))
 
@@ -110,9 +103,6 @@ def dps(
             each component to its prior mass, as the paper does.  The literal rule drops
             the components' evidence and biases the estimates at finite N (measured at
             N = 300: mean bias .083 against .021 on the hardest part).
-
-    Raises:
-        InputError: an order that is not a permutation, or an unknown reassembly.
     """
     if orders is None:
         if num_partitions is None:
@@ -137,9 +127,6 @@ def branched(orders: Sequence[Sequence[int]]) -> Ordering:
     Particles follow ``orders[label]`` (``Partitioned.initial_label``), or without labels
     ``orders[state.component]``, which they keep through resampling;
     branches have run-time sizes and may be empty (maccormick1999, figure 8).
-
-    Raises:
-        InputError: an order that is not a permutation.
     """
     if not orders:
         raise InputError("orders is empty; give at least one permutation of the partitions.")
@@ -156,31 +143,26 @@ def sps(
     """Simultaneous partitioned sampling: level by level down the part tree.
 
     The parts of one level are propagated and weighed together, parts of particles that
-    share their parent's draw are exchanged, then the set is resampled once; after the
-    last level nobody is resampled.  Source: gonzales2011, figures 3 to 6.
+    share their parent's draw are exchanged, then the set is resampled once, but not after the
+    last level.  Source: gonzales2011, figures 3 to 6.
 
-    To exchange parts is right only where a part's motion and likelihood depend on nothing but its
-    own past and its parent, as ``jaxpf.contract.Dynamics`` has it.  Dynamics that bring in
-    something of the other parts by another way (one object that follows another, say) make it
-    wrong without a word; use ``swap="none"`` then, or hang the one on the other in the tree.
+    Exchange is right only where a part's motion and likelihood depend on nothing but its own past
+    and its parent, as ``jaxpf.contract.Dynamics`` requires.  If one object follows another by
+    other means, exchange is silently wrong: use ``swap="none"``, or make it a child in the tree.
 
     Args:
         parents: the part tree, ``parents[p]`` the parent of part p and -1 for a root.
         swap: ``"combinatorial"`` resamples from the implicit set of all pairings
             (Dubuisson, Gonzales & Nguyen 2012): unbiased.  ``"sorted"`` pairs best with
-            best, as gonzales2011 does; it chooses the pairing by the likelihoods and so
-            biases the evidence and does not improve with N.  How much depends on the model:
+            best, as gonzales2011 does; that biases the evidence, whatever N, by an amount that
+            depends on the model:
             E[Z^]/Z = 52 and a posterior variance of .59 of the exact one on a linear-Gaussian
             tree of three parts (a = .9, coupling .5, process noise 1, observation noise .3,
             T = 5, N = 30), 1.72 on the model of the notebook ``swap_bias``.
             ``"random"`` pairs at random; ``"none"`` leaves particles whole.
         num_partitions: instead of ``parents``, that many independent objects (all roots).
         exchange_roots: with several roots, exchange them too.  Exact for objects without
-            parts; for roots with parts of their own it costs O(1/N), and ``False`` is
-            exact.
-
-    Raises:
-        InputError: a parent that does not exist, a cycle, or an unknown swap.
+            parts; for roots with parts of their own it costs O(1/N), and ``False`` is exact.
     """
     if parents is None:
         if num_partitions is None:
@@ -205,7 +187,7 @@ def sps(
         resample_after,
         level=level,
         exchanged=exchanged,
-        # A level without exchange, too, notes who shares its draws where a later one needs it.
+        # A level without exchange also records shared draws where a later level needs them.
         exchange_after=level_end & np.maximum.accumulate(exchanged[::-1])[::-1],
         swap=SWAPS.index(swap),
         tree=tree,
@@ -227,12 +209,8 @@ def named(
         parents: the part tree, -1 for a root; all of them for independent objects.
         order: for "ps", all partitions, each after its parent; by default level by level, which
             for objects is 0, 1, ..., P-1.
-        swap: for "sps".
+        swap: for "sps"; roots are exchanged only if no part hangs on them.
         reassembly: for "dps".
-
-    Raises:
-        InputError: unknown method or swap; an order that is no permutation or is given to a method
-            that has none; "dps" on a tree; a parent that does not exist, or a cycle.
     """
     tree = check_tree(parents)
     check_known("method ", method, METHODS)
@@ -244,7 +222,8 @@ def named(
             "object once."
         )
     if method == "sps":
-        return sps(tree, swap)
+        # Exact: roots that carry parts keep their pasts.
+        return sps(tree, swap, exchange_roots=all(parent < 0 for parent in tree))
     if method == "dps":
         if any(parent >= 0 for parent in tree):
             raise InputError(
@@ -255,7 +234,7 @@ def named(
     depth = tree_levels(tree)
     downwards = sorted(range(len(tree)), key=lambda part: (depth[part], part))
     if method == "sir":
-        # Parents first, but nobody is resampled in between.
+        # Parents first, without resampling in between.
         return _ordering([downwards], np.zeros(len(tree), bool))
     return ps(downwards if order is None else order)
 
@@ -291,15 +270,15 @@ def _check_permutation(order: Sequence[int], num_partitions: int, component: int
 
 
 def _entries(order: Any) -> list[int]:
-    """An order's whole numbers; a text of digits is none."""
+    """An order's whole numbers; a text of digits is refused."""
     try:
         if isinstance(order, str | bytes):
             raise TypeError
         return [operator.index(partition) for partition in order]
     except TypeError:
         raise InputError(
-            f"order {order!r} is no list of whole numbers; give the partitions by their place from "
-            "0, such as [2, 0, 1]."
+            f"order {order!r} is not a list of whole numbers; give the partitions, counted from 0, "
+            "such as [2, 0, 1]."
         ) from None
 
 

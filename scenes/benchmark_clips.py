@@ -184,7 +184,7 @@ def _read_mot_truth(path: Path, num_frames: int) -> Rows:
             "sequences, cannot be evaluated; give a training sequence"
         )
     rows: Rows = {}
-    for place, cells in _lines(path, r"\s*,\s*"):
+    for place, cells in _lines(path, r"\s*[,;]\s*"):
         if not 6 <= len(cells) <= 10:
             raise SceneError(f"{place} has {len(cells)} values, not 6 to 10: frame,id,x,y,w,h,...")
         frame, number = (
@@ -241,7 +241,7 @@ def _find_otb_truth(folder: Path) -> dict[int, Path]:
 def _read_otb_truth(path: Path) -> np.ndarray:
     """Boxes ``[T, 4]``, counting from 0; NaN where the object is absent."""
     boxes = []
-    for place, cells in _lines(path, r"[,\s]+"):
+    for place, cells in _lines(path, r"[,;\s]+"):
         if len(cells) != 4:
             raise SceneError(f"{place} has {len(cells)} values, not 4: x,y,w,h")
         if all(cell.lower() == "nan" for cell in cells):

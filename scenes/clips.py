@@ -9,6 +9,7 @@ A folder holds
   or fully hidden, -1 not annotated; the last column may be left out.
 """
 
+import codecs
 import csv
 import dataclasses
 import io
@@ -285,16 +286,20 @@ def csv_lines(
     Raises:
         SceneError: another header, or a line with fewer or more values.
     """
-    lines = csv.reader(io.StringIO(_text_of(path), newline=""))
+    text = _text_of(path)
+    first = text.lstrip("\n\r \t").splitlines()[:1]
+    separator = next((mark for mark in ";\t" if first and mark in first[0]), ",")
+    lines = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
+    rows = (cells for cells in lines if any(cell.strip() for cell in cells))
     try:
-        header = next(lines, [])
-        names = [name.strip() for name in header]
+        header = next(rows, [])
+        names = [name.strip().lower() for name in header]
         if names not in (columns, columns[: len(columns) - optional]):
             raise SceneError(
                 f"{path}, line 1: the header must be {','.join(columns)!r}, {remark}"
                 f"not {shown(','.join(header))}"
             )
-        for cells in filter(None, lines):
+        for cells in rows:
             place = f"{path}, line {lines.line_num}: {shown(','.join(cells))}"
             if len(cells) != len(names):
                 raise SceneError(f"{place} has {len(cells)} values, not {len(names)}")
@@ -305,7 +310,9 @@ def csv_lines(
 
 def _text_of(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        content = path.read_bytes()
+        is_utf_16 = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        return content.decode("utf-16" if is_utf_16 else "utf-8-sig")
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
         raise SceneError(
@@ -317,23 +324,31 @@ def _text_of(path: Path) -> str:
 
 def whole_number(text: str, column: str, place: str) -> int:
     """The number that a cell holds; the message names the column and the place."""
-    try:
-        value = int(text)
-    except ValueError:
-        raise SceneError(f"{place}: {column} = {shown(text)} is not a whole number") from None
+    value = _number(text)
+    if not (math.isfinite(value) and value == int(value)):
+        raise SceneError(f"{place}: {column} = {shown(text)} is not a whole number{_hint(text)}")
     if abs(value) > _LARGEST_WHOLE:
         raise SceneError(f"{place}: {column} = {shown(text)} is beyond {_LARGEST_WHOLE}")
-    return value
+    return int(value)
 
 
 def real_number(text: str, column: str, place: str) -> float:
     """The finite number that a cell holds; the message names the column and the place."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = _number(text)
     if not math.isfinite(value):
-        raise SceneError(f"{place}: {column} = {shown(text)} is not a finite number")
+        raise SceneError(f"{place}: {column} = {shown(text)} is not a finite number{_hint(text)}")
     if abs(value) > _FARTHEST:
         raise SceneError(f"{place}: {column} = {shown(text)} is beyond {_FARTHEST:.0f}")
     return value
+
+
+def _number(text: str) -> float:
+    try:
+        return math.nan if "_" in text else float(text)
+    except ValueError:
+        return math.nan
+
+
+def _hint(text: str) -> str:
+    has_comma = re.fullmatch(r"\s*[+-]?\d+,\d+\s*", text)
+    return f"; write decimals with a point, {text.strip().replace(',', '.')}" if has_comma else ""

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.clips import csv_lines
+from scenes.clips import csv_lines, real_number, whole_number
 from scenes.scene import SceneError
 
 _COLUMNS = ["frame", "id", "joint", "name", "x", "y", "score"]
@@ -58,11 +58,13 @@ def read_keypoints(folder: str | Path) -> Keypoints:
     names: dict[int, str] = {}
     rows: dict[tuple[int, int, int], tuple[float, ...]] = {}
     for place, cells in csv_lines(path, _COLUMNS):
-        try:
-            frame, identity, joint = (int(cell) for cell in cells[:3])
-            values = tuple(float(cell) if cell else math.nan for cell in cells[4:])
-        except ValueError:
-            raise SceneError(f"{place} holds something that is not a number") from None
+        frame, identity, joint = (
+            whole_number(cell, name, place) for cell, name in zip(cells[:3], _COLUMNS, strict=False)
+        )
+        values = tuple(
+            real_number(cell, name, place) if cell.strip().lower() not in ("", "nan") else math.nan
+            for cell, name in zip(cells[4:], _COLUMNS[4:], strict=True)
+        )
         if frame < 0 or joint < 0:
             raise SceneError(f"{place}: frame and joint count from 0")
         if names.setdefault(joint, cells[3]) != cells[3]:

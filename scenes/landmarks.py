@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.clips import csv_lines
+from scenes.clips import csv_lines, real_number, whole_number
 from scenes.scene import SceneError
 
 _COLUMNS = ["frame", "id", "cx", "cy", "visible"]
@@ -45,12 +45,14 @@ def read_landmarks(folder: str | Path) -> Landmarks:
         raise SceneError(f"{path} is missing: the clip has no landmarks")
     rows: dict[tuple[int, int], tuple[float, float, bool]] = {}
     for place, cells in csv_lines(path, _COLUMNS, optional=1):
-        try:
-            frame, identity = int(cells[0]), int(cells[1])
-            x, y = (float(cell) if cell.strip() else math.nan for cell in cells[2:4])
-            visible = bool(int(cells[4])) if len(cells) > 4 else True
-        except ValueError:
-            raise SceneError(f"{place} holds something that is not a number") from None
+        frame, identity = (whole_number(cells[k], _COLUMNS[k], place) for k in (0, 1))
+        x, y = (
+            real_number(cells[k], _COLUMNS[k], place)
+            if cells[k].strip().lower() not in ("", "nan")
+            else math.nan
+            for k in (2, 3)
+        )
+        visible = bool(whole_number(cells[4], _COLUMNS[4], place)) if len(cells) > 4 else True
         if frame < 0:
             raise SceneError(f"{place}: frames count from 0")
         if (frame, identity) in rows:

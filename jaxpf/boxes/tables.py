@@ -1,7 +1,6 @@
 """Reading boxes from MOT files and from ``gt.csv`` files into one table."""
 
 import dataclasses
-import math
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import read_text
+from jaxpf.files.reading import parse_number, read_rows
 
 HEADERS = ("frame,id,x,y,w,h", "frame,id,x,y,w,h,occ")
 #: How the header of a tracks.csv of boxes begins; its frames and pixels count from 0.
@@ -51,7 +50,8 @@ def read_boxes(path: str | os.PathLike[str], empty_boxes: str = "error") -> BoxT
     """Read a MOT file or a ``gt.csv``; which of them is told by the header.
 
     * MOT: no header, 6 to 10 columns ``frame,id,x,y,w,h,conf,...``; frames and x, y count from
-      1 in the file and are converted.  Columns after ``conf`` are checked and ignored.
+      1 in the file and are converted (a ``gt.txt`` beside a ``labels.txt`` is CVAT's, whose
+      pixels count from 0).  Columns after ``conf`` are checked and ignored.
     * ``gt.csv``: header ``frame,id,x,y,w,h`` or ``frame,id,x,y,w,h,occ``; counts from 0.
 
     Args:
@@ -114,38 +114,39 @@ def table_of(rows: Sequence[tuple[float, ...]], path: str | os.PathLike[str]) ->
 
 def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
     """Yield (line number, (frame, id, x, y, w, h, occlusion, confidence)), counting from 0."""
-    header: str | None = None
+    rows = read_rows(path, "boxes", _FORMATS)
+    if not rows:
+        raise InputError(f"'{path}' is empty; expected {_FORMATS}")
+    # CVAT's MOT archives, gt/gt.txt beside gt/labels.txt, count pixels from 0 and frames from 1.
+    is_cvat = path.name == "gt.txt" and (path.parent / "labels.txt").is_file()
+    header, first_pixel = None, 0 if is_cvat else 1
     columns: list[str] = []
-    seen_content = False
-    for line, text in enumerate(_read_lines(path), start=1):
-        if not text.strip():
-            continue
-        fields = [field.strip() for field in text.split(",")]
-        if not seen_content:
-            seen_content = True
-            if _is_header(fields[0]):
-                header = ",".join(fields).lower()
-                if header.startswith(TRACKS_HEADER):
-                    columns, header = header.split(","), HEADERS[0]
-                elif header not in HEADERS:
-                    raise InputError(
-                        f"line {line} of '{path}' has an unknown header '{text.strip()[:80]}'; "
-                        f"expected {_FORMATS}"
-                    )
-                continue
+    line, fields = rows[0]
+    if _is_header(fields[0]):
+        header, first_pixel, rows = ",".join(fields).lower(), 0, rows[1:]
+        if header.startswith(TRACKS_HEADER):
+            columns, header = header.split(","), HEADERS[0]
+        elif header not in HEADERS:
+            raise InputError(
+                f"line {line} of '{path}' has an unknown header '{','.join(fields)[:80]}'; "
+                f"expected {_FORMATS}"
+            )
+    for line, fields in rows:
         place = f"line {line} of '{path}'"
         if not columns:
-            yield line, _parse_row(fields, header, place)
+            yield line, _parse_row(fields, header, first_pixel, place)
         elif len(fields) != len(columns):
             raise InputError(f"{place} has {len(fields)} columns instead of {len(columns)}")
         else:
             row = dict(zip(columns, fields, strict=True))
-            box = _parse_row([row[name] for name in HEADERS[0].split(",")], header, place)
+            box = _parse_row([row[name] for name in HEADERS[0].split(",")], header, 0, place)
             is_lost = row.get("lost") == "1"
             yield line, (*box[:-1], 0.0 if is_lost else float(row.get("confidence") or 1))
 
 
-def _parse_row(fields: list[str], header: str | None, place: str) -> tuple[float, ...]:
+def _parse_row(
+    fields: list[str], header: str | None, first_pixel: int, place: str
+) -> tuple[float, ...]:
     if header is not None:
         least = most = header.count(",") + 1
         names, counts = header, f"{least}"
@@ -154,14 +155,20 @@ def _parse_row(fields: list[str], header: str | None, place: str) -> tuple[float
         names, counts = "frame,id,x,y,w,h,conf,...", "6 to 10"
     if not least <= len(fields) <= most:
         raise InputError(
-            f"{place} has {len(fields)} column(s) separated by commas; expected {counts}: {names}"
+            f"{place} has {len(fields)} columns; expected {counts}: {names} (decimals with a point)"
         )
-    values = [
-        _number(field, column, place) for column, field in enumerate(fields, start=1) if field != ""
-    ]
-    if len(values) < len(fields):
+    if "" in fields:
         column = fields.index("") + 1
         raise InputError(f"{place} has nothing in column {column}; fill in a number")
+    values = [
+        parse_number(field, f"{place}, column {column} is", "give a number, or delete the line")
+        for column, field in enumerate(fields, start=1)
+    ]
+    if _has_decimal_commas(fields):
+        raise InputError(
+            f"{place} has 10 columns, of which the last four look like a width and a height with "
+            f"decimal commas; write decimals with a point, such as {'.'.join(fields[6:8])}"
+        )
     for value, name in zip(values[:2], ("frame", "id"), strict=True):
         if value != int(value):
             raise InputError(f"{place} has the {name} {value:g}; give a whole number")
@@ -187,31 +194,20 @@ def _parse_row(fields: list[str], header: str | None, place: str) -> tuple[float
         )
     if abs(occlusion) > _LARGEST_WHOLE or occlusion != int(occlusion):
         raise InputError(f"{place} has the occ {occlusion:g}; give -1, 0, 1 or 2")
-    return frame - first, identity, x - first, y - first, width, height, occlusion, confidence
+    x, y = x - first_pixel, y - first_pixel
+    return frame - first, identity, x, y, width, height, occlusion, confidence
 
 
-def _number(field: str, column: int, place: str) -> float:
-    try:
-        value = float(field)
-    except ValueError:
-        raise InputError(
-            f"{place} has '{field[:40]}' in column {column}; expected a number"
-        ) from None
-    if not math.isfinite(value):
-        raise InputError(
-            f"{place} has '{field[:40]}' in column {column}; give a finite number, or delete the "
-            "line if the object is absent"
-        )
-    return value
+def _has_decimal_commas(fields: list[str]) -> bool:
+    """Whether ``1,1,10,5,20,5,30,0,40,0`` was meant as frame, id and a box of 10.5, 20.5, 30, 40.
+
+    Ten columns of a MOT file end in -1,-1,-1, in zeros, or in a place with decimals.
+    """
+    if len(fields) != 10 or not all(field.isdecimal() for field in fields[6:]):
+        return False
+    return all(float(".".join(fields[k : k + 2])) > 0 for k in (6, 8))
 
 
 def _is_header(field: str) -> bool:
     """A first field that is no number; ``nan`` and ``1x`` are bad numbers, not headers."""
     return field[:1].isalpha() and field.lower() not in ("nan", "inf", "infinity")
-
-
-def _read_lines(path: Path) -> list[str]:
-    lines = read_text(path, "boxes", _FORMATS).splitlines()
-    if not any(line.strip() for line in lines):
-        raise InputError(f"'{path}' is empty; expected {_FORMATS}")
-    return lines

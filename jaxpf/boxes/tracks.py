@@ -6,7 +6,6 @@ shift happens where a file is read or written and nowhere else.
 """
 
 import csv
-import math
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -17,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.boxes.tables import BoxTable, read_boxes
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import read_text
+from jaxpf.files.reading import parse_number, read_text
 from jaxpf.files.writing import LineWriter, write_text
 
 __all__ = [
@@ -144,16 +143,7 @@ def parse_box(text: str) -> np.ndarray:
     fields = text.split(",")
     if len(fields) != 4:
         raise InputError(f"box '{text}' has {len(fields)} number(s) instead of 4; {remedy}")
-    values = []
-    for field in fields:
-        try:
-            values.append(float(field))
-        except ValueError:
-            raise InputError(
-                f"box '{text}' holds '{field.strip()}', which is not a number; {remedy}"
-            ) from None
-    if not all(map(math.isfinite, values)):
-        raise InputError(f"box '{text}' holds a value that is not finite; {remedy}")
+    values = [parse_number(field.strip(), f"box '{text}' holds", remedy) for field in fields]
     if values[2] <= 0 or values[3] <= 0:
         raise InputError(
             f"box '{text}' has the size {values[2]:g} x {values[3]:g}; both must be positive, so "
@@ -277,7 +267,7 @@ def detections(
     Args:
         boxes: ``[P, 4]``, x, y, w, h in pixels; those that are not finite are left out.
         ids: ``[P]``; by default from 1.
-        confidence: ``[P]``; by default none is told.
+        confidence: ``[P]``; left out by default.
 
     Raises:
         InputError: supervision is missing.

@@ -1,15 +1,23 @@
 """The command line.  Each command's module is imported only when it is used."""
 
+import contextlib
+import errno
 import importlib
+import os
 import sys
 from typing import Any
 
 try:
     import click
+
+    from jaxpf import __version__
 except ModuleNotFoundError:  # pragma: no cover - depends on how jaxpf was installed
     sys.exit("the command line needs its extra packages: pip install 'jaxpf[cli]'")
-
-from jaxpf import __version__
+except KeyboardInterrupt:  # Ctrl-C before there is a handler
+    if os.path.basename(sys.argv[0]) not in ("jaxpf", "jaxpf.exe", "-m"):
+        raise  # another program imports this module
+    os.write(2, b"Interrupted.\n")
+    os._exit(130)
 
 # Name -> (module, one-line help).  Written out so that `jaxpf --help` imports no command.
 _COMMANDS = {
@@ -70,14 +78,17 @@ def group() -> None:
 
 def main(arguments: list[str] | None = None) -> Any:
     """Run the command line; a user's mistake is one sentence and exit code 2."""
-    from jaxpf.contract.errors import InputError
-
-    if arguments is None:
-        from jaxpf.cli.shared.stopping import heed_ctrl_c
-
-        heed_ctrl_c()
+    InputError: Any = ()  # of a program interrupted before it is imported
     try:
-        return group.main(arguments, prog_name="jaxpf", standalone_mode=False)
+        from jaxpf.contract.errors import InputError
+
+        if arguments is None:
+            from jaxpf.cli.shared.stopping import heed_ctrl_c
+
+            heed_ctrl_c()
+        outcome = group.main(arguments, prog_name="jaxpf", standalone_mode=False)
+        sys.stdout.flush()
+        return outcome
     except InputError as error:
         click.echo(f"Error: {_cut(str(error), _LONGEST_MESSAGE)}", err=True)
         sys.exit(2)
@@ -95,7 +106,15 @@ def main(arguments: list[str] | None = None) -> Any:
         sys.exit(0)
     except OSError as error:
         if error.filename is None:
-            raise
+            if error.errno not in _NOT_WRITTEN:
+                raise
+            _discard_output()
+            reason = (error.strerror or str(error)).lower()
+            click.echo(
+                f"Error: cannot write the output: {reason}; free some space, or write elsewhere.",
+                err=True,
+            )
+            sys.exit(2)
         reason = (error.strerror or str(error)).lower()
         click.echo(f"Error: cannot use {_cut(str(error.filename))!r}: {reason}.", err=True)
         sys.exit(2)
@@ -107,6 +126,16 @@ def main(arguments: list[str] | None = None) -> Any:
             err=True,
         )
         sys.exit(2)
+
+
+#: What writing to a full or broken disk, or beyond a quota, raises.
+_NOT_WRITTEN = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
+
+
+def _discard_output() -> None:
+    """Send what is still buffered nowhere, or Python would fail again as it ends."""
+    with contextlib.suppress(OSError, ValueError):  # standard output may be no file
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 #: Letters of a message that somebody may read.

@@ -22,7 +22,12 @@ def command() -> None:
     help="What FOLDER holds: masks (a folder of pictures, or its folder masks), outlines "
     "(outlines.csv) or centrelines (centrelines.csv).  [default: what is there]",
 )
-@click.option("--object", "value", type=int, help="Of masks, the grey level that marks the target.")
+@click.option(
+    "--object",
+    "value",
+    type=int,
+    help="Number of the object in masks: its palette index or grey level.",
+)
 @click.option("--first", default=0, show_default=True, help="First frame to learn from, from 0.")
 @click.option("--last", type=int, help="Last frame to learn from.  [default: the last there is]")
 @click.option("--dimension", "-d", default=8, show_default=True, help="Of the shape space.")

@@ -1,4 +1,4 @@
-"""Contours: targets that are told by their outlines."""
+"""Contours: targets known by their outlines."""
 
 import lazy_loader
 

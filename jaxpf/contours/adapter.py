@@ -16,7 +16,7 @@ from jaxpf.targets.target import Start
 
 #: Control points of the contours of scenes, closed and open.
 _SCENE_POINTS = {True: 16, False: 8}
-#: So many particles' contours are drawn, the likeliest.
+#: Number of particles whose contours are drawn, the likeliest.
 _DRAWN = 20
 
 

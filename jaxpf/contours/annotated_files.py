@@ -2,20 +2,19 @@
 
 Outlines and centrelines are CSV with the header ``frame,id,k,x,y``: the k-th point of a target in
 a frame, in continuous pixels, the same spot of its body in every frame.  Masks are one picture per
-frame, in the order of their names.
+frame, with the number of the frame at the end of its name, or else in the order of their names.
 """
 
-import csv
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from jaxpf.contours.data import Annotated
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import ANNOTATIONS
+from jaxpf.files.reading import parse_number, read_rows
 
-#: Values in a mask: one for each target, and some for soft edges.
-_MOST_VALUES = 64
 _HEADER = ("frame", "id", "k", "x", "y")
 
 
@@ -33,7 +32,8 @@ def read_annotated(
         folder: with ``centrelines.csv`` or ``outlines.csv``, or with pictures, or with a folder
             ``masks`` of pictures.
         kind: of ``jaxpf.contract.names.ANNOTATIONS``; by default what is there.
-        value: of masks, the grey level that marks the target; by default any but 0.
+        value: of masks, the number of the object: its palette index or grey level.  It may be
+            left out where there is only one.
         first: frame from which to read.
         last: frame up to which to read; by default the last.
 
@@ -65,70 +65,65 @@ def read_annotated(
 
 
 def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.ndarray]:
-    import cv2
-
-    from jaxpf.media.images import IMAGE_SUFFIXES, natural_order
+    from jaxpf.media.images import IMAGE_SUFFIXES, frame_number, natural_order, read_mask
 
     place = folder / "masks" if (folder / "masks").is_dir() else folder
     names = sorted(
         (entry.name for entry in place.iterdir() if entry.suffix.lower() in IMAGE_SUFFIXES),
         key=natural_order,
     )
-    found = {}
-    for number, name in enumerate(names):
+    numbers: list[Any] = [frame_number(name) for name in names]
+    if None in numbers or len(set(numbers)) < len(numbers):
+        numbers = list(range(len(names)))
+    masks: dict[tuple[int, str], np.ndarray] = {}
+    objects: set[int] = set()
+    for number, name in zip(numbers, names, strict=True):
         if not first <= number <= until:
             continue
-        picture = cv2.imread(str(place / name), cv2.IMREAD_UNCHANGED)
-        if picture is None:
-            raise InputError(f"'{place / name}' is no picture; replace or remove it.")
-        _check_mask(place / name, picture)
-        levels = picture if picture.ndim == 2 else picture[..., :3].max(axis=-1)
-        marked = levels != 0 if value is None else levels == value
+        levels = read_mask(place / name)
+        objects |= set(np.unique(levels[levels > 0]).tolist())
+        marked = levels > 0 if value is None else levels == value
         if marked.any():
-            found[number, "1"] = marked
-    return found
-
-
-def _check_mask(path: Path, picture: np.ndarray) -> None:
-    """Refuse photographs: a mask has a value for each target, and one where there is none."""
-    values = picture.reshape(len(picture) * picture.shape[1], -1)
-    found = len(np.unique(values, axis=0))
-    if found > _MOST_VALUES:
-        kind = "grey levels" if values.shape[1] == 1 else "colours"
+            masks[number, "1"] = marked
+    if value is None and len(objects) > 1:
         raise InputError(
-            f"'{path}' holds {found} {kind}, as a photograph does, and a mask has few; give "
-            "pictures that are 0 but on the target, without loss (PNG, not JPEG)."
+            f"the masks in '{place}' hold the objects {', '.join(map(str, sorted(objects)))}; "
+            "choose one by --object."
         )
+    if value is not None and objects and value not in objects:
+        raise InputError(
+            f"the masks in '{place}' hold no object {value}; there are "
+            f"{', '.join(map(str, sorted(objects)))}."
+        )
+    return masks
 
 
 def _read_points(path: Path, first, until) -> dict[tuple[int, str], np.ndarray]:
     points: dict[tuple[int, str], dict[int, tuple[float, float]]] = {}
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = csv.reader(file)
-            header = tuple(name.strip() for name in next(rows, ()))
-            if header != _HEADER:
-                raise InputError(
-                    f"'{path}' begins with {','.join(header)[:80]!r}; its first line must be "
-                    f"{','.join(_HEADER)}."
-                )
-            for row in filter(None, rows):
-                try:
-                    frame, name, k, x, y = row
-                    number, place = int(frame), (float(x), float(y))
-                    if not np.isfinite(place).all():
-                        raise ValueError
-                    if first <= number <= until:
-                        points.setdefault((number, name), {})[int(k)] = place
-                except ValueError:
-                    raise InputError(
-                        f"'{path}', line {rows.line_num}: {','.join(row)[:80]!r} is not "
-                        f"{','.join(_HEADER)} with whole frames and k, and finite x and y."
-                    ) from None
-    except FileNotFoundError:
-        raise InputError(f"there is no '{path}'; give a folder that has it.") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"cannot read '{path}': {error}.") from error
+    header, *rows = read_rows(path, "contours", ",".join(_HEADER)) or [(1, [])]
+    if tuple(name.lower() for name in header[1]) != _HEADER:
+        raise InputError(
+            f"'{path}' begins with {','.join(header[1])[:80]!r}; its first line must be "
+            f"{','.join(_HEADER)}."
+        )
+    for line, fields in rows:
+        where = f"line {line} of '{path}'"
+        if len(fields) != len(_HEADER):
+            raise InputError(f"{where} has {len(fields)} columns; expected {','.join(_HEADER)}.")
+        number, k = (_whole(fields[column], f"{where}: {_HEADER[column]} is") for column in (0, 2))
+        x, y = (
+            parse_number(fields[column], f"{where}: {_HEADER[column]} is", "give pixels")
+            for column in (3, 4)
+        )
+        if first <= number <= until:
+            points.setdefault((number, fields[1]), {})[k] = x, y
     return {
         key: np.array([places[k] for k in sorted(places)]) for key, places in sorted(points.items())
     }
+
+
+def _whole(field: str, place: str) -> int:
+    value = parse_number(field, place, "give a whole number")
+    if value != int(value):
+        raise InputError(f"{place} {field[:40]}; give a whole number.")
+    return int(value)

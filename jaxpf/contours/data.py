@@ -66,7 +66,7 @@ class Learned(NamedTuple):
     dynamics: "LinearGaussian | None"
 
     def dynamics_of(self, num_targets: int) -> "LinearGaussian | None":
-        """The same dynamics for each of so many targets."""
+        """The same dynamics for each of a number of targets."""
         from jaxpf.dynamics.gaussian import LinearGaussian
 
         if self.dynamics is None:

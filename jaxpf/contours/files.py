@@ -1,4 +1,4 @@
-"""Files of contours: where targets that are told by their outlines start, and their tracks.
+"""Files of contours: where targets known by their outlines start, and their tracks.
 
 JSON, written by hand or from a mask::
 

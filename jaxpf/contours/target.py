@@ -1,4 +1,4 @@
-"""Contours: targets that are told by their outlines, look-alikes among them (maccormick1999).
+"""Contours: targets known by their outlines, look-alikes among them (maccormick1999).
 
 A contour is a partition whose substate is a point of a shape space, such as ``jaxpf.shapes.spaces``
 has; all coordinates are in pixels.
@@ -20,7 +20,7 @@ from jaxpf.targets.target import Looks, Start, Target
 
 #: Pieces of the polyline that a contour is reported as.
 PIECES = 64
-#: While contours are apart nothing tells their order, and what few particles keep of it is chance.
+#: The order of contours that are apart is unknown, and what few particles keep of it is chance.
 _FLIP = 0.5
 
 
@@ -53,10 +53,10 @@ class Options:
     )
     exclusion: str = option(
         "wires",
-        "How contours exclude one another: wires, opaque or none.  Of wires no edge serves two; "
-        "opaque is the same of two to four closed contours, the nearer of which hide others; with "
-        "none an edge may serve several, which lets look-alikes coalesce.  wires-literal and "
-        "opaque-literal are as published: an edge counts again on every contour near it.",
+        "How contours exclude one another: wires, opaque or none.  An edge serves one wire only; "
+        "opaque is the same for two to four closed contours, where nearer ones hide others; with "
+        "none an edge may serve several contours, so that look-alikes coalesce.  wires-literal, "
+        "opaque-literal and none-literal are as published: every line near an edge counts it.",
         choices=EXCLUSIONS,
         common=True,
         compiles=True,
@@ -274,7 +274,7 @@ def shapes_of(tracker: Any, estimate: Any) -> np.ndarray:
     """Shapes ``[..., P, S]`` of estimates, as the tracker's shape space draws them.
 
     Raises:
-        InputError: a user's likelihood that tells no shape space.
+        InputError: a user's likelihood without a shape space.
     """
     space = getattr(tracker.likelihood, "space", None)
     if space is None:

@@ -23,6 +23,8 @@ likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log
                                                                            ``form``,
                                                                            ``expecting``,
                                                                            ``log_odds``
+proposal      ``propose`` or ``propose_all``,                              ``of_model``
+              ``log_density`` or ``log_density_all``
 observation   any pytree                                                   ``take_frame``
 sampler       ``__call__(key) -> [P, D]``                                  ``independent``
 ============  ===========================================================  =====================
@@ -265,6 +267,44 @@ class Likelihood:
         return jax.vmap(self.log_prob, in_axes=(None, 0, 1))(observation, partition, substates)
 
 
+class Proposal:
+    """What draws a substate in place of the dynamics, given the frame.
+
+    For ``jaxpf.Partitioned(proposal=...)``, on dynamics with ``log_density``.  Define ``propose``
+    or ``propose_all``, and ``log_density`` or ``log_density_all``; ``log_density`` must be positive
+    wherever the transition density is.  A proposal that needs the model's own dynamics and
+    likelihood also defines ``of_model(dynamics, likelihood) -> proposal``, called in every frame;
+    there is no default.
+    """
+
+    def propose(self, key, observation, partition, current, previous, parent) -> jax.Array:
+        """The new substate ``[D]``; ``parent`` ``[D]`` is already moved, zeros for a root."""
+        _check_defined(self, Proposal, "propose", "propose_all")
+        columns = (x[:, None] for x in (current, previous, parent))
+        return self.propose_all(key, observation, jnp.asarray(partition)[None], *columns)[:, 0]
+
+    def propose_all(self, key, observation, partition, current, previous, parent) -> jax.Array:
+        """The same for N particles, ``[D, N]``: ``partition`` ``[N]``, substates ``[D, N]``."""
+        _check_defined(self, Proposal, "propose", "propose_all")
+        keys = jax.random.split(key, partition.shape[0])
+        return jax.vmap(self.propose, in_axes=(0, None, 0, 1, 1, 1), out_axes=1)(
+            keys, observation, partition, current, previous, parent
+        )
+
+    def log_density(self, observation, partition, new, current, previous, parent) -> jax.Array:
+        """Log of the density ``[]`` from which ``propose`` draws ``new`` ``[D]``."""
+        _check_defined(self, Proposal, "log_density", "log_density_all")
+        columns = (x[:, None] for x in (new, current, previous, parent))
+        return self.log_density_all(observation, jnp.asarray(partition)[None], *columns)[0]
+
+    def log_density_all(self, observation, partition, new, current, previous, parent) -> jax.Array:
+        """The same for N particles, ``[N]``: substates ``[D, N]``."""
+        _check_defined(self, Proposal, "log_density", "log_density_all")
+        return jax.vmap(self.log_density, in_axes=(None, 0, 1, 1, 1, 1))(
+            observation, partition, new, current, previous, parent
+        )
+
+
 # --- What is optional, asked for -----------------------------------------------------------
 
 
@@ -317,6 +357,11 @@ def at_frame(tracker: Any, time: Any) -> Any:
     return changed_inside(tracker, "dynamics", lambda dynamics: dynamics.at_frame(time))
 
 
+def first_motion(dynamics: Any) -> Any:
+    """The dynamics that lead to frame 0: themselves, unless they change with time."""
+    return dynamics.at_frame(0) if hasattr(dynamics, "at_frame") else dynamics
+
+
 def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any:
     """A tracker, or the one that it wraps as its ``tracker``, with one field changed.
 
@@ -336,7 +381,7 @@ def check_uncoupled(dynamics: Any, what: str) -> None:
     Raises:
         InputError: ``what`` does not go with them.
     """
-    if is_coupled(dynamics):
+    if is_coupled(first_motion(dynamics)):
         raise InputError(
             f"{type(dynamics).__name__} moves a partition by all the others, which does not go "
             f"with {what}; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single "
@@ -346,6 +391,7 @@ def check_uncoupled(dynamics: Any, what: str) -> None:
 
 def has_log_density(dynamics: Any) -> bool:
     """Whether the density of a move is known."""
+    dynamics = first_motion(dynamics)
     return hasattr(dynamics, "log_density") or hasattr(dynamics, "log_density_all")
 
 
@@ -356,7 +402,8 @@ def log_density_all(dynamics, partition, new, current, previous, parent) -> jax.
 
 
 def has_prediction(dynamics: Any) -> bool:
-    """Whether it is known where a substate is expected."""
+    """Whether the dynamics say where a substate is expected."""
+    dynamics = first_motion(dynamics)
     return hasattr(dynamics, "predict") or hasattr(dynamics, "predict_all")
 
 
@@ -364,6 +411,35 @@ def predict_all(dynamics, partition, current, previous) -> jax.Array:
     """Substates ``[D, N]`` moved without noise, by the batched method if there is one."""
     method = method_of(dynamics, DynamicsWithPrediction, "predict_all")
     return method(partition, current, previous)
+
+
+def proposal_of(proposal: Any, dynamics: Any, likelihood: Any) -> Any:
+    """A proposal that knows the model, if it asks for it (``of_model``)."""
+    return proposal.of_model(dynamics, likelihood) if hasattr(proposal, "of_model") else proposal
+
+
+def propose_all(proposal, key, observation, partition, current, previous, parent) -> jax.Array:
+    """Proposed substates ``[D, N]``, by the batched method if there is one."""
+    method = method_of(proposal, Proposal, "propose_all")
+    return method(key, observation, partition, current, previous, parent)
+
+
+def proposal_log_density_all(
+    proposal, observation, partition, new, current, previous, parent
+) -> jax.Array:
+    """Log-densities ``[N]`` of proposing ``new`` ``[D, N]``, by the batched method if any."""
+    method = method_of(proposal, Proposal, "log_density_all")
+    return method(observation, partition, new, current, previous, parent)
+
+
+def as_seen(likelihood: Any, observation: Any) -> tuple[Any, Any, Any]:
+    """The model's likelihood, its observation, and whether that was seen, ``[]`` or ``[P]``.
+
+    None: all was.  A likelihood that wraps another for missing frames has ``as_seen(observation)``.
+    """
+    if hasattr(likelihood, "as_seen"):
+        return likelihood.as_seen(observation)
+    return likelihood, observation, None
 
 
 def log_prob_all(likelihood, observation, partition, substates) -> jax.Array:
@@ -410,18 +486,18 @@ def has_log_label(dynamics: Any) -> bool:
     The method ``log_label(new [], label [], substates [P, D]) -> []`` gives the log-probability
     with which ``propagate_label`` draws; ``jaxpf.smooth`` asks for it.  There is no default.
     """
-    return hasattr(dynamics, "log_label")
+    return hasattr(first_motion(dynamics), "log_label")
 
 
 def log_label(dynamics, new, label, substates) -> jax.Array:
-    """Log-probability ``[]`` that a label moves so; a label that nobody moves stays."""
+    """Log-probability ``[]`` of a label's move; without ``propagate_label`` labels stay."""
     if not hasattr(dynamics, "propagate_label"):
         return jnp.where(new == label, 0.0, -jnp.inf)
     return dynamics.log_label(new, label, substates)
 
 
 def expecting(likelihood: Any, estimates: jax.Array) -> Any:
-    """The likelihood, told what a filter last reported, ``[P, D]``, if it wants to know.
+    """The likelihood, given the filter's last estimates ``[P, D]`` if it asks for them.
 
     Its method ``expecting(estimates [P, D]) -> likelihood`` is asked once a frame, by filters that
     keep an estimate; there is no default.
@@ -430,7 +506,7 @@ def expecting(likelihood: Any, estimates: jax.Array) -> Any:
 
 
 def has_log_odds(likelihood: Any) -> bool:
-    """Whether a likelihood can tell how sure it is that an object is where it is reported.
+    """Whether a likelihood knows the odds that an object is where it is reported.
 
     Its method ``log_odds(observation, partition [], substate [D]) -> []``, or ``log_odds_all`` of
     ``partition`` ``[N]`` and ``substates`` ``[D, N]``, is asked once a frame, of the estimates, by
@@ -444,6 +520,16 @@ def log_odds_all(likelihood, observation, partition, substates) -> jax.Array:
     if hasattr(likelihood, "log_odds_all"):
         return likelihood.log_odds_all(observation, partition, substates)
     return jax.vmap(likelihood.log_odds, in_axes=(None, 0, 1))(observation, partition, substates)
+
+
+def was_observed(likelihood: Any, observation: Any) -> Any:
+    """Whether a frame was observed: ``[]`` or ``[P]`` bool, or true of every frame.
+
+    Its method ``was_observed(observation)`` is defined by ``jaxpf.running``'s wrapper for missing
+    frames; a confidence does not change in a frame that was not observed.
+    """
+    method = getattr(likelihood, "was_observed", None)
+    return True if method is None else method(observation)
 
 
 def has_state_gradient(likelihood: Any) -> bool:

@@ -25,7 +25,7 @@ OBJECTIVES = ("evidence", "position", "overlap", "crps")
 SHAPE_SPACES = ("translation", "similarity", "affine")
 #: How contours exclude one another: as wire frames, as opaque bodies, or not at all; and the first
 #: two as maccormick1999 prints them.
-EXCLUSIONS = ("wires", "opaque", "none", "wires-literal", "opaque-literal")
+EXCLUSIONS = ("wires", "opaque", "none", "wires-literal", "opaque-literal", "none-literal")
 #: What an annotator marks of a contour.
 ANNOTATIONS = ("masks", "outlines", "centrelines")
 #: What of the past may act on a coordinate, in dynamics that are learned: its own last steps; its

@@ -13,7 +13,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.contract.errors import InputError
+
 T = TypeVar("T")
+
+#: Of ``described``: characters of a line, sizes of arrays that are read and shown, dtypes.
+_LINE, _READ, _SHOWN = 96, 10_000, 6
+_SHORT_KINDS = (("uint", "u"), ("int", "i"), ("bfloat", "bf"), ("float", "f"), ("complex", "c"))
 
 
 def static_field(**kwargs: Any) -> Any:
@@ -25,9 +31,12 @@ def static_field(**kwargs: Any) -> Any:
 def pytree_dataclass(cls: type[T]) -> type[T]:
     """Make ``cls`` a frozen dataclass and register it as a pytree with named keys.
 
-    Objects are equal if they are the same: arrays are not compared.
+    Objects are equal if they are the same: arrays are not compared.  They print as a few lines, see
+    ``described``.
     """
-    cls = dataclasses.dataclass(frozen=True, eq=False)(cls)
+    if "__repr__" not in vars(cls):
+        cls.__repr__ = described  # type: ignore[method-assign]
+    cls = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
     fields = dataclasses.fields(cls)  # type: ignore[arg-type]
     data_names = tuple(f.name for f in fields if not f.metadata.get("static", False))
     static_names = tuple(f.name for f in fields if f.metadata.get("static", False))
@@ -58,6 +67,19 @@ def is_concrete(*values: Any) -> bool:
     return not any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
 
 
+def check_not_traced(what: str, remedy: str, *values: Any) -> None:
+    """Refuse tracers where a Python loop gives NumPy arrays frame by frame.
+
+    Raises:
+        InputError: a value is traced.
+    """
+    if not is_concrete(*values):
+        raise InputError(
+            f"{what} loops over frames in Python and cannot be traced; call it outside of jit, "
+            f"vmap, grad and scan, or use {remedy}."
+        )
+
+
 def as_array(value: Any, dtype: Any = None) -> jax.Array:
     """``jnp.asarray(value, dtype)``, where NumPy converts what is not JAX's yet.
 
@@ -68,3 +90,81 @@ def as_array(value: Any, dtype: Any = None) -> jax.Array:
     value = np.asarray(value)
     wanted = jax.dtypes.canonicalize_dtype(value.dtype if dtype is None else dtype)
     return jax.device_put(value.astype(wanted))
+
+
+def described(value: Any, first: str = "", nested: bool = False) -> str:
+    """A value in a few lines: arrays by dtype, shape and values, or the range of many.
+
+    Only the values of small arrays are read, and of none that is traced.  Fields that are None, and
+    settings that are the default, are left out.
+
+    Args:
+        value: a pytree, or a part of one.
+        first: what stands before it in its line.
+        nested: whether it must fit a line.
+    """
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = [f for f in dataclasses.fields(value) if not _is_default(value, f)]
+        inner = [(f"{f.name}=", getattr(value, f.name)) for f in fields]
+        left, right = f"{type(value).__name__}(", ")"
+    elif isinstance(value, dict):
+        inner, left, right = [(f"{k!r}: ", x) for k, x in value.items()], "{", "}"
+    elif isinstance(value, list | tuple):
+        inner, (left, right) = [("", x) for x in value], "[]" if isinstance(value, list) else "()"
+        right = ",)" if isinstance(value, tuple) and len(value) == 1 else right
+    else:
+        return first + _described_leaf(value)
+    parts = [described(x, name, True) for name, x in inner if x is not None]
+    line = f"{first}{left}{', '.join(parts)}{right}"
+    if len(line) <= _LINE:
+        return line
+    if not nested:
+        return f"{first}{left}\n" + "".join(f"  {part},\n" for part in parts) + right
+    while parts and len(line) > _LINE:
+        parts.pop()
+        line = f"{first}{left}{''.join(f'{part}, ' for part in parts)}...{right}"
+    return line
+
+
+def _is_default(node: Any, field: Any) -> bool:
+    value = getattr(node, field.name, None)
+    return value is None or (
+        field.metadata.get("static", False)
+        and isinstance(value, bool | str | int | float)
+        and value == field.default
+    )
+
+
+def _described_leaf(value: Any) -> str:
+    if isinstance(value, jax.ShapeDtypeStruct | jax.Array | np.ndarray):
+        kind = str(value.dtype)
+        for long, short in _SHORT_KINDS:
+            kind = kind.replace(long, short)
+        text = f"{kind}{list(value.shape)}"
+        is_here = isinstance(value, np.ndarray) or (
+            isinstance(value, jax.Array)
+            and not isinstance(value, jax.core.Tracer)
+            and not value.is_deleted()
+            and value.is_fully_addressable
+        )
+        is_real = jnp.issubdtype(value.dtype, jnp.number) or value.dtype == bool
+        if not is_here or not is_real or not 0 < value.size <= _READ:
+            return text
+        values = np.asarray(value)
+        if values.size <= _SHOWN:
+            return f"{text} {_numbers(values)}"
+        if np.iscomplexobj(values):
+            return text
+        values = values.astype(float)
+        values = values[~np.isnan(values)]
+        ends = [f"{end(values):.4g}" for end in (np.min, np.max)] if values.size else ["nan"]
+        return f"{text} {'..'.join(dict.fromkeys(ends))}"
+    if callable(value) and hasattr(value, "__name__"):
+        return value.__name__
+    text = " ".join(repr(value).split())
+    return text if len(text) <= _LINE else f"{text[: _LINE - 4]} ..."
+
+
+def _numbers(values: np.ndarray) -> str:
+    text = np.array2string(values, precision=4, separator=", ", max_line_width=1000)
+    return " ".join(text.split())

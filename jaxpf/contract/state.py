@@ -34,14 +34,16 @@ class ParticleState:
         component: ``[N]`` int32, the component of the ordering that each particle belongs to.
         weighted: ``[]`` bool, false only for a set that was drawn and never weighed, which
             must not be resampled.
-        path_scores: ``[P, N]`` zeros with a derivative: that of the log-weights, told apart by
+        path_scores: ``[P, N]`` zeros with a derivative: that of the log-weights, by
             partition, each along its own lineage (``jaxpf.gradients.StopGradient``); else None.
         label: ``[N]`` int32, each particle's discrete label, whatever the ordering; None where
             particles carry none.
         log_odds: ``[P]``, that each object is where it is reported, smoothed over the frames so
-            far; None where the likelihood cannot tell.
+            far; None if the likelihood has no ``log_odds``.
         sources: ``[P, N]`` int32, which particle of the frame before each draw continues, for
-            ``jaxpf.filters``; None where nobody asks.
+            ``jaxpf.filters``; None unless asked for.
+        selections: ``[]``, how many selections this frame made, the draws of the first frame being
+            one; a selection of some components counts as their share.  None unless asked for.
     """
 
     lagged: jax.Array
@@ -53,6 +55,7 @@ class ParticleState:
     label: jax.Array | None = None
     log_odds: jax.Array | None = None
     sources: jax.Array | None = None
+    selections: jax.Array | None = None
 
     @property
     def substates(self) -> jax.Array:
@@ -89,7 +92,7 @@ class Summary:
             its own (``ess`` is then the smallest); else None.
         label_probabilities: ``[L]``, weight of the particles with each label; None without labels.
         confidence: ``[P]``, 0 to 1, how sure it is that each object is still there, near its
-            estimate; None where the likelihood cannot tell.
+            estimate; None if the likelihood has no ``log_odds``.
     """
 
     estimate: jax.Array

@@ -95,7 +95,9 @@ class WithOcclusion(contract.Dynamics):
         share = jnp.where(jnp.stack(over), 0.0, 1.0 / (count - 1))
         is_new = jnp.asarray(neighbours_exchanged(count))[label] == new
         moves = self.flip * jnp.sum(jnp.where(is_new, share, 0.0))
-        return jnp.where(new == label, jnp.log1p(-self.flip * jnp.sum(share)), jnp.log(moves))
+        log_moves = jnp.log(jnp.where(moves > 0, moves, 1.0))  # its derivative stays finite
+        log_moves = jnp.where(moves > 0, log_moves, -jnp.inf)
+        return jnp.where(new == label, jnp.log1p(-self.flip * jnp.sum(share)), log_moves)
 
     def _overlap(self, label, place, substates):
         """Whether the targets at a place of the order and at the next one overlap, bool ``[]``."""

@@ -40,9 +40,10 @@ class Plan:
             every worker then opens the scene itself, once.
         methods: of ``jaxpf.filters.methods()``; None for those of the usual filters that suit the
             scene; of a single object for the first of them, because all orderings coincide.
-        orders: for "ps": "shifts", every circular shift (of a part tree, level by level), or
-            permutations such as (2, 0, 1), counted from 0.
-        swaps: for "sps", of ``jaxpf.contract.names.SWAPS``.
+        orders: of the methods that have an order: "given", as the scene lists the objects (a part
+            tree level by level); "shifts", every circular shift; or permutations such as
+            (2, 0, 1), counted from 0.
+        swaps: of the methods that swap, from ``jaxpf.contract.names.SWAPS``.
         grid: name of an option -> its values; an option that is left out has its default.  They
             are those of the target (``jaxpf.targets``) and of the methods' filters, such as
             "sharpness", "scale", "particles" and "resampling".
@@ -60,7 +61,7 @@ class Plan:
 
     scene: Any
     methods: Sequence[str] | None = None
-    orders: Sequence[Any] = ("shifts",)
+    orders: Sequence[Any] = ("given",)
     swaps: Sequence[str] = ("combinatorial",)
     grid: Mapping[str, Sequence[Any]] = dataclasses.field(default_factory=dict)
     target: str | None = None
@@ -79,14 +80,13 @@ class Plan:
         self._keep("orders", [_order(value) for value in self.orders])
         swaps = options_of(*(one.options for one in filters.all_filters().values()))["swap"]
         self._keep("swaps", [swaps.checked(value, "swaps:") for value in self.swaps])
-        for name, given, default, owner in (
-            ("orders", self.orders, ("shifts",), "ps"),
-            ("swaps", self.swaps, ("combinatorial",), "sps"),
-        ):
-            if given != default and self.methods is not None and owner not in self.methods:
+        for name, option in (("orders", "order"), ("swaps", "swap")):
+            default = type(self).__dataclass_fields__[name].default
+            owners = _methods_with(option)
+            if getattr(self, name) != default and self.methods and not owners & {*self.methods}:
                 raise InputError(
-                    f"{name} are those of {owner}, which is not among the methods "
-                    f"{', '.join(self.methods)}; leave them out, or name it."
+                    f"{name} are those of {' and '.join(sorted(owners))}, which is not among the "
+                    f"methods {', '.join(self.methods)}; leave them out, or name it."
                 )
         object.__setattr__(self, "grid", self._checked_grid())
         for name, least, bound in (("runs", 1, _MOST_RUNS), ("seed", 0, 2**32)):
@@ -268,6 +268,17 @@ class Plan:
             yield {name: point[name] for name in names}
 
 
+def _methods_with(option: str) -> set[str]:
+    """The methods whose variants set an option, such as "order"."""
+    asked = {"order": ("given",), "swap": ("combinatorial",)}
+    return {
+        method
+        for filter_ in filters.all_filters().values()
+        for method in filter_.methods
+        if any(option in variant.values for variant in filter_.variants(method, (-1,), asked))
+    }
+
+
 def _counting(its: Filter, method: str) -> dict[str, bool]:
     """Name -> whether an option of a filter counts for one of its methods."""
     return counting(its.options(method=method))
@@ -354,12 +365,12 @@ def _allowed(options: Sequence[Option], value: Any) -> Any:
 
 
 def _order(value: Any) -> Any:
-    if value == "shifts":
+    if value in ("given", "shifts"):
         return value
     entries = () if isinstance(value, str) else tuple(value)
     if not entries or not all(isinstance(entry, int) for entry in entries):
         raise InputError(
-            f"orders: {value!r} is no order; give 'shifts', or the objects by their place, such "
-            "as (2, 0, 1)."
+            f"orders: {value!r} is no order; give 'given', 'shifts', or the objects by their "
+            "place, such as (2, 0, 1)."
         )
     return entries

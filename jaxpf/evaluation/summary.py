@@ -70,10 +70,10 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
     scored = has_scores() and any(len(entry.scores) for entry in collected)
     for measure in (*MEASURES, *(SCORES if scored else ())):
         for index, entry in enumerate(collected):
-            values = _values(entry, measure)
+            values = run_values(entry, measure)
             estimates[index][measure.name] = _estimate(entry, measure, values)
             if (reference := references[index]) is not None:
-                other = _values(collected[reference], measure)
+                other = run_values(collected[reference], measure)
                 differences[index][measure.name] = _difference(entry, measure, values, other)
         compared = [index for index in range(len(collected)) if references[index] is not None]
         if compared:
@@ -84,7 +84,7 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
     every = results.configurations
     speeds = read_speeds(results.folder, len(every))
     speeds = [speeds[every.index(entry.configuration)] for entry in collected]
-    at_once = {each.place: each for each in at_equal_time(collected, speeds, COMPARED, _values)}
+    at_once = {each.place: each for each in at_equal_time(collected, speeds, COMPARED, run_values)}
     return [
         Summary(
             configuration=entry.configuration,
@@ -140,7 +140,8 @@ def _references(collected: Sequence[Collected]) -> list[int | None]:
     return references
 
 
-def _values(entry: Collected, measure: Measure) -> Runs:
+def run_values(entry: Collected, measure: Measure) -> Runs:
+    """A measure of every run and object, with the weights of its mean."""
     if measure in SCORES:
         values = entry.scores[:, [SCORES.index(measure)]]
         return Runs(entry.runs[: len(values)], values, np.ones_like(values))

@@ -1,6 +1,6 @@
-"""What a filter says of itself, so that commands and evaluations need not know it by name."""
+"""What a filter offers to commands and evaluations, which need not know it by name."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from jaxpf.contract.model import Model
@@ -19,17 +19,17 @@ class Variant(NamedTuple):
 
 
 class Filter:
-    """How guesses are organised.
+    """A family of methods.
 
     Attributes:
-        name: by which the registry in ``jaxpf.filters`` knows it.
+        name: key in the registry of ``jaxpf.filters``.
         methods: names of its methods; the option ``method`` chooses one.
-        options: class of its options (``jaxpf.contract.options``), ``method`` and ``particles``
-            among them.
+        options: class of its options (``jaxpf.contract.options``), including ``method`` and
+            ``particles``.
         varied: names of its options that ``variants`` varies, and that no grid has.
         by_default: whether an evaluation that names no methods compares them.
         opens: whether partitions may come and go while it runs, see ``Model.is_open``.
-        nanoseconds: of one core per particle, partition and frame, the likelihood excluded.
+        nanoseconds: of one core per particle, partition and frame, without the likelihood.
     """
 
     name: str
@@ -41,11 +41,7 @@ class Filter:
     nanoseconds: float = 160.0
 
     def tracker(self, model: Model, options: Any) -> Any:
-        """The tracker of a model.
-
-        Raises:
-            InputError: options that do not go with each other, or with the model.
-        """
+        """The tracker of a model."""
         raise TypeError(f"{type(self).__name__} must define tracker")
 
     def admits(self, method: str, parents: Sequence[int]) -> bool:
@@ -53,34 +49,19 @@ class Filter:
         return True
 
     def check(self, options: Any, parents: Sequence[int]) -> None:
-        """Refuse options that do not go with a part tree, before anything is compiled.
-
-        Raises:
-            InputError: the sentence says which.
-        """
+        """Refuse options that do not fit a part tree, before anything is compiled."""
 
     def check_first(self, summary: Any, ids: Sequence[Any]) -> None:
-        """Refuse a start that the first frame shows to be hopeless.
+        """Refuse a start that the first frame's summary shows to be hopeless.
 
-        Args:
-            summary: of the first frame.
-            ids: what the partitions are called.
-
-        Raises:
-            InputError: the sentence says who cannot start.
+        ``ids`` are the partitions' names.
         """
 
     def variants(
-        self, method: str, parents: Sequence[int], asked: dict[str, Sequence[Any]]
+        self, method: str, parents: Sequence[int], asked: Mapping[str, Sequence[Any]]
     ) -> list[Variant]:
-        """The ways in which an evaluation runs a method.
+        """The ways in which an evaluation runs a method on a part tree.
 
-        Args:
-            method: of ``methods``.
-            parents: the part tree.
-            asked: what was asked for each of ``varied``.
-
-        Raises:
-            InputError: an order that is no permutation, and the like.
+        ``asked`` holds the values requested for each of ``varied``.
         """
         return [Variant("", {"method": method})]

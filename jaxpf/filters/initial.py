@@ -1,4 +1,4 @@
-"""The state just before the first frame, and numbers of particles, as every filter takes them."""
+"""Checks of the initial state and of numbers of particles, for every filter."""
 
 from typing import Any
 
@@ -10,14 +10,9 @@ from jaxpf.contract.pytree import as_array, is_concrete
 
 
 def checked_initial(initial: Any, may_be_empty: bool = False) -> Any:
-    """An initial state as an array of floats, or the sampler that it is.
+    """A user's initial state as an array of floats; a sampler is returned as it is.
 
-    Args:
-        initial: what a user gave.
-        may_be_empty: whether a row of nothing but NaN stands for nobody.
-
-    Raises:
-        InputError: no array of finite, real numbers; what it is, and where.
+    If it ``may_be_empty``, a row of NaN stands for an empty slot.
     """
     if callable(initial):
         return initial
@@ -26,16 +21,12 @@ def checked_initial(initial: Any, may_be_empty: bool = False) -> Any:
     initial = as_array(initial)
     if not jnp.issubdtype(initial.dtype, jnp.floating):
         return initial.astype(jnp.result_type(float))
-    # Half precision tells no two particles apart.
+    # Half precision cannot tell particles apart.
     return initial.astype(jnp.promote_types(initial.dtype, jnp.float32))
 
 
 def check_count(name: str, value: Any) -> None:
-    """Refuse what is no whole number of at least one.
-
-    Raises:
-        InputError: the sentence names the argument.
-    """
+    """Refuse a ``value`` of the argument ``name`` that is not a whole number of at least one."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise InputError(f"{name}={value!r} must be a whole number, at least 1.")
 
@@ -51,8 +42,8 @@ def _check(initial: Any, may_be_empty: bool) -> None:
         raise InputError("initial holds truth values; give numbers, [P, D].")
     if not jnp.issubdtype(values.dtype, jnp.number):
         raise InputError(
-            f"initial is {type(initial).__name__}, no array of numbers; give [P, D], or a sampler "
-            "key -> [P, D]."
+            f"initial is {type(initial).__name__}, not an array of numbers; give [P, D], or a "
+            "sampler key -> [P, D]."
         )
     values = np.asarray(values, float)
     is_wrong = ~np.isfinite(values)

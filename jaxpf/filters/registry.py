@@ -1,4 +1,4 @@
-"""How guesses are organised: one folder or file per filter, and resampling, which they share.
+"""Particle filters: one folder or file for each family, and what they share.
 
 To add a filter, write a ``Filter`` and enter it in ``_FILTERS``.
 """
@@ -11,7 +11,7 @@ from jaxpf.contract.errors import InputError
 if TYPE_CHECKING:
     from jaxpf.filters.filter import Filter
 
-#: Name -> where its ``Filter`` stands.
+#: Name -> address of its ``Filter``.
 _FILTERS = {
     "partitioned": "jaxpf.filters.partitioned.options:PARTITIONED",
     "factored": "jaxpf.filters.factored.options:FACTORED",
@@ -21,25 +21,21 @@ _FILTERS = {
 
 def all_filters() -> "dict[str, Filter]":
     """All filters, by name."""
-    found = {}
+    loaded = {}
     for name, place in _FILTERS.items():
         module, _, attribute = place.partition(":")
-        found[name] = getattr(importlib.import_module(module), attribute)
-    return found
+        loaded[name] = getattr(importlib.import_module(module), attribute)
+    return loaded
 
 
 def methods() -> tuple[str, ...]:
     """The methods of all filters."""
-    return tuple(method for one in all_filters().values() for method in one.methods)
+    return tuple(method for filter_ in all_filters().values() for method in filter_.methods)
 
 
 def filter_of(method: str) -> "Filter":
-    """The filter that a method belongs to.
-
-    Raises:
-        InputError: no filter has it.
-    """
-    for one in all_filters().values():
-        if method in one.methods:
-            return one
+    """The filter that a method belongs to."""
+    for filter_ in all_filters().values():
+        if method in filter_.methods:
+            return filter_
     raise InputError(f"method {method!r} is unknown; choose one of {', '.join(methods())}.")

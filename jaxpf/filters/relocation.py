@@ -1,15 +1,18 @@
 """Relocation: an object that is probably lost may be anywhere in the frame.
 
-The motion of a partition whose confidence is low is a mixture: with probability 1 - epsilon it
-moves as its dynamics say, and with probability epsilon its centre, the substate's first two
-coordinates, is uniform over the frame and at rest, while all else moves as ever.  Epsilon depends
-on the past alone: on the confidence before the frame.
+A partition with low confidence moves by a mixture: with probability 1 - epsilon by its dynamics,
+and with probability epsilon its centre, the substate's first two coordinates, is uniform over the
+frame and at rest, while its other coordinates move by the dynamics.  Epsilon depends on the
+confidence before the frame alone.
 
-To propose places uniformly would find nothing.  Draws come from a density that is constant in each
-cell of a coarse grid over the frame, and there in proportion to the likelihood at the cell's
-centre, tempered, and mixed with the uniform density.  A draw has the weight uniform / density,
-which stands beside its likelihood: of the mixture, given its epsilons, every weight is proper, and
-the evidence unbiased.
+Uniform places would hit nothing.  Jumps are drawn from a density that is constant in each cell of a
+coarse grid, there in proportion to the tempered likelihood at the cell's centre, mixed with the
+uniform density.  Each jump has the weight uniform / drawn density.  Given its epsilons, every
+weight of the mixture is proper and the evidence unbiased; that is the evidence of a fixed model
+where the log odds depend on the frames alone, and not on the filter's own estimates.
+
+Relocation is not a ``jaxpf.contract.Proposal``: it changes the model, needs no density of the
+dynamics, and also sets the substate before the jump.
 """
 
 import math
@@ -26,11 +29,11 @@ from jaxpf.contract.names import PROBABLY_LOST
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass, static_field
 from jaxpf.lowering.prefix import running_sum
 
-#: Of the grid, about.
+#: Approximate number of cells of the grid.
 _CELLS = 800
-#: Power of the likelihood to which cells are proposed: centres of cells miss its peaks.
+#: Power of the likelihood by which cells are drawn: their centres miss its peaks.
 _TEMPER = 0.5
-#: Share of the uniform density in what is proposed, which bounds the weights.
+#: Share of the uniform density in the jumps' density, which bounds the weights.
 _UNIFORM = 0.1
 
 
@@ -39,8 +42,8 @@ class Relocation:
     """Where objects that are probably lost may be, and how likely that is.
 
     Attributes:
-        epsilon: probability per frame that a particle of an object that is lost for certain is
-            anywhere, ``[]`` or ``[P]``; it falls to 0 as the confidence rises to one half.
+        epsilon: probability per frame that a particle of a certainly lost object jumps, ``[]`` or
+            ``[P]``; it falls to 0 as the confidence rises to one half.
         extent: width and height of the frame, ``[2]``, pixels.
         grid: static, rows and columns of cells.
     """
@@ -56,7 +59,7 @@ class Relocation:
 
 
 def relocation_in(frame_shape: tuple[int, int], epsilon: Any) -> Relocation:
-    """Relocation in a frame of that height and width, on some 800 cells that are about square."""
+    """Relocation in a frame ``(height, width)``, on some 800 cells that are about square."""
     height, width = frame_shape
     rows = max(round(np.sqrt(_CELLS * height / width)), 1)
     extent = np.array([width, height], np.float32)
@@ -64,20 +67,17 @@ def relocation_in(frame_shape: tuple[int, int], epsilon: Any) -> Relocation:
 
 
 def check_relocation(tracker: Any) -> None:
-    """Refuse to relocate where nobody tells who is lost, or where it would be wrong.
-
-    Raises:
-        InputError: the sentence says what is missing.
-    """
-    its, likelihood = tracker.relocation, tracker.likelihood
-    if its is None:
+    """Refuse to relocate where no confidence is reported, or where it would be wrong."""
+    relocation, likelihood = tracker.relocation, tracker.likelihood
+    if relocation is None:
         return
     if not contract.has_log_odds(likelihood):
         raise InputError(
-            f"relocation needs a likelihood that tells who is lost, and "
+            f"relocation needs a likelihood that reports which objects are lost, and "
             f"{type(likelihood).__name__} has no log_odds; leave relocation out, or use a "
-            "discriminative one."
+            "discriminative likelihood."
         )
+    contract.check_uncoupled(tracker.dynamics, "relocation")
     for used, what in (
         (any(parent >= 0 for parent in getattr(tracker, "parents", ())), "a part tree"),
         (getattr(tracker, "population", "fixed") == "open", "an open population"),
@@ -87,7 +87,7 @@ def check_relocation(tracker: Any) -> None:
         if used:
             raise InputError(f"relocation does not go with {what}; leave one of them out.")
     for name, least, most in (("epsilon", 0, 1), ("extent", 1, np.inf)):
-        value = getattr(its, name)
+        value = getattr(relocation, name)
         if is_concrete(value) and not np.all(
             (np.asarray(value) >= least) & (np.asarray(value) <= most)
         ):
@@ -95,12 +95,12 @@ def check_relocation(tracker: Any) -> None:
 
 
 class Jumps(NamedTuple):
-    """What is drawn for a frame, whether a particle needs it or not.
+    """Jumps of all partitions and particles in a frame, needed or not.
 
     Attributes:
         happens: bool ``[P, N]``.
         position: ``[2, P, N]``.
-        log_weight: ``[P, N]``, log of uniform over proposed density.
+        log_weight: ``[P, N]``, log of uniform over drawn density.
     """
 
     happens: jax.Array
@@ -108,48 +108,48 @@ class Jumps(NamedTuple):
     log_weight: jax.Array
 
 
-def drawn(
+def draw_jumps(
     tracker: Any, uniform: jax.Array, log_odds: jax.Array, estimate: jax.Array, observation: Any
 ) -> Jumps:
-    """The jumps of all partitions and particles; partitions that do not jump cost nothing.
+    """Draw a frame's jumps; partitions that do not jump cost nothing.
 
     Args:
         tracker: with ``relocation``.
         uniform: random numbers in [0, 1), ``[P, 4, N]``.
-        log_odds: ``[P]``, that objects were there in the frame before.
-        estimate: ``[D, P]``, of the frame before: how large they are, say.
+        log_odds: ``[P]``, that objects were at their estimates in the frame before.
+        estimate: ``[D, P]``, of the frame before, for the other coordinates (a size, say).
         observation: of this frame.
     """
-    its, dtype = tracker.relocation, estimate.dtype
-    epsilon = its.epsilon_at(jax.nn.sigmoid(log_odds)).astype(dtype)
+    dtype = estimate.dtype
+    epsilon = tracker.relocation.epsilon_at(jax.nn.sigmoid(log_odds)).astype(dtype)
 
     def of_partition(item):
         partition, epsilon, estimate, uniform = item
 
-        def drawn():
-            return _drawn(tracker, partition, epsilon, estimate, uniform, observation)
+        def draw():
+            return _draw_for_one(tracker, partition, epsilon, estimate, uniform, observation)
 
-        def none():
-            nobody = jnp.zeros(tracker.num_particles, dtype)
-            return Jumps(nobody > 0, jnp.stack([nobody, nobody]), nobody)
+        def stay():
+            zeros = jnp.zeros(tracker.num_particles, dtype)
+            return Jumps(zeros > 0, jnp.stack([zeros, zeros]), zeros)
 
-        return lax.cond(epsilon > 0, drawn, none)
+        return lax.cond(epsilon > 0, draw, stay)
 
     partitions = jnp.arange(tracker.num_partitions)
     jumps = lax.map(of_partition, (partitions, epsilon, estimate.T, uniform))
     return jumps._replace(position=jnp.swapaxes(jumps.position, 0, 1))
 
 
-def taken(
+def apply_jumps(
     jumps: Jumps, partition: jax.Array, substates: jax.Array, left: jax.Array
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Substates ``[D, N]`` of which some have jumped, those that they left, and log-weights.
 
     Args:
         jumps: of the frame.
-        partition: int ``[N]``, whose turn it is in each particle.
+        partition: int ``[N]``, the partition that each particle processes.
         substates: ``[D, N]``, moved.
-        left: ``[D, N]``, where they moved from; who jumped is at rest.
+        left: ``[D, N]``, the places they left; a jump overwrites these, too, so that it is at rest.
     """
     slot = jnp.arange(partition.shape[0])
     happens, position = jumps.happens[partition, slot], jumps.position[:, partition, slot]
@@ -161,11 +161,11 @@ def taken(
     return put(substates), put(left), log_weight
 
 
-def _drawn(tracker, partition, epsilon, estimate, uniform, observation) -> Jumps:
+def _draw_for_one(tracker, partition, epsilon, estimate, uniform, observation) -> Jumps:
     """The jumps of one partition: entries ``[N]``, positions ``[2, N]``, of ``uniform [4, N]``."""
-    its, dtype = tracker.relocation, estimate.dtype
-    rows, columns = its.grid
-    extent = jnp.asarray(its.extent, dtype)
+    relocation, dtype = tracker.relocation, estimate.dtype
+    rows, columns = relocation.grid
+    extent = jnp.asarray(relocation.extent, dtype)
     size = extent / jnp.array([columns, rows], dtype)
     centres = (jnp.stack(jnp.divmod(jnp.arange(rows * columns), columns)[::-1]) + 0.5) * size[
         :, None
@@ -190,10 +190,10 @@ def _drawn(tracker, partition, epsilon, estimate, uniform, observation) -> Jumps
 
 
 def _shares(log_prob: jax.Array) -> jax.Array:
-    """With what probability each cell is proposed, given log-likelihoods at their centres."""
-    known = jnp.isfinite(log_prob)
-    tempered = jnp.where(known, _TEMPER * jnp.where(known, log_prob, 0.0), -jnp.inf)
-    largest = jnp.where(jnp.any(known), jnp.max(tempered), 0.0)
+    """Probability of drawing each cell, given log-likelihoods at their centres."""
+    finite = jnp.isfinite(log_prob)
+    tempered = jnp.where(finite, _TEMPER * jnp.where(finite, log_prob, 0.0), -jnp.inf)
+    largest = jnp.where(jnp.any(finite), jnp.max(tempered), 0.0)
     raw = jnp.exp(tempered - largest)
     total = jnp.sum(raw)
     uniform = 1.0 / log_prob.shape[0]

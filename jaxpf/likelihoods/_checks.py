@@ -15,7 +15,7 @@ INTERPOLATIONS = ("nearest", "bilinear")
 
 
 def check_positive(name: str, value: Any) -> None:
-    """Refuse what is no positive, finite number."""
+    """Refuse all but positive, finite numbers."""
     if not (math.isfinite(value) and value > 0):
         raise InputError(f"{name} is {value}: it must be positive and finite.")
 

@@ -74,7 +74,7 @@ def check_sizes(sizes, parts, name):
 
 
 def check_settings(
-    sharpness, method, num_particles, num_runs, samples, num_parts, interpolation, form,
+    sharpness, method, num_particles, samples, num_parts, interpolation, form,
     background_frames,
 ):  # fmt: skip
     """Refuse what no histogram likelihood can be made with."""
@@ -87,9 +87,8 @@ def check_settings(
             "form is 'ratio', but there is no background_frames: give frames that show what "
             "the background looks like."
         )
-    for name, count in (("num_particles", num_particles or 1), ("num_runs", num_runs)):
-        if count < 1:
-            raise InputError(f"{name} is {count}: it must be at least 1.")
+    if num_particles is not None and num_particles < 1:
+        raise InputError(f"num_particles is {num_particles}: it must be at least 1.")
     if samples < num_parts:
         raise InputError(
             f"samples is {samples}, which leaves a part without samples: use {num_parts} or more."

@@ -23,7 +23,6 @@ import numpy as np
 from jaxpf.contract import Likelihood
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
-from jaxpf.likelihoods._costs import USUAL_RUNS, costs_of_frame_and_particle, estimated_costs
 from jaxpf.likelihoods._integral import (
     LANES,
     integral_similarity,
@@ -43,6 +42,10 @@ from jaxpf.likelihoods._sampled import group_distance, sample_table, sampled_sim
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.distance_law import learn_background, log_density
 from jaxpf.shapes.rectangles import cos_sin
+
+#: Runs that share an integral table, by which one is chosen: the choice changes results, which may
+#: not depend on the number of runs.
+_SHARING_RUNS = 25
 
 
 @pytree_dataclass
@@ -100,9 +103,12 @@ class HistogramLikelihood(Likelihood):
         return self.interpolation == "bilinear"
 
     def estimated_nanoseconds(self, frame_shape):
-        """About what a frame ``(height, width)`` costs for all, and a particle's part."""
-        settings = self.references.shape[1:], self.samples, self.interpolation
-        return costs_of_frame_and_particle(self.method, math.prod(frame_shape), *settings)
+        """Roughly the time of a frame ``(height, width)``, and of one partition of a particle."""
+        _, parts, bins = self.references.shape
+        slower = 15 if self.interpolation == "bilinear" else 1
+        if self.method == "sampled":
+            return 25.0 * math.prod(frame_shape), 3.0 * slower * self.samples**2
+        return (65 + 1.6 * bins) * math.prod(frame_shape), 100.0 + slower * parts * bins
 
     def observe(self, frame):
         """Work that depends on the frame alone, shared by all particles and runs.
@@ -222,7 +228,6 @@ def histogram(
     parts: int = 2,
     method: str = "auto",
     num_particles: int | None = None,
-    num_runs: int = USUAL_RUNS,
     samples: int = 16,
     references: Mapping[int, Any] | None = None,
     interpolation: str = "nearest",
@@ -236,14 +241,12 @@ def histogram(
             the reference, which is normalised over the pixels inside.
         sharpness: lambda of smith2004 (20 to 50 there).
         parts: horizontal bands of equal height.
-        method: ``"integral"``, ``"sampled"``, or ``"auto"``: the cheaper one by
-            :func:`estimated_costs` for ``num_runs`` runs; which was taken, the result's ``method``
-            tells.  The sampled method's d^2 is too large by about
+        method: ``"integral"``, ``"sampled"``, or ``"auto"``: integral if 25 runs have more than
+            one particle and object for every two pixels, or with bilinear interpolation; the
+            result's ``method`` says which.  The sampled method's d^2 is too large by about
             (K - 1) / (8 n) per part, K bins and n samples: choose by name where the two
             should be comparable.
-        num_particles: particles per run, for ``"auto"``; by default 300.
-        num_runs: runs that share a frame's work, for ``"auto"``: always 25 unless said, since
-            the two give other results, which may not depend on how many runs there are.
+        num_particles: particles per run, for ``"auto"``; default 300.
         samples: samples per side of a box, for the sampled method.
         references: object -> uint8 RGB patch [h, w, 3] from which that object's reference
             is learned instead (smith2004 learns one from a distracter).
@@ -279,7 +282,7 @@ def histogram(
             f"boxes: use 0 to {len(boxes) - 1}."
         )
     return _build(
-        np.array(learned), boxes[:, 2:], sharpness, method, num_particles, num_runs, samples,
+        np.array(learned), boxes[:, 2:], sharpness, method, num_particles, samples,
         bins.shape, interpolation, form, frame,
     )  # fmt: skip
 
@@ -292,7 +295,6 @@ def histogram_from_patches(
     parts: int = 2,
     method: str = "auto",
     num_particles: int | None = None,
-    num_runs: int = USUAL_RUNS,
     samples: int = 16,
     frame_shape: tuple[int, int] = (288, 360),
     interpolation: str = "nearest",
@@ -306,7 +308,7 @@ def histogram_from_patches(
         sizes: [P, 2], width and height of the boxes at scale 1, pixels; by default the
             sizes of the patches.
         frame_shape: height and width of the frames to come, for ``method="auto"``.
-        sharpness, parts, method, num_particles, num_runs, samples, interpolation, form: as in
+        sharpness, parts, method, num_particles, samples, interpolation, form: as in
             :func:`histogram`.
         background_frames: uint8 RGB [H, W, 3], from which ``form="ratio"`` learns the background.
 
@@ -329,19 +331,19 @@ def histogram_from_patches(
         )
     check_sizes(sizes, parts, "sizes")
     return _build(
-        learned, sizes, sharpness, method, num_particles, num_runs, samples, frame_shape,
+        learned, sizes, sharpness, method, num_particles, samples, frame_shape,
         interpolation, form, background_frames,
     )  # fmt: skip
 
 
 def _build(
-    learned, sizes, sharpness, method, num_particles, num_runs, samples, frame_shape,
+    learned, sizes, sharpness, method, num_particles, samples, frame_shape,
     interpolation, form, background_frames,
 ) -> HistogramLikelihood:  # fmt: skip
     """Keep the bins that a reference uses, choose the method, make the pytree."""
     num_objects, num_parts, _ = learned.shape
     check_settings(
-        sharpness, method, num_particles, num_runs, samples, num_parts, interpolation, form,
+        sharpness, method, num_particles, samples, num_parts, interpolation, form,
         background_frames,
     )  # fmt: skip
     used = np.flatnonzero(learned.any(axis=(0, 1)))
@@ -352,18 +354,9 @@ def _build(
     compact[..., : len(used)] = np.sqrt(learned[..., used])
     levels = used_levels(compact)
     if method == "auto":
-        costs = estimated_costs(
-            num_pixels=math.prod(frame_shape),
-            num_bins=num_bins,
-            num_levels=levels.shape[-1],
-            num_parts=num_parts,
-            num_objects=num_objects,
-            num_particles=num_particles or 300,
-            num_runs=num_runs,
-            samples=samples,
-            interpolation=interpolation,
-        )
-        method = min(costs, key=costs.__getitem__)
+        queries = num_objects * (num_particles or 300) * _SHARING_RUNS
+        dense = 2 * queries > math.prod(frame_shape) or interpolation == "bilinear"
+        method = "integral" if dense else "sampled"
     # Twice the size, four times the pixels, and a part must still count without wrapping.
     largest_part = max(width * math.ceil(height / num_parts) for width, height in sizes)
     distance = (

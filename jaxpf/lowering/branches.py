@@ -25,7 +25,7 @@ def choose(
         predicate: ``[]`` bool, the same for all runs, or both are computed for every run.
         true: what is wanted where the predicate holds.
         false: what is wanted elsewhere, of the same shapes.
-        is_never_true: what shapes alone tell; the predicate is then not looked at.
+        is_never_true: known from shapes alone; the predicate is then ignored.
     """
     if is_never_true:
         # The barrier stands in for the branch's edge.

@@ -34,6 +34,11 @@ from .metrics import (
     uniqueness as uniqueness,
 )
 from .points import point_distances as point_distances
+from .scene_intervals import (
+    has_width as has_width,
+    paired_rates_interval as paired_rates_interval,
+    scene_interval as scene_interval,
+)
 from .scores import (
     CENTRE_THRESHOLDS as CENTRE_THRESHOLDS,
     OVERLAP_THRESHOLDS as OVERLAP_THRESHOLDS,

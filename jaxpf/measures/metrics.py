@@ -19,12 +19,20 @@ from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.scipy.special import logsumexp
 from jax.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.measures.intervals import Interval, as_float, masked_mean, mean_interval, wilson_interval
+from jaxpf.measures.intervals import (
+    Interval,
+    as_float,
+    masked_mean,
+    mean_interval,
+    wilson_interval,
+    within,
+)
 from jaxpf.shapes.rectangles import area, centres, intersection_area, is_proper
 
 Over = Literal["tracked", "all"]
@@ -60,21 +68,25 @@ def track_state(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Returns:
         ``[...]`` bool; false where there is no truth.
     """
+    _check_boxes(estimate, truth)
     return intersection_area(estimate, truth) > 0
 
 
 def precision(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[...]``: the share of the estimated area that is right, area(E and G) / area(E)."""
+    _check_boxes(estimate, truth)
     return _share_of_intersection(estimate, truth, area(estimate))
 
 
 def recall(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[...]``: the share of the true area that is found, area(E and G) / area(G)."""
+    _check_boxes(estimate, truth)
     return _share_of_intersection(estimate, truth, area(truth))
 
 
 def overlap(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[...]``: intersection over union, area(E and G) / area(E or G); not in smith2004."""
+    _check_boxes(estimate, truth)
     union = area(estimate) + area(truth) - intersection_area(estimate, truth)
     return _share_of_intersection(estimate, truth, union)
 
@@ -84,6 +96,7 @@ def centre_error(estimate: ArrayLike, truth: ArrayLike) -> Array:
 
     NaN where there is no truth, and where the estimate is not finite.
     """
+    _check_boxes(estimate, truth)
     offset = centres(estimate) - centres(truth)
     return jnp.where(has_truth(truth), jnp.hypot(offset[..., 0], offset[..., 1]), jnp.nan)
 
@@ -120,6 +133,7 @@ def success(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Returns:
         ``[..., P]`` bool; false for an object that never has truth.
     """
+    check_same_boxes(estimate, truth)
     return throughout(track_state(estimate, truth), _presence(estimate, truth))
 
 
@@ -136,6 +150,7 @@ def recovery(estimate: ArrayLike, truth: ArrayLike) -> Array:
     tracking" without saying for how long; this is the reading used here.  Arguments and result
     are as for ``success``.
     """
+    check_same_boxes(estimate, truth)
     return in_the_end(track_state(estimate, truth), _presence(estimate, truth))
 
 
@@ -143,7 +158,7 @@ def in_the_end(tracked: ArrayLike, present: ArrayLike) -> Array:
     """``recovery`` ``[..., P]`` from track states and presence, ``[..., T, P]`` bool each."""
     tracked, present = jnp.asarray(tracked), jnp.asarray(present)
     frames = jnp.arange(present.shape[-2])[:, None]
-    last = jnp.max(jnp.where(present, frames, -1), axis=-2, keepdims=True)
+    last = jnp.max(jnp.where(present, frames, -1), axis=-2, keepdims=True, initial=-1)
     return jnp.any(tracked & (frames == last), axis=-2)
 
 
@@ -244,16 +259,19 @@ def _summarise(estimate: Array, truth: Array, level: ArrayLike) -> dict[str, Int
         frames = jnp.sum(counts, axis=-2)
         return mean_interval(masked_mean(values, counts, -2), frames, axis=0, level=level)
 
+    def share(values: Array, counts: Array) -> Interval:
+        return within(pooled(values, counts), 0, 1)
+
     precisions, recalls = precision(estimate, truth), recall(estimate, truth)
     return {
         "success_rate": success_rate(estimate, truth, level),
         "recovery_rate": recovery_rate(estimate, truth, level),
-        "tracked": pooled(tracked.astype(precisions.dtype), present),
-        "precision": pooled(precisions, tracked),
-        "recall": pooled(recalls, tracked),
-        "precision_all": pooled(precisions, present),
-        "recall_all": pooled(recalls, present),
-        "overlap": pooled(overlap(estimate, truth), present),
+        "tracked": share(tracked.astype(precisions.dtype), present),
+        "precision": share(precisions, tracked),
+        "recall": share(recalls, tracked),
+        "precision_all": share(precisions, present),
+        "recall_all": share(recalls, present),
+        "overlap": share(overlap(estimate, truth), present),
         "centre_error": pooled(centre_error(estimate, truth), present),
     }
 
@@ -352,6 +370,32 @@ def uniqueness(lineage: ArrayLike) -> Array:
 # Helpers
 
 
+def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
+    """Refuse boxes ``[..., T, P, 4]`` of another number of frames or objects than the truth."""
+    shapes = np.shape(estimate), np.shape(truth)
+    if any(shape[-1:] != (4,) or len(shape) < 3 for shape in shapes) or (
+        shapes[0][-3:] != shapes[1][-3:]
+    ):
+        raise InputError(
+            f"boxes of the shapes {list(shapes[0])} and {list(shapes[1])} cannot be compared; "
+            "give [..., T, P, 4] of the same frames and objects"
+        )
+
+
+def _check_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
+    """Refuse what is not boxes ``[..., 4]`` of shapes that broadcast."""
+    shapes: tuple[tuple[int, ...], ...] = (np.shape(estimate), np.shape(truth))
+    try:
+        np.broadcast_shapes(*shapes)
+    except ValueError:
+        shapes = ()
+    if any(shape[-1:] != (4,) for shape in shapes) or not shapes:
+        raise InputError(
+            f"boxes of the shapes {list(np.shape(estimate))} and {list(np.shape(truth))} cannot be "
+            "compared; give [..., 4] and the same other axes"
+        )
+
+
 def _share_of_intersection(estimate: ArrayLike, truth: ArrayLike, whole: Array) -> Array:
     """area(E and G) / whole: 0 for an empty whole, NaN where there is no truth."""
     common = intersection_area(estimate, truth)
@@ -366,6 +410,7 @@ def _presence(estimate: ArrayLike, truth: ArrayLike) -> Array:
 
 
 def _frames_that_count(estimate: ArrayLike, truth: ArrayLike, over: Over) -> Array:
+    check_same_boxes(estimate, truth)
     if over == "tracked":
         return track_state(estimate, truth)
     if over == "all":

@@ -18,7 +18,7 @@ from jax.typing import ArrayLike
 from jaxpf.contract.errors import InputError
 from jaxpf.measures.association import pairwise_overlap
 from jaxpf.measures.intervals import masked_mean
-from jaxpf.measures.metrics import centre_error, has_truth, overlap
+from jaxpf.measures.metrics import centre_error, check_same_boxes, has_truth, overlap
 
 __all__ = [
     "CENTRE_THRESHOLDS",
@@ -98,6 +98,7 @@ def success_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Returns:
         ``[..., P, 21]``; NaN for an object that never has truth.
     """
+    check_same_boxes(estimate, truth)
     overlaps = overlap(estimate, truth)
     exceeds = overlaps[..., None] > jnp.asarray(OVERLAP_THRESHOLDS, overlaps.dtype)
     return _share_of_frames(exceeds.astype(overlaps.dtype), truth)
@@ -121,6 +122,7 @@ def precision_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Returns:
         ``[..., P, 51]``.
     """
+    check_same_boxes(estimate, truth)
     errors = centre_error(estimate, truth)
     within = errors[..., None] <= jnp.asarray(CENTRE_THRESHOLDS, errors.dtype)
     return _share_of_frames(within.astype(errors.dtype), truth)

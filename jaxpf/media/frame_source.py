@@ -68,6 +68,13 @@ class FrameSource:
             raise self._past_the_end(start, self.num_frames)
         return self._frames(start)
 
+    def times(self, count: int) -> np.ndarray:
+        """Seconds ``[count]`` from the first frame at which each of the first frames is shown.
+
+        The timestamps of a video, whose frame rate may vary; else index / fps.
+        """
+        return np.arange(count) / self.fps
+
     def __iter__(self) -> Generator[np.ndarray]:
         return self.frames()
 

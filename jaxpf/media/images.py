@@ -1,6 +1,7 @@
 """Single images as frames: finding their order, decoding them to RGB."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,97 @@ from jaxpf.contract.errors import InputError
 from jaxpf.media.quiet import quiet_opencv
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
+#: Values in a mask: one for each target, and some for soft edges.
+_MOST_VALUES, _SOFT = 64, 16
 VIDEO_SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".webm", ".wmv")
+
+
+def frame_number(name: str) -> int | None:
+    """The number at the end of a file's stem, which is the number of its frame: 12 of ``a012.png``.
+
+    None if the stem does not end in digits.
+    """
+    digits = re.search(r"(\d+)$", Path(name).stem)
+    return int(digits[1]) if digits else None
+
+
+def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
+    """Check that numbered files leave no frame out, since frames are told apart by their number.
+
+    Args:
+        folder: for messages.
+        names: of the files, in order.
+
+    Returns:
+        A remark where the numbers have a step other than 1.
+
+    Raises:
+        InputError: the steps differ, so that frames are missing.
+    """
+    numbers = [frame_number(name) for name in names]
+    if len(names) < 3 or None in numbers:
+        return None
+    steps = np.diff(np.array(numbers, int))
+    if np.any(steps != steps[0]):
+        place = int(np.argmax(steps != np.median(steps)))
+        raise InputError(
+            f"folder '{folder}' leaves numbers out: '{names[place + 1]}' follows '{names[place]}'; "
+            "a number in a name is the frame's number, so add the missing frames, or rename the "
+            "files if these frames follow one another"
+        )
+    if steps[0] == 1:
+        return None
+    return f"frames of '{folder}' are numbered in steps of {steps[0]}; they count as 0, 1, 2, ..."
+
+
+def read_mask(path: Path) -> np.ndarray:
+    """Read the object numbers of a mask, int ``[H, W]``; 0 is the background.
+
+    The number of a pixel is its palette index or its grey level.  A grey mask with more than
+    ``_SOFT`` levels marks one object with soft edges, and a coloured one one object of any colour.
+
+    Raises:
+        InputError: Pillow is missing, the file is no picture, or it holds several colours, which
+            are no numbers.
+    """
+    try:
+        from PIL import Image, UnidentifiedImageError
+    except ModuleNotFoundError:
+        raise InputError("masks need Pillow, which is missing; pip install 'jaxpf[cli]'.") from None
+    try:
+        with Image.open(path) as image:
+            if image.mode not in ("P", "L", "1", "I;16", "I"):
+                image = image.convert("RGB")
+            values = np.array(image)
+    except (OSError, UnidentifiedImageError, ValueError):
+        raise InputError(f"'{path}' is not a picture; replace or remove it.") from None
+    _check_mask(path, values)
+    if values.ndim == 2:
+        levels = values.astype(int)
+        is_soft = len(np.unique(levels)) > _SOFT
+        return (levels > 0).astype(int) if is_soft else levels
+    if np.all(values == values[..., :1]):
+        return values[..., 0].astype(int)
+    colours = np.unique(values.reshape(-1, 3), axis=0)
+    colours = colours[colours.any(axis=1)]
+    if len(colours) > 1:
+        shown = ", ".join("#" + "".join(f"{part:02x}" for part in colour) for colour in colours[:6])
+        raise InputError(
+            f"'{path}' marks objects by {len(colours)} colours ({shown}); save it as an indexed or "
+            "grey PNG, in which every object has a number of its own."
+        )
+    return values.any(axis=-1).astype(int)
+
+
+def _check_mask(path: Path, values: np.ndarray) -> None:
+    """Refuse photographs: a mask has few values."""
+    count = len(np.unique(values.reshape(values.shape[0] * values.shape[1], -1), axis=0))
+    if count > _MOST_VALUES:
+        kind = "grey levels" if values.ndim == 2 else "colours"
+        raise InputError(
+            f"'{path}' holds {count} {kind}, as a photograph does, and a mask has few; give "
+            "pictures that are 0 but on the target, without loss (PNG, not JPEG)."
+        )
 
 
 def natural_order(name: str) -> tuple[list[str | int], str]:
@@ -31,11 +122,27 @@ def frames_inside(folder: Path) -> Path | None:
     return None
 
 
-def read_image(path: Path) -> np.ndarray:
+def full_range(path: Path) -> int:
+    """The value of white in images of 16 bits like this one: 65535, or 4095 of 12 bits.
+
+    Cameras store 12 bits in images of 16; where no pixel is above 4095 they are taken for that.
+    """
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if image is None or image.dtype != np.uint16:
+        return 65535
+    return 4095 if 255 < image.max() <= 4095 else 65535
+
+
+def read_image(path: Path, most: int = 65535) -> np.ndarray:
     """Decode one image to uint8 RGB [H, W, 3].
 
+    Args:
+        path: the file.
+        most: value of white in an image of 16 bits, see ``full_range``.
+
     Raises:
-        InputError: it cannot be read or decoded, or has another depth than 8 or 16 bits.
+        InputError: it cannot be read or decoded, has another depth than 8 or 16 bits, or holds
+            several pictures.
     """
     try:
         data = path.read_bytes()
@@ -50,17 +157,30 @@ def read_image(path: Path) -> np.ndarray:
     if image is None:
         state = "damaged or not an image" if data else "empty (0 bytes)"
         raise InputError(f"image '{path}' cannot be decoded: it is {state}; replace or remove it")
-    return to_rgb(image, path)
+    return to_rgb(image, path, most)
 
 
-def to_rgb(image: np.ndarray, path: Path | str) -> np.ndarray:
+def check_single(path: Path) -> None:
+    """Refuse a TIFF or WebP file with several pictures, of which only the first would be read."""
+    if path.suffix.lower() in (".tif", ".tiff", ".webp"):
+        with quiet_opencv():
+            count = cv2.imcount(str(path))
+        if count > 1:
+            raise InputError(
+                f"'{path}' holds {count} pictures; split it into files of their own, as by "
+                f"`magick '{path.name}' -coalesce frames/%04d.png`, and give their folder"
+            )
+
+
+def to_rgb(image: np.ndarray, path: Path | str, most: int = 65535) -> np.ndarray:
     """From OpenCV's BGR [H, W, 3] or grey [H, W], 8 or 16 bits, to uint8 RGB [H, W, 3].
 
     Raises:
         InputError: another depth; ``path`` is named.
     """
     if image.dtype == np.uint16:
-        image = ((image.astype(np.uint32) * 255 + 32767) // 65535).astype(np.uint8)
+        scaled = (image.astype(np.uint32) * 255 + most // 2) // most
+        image = np.minimum(scaled, 255).astype(np.uint8)
     if image.dtype != np.uint8:
         raise InputError(
             f"'{path}' holds {image.dtype} pixels; convert it to 8 or 16 bits per channel"

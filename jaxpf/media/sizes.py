@@ -42,7 +42,7 @@ def _coded_sizes(path: str | os.PathLike[str]) -> Any:
     except ModuleNotFoundError:
         return
     try:
-        with av.open(os.fspath(path)) as container:
+        with av.open(os.path.abspath(path)) as container:
             stream = container.streams.video[0]
             yield from _sizes_in(container, stream, av.FFmpegError)
     except (av.FFmpegError, IndexError):

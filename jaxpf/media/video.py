@@ -14,7 +14,16 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource
-from jaxpf.media.images import IMAGE_SUFFIXES, frames_inside, natural_order, read_image, to_rgb
+from jaxpf.media.images import (
+    IMAGE_SUFFIXES,
+    check_consecutive,
+    check_single,
+    frames_inside,
+    full_range,
+    natural_order,
+    read_image,
+    to_rgb,
+)
 from jaxpf.media.live import LiveSource, live_address
 from jaxpf.media.quiet import quiet_opencv
 from jaxpf.media.sizes import SizeWatch
@@ -32,8 +41,9 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
     A folder's images (png, jpg, jpeg, bmp, tif, tiff, webp) are the frames, in natural order
     (``img2.png`` before ``img10.png``); hidden files are skipped.  Grey becomes RGB with three
     equal channels.  Alpha is dropped: the stored colours count, also where they are
-    transparent.  16 bits per channel are scaled to 8, full range to full range.  Rotation marks
-    of cameras (EXIF, video metadata) are applied.
+    transparent.  16 bits per channel are scaled to 8, full range to full range; where no value of
+    the first image is above 4095 that range is of 12 bits.  Rotation marks of cameras (EXIF, video
+    metadata) are applied.  Numbers at the end of the images' names must have one step.
 
     Live are a camera by its index (from 0, unless a file has that name) or device, a stream by its
     address (``http://``, ``rtsp://``, ...) and a pipe, where OpenCV opens them.
@@ -72,6 +82,7 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
     if not beginning:
         raise InputError(f"video '{path}' is empty (0 bytes); copy or record it again")
     if path.suffix.lower() in IMAGE_SUFFIXES:
+        check_single(path)
         raise InputError(
             f"'{path}' is a single image; give the folder that holds the images, or a video"
         )
@@ -103,13 +114,32 @@ class _VideoFile(FrameSource):
         fps_known = math.isfinite(announced_fps) and 0 < announced_fps <= 1000
         if fps is None and fps_known:
             self.fps = announced_fps
+        self._has_timestamps = fps is None
         self._announced_fps = announced_fps if fps_known else DEFAULT_FPS
         if math.isfinite(announced_count) and 1 <= announced_count < 1e9:
             self.frames_expected = int(announced_count)
 
     def _open(self) -> cv2.VideoCapture:
         with quiet_opencv():
-            return cv2.VideoCapture(str(self.path))
+            # An absolute path: FFmpeg takes what stands before a colon for a protocol.
+            return cv2.VideoCapture(str(Path(self.path).absolute()))
+
+    def times(self, count: int) -> np.ndarray:
+        """See ``FrameSource``; an ``fps`` in place of the container's replaces its timestamps."""
+        even = super().times(count)
+        if not self._has_timestamps:
+            return even
+        capture = self._open()
+        seconds: list[float] = []
+        try:
+            with quiet_opencv():
+                while len(seconds) < count and capture.grab():
+                    seconds.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1000)
+        finally:
+            capture.release()
+        shown = np.array(seconds)
+        is_whole = len(shown) == count and np.isfinite(shown).all() and np.all(np.diff(shown) > 0)
+        return shown - shown[0] if is_whole and count else even
 
     def _frames(self, start: int) -> Generator[np.ndarray]:
         capture, watch = self._open(), SizeWatch(self.path, start)
@@ -189,14 +219,20 @@ class _ImageFolder(FrameSource):
             raise InputError(
                 f"folder '{path}' holds no images ({suffixes}); give a folder that does"
             )
+        self.note = check_consecutive(path, [entry.name for entry in self._files])
+        for entry in self._files:
+            check_single(entry)
         self.frames_expected = self.num_frames = len(self._files)
         self.height, self.width = read_image(self._files[0]).shape[:2]
+        self._most = full_range(self._files[0])
+        if self._most == 4095:
+            self.note = f"no value in '{self._files[0]}' is above 4095, so its 16 bits count as 12"
         if len(files) == 1:
             self.note = f"folder '{path}' holds {found}"
 
     def _frames(self, start: int) -> Generator[np.ndarray]:
         for file in self._files[start:]:
-            frame = read_image(file)
+            frame = read_image(file, self._most)
             if frame.shape[:2] != (self.height, self.width):
                 raise InputError(
                     f"folder '{self.path}' mixes image sizes: '{self._files[0].name}' is "

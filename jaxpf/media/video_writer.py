@@ -116,7 +116,7 @@ class VideoWriter:
         other = next(name for name in SUFFIXES if name != self.codec)
         try:
             av.codec.Codec(encoder, "w")
-            container = av.open(str(self._temporary), "w", options=of_container)
+            container = av.open(str(self._temporary.absolute()), "w", options=of_container)
             stream: Any = container.add_stream(encoder, rate=rate)
             stream.height, stream.width = np.add(self._shape[:2], self._padding).tolist()
             stream.options = options

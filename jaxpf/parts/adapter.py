@@ -23,9 +23,9 @@ class PartAdapter(Adapter):
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "parts_file": {
             "type": Path,
-            "help": "Instead of boxes, the parts of an articulated object: CSV with the header "
-            "part,parent,x,y,w,h,angle (x, y the centre, angle in degrees clockwise, no parent: "
-            "root).",
+            "help": "CSV of the parts of one or several articulated objects, with the header "
+            "part,parent,x,y,w,h,angle (x, y: centre; angle: degrees clockwise; leave parent empty "
+            "for each object's root).",
         }
     }
 
@@ -46,7 +46,7 @@ class PartAdapter(Adapter):
         return PARTS.start(parts)
 
     def fits_scene(self, scene: Any) -> bool:
-        """Scenes of parts tell poses and who hangs on whom."""
+        """Whether the truth has poses and a part tree."""
         return {"poses", "parents"} <= set(scene.extras)
 
     def scene_shapes(self, scene: Any) -> np.ndarray:

@@ -47,14 +47,14 @@ def tracker(
     Args:
         frame: uint8 RGB ``[H, W, 3]``, in which the parts are; tracking goes on with the next one.
             It may be None where the likelihood is one of your own.
-        parts: who hangs on whom, where they are, and how large.
+        parts: tree, poses and sizes of the parts of one or several objects.
         method: ``"sps"`` (default), ``"ps"`` or ``"sir"``.
         particles: their number; default 300.
         likelihood: one of your own, of (u, v, scale, theta); or the name of the way to compute it.
         ordering: from ``jaxpf.ordering``, instead of a method.
         patches: P pictures, uint8 RGB ``[h, w, 3]``, upright, from which looks are learned instead
             of from the frame.
-        options: named as the flags of ``jaxpf track``, which tells what they mean; angles are in
+        options: named and explained as the flags of ``jaxpf track``; angles are in
             degrees: ``sharpness``, ``scale``, ``joint_scale``, ``dynamics``, ...
 
     Raises:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import read_rows
+from jaxpf.files.reading import parse_number, read_rows
 from jaxpf.files.writing import LineWriter
 from jaxpf.parts.target import Parts
 
@@ -23,16 +23,15 @@ _FARTHEST, _LONGEST_NAME = 1e9, 200
 TRACK_HEADER = "frame,part,x,y,w,h,angle"
 
 
-def read_parts(path: str | os.PathLike[str], *, one_root: bool = True) -> Parts:
-    """Read the parts of an object.
+def read_parts(path: str | os.PathLike[str]) -> Parts:
+    """Read the parts of one or several articulated objects.
 
     The file is CSV with the header ``part,parent,x,y,w,h,angle``: a name, its parent's name (empty
-    for a root), centre, width and height in pixels, and the angle in degrees, clockwise.  Parts
-    may come in any order.
+    for the root of an object), centre, width and height in pixels, and the angle in degrees,
+    clockwise.  Parts may come in any order.
 
     Args:
         path: the file; UTF-8, blank lines are skipped.
-        one_root: refuse a file with several roots.
 
     Raises:
         InputError: the file cannot be read, or a line cannot be used; the sentence says which.
@@ -71,7 +70,7 @@ def read_parts(path: str | os.PathLike[str], *, one_root: bool = True) -> Parts:
                 f"part of the file; its parts are {', '.join(names)}"
             )
         parents.append(names.index(parent) if parent else -1)
-    _check_tree(path, names, parents, one_root)
+    _check_no_circle(path, names, parents)
     table = np.array(numbers)
     return Parts(
         names=tuple(names),
@@ -134,20 +133,14 @@ def _lines(path: Path) -> list[tuple[int, list[str]]]:
 
 
 def _number(field: str, column: int, place: str) -> float:
-    try:
-        value = float(field)
-    except ValueError:
-        value = math.nan
-    if not abs(value) <= _FARTHEST:  # nor NaN
-        name = HEADER.split(",")[column - 1]
-        raise InputError(
-            f"{place} has '{field[:40]}' for {name} in column {column}; give a finite number, at "
-            f"most {_FARTHEST:.0f}"
-        )
+    name, remedy = HEADER.split(",")[column - 1], f"give a number of at most {_FARTHEST:.0f}"
+    value = parse_number(field, f"{place}: {name} (column {column}) is", remedy)
+    if abs(value) > _FARTHEST:
+        raise InputError(f"{place}: {name} (column {column}) is {value:g}; {remedy}")
     return value
 
 
-def _check_tree(path: Path, names: list[str], parents: list[int], one_root: bool) -> None:
+def _check_no_circle(path: Path, names: list[str], parents: list[int]) -> None:
     for part in range(len(parents)):
         trail = [part]
         while parents[trail[-1]] >= 0:
@@ -160,9 +153,3 @@ def _check_tree(path: Path, names: list[str], parents: list[int], one_root: bool
                 )
             if len(trail) > len(parents):
                 break  # it leads into a circle that does not hold this part
-    roots = [name for name, parent in zip(names, parents, strict=True) if parent < 0]
-    if one_root and len(roots) > 1:
-        raise InputError(
-            f"'{path}' has {len(roots)} roots, {', '.join(roots)}; an object has one, so give the "
-            "others a parent, or track the objects one by one"
-        )

@@ -1,5 +1,7 @@
 """Parts: rectangles of fixed size at any angle that hang on one another (gonzales2011).
 
+Several objects are one forest: each has a root.
+
 A part is a partition with substate (x, y, theta, ...): its centre in pixels and its angle in
 radians, clockwise in the image.  Options and files count angles in degrees.
 """
@@ -73,11 +75,11 @@ class Options:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Parts:
-    """The parts of an articulated object.
+    """The parts of one or several articulated objects.
 
     Attributes:
         names: of the P parts.
-        parents: index of each part's parent, -1 for a root.
+        parents: index of each part's parent, -1 for the root of an object.
         poses: ``[P, 3]``: x, y of the centre in pixels, and the angle in radians, clockwise.
         sizes: ``[P, 2]``: width and height in pixels.
     """

@@ -115,12 +115,12 @@ ADAPTER = PointAdapter()
 
 def _on_mask(path: Path, step: float, source: Any) -> Any:
     """Points of a grid on a mask of the frame's size."""
-    from jaxpf.media.images import read_image
+    from jaxpf.media.images import read_mask
     from jaxpf.points.files import grid_points
 
     if not path.is_file():
         raise InputError(f"there is no mask at '{path}'; give a picture that is 0 off the body.")
-    mask = read_image(path).any(axis=-1)
+    mask = read_mask(path) > 0
     if not mask.any():
         raise InputError(f"the mask '{path}' is 0 everywhere; mark the body in it.")
     if mask.shape != (source.height, source.width):

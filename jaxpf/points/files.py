@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import read_rows
+from jaxpf.files.reading import parse_number, read_rows
 from jaxpf.files.writing import LineWriter
 
 HEADERS = ("x,y", "x,y,name")
@@ -124,12 +124,7 @@ def _points(rows: list[tuple[str, list[str]]]) -> Points:
     for where, fields in rows:
         if len(fields) not in (2, 3):
             raise InputError(f"{where} has {len(fields)} value(s); {_REMEDY}")
-        try:
-            x, y = float(fields[0]), float(fields[1])
-        except ValueError:
-            raise InputError(f"{where} holds something that is not a number; {_REMEDY}") from None
-        if not (math.isfinite(x) and math.isfinite(y)):
-            raise InputError(f"{where} is not finite; say where the point is")
+        x, y = (parse_number(field, f"{where} holds", _REMEDY) for field in fields[:2])
         name = fields[2] if len(fields) == 3 and fields[2] else str(len(names))
         if name in names:
             raise InputError(f"{where} repeats the name '{name}'; give every point its own")

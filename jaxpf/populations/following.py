@@ -173,7 +173,7 @@ def follow(
     tracker: Labelled,
     key: jax.Array,
     frames: Iterable[np.ndarray],
-    detections: Sequence[np.ndarray] | None = None,
+    detections: Sequence[np.ndarray | None] | None = None,
     *,
     named: Sequence[tuple[int, int, np.ndarray]] = (),
     rules: Rules | None = None,
@@ -184,8 +184,8 @@ def follow(
         tracker: from ``open_box_tracker``; its capacity counts, not that of the rules.
         key: the run's random key.
         frames: uint8 RGB ``[H, W, 3]``, all of one size.
-        detections: boxes ``[M, 4]`` of every frame; with None only who is named starts, and to be
-            undetected ends nobody.
+        detections: boxes ``[M, 4]`` of every frame, or None for a frame in which the detector did
+            not run.  Without detections only named objects start, and being undetected ends none.
         named: time, id and box of objects that start when they are said to; ids from 0, each once.
 
     Raises:
@@ -211,7 +211,7 @@ def follow(
             tracker, likelihood=Detected(tracker.likelihood, nothing, nothing)
         )
     for time, frame in enumerate(frames):
-        known = None if detections is None else _of_frame(detections, time)
+        known = _of_frame(detections, time)
         if time > 0:
             tracker = _told(tracker, boxes, known, rules)
             state, summary = streaming.step(tracker, key, time - 1, state, frame)
@@ -233,9 +233,12 @@ def follow(
         yield TrackedPopulation(time, frame, living.ids, boxes, lost, changes, summary, state)
 
 
-def _of_frame(detections: Sequence[np.ndarray], time: int) -> np.ndarray:
+def _of_frame(detections: Sequence[np.ndarray | None] | None, time: int) -> np.ndarray | None:
+    if detections is None:
+        return None
     try:
-        return np.asarray(detections[time], float).reshape(-1, 4)
+        boxes = detections[time]
+        return None if boxes is None else np.asarray(boxes, float).reshape(-1, 4)
     except IndexError:
         raise InputError(
             f"detections end with frame {time - 1}, and there is a frame {time}; give boxes [M, 4] "
@@ -280,8 +283,10 @@ def _told(
     tracker: Labelled, boxes: np.ndarray, detections: np.ndarray | None, rules: Rules
 ) -> Labelled:
     """The tracker, told where its objects were found: near where they were a frame ago."""
-    if not isinstance(tracker.likelihood, Detected) or detections is None:
+    if not isinstance(tracker.likelihood, Detected):
         return tracker
+    if detections is None:
+        detections = np.zeros((0, 4))
     mine = association.assigned(boxes, detections, rules.birth_overlap)
     own = np.append(detections, np.full((1, 4), np.nan), axis=0)[mine]  # -1 is the last
     sizes = np.asarray(_of_pictures(tracker).sizes)

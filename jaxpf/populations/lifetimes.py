@@ -42,6 +42,13 @@ class Rules:
     birth_confidence: float | None = option(
         None, "With --births: leave out detections of a lower confidence.", kind=float
     )
+    detect_every: int | None = option(
+        None,
+        "With --births: the detector ran on every N-th frame; the frames between say nothing about "
+        "births and deaths.  By default derived from the frames of the detections.",
+        kind=int,
+        least=1,
+    )
     death_frames: int = option(
         6, "With --births: an object ends after so many frames in a row undetected.", least=1
     )

@@ -1,16 +1,15 @@
 """From weights to ancestors: resampling schemes, and weighted resampling.
 
-A scheme of one's own is a registered pytree (a class by ``jaxpf.pytree_dataclass``, or a function
+Your own scheme is a registered pytree (a class by ``jaxpf.pytree_dataclass``, or a function
 by ``jax.tree_util.Partial``) that goes wherever a name of ``SCHEMES`` does, as in
 ``jaxpf.Partitioned(resampling=...)``::
 
     __call__(key, log_weights [N], count) -> ancestors [count]
 
-It must be unbiased: particle i has ``count * w_i`` offspring on average, w its weight, and none
-where that is zero.  The weights that it is given sum to one, and ``count`` is a Python int.
-Filters call it within components and labels as they do the built-in ones: with C components it
-draws N ancestors in each of them, C times the work, and a component of n slots keeps n of its N,
-evenly spaced.
+It must be unbiased: particle i of weight w_i has ``count * w_i`` offspring on average, and none if
+w_i is zero.  The weights sum to one, and ``count`` is a Python int.  Filters call it within
+components and labels like the built-in ones: with C components it draws N ancestors in each of
+them, C times the work, and a component of n slots keeps n of its N, evenly spaced.
 """
 
 import lazy_loader

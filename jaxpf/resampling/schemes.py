@@ -1,6 +1,6 @@
 """Resampling schemes: the ancestors of contiguous components, each by its own weights.
 
-A user's own scheme stands in the same place as the built-in ones; see ``jaxpf.resampling``.
+For a user's own scheme see ``jaxpf.resampling``.
 """
 
 from typing import Any
@@ -37,8 +37,8 @@ class Own:
 
     It draws ``count`` = N ancestors from each of the C components, C times the work of a
     built-in scheme, except where one component holds all.  A component of n slots uses every
-    N/n-th of its draws, from a random place on: each of them with probability n/N, so that what
-    is unbiased stays so, and draws that lie evenly remain even.
+    N/n-th of its draws, from a random place on: each with probability n/N, so that an unbiased
+    scheme stays unbiased, and evenly spaced draws stay evenly spaced.
     """
 
     scheme: Any
@@ -59,7 +59,7 @@ class Own:
             draw_key, place_key = jax.random.split(key)
 
             def of_one(key, component):
-                # Nobody looks at what an empty component draws.
+                # An empty component's draws are not used.
                 is_empty = components.size[component] == 0
                 mine = (components.index == component) | is_empty
                 drawn = self.scheme(key, jnp.where(mine, log_weights, -jnp.inf), num)
@@ -78,11 +78,7 @@ class Own:
 
 
 def scheme_of(given: Any) -> BuiltIn | Own:
-    """A scheme by its name, or a user's own.
-
-    Raises:
-        InputError: an unknown name, or what is no scheme; the sentence says what is wanted.
-    """
+    """A scheme by its name, or a user's own, checked."""
     if isinstance(given, BuiltIn | Own):
         return given
     if isinstance(given, str) and given in SCHEMES:
@@ -90,18 +86,18 @@ def scheme_of(given: Any) -> BuiltIn | Own:
     if not callable(given):
         raise InputError(
             f"resampling={given!r} is not a resampling scheme; choose one of {', '.join(SCHEMES)}, "
-            "or give one of your own (see jaxpf.resampling)."
+            "or write your own (see jaxpf.resampling)."
         )
     name = getattr(given, "__name__", type(given).__name__)
     if any(leaf is given for leaf in jax.tree.leaves(given)):
         raise InputError(
-            f"the resampling scheme {name} is no pytree; wrap a function in "
+            f"the resampling scheme {name} is not a pytree; wrap a function in "
             "jax.tree_util.Partial, or decorate its class with @jaxpf.pytree_dataclass."
         )
-    found = jax.eval_shape(
+    drawn = jax.eval_shape(
         lambda scheme, key: scheme(key, jnp.zeros(4), 3), given, jax.random.key(0)
     )
-    shape, dtype = jnp.shape(found), getattr(found, "dtype", np.dtype(object))
+    shape, dtype = jnp.shape(drawn), getattr(drawn, "dtype", np.dtype(object))
     if shape != (3,) or not jnp.issubdtype(dtype, jnp.integer):
         raise InputError(
             f"the resampling scheme {name} returns {dtype} of shape {list(shape)} for count = 3; "

@@ -7,9 +7,9 @@ ones, particle i becomes ``n sum_j P_ij x_j``.  The plan is found by OTT's Sinkh
 
 What to expect.  Time and memory grow with N^2, the time of a gradient with N^3.  Blending pulls
 particles together, so that the evidence and the spread are biased, more so for a larger
-``epsilon``.  It mixes whole particles: all partitions, and the substates of the frame
-before as well.  A particle then descends from all others, so that lineages mean nothing: every
-particle is its own, and ``Summary.uniqueness`` is always 1; look at ``ess`` instead.
+``epsilon``.  It mixes whole particles: all partitions, and the substates of the frame before.  A
+particle then descends from all others, so that lineages mean nothing and ``Summary.uniqueness`` is
+always 1; look at ``ess`` instead.
 """
 
 import dataclasses
@@ -66,9 +66,6 @@ def blend(
 
     Returns:
         Blended substates, log-weights, and whether all components were blended.
-
-    Raises:
-        InputError: OTT is not installed.
     """
     cdf = component_cdf(log_weights, components)
     chosen = cdf.alive

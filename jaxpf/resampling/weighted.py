@@ -30,14 +30,11 @@ def ancestors(
     Args:
         key: a JAX random key.
         log_weights: ``[N]``, unnormalised; NaN counts as zero weight.
-        scheme: one of ``SCHEMES``, or a scheme of one's own.
+        scheme: one of ``SCHEMES``, or a user's own.
         components: how the slots divide into components; default one.
 
     Returns:
         ``[N]`` int32 indices of particles, each in its slot's own component.
-
-    Raises:
-        InputError: unknown scheme.
     """
     return weighted_resample(key, log_weights, log_weights, scheme, components)[0]
 
@@ -62,9 +59,9 @@ def weighted_resample(
         log_weights: ``[N]``.  A component's total weight is unchanged in expectation.
         log_selection: ``[N]``, log of the selecting function, unnormalised.  It must be
             finite wherever the weight is not zero.
-        scheme: one of ``SCHEMES``, or a scheme of one's own.
+        scheme: one of ``SCHEMES``, or a user's own.
         components: how the slots divide into components; default one.
-        largest: ``[C]``, the largest ``log_selection`` of each component, where it is known.
+        largest: ``[C]``, the largest ``log_selection`` of each component, if already computed.
 
     Returns:
         Ancestors ``[N]`` int32 and the new log-weights ``[N]``.

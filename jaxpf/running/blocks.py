@@ -49,13 +49,13 @@ def monte_carlo(
 ) -> Any:
     """Track one sequence many times, independently.
 
-    Runs are vectorised in blocks, see ``blocks_of``: how wide a run's block is depends on the
-    number of runs, not on the devices or chunks.  A run's result depends on its key alone: bit for
-    bit among blocks of one width, and equal to rounding among others.  What depends on a frame
-    alone (``tracker.observe``) is computed once per frame for all runs, and on one device only.
+    Runs are vectorised in blocks (``blocks_of``), whose width depends on the number of runs, not on
+    devices or chunks.  A run's result depends on its key alone: bit for bit between blocks of one
+    width, up to rounding between widths.  What depends on a frame alone (``tracker.observe``) is
+    computed once per frame for all runs, on one device only.
 
-    Frames travel to the devices in chunks, and states are carried from chunk to chunk: results
-    are the same bit for bit, and memory does not grow with T, but for what ``record`` keeps.
+    Frames travel to the devices in chunks, without changing a bit of the results: memory does not
+    grow with T, except for what ``record`` keeps.
 
     On a CPU one device uses little more than one core.  More host devices use the others:
     ``jax.config.update("jax_num_cpu_devices", 2)`` before JAX is first used.
@@ -101,13 +101,13 @@ def blocks_of(num_runs: int, asked: int | None = None) -> Blocks:
         asked: runs of which these are what is left to do; by default these.
     """
     if (num_runs if asked is None else asked) < WIDE:
-        found = (num_runs // NARROW, NARROW), (1, num_runs % NARROW)
+        blocks = (num_runs // NARROW, NARROW), (1, num_runs % NARROW)
     else:
         wide, left = divmod(num_runs, WIDE)
         if left >= _MANY_LEFT:
             wide, left = wide + 1, 0
-        found = (wide, WIDE), (-(-left // NARROW), NARROW)
-    return tuple((count, width) for count, width in found if count * width)
+        blocks = (wide, WIDE), (-(-left // NARROW), NARROW)
+    return tuple((count, width) for count, width in blocks if count * width)
 
 
 def run_blocks(
@@ -120,7 +120,7 @@ def run_blocks(
     frames_per_chunk: int | None = None,
     observed: Any = None,
 ) -> Any:
-    """``monte_carlo`` in blocks that are told; the last block of all may be filled up.
+    """``monte_carlo`` in given blocks, of which the last may be filled up.
 
     Raises:
         InputError: as for ``monte_carlo``.
@@ -145,29 +145,31 @@ def run_blocks(
 
     states, kept, length = None, [], 0
     for first, count, chunk in in_chunks(frames, frames_per_chunk, len(used)):
-        its, chunk = missing_frames.marked(
-            tracker, chunk
-        )  # frames one by one may turn out to be missing
+        of_chunk = tracker
+        if come_one_by_one(frames):
+            of_chunk, chunk = missing_frames.marked(
+                tracker, chunk
+            )  # only now is it known which are missing
         if states is None:
-            check_run(*missing_frames.unmarked(its, chunk))
+            check_run(*missing_frames.unmarked(of_chunk, chunk))
             states = _begin_compiled(tracker, batches, used)
         else:
             # One chunk is computed while the next one is read, and no more are waiting.
             jax.block_until_ready(kept[-1])
         times, groups = in_groups(first, chunk, used)
-        states, recorded = _advance_compiled(its, batches, states, times, groups, record, used)
+        states, recorded = _advance_compiled(of_chunk, batches, states, times, groups, record, used)
         kept.append(recorded)
         length = first + count
 
     if len(used) > 1:
-        # XLA takes only so many computations of a device that wait.  What is asked of the results
+        # XLA queues a limited number of computations per device.  What is asked of the results
         # before they are there can fill one device's places before the other's, and then devices
         # wait for one another for ever (seen: "all gather ... may be stuck").
         jax.block_until_ready(kept)
     return _joined(kept, tuple(sizes), length)
 
 
-# Compiled as a whole: JAX would compile every one of their operations by itself, at every start.
+# Compiled as a whole: else JAX compiles every operation separately, at every start.
 @jax.jit
 def _taken(keys: jax.Array, places: np.ndarray) -> jax.Array:
     return keys[places]
@@ -234,7 +236,7 @@ def advance_batches(
     Args:
         tracker: as for ``run``.
         keys: for each width ``[B, W]``, the runs of a block together.
-        states: before the chunk, likewise.
+        states: before the chunk, for each width ``[B, W, ...]``.
         times: ``[G, D]``, see ``in_groups``; one device has groups of one frame.
         groups: ``[G, D, ...]``.
         record: as for ``run``.

@@ -13,7 +13,7 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 
-#: So many particles are tried, to tell their axis from others.
+#: Particles in a trial call: a number that no other axis has by chance.
 _TRIED = 3
 
 
@@ -39,7 +39,7 @@ def check_run(tracker: Any, frames: Any) -> None:
     frame_leaves, frame_structure = jax.tree.flatten(first)
     shapes = tuple((np.shape(x), jnp.result_type(x)) for x in leaves)
     frame_shapes = tuple((x.shape, x.dtype) for x in frame_leaves)
-    # Told by the tracker itself: it may have to draw to know.
+    # Asked of the tracker here: it may have to draw from its initial sampler.
     num_partitions = getattr(tracker, "num_partitions", None)
     _check_methods(structure, shapes, frame_structure, frame_shapes, num_partitions)
 
@@ -83,13 +83,13 @@ def check_frames(frames: Any) -> None:
 def _check_methods(
     structure: Any, shapes: Any, frame_structure: Any, frame_shapes: Any, num_partitions: int | None
 ) -> None:
-    """What a model's methods return, told by their shapes alone; once for each kind of tracker."""
+    """Check the shapes that a model's methods return, once for each kind of tracker."""
 
-    def made(structure: Any, shapes: Any) -> Any:
+    def of_shapes(structure: Any, shapes: Any) -> Any:
         leaves = [jax.ShapeDtypeStruct(shape, dtype) for shape, dtype in shapes]
         return jax.tree.unflatten(structure, leaves)
 
-    tracker, frame = made(structure, shapes), made(frame_structure, frame_shapes)
+    tracker, frame = of_shapes(structure, shapes), of_shapes(frame_structure, frame_shapes)
     key = jax.eval_shape(lambda: jax.random.key(0))
     initial = tracker.initial
     if callable(initial):
@@ -101,7 +101,8 @@ def _check_methods(
     many = jax.ShapeDtypeStruct((size, _TRIED), kind)
     places = jax.ShapeDtypeStruct((_TRIED,), jnp.int32)
 
-    coupled = contract.is_coupled(tracker.dynamics)
+    motion = jax.eval_shape(lambda its: contract.first_motion(its.dynamics), tracker)
+    coupled = contract.is_coupled(motion)
     base = contract.CoupledDynamics if coupled else contract.Dynamics
 
     def others(substates: Any) -> list[Any]:

@@ -1,4 +1,4 @@
-"""Frames in chunks: however long a sequence is, few of its frames are in memory at a time."""
+"""Frames in chunks, so that memory does not grow with the length of a sequence."""
 
 import itertools
 from collections.abc import Iterable, Iterator, Sized
@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 
-#: Bytes of the frames of one chunk, where nothing else is said.
+#: Default size of the frames of a chunk, bytes.
 CHUNK_BYTES = 64 * 2**20
 #: Frames of a chunk at least, for each device: a compiler writes out a loop of one pass, and may
 #: round it otherwise than a loop.
@@ -29,7 +29,7 @@ def chunk_length(num_frames: int | None, frame_bytes: int, most_bytes: int = CHU
     """Frames per chunk: as many as the bytes allow, two at least.
 
     Args:
-        num_frames: of the whole sequence, which is divided evenly; None where nobody knows.
+        num_frames: of the whole sequence, which is divided evenly; None if unknown.
         frame_bytes: of one frame.
         most_bytes: of a chunk.
     """

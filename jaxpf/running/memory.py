@@ -1,4 +1,4 @@
-"""Whether the memory of this machine will do, told before anything is computed."""
+"""Check available memory before anything is computed."""
 
 import contextlib
 import math
@@ -12,22 +12,22 @@ from jaxpf.contract.errors import InputError
 
 #: Bytes of JAX, its libraries and a compiled kernel.
 _BASE = 450 * 2**20
-#: A step takes so many times the state's size: measured, with two objects and a million particles,
+#: Memory of a step over the size of the state: measured, with two objects and a million particles,
 #: for histograms from tables and for those from samples.
 _FROM_TABLES, _FROM_SAMPLES = 6, 18
-#: Where Linux tells what a container may take.
+#: Where Linux keeps a container's limit.
 _CONTAINER = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
 
 def check_memory(needed: float, remedy: str) -> None:
-    """Refuse what this machine has not the memory for.
+    """Refuse what does not fit into the memory of this machine.
 
     Args:
         needed: bytes, about.
-        remedy: what to ask for instead.
+        remedy: what the user can do instead.
 
     Raises:
-        InputError: with both sums.
+        InputError: names both sizes.
     """
     limit = machine_memory()
     if limit is not None and needed > limit:
@@ -57,7 +57,7 @@ def needed_by(tracker: Any, runs: int = 1, kept_frames: int = 1) -> float:
 
 
 def machine_memory() -> int | None:
-    """Bytes that this machine, or this container, has; None where nobody tells."""
+    """Bytes that this machine, or this container, has; None if unknown."""
     found = []
     with contextlib.suppress(AttributeError, ValueError, OSError):
         found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))

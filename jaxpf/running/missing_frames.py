@@ -1,10 +1,15 @@
-"""Missing frames: where nothing was seen, particles move by their dynamics and nobody is weighed.
+"""Missing frames: particles move by their dynamics and are not weighed.
 
-A filter need not know of it.  Its likelihood is put into a wrapper that says nothing of a missing
-frame: every log-likelihood is 0, so that all weights stay, in whatever order and by whatever rule
-partitions are weighed.  The inner likelihood is not asked, so that what a missing frame holds gets
-neither to its ``observe`` nor into a derivative.  Where single partitions were not seen, a landmark
-out of view for example, their log-likelihoods alone are 0.
+Filters need no code for it.  Their likelihood is wrapped in one whose log-likelihoods are 0 in a
+missing frame, so that weights stay, in whatever order and by whatever rule partitions are weighed.
+The inner likelihood is not called, so that nothing in a missing frame reaches its ``observe`` or a
+derivative.  If single partitions are missing, such as a landmark out of view, only their
+log-likelihoods are 0.
+
+The evidence of a missing frame is the filter's own total of weights.  It is 1 for most filters; it
+is random with mean 1 where selections do not preserve it (``Soft`` gradients, ``Labelled`` with
+corrected weights), and has a derivative of its own where weights carry one (``StopGradient``,
+``motion_gradient="score"``).  Without them the evidence and its gradient would be biased.
 """
 
 import dataclasses
@@ -23,7 +28,9 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.running.chunks import come_one_by_one
 
-#: Methods of a likelihood that are asked of an observation, beyond ``log_prob``.
+#: Rounding of a sum of weights, in units of the last place: some stages of a million particles.
+_ROUNDING = 1000
+#: Methods of a likelihood that take an observation, beyond ``log_prob``.
 _OF_OBSERVATIONS = frozenset(
     f"{name}{suffix}"
     for name in ("log_joint", "log_joint_labelled", "log_odds")
@@ -33,18 +40,18 @@ _OF_OBSERVATIONS = frozenset(
 
 @pytree_dataclass
 class LikelihoodWithGaps(contract.Likelihood):
-    """Another likelihood, of frames that come with the word whether they were seen.
+    """A likelihood of frames ``(frame, seen)``, ``seen`` ``[]`` or, by partition, ``[P]`` bool.
 
-    That is ``[]``, or ``[P]`` of each partition; then a ``log_joint`` takes it as ``observed=``.
+    With ``[P]`` the inner ``log_joint`` is called with ``observed=seen``.
 
     Attributes:
-        likelihood: which can do as much as this one.
+        likelihood: the inner likelihood.
     """
 
     likelihood: Any
 
     def __getattr__(self, name):
-        """What is optional: absent where the inner likelihood has it not."""
+        """Optional methods, only if the inner likelihood defines them."""
         if name.startswith("__") or name == "likelihood":
             raise AttributeError(name)
         inner = getattr(self.likelihood, name)
@@ -64,9 +71,9 @@ class LikelihoodWithGaps(contract.Likelihood):
 
     @property
     def expecting(self):
-        """The inner likelihood told what is expected, in the same wrapper."""
+        """That of the inner likelihood, in the same wrapper."""
         inner = self.likelihood.expecting
-        return lambda estimates: LikelihoodWithGaps(inner(estimates))
+        return lambda estimates: type(self)(inner(estimates))
 
     @property
     def state_gradient(self):
@@ -78,22 +85,30 @@ class LikelihoodWithGaps(contract.Likelihood):
         """That of the inner likelihood."""
         return getattr(self.likelihood, "form", None)
 
+    def was_observed(self, observation):
+        """See ``contract.was_observed``."""
+        return observation[1]
+
+    def as_seen(self, observation):
+        """See ``jaxpf.contract.as_seen``."""
+        return self.likelihood, *observation
+
     def observe(self, frame):
-        """What the inner likelihood needs of a frame, zeros of one that was not seen."""
+        """The inner observation of a frame, zeros if it was not seen."""
         frame, seen = frame
         seen = jnp.asarray(seen)
 
-        def known(x):
-            # Where a compiler computes both branches, the unseen one must not meet NaN either.
+        def without_nan(x):
+            # A compiler may compute both branches: the unseen one must not meet NaN either.
             x = jnp.where(seen.any(), x, jnp.zeros_like(x))
             is_part = seen.ndim and jnp.issubdtype(x.dtype, jnp.floating)
             return jnp.where(jnp.isnan(x), 0, x) if is_part else x
 
-        frame = jax.tree.map(known, frame)
+        frame = jax.tree.map(without_nan, frame)
         return _if_seen(seen.any(), lambda: self.likelihood.observe(frame)), seen
 
     def log_prob_all(self, observation, partition, substates):
-        """The inner log-likelihoods ``[N]``, 0 of what was not seen."""
+        """The inner log-likelihoods ``[N]``, 0 for what was not seen."""
         observation, seen = observation
 
         def inner():
@@ -106,10 +121,10 @@ class LikelihoodWithGaps(contract.Likelihood):
 
 @pytree_dataclass
 class LikelihoodOfNoFrame(LikelihoodWithGaps):
-    """Another likelihood that sees no frame at all, so that none need be there."""
+    """A likelihood that never sees a frame."""
 
     def __getattr__(self, name):
-        """As above; what is asked of an observation is 0."""
+        """As above; every function of an observation is 0."""
         inner = super().__getattr__(name)
         if name not in _OF_OBSERVATIONS:
             return inner
@@ -119,11 +134,13 @@ class LikelihoodOfNoFrame(LikelihoodWithGaps):
 
         return of_nothing
 
-    @property
-    def expecting(self):
-        """The inner likelihood told what is expected, in the same wrapper."""
-        inner = self.likelihood.expecting
-        return lambda estimates: LikelihoodOfNoFrame(inner(estimates))
+    def was_observed(self, observation):
+        """Never."""
+        return np.zeros((), bool)
+
+    def as_seen(self, observation):
+        """See ``jaxpf.contract.as_seen``: nothing was."""
+        return self.likelihood, None, np.False_
 
     def observe(self, frame):
         """Nothing."""
@@ -136,12 +153,13 @@ class LikelihoodOfNoFrame(LikelihoodWithGaps):
 
 @pytree_dataclass
 class WithGaps(contract.Tracker):
-    """A tracker of frames that come as ``(frame, seen)``, ``seen`` ``[]`` or ``[P]`` bool.
+    """A tracker of frames ``(frame, seen)``, ``seen`` ``[]`` or ``[P]`` bool.
 
-    Of a frame that was not seen ``log_evidence`` is exactly 0, and a confidence stays as it was.
+    In a frame that was not seen ``log_evidence`` is the filter's own, exactly 0 where it is 0 by
+    construction, and a confidence stays as it was.
 
     Attributes:
-        tracker: has a ``likelihood``, or a ``tracker`` that has one, and asks it alone.
+        tracker: has a ``likelihood``, or a ``tracker`` that has one.
     """
 
     tracker: Any
@@ -158,7 +176,7 @@ class WithGaps(contract.Tracker):
         return self.tracker.init(key)
 
     def observe(self, frame):
-        """What the tracker needs of a frame, and whether it was seen."""
+        """The tracker's observation of a frame, and whether it was seen."""
         inner = contract.changed_inside(self.tracker, "likelihood", self._wraps)
         return contract.observed_apart(inner)[0](frame), jnp.asarray(frame[1])
 
@@ -168,21 +186,13 @@ class WithGaps(contract.Tracker):
         step = contract.observed_apart(
             contract.changed_inside(self.tracker, "likelihood", self._wraps)
         )[1]
-        after, summary = step(key, state, observation)
-
-        def replaced(target, name, value, seen):
-            now = getattr(target, name, None)
-            if now is None or value is None:
-                return target
-            kept = jnp.where(seen, now, jnp.asarray(value).astype(now.dtype))
-            return dataclasses.replace(target, **{name: kept})
-
-        before = getattr(state, "log_odds", None)
-        after = replaced(after, "log_odds", before, seen)
-        if before is not None:
-            summary = replaced(summary, "confidence", jax.nn.sigmoid(before), seen)
-        summary = replaced(summary, "label_log_evidence", 0.0, seen.any())
-        return after, replaced(summary, "log_evidence", 0.0, seen.any())
+        state, summary = step(key, state, observation)
+        totals = {
+            name: _without_rounding(getattr(summary, name), seen.any())
+            for name in ("log_evidence", "label_log_evidence")
+            if getattr(summary, name, None) is not None
+        }
+        return state, dataclasses.replace(summary, **totals) if totals else summary
 
 
 @pytree_dataclass
@@ -192,15 +202,25 @@ class WithoutFrames(WithGaps):
     _wraps = LikelihoodOfNoFrame
 
 
+def _without_rounding(log_total: jax.Array, seen: jax.Array) -> jax.Array:
+    """Log totals of weights; in an unseen frame exactly 0 where they are 0 up to rounding.
+
+    The derivative stays: that of a total may be random where its value is not.
+    """
+    is_one = ~seen & (jnp.abs(log_total) < _ROUNDING * jnp.finfo(log_total.dtype).eps)
+    one = jnp.where(is_one, log_total, 0.0)
+    return jnp.where(is_one, one - lax.stop_gradient(one), log_total)
+
+
 def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
-    """A tracker and frames of which some are missing; as they were if none is.
+    """Mark which frames are missing: the tracker and frames unchanged if none is.
 
     Args:
         tracker: any tracker.
         frames: ``[T, ...]``, or frames one by one.
         observed: ``[T]`` bool, which frames were seen, or ``[T, P]``, which partitions; None: all
-            but those frames of floats that are NaN throughout.  Frames that are traced are looked
-            at as they come.
+            but frames of floats that are NaN throughout, which of traced frames is found as they
+            come.
 
     Raises:
         InputError: ``observed`` has another shape, or the tracker cannot leave out what is missing.
@@ -236,24 +256,21 @@ def unmarked(tracker: Any, frames: Any) -> tuple[Any, Any]:
 
 
 def marked_one_by_one(tracker: Any, frames: Any, observed: Any = None) -> Iterator[Any]:
-    """For each single frame: the frame, the tracker for it, and the frame as that one takes it."""
+    """For each frame: the frame, the tracker for it, and the frame as that tracker takes it."""
     if observed is not None:
         check_gaps(tracker)
         for frame, seen in _pairs(frames, observed):
             yield frame, WithGaps(tracker), (frame, seen)
         return
     for frame in frames:
-        its = marked(tracker, jax.tree.map(lambda x: np.asarray(x)[None], frame))[0]
-        if its is tracker:
-            yield frame, tracker, frame
-        else:
-            yield frame, its, (frame, False)
+        marked_tracker = marked(tracker, jax.tree.map(lambda x: np.asarray(x)[None], frame))[0]
+        yield frame, marked_tracker, frame if marked_tracker is tracker else (frame, False)
 
 
 def _pairs(frames: Any, observed: Any) -> Iterator[Any]:
     for frame, seen in itertools.zip_longest(frames, observed):
         if frame is None or seen is None:
-            raise InputError("observed and frames differ in length; say of each frame if it is.")
+            raise InputError("observed and frames differ in length; give one bool per frame.")
         yield frame, _as_bool(seen)
 
 
@@ -268,12 +285,14 @@ def _seen(frames: Any) -> Any:
         return None
     if not is_concrete(frames):
         return ~_nan_throughout(jnp, leaves)
-    # A frame that is NaN throughout begins with it: the others need not be read.
-    first = [np.isnan(np.asarray(x[(slice(None), *[0] * (np.ndim(x) - 1))])) for x in leaves]
+    # Within a user's trace, indexing a JAX array would give a tracer.
+    leaves = [np.asarray(x) for x in leaves]
+    # A frame that is NaN throughout begins with NaN: the others need not be read.
+    first = [np.isnan(x[(slice(None), *[0] * (x.ndim - 1))]) for x in leaves]
     places = np.flatnonzero(np.all(first, axis=0))
     missing = np.zeros(len(leaves[0]), bool)
     if len(places):
-        missing[places] = _nan_throughout(np, [np.asarray(x[places]) for x in leaves])
+        missing[places] = _nan_throughout(np, [x[places] for x in leaves])
     return ~missing if missing.any() else None
 
 
@@ -283,7 +302,7 @@ def _nan_throughout(library: Any, leaves: list[Any]) -> Any:
 
 
 def _if_seen(seen: jax.Array, compute: Callable[[], Any]) -> Any:
-    """What is computed, or zeros in its place."""
+    """``compute()`` if seen, else zeros of its shapes."""
 
     def zeros() -> Any:
         return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(compute))

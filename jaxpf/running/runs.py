@@ -17,7 +17,7 @@ from jaxpf.running import missing_frames
 from jaxpf.running.checks import check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one
 
-#: In which a run goes that tells how far it is.
+#: Blocks of frames of a run that reports its progress.
 _BLOCKS = 20
 
 
@@ -38,12 +38,12 @@ def run(
 ) -> tuple[Any, Any]:
     """Track one sequence once.
 
-    The first call with a kind of tracker and frames of a shape compiles, for seconds or, of many
-    objects, minutes, and says nothing: ``jax.config.update("jax_log_compiles", True)`` logs when
-    that begins and ends, and ``jaxpf.stream`` gives every frame's summary as it comes.
+    The first call for a kind of tracker and a shape of frames compiles without a message, for
+    seconds or, with many objects, minutes: ``jax.config.update("jax_log_compiles", True)`` logs
+    when that begins and ends, and ``jaxpf.stream`` gives every frame's summary as it comes.
 
-    To go on where another run ended, give its final state and how many frames it had: the rest
-    comes out as if nothing had been between (``jaxpf.save`` keeps both on disk).
+    To resume a run, give its final state and its number of frames: the results are identical to
+    an uninterrupted run (``jaxpf.save`` keeps both on disk).
 
     Args:
         tracker: any object with ``init`` and ``step``, registered as a pytree.
@@ -51,14 +51,14 @@ def run(
         frames: array or pytree with a leading time axis ``[T, ...]``.
         record: function of ``(state, summary)``, what to keep of each frame.  Pass a
             named function: a new lambda compiles anew.
-        observed: ``[T]`` bool, false for a frame that is missing: particles move by their
-            dynamics, and the evidence increment is 0; or ``[T, P]``, false for a partition that is,
-            such as a landmark out of view.  By default those frames of floats are missing that
-            are NaN throughout.
+        observed: ``[T]`` bool, false for a missing frame: particles move by their dynamics alone;
+            or ``[T, P]``, false for a missing partition, such as a landmark out of view.  By
+            default frames of floats that are NaN throughout are missing.  The evidence increment
+            of a missing frame is 0, except where it is random (``running.missing_frames``).
         state: after the frames before these; None begins with ``tracker.init``.
         time: number of those frames.
-        progress: true tells on stderr how many frames are done; or a function of that number and
-            of T.  The frames then go in some twenty blocks, to the same results.
+        progress: true prints the number of frames done to stderr; or a function of that number and
+            T.  The frames then go in some twenty blocks, with the same results.
 
     Returns:
         The final state, and what ``record`` kept, with a leading axis T.
@@ -89,19 +89,21 @@ def forecast(
     state: Any,
     steps: int,
     record: Callable[[Any, Any], Any] = summary_only,
-    time: int = 0,
+    *,
+    time: Any,
 ) -> tuple[Any, Any]:
-    """Where targets are going, of which no more frames were seen: as ``run`` over missing ones.
+    """Predict where targets go after the last frame: ``run`` over missing frames.
 
-    Particles move by their dynamics; ``summary.spread`` tells how fast the doubt grows.
+    Particles move by their dynamics alone; ``summary.spread`` shows how uncertainty grows.
 
     Args:
-        tracker: which has tracked so far.
+        tracker: the tracker of the frames so far.
         key: as for ``run``.
         state: after the last frame.
         steps: frames ahead, S.
         record: as for ``run``.
-        time: number of frames so far; with the same key it goes on as ``run`` would.
+        time: number of frames tracked so far.  With the run's key the forecast goes on exactly as
+            ``run`` would; a smaller number would reuse the noise of frames that are tracked.
 
     Returns:
         The state S frames ahead, and what ``record`` kept, with a leading axis S.
@@ -118,7 +120,7 @@ def forecast(
 
 
 def _in_blocks(tracker, key, frames, record, state, time, tell):
-    """``run_compiled`` with a word after every block of frames."""
+    """``run_compiled``, reporting progress after each block of frames."""
     total, kept = num_frames(frames), []
     length = -(-total // _BLOCKS)
     if state is None:

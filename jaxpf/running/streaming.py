@@ -7,7 +7,9 @@ import jax
 import numpy as np
 
 from jaxpf import running
+from jaxpf.contract.pytree import check_not_traced
 from jaxpf.running import missing_frames
+from jaxpf.running.chunks import come_one_by_one
 
 
 class TrackedFrame(NamedTuple):
@@ -49,9 +51,12 @@ def stream(
     """
     if state is None:
         state = jax.jit(running.init)(tracker, key)
+    whole = () if come_one_by_one(frames) else frames
+    check_not_traced("jaxpf.stream", "jaxpf.run", tracker, key, whole, state)
     marked = missing_frames.marked_one_by_one(tracker, frames, observed)
     for number, (frame, its, taken) in enumerate(marked, time):
         state, summary = step(its, key, number, state, taken)
+        check_not_traced("jaxpf.stream", "jaxpf.run", summary)
         yield TrackedFrame(number, frame, state, jax.tree.map(np.asarray, summary))
 
 

@@ -1,4 +1,4 @@
-"""Where was it, now that the whole clip is known: backward simulation over a filter's particles.
+"""Smoothing: the posterior of every frame given the whole clip, by backward simulation.
 
 A filter knows the frames so far.  Smoothing goes back over its weighted sets from the last frame
 to the first, and draws whole trajectories from the posterior given all frames.  ``particle_gibbs``

@@ -62,7 +62,7 @@ class Pass(NamedTuple):
     Attributes:
         estimate: ``[T, D, G]``, mean of the trajectories.
         spread: ``[T, D, G]``, their standard deviation.
-        trajectories: ``[T, M, D, G]``, or None where nobody asked.
+        trajectories: ``[T, M, D, G]``, or None unless asked for.
         broken: ``[]`` int32, moves that no particle could explain.
     """
 
@@ -156,7 +156,7 @@ def log_densities(
         parts: see ``backward``.
         parents: see ``backward``.
         frames_left: ``[]``, how many frames come after this one.
-        time: the frame's number, which tells whose dynamics lead on.
+        time: the frame's number, by which dynamics may change.
     """
     num_particles = here.log_weights.shape[0]
     to_next, to_after = (contract.at_frame(tracker, time + step).dynamics for step in (1, 2))
@@ -190,7 +190,7 @@ def log_densities(
         log_moves += jnp.where(frames_left > 1, jnp.sum(of_parts, axis=0), 0.0)
     if here.label is None:
         return log_moves
-    # Told for every label, then looked up: there are few of them.
+    # Computed for every label, then looked up: there are few of them.
     labels = jnp.arange(jnp.shape(tracker.initial_label)[0])
     log_label = jax.vmap(contract.log_label, in_axes=(None, None, 0, None))(
         to_next, drawn.label, labels, drawn.next.T
@@ -205,7 +205,7 @@ def _pick(uniform: jax.Array, log_weights: jax.Array) -> jax.Array:
     In two looks, first for the block and then inside it: a sum over all costs as much as the
     weights themselves, a running sum several times as much.
     """
-    num_particles = log_weights.shape[0]
+    num_particles, log_weights = log_weights.shape[0], lax.stop_gradient(log_weights)
     side = max(1, round(num_particles**0.5))
     weights = jnp.exp(log_weights - jnp.max(log_weights))
     blocks = jnp.pad(weights, (0, -num_particles % side)).reshape(-1, side)

@@ -70,13 +70,13 @@ def particle_gibbs(
 
     Args:
         tracker: a ``jaxpf.Partitioned`` with ``resampling="multinomial"``, an ordering of ``sir``
-            or ``ps``, and dynamics with ``log_density``.  A handful of particles will do.
+            or ``ps``, and dynamics with ``log_density``.  A handful of particles is enough.
         key: a random key.
         frames: ``[T, ...]``, as for ``jaxpf.run``.
         num_sweeps: S.
         reference: ``[T + 1, P, D]``, the trajectory to start from, the substates just before the
             first frame in front; None: one drawn by the filter itself, and the first sweeps still
-            hang on it.
+            depend on it.
         observed: as for ``jaxpf.run``.
 
     Returns:
@@ -133,7 +133,12 @@ def check_conditional(tracker: Any) -> None:
             f"under {tracker.resampling}; give resampling='multinomial'."
         )
     ordering = tracker.ordering
-    if is_concrete(ordering) and (ordering.is_split or np.any(ordering.exchanged)):
+    # In NumPy: within a user's trace a JAX operation would give a tracer.
+    if is_concrete(ordering) and (
+        ordering.keeps_components
+        or np.asarray(ordering.fractions)[0] < 1
+        or np.asarray(ordering.exchanged).any()
+    ):
         raise InputError(
             "a conditional sweep keeps its reference in one component without exchange; use "
             "jaxpf.ordering.ps or sir."
@@ -143,6 +148,7 @@ def check_conditional(tracker: Any) -> None:
         ("tempering", None),
         ("initial_label", None),
         ("look_ahead", False),
+        ("proposal", None),
     ):
         if getattr(tracker, name) is not without:
             raise InputError(f"a conditional sweep is not proved with {name}; leave it out.")
@@ -163,9 +169,9 @@ def sweep(
     """One trajectory ``[T + 1, P, D]``, given another; given None, by a filter as any other.
 
     Args:
-        tracker: as ``gaps.marked`` leaves it.
+        tracker: as ``missing_frames.marked`` leaves it.
         key: a random key.
-        frames: as ``gaps.marked`` leaves them.
+        frames: as ``missing_frames.marked`` leaves them.
         reference: ``[T + 1, P, D]``.
         second_order: static, whether moves depend on the substate before the current one.
     """

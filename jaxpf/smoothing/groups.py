@@ -1,4 +1,4 @@
-"""Which partitions are smoothed together, and what cannot be smoothed.
+"""Which partitions are smoothed together, and which trackers cannot be smoothed.
 
 Objects that are independent given the frames are smoothed one by one: a pass of their own is the
 same distribution at less variance, since a particle need not explain all of them at once.  Parts
@@ -60,7 +60,7 @@ def together(tracker: Partitioned) -> list[tuple[np.ndarray, np.ndarray]]:
 def looks_back(tracker: Partitioned) -> bool:
     """Whether the density of a move depends on the substate before the current one.
 
-    Told by the traced program: it is on the safe side where the method does not say.
+    Found in the traced program; a method that uses it in a way that does not matter counts too.
     """
     state = jax.eval_shape(tracker.init, jax.random.key(0))
     dynamics = contract.at_frame(tracker, 0).dynamics
@@ -77,7 +77,7 @@ def looks_back(tracker: Partitioned) -> bool:
 
 
 def check_smoothing(tracker: Any) -> None:
-    """Refuse what has no smoothed distribution, or one that would be wrong.
+    """Refuse trackers without a smoothed distribution, or with a wrong one.
 
     Raises:
         InputError: which, and what to use instead.
@@ -96,7 +96,7 @@ def check_smoothing(tracker: Any) -> None:
             "from which propagate draws (see jaxpf.contract.DynamicsWithDensity)."
         )
     moves_labels = tracker.initial_label is not None and hasattr(
-        tracker.dynamics, "propagate_label"
+        contract.first_motion(tracker.dynamics), "propagate_label"
     )
     if moves_labels and not contract.has_log_label(tracker.dynamics):
         raise InputError(

@@ -1,4 +1,4 @@
-"""Smoothing beside a loop that tracks: frame by frame in, what is smoothed out."""
+"""Smoothing beside a tracking loop: states in, frame by frame; smoothed frames out."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -7,6 +7,7 @@ import jax
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import check_not_traced
 from jaxpf.smoothing.backward import History
 from jaxpf.smoothing.groups import check_smoothing, looks_back
 from jaxpf.smoothing.smoother import SmoothedFrame, back_over, backward_key, check_length
@@ -16,7 +17,7 @@ class LookBack:
     """What ``smooth`` and, with a lag, ``stream`` give, of states that are tracked elsewhere.
 
     Attributes:
-        broken: moves that no particle could explain, so far.
+        broken: moves that no particle could explain, up to now.
     """
 
     def __init__(
@@ -52,6 +53,7 @@ class LookBack:
 
     def add(self, state: Any) -> list[SmoothedFrame]:
         """The next frame's ``ParticleState``; gives the frames that it was the last to wait for."""
+        check_not_traced("LookBack", "jaxpf.smooth", state)
         lagged = np.asarray(state.lagged)
         # Copies, so that the device need not keep every state.
         kept: Any = (

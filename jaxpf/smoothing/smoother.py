@@ -12,7 +12,7 @@ from jax import lax
 
 from jaxpf import running
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.pytree import check_not_traced, pytree_dataclass
 from jaxpf.running import memory, missing_frames
 from jaxpf.running.checks import check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one
@@ -45,13 +45,13 @@ class Smoothed:
 
 
 class SmoothedFrame(NamedTuple):
-    """One frame of ``stream``, in NumPy arrays.
+    """One smoothed frame, in NumPy arrays.
 
     Attributes:
         time: number of the frame, from 0.
         estimate: ``[P, D]``.
         spread: ``[P, D]``.
-        summary: what the filter reported of it; None of ``LookBack``, which did not ask.
+        summary: the filter's; None from ``LookBack``.
         broken: moves that no particle could explain, of all frames looked back over.
     """
 
@@ -85,8 +85,8 @@ def smooth(
         frames: as for ``jaxpf.run``; with a ``lag`` also an iterable of single frames.
         num_trajectories: M; default as many as there are particles.  The time is proportional to
             M N.
-        lag: look ahead by so many frames at least, and twice as many at most, instead of by all:
-            memory then does not grow with the length of the clip.
+        lag: L, look ahead by L to 2 L frames instead of all: memory then does not grow with the
+            length of the clip.
         keep_trajectories: return the trajectories themselves, too.
         observed: as for ``jaxpf.run``.
 
@@ -160,6 +160,7 @@ def stream(
     )
     for number, (block, following) in enumerate(itertools.pairwise(tracked)):
         history, summaries = block
+        check_not_traced("smoothing with a lag", "jaxpf.smooth without a lag", history)
         length = len(history.log_weights)
         if following is not None:
             history = jax.tree.map(lambda *x: jnp.concatenate(x), history, following[0])
@@ -177,13 +178,15 @@ def _tracked(tracker: Any, frames: Any, key: jax.Array, lag: int) -> Iterator[An
     """What is kept of block after block of frames, as ``jaxpf.run`` tracks them."""
     record, state, first = _record(missing_frames.unmarked(tracker, frames)[0]), None, 0
     for block in _blocks(frames, lag):
-        its, block = missing_frames.marked(
-            tracker, block
-        )  # frames one by one may turn out to be missing
+        of_block = tracker
+        if come_one_by_one(frames):
+            of_block, block = missing_frames.marked(
+                tracker, block
+            )  # only now is it known which are missing
         if state is None:
-            check_run(*missing_frames.unmarked(its, block))
+            check_run(*missing_frames.unmarked(of_block, block))
             state = jax.jit(running.init)(tracker, key)
-        state, kept = _advance(its, key, state, first, block, record)
+        state, kept = _advance(of_block, key, state, first, block, record)
         first += running.num_frames(block)
         yield kept
     if state is None:

@@ -20,7 +20,7 @@ class Marks(NamedTuple):
         colours: uint8 RGB ``[P, 3]``.
         lost: bool ``[P]``.
         past: ``[L, P, S]``, shapes of the frames before, the latest last, for trails.
-        doubtful: bool ``[P]``, probably lost; None where nobody can tell.
+        doubtful: bool ``[P]``, probably lost; None if unknown.
     """
 
     colours: Any
@@ -39,7 +39,7 @@ class TrackFile:
 
     Attributes:
         append: function of (frame, shapes, lost).  Where objects come and go it also takes
-            ``ids``; where a likelihood can tell, ``confidence`` ``[P]``.
+            ``ids``; if the likelihood has log odds, ``confidence`` ``[P]``.
     """
 
     def __init__(self, writer: Any, append: Callable[..., None]):
@@ -113,7 +113,7 @@ class Adapter(abc.ABC):
     def scaled(
         self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
     ) -> tuple[Start, np.ndarray]:
-        """Where shapes lie in a picture that is so much wider and higher.
+        """Where shapes lie in a rescaled picture.
 
         By default of shapes whose numbers are x and y in turn.
         """

@@ -1,5 +1,6 @@
 from .comparison import Comparison as Comparison, compare as compare
 from .loop import Diverged as Diverged, tune as tune
+from .metropolis import Posterior as Posterior, pmmh as pmmh
 from .objectives import (
     crps as crps,
     log_evidence as log_evidence,

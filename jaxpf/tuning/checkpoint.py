@@ -1,4 +1,4 @@
-"""Checkpoints: a descent that was interrupted goes on where it was, to the same values."""
+"""Checkpoints: an interrupted descent resumes where it was and reaches the same values."""
 
 import dataclasses
 import hashlib
@@ -31,18 +31,18 @@ def asked(
     sequences: Sequence[TrainingSequence],
     label: Any,
 ) -> dict[str, Any]:
-    """Everything that the values depend on, fit for JSON."""
+    """Everything that the tuned values depend on, fit for JSON."""
     name = objective if isinstance(objective, str) else getattr(objective, "__qualname__", "own")
     description = {
         "jaxpf": __version__,
-        "parameters": [f"{one.path}={one.low:g}:{one.high:g}" for one in wanted],
+        "parameters": [f"{p.path}={p.low:g}:{p.high:g}" for p in wanted],
         "start": {path: np.asarray(value).tolist() for path, value in start.items()},
         "objective": name,
         "sequences": [sequence.name for sequence in sequences],
         "label": label,
         **dataclasses.asdict(settings),
         "tracker": [_settings_of(sequence.tracker) for sequence in sequences],
-        # So that no other picture or number slips in; named in words by ``_IN_WORDS``.
+        # Digests, which ``_IN_WORDS`` names in messages.
         "frames": [_digest(sequence.frames) for sequence in sequences],
         "labels": [_digest(sequence.truth) for sequence in sequences],
         "model": [_digest(sequence.tracker) for sequence in sequences],
@@ -50,7 +50,7 @@ def asked(
     return json.loads(json.dumps(description))
 
 
-#: What a person is told of a digest that differs.
+#: What a message calls a digest that differs.
 _IN_WORDS = {
     "frames": "other frames",
     "labels": "other labels",
@@ -65,7 +65,7 @@ def _settings_of(tracker: Any) -> dict[str, Any]:
     fields = [field for field in dataclasses.fields(tracker) if field.metadata.get("static")]
     settings = {field.name: getattr(tracker, field.name) for field in fields}
     strategies = {name: getattr(tracker, name, None) for name in ("resampling", "gradient")}
-    return settings | {name: str(one) for name, one in strategies.items() if one is not None}
+    return settings | {name: str(x) for name, x in strategies.items() if x is not None}
 
 
 def _digest(tree: Any) -> str:
@@ -85,8 +85,8 @@ def _change(old: dict[str, Any], new: dict[str, Any]) -> str | None:
         if name in _IN_WORDS:
             return _IN_WORDS[name]
         if name == "tracker" and before and after and len(before) == len(after):
-            for one, other in zip(before, after, strict=True):
-                if change := next(iter(differences(one, other)), None):
+            for old_settings, new_settings in zip(before, after, strict=True):
+                if change := next(iter(differences(old_settings, new_settings)), None):
                     return change
         return next(iter(differences({name: before}, {name: after})))
     return None
@@ -100,33 +100,25 @@ class Checkpoint:
         self.description = description
 
     def write(self, descents: Sequence[Descent]) -> None:
-        """Write the checkpoint, completely or not at all.
-
-        Raises:
-            InputError: the folder is missing, or the disk full.
-        """
+        """Write the checkpoint, completely or not at all."""
         arrays: dict[str, Any] = {}
-        told = []
+        stored = []
         for place, descent in enumerate(descents):
             arrays |= {f"{place}.free.{name}": z for name, z in descent.free.items()}
             arrays |= {f"{place}.moment.{i}": x for i, x in enumerate(descent.moments)}
             arrays[f"{place}.loss"] = descent.loss
             arrays[f"{place}.gradient_norm"] = descent.gradient_norm
-            told.append({"stopped": descent.stopped, "moments": len(descent.moments)})
-        self.store.write(_PIECE, arrays, {"asked": self.description, "descents": told})
+            stored.append({"stopped": descent.stopped, "moments": len(descent.moments)})
+        self.store.write(_PIECE, arrays, {"asked": self.description, "descents": stored})
 
     def read(self) -> list[Descent]:
-        """The descents so far; none without a checkpoint.
-
-        Raises:
-            InputError: it is damaged, or of another call.
-        """
+        """The stored descents, if any; a damaged checkpoint or one of another call is refused."""
         if not self.store.path(_PIECE).exists():
             return []
         with self.store.opened(_PIECE) as arrays:
-            told = about(arrays)
-            old = dict(told["asked"])
-            descents = [_descent(i, one, arrays) for i, one in enumerate(told["descents"])]
+            stored = about(arrays)
+            old = dict(stored["asked"])
+            descents = [_descent(i, one, arrays) for i, one in enumerate(stored["descents"])]
         change = _change(old, self.description)
         if change is not None:
             raise InputError(
@@ -136,13 +128,13 @@ class Checkpoint:
         return descents
 
 
-def _descent(place: int, told: dict[str, Any], arrays: Mapping[str, np.ndarray]) -> Descent:
+def _descent(place: int, stored: dict[str, Any], arrays: Mapping[str, np.ndarray]) -> Descent:
     prefix = f"{place}.free."
     return Descent(
         repeat=place,
         free={k.removeprefix(prefix): arrays[k] for k in arrays if k.startswith(prefix)},
         loss=arrays[f"{place}.loss"],
         gradient_norm=arrays[f"{place}.gradient_norm"],
-        moments=[arrays[f"{place}.moment.{i}"] for i in range(told["moments"])],
-        stopped=told["stopped"],
+        moments=[arrays[f"{place}.moment.{i}"] for i in range(stored["moments"])],
+        stopped=stored["stopped"],
     )

@@ -1,4 +1,4 @@
-"""Before and after, on sequences that tuning did not see."""
+"""The tracker before and after tuning, compared on sequences that tuning did not see."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ class HeldOut:
         after: the same with the tuned values.
         frames: ``[T, H, W, 3]``, or lazy ones, see ``jaxpf.monte_carlo``.
         truth: ``[T, P, S]`` shapes, NaN where there is none.
-        target: what the objects are.
+        target: kind of the objects.
         start: where they are just before the first frame.
     """
 
@@ -53,13 +53,12 @@ class Comparison:
     """Means over units with Student's 95 % intervals, and the paired differences.
 
     Attributes:
-        unit: what the intervals are over: "sequences", or "runs" of a single sequence, which
-            then speak about that sequence alone.
+        unit: "sequences"; or "runs" of a single sequence, whose intervals hold for it alone.
         count: number of units.
         before: measure -> mean; shares in 0 to 1, pixels for errors; NaN for a measure that the
             target does not have.
         after: the same of the tuned values.
-        difference: after less before, of the same units with the same seeds.
+        difference: after minus before, paired by unit and seed.
     """
 
     unit: str
@@ -81,16 +80,13 @@ class Comparison:
 def compare(sequences: Sequence[HeldOut], *, runs: int = 20, seed: int = 1) -> Comparison:
     """Run both trackers with the same seeds on every sequence.
 
-    Precision, recall and overlap are means over all frames with truth, 0 where an object is lost;
-    all measures are means over objects.
+    All measures are means over objects; precision, recall and overlap also over all frames with
+    truth, 0 where an object is lost.
 
     Args:
         sequences: that tuning did not see.
         runs: per sequence and tracker.
         seed: of the runs; choose another than tuning's.
-
-    Raises:
-        InputError: no sequence, or too few units for an interval.
     """
     if not sequences:
         raise InputError("there is no sequence to compare on; give at least one.")
@@ -101,16 +97,16 @@ def compare(sequences: Sequence[HeldOut], *, runs: int = 20, seed: int = 1) -> C
         keys = jax.random.split(jax.random.fold_in(jax.random.key(seed), place), runs)
         for name in columns:
             columns[name].append(_measured(getattr(held_out, name), keys, held_out))
-    one = len(sequences) == 1
+    is_single = len(sequences) == 1
     before, after = (np.stack(x) for x in columns.values())
     # [sequences, runs, measures] -> [units, measures]
-    before, after = (x[0] if one else x.mean(axis=1) for x in (before, after))
+    before, after = (x[0] if is_single else x.mean(axis=1) for x in (before, after))
 
     def intervals(values: np.ndarray) -> dict[str, Interval]:
         return {name: student_interval(values[:, i]) for i, name in enumerate(MEASURES)}
 
     return Comparison(
-        unit="runs" if one else "sequences",
+        unit="runs" if is_single else "sequences",
         count=len(before),
         before=intervals(before),
         after=intervals(after),
@@ -123,9 +119,9 @@ def _measured(tracker: Any, keys: Any, held_out: HeldOut) -> np.ndarray:
     estimates = np.asarray(monte_carlo(tracker, keys, held_out.frames, keep_estimate))
     truth = np.asarray(held_out.truth)
     shapes = held_out.target.shapes(held_out.start, estimates, tracker)
-    found = held_out.target.measures(held_out.start, shapes, truth)
-    counts = np.broadcast_to(np.asarray(found["present"]), shapes.shape[:-1])
-    tracked, objects = np.asarray(found["tracked"]), counts[0].any(axis=0)
+    measured = held_out.target.measures(held_out.start, shapes, truth)
+    counts = np.broadcast_to(np.asarray(measured["present"]), shapes.shape[:-1])
+    tracked, objects = np.asarray(measured["tracked"]), counts[0].any(axis=0)
 
     def mean(values: Any) -> np.ndarray:
         total = np.where(counts, np.nan_to_num(np.asarray(values)), 0).sum(axis=(1, 2))
@@ -137,12 +133,12 @@ def _measured(tracker: Any, keys: Any, held_out: HeldOut) -> np.ndarray:
         return np.where(number > 0, np.nansum(known, axis=(1, 2)) / np.maximum(number, 1), np.nan)
 
     values = {
-        "overlap": mean(found["overlap"]),
-        "precision_all": mean(found["precision"]),
-        "recall_all": mean(found["recall"]),
+        "overlap": mean(measured["overlap"]),
+        "precision_all": mean(measured["precision"]),
+        "recall_all": mean(measured["recall"]),
         "success": np.asarray(metrics.throughout(tracked, counts))[:, objects].mean(axis=1),
         "recovery": np.asarray(metrics.in_the_end(tracked, counts))[:, objects].mean(axis=1),
-        "centre error": error(found["centre_error"]),
-        "corner error": error(found["corner_error"]),
+        "centre error": error(measured["centre_error"]),
+        "corner error": error(measured["corner_error"]),
     }
     return np.stack([values[name] for name in MEASURES], axis=-1)

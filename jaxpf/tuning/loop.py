@@ -25,11 +25,7 @@ _STEPS_PER_CHECKPOINT = 10
 
 
 class Diverged(InputError):
-    """The loss became infinite or no number.
-
-    Attributes:
-        result: what was found up to the step before.
-    """
+    """The loss became infinite or NaN; ``result`` holds the values up to the step before."""
 
     def __init__(self, sentence: str, result: Result):
         super().__init__(sentence)
@@ -50,26 +46,23 @@ def tune(
 
     What the gradient means is decided by the trackers, see ``jaxpf.gradients``; a motion noise
     needs a likelihood that is differentiable in the state (``interpolation="bilinear"``) or
-    dynamics with ``log_density``, and is refused otherwise.
+    dynamics with ``log_density``.
 
     Args:
-        sequences: one or several; the parameters are common to all of their trackers.
-        parameters: paths such as "likelihood.sharpness", "dynamics.scale[0]" or, with bounds,
-            "likelihood.sharpness=1:500"; see ``Parameter``.
+        sequences: one or several; their trackers share the parameters.
+        parameters: paths such as "likelihood.sharpness", "dynamics.scale[0]", "parameters.a" of
+            ``jaxpf.state_space`` or, with bounds, "likelihood.sharpness=1:500"; see ``Parameter``.
         objective: "evidence", "position", "overlap", "crps", or a function
-            ``(tracker, keys, frames) -> [R]`` to be made small; see ``loss_function``.
+            ``(tracker, keys, frames) -> [R]`` to minimise; see ``loss_function``.
         settings: default ``Settings()``.
         folder: existing folder for a checkpoint, from which the same call continues.
-        label: whatever else distinguishes this call in the checkpoint, such as the sequences'
-            names; fit for JSON.
+        label: anything else that identifies this call in the checkpoint; fit for JSON.
         progress: called with the descent after every step.
 
     Returns:
         Values, their uncertainty, and traces.
 
     Raises:
-        InputError: a parameter that does not exist, is no float or starts outside its bounds;
-            an objective without its labels; a checkpoint of other settings.
         Diverged: the loss is not finite.  The last good values are kept, in ``folder`` too.
     """
     settings = settings or Settings()
@@ -92,7 +85,6 @@ def tune(
     if folder is not None:
         asked = checkpoint.asked(wanted, start, objective, settings, sequences, label)
         store = checkpoint.Checkpoint(Path(folder), asked)
-    # What depends on the frames alone is done once, but in the checks above.
     ready = [observed(sequence) for sequence in sequences]
     value_and_gradient = free_loss(objective, tuple(wanted), sequences[0].outlines)
     descents: list[Descent] = [] if store is None else store.read()
@@ -120,7 +112,7 @@ def tune(
                 result,
             ) from None
         finally:
-            # Without a step there is nothing to go on from, and another call is free to differ.
+            # Without a step there is nothing to resume, and another call may differ.
             if store is not None and any(one.num_steps for one in descents):
                 store.write(descents)
     result = summarise(wanted, start, descents, settings)
@@ -137,7 +129,7 @@ class _NotFinite(Exception):
 
 
 def _shown(value: Any) -> str:
-    numbers = np.atleast_1d(np.asarray(value)).ravel()
+    numbers = np.ravel(value)
     return ", ".join(f"{x:.6g}" for x in numbers[:6]) + (", ..." if len(numbers) > 6 else "")
 
 

@@ -1,9 +1,22 @@
 """What tuning maximises or minimises: differentiable functions of a whole tracker.
 
-Every objective runs a tracker R times over a sequence and gives one number per run, so that
-the spread over runs is seen.  ``jax.grad`` with ``allow_int=True`` differentiates it with
-respect to the tracker, whose tables of integers are not differentiated.  What the gradient
-means is decided by the tracker: see ``jaxpf.gradients``.
+Every objective runs a tracker R times over a sequence and returns one number per run, ``[R]``, so
+that the spread over runs is visible.  Differentiate it in the tracker by ``jax.grad(...,
+allow_int=True)``; what the gradient means is decided by the tracker, see ``jaxpf.gradients``.
+Arguments that several objectives share:
+
+``tracker``, ``frames``
+    As for ``jaxpf.run``.
+``keys``
+    ``[R]``, one per run; the same keys give the same random numbers.
+``truth``
+    Labels, NaN where an object has none, which then does not count.
+``checkpoint``
+    What reverse-mode differentiation stores; it changes memory and time, not the result.  False:
+    everything that a frame computes.  True: only the particles between frames and their ancestors;
+    each frame is computed again on the way back, for about one more forward pass.  A number k:
+    only the particles of every k-th frame, for two more; with k near sqrt(T), memory grows with
+    the root of the number of frames.
 """
 
 from collections.abc import Callable
@@ -29,31 +42,15 @@ from jaxpf.shapes.rectangles import boxes_from_substates, is_proper
 def log_evidence(
     tracker: Any, keys: jax.Array, frames: Any, *, checkpoint: bool | int = True
 ) -> jax.Array:
-    """Log of each run's estimate of ``p(y_1:T)``.
+    """Log of each run's estimate of ``p(y_1:T)``; -inf if a frame was impossible everywhere.
 
-    ``exp`` of it is unbiased for the evidence where the tracker's is; the log of it is not,
-    but too low by about half its variance.
+    ``exp`` of it is unbiased for the evidence where the tracker's is; the log of it is too low by
+    about half its variance.
 
-    It compares models of the *observations*, so it needs a likelihood that is a density of
-    them.  ``exp(-lambda d^2)`` of a distance d (smith2004) is none: every factor is at most one
-    and lambda = 0 makes it one, so its evidence always prefers lambda = 0, whatever the frames
-    show.  Tune such a sharpness by a supervised loss, or give the likelihood a normalised form.
-
-    Args:
-        tracker: as for ``jaxpf.run``.
-        keys: ``[R]``, one per run; the same keys give the same random numbers.
-        frames: array or pytree with a leading time axis.
-        checkpoint: what reverse-mode differentiation keeps, which changes memory and time, not
-            the result.  False: what every frame computed.  True: only the particles between
-            frames and their ancestors; each frame is computed again on the way back, for about
-            one more forward pass.  A number k: only the particles of every k-th frame, for two
-            more; with k near sqrt(T) memory grows with the root of the number of frames.
-
-    Returns:
-        ``[R]``; -inf for a run in which a frame was impossible for every particle.
-
-    Raises:
-        InputError: no frames, no keys, or ``checkpoint`` < 1.
+    It compares models of the *observations*, so it needs a likelihood that is a density of them.
+    ``exp(-lambda d^2)`` of a distance d (smith2004) is none: every factor is at most one and
+    lambda = 0 makes it one, so its evidence always prefers lambda = 0, whatever the frames show.
+    Tune such a sharpness by a supervised loss, or give the likelihood a normalised form.
     """
     return jnp.sum(_record(tracker, keys, frames, keep_log_evidence, checkpoint), axis=0)
 
@@ -63,9 +60,8 @@ def log_mean_evidence(
 ) -> jax.Array:
     """Log of the mean over runs of their estimates of ``p(y_1:T)``: ``[]``.
 
-    Unlike the mean of the logs it approaches the log evidence as R grows, however few the
-    particles.  With ``jaxpf.gradients.StopGradient`` its gradient does likewise.  Arguments and
-    errors as for ``log_evidence``.
+    Unlike the mean of the logs it approaches the log evidence as R grows, with few particles too;
+    so does its gradient with ``jaxpf.gradients.StopGradient``.
     """
     every = log_evidence(tracker, keys, frames, checkpoint=checkpoint)
     # Both branches stay finite: -inf - -inf in a gradient would make a NaN.
@@ -75,28 +71,11 @@ def log_mean_evidence(
 
 
 def position_error(
-    tracker: Any,
-    keys: jax.Array,
-    frames: Any,
-    truth: ArrayLike,
-    *,
-    checkpoint: bool | int = True,
+    tracker: Any, keys: jax.Array, frames: Any, truth: ArrayLike, *, checkpoint: bool | int = True
 ) -> jax.Array:
-    """Mean distance of the estimate from the labelled positions.
+    """Mean distance of the estimate from labelled positions, in the substates' units (pixels).
 
-    Args:
-        tracker: as for ``jaxpf.run``; its substates begin with the coordinates (u, v).
-        keys: ``[R]``, one per run.
-        frames: array or pytree with a leading time axis T.
-        truth: ``[T, P, >= 2]``, true substates, of which (u, v) are used; NaN where an
-            object is not labelled, which does not count.
-        checkpoint: as for :func:`log_evidence`.
-
-    Returns:
-        ``[R]``, in the units of the substates (pixels).
-
-    Raises:
-        InputError: as for ``log_evidence``; a truth of another shape or without labels.
+    Substates begin with the coordinates (u, v), and so does ``truth``, ``[T, P, >= 2]``.
     """
     truth, labelled = _places(truth, tracker, frames)
     estimate = _record(tracker, keys, frames, keep_estimate, checkpoint)
@@ -107,22 +86,14 @@ def position_error(
 
 
 def crps(
-    tracker: Any,
-    keys: jax.Array,
-    frames: Any,
-    truth: ArrayLike,
-    *,
-    checkpoint: bool | int = True,
+    tracker: Any, keys: jax.Array, frames: Any, truth: ArrayLike, *, checkpoint: bool | int = True
 ) -> jax.Array:
-    """Mean continuous ranked probability score of the labelled positions.
+    """Mean continuous ranked probability score of labelled positions, in pixels.
 
-    Of u and of v by itself, as if the particles were normal with their mean and spread (Gneiting
-    and Raftery 2007, eq. 21): it is small where the estimate is near and the spread as wide as
-    estimates are wrong, and is the distance where there is no spread.  Arguments and errors as for
+    u and v are scored separately, as if the particles were normal with their mean and spread
+    (Gneiting and Raftery 2007, eq. 21).  The score is small where the estimate is near and the
+    spread as wide as estimates are wrong; without spread it is the distance.  ``truth`` as for
     ``position_error``.
-
-    Returns:
-        ``[R]``, in the units of the substates (pixels).
     """
     truth, labelled = _places(truth, tracker, frames)
     counts = labelled[:, None, :, None]
@@ -145,26 +116,18 @@ def overlap_loss(
     *,
     checkpoint: bool | int = True,
 ) -> jax.Array:
-    """Mean of 1 - intersection over union of the estimated and the labelled boxes.
+    """Mean of 1 - intersection over union of the estimated and the labelled boxes, 0 to 1.
 
-    Where the boxes do not meet the loss is 1 and its gradient zero: start from parameters
-    that track, or add ``position_error``.
+    Where boxes do not meet, the loss is 1 and its gradient zero: start from parameters that track,
+    or add ``position_error``.  Substates begin with (u, v, a), see ``jaxpf.shapes``.
 
     Args:
-        tracker: as for ``jaxpf.run``; its substates begin with (u, v, a), see
-            ``jaxpf.shapes``.
-        keys: ``[R]``, one per run.
-        frames: array or pytree with a leading time axis T.
-        truth_boxes: ``[T, P, 4]``, x, y, w, h in pixels; NaN or without width or height where
-            an object is not labelled, which does not count.
+        tracker: see above.
+        keys: see above.
+        frames: see above.
+        truth_boxes: ``[T, P, 4]``, x, y, w, h in pixels; a box without width or height is no label.
         sizes: ``[P, 2]``, width and height at scale 1, in pixels.
-        checkpoint: as for :func:`log_evidence`.
-
-    Returns:
-        ``[R]``, between 0 and 1.
-
-    Raises:
-        InputError: as for ``position_error``.
+        checkpoint: see above.
     """
     truth = _truth("truth_boxes", truth_boxes, tracker, frames, at_least=4)
     _check_labelled("truth_boxes", truth)
@@ -172,8 +135,7 @@ def overlap_loss(
     # A box in place of a missing one keeps 0/0, and so NaN, out of the gradient.
     truth = jnp.where(labelled[..., None], truth, jnp.ones_like(truth))
     estimate = _record(tracker, keys, frames, keep_estimate, checkpoint)
-    overlap = metrics.overlap(boxes_from_substates(estimate, sizes), truth[:, None])
-    return jnp.sum(jnp.where(labelled[:, None], 1 - overlap, 0.0), axis=(0, 2)) / jnp.sum(labelled)
+    return _loss(metrics.overlap(boxes_from_substates(estimate, sizes), truth[:, None]), labelled)
 
 
 def outline_loss(
@@ -188,18 +150,12 @@ def outline_loss(
     """``overlap_loss`` of convex outlines at any angle.
 
     Args:
-        tracker: as for ``jaxpf.run``.
-        keys: ``[R]``, one per run.
-        frames: array or pytree with a leading time axis T.
-        truth: ``[T, P, V, 2]`` corners in order, pixels; NaN where an object is not labelled.
-        outlines: function of estimates ``[..., P, D]`` that gives ``[..., P, V, 2]``.
-        checkpoint: as for :func:`log_evidence`.
-
-    Returns:
-        ``[R]``, between 0 and 1.
-
-    Raises:
-        InputError: as for ``position_error``.
+        tracker: see above.
+        keys: see above.
+        frames: see above.
+        truth: ``[T, P, V, 2]``, corners in order, pixels.
+        outlines: estimates ``[..., P, D]`` -> corners ``[..., P, V, 2]``.
+        checkpoint: see above.
     """
     truth = jnp.asarray(truth)
     _check_labelled("truth", truth.reshape(*truth.shape[:2], -1))
@@ -207,7 +163,11 @@ def outline_loss(
     estimate = outlines(_record(tracker, keys, frames, keep_estimate, checkpoint))
     # An outline in place of a missing one keeps NaN out of the gradient.
     truth = jnp.where(labelled[..., None, None], truth, lax.stop_gradient(estimate[:, 0]))
-    overlap = overlap_of_outlines(estimate, truth[:, None])
+    return _loss(overlap_of_outlines(estimate, truth[:, None]), labelled)
+
+
+def _loss(overlap: jax.Array, labelled: jax.Array) -> jax.Array:
+    """``[R]``, mean of 1 - overlap ``[T, R, P]`` over what is labelled ``[T, P]``."""
     return jnp.sum(jnp.where(labelled[:, None], 1 - overlap, 0.0), axis=(0, 2)) / jnp.sum(labelled)
 
 

@@ -1,8 +1,8 @@
-"""The order of partitioned sampling, chosen by pilot runs: which one wastes the fewest particles.
+"""Choose the order of partitioned sampling by pilot runs.
 
-Which order is best is not told by one order's error, stage by stage: another order has other
-stages.  So candidates are tried, on the first frames, and what is compared is what matters: how
-much the estimates of independent runs differ.
+One order's errors, stage by stage, do not show which order is best: another order has other stages.
+So candidates are tried on the first frames, and compared by how much the estimates of independent
+runs differ.
 """
 
 import dataclasses
@@ -17,17 +17,18 @@ from jaxpf.ordering import named, ps
 from jaxpf.running.blocks import monte_carlo
 from jaxpf.tuning.objectives import keep_moments
 
-#: Candidates at most, where nobody names them.
+#: Most candidates by default.
 CANDIDATES = 12
 
 
 class Pilot(NamedTuple):
-    """What pilot runs tell of K orders, the best one first.
+    """Results of pilot runs of K orders, best first.
 
     Attributes:
         orders: each a permutation of the partitions, from 0.
-        variance: ``[K]``, of one run's estimates over the runs, as a share of the posterior
-            variance: 1 / variance is as if so many particles were independent.
+        variance: ``[K]``, variance of a run's estimates over runs, as a share of the posterior
+            variance: its inverse is a number of independent particles.  The best order's is
+            measured again on fresh keys, since the smallest of several is too small.
         standard_error: ``[K]``, of ``variance``, over runs.
     """
 
@@ -72,29 +73,36 @@ def best_order(
         raise InputError(f"num_runs={num_runs} says nothing of how runs differ; give at least 2.")
     keys = jax.random.split(key, num_runs)
     orders = candidate_orders(tracker.parents) if orders is None else orders
+
+    def moments(order: Sequence[int], keys: jax.Array) -> tuple[np.ndarray, np.ndarray]:
+        ordered = dataclasses.replace(tracker, ordering=ps(order))
+        kept = monte_carlo(ordered, keys, frames, keep_moments, batch_size=num_runs)
+        return np.asarray(kept[0], np.float64), np.asarray(kept[1], np.float64)
+
     estimates, variances = [], []
     for order in orders:
-        its = dataclasses.replace(tracker, ordering=ps(order))
-        estimate, spread = monte_carlo(its, keys, frames, keep_moments, batch_size=num_runs)
-        estimates.append(np.asarray(estimate, np.float64))
-        variances.append(np.mean(np.asarray(spread, np.float64) ** 2, axis=(0, 1, 2)))
+        estimate, spread = moments(order, keys)
+        estimates.append(estimate)
+        variances.append(np.mean(spread**2, axis=(0, 1, 2)))
     # Pixels and degrees do not add up: each coordinate in units of its own posterior variance, the
     # same for all orders, lest one be preferred whose cloud is wide.
     posterior = np.mean(variances, axis=0)
-    varies = posterior > 0
-    variance, error = [], []
-    for estimate in estimates:
-        squares = (estimate - estimate.mean(axis=0)) ** 2 * num_runs / (num_runs - 1)
-        of_runs = squares.mean(axis=(1, 2))[:, varies] / posterior[varies]
-        of_runs = of_runs.mean(axis=1) if varies.any() else np.zeros(num_runs)
-        variance.append(of_runs.mean())
-        error.append(of_runs.std(ddof=1) / num_runs**0.5)
-    by_variance = np.argsort(variance, kind="stable")
-    return Pilot(
-        [tuple(orders[place]) for place in by_variance],
-        np.array(variance)[by_variance],
-        np.array(error)[by_variance],
-    )
+    scores = np.array([_relative_variance(estimate, posterior) for estimate in estimates])
+    by_variance = np.argsort(scores[:, 0], kind="stable")
+    ranked, scores = [tuple(orders[place]) for place in by_variance], scores[by_variance]
+    if len(ranked) > 1:
+        fresh_keys = jax.random.split(jax.random.fold_in(key, 1), num_runs)
+        scores[0] = _relative_variance(moments(ranked[0], fresh_keys)[0], posterior)
+    return Pilot(ranked, *scores.T)
+
+
+def _relative_variance(estimate: np.ndarray, posterior: np.ndarray) -> tuple[float, float]:
+    """Variance over runs of estimates ``[R, T, P, D]`` in units of ``[D]``, and its error."""
+    num_runs, varies = len(estimate), posterior > 0
+    squares = (estimate - estimate.mean(axis=0)) ** 2 * num_runs / (num_runs - 1)
+    of_runs = squares.mean(axis=(1, 2))[:, varies] / posterior[varies]
+    of_runs = of_runs.mean(axis=1) if varies.any() else np.zeros(num_runs)
+    return of_runs.mean(), of_runs.std(ddof=1) / num_runs**0.5
 
 
 def candidate_orders(parents: Sequence[int], most: int = CANDIDATES) -> list[tuple[int, ...]]:

@@ -13,22 +13,19 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 
 _PATH = re.compile(r"(?P<name>[A-Za-z_][\w.]*)(?P<index>(\[\d+\])*)")
-#: Leaves that are numbers, but of an ordering: whole numbers in disguise.
+#: Parts of a tracker whose floats are whole numbers in disguise.
 _NO_PARAMETERS = ("ordering",)
 
 
 @dataclasses.dataclass(frozen=True)
 class Parameter:
-    """One parameter, or an array of them, and where its values may lie.
+    """One parameter, or an array of them, and its bounds.
 
     Attributes:
         path: names from the tracker down, joined by dots, and perhaps an index:
             ``dynamics.scale[0]`` of an array ``[3]`` or ``[P, 3]``.
-        low: values lie above it; -inf is no bound.
-        high: values lie below it; inf is no bound.
-
-    Raises:
-        InputError: a path that is malformed, or bounds in the wrong order.
+        low: exclusive lower bound; -inf for none.
+        high: exclusive upper bound; inf for none.
     """
 
     path: str
@@ -57,12 +54,16 @@ class Parameter:
         """The index, () without one."""
         return tuple(int(number) for number in re.findall(r"\[(\d+)\]", self.path))
 
+    @property
+    def _is_unbounded(self) -> bool:
+        return math.isinf(self.low) and math.isinf(self.high)
+
     # Values are optimised as free numbers z: x = low + e^z, or a logistic curve between bounds.
 
     def to_free(self, value: Any) -> jax.Array:
         """The free number z that stands for a value within the bounds."""
         value = jnp.asarray(value, float)
-        if math.isinf(self.low) and math.isinf(self.high):
+        if self._is_unbounded:
             return value
         if math.isinf(self.high):
             return jnp.log(value - self.low)
@@ -73,7 +74,7 @@ class Parameter:
     def to_value(self, free: Any) -> jax.Array:
         """The value that a free number stands for."""
         free = jnp.asarray(free)
-        if math.isinf(self.low) and math.isinf(self.high):
+        if self._is_unbounded:
             return free
         if math.isinf(self.high):
             return self.low + jnp.exp(free)
@@ -99,11 +100,7 @@ DEFAULT_BOUNDS = {
 
 
 def parameter(text: str) -> Parameter:
-    """A parameter from ``PATH`` or ``PATH=LOW:HIGH``; either bound may be left out.
-
-    Raises:
-        InputError: it has another form.
-    """
+    """A parameter from ``PATH`` or ``PATH=LOW:HIGH``; either bound may be left out."""
     path, equals, bounds = (part.strip() for part in text.partition("="))
     if not equals:
         last = path.partition("[")[0].rpartition(".")[2]
@@ -123,21 +120,12 @@ def parameter(text: str) -> Parameter:
 
 
 def names(tracker: Any) -> list[str]:
-    """Paths of all parameters that can be tuned: the leaves that hold floats."""
+    """Paths of all parameters that can be tuned: the leaves of floats."""
     return [name for name, leaf in _leaves(tracker).items() if _is_tunable(name, leaf)]
 
 
 def read(tracker: Any, wanted: Parameter | str) -> jax.Array:
-    """The value of a parameter.
-
-    Args:
-        tracker: of which.
-        wanted: the parameter, or its path.
-
-    Raises:
-        InputError: there is no such path, it is not of floats, or its value is outside its
-            bounds.
-    """
+    """The value of a parameter, or of its path; refused outside of its bounds."""
     wanted = parameter(wanted) if isinstance(wanted, str) else wanted
     leaves = _leaves(tracker)
     leaf = leaves.get(wanted.name)
@@ -165,11 +153,7 @@ def read(tracker: Any, wanted: Parameter | str) -> jax.Array:
 
 
 def replace(tracker: Any, values: Mapping[str, Any]) -> Any:
-    """The tracker with other values, path -> value; traced values are welcome.
-
-    Raises:
-        InputError: there is no such path.
-    """
+    """The tracker with other values, path -> value, which may be traced."""
     wanted = [Parameter(path) for path in values]
     known = _leaves(tracker)
     for one in wanted:
@@ -189,11 +173,7 @@ def replace(tracker: Any, values: Mapping[str, Any]) -> Any:
 
 
 def check_apart(wanted: Sequence[Parameter]) -> None:
-    """Refuse parameters that are named twice, or an array and one of its entries.
-
-    Raises:
-        InputError: which two.
-    """
+    """Refuse parameters that are named twice, or an array and one of its entries."""
     for place, one in enumerate(wanted):
         for other in wanted[:place]:
             shorter = min(len(one.index), len(other.index))
@@ -208,7 +188,9 @@ def _leaves(tracker: Any) -> dict[str, Any]:
 
 
 def _name(path: Any) -> str:
-    return ".".join(str(getattr(k, "name", getattr(k, "key", getattr(k, "idx", k)))) for k in path)
+    """Names joined by dots; ``parameters`` of a tracker's parts are the same, and its own."""
+    names = [str(getattr(k, "name", getattr(k, "key", getattr(k, "idx", k)))) for k in path]
+    return ".".join(names[1:] if names[1:2] == ["parameters"] else names)
 
 
 def _is_tunable(name: str, leaf: Any) -> bool:

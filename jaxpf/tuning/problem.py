@@ -13,7 +13,7 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import OBJECTIVES
-from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.pytree import described, pytree_dataclass
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
 
@@ -26,16 +26,14 @@ class TrainingSequence:
     """One sequence to tune on.
 
     Attributes:
-        tracker: starts just before the first frame and knows this sequence's objects.
+        tracker: starts just before the first frame.
         frames: array or pytree, leading axis T.
-        truth: for supervised objectives: ``[T, P, 4]`` boxes x, y, w, h for "overlap";
-            ``[T, P, >= 2]`` substates, the centre first, for "position" and "crps".  NaN where an
-            object is not labelled.
+        truth: labels of supervised objectives, NaN where an object has none: ``[T, P, 4]`` boxes
+            x, y, w, h for "overlap"; ``[T, P, >= 2]``, the centre first, for "position" and "crps".
         sizes: ``[P, 2]``, width and height at scale 1, for "overlap".
         name: for messages.
-        outlines: for "overlap" of other shapes than boxes, function of estimates and sizes, see
-            ``jaxpf.targets.target.Target.outlines_of_estimates``; ``truth`` is then ``[T, P, S]``
-            of that function's first argument.
+        outlines: for "overlap" of other shapes than boxes: function of shapes ``[..., P, S]``, such
+            as ``truth``, and of ``sizes``; see ``Target.outlines_of_estimates``.
     """
 
     tracker: Any
@@ -45,6 +43,8 @@ class TrainingSequence:
     name: str = "the sequence"
     outlines: Callable | None = None
 
+    __repr__ = described
+
     @property
     def num_frames(self) -> int:
         """T."""
@@ -52,11 +52,7 @@ class TrainingSequence:
 
 
 def check_objective(objective: Any, sequences: Sequence[TrainingSequence]) -> None:
-    """Refuse an objective that is unknown or lacks its labels.
-
-    Raises:
-        InputError: which, and for which sequence.
-    """
+    """Refuse an objective that is unknown or lacks its labels."""
     if not sequences:
         raise InputError("there is no sequence to tune on; give at least one.")
     if callable(objective):
@@ -87,37 +83,30 @@ def check_objective(objective: Any, sequences: Sequence[TrainingSequence]) -> No
 def loss_function(objective: str | Callable, outlines: Callable | None = None) -> Callable:
     """The loss of a sequence: ``(tracker, keys, frames, truth, sizes) -> []``, smaller is better.
 
-    * "evidence": minus the log evidence per frame, averaged over runs.  The mean of the logs
-      lies below the log evidence by about half its variance, so that a low variance is rewarded
-      too: it is the bound of Maddison et al., "Filtering variational objectives", NeurIPS 2017.
+    * "evidence": minus the log evidence per frame, averaged over runs.  The mean of the logs lies
+      below the log evidence by about half its variance, so a low variance is rewarded too
+      (Maddison et al., "Filtering variational objectives", NeurIPS 2017).
     * "position": mean distance to the labelled positions, pixels.
-    * "crps": continuous ranked probability score of these, pixels: near, and as sure as it is near.
-    * "overlap": 1 - intersection over union with the labelled boxes.
+    * "crps": continuous ranked probability score of these, pixels.
+    * "overlap": 1 - intersection over union with the labelled shapes.
     * a function of ``(tracker, keys, frames)``: the mean of what it returns.
-
-    Args:
-        objective: one of these.
-        outlines: see ``TrainingSequence``.
     """
 
     def loss(tracker, keys, frames, truth, sizes):
         if callable(objective):
             return jnp.mean(objective(tracker, keys, frames))
+        run = tracker, keys, frames
         if objective == "evidence":
             num_frames = len(jax.tree.leaves(frames)[0])
-            return -jnp.mean(objectives.log_evidence(tracker, keys, frames)) / num_frames
+            return -jnp.mean(objectives.log_evidence(*run)) / num_frames
         if objective == "position":
-            return jnp.mean(objectives.position_error(tracker, keys, frames, truth))
+            return jnp.mean(objectives.position_error(*run, truth))
         if objective == "crps":
-            return jnp.mean(objectives.crps(tracker, keys, frames, truth))
-        if outlines is not None:
-            true = outlines(truth, sizes)
-            return jnp.mean(
-                objectives.outline_loss(
-                    tracker, keys, frames, true, lambda estimate: outlines(estimate, sizes)
-                )
-            )
-        return jnp.mean(objectives.overlap_loss(tracker, keys, frames, truth, sizes))
+            return jnp.mean(objectives.crps(*run, truth))
+        if outlines is None:
+            return jnp.mean(objectives.overlap_loss(*run, truth, sizes))
+        true = outlines(truth, sizes)
+        return jnp.mean(objectives.outline_loss(*run, true, lambda x: outlines(x, sizes)))
 
     return loss
 
@@ -126,10 +115,9 @@ def loss_function(objective: str | Callable, outlines: Callable | None = None) -
 def free_loss(
     objective: str | Callable, wanted: tuple[Parameter, ...], outlines: Callable | None = None
 ) -> Callable:
-    """Value and gradient of the loss of free numbers z, compiled once per shape of sequence.
+    """Value and gradient of the loss of free numbers z (path -> array), compiled once per shape.
 
-    Returns:
-        Function of ``(z, tracker, keys, frames, truth, sizes)``; z is path -> array.
+    A function of ``(z, tracker, keys, frames, truth, sizes)``.
     """
     loss = loss_function(objective, outlines)
 
@@ -167,9 +155,9 @@ class Observed(contract.Tracker):
 
 
 def observed(sequence: TrainingSequence) -> TrainingSequence:
-    """The sequence with its frames observed once and for all, where that is sound and fits.
+    """The sequence with its frames observed in advance, where that is sound and fits the memory.
 
-    Only likelihoods are concerned whose observations are known to depend on no parameter.
+    It is sound only for likelihoods whose observations depend on no parameter.
     """
     tracker = sequence.tracker
     likelihood = getattr(tracker, "likelihood", None)

@@ -1,4 +1,4 @@
-"""What tuning found: values, their uncertainty, and how they were reached."""
+"""Results of tuning: values, their uncertainty, and how they were reached."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -6,11 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf.contract.pytree import described
 from jaxpf.tuning.parameters import Parameter, replace
 from jaxpf.tuning.settings import Settings
 
 #: Half the width of a 95 % interval, in standard errors.
 _REACH = 1.96
+#: Numbers of an array that are printed.
+_SHOWN = 6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,7 +26,7 @@ class Descent:
         loss: ``[S]``, before each step.
         gradient_norm: ``[S]``, before clipping.
         moments: the optimiser's state.
-        stopped: "" while it goes on, "settled", or "all steps".
+        stopped: "" while running, "settled", or "all steps".
     """
 
     repeat: int
@@ -33,9 +36,11 @@ class Descent:
     moments: list[np.ndarray]
     stopped: str
 
+    __repr__ = described
+
     @property
     def num_steps(self) -> int:
-        """S, steps that were made."""
+        """S, steps so far."""
         return len(self.loss)
 
 
@@ -44,12 +49,11 @@ class Result:
     """Tuned values.
 
     Attributes:
-        parameters: what was tuned.
+        parameters: the tuned ones.
         start: path -> value before.
         free: path -> free numbers of ``values``.
         spread_errors: path -> standard error of the free numbers from the spread over repeats
-            (sd / sqrt(repeats)): how far they depend on random numbers and starts.  NaN with one
-            repeat.
+            (sd / sqrt(repeats)): the effect of random numbers and starts.  NaN with one repeat.
         curvature_errors: path -> standard error of the free numbers from the curvature of the
             log evidence (inverse of the observed information): how well the frames determine
             them.  NaN for other objectives, and where the curvature is not that of a maximum.
@@ -65,6 +69,18 @@ class Result:
     descents: list[Descent]
     no_curvature: str = ""
 
+    def __repr__(self) -> str:
+        intervals, values = self.intervals(), self.values
+        lines = [f"Result of {len(self.descents)} repeats, with 95 % intervals:"]
+        for name, value in values.items():
+            numbers = [np.ravel(x)[:_SHOWN] for x in (value, *intervals[name])]
+            shown = [
+                f"{x:.4g} [{low:.4g}, {high:.4g}]" for x, low, high in zip(*numbers, strict=True)
+            ]
+            shown += ["..."] * (np.size(value) > _SHOWN)
+            lines.append(f"  {name} = {', '.join(shown)}")
+        return "\n".join([*lines, *(f"  {remark}" for remark in self.remarks)])
+
     @property
     def settled(self) -> bool:
         """Whether every repeat stopped because its values had settled."""
@@ -72,18 +88,18 @@ class Result:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What has to be said wherever the values and their errors are shown; often nothing."""
-        said = []
+        """Warnings that belong wherever the values and their errors are shown; often none."""
+        warnings = []
         if not self.settled:
             count = sum(descent.stopped != "settled" for descent in self.descents)
-            said.append(
+            warnings.append(
                 f"{count} of {len(self.descents)} repeats stopped before they settled: the errors "
                 "leave out how far the values would still have moved. Ask for more steps, or "
                 "start nearer."
             )
         if self.no_curvature:
-            said.append(f"Errors of the frames are left out: {self.no_curvature}.")
-        return tuple(said)
+            warnings.append(f"Errors of the frames are left out: {self.no_curvature}.")
+        return tuple(warnings)
 
     @property
     def values(self) -> dict[str, np.ndarray]:
@@ -108,10 +124,7 @@ class Result:
         return {name: total(name) for name in self.free}
 
     def standard_errors(self) -> dict[str, np.ndarray]:
-        """path -> standard error of the value, by the slope of its bounds' mapping.
-
-        How far a value was from settling is not in it: see ``settled`` and ``remarks``.
-        """
+        """path -> standard error of the value; for a value that settled, see ``remarks``."""
         total = self.total_errors()
         return {
             one.path: np.abs(np.asarray(one.slope(self.free[one.path]))) * total[one.path]
@@ -136,22 +149,19 @@ def summarise(
     descents: list[Descent],
     settings: Settings,
 ) -> Result:
-    """Combine repeats: each gives the mean over its last window, and these their mean."""
+    """Combine repeats: the mean over repeats of each one's mean over its last window."""
     free, errors = {}, {}
-    for one in wanted:
+    windows = [min(settings.window, max(1, descent.num_steps // 2)) for descent in descents]
+    for path in (parameter.path for parameter in wanted):
         tails = np.stack(
             [
-                d.free[one.path][-min(settings.window, max(1, d.num_steps // 2)) :].mean(axis=0)
-                for d in descents
+                d.free[path][-window:].mean(axis=0)
+                for d, window in zip(descents, windows, strict=True)
             ]
         )
-        free[one.path] = tails.mean(axis=0)
-        count = len(tails)
-        errors[one.path] = (
-            tails.std(axis=0, ddof=1) / np.sqrt(count)
-            if count > 1
-            else np.full(tails.shape[1:], np.nan)
-        )
+        free[path], errors[path] = tails.mean(axis=0), np.full(tails.shape[1:], np.nan)
+        if len(tails) > 1:
+            errors[path] = tails.std(axis=0, ddof=1) / np.sqrt(len(tails))
     return Result(
         parameters=tuple(wanted),
         start={name: np.asarray(value) for name, value in start.items()},

@@ -1,4 +1,4 @@
-"""Scenes made ready for tuning, and for the comparison afterwards."""
+"""Scenes prepared for tuning, and for the comparison afterwards."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -23,16 +23,13 @@ _BACKGROUND_FRAMES = 3
 
 @dataclasses.dataclass(frozen=True)
 class Recipe:
-    """What a tracker is made of, tuned values included.
+    """The options from which a tracker is built, tuned values included.
 
     Attributes:
         target: name of a target, see ``jaxpf.targets``.
-        values: of options of the target and of the method's filter, ``method`` among them; what is
-            left out has its default.
+        values: of options of the target and of the method's filter, ``method`` among them; others
+            have their defaults.
         gradient: through resampling, see ``jaxpf.gradients``.
-
-    Raises:
-        InputError: a value out of range, or of no option.
     """
 
     target: str
@@ -64,21 +61,14 @@ class Recipe:
         return find_adapter(self.target)
 
     def with_values(self, values: Mapping[str, Any]) -> "Recipe":
-        """The recipe with tuned values, tracker path -> value.
-
-        Raises:
-            InputError: a path for which there is no option.
-        """
+        """The recipe with tuned values, tracker path -> value."""
         tuned = with_tuned(chosen(self.of.options, self.values), values, self.target)
         return dataclasses.replace(self, values={**self.values, **_as_values(tuned)})
 
     def tracker(self, start: Start, looks: Looks, training_frames: Any = None) -> Any:
-        """The tracker of ``jaxpf evaluate``, or a differentiable one, with a background to learn.
+        """The tracker of ``jaxpf evaluate``; with ``training_frames``, a differentiable one.
 
-        Args:
-            start: where the objects are.
-            looks: how they look.
-            training_frames: for the differentiable one, ``[n, H, W, 3]``.
+        These, ``[n, H, W, 3]``, show the background that its likelihood is normalised by.
         """
         of = self.of
         its = building.filter_for(of, self.values["method"])
@@ -96,18 +86,15 @@ def training_sequence(
 ) -> TrainingSequence:
     """A scene with a tracker that is differentiable in parameters and state.
 
-    Its likelihood is weighed against that of objects anywhere in some frames, which leaves the
-    weights as they are: values found go with any other tracker of the target.
+    Its likelihood is divided by that of objects anywhere in some frames, which leaves the weights
+    as they are: tuned values suit any other tracker of the target.
 
     Args:
         scene: see ``scenes.Scene``; trackers start in its first frame.
         recipe: with the values to start from.
         objective: see ``tune``.
-        labels: how many frames keep their truth, evenly spread, the last one included; default
-            all.
-
-    Raises:
-        InputError: an argument is out of range.
+        labels: number of frames that keep their truth, evenly spread and with the last one;
+            default all.
     """
     of = recipe.of
     start = recipe.adapter.scene_start(scene)

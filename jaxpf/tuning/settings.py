@@ -17,21 +17,18 @@ class Settings:
         learning_rate: of Adam on the free numbers; .1 changes a positive parameter by up to 10 %
             per step.
         runs: of the tracker per sequence and step.
-        sequences_per_step: how many sequences a step takes, in turn; None takes all.
+        sequences_per_step: number of sequences per step, in turn; None for all.
         random_numbers: "fresh" draws new ones at every step, so that the loss is descended in
-            expectation; "common" keeps those of the first, so that the loss is one function
-            without noise, whose minimum belongs to these numbers.
-        clip: a gradient whose norm is larger is shortened to it.
-        window: steps of a window; the values found are means over the last one.
+            expectation; "common" keeps those of the first, so that the loss is a function without
+            noise, whose minimum belongs to these numbers.
+        clip: largest norm of a gradient; longer ones are shortened to it.
+        window: steps of a window; tuned values are means over the last one.
         tolerance: stop when no free number's mean over the last window differs by more than this
             from its mean over the window before: .02 is 2 % of a positive parameter.
-        repeats: independent descents, whose spread tells how far values depend on chance.
+        repeats: independent descents, whose spread shows how far values depend on chance.
         jitter: standard deviation of the noise on the free numbers with which every repeat but
             the first starts.
-        seed: of everything.
-
-    Raises:
-        InputError: a number that is out of range.
+        seed: of all random numbers.
     """
 
     steps: int = 150

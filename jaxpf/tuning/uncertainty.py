@@ -27,15 +27,12 @@ def curvature(
     value_and_gradient: Callable,
     settings: Settings,
 ) -> tuple[dict[str, np.ndarray], str]:
-    """Standard errors of the free numbers, from the observed information.
+    """Standard errors of the free numbers from the observed information: path -> errors.
 
-    The information is minus the second derivative of the log evidence of all sequences, found
-    by central differences of its gradient on common random numbers, .15 on either side.  Its
-    inverse is the covariance of the maximum-likelihood estimate, if the model is right and the
-    frames many.
-
-    Returns:
-        path -> errors, NaN where there are none; and why, or "".
+    The information is minus the second derivative of the log evidence of all sequences, by central
+    differences of its gradient on common random numbers, .15 on either side.  Its inverse is the
+    covariance of the maximum-likelihood estimate, if the model is right and there are many frames.
+    Errors are NaN where there are none; the second value says why, or is "".
     """
     sizes = [np.size(result.free[one.path]) for one in wanted]
     none = {name: np.full(np.shape(z), np.nan) for name, z in result.free.items()}

@@ -13,8 +13,7 @@ import scenes
 from jaxpf import cli, media
 from jaxpf.cli.shared.flags import ALL
 from jaxpf.papers.judging import verdicts
-from jaxpf.papers.judging.claims import CONTRADICTS
-from jaxpf.papers.judging.comparison_table import CLAIM_COLUMNS, CLAIM_FIELDS, markdown_table
+from jaxpf.papers.judging.comparison_table import claims_markdown, markdown_table
 from jaxpf.papers.paper import PAPERS
 
 
@@ -32,8 +31,8 @@ def write(folder):
         _module(folder, name, documented)
     _contents(folder / "reference.rst", "Reference", names)
     (folder / "verdicts.md").write_text(_verdicts())
-    counted = markdown_table(*verdicts.overview(PAPERS))
-    (folder / "counts.md").write_text("\n".join(counted) + "\n")
+    counted = (f"- {verdicts.summary(paper, verdicts.stored(paper))}\n" for paper in PAPERS)
+    (folder / "counts.md").write_text("".join(counted))
     for name, picture in (*_pictures(), *_clouds()):
         cv2.imwrite(str(folder / f"{name}.png"), picture[..., ::-1])
 
@@ -103,28 +102,15 @@ def _titled(title):
 
 
 def _verdicts():
-    """The stored verdicts, a table for each paper, and the claims that have none."""
-    against = [
-        [paper, *(claim[field] for field in ("statement", "published", "measured"))]
-        for paper in PAPERS
-        for claim in verdicts.stored(paper)
-        if claim["verdict"] == CONTRADICTS
-    ]
-    blocks = [
-        "### What does not hold\n",
-        *markdown_table(["paper", "claim", "published", "measured [95 %]"], against),
-        "",
-    ]
+    """The stored verdicts, tables for each paper, and the claims that have none."""
+    blocks = []
     for paper in PAPERS:
-        claims, left = verdicts.stored(paper), verdicts.not_judged(paper)
-        if not claims:
-            continue
-        rows = [[claim[field] for field in CLAIM_FIELDS] for claim in claims]
+        judged, left = verdicts.stored(paper), verdicts.not_judged(paper)
         blocks += [
             f"### {paper}\n",
-            f"`{claims[0]['command']}`: {verdicts.origin(claims[0])}.\n",
-            *markdown_table(CLAIM_COLUMNS, rows),
-            "\nNot judged:\n",
+            f"{verdicts.origin(judged)}.\n",
+            *claims_markdown(judged, level=4),
+            "#### Not judged\n",
             *markdown_table(list(left[0]), [list(each.values()) for each in left]),
             "",
         ]

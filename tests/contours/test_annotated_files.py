@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from jaxpf import InputError
 from jaxpf.contours.annotated_files import read_annotated
@@ -22,21 +23,49 @@ def test_points_are_read_by_frame_and_target_in_their_order(tmp_path):
     np.testing.assert_array_equal(found.lines[1, "b"], [(3, 4), (5, 6)])
 
 
-def test_masks_are_read_in_the_order_of_their_names(tmp_path):
-    folder = tmp_path / "masks"
-    folder.mkdir()
-    for number, level in ((10, 2), (2, 1), (3, 0)):
-        cv2.imwrite(str(folder / f"{number}.png"), np.full((4, 5), level, np.uint8))
+def write_masks(folder, levels):
+    folder.mkdir(exist_ok=True)
+    for name, level in levels.items():
+        cv2.imwrite(str(folder / f"{name}.png"), np.full((4, 5), level, np.uint8))
+
+
+def test_the_number_in_a_masks_name_is_its_frame(tmp_path):
+    write_masks(tmp_path / "masks", {"a10": 1, "a2": 1, "a3": 0})
     found = read_annotated(tmp_path)
-    assert (found.kind, list(found.lines)) == ("masks", [(0, "1"), (2, "1")])
-    assert found.lines[0, "1"].shape == (4, 5)
-    assert list(read_annotated(tmp_path, value=2).lines) == [(2, "1")]
+    assert (found.kind, list(found.lines)) == ("masks", [(2, "1"), (10, "1")])
+    assert found.lines[2, "1"].shape == (4, 5)
+    write_masks(tmp_path / "named", {"left": 1, "right": 0, "up": 1})
+    assert list(read_annotated(tmp_path / "named").lines) == [(0, "1"), (2, "1")]
+
+
+def test_several_objects_in_masks_are_listed_until_one_is_chosen(tmp_path):
+    write_masks(tmp_path, {"1": 2, "2": 1})
+    with pytest.raises(InputError, match="hold the objects 1, 2; choose one by --object"):
+        read_annotated(tmp_path)
+    assert list(read_annotated(tmp_path, value=2).lines) == [(1, "1")]
+    with pytest.raises(InputError, match="hold no object 3; there are 1, 2"):
+        read_annotated(tmp_path, value=3)
+
+
+def test_an_indexed_mask_is_read_by_its_palette_index(tmp_path):
+    """(128, 0, 0) and (0, 128, 0) are equally bright, and different objects."""
+    indexed = Image.fromarray(np.uint8([[0, 1, 2], [0, 2, 2]]), mode="P")
+    indexed.putpalette([0, 0, 0, 128, 0, 0, 0, 128, 0])
+    indexed.save(tmp_path / "0.png")
+    with pytest.raises(InputError, match="objects 1, 2"):
+        read_annotated(tmp_path)
+    one, two = (read_annotated(tmp_path, value=value).lines[0, "1"] for value in (1, 2))
+    np.testing.assert_array_equal(one, [[False, True, False], [False, False, False]])
+    np.testing.assert_array_equal(two, [[False, False, True], [False, True, True]])
+    indexed.convert("RGB").save(tmp_path / "0.png")
+    with pytest.raises(InputError, match=r"2 colours \(#008000, #800000\); save it as an indexed"):
+        read_annotated(tmp_path)
 
 
 @pytest.mark.parametrize(
     ("rows", "options", "message"),
     [
-        (["0,a,0,1"], {}, "line 2: '0,a,0,1' is not"),
+        (["0,a,0,1"], {}, "line 2 of .* has 4 columns"),
         (["0,a,0,1,x"], {}, "line 2"),
         (["0,a,0,1,inf"], {}, "line 2"),
         (["0.5,a,0,1,2"], {}, "line 2"),

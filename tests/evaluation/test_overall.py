@@ -99,8 +99,22 @@ def test_curves_are_means_over_sequences_with_their_intervals(tmp_path, monkeypa
     write(tmp_path, "two", [row], lambda threshold: 1 - threshold**2)
     write_overall(tmp_path, ["one", "two"], [])
     at_half = [0.5, 0.75]
-    low, high = stats.t.interval(0.95, 1, np.mean(at_half), stats.sem(at_half))
-    np.testing.assert_allclose(drawn["SIR", "success"][10], (2, np.mean(at_half), low, high))
+    low, _ = stats.t.interval(0.95, 1, np.mean(at_half), stats.sem(at_half))
+    assert low < 0  # less than a share can be
+    np.testing.assert_allclose(drawn["SIR", "success"][10], (2, np.mean(at_half), 0, 1))
     np.testing.assert_allclose(drawn["SIR", "precision"][25, 1], 1 - np.mean(at_half))
     assert drawn["PS", "success"][10, 0] == 1
     assert np.isnan(drawn["PS", "success"][10, 2:]).all()
+
+
+def test_intervals_of_shares_stay_between_0_and_100_percent(tmp_path):
+    values = np.array([1.0, 0.66])  # Student's interval reaches from -1.3 to 3
+    assert over_sequences(values).lower < 0
+    assert over_sequences(values, (0, 1))[2:] == (0, 1)
+    rows = {"a": 1.0, "b": 0.66}
+    for name, value in rows.items():
+        write(tmp_path, name, [("dps", "", "", "all", "overlap", 3, value)])
+    write_overall(tmp_path, list(rows), [])
+    with open(tmp_path / "overall.csv", newline="") as file:
+        (row,) = (r for r in csv.DictReader(file) if r["measure"] == "overlap")
+    assert (float(row["lower"]), float(row["upper"])) == (0, 1)

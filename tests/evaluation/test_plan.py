@@ -41,6 +41,7 @@ def found(plan, count=3, method="integral", asked=None):
 def test_configurations_are_methods_times_orderings_times_grid():
     plan = Plan(
         SCENE,
+        orders=("shifts",),
         swaps=("combinatorial", "sorted"),
         grid={"sharpness": (20, 30), "particles": (100, 200)},
     )
@@ -94,6 +95,15 @@ def test_orders_count_from_0_and_none_is_twice():
     assert [c.ordering for c in found(plan)] == ["312", "123", "231"]
 
 
+def test_ps_runs_in_one_order_by_default():
+    assert [c.label for c in found(Plan(SCENE))] == [
+        "SIR",
+        "PS 123",
+        "DPS shifts",
+        "SPS combinatorial",
+    ]
+
+
 def test_labels_of_orders_have_hyphens_from_ten_objects_on():
     assert order_label([2, 0, 1]) == "312"
     assert order_label(range(10)) == "1-2-3-4-5-6-7-8-9-10"
@@ -114,7 +124,7 @@ def test_auto_is_decided_once_and_merges_with_what_it_stands_for():
         ({"methods": []}, "methods is empty; give at least one value"),
         ({"methods": ["ps", "ps"]}, "methods names ps twice"),
         ({"swaps": ["shuffled"]}, "swaps: 'shuffled' is unknown; choose one of none, random,"),
-        ({"orders": ["3;1"]}, "orders: '3;1' is no order; give 'shifts', or the objects"),
+        ({"orders": ["3;1"]}, "orders: '3;1' is no order; give 'given', 'shifts', or the objects"),
         ({"orders": []}, "orders is empty; give at least one value"),
         ({"target": "ghosts"}, "target 'ghosts' is unknown; choose one of"),
         ({"runs": 0}, "runs = 0 must be a whole number from 1 to 1000000"),

@@ -1,9 +1,13 @@
 """How sure a filter is that its objects are there."""
 
+import jax
 import numpy as np
 from tagged_walk import Breakable, P, T, frames, track, tracked
 
+import jaxpf
 from jaxpf import ordering, pytree_dataclass
+from jaxpf.dynamics import RandomWalk
+from jaxpf.filters import SideBySide, WithErrorBars
 
 
 @pytree_dataclass
@@ -43,3 +47,50 @@ def test_what_is_said_changes_no_particle():
     assert np.isfinite(telling.confidence).all()
     for name in ("estimate", "log_evidence", "spread"):
         np.testing.assert_array_equal(getattr(plain, name), getattr(telling, name))
+
+
+def at_origin(order, **changes):
+    return jaxpf.Partitioned(
+        dynamics=RandomWalk(np.float32(1)),
+        likelihood=ByFrame(),
+        ordering=order,
+        initial=np.zeros((2, 1), np.float32),
+        num_particles=20,
+        **changes,
+    )
+
+
+@pytree_dataclass
+class ByFrame:
+    """Log odds that stand in the frame."""
+
+    def observe(self, frame):
+        return frame
+
+    def log_prob(self, observation, partition, substate):
+        return -0.5 * substate[0] ** 2
+
+    def log_odds(self, observation, partition, substate):
+        return observation[partition]
+
+
+def test_a_confidence_stays_in_missing_frames_bare_and_wrapped():
+    frames, key = np.array([[1.0, -4.0], [np.nan] * 2, [np.nan] * 2, [2.0, 0.0]]), jax.random.key(0)
+    bare = at_origin(ordering.ps([1, 0]))
+    plain = jaxpf.run(bare, key, frames)[1]
+    expected = 1 / (1 + np.exp(-np.array([[2, -0.5], [2, -0.5], [2, -0.5], [2, -0.25]])))
+    np.testing.assert_allclose(plain.confidence, expected, rtol=1e-5)
+    barred = jaxpf.run(WithErrorBars(bare), key, frames)[1]
+    np.testing.assert_array_equal(barred.confidence, plain.confidence)
+    np.testing.assert_array_equal(barred.estimate, plain.estimate)
+    # Runs side by side differ in estimates, and these odds depend on none.
+    beside = jaxpf.run(SideBySide(bare, 2), key, frames)[1]
+    np.testing.assert_allclose(beside.confidence, plain.confidence, rtol=1e-6)
+
+
+def test_a_partition_that_is_missing_keeps_its_confidence():
+    frames, observed = np.array([[1.0, -4.0], [3.0, 3.0]]), np.array([[True, True], [False, True]])
+    its = at_origin(ordering.ps([1, 0]))
+    found = jaxpf.run(its, jax.random.key(0), frames, observed=observed)[1].confidence
+    expected = 1 / (1 + np.exp(-np.array([[2, -0.5], [2, 1.25]])))
+    np.testing.assert_allclose(found, expected, rtol=1e-5)

@@ -35,9 +35,9 @@ class Targets(NamedTuple):
         )
 
 
-def targets() -> Targets:
+def targets(**changes) -> Targets:
     """Four targets, ``x_t = .7 x_{t-1} + .3 x_{t-2} + n``, observed with unit noise."""
-    exact = objects()
+    exact = objects(**changes)
     system = np.array([[0.7, 0.3], [1.0, 0.0]])
     process, seen, start = np.diag([1.0, 0.0]), np.array([[1.0, 0.0]]), np.ones((2, 2))
     log_evidence = [

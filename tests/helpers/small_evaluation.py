@@ -30,7 +30,18 @@ HERE = Path(__file__).parent
 #: One shape for all tests, so that the kernel is compiled once.
 PARTICLES, RUNS = 60, 25
 #: Options of the command line, of that shape, too.
-COMMON = ("--methods", "sir,ps", "-n", PARTICLES, "--scale", "1,1,.001", "--runs", "4")
+COMMON = (
+    "--methods",
+    "sir,ps",
+    "--orders",
+    "shifts",
+    "-n",
+    PARTICLES,
+    "--scale",
+    "1,1,.001",
+    "--runs",
+    "4",
+)
 #: Two files per configuration.
 TWICE = 2 * RUNS
 #: One compiled batch per file.

@@ -132,7 +132,7 @@ def only_evidence(state, summary):
         (3, "3 is not a resampling scheme"),
         (
             lambda key, log_weights, count: 0,
-            "is no pytree; wrap a function in jax.tree_util.Partial",
+            "is not a pytree; wrap a function in jax.tree_util.Partial",
         ),
         (jax.tree_util.Partial(lambda key, w, count: w), r"float32 of shape \[4\] for count = 3"),
     ],

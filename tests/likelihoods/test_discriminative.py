@@ -355,11 +355,33 @@ def test_a_seed_gives_the_same_track_whatever_runs_beside_it(learned):
 FLAT = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
 
 
+@pytest.mark.parametrize("share", [0.75, 0.85, 0.95])
+def test_an_object_may_cover_most_of_the_frame(share):
+    """It is found where it moved, by its own looks and by what little there is around it."""
+    behind, own = blocks(1), blocks(2)
+    width, height = int(share * WIDTH), int(share * HEIGHT)
+    left, top = (WIDTH - width) // 2, (HEIGHT - height) // 2
+
+    def shown(x, y):
+        frame = np.pad(behind, ((20, 20), (20, 20), (0, 0)), mode="wrap")
+        frame[20 + y : 20 + y + height, 20 + x : 20 + x + width] = own[:height, :width]
+        return frame[20 : 20 + HEIGHT, 20 : 20 + WIDTH]
+
+    learned = discriminative(shown(left, top), [[left, top, width, height]])
+    at = np.stack(np.meshgrid(np.arange(-16, 17, 4), np.arange(-16, 17, 4)), axis=-1).reshape(-1, 2)
+    middle = np.array([left + width / 2, top + height / 2])
+    substates = np.concatenate([at + middle, np.ones((len(at), 1))], axis=1).T
+    for moved in ((0, 0), (8, -4), (-8, 8)):
+        seen = _OBSERVE(learned, shown(left + moved[0], top + moved[1]))
+        best = at[np.argmax(scores(learned, seen, 0, substates))]
+        assert np.abs(best - moved).max() <= 4
+
+
 @pytest.mark.parametrize(
     ("frame", "box", "settings", "sentence"),
     [
         (FRAME, (10, 10, 3, 20), {}, "at least 4 x 4 pixels"),
-        (FRAME, (1, 1, 80, 60), {}, "covers more than half of the frame of 91 x 70 pixels"),
+        (FRAME, (1, 1, 90, 69), {}, "it fills the frame of 91 x 70 pixels"),
         (FRAME, (80, 60, 40, 40), {}, "less than a quarter of it lies in the frame"),
         (FRAME, (np.nan, 1, 8, 6), {}, "every number must be finite"),
         (FLAT, (30, 20, 20, 20), {"features": ["gradients"]}, "looks like what is around it"),

@@ -339,3 +339,32 @@ def test_one_run_and_many_runs_agree():
     for name in names:
         one_by_one = np.stack([run[name] for run in apart])
         np.testing.assert_allclose(together[name], one_by_one, rtol=1e-6, err_msg=name)
+
+
+def test_measures_of_no_frames_find_nothing():
+    nothing = np.zeros((0, 2, 4))
+    assert measures.recovery(nothing, nothing).tolist() == [False, False]
+    assert measures.success(nothing, nothing).tolist() == [False, False]
+
+
+@pytest.mark.parametrize("measure", [measures.success, measures.recovery])
+@pytest.mark.parametrize("shape", [(5, 2, 4), (5, 1, 4), (4, 3, 4), (3, 4)])
+def test_boxes_of_other_frames_or_objects_are_refused(measure, shape):
+    with pytest.raises(InputError, match="same frames and objects"):
+        measure(np.ones(shape), np.ones((5, 3, 4)))
+
+
+def test_intervals_of_shares_stay_within_shares():
+    truth = np.tile([0.0, 0, 4, 4], (2, 1, 1))
+    runs = np.stack([truth, truth + np.array([1.0, 0, 0, 0])])  # two runs, which differ
+    for name, interval in measures.summarise(runs, truth).items():
+        assert name == "centre_error" or (interval.lower >= 0).all(), name
+        assert name == "centre_error" or (interval.upper <= 1).all(), name
+    assert measures.summarise(runs, truth)["overlap"].upper == 1
+
+
+@pytest.mark.parametrize("name", FRAME_MEASURES)
+@pytest.mark.parametrize("shape", [(2, 4), (3, 3), (4, 1)])
+def test_what_is_no_box_of_the_truth_is_refused(name, shape):
+    with pytest.raises(InputError, match="cannot be compared"):
+        getattr(measures, name)(np.ones(shape), np.ones((3, 4)))

@@ -2,6 +2,7 @@ import os
 import subprocess
 import sys
 import tracemalloc
+from pathlib import Path
 
 import av
 import cv2
@@ -281,15 +282,15 @@ def test_nothing_is_printed_and_the_log_level_is_put_back(tmp_path):
 
 
 def test_a_folder_gives_its_images_in_natural_order(tmp_path):
-    for index in (0, 1, 2, 9, 10, 11):
+    for index in range(7, 13):
         cv2.imwrite(str(tmp_path / f"img{index}.png"), numbered_frame(index)[..., ::-1])
     (tmp_path / "notes.txt").write_text("not a frame")
     (tmp_path / "._img3.png").write_bytes(b"left by a file system")
     source = open_frames(tmp_path)
     assert (source.name, source.num_frames, source.fps) == (tmp_path.name, 6, 25.0)
-    assert [number_of(frame) for frame in source] == [0, 1, 2, 9, 10, 11]
-    assert [number_of(frame) for frame in source.frames(4)] == [10, 11]
-    np.testing.assert_array_equal(next(iter(source)), numbered_frame(0))
+    assert [number_of(frame) for frame in source] == [7, 8, 9, 10, 11, 12]
+    assert [number_of(frame) for frame in source.frames(4)] == [11, 12]
+    np.testing.assert_array_equal(next(iter(source)), numbered_frame(7))
     assert "start frame 6" in message_of(source.frames, 6)
 
 
@@ -357,3 +358,42 @@ def test_a_folder_without_images_is_refused_and_points_to_what_was_meant(tmp_pat
     cv2.imwrite(str(tmp_path / "preview.png"), np.zeros((48, 64, 3), np.uint8))
     message = message_of(open_frames, tmp_path)
     assert f"one image only, 'preview.png'; did you mean '{tmp_path / 'frames'}'" in message
+
+
+def write_images(folder, *names, value=7, dtype=np.uint8):
+    for name in names:
+        cv2.imwrite(str(folder / name), np.full((12, 16, 3), value, dtype))
+
+
+def test_a_folder_that_leaves_numbers_out_is_refused(tmp_path):
+    write_images(tmp_path, "f1.png", "f2.png", "f3.png", "f16.png", "f17.png")
+    with pytest.raises(InputError, match=r"'f16\.png' follows 'f3\.png'.*add the missing frames"):
+        open_frames(tmp_path)
+
+
+def test_frames_in_equal_steps_are_taken_with_a_remark(tmp_path):
+    write_images(tmp_path, "0.png", "5.png", "10.png")
+    assert "in steps of 5" in open_frames(tmp_path).note
+
+
+def test_12_bits_in_images_of_16_are_scaled_by_their_range(tmp_path):
+    write_images(tmp_path, "0.png", "1.png", value=2048, dtype=np.uint16)
+    source = open_frames(tmp_path)
+    assert "count as 12" in source.note
+    assert {int(frame[0, 0, 0]) for frame in source} == {128}
+
+
+def test_images_with_several_pictures_are_refused_with_the_way_to_split_them(tmp_path):
+    pages = [np.full((12, 16, 3), level, np.uint8) for level in (0, 90, 180)]
+    cv2.imwritemulti(str(tmp_path / "a.tif"), pages)
+    for place in (tmp_path / "a.tif", tmp_path):
+        assert "holds 3 pictures; split it" in message_of(open_frames, place)
+
+
+@pytest.mark.parametrize("suffix", ["avi", "webm"])
+def test_a_colon_in_a_relative_name_is_no_protocol(tmp_path, monkeypatch, suffix):
+    monkeypatch.chdir(tmp_path)
+    write_video(
+        Path(f"part:one.{suffix}") if suffix == "webm" else tmp_path / f"part:one.{suffix}", 4
+    )
+    assert len(list(open_frames(f"part:one.{suffix}"))) == 4

@@ -5,8 +5,10 @@ import pytest
 
 from jaxpf import InputError, media
 from jaxpf.papers.judging import comparison_table
-from jaxpf.papers.judging.claims import Claim, Measured
+from jaxpf.papers.judging.claims import Claim, Judged, Measured
 from jaxpf.papers.judging.comparison_table import Cell, Comparison, Table
+
+CLAIM = Claim("a_b", "paper", "a is b", "1", "a | b.", "table 1", 0.0, float("inf"), 0.0, 0, "runs")
 
 
 @pytest.fixture
@@ -21,7 +23,7 @@ def comparison():
         tables=[
             Table("table_1", "Table 1 (%)", ["row", "a", "b", "c"], [("20", cells)], "A note.")
         ],
-        claims=[Claim("a | b", "table 1", "1", "2", "supports")],
+        claims=[Judged(CLAIM, "2", "supported", "2")],
         figures={"figure": figure},
         notes=["What was done."],
         settings={"runs": 5},
@@ -35,11 +37,15 @@ def test_cells_show_published_and_measured_side_by_side():
 
 
 def test_everything_is_written(comparison, tmp_path):
-    names = comparison_table.write(comparison, tmp_path)
+    names = comparison_table.write(comparison, tmp_path, "jaxpf reproduce someone1999")
     assert sorted(names) == sorted(path.name for path in tmp_path.iterdir())
-    assert {"table_1.csv", "claims.csv", "figure.png", "someone1999.json", "someone1999.md"} == set(
-        names
-    )
+    assert {
+        "table_1.csv",
+        "verdicts.csv",
+        "figure.png",
+        "someone1999.json",
+        "someone1999.md",
+    } == set(names)
     with open(tmp_path / "table_1.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert rows[0]["published"] == "19"
@@ -50,7 +56,11 @@ def test_everything_is_written(comparison, tmp_path):
     assert first == {"published": 19, "measured": {"value": 26.6, "low": 20.2, "high": 33.4}}
     assert second["measured"]["value"] is None  # NaN is no JSON
     assert third == "text"
-    assert content["claims"][0]["verdict"] == "supports"
+    assert content["claims"][0]["verdict"] == "supported"
+    assert content["claims"][0]["at_most"] is None  # so is infinity
+    (verdict,) = csv.DictReader((tmp_path / "verdicts.csv").read_text().splitlines())
+    assert (verdict["key"], verdict["verdict"]) == ("a_b", "supported")
+    assert verdict["command"] == "jaxpf reproduce someone1999"
     assert content["settings"] == {"runs": 5}
 
 
@@ -58,11 +68,11 @@ def test_the_markdown_keeps_its_columns_where_cells_hold_bars(comparison):
     lines = comparison_table.markdown(comparison).splitlines()
     (row,) = [line for line in lines if line.startswith("| 20 ")]
     assert row.replace("\\|", "").count("|") == 5
-    assert "| a \\| b |" in "\n".join(lines)
+    assert "| a \\| b. |" in "\n".join(lines)
     assert "![figure](figure.png)" in lines
     assert "A note." in lines
 
 
-def test_a_folder_that_cannot_be_written_is_told(comparison, tmp_path):
+def test_a_folder_that_cannot_be_written_is_reported(comparison, tmp_path):
     with pytest.raises(InputError, match="missing"):
         comparison_table.write(comparison, tmp_path / "missing")

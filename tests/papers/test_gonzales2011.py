@@ -8,11 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jaxpf import InputError
 from jaxpf.papers import gonzales2011
-from jaxpf.papers.gonzales2011 import accuracy, claims, figures, published, scenes, tables, times
+from jaxpf.papers.gonzales2011 import claims, figures, published, scenes, tables, times
 from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, RUNS_PER_SCENE, Outcome
-from jaxpf.papers.judging.claims import CONTRADICTS, EQUAL, SUPPORTS
+from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, SUPPORTED, judge_all
 from jaxpf.papers.judging.comparison_table import Comparison, write
 from jaxpf.papers.measuring.checkpoints import keeping
 
@@ -113,32 +112,29 @@ def everything(outcome):
     return dict.fromkeys(cells, outcome)
 
 
+def verdicts(measured):
+    return {each.claim.key: each.verdict for each in judge_all("gonzales2011", measured)}
+
+
 def test_claims_follow_what_was_measured():
-    outcome = fake_outcome({"SPS sorted": 8.0, "SPS combinatorial": -8.0}, {"SPS sorted": 0.0})
-    found = claims.curve_claims(everything(outcome))
-    assert len(found) == 2 * 2 * 6 + 1
-    for claim in found[:-1]:
-        if "variance" in claim.statement:
-            assert claim.verdict == EQUAL  # to no gain, within the margin
-        elif "combinatorial" in claim.statement:
-            assert claim.verdict == CONTRADICTS
-        else:
-            assert claim.verdict == SUPPORTS
-    assert found[-1].verdict == SUPPORTS
-    assert "7 / 4" in found[-1].measured
-    assert "9 / 5" in found[-1].measured
-    first = found[0]
-    assert all(f"N = {n}: " in first.measured for n in published.FIGURE_8_PARTICLES)
+    gains = {"SPS sorted": 8.0, "SPS combinatorial": -8.0}
+    outcomes = everything(fake_outcome(gains, {"SPS sorted": 0.0}, num_scenes=25))
+    for dynamics in DYNAMICS:
+        for swap, expected in (("sorted", SUPPORTED), ("combinatorial", CONTRADICTED)):
+            found = verdicts(claims.of_curves(outcomes, dynamics, swap))
+            assert len(found) == 10
+            for key, verdict in found.items():
+                assert verdict == (OPEN if key.endswith("variance") else expected), key
+    assert verdicts({"resamplings": claims.resamplings()}) == {"resamplings": SUPPORTED}
+    assert [part.what for part in claims.resamplings()] == ["7 parts, 7 / 4", "9 parts, 9 / 5"]
 
 
-def test_one_bad_cell_contradicts_a_claim_about_every_cell():
-    outcomes = everything(fake_outcome({"SPS sorted": 8.0}))
-    outcomes["smooth", 7, 40] = fake_outcome({"SPS sorted": -8.0})
-    found = {claim.statement.split(" [")[0]: claim for claim in claims.curve_claims(outcomes)[:6]}
-    verdicts = {
-        name.split(" ")[2]: claim.verdict for name, claim in found.items() if "every N" in name
-    }
-    assert verdicts == {"7": CONTRADICTS, "9": SUPPORTS}
+def test_one_bad_cell_contradicts_its_claim_alone():
+    outcomes = everything(fake_outcome({"SPS sorted": 8.0}, num_scenes=25))
+    outcomes["smooth", 7, 40] = fake_outcome({"SPS sorted": -8.0}, num_scenes=25)
+    found = verdicts(claims.of_curves(outcomes, "absolute", "sorted"))
+    assert [key for key, verdict in found.items() if verdict == CONTRADICTED] == ["error_40"]
+    assert claims.of_curves({}, "absolute", "sorted")["error_40"] == []
 
 
 def test_gains_are_per_cent_of_ps_sequence_by_sequence():
@@ -180,11 +176,13 @@ def test_times_stand_beside_the_published_ones():
     assert label == "3 parts, SPS sorted / PS"
     np.testing.assert_allclose(cells[0].published, 0.56 / 0.54)
     np.testing.assert_allclose(cells[0].measured.value, 1.3, rtol=1e-6)
-    by_method = {claim.statement: claim for claim in claims.time_claims(fake_times())}
-    verdicts = [claim.verdict for claim in by_method.values()]
-    assert verdicts == [CONTRADICTS, SUPPORTS]
-    # Counted by hand in the paper's table: four cells are above 4 %.
-    assert all("in 31 of 35 cells" in claim.published for claim in by_method.values())
+    found = verdicts(claims.of_times(fake_times()))
+    assert found == {"time_sorted": CONTRADICTED, "time_combinatorial": SUPPORTED}
+    pairs = [zip(rows["PS"], rows["SPS"], strict=True) for rows in published.TABLE_1.values()]
+    within = sum(sps <= 1.04 * ps for pair in pairs for ps, sps in pair)
+    assert judge_all("gonzales2011", claims.of_times(fake_times()))[0].claim.published == (
+        f"{within} of 35 cells"
+    )
 
 
 def test_figure_8_is_judged_at_equal_time_too():
@@ -206,34 +204,20 @@ def test_figure_8_is_judged_at_equal_time_too():
         (7, n): {m: np.full(3, n * (1.0 if m == "PS" else 2.0)) for m in times.METHODS}
         for n in published.TABLE_1_PARTICLES
     }
-    found = claims.equal_time_claims(outcomes, seconds)
-    assert len(found) == 4
-    for claim in found:
-        # Of N = 10 nothing is known: SPS would have 5, whose time nobody measured.
-        assert [part.what for part in claim.parts] == ["N = 20, of SPS 10", "N = 40, of SPS 20"]
-        worse = "sorted" in claim.statement
-        expected = -100 if worse else 50
-        np.testing.assert_allclose([part.value for part in claim.parts], expected, rtol=0.01)
-        assert claim.verdict == (CONTRADICTS if worse else SUPPORTS)
+    for method, expected in (("SPS sorted", -100), ("SPS combinatorial", 50)):
+        found = claims.at_equal_time(outcomes, seconds, "absolute", method, 7)
+        # Of N = 10 nothing is known: SPS would have 5, which was not timed.
+        assert [part.what for part in found] == [
+            "7 parts, N = 20, of SPS 10",
+            "7 parts, N = 40, of SPS 20",
+        ]
+        np.testing.assert_allclose([part.value for part in found], expected, rtol=0.01)
     # Between two numbers: 30 of PS take the time of 15 of SPS.
     slower = seconds | {(7, 40): {m: np.full(3, 40 if m == "PS" else 60.0) for m in times.METHODS}}
-    _, forty = claims.equal_time_claims(outcomes, slower)[1].parts
+    _, forty = claims.at_equal_time(outcomes, slower, "absolute", "SPS combinatorial", 7)
     share = np.log(40 / 40) / np.log(60 / 40)
-    assert forty.what == f"N = 40, of SPS {20 ** (1 - share) * 40**share:.0f}"
-    assert claims.equal_time_claims(outcomes, {}) == []
-
-
-def test_growth_is_compared_with_linear_growth():
-    rows = dict(tables.growth_table(fake_times()).rows)
-    assert len(rows) == len(published.PARTS) + len(published.TABLE_1_PARTICLES)
-    linear, ps, _, combinatorial = rows["7 parts, N from 100 to 200"]
-    assert linear == "2.00"
-    np.testing.assert_allclose(ps.published, 17.10 / 7.86)
-    # The times were made to grow linearly.
-    np.testing.assert_allclose([ps.measured.value, combinatorial.measured.value], 2, rtol=0.01)
-    linear, ps, *_ = rows["3 to 11 parts, N = 200"]
-    assert linear == "3.67"
-    np.testing.assert_allclose(ps.measured.value, 11 / 3, rtol=0.01)
+    assert forty.what == f"7 parts, N = 40, of SPS {20 ** (1 - share) * 40**share:.0f}"
+    assert claims.at_equal_time(outcomes, {}, "absolute", "SPS sorted", 7) == []
 
 
 def test_methods_are_timed_in_turn_for_every_cell(monkeypatch):
@@ -265,14 +249,6 @@ def test_methods_are_timed_in_turn_for_every_cell(monkeypatch):
     assert worked[:12] == [*names, *names, *names[::-1], *names]
 
 
-def test_more_samples_come_closer_to_every_pixel():
-    few, many = (accuracy.likelihood_errors(n, num_parts=3, poses_per_part=30) for n in (8, 64))
-    assert few.shape == (3, 30)
-    assert np.std(many, axis=1).mean() < 0.5 * np.std(few, axis=1).mean()
-    # 64 x 64 samples of 28 x 16 pixels: only those at the edges may count otherwise.
-    assert np.abs(many).mean() < 0.4
-
-
 # A second transcription of the paper's table 1, line by line.
 TABLE_1 = """3 0.54 0.88 1.58 2.99 2.82 3.45 6.80 | 0.56 0.91 1.61 2.33 2.84 3.50 6.92
 5 0.71 1.26 2.33 3.34 4.43 5.43 11.62 | 0.74 1.32 2.42 3.43 4.51 5.60 12.05
@@ -300,9 +276,8 @@ def test_everything_is_written(tmp_path):
         tables=[
             *tables.error_tables(outcomes),
             *tables.time_tables(fake_times()),
-            tables.growth_table(fake_times()),
         ],
-        claims=claims.curve_claims(outcomes),
+        claims=judge_all("gonzales2011", claims.of_curves(outcomes, "absolute", "sorted")),
         figures=figures.curves(outcomes),
         notes=gonzales2011.NOTES,
     )
@@ -312,15 +287,3 @@ def test_everything_is_written(tmp_path):
     )
     text = (tmp_path / "gonzales2011.md").read_text()
     assert "erratic, 5 parts, N = 10" in text
-
-
-def test_runs_come_in_whole_sequences():
-    with pytest.raises(InputError, match="--runs 7 must be a multiple of 5"):
-        gonzales2011.PAPER.run(runs=7)
-
-
-def test_a_folder_without_the_flies_is_refused_before_the_work_begins(tmp_path):
-    told = []
-    with pytest.raises(InputError, match="holds no sleap_fly_pair; name one that does, or leave"):
-        gonzales2011.PAPER.run(quick=True, data=tmp_path, report=told.append)
-    assert not told

@@ -1,7 +1,5 @@
 """maccormick1999: what is measured is what is said; small versions of every part."""
 
-from pathlib import Path
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,19 +7,23 @@ import pytest
 
 from jaxpf import InputError
 from jaxpf.cli.benchmarks import rivals
+from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, SUPPORTED, judge_all
 from jaxpf.papers.maccormick1999 import (
     PAPER,
-    calibration,
     claims,
-    contacts,
-    look_ahead,
     one_line,
     passing,
+    published,
     scenes as cases,
     toy,
     tracking,
 )
-from jaxpf.papers.maccormick1999.tables import look_ahead_table, rate_of_labels
+from jaxpf.papers.maccormick1999.tables import rate_of_labels
+
+
+def verdicts(quantities):
+    measured = {key: [figure] for key, figure in quantities.items()}
+    return {each.claim.key: each.verdict for each in judge_all("maccormick1999", measured)}
 
 
 def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
@@ -29,7 +31,7 @@ def test_one_target_peaks_at_every_feature_and_two_do_not_share_one():
     assert together.max() < 0.1 * apart.min()
     alone = one_line.likelihood(np.array([[-50.0, -32.0]]))
     assert alone[0] > 5 * alone[1]
-    assert claims.line_claim().verdict == "supports"
+    assert verdicts({"line": claims.of_line()}) == {"line": SUPPORTED}
 
 
 def test_the_bench_compares_like_with_like():
@@ -78,29 +80,6 @@ def test_leaves_move_as_other_leaves_did_with_the_noise_that_was_chosen():
     np.testing.assert_allclose(tracked.noise, factor * case.dynamics.noise, rtol=1e-6)
 
 
-def test_the_search_takes_the_noise_that_keeps_most_and_of_those_the_best_labels(monkeypatch):
-    def track(case, noise, runs, seed):
-        kept = np.array([noise in (3.0, 4.0), True])
-        in_front = np.full((2, 4), 0.9 if noise == 4.0 else 0.1)
-        return tracking.Outcome(*[None] * 3, kept, ~kept, *[None] * 2, in_front)
-
-    def case(seed):
-        fields = cases.Case(*[None] * 8)
-        return fields._replace(hidden=np.full(4, 0.5), farther=1)
-
-    monkeypatch.setattr(calibration, "SEEDS", (0,))
-    monkeypatch.setattr(calibration, "track", track)
-    monkeypatch.setattr(calibration, "tracker_of", lambda case, kind, _: case.noise[kind])
-    monkeypatch.setattr(cases, "wires", case)
-    monkeypatch.setattr(cases, "leaves", case)
-    table = calibration.calibrate(lambda line: None)
-    assert len(table.rows) == 3 * len(calibration.FACTORS)
-    assert table.note == "Best: wires 3, none 3, opaque 4."
-    monkeypatch.setattr(contacts, "contact", lambda data, clip, seed: case(seed))
-    with_worms = calibration.calibrate(lambda line: None, Path("clips"))
-    assert with_worms.note == table.note[:-1] + ", worms, wires 3, worms, none 3."
-
-
 def test_who_ended_where_is_judged_by_the_truth(wires):
     truth = wires.truth
     swapped, on_first = truth[:, ::-1], truth[:, [0, 0]]
@@ -133,16 +112,12 @@ def test_claims_follow_from_the_rates(wires):
         np.full((20, 2), np.nan),
     )
     bad = good._replace(kept=none, coalesced=kept)
-    outcomes = {passing.EXCLUSIVE: [good] * 10, passing.NAIVE: [bad] * 10}
-    meeting = passing.Passing([wires] * 10, outcomes, passing.likelihoods(300))
-    first, second, third = claims.meeting_claims(meeting)
-    assert second.verdict == third.verdict == "supports"
-    assert "100" in first.measured
-    reverse = {passing.EXCLUSIVE: [bad] * 10, passing.NAIVE: [good] * 10}
-    verdicts = {
-        claim.verdict for claim in claims.meeting_claims(meeting._replace(outcomes=reverse))
-    }
-    assert verdicts == {"contradicts"}
+    outcomes = {passing.EXCLUSIVE: [good] * 50, passing.NAIVE: [bad] * 50}
+    meeting = passing.Passing([wires] * 50, outcomes, passing.likelihoods(300))
+    assert set(verdicts(claims.of_meeting(meeting)).values()) == {SUPPORTED}
+    reverse = {passing.EXCLUSIVE: [bad] * 50, passing.NAIVE: [good] * 50}
+    reversed_ = meeting._replace(outcomes=reverse)
+    assert set(verdicts(claims.of_meeting(reversed_)).values()) == {CONTRADICTED}
 
 
 @pytest.fixture(scope="module")
@@ -200,28 +175,27 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
         in_front = np.where(other, 1 - outcome.in_front, outcome.in_front)
         return outcome._replace(spread=spread, in_front=in_front)
 
-    all_good, all_bad = ([varied(each, k) for k in range(40)] for each in (good, bad))
+    all_good, all_bad = ([varied(each, k) for k in range(50)] for each in (good, bad))
     condensation = passing.OCCLUSION + passing.CONDENSATION
 
-    def verdicts(first, second):
-        methods = {passing.OCCLUSION: first, passing.INDEPENDENT: second, condensation: first[:20]}
-        walkers = claims.walker_claims(with_outcomes(one_kept_one_lost, methods))
+    def judged(first, second):
+        methods = {passing.OCCLUSION: first, passing.INDEPENDENT: second, condensation: first}
+        walkers = claims.of_walkers(with_outcomes(one_kept_one_lost, methods))
         methods = {
             passing.PARTITIONED: first,
-            passing.AS_MANY: second[:20],
-            passing.FAILING: second[:20],
-            passing.ENOUGH: first[:20],
+            passing.FAILING: second,
+            passing.ENOUGH: first,
         }
-        leaves = claims.leaf_claims(with_outcomes(one_kept_one_lost, methods))
-        return [claim.verdict for claim in walkers], [claim.verdict for claim in leaves]
+        leaves = claims.of_leaves(with_outcomes(one_kept_one_lost, methods))
+        return verdicts(walkers | leaves)
 
-    supported, contradicted = (["supports"] * 7, ["supports"] * 4), ["contradicts"] * 4
-    walkers, leaves = verdicts(all_good, all_bad)
-    assert (walkers, [*leaves[:2], *leaves[3:]]) == supported
-    walkers, leaves = verdicts(all_bad, all_good)
-    assert [*walkers[:4], *leaves[:2], *leaves[3:]] == [*contradicted, *contradicted]
-    # Of targets that are lost nothing is said about spreads.
-    assert walkers[4:6] == ["cannot resolve"] * 2
+    found = judged(all_good, all_bad)
+    assert len(found) == 11
+    assert set(found.values()) == {SUPPORTED}
+    found = judged(all_bad, all_good)
+    # Nothing is said about the spreads of lost targets.
+    assert (found.pop("walkers_widen"), found.pop("walkers_narrow")) == (OPEN, OPEN)
+    assert set(found.values()) == {CONTRADICTED}
 
 
 def test_labels_that_were_always_right_may_be_wrong_on_the_next_sequence(one_kept_one_lost):
@@ -229,13 +203,18 @@ def test_labels_that_were_always_right_may_be_wrong_on_the_next_sequence(one_kep
     right = outcome._replace(in_front=outcome.in_front[:1])
     found = with_outcomes(one_kept_one_lost, {"PS": [right] * 10})
     value, low, high = rate_of_labels(found, "PS").measured()
-    assert (value, round(low), high) == (100, 72, 100)  # Wilson's interval of ten trials
-    claim = claims.labels_claim(found, "PS", "a source")
-    assert claim.verdict == "cannot resolve"
-    assert 2 < claim.growth < 10
+    assert (value, high) == (100, 100)
+    assert low == pytest.approx(100 * 0.025**0.1, abs=1.5)  # Clopper and Pearson's of ten trials
 
 
-def test_dear_filters_track_the_first_sequences(monkeypatch):
+def test_figure_11_counts_lines_in_full_before_the_leaves_overlap():
+    case = cases.leaves_of_figure_11(0)
+    assert case.options["independence"] == 1
+    assert len(case.frames) == len(case.truth) == published.FIRST_FRAMES
+    assert {method.one_in for method in passing.FIGURE_11.values()} == {1}
+
+
+def test_slow_filters_track_the_first_sequences(monkeypatch):
     seen = []
 
     def outcome(case, method, runs, seed):
@@ -250,29 +229,6 @@ def test_dear_filters_track_the_first_sequences(monkeypatch):
     assert [len(found.outcomes[name]) for name in methods] == [4, 2]
     # Figures show the first; the others need not be kept in memory.
     assert [len(case.frames) for case in found.cases] == [3, 0, 0, 0]
-
-
-def test_look_ahead_is_told_by_the_ratio_of_variances():
-    steps = np.random.default_rng(0).normal(size=(10, 5))
-    kept = np.ones((10, 5), bool)
-    plain = look_ahead.Weighting(300, 2.0, 3 * steps, kept)
-    ahead = look_ahead.Weighting(150, 2.2, steps + 7, kept)
-    table = look_ahead_table("wires", {look_ahead.PLAIN: plain, look_ahead.SAME_TIME: ahead})
-    particles, time, _, ratio, _ = table.rows[1][1]
-    assert (particles, time) == ("150", "1.10")
-    np.testing.assert_allclose(ratio.measured, 1 / 9)
-
-
-@pytest.mark.slow
-def test_look_ahead_is_measured_at_equal_time(wires):
-    found = look_ahead.measure([wires], 2, 60, 0)
-    plain, same, as_dear = found.values()
-    assert plain.log_evidence.shape == plain.kept.shape == (2, 5)
-    assert plain.particles == same.particles == 60
-    assert np.isfinite(same.log_evidence).all()
-    assert (same.log_evidence != plain.log_evidence).all()
-    # Look-ahead weighs both contours at both stages, so that it takes longer and gets fewer.
-    assert 2 <= as_dear.particles < 60
 
 
 def test_hidden_shares_follow_the_overlap():
@@ -303,30 +259,12 @@ def test_the_steps_of_the_toy_are_the_filters_own(method):
 
 @pytest.mark.slow
 def test_the_toy_shows_that_partitioned_sets_are_finer():
-    assert claims.toy_claim(toy.steps(0)).verdict == "supports"
+    assert verdicts({"toy": claims.of_toy(toy.steps(0))}) == {"toy": SUPPORTED}
 
 
 def test_a_missing_clip_is_refused_before_the_work_begins(tmp_path):
     with pytest.raises(InputError, match="holds no worm_crossing"):
-        PAPER.run(runs=5, data=tmp_path)
-    with pytest.raises(InputError, match="multiple of 5"):
-        PAPER.run(runs=7)
-
-
-def test_composed_contacts_show_two_worms_that_touch_for_so_long(data_folder):
-    case = contacts.contact(data_folder, cases.CLIP, 5)
-    one, other = np.moveaxis(case.truth, 1, 0)
-    gaps = np.linalg.norm(one[:, :, None] - other[:, None], axis=-1).min(axis=(1, 2))
-    low, high = contacts.CONTACT
-    assert low <= (gaps < 18).sum() <= high + 10
-    assert min(gaps[:2].min(), gaps[-12:].min()) > 15
-    # Dark on their middle lines, and what lies behind elsewhere.
-    x, y = case.truth[:, :, 4:-4].astype(int).reshape(-1, 2).T
-    on_lines = case.frames[np.repeat(np.arange(len(gaps)), 2 * 24), y, x, 0]
-    assert np.median(on_lines) < 110
-    assert abs(np.median(case.frames) - 147) < 2
-    again = contacts.contact(data_folder, cases.CLIP, 5)
-    np.testing.assert_array_equal(case.frames, again.frames)
+        PAPER.run(data=tmp_path)
 
 
 @pytest.mark.slow

@@ -44,9 +44,9 @@ def test_spreadsheets_may_have_written_it(tmp_path):
     assert parts.parents == (-1,)
 
 
-def test_several_roots_can_be_allowed(write):
+def test_each_object_has_its_root(write):
     path = write("a,,1,1,2,2,0\nb,,9,9,2,2,0\nc,b,5,5,2,2,0\n")
-    assert read_parts(path, one_root=False).parents == (-1, -1, 1)
+    assert read_parts(path).parents == (-1, -1, 1)
 
 
 @pytest.mark.parametrize(
@@ -58,10 +58,6 @@ def test_several_roots_can_be_allowed(write):
         ),
         ("a,a,1,1,2,2,0\n", "hang in a circle, 'a' on 'a'"),
         ("r,,1,1,2,2,0\nx,a,1,1,2,2,0\na,b,1,1,2,2,0\nb,a,1,1,2,2,0\n", "'a' on 'b' on 'a'"),
-        (
-            "a,,1,1,2,2,0\nb,,9,9,2,2,0\n",
-            "has 2 roots, a, b; an object has one, so give the others",
-        ),
         ("a,,1,1,2,2,0\nb,c,1,1,2,2,0\n", r"line 3 of .*: part 'b' hangs on 'c', .* are a, b"),
         ("a,,1,1,0,2,0\n", "line 2 of .*: part 'a' has a box of 0 x 2 pixels, which has no area"),
         ("a,,1,1,2,-3,0\n", "a box of 2 x -3 pixels"),
@@ -69,10 +65,13 @@ def test_several_roots_can_be_allowed(write):
         (",,1,1,2,2,0\n", "line 2 of .* has no part in column 1"),
         ("a,,1,1,2,2\n", "line 2 of .* has 6 column.*expected 7: part,parent,x,y,w,h,angle"),
         ("a,,1,1,2,2,0,9\n", "has 8 column"),
-        ("a,,1,one,2,2,0\n", "line 2 of .* has 'one' for y in column 4; give a finite number"),
-        ("a,,1,1,2,2,\n", "has '' for angle in column 7"),
-        ("a,,nan,1,2,2,0\n", "has 'nan' for x in column 3"),
-        ("a,,1,1,inf,2,0\n", "has 'inf' for w in column 5"),
+        (
+            "a,,1,one,2,2,0\n",
+            "line 2 of .*: y \\(column 4\\) is 'one', which is not a finite number",
+        ),
+        ("a,,1,1,2,2,\n", "angle \\(column 7\\) is ''"),
+        ("a,,nan,1,2,2,0\n", "x \\(column 3\\) is 'nan'"),
+        ("a,,1,1,inf,2,0\n", "w \\(column 5\\) is 'inf'"),
         ("", "holds no parts; give one line part,parent,x,y,w,h,angle for each"),
     ],
 )

@@ -21,7 +21,7 @@ def test_what_is_written_is_read_again_frame_by_frame(tmp_path):
     ("content", "sentence"),
     [
         ("2,-1,1,1,9,9,1\n1,-1,1,1,9,9,1\n", "line 2 of .* earlier frame .* sort"),
-        ("1,-1,1,1,9,9,1\n1,-1,1,1,9,x,1\n", "line 2 of .* has 'x' in column 6"),
+        ("1,-1,1,1,9,9,1\n1,-1,1,1,9,x,1\n", "line 2 of .* column 6 is 'x'"),
         ("1,-1,1,1,9\n", "line 1 of .* has 5 column"),
         ("0,-1,1,1,9,9,1\n", "line 1 of .* has the frame 0"),
         ("1,-1,1,1,9,0,1\n", "line 1 of .* box of 9 x 0 pixels"),

@@ -139,9 +139,9 @@ def test_complex_frames_are_refused():
     [
         ([[0, np.nan], [0, 0]], "holds 1 value(s) that are not finite, the first at [0, 1]"),
         ([[0, 1j], [0, 0]], "initial holds complex numbers"),
-        ([[0, 1], [0]], "initial is list, no array of numbers"),
-        ("zeros", "initial is str, no array of numbers"),
-        (None, "initial is NoneType, no array of numbers"),
+        ([[0, 1], [0]], "initial is list, not an array of numbers"),
+        ("zeros", "initial is str, not an array of numbers"),
+        (None, "initial is NoneType, not an array of numbers"),
     ],
 )
 def test_an_initial_state_that_is_no_finite_array_is_refused(initial, sentence):
@@ -157,7 +157,7 @@ def test_an_initial_state_that_is_no_finite_array_is_refused(initial, sentence):
 
 @pytest.mark.parametrize("order", ["10", [0.5, 1], 3, None, ["1", "0"]])
 def test_an_order_that_is_no_list_of_whole_numbers_is_refused(order):
-    with pytest.raises(InputError, match="is no list of whole numbers"):
+    with pytest.raises(InputError, match="is not a list of whole numbers"):
         ordering.ps(order)
 
 

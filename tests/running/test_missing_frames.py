@@ -142,7 +142,7 @@ def test_a_forecast_has_the_moments_of_the_dynamics():
         initial=jnp.array([[3.0], [-5.0]]),
         num_particles=20_000,
     )
-    _, ahead = jaxpf.forecast(its, KEY, its.init(KEY), 4)
+    _, ahead = jaxpf.forecast(its, KEY, its.init(KEY), 4, time=0)
     steps = np.arange(1, 5)[:, None]
     variance = (1 - 0.81**steps) / (1 - 0.81)
     # Particles are independent: nothing was ever resampled by different weights.
@@ -154,9 +154,11 @@ def test_a_forecast_has_the_moments_of_the_dynamics():
 def test_what_has_no_forecast_is_refused():
     its = partitioned(ordering.ps([0, 1, 2]))
     with pytest.raises(InputError, match="steps=0 must be at least 1"):
-        jaxpf.forecast(its, KEY, its.init(KEY), 0)
+        jaxpf.forecast(its, KEY, its.init(KEY), 0, time=0)
+    with pytest.raises(TypeError, match="time"):  # frame 0's noise would be used again
+        jaxpf.forecast(its, KEY, its.init(KEY), 4)
     with pytest.raises(InputError, match="Foreign has no field likelihood"):
-        jaxpf.forecast(Foreign(), KEY, None, 3)
+        jaxpf.forecast(Foreign(), KEY, None, 3, time=0)
 
 
 def test_whole_numbers_are_missing_by_word_alone():

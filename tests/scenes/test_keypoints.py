@@ -40,8 +40,8 @@ def test_keypoints_are_read_by_frame_object_and_joint(folder):
     ("text", "words"),
     [
         ("0,0,0,head,1,2\n", "line 2: '0,0,0,head,1,2' has 6 values, not 7"),
-        ("0,0,zero,head,1,2,1\n", "holds something that is not a number"),
-        ("0,0,0,head,1,two,1\n", "holds something that is not a number"),
+        ("0,0,zero,head,1,2,1\n", "joint = 'zero' is not a whole number"),
+        ("0,0,0,head,1,two,1\n", "y = 'two' is not a finite number"),
         ("-1,0,0,head,1,2,1\n", "frame and joint count from 0"),
         ("0,0,0,head,1,2,1\n1,0,0,tail,1,2,1\n", "joint 0 was called 'head' before"),
         ("0,0,0,head,1,2,1\n0,0,0,head,1,2,1\n", "a second line for this joint in frame 0"),

@@ -87,7 +87,7 @@ def test_landmarks_are_read(tmp_path):
         ("frame,id,cx,cy,visible\n1,1,,,1\n", "in view needs"),
         ("frame,id,cx,cy\n1,1,2,3\n1,1,2,3\n", "second line"),
         ("frame,id,cx,cy\n1,1,2\n", "has 3 values"),
-        ("frame,id,cx,cy\n1,1,2,b\n", "not a number"),
+        ("frame,id,cx,cy\n1,1,2,b\n", "cy = 'b' is not a finite number"),
         ("frame,id,cx,cy\n", "holds no landmarks"),
     ):
         path.write_text(text)

@@ -63,6 +63,18 @@ def test_one_run_tells_the_variance_over_many(case):
 
 
 @pytest.mark.slow
+def test_skipped_selections_are_not_counted():
+    """Of ten about two happen."""
+    exact = problem((-1,), num_frames=10)
+    settings = {"num_particles": 400, "resampling": "multinomial", "ess_threshold": 0.3}
+    tracker = exact.tracker(ordering.sir(1), **settings)
+    ratio, error, unknown, _ = ratios(exact, tracker, 5000, 250)
+    print(f"ratios {ratio.round(3)} +- {error.round(3)}, unknown {unknown.round(3)}")
+    assert (unknown == 0).all()
+    assert (np.abs(ratio - 1) < np.maximum(0.1, LIMIT * error)).all()
+
+
+@pytest.mark.slow
 def test_stages_add_up_to_the_whole():
     exact = problem(TREE, num_frames=3)
     tracker = exact.tracker(ordering.ps([0, 1, 2]), num_particles=400, resampling="multinomial")

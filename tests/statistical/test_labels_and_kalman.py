@@ -11,26 +11,33 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from exact import LIMIT, monte_carlo, rauch_tung_striebel
+from proposed import residual
 
 import jaxpf
-from jaxpf import ordering, pytree_dataclass
+from jaxpf import InputError, ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
+from jaxpf.gradients import StopGradient
+from jaxpf.proposals import Linearised, Mixture
 
 FRAMES, N, RUNS, FLIP = 3, 50, 20_000, 0.2
 START_LABEL = (0.6, 0.4)
 CORRELATIONS = np.array([0.0, 0.8])
 SEEN = np.array([[0.4, 0.7], [1.2, -0.1], [1.0, -0.8]])
+#: As if the noise was correlated in every other frame.
+ALTERNATING = np.array([[2.0, 2.2], [0.2, 3.4], [2.2, 2.4]])
 
 
 @pytree_dataclass
 class Walk(RandomWalk):
     """A random walk of both, and a label that flips whatever they do."""
 
+    flip: float = FLIP
+
     def propagate_label(self, key, label, substates):
-        return jnp.where(jax.random.uniform(key) < FLIP, 1 - label, label)
+        return jnp.where(jax.random.uniform(key) < self.flip, 1 - label, label)
 
     def log_label(self, new, label, substates):
-        return jnp.log(jnp.where(new == label, 1 - FLIP, FLIP))
+        return jnp.log(jnp.where(new == label, 1 - self.flip, self.flip))
 
 
 @pytree_dataclass
@@ -50,14 +57,14 @@ class Together:
         return -0.5 * square - 0.5 * jnp.log1p(-(rho**2)) - np.log(2 * np.pi)
 
 
-def exact():
+def exact(flip=FLIP, start=START_LABEL, frames=SEEN):
     """Evidence, label's and positions' expectations in the last frame, and all frames' smoothed."""
     total, is_one, places, smoothed = 0.0, 0.0, np.zeros(2), 0.0
     for labels in itertools.product((0, 1), repeat=FRAMES + 1):
-        weight, mean, covariance = START_LABEL[labels[0]], np.zeros(2), np.zeros((2, 2))
+        weight, mean, covariance = start[labels[0]], np.zeros(2), np.zeros((2, 2))
         means, covariances = [], []
-        for before, label, seen in zip(labels, labels[1:], SEEN, strict=False):
-            weight *= FLIP if before != label else 1 - FLIP
+        for before, label, seen in zip(labels, labels[1:], frames, strict=False):
+            weight *= flip if before != label else 1 - flip
             covariance = covariance + np.eye(2)
             rho = CORRELATIONS[label]
             spread = covariance + np.array([[1, rho], [rho, 1]])
@@ -90,11 +97,15 @@ def of_labels(**settings):
 
 @pytest.mark.statistical
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["sir", "ps", "branched", "ahead"])
+@pytest.mark.parametrize("name", ["sir", "ps", "branched", "ahead", "proposed"])
 def test_evidence_places_and_labels_are_unbiased(name):
     orders = {"sir": ordering.sir(2), "branched": ordering.branched([[0, 1], [1, 0]])}
     order = orders.get(name, ordering.ps([0, 1]))
-    tracker = of_labels(ordering=order, look_ahead=name == "ahead", num_particles=N)
+    settings = {
+        "ahead": {"look_ahead": True},
+        "proposed": {"proposal": Mixture(Linearised(residual))},
+    }
+    tracker = of_labels(ordering=order, num_particles=N, **settings.get(name, {}))
     keys = jax.random.split(jax.random.key(2), RUNS)
     found = monte_carlo(tracker, keys, jnp.asarray(SEEN), record=report, batch_size=2000)
     log_evidence, places, is_one = (np.asarray(values, float) for values in found)
@@ -119,3 +130,60 @@ def test_places_are_smoothed_together_with_their_labels():
     found = np.asarray(jax.jit(lambda keys: jax.lax.map(smoothed, keys))(keys), float)
     error = found.std(axis=0) / len(found) ** 0.5
     assert (np.abs(found.mean(axis=0) - exact()[-1]) < LIMIT * error).all()
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("motion", ["score", pytest.param("pathwise", marks=pytest.mark.slow)])
+def test_gradient_by_the_law_of_the_labels_is_exact(motion):
+    """By the probability of a flip, and by that of label 1 at first."""
+
+    def evidence(flip, one):
+        return exact(flip, (1 - one, one), ALTERNATING)[0]
+
+    at, step = (FLIP, START_LABEL[1]), 1e-5 * np.eye(2)
+    truth = np.array([evidence(*(at + d)) - evidence(*(at - d)) for d in step])
+    truth /= 2e-5 * evidence(*at)
+
+    def log_evidence(parameters, key):
+        tracker = of_labels(
+            ordering=ordering.ps([0, 1]),
+            num_particles=20,
+            gradient=StopGradient(),
+            motion_gradient=motion,
+        )
+        tracker = jaxpf.contract.changed_inside(
+            tracker, "dynamics", lambda dynamics: Walk(1.0, parameters[0])
+        )
+        tracker = jaxpf.contract.changed_inside(
+            tracker, "initial_label", lambda label: jnp.stack([1 - parameters[1], parameters[1]])
+        )
+        return jaxpf.run(tracker, key, ALTERNATING)[1].log_evidence.sum()
+
+    of_one = jax.value_and_grad(log_evidence)
+    parameters = jnp.array(at)
+    keys = jax.random.split(jax.random.key(4), RUNS)
+    once = jax.jit(lambda keys: jax.lax.map(lambda k: of_one(parameters, k), keys, batch_size=1000))
+    found, slopes = map(np.asarray, once(keys))
+    values = np.exp(found)[:, None] / evidence(*at) * slopes
+    error = values.std(axis=0) / RUNS**0.5
+    assert (np.abs(values.mean(axis=0) - truth) < LIMIT * error).all()
+    assert (6 * error < np.abs(truth)).all()  # a derivative that is left out would be seen
+
+
+@pytree_dataclass
+class Unknown(RandomWalk):
+    """Labels that flip by a chance that is not known."""
+
+    propagate_label = Walk.propagate_label
+
+
+def test_score_gradient_by_labels_of_unknown_law_is_refused():
+    with pytest.raises(InputError, match="Unknown has none; add the method log_label"):
+        jaxpf.Partitioned(
+            dynamics=Unknown(1.0),
+            likelihood=Together(),
+            ordering=ordering.ps([0, 1]),
+            initial=np.zeros((2, 1), np.float32),
+            initial_label=np.array(START_LABEL),
+            motion_gradient="score",
+        )

@@ -16,7 +16,7 @@ from quick_compiling import quick
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
 from jaxpf.dynamics import RandomWalk
-from jaxpf.filters.partitioned import look_ahead
+from jaxpf.filters.partitioned import weighing
 
 PLACES, FRAMES, N, RUNS, LIMIT = 5, 3, 12, 20_000, 4.5
 #: Where there is something to see, and where the targets are at first.
@@ -183,7 +183,7 @@ def test_it_stays_exact_with_adaptive_and_tempered_selection():
 @pytest.mark.statistical
 @pytest.mark.slow
 def test_kills_a_stage_that_does_not_divide_by_the_one_before(monkeypatch):
-    monkeypatch.setattr(look_ahead, "_so_far", lambda stage, carry: 0.0)
+    monkeypatch.setattr(weighing, "_log_joint_before", lambda stage, carry: 0.0)
     jax.clear_caches()
     ahead, _ = runs(ordering.ps([0, 1, 2]), look_ahead=True)
     jax.clear_caches()

@@ -24,10 +24,12 @@ from exact import (
     scores,
     scores_of,
 )
+from proposed import Bad
 from quick_compiling import quick
 
-from jaxpf import ordering
+from jaxpf import contract, ordering
 from jaxpf.filters.partitioned import ending, exchange, selection
+from jaxpf.proposals import LocallyOptimal, Mixture
 from jaxpf.resampling import weighted
 from jaxpf.running import blocks
 
@@ -159,6 +161,31 @@ def test_kills_a_swap_that_leaves_the_lags_of_the_part_behind(monkeypatch):
 
     monkeypatch.setattr(ending, "finish", mutant)
     assert mutant_scores(objects(), ordering.sps(OBJECTS)).worst > WRONG
+
+
+@pytest.mark.parametrize("fault", ["transition", "partition", "mixture", "none"])
+def test_kills_faults_in_the_weights_of_a_proposal(fault, monkeypatch):
+    """The transition left out; a density of the wrong partition; one of one component alone."""
+    density, of_transition = contract.proposal_log_density_all, contract.log_density_all
+    proposal = {"partition": LocallyOptimal(), "mixture": Mixture(Bad(), 0.5)}.get(fault, Bad())
+
+    def of_next(proposal, observation, partition, *move):
+        return density(proposal, observation, (partition + 1) % 3, *move)
+
+    def of_one(proposal, *move):
+        if not isinstance(proposal, Mixture):
+            return density(proposal, *move)
+        return jnp.log(proposal.share) + density(proposal.proposal, *move)
+
+    if fault == "transition":
+        monkeypatch.setattr(
+            contract, "log_density_all", lambda *move: jnp.zeros_like(of_transition(*move))
+        )
+    if fault in ("partition", "mixture"):
+        mutant = of_next if fault == "partition" else of_one
+        monkeypatch.setattr(contract, "proposal_log_density_all", mutant)
+    worst = mutant_scores(problem(TREE), ordering.ps([0, 1, 2]), proposal=proposal).worst
+    assert worst < LIMIT if fault == "none" else worst > WRONG
 
 
 def test_the_kernel_without_a_mutation_passes_the_same_way(monkeypatch):

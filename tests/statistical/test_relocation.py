@@ -15,6 +15,7 @@ from quick_compiling import quick
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
+from jaxpf.contract import static_field
 from jaxpf.filters import Relocation, relocation
 
 COLUMNS, ROWS, FRAMES, N, RUNS, LIMIT = 4, 3, 4, 12, 20_000, 4.5
@@ -128,7 +129,7 @@ def test_draws_weigh_as_much_as_the_uniform_density():
     state = dataclasses.replace(state, log_odds=jnp.array([-20.0, 3.0]))
     frame = jnp.asarray(TABLES[0], jnp.float32), jnp.asarray(ODDS[0], jnp.float32)
     uniform = jax.random.uniform(jax.random.key(1), (2, 4, made.num_particles), np.float32)
-    jumps = relocation.drawn(made, uniform, state.log_odds, state.lagged[0, ..., 0], frame)
+    jumps = relocation.draw_jumps(made, uniform, state.log_odds, state.lagged[0, ..., 0], frame)
     weight = np.exp(np.asarray(jumps.log_weight[0], float))
     assert weight.std() > 0.5
     assert z_score(weight, 1) < LIMIT
@@ -141,8 +142,10 @@ def test_draws_weigh_as_much_as_the_uniform_density():
 
 
 @pytest.mark.statistical
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ORDERINGS)
+@pytest.mark.parametrize(
+    "method",
+    ["ps", *(pytest.param(name, marks=pytest.mark.slow) for name in ("sir", "dps", "sps"))],
+)
 def test_evidence_and_places_of_the_mixture_are_unbiased(method):
     evidence, places, expected = runs(method)
     assert z_score(evidence, 1) < LIMIT
@@ -176,7 +179,7 @@ def test_each_label_has_the_evidence_of_its_own_mixture():
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", ["weight forgotten", "not at rest"])
 def test_kills(fault, monkeypatch):
-    original = relocation.taken
+    original = relocation.apply_jumps
 
     def mutant(jumps, partition, substates, left):
         moved, rest, log_weight = original(jumps, partition, substates, left)
@@ -184,7 +187,7 @@ def test_kills(fault, monkeypatch):
             return moved, left, log_weight
         return moved, rest, jnp.zeros_like(log_weight)
 
-    monkeypatch.setattr(relocation, "taken", mutant)
+    monkeypatch.setattr(relocation, "apply_jumps", mutant)
     jax.clear_caches()
     evidence, places, expected = runs("dps")
     jax.clear_caches()
@@ -209,6 +212,13 @@ def test_nothing_changes_while_nobody_is_lost():
 
 
 @pytree_dataclass
+class Coupled(Steps):
+    """Steps that ask for the others, too."""
+
+    coupled: bool = static_field(default=True)
+
+
+@pytree_dataclass
 class Sure:
     """A likelihood that cannot tell who is lost."""
 
@@ -223,16 +233,17 @@ class Sure:
     ("settings", "message"),
     [
         ({"likelihood": Sure()}, "Sure has no log_odds"),
+        ({"dynamics": Coupled()}, "Coupled moves a partition by all the others"),
         ({"parents": (-1, 0)}, "relocation does not go with a part tree"),
         ({"gradient": jaxpf.gradients.Soft()}, "relocation does not go with gradient Soft"),
         ({"relocation": Relocation(1.5, np.ones(2))}, "epsilon 1.5 must be from 0 to 1"),
     ],
 )
 def test_where_it_cannot_work_it_is_refused(settings, message):
-    options = {"likelihood": Tables(), "relocation": Relocation(0.1, np.ones(2))}
+    lost = Relocation(0.1, np.ones(2))
+    options = {"dynamics": Steps(), "likelihood": Tables(), "relocation": lost}
     with pytest.raises(InputError, match=message):
         jaxpf.Partitioned(
-            dynamics=Steps(),
             ordering=ordering.ps([0, 1]),
             initial=np.zeros((2, 3)),
             **(options | settings),

@@ -8,6 +8,7 @@ from exact import COMPILER_OPTIONS, LIMIT, OBJECTS, TREE, objects, problem
 
 import jaxpf
 from jaxpf import ordering
+from jaxpf.proposals import LocallyOptimal
 
 pytestmark = pytest.mark.statistical
 
@@ -70,9 +71,30 @@ def test_smoothed_moments_converge_to_the_exact_ones(case):
     assert worst < LIMIT
 
 
-def test_smoothing_sees_what_comes_after():
+@pytest.mark.parametrize(
+    ("make", "order"),
+    [
+        pytest.param(
+            lambda: problem((-1,), transition=1.4, lag=-0.8, initial_scale=1.0),
+            ordering.sir(1),
+            id="second order",
+        ),
+        pytest.param(lambda: problem((-1, 0)), ordering.ps([0, 1]), id="tree"),
+    ],
+)
+def test_three_frames_are_smoothed_exactly(make, order):
+    exact = make()
+    mean, second = smoothed_runs(exact.tracker(order, num_particles=300), exact.frames, RUNS)
+    expected = exact.smoothed_variance + exact.smoothed_mean**2
+    assert np.abs(scores_of(mean, exact.smoothed_mean)).max() < LIMIT
+    assert np.abs(scores_of(second, expected)).max() < LIMIT
+
+
+@pytest.mark.parametrize("proposal", [None, LocallyOptimal()], ids=["dynamics", "proposal"])
+def test_smoothing_sees_what_comes_after(proposal):
     exact = problem((-1,), num_frames=4)
-    mean, _ = smoothed_runs(exact.tracker(ordering.sir(1), num_particles=200), exact.frames, 40)
+    tracker = exact.tracker(ordering.sir(1), num_particles=200, proposal=proposal)
+    mean, _ = smoothed_runs(tracker, exact.frames, 40)
     assert np.abs(scores_of(mean, exact.smoothed_mean)).max() < LIMIT
     # The filter's own answer is another, of which this tells.
     assert np.abs(scores_of(mean, exact.mean)[:-1]).max() > 10

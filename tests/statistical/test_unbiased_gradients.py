@@ -15,6 +15,7 @@ from kalman_gradients import gradients
 from jaxpf import ordering, pytree_dataclass
 from jaxpf.gradients import NoGradient, StopGradient
 from jaxpf.likelihoods import Gaussian
+from jaxpf.proposals import LocallyOptimal, Mixture
 
 pytestmark = pytest.mark.statistical
 
@@ -83,6 +84,11 @@ def test_stop_gradient_is_unbiased_where_weights_stay_unequal(record_property):
 VARIATIONS = {
     "stop_gradient": ({"gradient": StopGradient()}, True),
     "stop_gradient, score": ({"gradient": StopGradient(), "motion_gradient": "score"}, True),
+    "proposal": ({"gradient": StopGradient(), "proposal": Mixture(LocallyOptimal())}, True),
+    "proposal, score": (
+        {"gradient": StopGradient(), "motion_gradient": "score", "proposal": LocallyOptimal()},
+        True,
+    ),
     "none": ({"gradient": NoGradient()}, False),
 }
 
@@ -92,6 +98,8 @@ VARIATIONS = {
     [
         "stop_gradient",
         pytest.param("stop_gradient, score", marks=pytest.mark.slow),
+        pytest.param("proposal", marks=pytest.mark.slow),
+        pytest.param("proposal, score", marks=pytest.mark.slow),
         "none",
     ],
 )

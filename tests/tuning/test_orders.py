@@ -37,6 +37,21 @@ def test_the_better_order_comes_first():
     assert np.diff(many.variance) / np.hypot(*many.standard_error) > 4.5
 
 
+def test_the_best_order_is_measured_again():
+    """Of twelve alike the smallest of the first runs is too small, and the fresh runs are not."""
+    alike = tracker(likelihood=Gaussian(noise=jnp.ones((4, 1, 1), jnp.float32)))
+    pilots = [best_order(alike, jax.random.key(seed), FRAMES[:3], num_runs=4) for seed in range(40)]
+    best, rest = (
+        np.array([np.mean(pilot.variance[which]) for pilot in pilots])
+        for which in (slice(0, 1), slice(1, None))
+    )
+    # A pilot's own runs put the best far below all others; fresh runs know nothing of that.
+    error = best.std(ddof=1) / np.sqrt(len(best))
+    assert best.mean() > rest.mean() - 4.5 * error
+    smallest = np.mean([pilot.variance[1:].min() for pilot in pilots])
+    assert best.mean() > smallest
+
+
 @pytest.mark.slow
 def test_a_pilot_tells_its_own_error():
     many = best_order(tracker(), jax.random.key(1), FRAMES, [SHARP_FIRST], 400)

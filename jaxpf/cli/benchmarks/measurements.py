@@ -187,7 +187,7 @@ def appearance(
         ("1 run, 5 objects, 640x480", problems.large_frame(), 1),
     ):
         frames, keys = jnp.stack([jnp.asarray(frame)] * num_frames), _keys(runs)
-        colour = histogram(frame, boxes, num_particles=num_particles, num_runs=runs)
+        colour = histogram(frame, boxes, num_particles=num_particles)
         usual = f"{what}: colour, {colour.method}"
         for name, likelihood, about in (
             (usual, colour, ("", "", "")),

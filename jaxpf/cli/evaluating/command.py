@@ -49,9 +49,9 @@ class Compared:
         "for one object.",
     )
     orders: tuple[str, ...] = option(
-        ("shifts",),
-        "For ps: 'shifts', every circular shift on its own, or an order.  That names the objects "
-        "by their place from 1, such as 3,1,2; repeat it for several orders.",
+        ("given",),
+        "Orders of ps, repeatable: 'given' (as the scene lists the objects), 'shifts' (all "
+        "circular shifts), or the objects by their place from 1, such as 3,1,2.",
         length=-1,
     )
     swaps: str = option("combinatorial", "For sps: how objects change places.")
@@ -293,13 +293,13 @@ def _values(typed: Any) -> list[Any]:
 
 def _order(text: str) -> Any:
     """Places from 1, as people count them, to places from 0."""
-    if text == "shifts":
+    if text in ("given", "shifts"):
         return text
     entries = text.split(",")
     if not all(entry.strip().isdecimal() and int(entry) > 0 for entry in entries):
         raise InputError(
-            f"--orders {text!r} is no order; write 'shifts', or the objects by their place from 1, "
-            "such as 3,1,2."
+            f"--orders {text!r} is no order; write 'given', 'shifts', or the objects by their "
+            "place from 1, such as 3,1,2."
         )
     return tuple(int(entry) - 1 for entry in entries)
 

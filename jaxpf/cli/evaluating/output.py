@@ -79,7 +79,7 @@ def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, st
 
 def _duration(seconds: float) -> str:
     if math.isnan(seconds):
-        return "how long, the progress tells"
+        return "duration unknown"
     for unit, length in (("h", 3600), ("min", 60)):
         if seconds >= 2 * length:
             return f"about {seconds / length:.0f} {unit}"
@@ -92,6 +92,7 @@ def print_results(results: Any, tables: Any) -> None:
         "runs": results.runs,
         "tables": [table._asdict() for table in tables.printed],
         "remarks": list(tables.remarks),
+        "conclusion": tables.conclusion.sentence,
     }
     write_text(results.folder / FINISHED, json.dumps(printed))
     _print(results.folder, printed)
@@ -101,7 +102,7 @@ def print_again(folder: Path, runs: int) -> bool:
     """Print what the finished evaluation printed; false if a file is missing or of fewer runs."""
     try:
         printed = json.loads((folder / FINISHED).read_text(encoding="utf-8"))
-        whole = printed.keys() >= {"runs", "tables", "remarks"}
+        whole = printed.keys() >= {"runs", "tables", "remarks", "conclusion"}
     except (OSError, ValueError, RecursionError, AttributeError):
         return False
     if (
@@ -120,3 +121,4 @@ def _print(folder: Path, printed: dict[str, Any]) -> None:
     for remark in printed["remarks"]:
         click.echo(remark)
     click.echo(f"{folder}/: {', '.join(_WRITTEN)}")
+    click.echo(printed["conclusion"])

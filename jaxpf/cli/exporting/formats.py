@@ -1,7 +1,18 @@
 """Tracks in the formats of other projects: COCO, CVAT and ``movement``.
 
-All read the folder that ``jaxpf track`` wrote.  Frames and pixels count from 0 there, as in memory;
-each writer says where its format counts otherwise.
+All read the folder that ``jaxpf track`` wrote, and keep the objects' ids.  In memory frames and
+pixels count from 0, and pixel (0, 0) is the square [0, 1) x [0, 1).  Conventions of the files:
+
+=================  ============  ===========  ==================================
+format             first frame   first pixel  place
+=================  ============  ===========  ==================================
+MOT, tracks.csv    1             1            top left corner, width and height
+coco               image id 1    0            top left corner, width and height
+cvat (MOT 1.1)     1             0            top left corner, width and height
+movement (netCDF)  seconds       0            centre, width and height
+=================  ============  ===========  ==================================
+
+Seconds are the frames' timestamps, which differ from index / fps where the frame rate varies.
 """
 
 import csv
@@ -40,6 +51,7 @@ class Tracked:
         video: what was tracked.
         size: width and height of its frames.
         fps: its frames per second.
+        times: ``[T]``, when each frame is shown, seconds from the first.
     """
 
     target: str
@@ -50,6 +62,14 @@ class Tracked:
     video: str
     size: tuple[int, int]
     fps: float
+    times: np.ndarray
+
+    @property
+    def ids(self) -> list[int]:
+        """``[P]``: the names where they are whole numbers, else 1, 2, ..., P."""
+        if all(name.isdecimal() for name in self.names):
+            return [int(name) for name in self.names]
+        return list(range(1, len(self.names) + 1))
 
     @property
     def boxes(self) -> np.ndarray:
@@ -88,6 +108,7 @@ def read_tracked(folder: Path) -> Tracked:
         str(video),
         (source.width, source.height),
         source.fps,
+        source.times(len(lines)),
     )
 
 
@@ -168,7 +189,8 @@ def _rows(path: Path) -> list[dict[str, str]]:
 def write_coco(path: Path, tracked: Tracked) -> None:
     """COCO's JSON: an image per frame; boxes, polygons, or a skeleton of all points.
 
-    ``track_id`` and ``score``, the confidence, stand beside COCO's own keys, as usual for tracks.
+    ``track_id``, ``score`` (the confidence) and ``time`` (of an image, in seconds) stand beside
+    COCO's own keys, as usual for tracks.
     """
     width, height = tracked.size
     name = Path(tracked.video).stem
@@ -179,12 +201,18 @@ def write_coco(path: Path, tracked: Tracked) -> None:
     annotations = list((_skeletons if of_points else _shapes)(tracked))
     content = {
         "images": [
-            {"id": t + 1, "file_name": f"{name}_{t:06d}.png", "width": width, "height": height}
-            for t in range(len(tracked.lines))
+            {
+                "id": t + 1,
+                "file_name": f"{name}_{t:06d}.png",
+                "width": width,
+                "height": height,
+                "time": round(float(time), 6),
+            }
+            for t, time in enumerate(tracked.times)
         ],
         "annotations": [
-            {"id": number, "category_id": 1, "iscrowd": 0, **one}
-            for number, one in enumerate(annotations, start=1)
+            {"id": number, "category_id": 1, "iscrowd": 0, **annotation}
+            for number, annotation in enumerate(annotations, start=1)
         ],
         "categories": [category],
     }
@@ -201,7 +229,7 @@ def _shapes(tracked: Tracked) -> Any:
         area = abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2
         yield {
             "image_id": int(t) + 1,
-            "track_id": int(p) + 1,
+            "track_id": tracked.ids[p],
             "bbox": _rounded(boxes[t, p]),
             "area": round(float(area if closed else boxes[t, p, 2:].prod()), 3),
             "segmentation": [_rounded(line.ravel())] if closed else [],
@@ -229,7 +257,7 @@ def _skeletons(tracked: Tracked) -> Any:
 
 
 def write_cvat(path: Path, tracked: Tracked) -> None:
-    """CVAT's "MOT 1.1" archive: frames count from 1, pixels from 0.
+    """CVAT's "MOT 1.1" archive.
 
     Raises:
         InputError: points, which have no box; or the file cannot be written.
@@ -238,7 +266,7 @@ def write_cvat(path: Path, tracked: Tracked) -> None:
         raise InputError("CVAT's MOT archive holds boxes, and points have none; choose coco.")
     boxes = tracked.boxes
     lines = (
-        ",".join([str(t + 1), str(p + 1), *map(str, _rounded(boxes[t, p])), "1,1,1"])
+        ",".join([str(t + 1), str(tracked.ids[p]), *map(str, _rounded(boxes[t, p])), "1,1,1"])
         for t, p in tracked.there
     )
     with atomic_write(path, "wb") as file, zipfile.ZipFile(file, "w") as archive:
@@ -289,7 +317,7 @@ def write_movement(path: Path, tracked: Tracked) -> None:
         "confidence": (["time", *whose], turned(tracked.confidence)),
     }
     coordinates: dict[str, Any] = {
-        "time": np.arange(len(boxes)) / tracked.fps,
+        "time": tracked.times,
         "space": ["x", "y"],
         "individuals": ["object"] if of_points else [f"id_{name}" for name in tracked.names],
     }

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import click
 import numpy as np
 
 from jaxpf.boxes.tables import BoxTable
@@ -106,8 +107,16 @@ def check_births(births: Births, start: Start, number: int, source: Any) -> None
     ):
         # The length that a container states may be wrong.
         check_frames(table, source.num_frames or sum(1 for _ in source))
-    names = [f"the detection in frame {frame}" for frame in table.frame]
-    check_boxes(table.box, source.width, source.height, names)
+    named = table.id != DETECTED
+    names = [f"the object that starts in frame {frame}" for frame in table.frame[named]]
+    check_boxes(table.box[named], source.width, source.height, names)
+    outside = _outside(table.box[~named], source.width, source.height)
+    if outside.any():
+        click.echo(
+            f"Note: {outside.sum()} of {len(outside)} detections of {table.source} lie outside the "
+            "picture and are left out.",
+            err=True,
+        )
     for frame, identity in zip(table.frame, table.id, strict=True):
         if identity != DETECTED and frame < number:
             raise InputError(
@@ -138,17 +147,62 @@ def by_frame(
     named += [(int(time), int(name), box) for time, name, box in rows if name != DETECTED]
     if not births.watched:
         return None, named
-    counts = (table.id == DETECTED) & (table.confidence >= (-np.inf if least is None else least))
-    return Detections(table.frame[counts] - number, table.box[counts]), named
+    detected = table.id == DETECTED
+    every = births.rules.detect_every or detection_step(table.frame[detected])
+    counts = detected & (table.confidence >= (-np.inf if least is None else least))
+    first = int(table.frame[detected].min()) - number
+    return Detections(table.frame[counts] - number, table.box[counts], first, every), named
+
+
+def detection_step(frames: np.ndarray) -> int:
+    """On every how many frames the detector ran: the largest step that all of them share.
+
+    1 where there are fewer than three frames with detections, which tell nothing.
+    """
+    steps = np.diff(np.unique(frames))
+    return int(np.gcd.reduce(steps)) if len(steps) > 1 else 1
+
+
+def _outside(boxes: np.ndarray, width: int, height: int) -> np.ndarray:
+    """``[M]`` bool: no part of the box lies in the picture."""
+    low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
+    return np.any((low >= [width, height]) | (high <= 0), axis=1)
+
+
+def nobody_came(births: Births, start: int) -> str:
+    """Why no object started, as far as the detections of the file say."""
+    table, rules = births.table, births.rules
+    least = -np.inf if rules.birth_confidence is None else rules.birth_confidence
+    counts = (table.id == DETECTED) & (table.confidence >= least) & (table.frame >= start)
+    frames = np.unique(table.frame[counts])
+    if len(frames) < rules.birth_frames:
+        return (
+            f"no object started: it must be detected {rules.birth_frames} times, and "
+            f"{table.source} has detections in {len(frames)} of the frames from {start} on; lower "
+            "--birth-frames, or give more detections."
+        )
+    every = rules.detect_every or detection_step(frames)
+    return (
+        f"no object started: none was detected {rules.birth_frames} times inside the picture with "
+        f"an overlap of {rules.birth_overlap:g} or more from one detection to the next (the "
+        f"detector's step is {every} frame(s)); lower --birth-overlap or --birth-frames, or "
+        "correct --detect-every."
+    )
 
 
 class Detections(Sequence):
-    """Boxes ``[M, 4]`` of every frame; a video may be longer than its file says."""
+    """Boxes ``[M, 4]`` of every frame; a video may be longer than its file says.
 
-    def __init__(self, times: np.ndarray, boxes: np.ndarray):
+    None for frames in which the detector did not run.
+    """
+
+    def __init__(self, times: np.ndarray, boxes: np.ndarray, first: int, every: int):
         self._times, self._boxes = times, boxes
+        self._first, self._every = first, every
 
     def __getitem__(self, time: Any) -> Any:
+        if (time - self._first) % self._every:
+            return None
         low, high = np.searchsorted(self._times, [time, time + 1])
         return self._boxes[low:high]
 

@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from jaxpf.boxes.tracks import read_tracks
+from jaxpf.cli.tracking.births import nobody_came
 from jaxpf.cli.tracking.recorder import Recording
 from jaxpf.cli.tracking.verdict import object_verdicts, sentences
 from jaxpf.contract.errors import InputError
@@ -182,6 +183,9 @@ def _tell(
         population = recording.population
         came = counted(len(population.births), "object")
         click.echo(f"{came} came, {len(population.deaths)} went")
+        births = recording.request.births
+        if births is not None and not population.births and not population.refused:
+            _warn(f"Note: {nobody_came(births, recording.request.run.start)}")
         if population.refused:
             refusal = population.refused[0]
             _warn(

@@ -90,8 +90,8 @@ class TrackTable(LineWriter):
         if places.error is not None:
             cells |= {"x_error": places.error[:, 0], "y_error": places.error[:, 1]}
         unknown = np.full(count, np.nan)
-        table: list[Any] = [cells.get(name) for name in self._columns]
-        table = [unknown if values is None else values for values in table]
+        given = (cells.get(name) for name in self._columns)
+        table = [unknown if values is None else values for values in given]
         for place in np.flatnonzero(np.isfinite(places.values).all(axis=1)):
             row = [
                 str(int(lost[place])) if name == "lost" else _cell(name, values[place])

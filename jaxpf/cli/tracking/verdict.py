@@ -35,7 +35,7 @@ def object_verdicts(table: Mapping[str, np.ndarray], ids: Any) -> dict[str, dict
         rows = np.flatnonzero((names == name) & np.isfinite(table["speed"]))
         frames = table["frame"][rows].astype(int)
         stretches = _stretches(frames[unsure[rows]])
-        kept = rows[~unsure[rows]]
+        kept = [int(row) for row in rows if not unsure[row]]
         first = stretches[0][0] if stretches else None
         before = frames if first is None else frames[frames < first]
         about: dict[str, Any] = {
@@ -63,8 +63,8 @@ def _stretches(frames: np.ndarray) -> list[list[int]]:
     return pieces
 
 
-def _width(table: Mapping[str, np.ndarray], rows: Any) -> float | None:
-    if "x_2.5" not in table or not len(rows):
+def _width(table: Mapping[str, np.ndarray], rows: list[int]) -> float | None:
+    if "x_2.5" not in table or not rows:
         return None
     widths = [table[f"{axis}_97.5"][rows] - table[f"{axis}_2.5"][rows] for axis in "xy"]
     width = float(np.nanmedian(widths)) if np.isfinite(widths).any() else float("nan")

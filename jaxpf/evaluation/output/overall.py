@@ -79,9 +79,11 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
         for measure in measures
     }
     first = methods[0]
-    means = {key: over_sequences(of) for key, of in values.items()}
+    means = {key: over_sequences(of, _range_of(key[1])) for key, of in values.items()}
     differences = {
-        (method, measure): over_sequences(of - values[first, measure])
+        (method, measure): over_sequences(
+            of - values[first, measure], _range_of(measure, of_difference=True)
+        )
         for (method, measure), of in values.items()
         if method != first
     }
@@ -105,10 +107,22 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
     return tables
 
 
-def over_sequences(values: np.ndarray) -> OverSequences:
-    """The mean of ``values [S]`` with Student's interval; what is not finite does not count."""
-    found = student_interval(values)
-    return OverSequences(np.isfinite(values).sum(), found.value, found.lower, found.upper)
+def over_sequences(
+    values: np.ndarray, ends: tuple[float, float] = (-np.inf, np.inf)
+) -> OverSequences:
+    """Mean of the finite ``values [S]`` with Student's interval, cut at ``ends``."""
+    interval = student_interval(values)
+    lower, upper = (float(np.clip(end, *ends)) for end in interval[2:])
+    return OverSequences(np.isfinite(values).sum(), interval.value, lower, upper)
+
+
+def _range_of(measure: str, of_difference: bool = False) -> tuple[float, float]:
+    """Least and largest value that a measure can have; a share lies within 0 and 1."""
+    if not by_name(measure).percent or measure.startswith("effective_dynamics"):
+        return -np.inf, np.inf
+    if measure == "MOTA":  # can be as low as there are false alarms
+        return -np.inf, np.inf if of_difference else 1
+    return (-1, 1) if of_difference else (0, 1)
 
 
 def _of_sequence(
@@ -145,7 +159,7 @@ def _draw(
         (method, curve): np.array(
             [
                 over_sequences(
-                    np.array([each[method][curve, t] for each in found if method in each])
+                    np.array([each[method][curve, t] for each in found if method in each]), (0, 1)
                 )
                 for t in thresholds.tolist()
             ]

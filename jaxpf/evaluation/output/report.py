@@ -22,7 +22,7 @@ from jaxpf.evaluation.output.layout import (
     object_name,
     score_tables,
 )
-from jaxpf.evaluation.output.tables import Tables, write_tables
+from jaxpf.evaluation.output.tables import Tables, best_first, write_tables
 from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.summary import Summary
 from jaxpf.files.writing import write_text
@@ -89,6 +89,7 @@ def _content(results: Results, tables: Tables, figures: Sequence[Figure]) -> dic
             },
         )
     )
+    leading = estimate_tables(ids, best_first(summaries, tables.conclusion.ranking), [len(ids)])
     groups, clips_remark = _clips(results, tables)
     contents = [("summary", "Summary")] if summaries else []
     contents += [(section.name, section.title) for section in sections]
@@ -102,6 +103,10 @@ def _content(results: Results, tables: Tables, figures: Sequence[Figure]) -> dic
     return {
         "title": f"Evaluation: {results.scene_name}",
         "lead": ", ".join(lead),
+        "conclusion": tables.conclusion.sentence if summaries else "",
+        "best": summaries[tables.conclusion.ranking[0]].name if tables.conclusion.ranking else "",
+        "leading": leading,
+        "num_configurations": len(summaries),
         "finding": _finding(results, tables),
         "remarks": tables.remarks,
         "contents": contents,

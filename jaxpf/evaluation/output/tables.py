@@ -28,6 +28,7 @@ import numpy as np
 from jaxpf import filters
 from jaxpf.contract.options import plain
 from jaxpf.evaluation.collection import SCORED_RUNS, Collected, Curve, collect, has_scores
+from jaxpf.evaluation.conclusion import Conclusion, conclude
 from jaxpf.evaluation.measures import COLUMNS, CURVES
 from jaxpf.evaluation.output.layout import (
     PRINTED,
@@ -51,6 +52,8 @@ ONE_OBJECT = (
     "is run unless methods are named."
 )
 _KEYS = ("scene", "method", "ordering")
+#: Configurations that a screen shows.
+MOST_PRINTED = 10
 _ENOUGH = 20  # runs, at which the normal quantile is 6 % below Student's
 _NUMBERS = ",".join(["%.7g"] * len(COLUMNS))
 
@@ -63,12 +66,14 @@ class Tables:
         summaries: of every configuration with finished runs.
         remarks: sentences about what is missing or to be read with care.
         hardest: index of the object that was recovered least, over all configurations.
-        printed: the tables that a terminal shows.
+        conclusion: which configuration follows best.
+        printed: the table that a terminal shows.
     """
 
     summaries: list[Summary]
     remarks: list[str]
     hardest: int
+    conclusion: Conclusion
     printed: list[Table]
 
 
@@ -93,6 +98,7 @@ def write_tables(results: Results) -> Tables:
             if (found := collect(results, configuration, folder, rows)) is not None:
                 collected.append(found)
         summaries = summarise(results, collected)
+        conclusion = conclude(summaries, collected)
     hardest = hardest_object(summaries, len(results.object_ids))
     remarks = _remarks(results, summaries)
     for name, rows in (
@@ -111,16 +117,23 @@ def write_tables(results: Results) -> Tables:
         *equal_time_tables(ids, summaries, places),
     ]
     title = f"{results.scene_name}, {results.runs} runs"
+    said = [conclusion.sentence, *remarks]
     for suffix, render in ((".md", to_markdown), (".tex", to_latex)):
-        write_text(results.folder / f"summary{suffix}", render(title, everything, remarks))
+        write_text(results.folder / f"summary{suffix}", render(title, everything, said))
     _write_tracks(results, summaries)
-    printed = [
-        *estimate_tables(ids, summaries, [len(ids), hardest], PRINTED),
-        *calibration_tables(ids, summaries, [len(ids)]),
-        *difference_tables(ids, summaries, [hardest]),
-        *equal_time_tables(ids, summaries, [len(ids)]),
-    ]
-    return Tables(summaries, remarks, hardest, printed)
+    shown = best_first(summaries, conclusion.ranking)
+    printed = estimate_tables(ids, shown, [len(ids)], PRINTED)
+    if len(shown) < len(summaries):
+        remarks.append(
+            f"The best {len(shown)} of {len(summaries)} configurations; all are in report.html."
+        )
+    return Tables(summaries, remarks, hardest, conclusion, printed)
+
+
+def best_first(summaries: Sequence[Summary], ranking: Sequence[int]) -> list[Summary]:
+    """The configurations that fit on a screen, the best first, those without a value last."""
+    rest = [index for index in range(len(summaries)) if index not in ranking]
+    return [summaries[index] for index in [*ranking, *rest][:MOST_PRINTED]]
 
 
 class _RowWriter:

@@ -1,7 +1,7 @@
-"""Weighted sets of particles, one for each partition, and what both factored filters do to them.
+"""Weighted sets of particles, one for each partition, and the operations of both factored filters.
 
-Inside, values stand as ``[D, P, K]`` and weights as ``[P, K]``: particles on the last axis.  Every
-partition draws from keys of its own, so that what happens to one never reaches another.
+Values are ``[D, P, K]`` and weights ``[P, K]``: particles on the last axis.  Every partition draws
+from its own keys, so that partitions do not affect each other.
 """
 
 from typing import Any
@@ -35,7 +35,7 @@ class FactoredState:
         lagged: ``[2, D, P, K]``, the substates of the current frame and of the one before.
         log_weights: ``[P, K]``, normalised for each partition.
         weighted: ``[]`` bool, false for sets that were drawn and never weighed.
-        history: what a tracker remembers of frames gone by; None if nothing.
+        history: of earlier frames, for trackers that need it; else None.
     """
 
     lagged: jax.Array
@@ -58,11 +58,7 @@ class FactoredState:
 
 
 def checked_initial(initial: Any) -> Any:
-    """``initial`` as an array of floats ``[P, D]``, or the sampler that it is.
-
-    Raises:
-        InputError: an array of another shape; see also ``jaxpf.filters.initial``.
-    """
+    """``initial`` as an array of floats ``[P, D]``; a sampler is returned as it is."""
     initial = filters_initial.checked_initial(initial)
     if not callable(initial) and (initial.ndim != 2 or 0 in initial.shape):
         raise InputError(
@@ -73,11 +69,7 @@ def checked_initial(initial: Any) -> Any:
 
 
 def check_factors(dynamics: Any, likelihood: Any) -> None:
-    """Refuse a model that does not factor over partitions.
-
-    Raises:
-        InputError: the dynamics are coupled, or the likelihood has ``log_joint``.
-    """
+    """Refuse a model that does not factor over partitions."""
     check_uncoupled(dynamics, "particles that hold one partition each")
     if contract.has_log_joint(likelihood):
         raise InputError(
@@ -124,11 +116,11 @@ def survivors(tracker, key, state: FactoredState) -> tuple[jax.Array, jax.Array]
     num, factor = tracker.num_particles, tracker.upsampling
     resample_key, offset_key = jax.random.split(key)
     chosen, log_weights = choose(tracker, resample_key, state.log_weights, state.log_weights)
-    # Of K slots every factor-th; where they begin is drawn, which keeps every scheme unbiased.
+    # Every factor-th of K slots, from a random start, which keeps every scheme unbiased.
     keys = keys_of(offset_key, chosen.shape[0])
     begin = jax.vmap(lambda k: jax.random.randint(k, (), 0, factor))(keys)
     slots = begin[:, None] + factor * jnp.arange(num)
-    # A set that was never weighed needs no draw: it would only lose particles.
+    # Resampling a set that was never weighed would only lose particles.
     ancestors = jnp.where(state.weighted, jnp.take_along_axis(chosen, slots, axis=1), slots)
     log_weights = jnp.take_along_axis(log_weights, slots, axis=1) + np.log(factor)
     uniform = jnp.full_like(log_weights, -np.log(num))
@@ -136,15 +128,13 @@ def survivors(tracker, key, state: FactoredState) -> tuple[jax.Array, jax.Array]
 
 
 def choose(tracker, key, log_weights, log_selection) -> tuple[jax.Array, jax.Array]:
-    """Weighted resampling of every partition by itself: ancestors and log-weights ``[P, N]``."""
-    keys = keys_of(key, log_weights.shape[0])
-    if log_weights is log_selection:
-        return jax.vmap(lambda k, w: resampling.weighted_resample(k, w, w, tracker.resampling))(
-            keys, log_weights
-        )
-    return jax.vmap(lambda k, w, s: resampling.weighted_resample(k, w, s, tracker.resampling))(
-        keys, log_weights, log_selection
-    )
+    """Weighted resampling within every partition: ancestors and log-weights ``[P, N]``."""
+    weights = (log_weights,) if log_weights is log_selection else (log_weights, log_selection)
+
+    def choose_in_one(key, *weights):
+        return resampling.weighted_resample(key, weights[0], weights[-1], tracker.resampling)
+
+    return jax.vmap(choose_in_one)(keys_of(key, log_weights.shape[0]), *weights)
 
 
 def taken(lagged: jax.Array, ancestors: jax.Array) -> jax.Array:
@@ -179,7 +169,7 @@ def moved(tracker, key, lagged: jax.Array) -> jax.Array:
 
 
 def weighed(tracker, observation, values: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Log-likelihoods ``[P, N]`` of ``[D, P, N]``, and how many were NaN or +inf, now -inf."""
+    """Log-likelihoods ``[P, N]`` of ``[D, P, N]``, and the number of NaN or +inf, now -inf."""
     dimension, num_partitions, num = values.shape
     partition = jnp.repeat(jnp.arange(num_partitions, dtype=jnp.int32), num)
     log_prob = contract.log_prob_all(
@@ -211,7 +201,7 @@ def _weighted_sum(values: jax.Array, weights: jax.Array) -> jax.Array:
 
 
 def summarise(state: FactoredState, log_totals, num_invalid, log_evidence=None) -> Summary:
-    """What the frame reports of the weighted sets.
+    """The frame's summary of the weighted sets.
 
     Args:
         state: the sets, normalised.

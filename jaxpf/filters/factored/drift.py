@@ -1,7 +1,7 @@
-"""How partitions carry one another along: drift by correlations of velocities.
+"""Drift: partitions move together, by correlations of their velocities (eskil2014, eq. 8 to 10).
 
-Source: eskil2014, eq. 8 to 10.  A partition's drift is a combination of the velocities that the
-other partitions seem to have in this frame, weighted by how alike they moved in the last frames.
+A partition's drift combines the velocities that the other partitions seem to have in this frame,
+weighted by how similarly they moved in the last frames.
 """
 
 import jax
@@ -15,12 +15,12 @@ _RIDGE = 0.1
 
 @pytree_dataclass
 class Motion:
-    """Where the partitions were and how they moved.
+    """Places and velocities of the partitions.
 
     Attributes:
         place: ``[P, E]``, the last estimates.
         velocities: ``[memory, P, E]``, displacements per frame, the latest first.
-        known: ``[]`` int32, how many of them there are yet.
+        known: ``[]`` int32, number of velocities known yet.
     """
 
     place: jax.Array
@@ -38,7 +38,7 @@ class Motion:
 
 
 def at_rest(place: jax.Array, memory: int) -> Motion:
-    """Partitions at ``place`` ``[P, E]`` of which no motion is known."""
+    """Partitions at ``place`` ``[P, E]`` of unknown motion."""
     return Motion(
         place=place,
         velocities=jnp.zeros((memory, *place.shape), place.dtype),
@@ -47,7 +47,7 @@ def at_rest(place: jax.Array, memory: int) -> Motion:
 
 
 def drift(motion: Motion, seen: jax.Array, rule: str) -> jax.Array:
-    """What every partition is carried along by, ``[P, E]`` (eskil2014, eq. 10).
+    """Each partition's drift, ``[P, E]`` (eskil2014, eq. 10).
 
     Args:
         motion: of the frames before.
@@ -57,8 +57,8 @@ def drift(motion: Motion, seen: jax.Array, rule: str) -> jax.Array:
             ``"literal"``: by their plain sum, as eq. 9 has it, which explodes where correlations
             cancel;
             ``"ridge"``: the best linear prediction of a partition's velocity by the others'
-            (ridge regression on the frames remembered).  Where nothing is known of a partition,
-            the others count alike.
+            (ridge regression on the frames remembered).  Where a partition's motion is unknown,
+            the others count equally.
     """
     if rule == "none":
         return jnp.zeros_like(seen)

@@ -1,8 +1,8 @@
 """Factored particles with dependent and constrained dynamics.
 
 Source: eskil2014 (Eskil, "Factored particle filtering with dependent and constrained partition
-dynamics for tracking deformable objects"), section 3.  Every partition has a few particles of its
-own; partitions carry one another along (``drift``) and hold one another in place (``shape``).
+dynamics for tracking deformable objects"), section 3.  Every partition has its own few particles;
+partitions move together (``drift``) and keep their distances (``shape``).
 """
 
 from typing import Any
@@ -31,8 +31,8 @@ class Eskil(contract.Tracker):
     The first two dimensions of a substate (or its only one) are its position: drift and shape act
     on these.  In every frame, for all partitions at once:
 
-    1. draw M particles by their weights (the paper's step 7, of the frame before) and move them
-       for show;
+    1. draw M particles by their weights (the paper's step 7, of the frame before) and simulate
+       their moves;
     2. weigh them;
     3. their weighted means less the last estimates are velocities v';
     4. move the particles anew, each ``upsampling`` times, and add the drift ``sum_j rho_ij v'_j``;
@@ -43,7 +43,7 @@ class Eskil(contract.Tracker):
 
     The drift looks at the frame.  By default it counts as part of the dynamics.  With ``proper``
     it is a proposal, and weights are multiplied by the ratio of the dynamics' density to it; this
-    wants ``log_density`` of the dynamics, and degenerates once drifts exceed twice their noise.
+    needs ``log_density`` of the dynamics, and degenerates once drifts exceed twice their noise.
 
     ``log_evidence`` is that of an unbiased estimate with ``shape="none"`` and either
     ``drift="none"`` or ``proper=True``; otherwise it is NaN.
@@ -63,11 +63,7 @@ class Eskil(contract.Tracker):
         drift: static, one of ``jaxpf.contract.names.DRIFTS``.
         shape: static, one of ``jaxpf.contract.names.SHAPES``.
         proper: static, see above.
-        resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
-
-    Raises:
-        InputError: an argument is out of range; fewer than two partitions for a drift; two
-            partitions at the same place for a shape; a likelihood that does not factor.
+        resampling: a name of ``jaxpf.resampling.SCHEMES``, or your own scheme, see there.
     """
 
     dynamics: Any
@@ -117,7 +113,7 @@ class Eskil(contract.Tracker):
     def step_observed(
         self, key: jax.Array, state: FactoredState, observation: Any
     ) -> tuple[FactoredState, Summary]:
-        """One frame that was observed already; see the class."""
+        """One frame, already observed; see the class."""
         chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
         motion = state.history
         sample_key, simulate_key, move_key = jax.random.split(written_out(key), 3)
@@ -144,7 +140,7 @@ class Eskil(contract.Tracker):
             centres = cloud.means(posterior, new)[:2]
             reference = shape.reference_distances(self.reference).astype(new.dtype)
             held = shape.log_shape(new[:2], centres, reference, self.shape_scale, self.shape)
-            held = jnp.where(jnp.isneginf(posterior), 0.0, held)  # where a dead one is: NaN
+            held = jnp.where(jnp.isneginf(posterior), 0.0, held)  # without weight: NaN
             posterior, _ = cloud.normalised(posterior + held, posterior)
 
         exact = self.shape == "none" and (self.drift == "none" or self.proper)

@@ -22,13 +22,13 @@ class Options:
 
     method: str = option(
         "eskil",
-        "eskil (particles of its own for every object, which drift together and keep a shape), "
+        "eskil (every object has its own particles; objects drift together and keep a shape), "
         "pffl (the same without drift and shape).",
         choices=FACTORED_METHODS,
     )
     particles: int | None = option(
         None,
-        "Of eskil and pffl, those of every object: by default 10 and 50.",
+        "Number of particles per object: by default 10 for eskil and 50 for pffl.",
         kind=int,
         least=1,
         most=2**31 - 1,
@@ -38,7 +38,7 @@ class Options:
     resampling: str = option("systematic", "Resampling scheme.", choices=SCHEMES, compiles=True)
     upsampling: int | None = option(
         None,
-        "How many times a particle is moved; by default 3 for eskil and 1 for pffl.",
+        "Moves per particle; by default 3 for eskil and 1 for pffl.",
         kind=int,
         least=1,
         most=1000,
@@ -46,21 +46,21 @@ class Options:
     )
     drift: str = option(
         "clip",
-        "How eskil's objects carry one another along.",
+        "How eskil's objects move together.",
         choices=DRIFTS,
         compiles=True,
         implies=_ESKIL,
     )
     shape: str = option(
         "relative",
-        "How eskil's objects hold one another in place.",
+        "How eskil's objects keep their distances.",
         choices=SHAPES,
         compiles=True,
         implies=_ESKIL,
     )
     shape_scale: float = option(
         0.1,
-        "How far eskil's distances may stretch: a share of them, or pixels.",
+        "Tolerated stretch of eskil's distances: a share of each, or pixels.",
         above=0,
         path="shape_scale",
         implies=_ESKIL,
@@ -75,7 +75,7 @@ class Options:
     )
     proper: bool = option(
         False,
-        "Whether eskil's drift is a proposal and no part of the dynamics.",
+        "Whether eskil's drift is a proposal instead of part of the dynamics.",
         compiles=True,
         implies=_ESKIL,
     )
@@ -133,8 +133,8 @@ class FactoredFilter(Filter):
         """See ``Filter``."""
         if not self.admits(options.method, parents):
             raise InputError(
-                f"method {options.method!r} follows objects that hang on nothing, and this is a "
-                "part tree; choose sir, ps or sps."
+                f"method {options.method!r} follows independent objects, and this is a part tree; "
+                "choose sir, ps or sps."
             )
 
 

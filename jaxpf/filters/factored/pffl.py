@@ -1,8 +1,8 @@
-"""Particle filtering with factorised likelihoods: many partitions, each tracked by itself.
+"""Particle filtering with factorised likelihoods: many partitions, each tracked alone.
 
-Source: Patras and Pantic 2004, as told by eskil2014, section 2.2.  In every frame and for every
-partition: move all particles once for show, look which of them end up well, choose ancestors by
-that, move those anew, and weigh.
+Source: Patras and Pantic 2004, as described by eskil2014, section 2.2.  In every frame and for
+every partition: simulate a move of all particles, weigh the simulated moves, choose ancestors by
+these weights, move them anew, and weigh.
 """
 
 from typing import Any
@@ -47,10 +47,7 @@ class PFFL(Tracker):
         upsampling: static, every ancestor moves this many times; the set is thinned to M when
             the next frame comes.
         form: static, one of ``jaxpf.contract.names.FORMS``.
-        resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
-
-    Raises:
-        InputError: an argument is out of range, or the likelihood does not factor.
+        resampling: a name of ``jaxpf.resampling.SCHEMES``, or your own scheme, see there.
     """
 
     dynamics: Any

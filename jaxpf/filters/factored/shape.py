@@ -1,8 +1,7 @@
-"""How partitions hold one another in place: a potential on their distances.
+"""Shape: a potential on the distances between partitions (eskil2014, eq. 11).
 
-Source: eskil2014, eq. 11, there called a proposal function.  It proposes nothing: particles are
-weighted by it.  It is the product of springs between a particle and the other partitions, each of
-them where it was estimated to be in this frame.
+The paper calls it a proposal function, but particles are weighted by it: it is the product of
+springs between a particle and this frame's estimates of the other partitions.
 """
 
 import jax
@@ -26,7 +25,7 @@ def log_shape(places, centres, reference, scale, shape: str) -> jax.Array:
 
     Args:
         places: ``[E, P, N]``, the particles.
-        centres: ``[E, P]``, where the partitions are believed to be, x_j.
+        centres: ``[E, P]``, estimated places of the partitions, x_j.
         reference: ``[P, P]``, their distances at the start, d_ij.
         scale: sigma_p: a share of each distance, or pixels.
         shape: ``"relative"``: ``(|x_i - x_j| / d_ij - 1) / sigma_p``; ``"pixels"``, the literal
@@ -43,11 +42,7 @@ def log_shape(places, centres, reference, scale, shape: str) -> jax.Array:
 
 
 def reference_distances(places) -> jax.Array:
-    """``[P, P]`` distances between partitions at ``places`` ``[P, E]``.
-
-    Raises:
-        InputError: two of them are at the same place.
-    """
+    """``[P, P]`` distances between partitions at ``places`` ``[P, E]``, which must differ."""
     if is_concrete(places):
         known = np.asarray(places)
         apart = np.linalg.norm(known[:, None] - known[None], axis=-1) + np.eye(len(known))

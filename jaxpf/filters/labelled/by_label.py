@@ -1,15 +1,15 @@
 """Sums, maxima and log-sums over the particles of each label.
 
-Labels ``[N]`` need not be in any order.  For very few labels a product with the table of who has
-which label is vector code; for more it would cost L per particle, and a scatter does not: a frame
-of a 1-D model with 10 labels takes 100 ns per particle by the table and 74 by scatters (CPU).
+Labels ``[N]`` may be in any order.  For very few labels a product with the table of labels is
+vector code; for more, scatters are faster: a frame of a 1-D model with 10 labels takes 100 ns per
+particle by the table and 74 by scatters (CPU).
 """
 
 import jax
 import jax.numpy as jnp
 from jax import lax
 
-#: Up to so many labels a particle is compared with each of them.
+#: Up to this many labels, a particle is compared with each of them.
 FEW = 4
 
 
@@ -39,14 +39,14 @@ def maxima(values: jax.Array, labels: jax.Array, num_labels: int) -> jax.Array:
 
 
 def counts(labels: jax.Array, num_labels: int) -> jax.Array:
-    """``[L]`` int32: how many particles each label has."""
+    """``[L]`` int32: number of particles with each label."""
     if num_labels <= FEW:
         return jnp.sum(_table(labels, num_labels), axis=0, dtype=jnp.int32)
     return jnp.zeros((num_labels,), jnp.int32).at[labels].add(1)
 
 
 def log_sums(values: jax.Array, labels: jax.Array, num_labels: int) -> jax.Array:
-    """``[L]``: log of the sum of ``exp(values)`` ``[N]``; -inf where there is nothing to sum."""
+    """``[L]``: log of the sum of ``exp(values)`` ``[N]``; -inf for an empty sum."""
     largest = maxima(values, labels, num_labels)
     alive = ~jnp.isneginf(largest)
     reference = spread(jnp.where(alive, largest, 0.0), labels)
@@ -59,5 +59,5 @@ def log_sums(values: jax.Array, labels: jax.Array, num_labels: int) -> jax.Array
 
 
 def _table(labels: jax.Array, num_labels: int) -> jax.Array:
-    """``[N, L]`` bool: who has which label."""
+    """``[N, L]`` bool: which label each particle has."""
     return labels[:, None] == jnp.arange(num_labels, dtype=labels.dtype)

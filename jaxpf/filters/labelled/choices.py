@@ -4,7 +4,7 @@
 WEIGHTS = ("equal_share", "plain", "corrected")
 #: What is resampled together.
 SCOPES = ("across", "within")
-#: Whose speed moves the particles (rowe2005, eq. 5).
+#: The speed that moves the particles: their own, or the estimate's (rowe2005, eq. 5).
 FEEDBACKS = ("none", "estimate")
 #: Whether targets come and go.
 POPULATIONS = ("fixed", "open")

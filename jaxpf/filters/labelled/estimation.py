@@ -1,4 +1,4 @@
-"""Regularised estimates of position and speed, and how speed is fed back (rowe2005, eq. 5-6).
+"""Regularised estimates of position and speed, and feedback of the speed (rowe2005, eq. 5-6).
 
 With x and u a target's estimated position and speed, and a_x, a_u the rates of ``regularise``::
 

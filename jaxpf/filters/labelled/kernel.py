@@ -1,15 +1,15 @@
 """One frame of the labelled filter: resample, move, weigh, and share out (rowe2005).
 
 The set is a particle filter for a *mixture*: each particle draws a label once, with equal
-probability, and then follows that target.  Its evidence is ``(1/L) sum_l Z_l``, and nothing
-keeps a label's particles but its share of that sum.  What is estimated without bias, at any
-number of particles (E is over runs; W_l is label l's weight, N_l the number of its particles,
-Z^ the product of the frames' ``exp(log_evidence)``):
+probability, and then follows that target.  Its evidence is ``(1/L) sum_l Z_l``, and a label keeps
+particles only by its share of that sum.  Unbiased at any number of particles (E is over runs; W_l
+is label l's weight, N_l the number of its particles, Z^ the product of the frames'
+``exp(log_evidence)``):
 
 ``plain``
-    ``E[L Z^ W_l] = Z_l``, and so with any function of the substates.  A label can lose all
-    its particles for good, and in the end does: in 1.2 % of the runs of the table of biases (3
-    frames, 16 particles, 2 targets), in every run on rowe2005's scene (300 frames, 100 particles).
+    ``E[L Z^ W_l] = Z_l``, and the same with any function of the substates.  A label can lose all
+    its particles for good: in 1.2 % of the runs of the table of biases (3 frames, 16 particles, 2
+    targets), in every run on rowe2005's scene (300 frames, 100 particles).
 ``corrected``
     Selected by eq. 4, weights divided by it: the same expectations, and fair shares.
 ``equal_share``
@@ -20,8 +20,8 @@ Z^ the product of the frames' ``exp(log_evidence)``):
     that products over labels are unbiased, too.  A target's mass in the mixture is kept apart
     from the weights, as ``M_l / sum(M)``.
 
-A label whose particles all have no likelihood is reported.  With equal shares the frame is left
-out for it and its particles go on; else its weight is rightly zero, and it is gone.
+A label without any likelihood is reported as lost.  With equal shares the frame is left out for it
+and its particles go on; else its weight is zero for good.
 """
 
 import dataclasses
@@ -129,19 +129,15 @@ def move(tracker: Any, key: jax.Array, state: LabelledState) -> tuple[LabelledSt
 def relocated(
     tracker: Any, key: jax.Array, state: LabelledState, observation: Any
 ) -> tuple[LabelledState, jax.Array]:
-    """Particles of targets that are probably lost may be anywhere; the moved state and log-weights.
+    """Relocate particles of probably lost targets; the state and log-weights ``[N]``.
 
-    Args:
-        tracker: with ``relocation``; see ``jaxpf.filters.relocation``.
-        key: a random key.
-        state: after ``move``.
-        observation: of the frame.
+    See ``jaxpf.filters.relocation``.
     """
     # A particle holds one target, and needs no numbers for others.
     uniform = jax.random.uniform(key, (4, tracker.num_particles), state.lagged.dtype)
     uniform = jnp.broadcast_to(uniform, (tracker.num_targets, *uniform.shape))
-    jumps = relocation.drawn(tracker, uniform, state.log_odds, state.estimate, observation)
-    moved, left, log_weight = relocation.taken(jumps, state.labels, *state.lagged)
+    jumps = relocation.draw_jumps(tracker, uniform, state.log_odds, state.estimate, observation)
+    moved, left, log_weight = relocation.apply_jumps(jumps, state.labels, *state.lagged)
     return dataclasses.replace(state, lagged=jnp.stack([moved, left])), log_weight
 
 
@@ -203,7 +199,7 @@ def share_out(
         alive = seen & ~jnp.isneginf(before)
         factor = jnp.where(alive, total - jnp.where(alive, before, 0.0), -jnp.inf)
         norm = jnp.where(possible, log_total, 0.0)
-        # An observation that is impossible for everybody is left out.
+        # An observation that is impossible for all labels is left out.
         held = by_label.log_sums(entering, labels, num_targets)
         log_weights = jnp.where(possible, weighed - norm, entering - _log_sum(held))
         log_mass = jnp.where(possible, total - norm, held - _log_sum(held))
@@ -280,7 +276,7 @@ def report(
 
 
 def _of_living(alive: Any, summary: Any) -> LabelledSummary:
-    """What an open population reports: nothing of the slots that are empty."""
+    """The summary of an open population, without its empty slots."""
     smallest = jnp.min(jnp.where(alive, summary.ess_parts, jnp.inf))
     return dataclasses.replace(
         summary,

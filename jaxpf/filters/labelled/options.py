@@ -10,7 +10,7 @@ from jaxpf.contract.names import SCHEMES
 from jaxpf.contract.options import check_options, option
 from jaxpf.filters.filter import Filter
 from jaxpf.filters.labelled.choices import FEEDBACKS, SCOPES, WEIGHTS
-from jaxpf.filters.looking import relocate_option, relocation_of
+from jaxpf.filters.relocation_option import relocate_option, relocation_of
 
 METHODS = ("labelled",)
 
@@ -19,8 +19,7 @@ METHODS = ("labelled",)
 class Options:
     """Options of the labelled filter; see the help of each.
 
-    The defaults are what tracks best, not those of ``Labelled``, which leave everything out but
-    the equal shares.
+    The defaults track best; those of ``Labelled`` leave out all but the equal shares.
     """
 
     method: str = option("labelled", "labelled (each particle holds one object).", choices=METHODS)
@@ -102,8 +101,8 @@ class LabelledFilter(Filter):
         """See ``Filter``."""
         if not self.admits(options.method, parents):
             raise InputError(
-                "method 'labelled' tracks objects that are independent, and these are parts of a "
-                "tree; use method 'ps' or 'sps'."
+                "method 'labelled' tracks independent objects, and these are parts of a tree; use "
+                "method 'ps' or 'sps'."
             )
         if options.particles < len(parents):
             raise InputError(

@@ -1,18 +1,17 @@
 """Targets that come and go: the slots of an open population, filled and emptied between frames.
 
-A tracker with ``population="open"`` has a fixed number L of slots, its capacity, so that whatever
-comes and goes nothing is compiled anew.  ``LabelledState.alive`` says which slots hold a target; an
-empty one has no weight, no share of eq. 4, no part in the mixture, and after the next resampling
-no particles: those that live share all N.
+A tracker with ``population="open"`` has a fixed number L of slots, so that nothing is recompiled
+when targets come and go.  ``LabelledState.alive`` marks the slots that hold a target; an empty slot
+has no weight, no share of eq. 4, no part in the mixture, and after the next resampling no
+particles: the living targets share all N.
 
-A target that is born gets its particles in the next frame, after the resampling, when weights
-within a label are equal and every other label gives as many: ``N / living``, its fair share.  They
-start where it was born, as those of ``initial`` do.
+A new target gets its particles in the next frame, after the resampling, when weights within a label
+are equal and every other label gives as many: ``N / living``, its fair share.  They start where it
+was born, like those of ``initial``.
 
-Its mass in the mixture is 1 / living, and the others' shrink in proportion: who has just come has
-no evidence of its own, and the mixture has no other reason to prefer or to neglect it.  A frame in
-which a target has no likelihood at all is left out for its mass as for its particles: it keeps what
-it had, and the others share the rest.
+Its mass in the mixture is 1 / living, and the others' shrink in proportion, because it has no
+evidence of its own yet.  A frame in which a target has no likelihood at all is left out for its
+mass as for its particles: both stay as they were, and the others share the rest.
 """
 
 import dataclasses
@@ -27,29 +26,21 @@ from jaxpf.filters.labelled.state import LabelledState
 
 
 def born(state: LabelledState, slot: jax.Array, substate: jax.Array) -> LabelledState:
-    """The state in which a target has come; its particles follow in the next frame.
+    """Add a target to an open population between two frames; its particles follow in the next.
 
     Args:
-        state: of an open population, between two frames.
-        slot: ``[]`` int, a slot that is empty; of one that is not, the target is put elsewhere.
-        substate: ``[D]``, where it is in the frame that ``state`` has seen.
-
-    Raises:
-        InputError: the population is fixed.
+        state: after the last frame.
+        slot: ``[]`` int, an empty slot; the target of an occupied one is moved to the new place.
+        substate: ``[D]``, where it is in the last frame.
     """
     _check_open(state)
     return _born(state, slot, substate)
 
 
 def ended(state: LabelledState, slot: jax.Array) -> LabelledState:
-    """The state from which a target has gone; the other labels' particles stay as they are.
+    """Remove the target of ``slot`` from an open population between two frames.
 
-    Args:
-        state: of an open population, between two frames.
-        slot: ``[]`` int.
-
-    Raises:
-        InputError: the population is fixed.
+    The other labels' particles stay as they are.
     """
     _check_open(state)
     return _ended(state, slot)
@@ -85,7 +76,7 @@ def _ended(state, slot):
 
 
 def first_state(tracker: Any) -> LabelledState:
-    """The state just before the first frame: a row of ``initial`` that is NaN is an empty slot."""
+    """The state just before the first frame; a row of NaN in ``initial`` is an empty slot."""
     initial, num_particles = tracker.initial.T, tracker.num_particles
     alive = jnp.all(jnp.isfinite(initial), axis=0)
     place = jnp.where(alive, initial, 0.0)
@@ -114,7 +105,7 @@ def first_state(tracker: Any) -> LabelledState:
 
 
 def homes(alive: jax.Array, num_particles: int) -> jax.Array:
-    """``[N]`` int32: the labels that live, in turn; which of them may take each slot of the set."""
+    """``[N]`` int32: the living labels in turn, one for each slot of the set."""
     living_first = jnp.argsort(~alive).astype(jnp.int32)
     number = jnp.maximum(jnp.sum(alive), 1)
     return living_first[jnp.arange(num_particles, dtype=jnp.int32) % number]
@@ -129,6 +120,6 @@ def _normalised(log_values: jax.Array) -> jax.Array:
 def _check_open(state: LabelledState) -> None:
     if state.alive is None:
         raise InputError(
-            "this state is of a fixed population, in which no target comes or goes; make the "
-            "tracker with population='open'."
+            "this state has a fixed population, in which no target comes or goes; make the tracker "
+            "with population='open'."
         )

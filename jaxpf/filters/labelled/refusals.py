@@ -1,4 +1,4 @@
-"""What the labelled filter refuses, in one sentence each."""
+"""Checks of a labelled tracker when it is made."""
 
 from typing import Any
 
@@ -15,14 +15,7 @@ from jaxpf.gradients import check_gradients
 
 
 def check_tracker(tracker: Any) -> None:
-    """Refuse what cannot work, or would be silently wrong.
-
-    Raises:
-        InputError: an unknown name; fewer particles than targets; an initial state of another
-            shape; coordinates that it does not have; rates outside (0, 1]; and combinations
-            without a meaning: ``reseed`` without equal shares, ``score`` with feedback,
-            a likelihood with ``log_joint``, coupled dynamics.
-    """
+    """Refuse what cannot work, or would be silently wrong."""
     check_count("num_particles", tracker.num_particles)
     for name, known in (
         ("scope", SCOPES),
@@ -34,7 +27,7 @@ def check_tracker(tracker: Any) -> None:
     check_gradients(tracker)
     if tracker.gradient.blends or not tracker.gradient.equalises:
         raise InputError(
-            f"gradient {type(tracker.gradient).__name__} is of particles that hold all targets; "
+            f"gradient {type(tracker.gradient).__name__} needs particles that hold all targets; "
             "use NoGradient() or StopGradient() of jaxpf.gradients."
         )
     _check_targets(tracker)
@@ -49,8 +42,11 @@ def check_tracker(tracker: Any) -> None:
             "labelled particle holds one of them; choose method sir, ps, dps or sps "
             "(jaxpf.Partitioned)."
         )
-    if tracker.motion_gradient == "score":
-        _check_score(tracker)
+    if tracker.motion_gradient == "score" and tracker.feedback != "none":
+        raise InputError(
+            "motion_gradient='score' needs the density of a move, and feedback='estimate' changes "
+            "the move; use feedback='none' or motion_gradient='pathwise'."
+        )
     check_relocation(tracker)
 
 
@@ -79,20 +75,20 @@ def _check_targets(tracker: Any) -> None:
 def _check_open(tracker: Any) -> None:
     if callable(tracker.initial):
         raise InputError(
-            "population='open' starts from an array [L, D] whose rows of NaN are empty slots; give "
-            "that in place of the initial sampler."
+            "population='open' starts from an array [L, D] whose rows of NaN are empty slots, not "
+            "from a sampler; give initial as an array."
         )
     if tracker.weights != "equal_share":
         raise InputError(
-            f"population='open' gives whoever comes an equal share, and "
-            f"weights={tracker.weights!r} has none to give; use weights='equal_share'."
+            f"population='open' gives every new target an equal share, which "
+            f"weights={tracker.weights!r} does not; use weights='equal_share'."
         )
 
 
 def _check_coordinates(tracker: Any) -> None:
     position, speed = tracker.position, tracker.speed
     if tracker.feedback == "none" and tracker.regularise is None and speed is None:
-        return  # nobody looks at them
+        return  # unused
     if speed is not None and len(speed) != len(position):
         raise InputError(
             f"speed={list(speed)} has {len(speed)} coordinates and position={list(position)} has "
@@ -124,8 +120,8 @@ def _check_rates(tracker: Any) -> None:
         return
     if tracker.weights != "equal_share":
         raise InputError(
-            f"reseed gives lost targets an equal share again, and weights={tracker.weights!r} has "
-            "none to give; use weights='equal_share' or reseed=None."
+            f"reseed gives lost targets an equal share again, which weights={tracker.weights!r} "
+            "does not; use weights='equal_share' or reseed=None."
         )
     if is_concrete(scale) and not (
         np.all(np.isfinite(np.asarray(scale))) and np.all(np.asarray(scale) >= 0)
@@ -135,23 +131,10 @@ def _check_rates(tracker: Any) -> None:
         )
 
 
-def _check_score(tracker: Any) -> None:
-    if tracker.feedback != "none":
-        raise InputError(
-            "motion_gradient='score' needs the density of a move, and feedback='estimate' changes "
-            "the move; use feedback='none' or motion_gradient='pathwise'."
-        )
-
-
 def check_started(summary: Any, ids: Any = None) -> None:
-    """Refuse a start at which some target fits nothing.
+    """Refuse a first frame's summary in which some target has no weight.
 
-    Args:
-        summary: of the first frame, from ``step``.
-        ids: what the targets are called; by default their numbers.
-
-    Raises:
-        InputError: all weights of a target were zero.
+    ``ids`` are the targets' names; by default their numbers.
     """
     lost = np.flatnonzero(np.asarray(summary.lost)).tolist()
     if lost:

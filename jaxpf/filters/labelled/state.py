@@ -1,4 +1,4 @@
-"""What the labelled filter carries from frame to frame, and what it reports beyond others."""
+"""State and summary of the labelled filter."""
 
 from typing import Any
 
@@ -19,15 +19,15 @@ class LabelledState:
         log_weights: ``[N]``, normalised: their exponentials sum to one.
         log_mass: ``[L]``, log-probability of each label in the mixture of all targets, from
             its evidence so far; the exponentials sum to one.
-        estimate: ``[D, L]``, what was last reported (rowe2005, eq. 6).
+        estimate: ``[D, L]``, last reported (rowe2005, eq. 6).
         velocity: ``[E, L]``, the targets' estimated speed per frame, of E position coordinates.
-        lost: ``[L]`` bool, as last reported; these labels are given particles again by ``reseed``.
+        lost: ``[L]`` bool, as last reported; ``reseed`` gives these labels particles again.
         weighted: ``[]`` bool, false only for a set that was drawn and never weighed.
-        alive: ``[L]`` bool, which slots of an open population hold a target; None in a fixed one.
+        alive: ``[L]`` bool, slots of an open population that hold a target; None in a fixed one.
         newborn: ``[L]`` bool, targets that get their first particles in the next frame; None in a
             fixed population.
-        log_odds: ``[L]``, that the targets were where they were reported, smoothed over the past;
-            None where the likelihood cannot tell, and in an open population.
+        log_odds: ``[L]``, that the targets are at their estimates, smoothed over the past; None
+            for likelihoods without ``log_odds``, and in an open population.
     """
 
     lagged: jax.Array
@@ -55,15 +55,16 @@ class LabelledState:
 class LabelledSummary(Summary):
     """A ``Summary`` whose partitions are the targets, P = L.
 
-    ``uniqueness`` is the share of particles that hold the target: each of them is a draw of
-    its own, and nobody else has one.  ``ess`` is the smallest of ``ess_parts``.
+    ``uniqueness`` is the share of particles that hold the target, all of them distinct draws.
+    ``ess`` is the smallest of ``ess_parts``.
 
     Attributes:
         ess_parts: ``[L]``, effective sample size of each label's particles; 0 without weight.
         label_log_evidence: ``[L]``, log of the frame's factor in an estimate of each target's
             own ``p(y_1:T)``; ``log_evidence`` is that of the mixture ``(1/L) sum_l``.
-        alive: ``[L]`` bool, which slots of an open population hold a target; an empty slot's
-            estimate and spread are NaN, and with none ``log_evidence`` is 0.  None in a fixed one.
+        alive: ``[L]`` bool, slots of an open population that hold a target; an empty slot's
+            estimate and spread are NaN; if all are empty, ``log_evidence`` is 0.  None in a fixed
+            population.
     """
 
     ess_parts: jax.Array | None = None

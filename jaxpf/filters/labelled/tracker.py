@@ -1,4 +1,4 @@
-"""The labelled particle filter as a tracker: ``init`` and ``step``, and what it refuses."""
+"""The labelled particle filter as a tracker: ``init`` and ``step``."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -29,43 +29,39 @@ class Labelled(Tracker):
     """Labelled particle filter: N particles for L targets, each particle holds one (rowe2005).
 
     Cost grows with the number of particles alone, however many targets share them; targets do
-    not interact.  What is estimated without bias: see ``jaxpf.filters.labelled.kernel``.
+    not interact.  For what is unbiased, see ``jaxpf.filters.labelled.kernel``.
 
     Attributes:
         dynamics: see ``jaxpf.contract.Dynamics``; a partition is a target, without parents.
         likelihood: see ``jaxpf.contract.Likelihood``; ``log_joint`` is refused.  If it has
-            ``expecting(estimates [L, D]) -> likelihood``, it is told the last estimates in
-            every frame.
-        initial: ``[L, D]`` array, or a sampler ``key -> [L, D]`` registered as a pytree, of
-            which a particle takes its own target's row: the state just before the first frame.
-            In an open population an array, in which a row of NaN is an empty slot.
+            ``expecting(estimates [L, D]) -> likelihood``, that is called with the last estimates
+            in every frame.
+        initial: state just before the first frame: ``[L, D]`` array, or a sampler
+            ``key -> [L, D]`` registered as a pytree, of which a particle takes its own target's
+            row.  In an open population an array, in which a row of NaN is an empty slot.
         regularise: rates (a_x, a_u) in (0, 1] of position and speed in eq. 6; None does not
             regularise.  It changes what is reported and, with feedback, how particles move.
         relocation: where targets that are probably lost may be, a
-            ``jaxpf.filters.Relocation``; None: they move as ever.
-        reseed: standard deviations ``[D]`` or ``[L, D]``; a target that was lost is given its
-            share of the particles again in the next frame, around its last estimate.  None
-            (default) leaves lost targets to themselves.
-        resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
+            ``jaxpf.filters.Relocation``; None: they move by the dynamics alone.
+        reseed: standard deviations ``[D]`` or ``[L, D]``; a lost target gets its share of the
+            particles again in the next frame, around its last estimate.  None (default): never.
+        resampling: a name of ``jaxpf.resampling.SCHEMES``, or your own scheme, see there.
         gradient: ``NoGradient()`` or ``StopGradient()`` of ``jaxpf.gradients``.
         num_targets: static, L; only needed where ``initial`` is a sampler.
         num_particles: static, N, of all targets together.
-        scope: static, one of ``choices.SCOPES``: one resampling ``"across"`` all labels, or
-            ``"within"`` each, which fixes their numbers and makes L independent filters.
+        scope: static, one of ``choices.SCOPES``: one resampling ``"across"`` all labels, or one
+            ``"within"`` each, which makes L independent filters of fixed sizes.
         weights: static, one of ``choices.WEIGHTS``: ``"equal_share"`` (eq. 4), ``"plain"``, or
             ``"corrected"``, which selects by eq. 4 and keeps the weights.
         feedback: static, one of ``choices.FEEDBACKS``: ``"estimate"`` moves the particles at the
             speed of the regularised estimate (eq. 5), ``"none"`` at their own.
         population: static, one of ``choices.POPULATIONS``: in an ``"open"`` one targets come and
-            go between frames by ``jaxpf.filters.born`` and ``ended``, and ``num_targets`` is how
-            many there can be at once.
+            go between frames by ``jaxpf.filters.born`` and ``ended``; ``num_targets`` is then the
+            largest number at once.
         position: static, the coordinates of a position.
         speed: static, the coordinates of the speed per frame, one for each of ``position``;
             None for dynamics that take it from ``current - previous``.
         motion_gradient: static, one of ``jaxpf.gradients.MOTION_GRADIENTS``.
-
-    Raises:
-        InputError: see ``check_tracker`` and ``jaxpf.filters.initial``.
     """
 
     dynamics: Any
@@ -159,18 +155,18 @@ class Labelled(Tracker):
         if log_weight is not None:
             log_prob = log_prob + log_weight
         state, log_evidence, label_log_evidence = kernel.share_out(self, state, log_prob)
-        found = kernel.report(self, state, log_evidence, label_log_evidence, num_invalid)
-        return confidence.reported(self.likelihood, before, *found, observation)
+        after = kernel.report(self, state, log_evidence, label_log_evidence, num_invalid)
+        return confidence.reported(self.likelihood, before, *after, observation)
 
     def _given_particles(self, key: jax.Array, state: LabelledState) -> LabelledState:
-        """Newborn targets get their first particles, and lost ones others, if they are to."""
+        """Give newborn targets their first particles, and lost ones new ones if asked."""
         which, scale = state.lost, self.reseed
         if self.population == "open":
             which = state.newborn if scale is None else state.newborn | state.lost
             scale = jnp.zeros((), state.lagged.dtype) if scale is None else jnp.asarray(scale)
             scale = jnp.where(state.newborn[:, None], 0.0, scale)
             velocity = state.velocity
-            if self.speed is not None:  # a speed that was given with the place
+            if self.speed is not None:  # given with the place
                 given = state.estimate[np.array(self.speed)]
                 velocity = jnp.where(state.newborn, given, velocity)
             state = dataclasses.replace(
@@ -179,7 +175,7 @@ class Labelled(Tracker):
         return kernel.reseeded(state, key, which, self._homes(state), scale)
 
     def _homes(self, state: LabelledState) -> jax.Array:
-        """``[N]``: which label may take a slot; across labels, in turn, so that all give."""
+        """``[N]``: the label that may take each slot; across labels in turn, so that all give."""
         if self.scope == "within":
             return jnp.asarray(kernel.first_labels(self.num_particles, self.num_targets))
         if self.population == "open":

@@ -1,14 +1,81 @@
-"""What the stages of a frame carry from one to the next."""
+"""What the stages of a frame share, draw, and carry from one to the next."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxpf.contract.state import ParticleState
 from jaxpf.filters.partitioned.exchange import Groups, Offer
 from jaxpf.lowering.columns import pick_in_rows
 from jaxpf.resampling.components import Components, component_max
+
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.motion import Motion
+    from jaxpf.filters.partitioned.tracker import Partitioned
+
+
+class Shared(NamedTuple):
+    """What all stages of a frame have in common.
+
+    Attributes:
+        tracker: the model and the settings.
+        state: the weighted set of the frame before.
+        observation: from the likelihood's ``observe``.
+        components: how the particles divide in this frame.
+        motion: how each stage draws.
+    """
+
+    tracker: "Partitioned"
+    state: ParticleState
+    observation: Any
+    components: Components
+    motion: "Motion"
+
+
+class Keys(NamedTuple):
+    """Random keys of a stage, one for each verb."""
+
+    move: jax.Array
+    select: jax.Array
+    exchange: jax.Array
+    weigh: jax.Array
+
+
+class Turn(NamedTuple):
+    """What a stage draws from.
+
+    Attributes:
+        partition: ``[N]`` int32, the partition that each particle processes.
+        source: ``[N]`` int32, its place among the P * N substates of the frame before.
+        conditions: three of ``[D, N]``: the substates of the two frames before, and the parent's
+            of this one.
+        others: for coupled dynamics ``[P, D, N]``, all of the frame before; else empty.
+    """
+
+    partition: jax.Array
+    source: jax.Array
+    conditions: tuple[jax.Array, jax.Array, jax.Array]
+    others: tuple[jax.Array, ...] = ()
+
+
+class Drawn(NamedTuple):
+    """What a stage draws; ``partition``, ``source`` and ``conditions`` as in ``Turn``.
+
+    Attributes:
+        substates: ``[D, N]``.
+        log_weight: ``[N]``, log of the transition density over the density that was drawn from;
+            None where these are the same.
+        score: ``[N]``, whose derivative the weights get, but not its value; or None.
+    """
+
+    partition: jax.Array
+    source: jax.Array
+    conditions: tuple[jax.Array, jax.Array, jax.Array]
+    substates: jax.Array
+    log_weight: jax.Array | None = None
+    score: jax.Array | None = None
 
 
 class Carry(NamedTuple):
@@ -19,20 +86,21 @@ class Carry(NamedTuple):
         log_probs: ``[P, N]``, log-likelihood of each draw, by slot of drawing.
         lineage: ``[P, N]`` int32, see ``jaxpf.filters.partitioned.kernel``.
         log_weights: ``[N]``, unnormalised: their sum carries the evidence.
-        seen: ``[P, C]`` bool, at that stage some particle of the component that had weight
-            had likelihood too.
+        seen: ``[P, C]`` bool, at that stage some particle of the component had both weight and
+            likelihood.
         largest: ``[C]``, the largest log-weight of each component.
-        impossible: ``[N]`` bool, the particle's component met a stage at which no particle
-            of it had any likelihood; the stage was left out of ``log_weights``.
+        impossible: ``[N]`` bool, the particle's component met a stage without any likelihood,
+            which was left out of ``log_weights``.
         equal: ``[]`` bool, weights were equal after the last resampling.
         num_invalid: ``[]`` int32.
         label: ``[N]`` int32, of each particle; its component where particles carry no labels.
         path_scores: ``[P, N]``, by slot of drawing, see ``ParticleState``; or None.
         sources: ``[P, N]`` int32, by slot of drawing, see ``ParticleState``; or None.
+        selections: ``[]``, made so far in this frame, see ``ParticleState``; or None.
         offers: every entry ``[P, N]``, what each part of the level offers for exchange; None
             where nothing is ever exchanged.
-        groups: every entry ``[P, N]``, who shares the draw of each stage once its level has
-            ended, for the combinatorial rule; None like ``offers``.
+        groups: every entry ``[P, N]``, the particles that share each stage's draw once its level
+            has ended, for the combinatorial rule; None like ``offers``.
     """
 
     stages: jax.Array
@@ -47,6 +115,7 @@ class Carry(NamedTuple):
     label: jax.Array
     path_scores: jax.Array | None
     sources: jax.Array | None
+    selections: jax.Array | None
     offers: Offer | None
     groups: Groups | None
 
@@ -55,7 +124,7 @@ class Carry(NamedTuple):
         return pick_in_rows(self.lineage, particles)
 
     def write(self, stage: jax.Array, **rows: jax.Array) -> "Carry":
-        """Replace a stage's row of the named entries, wherever that stands in them."""
+        """Replace a stage's row of the named entries."""
         return self._replace(
             **{
                 name: lax.dynamic_update_index_in_dim(
@@ -70,9 +139,8 @@ class Carry(NamedTuple):
     ) -> "Carry":
         """Multiply the weights by a factor, unless it is zero for a whole component.
 
-        A component without any likelihood is marked impossible.  Its weights are left as they
-        were, for the case that all components end so: then the frame's impossible observation
-        is left out, instead of every weight being lost.
+        A component without any likelihood is marked impossible and keeps its weights: if all
+        components end so, the frame is left out, instead of every weight being lost.
         """
         if self.path_scores is not None:
             log_factor = lax.stop_gradient(log_factor)  # the scores hold its derivative

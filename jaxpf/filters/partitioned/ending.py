@@ -1,7 +1,7 @@
 """The end of a frame: particles put together, corrected, normalised and reported."""
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -17,16 +17,23 @@ from jaxpf.contract.state import (
     sanitised,
     summarise,
 )
-from jaxpf.filters.partitioned import look_ahead
+from jaxpf.filters.partitioned import labels
 from jaxpf.filters.partitioned.carry import Carry
 from jaxpf.lowering.branches import choose, computed_before
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.resampling import weighted
 from jaxpf.resampling.components import Components
 
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.tracker import Partitioned
+
 
 def finish(
-    tracker: Any, label_key: jax.Array, observation: Any, components: Components, carry: Carry
+    tracker: "Partitioned",
+    label_key: jax.Array,
+    observation: Any,
+    components: Components,
+    carry: Carry,
 ) -> tuple[ParticleState, Summary]:
     """Gather the particles, correct by the joint likelihood, normalise, and report.
 
@@ -47,18 +54,20 @@ def finish(
     if carry.path_scores is not None:
         path_scores = carry.path_scores.reshape(-1)[drawn]
         path_score = jnp.sum(path_scores, axis=0)
-    label = None
+    label = label_score = None
     if tracker.initial_label is not None:
-        label = contract.propagate_label_all(tracker.dynamics, label_key, carry.label, lagged[0])
-    # Looking ahead, the last stage has weighed everything, unless a label moved since.
-    is_weighed = tracker.look_ahead and label is None
-    if contract.has_log_joint(tracker.likelihood) and not is_weighed:
-        weighting = carry.log_probs.reshape(-1)[drawn]
-        carry, correction = _corrected(
-            tracker, observation, components, carry, lagged[0], weighting, label
+        label, label_score = labels.move(tracker, label_key, carry.label, lagged[0])
+    log_quotient = None
+    if not tracker.weighing.is_complete(tracker):
+        factors = carry.log_probs.reshape(-1)[drawn]
+        carry, log_quotient = _corrected(
+            tracker, observation, components, carry, lagged[0], factors, label
         )
-        if path_score is not None:
-            path_score = with_gradient_of(path_score, correction)
+    if path_score is None and label_score is not None:
+        carry = carry._replace(log_weights=with_gradient_of(carry.log_weights, label_score))
+    for score in (label_score, log_quotient):
+        if path_score is not None and score is not None:
+            path_score = with_gradient_of(path_score, score)
 
     every_component = ordering.rank.T, jnp.arange(ordering.rank.shape[0])
     lost = ~jnp.any(carry.seen[every_component], axis=1)
@@ -88,6 +97,7 @@ def finish(
         path_scores=path_scores,
         label=label,
         sources=None if carry.sources is None else carry.sources.reshape(-1)[drawn],
+        selections=carry.selections,
     )
     log_evidence = jnp.where(all_impossible, -jnp.inf, log_total)
     status = (
@@ -95,7 +105,7 @@ def finish(
         + STATUS_IMPOSSIBLE * all_impossible
         + STATUS_LOST * jnp.any(lost)
     ).astype(jnp.int32)
-    # Whoever was neither resampled nor traded inside the frame is a draw of its own.
+    # Without resampling or exchange inside the frame all draws are distinct.
     num_unique = choose(
         jnp.any(ordering.resample_after | ordering.exchange_after),
         lambda: count_unique(lineage),
@@ -105,12 +115,11 @@ def finish(
     summary = summarise(state, log_evidence, status, lost, carry.num_invalid, num_unique)
     if label is None:
         return state, summary
-    is_label = label == jnp.arange(jnp.shape(tracker.initial_label)[0])[:, None]
-    probabilities = is_label.astype(log_weights.dtype) @ jnp.exp(log_weights)
+    probabilities = labels.probabilities(tracker, label, log_weights)
     return state, dataclasses.replace(summary, label_probabilities=probabilities)
 
 
-def _gathered(tracker: Any, carry: Carry, row: jax.Array) -> tuple[jax.Array, jax.Array]:
+def _gathered(tracker: "Partitioned", carry: Carry, row: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Lineage ``[P, N]`` and substates ``[2, D, P, N]`` by partition."""
     ordering, num_particles = tracker.ordering, tracker.num_particles
 
@@ -120,7 +129,7 @@ def _gathered(tracker: Any, carry: Carry, row: jax.Array) -> tuple[jax.Array, ja
         lagged = flat[:, row * num_particles + lineage]
         return lineage, lagged.reshape(carry.stages.shape)
 
-    def their_own():
+    def own_draws():
         if tracker.num_partitions == 1:
             return carry.lineage, carry.stages
         return carry.lineage, carry.stages[:, :, ordering.rank[0]]
@@ -129,29 +138,27 @@ def _gathered(tracker: Any, carry: Carry, row: jax.Array) -> tuple[jax.Array, ja
     return choose(
         jnp.any(ordering.resample_after | ordering.exchange_after),
         gathered,
-        their_own,
+        own_draws,
         is_never_true=tracker.num_partitions == 1,
     )
 
 
 def _corrected(
-    tracker: Any,
+    tracker: "Partitioned",
     observation: Any,
     components: Components,
     carry: Carry,
     substates: jax.Array,
-    weighting: jax.Array,
+    factors: jax.Array,
     label: jax.Array | None,
 ) -> tuple[Carry, jax.Array]:
-    """Weights by the joint likelihood in place of the stages' weighting functions ``[P, N]``.
+    """Weights by the joint likelihood in place of the stages' ``factors`` ``[P, N]``.
 
     Also the log of the quotient, ``[N]``.
     """
-    log_probs = weighting
-    if tracker.look_ahead:  # whose stages do not weigh by these
-        log_probs = look_ahead.of_single_partitions(tracker, observation, substates)
+    log_probs = tracker.weighing.log_probs(tracker, observation, substates, factors)
     log_joint = contract.log_joint_all(tracker.likelihood, observation, substates, log_probs, label)
-    log_joint, num_invalid = sanitised(log_joint.astype(weighting.dtype))
+    log_joint, num_invalid = sanitised(log_joint.astype(factors.dtype))
     carry = carry._replace(num_invalid=carry.num_invalid + num_invalid)
-    correction = log_joint - jnp.sum(jnp.where(jnp.isneginf(weighting), 0.0, weighting), axis=0)
-    return carry.absorb(correction, components), correction
+    log_quotient = log_joint - jnp.sum(jnp.where(jnp.isneginf(factors), 0.0, factors), axis=0)
+    return carry.absorb(log_quotient, components), log_quotient

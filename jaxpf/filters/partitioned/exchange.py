@@ -9,8 +9,8 @@ part of the level, the factor that multiplies each particle's weight; ``draw`` t
 the particle from which each resampled slot takes the part.  The candidates are always the
 particles *before* resampling: drawing again from the resampled set is biased.
 
-Nothing is sorted for the combinatorial rule: whoever draws a part lays out the slots group
-by group, and its children's groups are these.
+Nothing is sorted for the combinatorial rule: each draw of a part lays out the slots group by
+group, and these are the groups of its children.
 """
 
 from typing import Any, NamedTuple
@@ -127,11 +127,10 @@ def weigh(
     Args:
         key: used by the random rule only.
         swap: ``[]`` int32, index into ``ordering.SWAPS``.
-        log_probs: ``[N]``, the part's log-likelihood in each particle.
+        log_probs: ``[N]``, log of the part's factor of the weight in each particle.
         groups: particles that may trade the part, for the combinatorial rule.
-        lineage: the same for the others, ``[N]`` int32 in 0..N-1, the same number for all
-            who may.
-        is_root: ``[]`` bool, all particles may.
+        lineage: for the other rules, ``[N]`` int32 in 0..N-1, equal in particles that may trade.
+        is_root: ``[]`` bool, all particles may trade.
     """
     slots = jnp.arange(log_probs.shape[0], dtype=jnp.int32)
 
@@ -161,7 +160,7 @@ def draw(
     slots: Families,
     is_root: jax.Array,
 ) -> tuple[jax.Array, Groups]:
-    """The particle from which each slot takes the part, ``[N]``, and who takes it together.
+    """The particle from which each slot takes the part, ``[N]``, and the slots that share a draw.
 
     The combinatorial rule draws within the ancestor's group with probability proportional
     to the likelihood, independently of the slot's other parts (Dubuisson, Gonzales &
@@ -170,7 +169,7 @@ def draw(
     return lax.switch(
         _rule(swap, is_root),
         [
-            # The permuting rules tell groups by the lineage.
+            # The permuting rules find groups by the lineage.
             lambda: (offer.giver[slots.ancestors], groups),
             lambda: _draw_from_all(key, offer.share),
             lambda: _draw_from_groups(key, offer.share, groups, slots),
@@ -249,9 +248,8 @@ def _deal(
     """Systematic draws within every group, dealt out to its slots by an affine permutation.
 
     Each slot's draw has the right law (to the 24 bits of a random number) and, because the
-    permutation's offset is uniform, is independent of the slot's other parts; that is all that
-    unbiasedness needs.  The random stride keeps neighbouring slots from sharing neighbouring
-    draws of several parts.
+    permutation's offset is uniform, is independent of the slot's other parts; unbiasedness needs
+    no more.  The random stride keeps neighbouring slots from sharing neighbouring draws.
 
     Args:
         key: of these draws.
@@ -263,7 +261,7 @@ def _deal(
         room_of_slot: ``room`` of the slot's group.
 
     Returns:
-        By slot, the position of the member whose part it takes; and who takes the same.
+        By slot, the position of the member whose part it takes; and slots that take the same.
     """
     # Three words at once: every split of a key costs as much as four gathers.
     shift, offset, choice = jax.random.bits(key, (3,), jnp.uint32)
@@ -277,7 +275,7 @@ def _deal(
     begin = jnp.concatenate([jnp.zeros((1,), jnp.int32), end[:-1]])
     taker = ancestors_of_thresholds(end)
 
-    # One random number serves all groups: the golden ratio's multiples tell them apart.
+    # One random number serves all groups: multiples of the golden ratio decorrelate them.
     offset = offset + start_of_slot.astype(jnp.uint32) * _GOLDEN
     offset = (offset >> 8).astype(jnp.float32) / EXACT * room_of_slot
     strides = _strides(share.shape[0])
@@ -313,7 +311,7 @@ def _strides(num_particles: int) -> jax.Array:
 def _permutation(
     key: jax.Array, swap: jax.Array, log_probs: jax.Array, group: jax.Array
 ) -> jax.Array:
-    """The k-th particle of a group, by index, receives the group's k-th best (or random) part."""
+    """Givers ``[N]``: a group's k-th particle receives its k-th best (or a random) part."""
     num_particles = log_probs.shape[0]
     identity = jnp.arange(num_particles, dtype=jnp.int32)
     by_chance = jax.random.uniform(key, log_probs.shape, log_probs.dtype)

@@ -1,9 +1,10 @@
 """The partitioned kernel: SIR, PS, DPS, SPS and branched sampling in one compiled program.
 
 A frame is P stages, and a stage is four verbs, each a function of its own: *move* the partition
-whose turn it is in the particle's component, *weigh* it, *exchange* parts where the ordering says
-so, and *select* within components.  When all have had their turn, *finish* puts the particles
-together and reports.  Two ideas keep it short and fast:
+that the ordering gives to the particle's component, *weigh* it, *exchange* parts where the ordering
+says so, and *select* within components.  After the last stage, *finish* puts the particles together
+and reports.  How a stage draws, weighs and selects is left to the tracker's strategies: ``motion``,
+``weighing``, ``trigger``, ``resampling`` and ``gradient``.  Two ideas keep it short and fast:
 
 - *Stage rows.*  Inside a frame, row j of every array belongs to stage j, whatever
   partition a component processes there, so that a stage writes one row in place.
@@ -15,7 +16,7 @@ together and reports.  Two ideas keep it short and fast:
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import chex
 import jax
@@ -24,78 +25,26 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract.state import ParticleState, Summary, sanitised
-from jaxpf.filters import confidence, relocation
-from jaxpf.filters.partitioned import ending, exchange as rules, levels, look_ahead, selection
-from jaxpf.filters.partitioned.carry import Carry
-from jaxpf.lowering.branches import choose, computed_before, computed_once
+from jaxpf.filters import confidence
+from jaxpf.filters.partitioned import ending, exchange as rules, levels, selection
+from jaxpf.filters.partitioned.carry import Carry, Drawn, Keys, Shared, Turn
+from jaxpf.lowering.branches import choose, computed_before
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.integers import order_by_group
 from jaxpf.resampling.components import Components, component_max, components_of_sizes
 
-
-class Shared(NamedTuple):
-    """What all stages of a frame have in common.
-
-    Attributes:
-        tracker: the model and the settings.
-        state: the weighted set of the frame before.
-        observation: what the likelihood saw of the frame.
-        components: how the particles divide in this frame.
-        jumps: of objects that are probably lost; None where nothing is ever relocated.
-    """
-
-    tracker: Any
-    state: ParticleState
-    observation: Any
-    components: Components
-    jumps: relocation.Jumps | None
-
-
-class Keys(NamedTuple):
-    """Random keys of a stage, one for each verb."""
-
-    move: jax.Array
-    select: jax.Array
-    exchange: jax.Array
-    weigh: jax.Array
-
-
-class Drawn(NamedTuple):
-    """What a stage draws.
-
-    Attributes:
-        partition: ``[N]`` int32, whose turn it was in each particle.
-        source: ``[N]`` int32, which of the P * N substates of the frame before it left.
-        substates: ``[D, N]``.
-        conditions: three of ``[D, N]``: what these were drawn given, the substates of the two
-            frames before and the parent's of this one.
-        log_weight: ``[N]``, of the target density over that of the draw; None where they are one.
-    """
-
-    partition: jax.Array
-    source: jax.Array
-    substates: jax.Array
-    conditions: tuple[jax.Array, jax.Array, jax.Array]
-    log_weight: jax.Array | None = None
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.tracker import Partitioned
 
 
 def step(
-    tracker: Any, key: jax.Array, state: ParticleState, observation: Any
+    tracker: "Partitioned", key: jax.Array, state: ParticleState, observation: Any
 ) -> tuple[ParticleState, Summary]:
     """One frame, from the weighted set of the frame before to that of this one."""
     begin_key, stages_key = jax.random.split(key)
-    jumps = None
-    if tracker.relocation is not None:
-        jump_key = jax.random.fold_in(stages_key, tracker.num_partitions + 1)
-        weights = jnp.exp(state.log_weights)
-        estimate = jnp.where(weights > 0, state.lagged[0], 0.0) @ weights  # [D, P]
-        # All at once: a generator of random numbers takes long to compile.
-        shape = (tracker.num_partitions, 4, tracker.num_particles)
-        uniform = jax.random.uniform(jump_key, shape, estimate.dtype)
-        log_odds = jnp.asarray(state.log_odds)
-        jumps = relocation.drawn(tracker, uniform, log_odds, estimate, observation)
+    motion = tracker.motion.begin(tracker, stages_key, state, observation)
     state, components, carry = begin(tracker, begin_key, state)
-    shared = Shared(tracker, state, observation, components, jumps)
+    shared = Shared(tracker, state, observation, components, motion)
     # Before the loop, for all stages: on a CPU a key costs as much as a gather per particle.
     keys = jax.vmap(lambda stage: jax.random.split(jax.random.fold_in(stages_key, stage), 4))(
         jnp.arange(tracker.num_partitions)
@@ -110,12 +59,12 @@ def step(
 
     carry = lax.fori_loop(0, tracker.num_partitions, take_turn, carry)
     label_key = jax.random.fold_in(stages_key, tracker.num_partitions)
-    found = ending.finish(tracker, label_key, observation, components, carry)
-    return confidence.reported(tracker.likelihood, state, *found, observation)
+    after = ending.finish(tracker, label_key, observation, components, carry)
+    return confidence.reported(tracker.likelihood, state, *after, observation)
 
 
 def begin(
-    tracker: Any, key: jax.Array, state: ParticleState
+    tracker: "Partitioned", key: jax.Array, state: ParticleState
 ) -> tuple[ParticleState, Components, Carry]:
     """Select jointly, then split the particles into the ordering's components."""
     num_particles, ordering = tracker.num_particles, tracker.ordering
@@ -141,7 +90,7 @@ def begin(
             shuffle = jax.random.permutation(split_key, identity)
             return ancestors[shuffle], log_weights[shuffle]
 
-        # The order of particles matters only where it decides who joins which component.
+        # The order of particles matters only where they are split into components.
         ancestors, log_weights = choose(
             ordering.is_split,
             shuffled,
@@ -167,6 +116,7 @@ def begin(
         label=component if state.label is None else state.label[ancestors],
         path_scores=None if state.path_scores is None else jnp.zeros(shape, log_weights.dtype),
         sources=None if state.sources is None else jnp.zeros(shape, jnp.int32),
+        selections=None if state.selections is None else selected.share,
         offers=rules.no_offers(shape, log_weights.dtype) if exchanging else None,
         groups=rules.everyone(*shape) if exchanging else None,
     )
@@ -174,7 +124,7 @@ def begin(
 
 
 def move(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry) -> Drawn:
-    """Draw the partition whose turn it is, given its past and its parent."""
+    """Draw each particle's partition of this stage, given its past and its parent."""
     tracker, lagged = shared.tracker, shared.state.lagged
     ordering, num_particles = tracker.ordering, tracker.num_particles
     partition = ordering.order[shared.components.index, stage]
@@ -186,56 +136,36 @@ def move(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry) -> Draw
         left = past[:, source].reshape(2, -1, num_particles)
     conditions = left[0], left[1], _parent_substates(shared, partition, carry)
     others = (_whole_past(shared, stage, carry),) if contract.is_coupled(tracker.dynamics) else ()
-    substates = computed_once(
-        lambda: contract.propagate_all(
-            tracker.dynamics, key, partition, *conditions, *others
-        ).astype(lagged.dtype),
-        like=left[0],
-        unforeseen=ordering.order[0, 0] >= 0,
-    )
-    if tracker.motion_gradient == "score":
-        substates = lax.stop_gradient(substates)
-    if shared.jumps is None:
-        return Drawn(partition, source, substates, conditions)
-    substates, before, log_weight = relocation.taken(shared.jumps, partition, substates, left[0])
-    return Drawn(partition, source, substates, (before, *conditions[1:]), log_weight)
+    return shared.motion.draw(shared, key, Turn(partition, source, conditions, others))
 
 
 def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn: Drawn) -> Carry:
     """Multiply the weights by the likelihood of what was drawn, and offer it for exchange."""
-    tracker, dtype = shared.tracker, drawn.substates.dtype
-    partition, substates = drawn.partition, drawn.substates
-    if tracker.look_ahead:
-        log_prob = look_ahead.log_factor(shared, stage, carry, drawn)
-    else:
-        log_prob = contract.log_prob_all(
-            tracker.likelihood, shared.observation, partition, substates
-        )
-    log_prob = log_prob.astype(dtype)
+    tracker = shared.tracker
+    log_prob = tracker.weighing.log_factor(shared, stage, carry, drawn)
+    log_prob = log_prob.astype(drawn.substates.dtype)
     chex.assert_shape(log_prob, (tracker.num_particles,))
     log_prob, num_invalid = sanitised(log_prob)
+    log_prob = log_factor = computed_before(log_prob)
     if drawn.log_weight is not None:
-        log_prob = log_prob + drawn.log_weight
-    log_prob = computed_before(log_prob)
-    if tracker.motion_gradient == "score":
-        log_density = contract.log_density_all(
-            tracker.dynamics, partition, substates, *drawn.conditions
-        )
-        log_prob = with_gradient_of(log_prob, log_density.astype(dtype))
-    if shared.state.path_scores is not None:
-        score = with_gradient_of(shared.state.path_scores.reshape(-1)[drawn.source], log_prob)
-        carry = carry.write(stage, path_scores=score)
+        log_weight, more = sanitised(drawn.log_weight)
+        log_factor, num_invalid = computed_before(log_prob + log_weight), num_invalid + more
+    if drawn.score is not None:
+        log_factor = with_gradient_of(log_factor, drawn.score)
     if carry.sources is not None:
         carry = carry.write(stage, sources=carry.lineage[stage])
     carry = carry.write(
         stage,
-        stages=jnp.stack([substates, drawn.conditions[0]]),
+        stages=jnp.stack([drawn.substates, drawn.conditions[0]]),
         log_probs=log_prob,
         lineage=jnp.arange(tracker.num_particles, dtype=jnp.int32),
     )
+    if shared.state.path_scores is not None:
+        score = with_gradient_of(shared.state.path_scores.reshape(-1)[drawn.source], log_factor)
+        carry = carry.write(stage, path_scores=score)
     carry = carry._replace(num_invalid=carry.num_invalid + num_invalid)
-    factor, offers = levels.weigh_part(tracker, key, stage, carry)
-    return carry.absorb(factor, shared.components, stage)._replace(offers=offers)
+    log_factor, offers = levels.weigh_part(tracker, key, stage, carry, log_factor)
+    return carry.absorb(log_factor, shared.components, stage)._replace(offers=offers)
 
 
 def select(
@@ -264,7 +194,7 @@ def exchange(
     """Select, and let particles trade the parts of a level that ends with this stage."""
     tracker = shared.tracker
     if tracker.num_partitions == 1:
-        return computed_before(carry)  # nobody comes after who would need a selection
+        return computed_before(carry)  # no later stage needs a selection
     if not levels.may_exchange(tracker):
         return select(carry)
     # Offers do not change: they stay outside of what the branches return.
@@ -292,7 +222,7 @@ def _parent_substates(shared: Shared, partition: jax.Array, carry: Carry) -> jax
 
 
 def _whole_past(shared: Shared, stage: jax.Array, carry: Carry) -> jax.Array:
-    """``[P, D, N]``, all partitions of the frame before, whether they have moved since or not."""
+    """``[P, D, N]``, all partitions in the frame before, moved since or not."""
     ordering, num_partitions = shared.tracker.ordering, shared.tracker.num_partitions
     left, ahead = carry.stages[1], carry.stages[0]
     if not shared.tracker.gradient.blends:

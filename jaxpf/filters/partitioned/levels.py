@@ -14,23 +14,26 @@ from jaxpf.filters.partitioned import exchange
 from jaxpf.filters.partitioned.carry import Carry
 
 
-def weigh_part(tracker, key, stage, carry) -> tuple[jax.Array, exchange.Offer | None]:
-    """Log of what a stage multiplies the weights by, ``[N]``, and the level's offers so far."""
-    log_prob, ordering = carry.log_probs[stage], tracker.ordering
+def weigh_part(tracker, key, stage, carry, log_factor) -> tuple[jax.Array, exchange.Offer | None]:
+    """Log of what a stage multiplies the weights by, ``[N]``, and the level's offers.
+
+    Without exchange that is the part's own ``log_factor``, ``[N]``.
+    """
+    ordering = tracker.ordering
     if carry.offers is None:
-        return log_prob, None
+        return log_factor, None
 
     def weigh():
         parent, is_root = _parent_row(ordering, stage)
         groups, lineage = carry.groups.row(parent), jnp.where(is_root, 0, carry.lineage[parent])
-        return exchange.weigh(key, ordering.swap, log_prob, groups, lineage, is_root)
+        return exchange.weigh(key, ordering.swap, log_factor, groups, lineage, is_root)
 
     def keep():
-        return log_prob, jax.tree.map(lambda rows: rows[stage], carry.offers)
+        return log_factor, jax.tree.map(lambda rows: rows[stage], carry.offers)
 
     factor, offer = lax.cond(ordering.exchanged[stage], weigh, keep)
     if not _always_equal(tracker):
-        factor = jnp.where(carry.equal, factor, log_prob)
+        factor = jnp.where(carry.equal, factor, log_factor)
     return factor, jax.tree.map(
         lambda rows, row: lax.dynamic_update_index_in_dim(rows, row, stage, axis=0),
         carry.offers,
@@ -85,12 +88,13 @@ def _parent_row(ordering, stage) -> tuple[jax.Array, jax.Array]:
 def may_exchange(tracker) -> bool:
     """Whether there is a part to exchange, and weights that may be equal.
 
-    Unequal weights forbid the exchange, and so does blending, which leaves nobody an ancestor.
+    Unequal weights forbid the exchange, and so does blending, after which no particle descends
+    from a single ancestor.
     """
-    its = tracker.gradient
-    return tracker.num_partitions > 1 and its.equalises and not its.blends
+    gradient = tracker.gradient
+    return tracker.num_partitions > 1 and gradient.equalises and not gradient.blends
 
 
 def _always_equal(tracker) -> bool:
     """Whether weights are equal at the start of every level: no resampling is skipped."""
-    return tracker.ess_threshold is None
+    return tracker.trigger.threshold is None

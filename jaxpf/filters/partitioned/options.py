@@ -1,7 +1,7 @@
-"""The partitioned filter's options, and the orderings that its methods' names stand for."""
+"""Options of the partitioned filter, and the ordering of each method."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from jaxpf.contract.errors import InputError
@@ -9,10 +9,12 @@ from jaxpf.contract.model import Model
 from jaxpf.contract.names import METHODS, SCHEMES, SWAPS
 from jaxpf.contract.options import OPEN, check_options, option
 from jaxpf.filters.filter import Filter, Variant
-from jaxpf.filters.looking import relocate_option, relocation_of
+from jaxpf.filters.relocation_option import relocate_option, relocation_of
 
 #: For ``orders`` of an evaluation: PS in every circular shift, each a variant of its own.
 SHIFTS = "shifts"
+#: The order in which the objects are listed; of a part tree, level by level.
+GIVEN = "given"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,8 +30,7 @@ class Options:
     )
     order: Any = option(  # noqa: RUF009
         None,
-        "For ps, the order in which to treat them, by place from 1, such as 3,1,2; or auto, chosen "
-        "by pilot runs.",
+        "Order of the objects for ps, counted from 1, such as 3,1,2; auto chooses by pilot runs.",
         kind=int,
         opens=True,
         length=-1,
@@ -59,8 +60,8 @@ class Options:
     )
     look_ahead: bool = option(
         False,
-        "Weigh each object together with where the others are expected; of objects that exclude "
-        "one another, such as contours.",
+        "Weigh each object together with the predicted others; for objects that exclude one "
+        "another, such as contours.",
         compiles=True,
     )
     relocate: float = relocate_option()
@@ -129,18 +130,18 @@ class PartitionedFilter(Filter):
         shown = ",".join(str(place + 1) for place in options.order)
         if sorted(options.order) != list(range(count)):
             raise InputError(
-                f"the order {shown} is not a permutation of the {count} object(s); name each of 1 "
+                f"the order {shown} is not a permutation of the {count} object(s); list each of 1 "
                 f"to {count} once."
             )
         for part, parent in enumerate(parents):
             if parent >= 0 and options.order.index(part) < options.order.index(parent):
                 raise InputError(
-                    f"the order {shown} puts part {part + 1} before {parent + 1}, on which it "
-                    "hangs; name what parts hang on first."
+                    f"the order {shown} puts part {part + 1} before its parent {parent + 1}; list "
+                    "every parent first."
                 )
 
     def variants(
-        self, method: str, parents: Sequence[int], asked: dict[str, Sequence[Any]]
+        self, method: str, parents: Sequence[int], asked: Mapping[str, Sequence[Any]]
     ) -> list[Variant]:
         """See ``Filter``: PS in every order, SPS with every swap."""
         if method == "ps":
@@ -155,16 +156,19 @@ PARTITIONED = PartitionedFilter()
 
 
 def order_label(order: Sequence[int]) -> str:
-    """An order counted from 0 as people count: (2, 0, 1) is "312", with hyphens from ten on."""
+    """An order counted from 1: (2, 0, 1) is "312", with hyphens for ten or more objects."""
     return ("" if len(order) < 10 else "-").join(str(place + 1) for place in order)
 
 
 def _orders(asked: Sequence[Any], parents: Sequence[int]) -> list[tuple[int, ...]]:
     """The orders that an evaluation asks for, each once."""
-    found: list[tuple[int, ...]] = []
+    orders: list[tuple[int, ...]] = []
     for order in asked:
-        found += _shifts(parents) if order == SHIFTS else [tuple(order)]
-    return list(dict.fromkeys(found))
+        if order in (GIVEN, SHIFTS):
+            orders += _shifts(parents)[: 1 if order == GIVEN else None]
+        else:
+            orders.append(tuple(order))
+    return list(dict.fromkeys(orders))
 
 
 def _shifts(parents: Sequence[int]) -> list[tuple[int, ...]]:

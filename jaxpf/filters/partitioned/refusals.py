@@ -1,4 +1,4 @@
-"""What a partitioned tracker refuses, before it runs: what cannot work or would be wrong."""
+"""Checks of a partitioned tracker when it is made; strategies check themselves."""
 
 from typing import Any
 
@@ -10,18 +10,12 @@ from jaxpf.contract.interface import check_uncoupled
 from jaxpf.contract.names import SWAPS
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.initial import check_count
-from jaxpf.filters.relocation import check_relocation
+from jaxpf.filters.partitioned.labels import check_labels
 from jaxpf.gradients import check_gradients
 
 
 def check_tracker(tracker: Any) -> None:
-    """Refuse what cannot work, or would be silently wrong.
-
-    Raises:
-        InputError: fewer particles than components; an initial state of another shape; an order
-            that puts a child before its parent; see also ``gradients.check_gradients`` and
-            ``check_exchange``.
-    """
+    """Refuse what cannot work, or would be silently wrong."""
     check_count("num_particles", tracker.num_particles)
     check_gradients(tracker)
     for name, least in (("tempering", "above 0"), ("ess_threshold", "at least 0")):
@@ -46,8 +40,8 @@ def check_tracker(tracker: Any) -> None:
                 "partitions, or a sampler key -> [P, D]."
             )
     check_labels(tracker)
-    check_look_ahead(tracker)
-    check_relocation(tracker)
+    tracker.motion.check(tracker)
+    tracker.weighing.check(tracker)
     if not is_concrete(ordering) or np.ndim(ordering.order) != 2:
         return
     used = int(np.count_nonzero(np.asarray(ordering.fractions)))
@@ -67,75 +61,8 @@ def check_tracker(tracker: Any) -> None:
         check_exchange(tracker)
 
 
-def check_labels(tracker: Any) -> None:
-    """Refuse labels that are none, have no branch, or are missing where they are needed.
-
-    Raises:
-        InputError: the sentence says which.
-    """
-    likelihood, given = tracker.likelihood, tracker.initial_label
-    if given is None:
-        if hasattr(likelihood, "log_joint_labelled") and not hasattr(likelihood, "log_joint"):
-            raise InputError(
-                "the likelihood's log_joint_labelled needs labels; give initial_label, the "
-                "probabilities of each label, or define log_joint as well."
-            )
-        return
-    if np.ndim(given) != 1 or np.shape(given)[0] == 0:
-        raise InputError(
-            f"initial_label has shape {np.shape(given)}; give the probability of each label, [L]."
-        )
-    if is_concrete(given):
-        values = np.asarray(given)
-        if not (values >= 0).all() or not np.isclose(values.sum(), 1, atol=1e-4):
-            raise InputError(
-                f"initial_label {values.tolist()} must hold probabilities: at least 0, and 1 "
-                "together."
-            )
-    if not tracker.ordering.keeps_components or not is_concrete(tracker.ordering):
-        return
-    branches = int(np.count_nonzero(np.asarray(tracker.ordering.fractions)))
-    if np.shape(given)[0] > branches:
-        raise InputError(
-            f"initial_label speaks of {np.shape(given)[0]} labels, but the ordering has "
-            f"{branches} branches; give it an order for each label."
-        )
-
-
-def check_look_ahead(tracker: Any) -> None:
-    """Refuse to look ahead where there is nothing to see, or where it would be wrong.
-
-    Raises:
-        InputError: the sentence says what is missing.
-    """
-    if not tracker.look_ahead:
-        return
-    if not contract.has_log_joint(tracker.likelihood):
-        raise InputError(
-            f"look_ahead weighs all objects together, and {type(tracker.likelihood).__name__} "
-            "weighs each by itself (it has no log_joint); leave look_ahead out."
-        )
-    if not contract.has_prediction(tracker.dynamics):
-        raise InputError(
-            f"look_ahead needs the method predict of the dynamics, and "
-            f"{type(tracker.dynamics).__name__} has none; write it (see "
-            "jaxpf.contract.DynamicsWithPrediction) or leave look_ahead out."
-        )
-    for used, what in (
-        (any(parent >= 0 for parent in tracker.parents), "a part tree"),
-        (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
-    ):
-        if used:
-            raise InputError(f"look_ahead does not go with {what}; leave one of them out.")
-
-
 def check_exchange(tracker: Any) -> None:
-    """Refuse an exchange that would be biased, given that the ordering has one.
-
-    Raises:
-        InputError: a swap together with ``log_joint``, tempering, an unlike tree or jointly
-            drawn roots; coupled dynamics.
-    """
+    """Refuse an exchange that would be biased, given that the ordering has one."""
     ordering = tracker.ordering
     swap = SWAPS[int(ordering.swap)]
     check_uncoupled(tracker.dynamics, f"swap={swap!r}")

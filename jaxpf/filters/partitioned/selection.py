@@ -1,11 +1,11 @@
-"""Who goes on: all that draws, blends or keeps a derivative stands behind ``select``.
+"""Selection: which particles go on, and with which weights.
 
-A selection follows the frame's settings: a scheme of ``jaxpf.resampling``, adaptive or not
-(``ess_threshold``), by weights or by tempered ones (``tempering``), and what it passes on to a
-derivative (``jaxpf.gradients``).
+A selection follows the tracker's settings: a scheme of ``jaxpf.resampling``, always or only where
+few particles are effective, by weights or by tempered ones, and a strategy of
+``jaxpf.gradients``.
 """
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -18,53 +18,80 @@ from jaxpf.filters.partitioned.carry import Carry
 from jaxpf.resampling import weighted
 from jaxpf.resampling.components import Components, few_effective, one_component
 
-#: Name by which ``jax.checkpoint`` may keep ancestors: few bytes, and dear to compute again.
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.tracker import Partitioned
+
+#: Name by which ``jax.checkpoint`` may keep ancestors: few bytes, and slow to compute again.
 ANCESTORS = "ancestors"
+
+
+class Trigger(NamedTuple):
+    """When to resample a component.
+
+    Attributes:
+        threshold: where the effective sample size is at most this share of the component's
+            particles; None: always.
+    """
+
+    threshold: Any
+
+    def chosen(self, log_weights: jax.Array, components: Components) -> jax.Array | None:
+        """``[C]`` bool, the components to resample; None for all."""
+        if self.threshold is None:
+            return None
+        return few_effective(log_weights, components, self.threshold)
 
 
 class Selected(NamedTuple):
     """Outcome of a selection.
 
     Attributes:
-        ancestors: ``[N]`` int32, whom each slot goes on from.
+        ancestors: ``[N]`` int32, of each slot.
         log_weights: ``[N]``, of the slots.
         equal: ``[]`` bool, the weights are equal now.
+        share: ``[]``, share of the slots that were drawn; less than 1 where adaptive.
     """
 
     ancestors: jax.Array
     log_weights: jax.Array
     equal: jax.Array
+    share: jax.Array
 
 
 def select_between_frames(
-    tracker: Any, key: jax.Array, state: ParticleState
+    tracker: "Partitioned", key: jax.Array, state: ParticleState
 ) -> tuple[ParticleState, Selected]:
     """Select among all particles of the frame before; also returns these, blended if need be.
 
     A set that was only drawn has equal weights already: to resample it would lose particles.
     """
     if tracker.gradient.blends:
-        state = tracker.gradient.blend_state(state, tracker.ess_threshold)
+        state = tracker.gradient.blend_state(state, tracker.trigger.threshold)
     incoming = state.log_weights
     if state.path_scores is not None:
         incoming = lax.stop_gradient(incoming)  # the scores hold their derivative
     whole = one_component(tracker.num_particles)
-    ancestors, log_weights, equal = resample(tracker, key, incoming, incoming, whole)
+    ancestors, log_weights, equal, share = resample(tracker, key, incoming, incoming, whole)
     uniform = jnp.full_like(log_weights, -np.log(tracker.num_particles))
     return state, Selected(
-        ancestors=jnp.where(state.weighted, ancestors, _themselves(tracker)),
+        ancestors=jnp.where(state.weighted, ancestors, _slots(tracker)),
         log_weights=jnp.where(state.weighted & ~equal, log_weights, uniform),
         equal=equal | ~state.weighted,
+        share=jnp.where(state.weighted, share, 1.0),  # draws of the first frame are independent
     )
 
 
 def select(
-    tracker: Any, key: jax.Array, carry: Carry, before: jax.Array, components: Components
+    tracker: "Partitioned",
+    key: jax.Array,
+    carry: Carry,
+    before: jax.Array,
+    components: Components,
 ) -> Carry:
     """Select within components after a stage, which multiplied the weights ``before`` it."""
     if tracker.gradient.blends:
         stages, log_weights, equal = tracker.gradient.blend(
-            carry.stages, carry.log_weights, components, tracker.ess_threshold
+            carry.stages, carry.log_weights, components, tracker.trigger.threshold
         )
         return carry._replace(stages=stages, log_weights=log_weights, equal=equal)
     selection: jax.Array = carry.log_weights
@@ -74,23 +101,25 @@ def select(
         change = jnp.where(possible, selection - before, 0.0)
         selection = jnp.where(possible, before + tracker.tempering * change, -jnp.inf)
         largest = None
-    ancestors, log_weights, equal = resample(
+    ancestors, log_weights, equal, share = resample(
         tracker, key, carry.log_weights, selection, components, largest
     )
+    if carry.selections is not None:
+        carry = carry._replace(selections=carry.selections + share)
     if tracker.initial_label is not None:
         carry = carry._replace(label=carry.label[ancestors])
     return carry._replace(lineage=carry.lineage_of(ancestors), log_weights=log_weights, equal=equal)
 
 
 def resample(
-    tracker: Any,
+    tracker: "Partitioned",
     key: jax.Array,
     log_weights: jax.Array,
     log_selection: jax.Array,
     components: Components,
     largest: jax.Array | None = None,
 ) -> Selected:
-    """Weighted resampling, adaptive if asked; see ``resampling.weighted_resample``."""
+    """Weighted resampling where the trigger asks for it; see ``resampling.weighted_resample``."""
     drawn_by = tracker.gradient.selection(log_selection, components)
     if drawn_by is not log_selection:
         largest = None
@@ -99,16 +128,19 @@ def resample(
     )
     new_log_weights = tracker.gradient.selected(new_log_weights, log_weights, components)
     ancestors = checkpoint_name(ancestors, ANCESTORS)
-    if tracker.ess_threshold is None:
-        return Selected(ancestors, new_log_weights, jnp.array(tracker.gradient.equalises))
-    few_in = few_effective(log_selection, components, tracker.ess_threshold)
-    few = components.spread(few_in)
+    chosen = tracker.trigger.chosen(log_selection, components)
+    if chosen is None:
+        everyone = jnp.ones((), log_weights.dtype)
+        equal = jnp.array(tracker.gradient.equalises)
+        return Selected(ancestors, new_log_weights, equal, everyone)
+    here = components.spread(chosen)
     return Selected(
-        ancestors=jnp.where(few, ancestors, _themselves(tracker)),
-        log_weights=jnp.where(few, new_log_weights, log_weights),
-        equal=jnp.all(few) & tracker.gradient.equalises,
+        ancestors=jnp.where(here, ancestors, _slots(tracker)),
+        log_weights=jnp.where(here, new_log_weights, log_weights),
+        equal=jnp.all(here) & tracker.gradient.equalises,
+        share=jnp.mean(here, dtype=log_weights.dtype),
     )
 
 
-def _themselves(tracker: Any) -> jax.Array:
+def _slots(tracker: "Partitioned") -> jax.Array:
     return jnp.arange(tracker.num_particles, dtype=jnp.int32)

@@ -8,14 +8,19 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract import Tracker
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import check_tree
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.filters import confidence
 from jaxpf.filters.initial import checked_initial
-from jaxpf.filters.partitioned import kernel
+from jaxpf.filters.partitioned import kernel, labels
+from jaxpf.filters.partitioned.motion import Motion, motion_of
 from jaxpf.filters.partitioned.refusals import check_tracker
+from jaxpf.filters.partitioned.selection import Trigger
+from jaxpf.filters.partitioned.weighing import Weighing, weighing_of
 from jaxpf.gradients import NoGradient
+from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.lowering.threefry import written_out
 from jaxpf.ordering import Ordering
 from jaxpf.resampling.schemes import scheme_of
@@ -44,18 +49,18 @@ class Partitioned(Tracker):
             of the particles; ``None`` always resamples.
         look_ahead: static, whether each stage weighs by the joint likelihood, with the partitions
             to come where ``dynamics.predict`` expects them, instead of by ``log_prob``; see
-            ``jaxpf.filters.partitioned.look_ahead``.
+            ``jaxpf.filters.partitioned.weighing.LookAhead``.
         relocation: where objects that are probably lost may be, a
-            ``jaxpf.filters.Relocation``; None: they move as ever.
-        resampling: a name of ``jaxpf.resampling.SCHEMES``, or a scheme of one's own, see there.
+            ``jaxpf.filters.Relocation``; None: they move by the dynamics alone.
+        proposal: what draws substates in place of the dynamics, a ``jaxpf.contract.Proposal``
+            such as those of ``jaxpf.proposals``; a stage's weight is then likelihood times
+            transition density over proposal density.  None: the dynamics draw.
+        resampling: a name of ``jaxpf.resampling.SCHEMES``, or your own scheme, see there.
         gradient: what resampling passes on to a derivative, a strategy of ``jaxpf.gradients``.
         parents: static, the part tree of the model, -1 for a root; default all roots.
         num_particles: static, N.
         motion_gradient: static, how the motion is differentiated, one of
             ``jaxpf.gradients.MOTION_GRADIENTS``.
-
-    Raises:
-        InputError: see ``refusals.check_tracker`` and ``jaxpf.filters.initial``.
     """
 
     dynamics: Any
@@ -66,6 +71,7 @@ class Partitioned(Tracker):
     tempering: Any = None
     ess_threshold: Any = None
     relocation: Any = None
+    proposal: Any = None
     resampling: Any = "systematic"
     gradient: Any = NoGradient()
     look_ahead: bool = static_field(default=False)
@@ -74,6 +80,11 @@ class Partitioned(Tracker):
     motion_gradient: str = static_field(default="pathwise")
 
     def __post_init__(self):
+        if not isinstance(self.ordering, Ordering):
+            raise InputError(
+                f"ordering={self.ordering!r} is not an ordering; make one by jaxpf.ordering, such "
+                "as jaxpf.ordering.ps([0, 1, 2])."
+            )
         tree = (-1,) * self.ordering.num_partitions if self.parents is None else self.parents
         object.__setattr__(self, "parents", check_tree(tree))
         object.__setattr__(self, "initial", checked_initial(self.initial))
@@ -84,6 +95,21 @@ class Partitioned(Tracker):
     def num_partitions(self) -> int:
         """Number of partitions, P."""
         return self.ordering.num_partitions
+
+    @property
+    def motion(self) -> Motion:
+        """How a stage draws."""
+        return motion_of(self)
+
+    @property
+    def weighing(self) -> Weighing:
+        """What a stage multiplies the weights by."""
+        return weighing_of(self)
+
+    @property
+    def trigger(self) -> Trigger:
+        """When a component is resampled."""
+        return Trigger(self.ess_threshold)
 
     def init(self, key: jax.Array) -> ParticleState:
         """Draw the state just before the first frame, with equal weights."""
@@ -97,19 +123,21 @@ class Partitioned(Tracker):
             values = jnp.repeat(values, self.num_particles, axis=-1)
         chex.assert_axis_dimension(values, 1, self.num_partitions)
         shape = (self.num_partitions, self.num_particles)
+        path_scores = jnp.zeros(shape, values.dtype) if self.gradient.keeps_scores else None
         label = None
         if self.initial_label is not None:
             label_key = jax.random.fold_in(key, self.num_particles)
-            log_probabilities = jnp.log(jnp.asarray(self.initial_label, values.dtype))
-            label = jax.random.categorical(label_key, log_probabilities, shape=shape[1:])
-            label = label.astype(jnp.int32)
+            label, score = labels.draw_first(self, label_key, values.dtype)
+            if path_scores is not None:
+                shares = jnp.broadcast_to(score / self.num_partitions, shape)
+                path_scores = with_gradient_of(path_scores, shares)
         return ParticleState(
             lagged=jnp.stack([values, values]),
             log_weights=jnp.full((self.num_particles,), -np.log(self.num_particles), values.dtype),
             lineage=jnp.broadcast_to(jnp.arange(self.num_particles, dtype=jnp.int32), shape),
             component=jnp.zeros((self.num_particles,), jnp.int32),
             weighted=jnp.zeros((), bool),
-            path_scores=jnp.zeros(shape, values.dtype) if self.gradient.keeps_scores else None,
+            path_scores=path_scores,
             label=label,
             log_odds=confidence.at_start(self.likelihood, self.num_partitions, values.dtype),
         )

@@ -7,7 +7,7 @@ import numpy as np
 
 
 def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndarray:
-    """Quantiles of weighted particles: the smallest values that at least so much weight reaches.
+    """Quantiles of weighted particles: the smallest values that reach those shares of weight.
 
     Args:
         values: ``[N, P, C]``, such as coordinates of ``state.substates``; NaN, of a particle that

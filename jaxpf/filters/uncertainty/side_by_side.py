@@ -25,7 +25,7 @@ class RunsState:
 
     Attributes:
         runs: of the filter, with a leading axis R.
-        log_evidence: ``[R]``, of all frames so far.
+        log_evidence: ``[R]``, of all frames so far; -inf of a run that met an impossible frame.
     """
 
     runs: Any
@@ -56,7 +56,8 @@ class SideBySide(contract.Tracker):
     Run r draws with the key of a frame folded with r, so that more runs leave the others as they
     are, up to rounding.  A frame reports ``ErrorBars`` of the pooled particles: their mean is that
     of the runs, and ``estimate_variance`` is its own, a quarter for four times as many runs.
-    ``log_evidence`` sums to the log of the runs' mean evidence, which is as unbiased as theirs.
+    ``log_evidence`` sums to the log of the runs' mean evidence, which is as unbiased as theirs: a
+    run that met an impossible frame counts as zero from then on.
 
     Attributes:
         tracker: whose frames report a ``jaxpf.Summary``.
@@ -103,18 +104,28 @@ class SideBySide(contract.Tracker):
         runs, summaries = jax.vmap(lambda key, run: step(key, run, observation))(
             self._keys(key), state.runs
         )
-        # A frame that is impossible for a run is left out of it, and it out of that frame's mean.
-        possible = jnp.isfinite(summaries.log_evidence)
-        so_far = state.log_evidence + jnp.where(possible, summaries.log_evidence, 0.0)
-        seen = jax.nn.logsumexp(jnp.where(possible, so_far, -jnp.inf))
-        increment = seen - jax.nn.logsumexp(state.log_evidence)
-        # Of a filter that has no evidence, nothing is said.
-        unknown = jnp.all(jnp.isnan(summaries.log_evidence))
-        increment = jnp.where(unknown, jnp.nan, increment)
+        # Once all runs are dead their mean stays zero, and frames are counted anew.
+        all_dead = jnp.all(jnp.isneginf(state.log_evidence))
+        before = jnp.where(all_dead, 0.0, state.log_evidence)
+        so_far = before + summaries.log_evidence
+        increment = _log_sum(so_far) - _log_sum(before)
         return RunsState(runs, so_far), _pooled(summaries, increment, so_far)
 
     def _keys(self, key: jax.Array) -> jax.Array:
         return jax.vmap(functools.partial(jax.random.fold_in, key))(jnp.arange(self.num_runs))
+
+
+def _log_sum(values: jax.Array) -> jax.Array:
+    """``logsumexp`` ``[]`` of ``[R]``, with a finite derivative where all are -inf."""
+    possible = ~jnp.all(jnp.isneginf(values))
+    return jnp.where(possible, jax.nn.logsumexp(jnp.where(possible, values, 0.0)), -jnp.inf)
+
+
+def _relative_variance(log_evidence: jax.Array) -> jax.Array:
+    """Relative variance ``[]`` of the mean of ``exp(log_evidence [R])``; NaN where that is 0."""
+    num_runs, dead = len(log_evidence), jnp.all(jnp.isneginf(log_evidence))
+    shares = jax.nn.softmax(jnp.where(dead, 0.0, log_evidence))
+    return jnp.where(dead, jnp.nan, jnp.var(num_runs * shares) / (num_runs - 1))
 
 
 def _pooled(runs: Summary, log_evidence: jax.Array, so_far: jax.Array) -> ErrorBars:
@@ -143,5 +154,5 @@ def _pooled(runs: Summary, log_evidence: jax.Array, so_far: jax.Array) -> ErrorB
         label_probabilities=mean(runs.label_probabilities),
         confidence=mean(runs.confidence),
         estimate_variance=between / (num_runs - 1),
-        evidence_variance=jnp.var(num_runs * jax.nn.softmax(so_far)) / (num_runs - 1),
+        evidence_variance=_relative_variance(so_far),
     )

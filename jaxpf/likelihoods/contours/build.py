@@ -19,10 +19,11 @@ _KINDS: dict[str, tuple[type[IndependentContours], dict[str, str]]] = {
     "wires": (ExclusiveContours, {}),
     "opaque": (OpaqueContours, {}),
     "none": (IndependentContours, {}),
+    "none-literal": (IndependentContours, {"payment": "literal"}),
     "wires-literal": (ExclusiveContours, {"payment": "literal"}),
     "opaque-literal": (OpaqueContours, {"payment": "literal"}),
 }
-#: Subsets of so many crossings are still summed in a moment.
+#: More crossings make too many subsets to sum.
 _MOST_CROSSINGS = 8
 
 
@@ -46,9 +47,10 @@ def contours(
     Args:
         space: of the substates.
         num_targets: P; of opaque ones 2 to 4.
-        exclusion: one of ``EXCLUSIONS``: ``"wires"`` or ``"opaque"``, by which an edge is paid for
-            once; ``"none"``, the paper's control; ``"wires-literal"`` and ``"opaque-literal"``,
-            eq. 2 and 5 as printed, which pay for an edge on the lines of every target near it.
+        exclusion: one of ``EXCLUSIONS``: ``"wires"`` or ``"opaque"``, where an edge is paid for
+            once; ``"none"``, the paper's control, where it is paid for once by each target.
+            ``"wires-literal"``, ``"opaque-literal"`` and ``"none-literal"`` pay for it on every
+            line that shows it, as printed (eq. 2 and 5).
         frames: uint8 RGB ``[T, H, W, 3]``, from which clutter is learned; or
         clutter: either b(n) for n = 0 .. max_features, or the mean of Poisson clutter, features
             per line.
@@ -62,7 +64,7 @@ def contours(
             further ``crossings``; see ``share`` for where it is one nearly.
         width: of a wire both of whose edges are seen, pixels; None: the contour is one edge.
         num_lines: M, lines per contour.
-        crossings: at most so many crossings of one contour with one line count; default 1, or 2
+        crossings: most crossings of one contour with one line that count; default 1, or 2
             for a wire with two edges.
 
     Raises:
@@ -83,7 +85,9 @@ def contours(
         clutter = learn_clutter(frames, detector)
     elif np.ndim(clutter) == 0:
         clutter = poisson_clutter(float(clutter), detector.max_features)
-    together = crossings * (1 if exclusion == "none" else num_targets)
+    kind, payment = _KINDS[exclusion]
+    together = crossings * (num_targets if issubclass(kind, ExclusiveContours) else 1)
+    together += 0 if payment else edges
     detection = detection_probabilities(together) if detection is None else detection
     detection = check_detection(detection)
     if len(detection) <= together:
@@ -91,7 +95,6 @@ def contours(
             f"detection speaks of at most {len(detection) - 1} boundaries on a line, but "
             f"{together} may cross it; give {together + 1} rows."
         )
-    kind, payment = _KINDS[exclusion]
     options: dict[str, Any] = dict(payment)
     if issubclass(kind, OpaqueContours):
         options["num_targets"] = num_targets
@@ -132,7 +135,8 @@ def _check(
                 "what lies inside a nearer target's closed contour; give closed contours, or treat "
                 "the targets as wires."
             )
-    most = crossings * (1 if exclusion == "none" else num_targets)
+    exclusive = issubclass(_KINDS[exclusion][0], ExclusiveContours)
+    most = crossings * (num_targets if exclusive else 1)
     if crossings < edges or most > _MOST_CROSSINGS:
         raise InputError(
             f"crossings {crossings} of each of {num_targets} targets must be {edges} or more, and "

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.custom_batching import custom_vmap
 
 from jaxpf.likelihoods.contours.edges import Lines
 
@@ -59,6 +60,12 @@ def own_sides(num_lines: int, num_edges: int, closed: bool) -> np.ndarray:
     return (point[:, None] == order) | (before[:, None] == order)
 
 
+def sides_from(num_lines: int, num_edges: int, closed: bool) -> np.ndarray:
+    """``[V, M]`` bool: the sides that end at a line or at a later one along the contour."""
+    end = np.tile(np.arange(num_lines + closed), num_edges)
+    return end[:, None] >= np.arange(num_lines)
+
+
 def nearest_crossings(lines: Lines, polyline: Polyline, reach: float, keep: int, left_out=None):
     """Where a polyline crosses lines, the crossings nearest to the lines' middles.
 
@@ -66,7 +73,7 @@ def nearest_crossings(lines: Lines, polyline: Polyline, reach: float, keep: int,
         lines: ``[M, ...]``.
         polyline: ``[V, ...]``, with the lines' axes after their first.
         reach: lines extend this far to both sides, pixels.
-        keep: at most so many crossings of a line are kept.
+        keep: number of crossings kept per line, at most.
         left_out: ``[V, M]`` bool, sides that do not count for a line; or None.
 
     Returns:
@@ -108,13 +115,24 @@ def nearest_crossings(lines: Lines, polyline: Polyline, reach: float, keep: int,
     return jnp.where(there, found, 0.0), there
 
 
+@custom_vmap
+def anywhere(there):
+    """Whether anything is true, bool ``[]``: in any run, so that a branch on it stays a branch."""
+    return jnp.any(there)
+
+
+@anywhere.def_vmap
+def _anywhere_in_all(size, batched, there):
+    return anywhere(there), False
+
+
 def first(places, there, keep: int):
     """The first of several places on a line that there are.
 
     Args:
         places: ``[C, ...]``.
         there: bool, like ``places``.
-        keep: so many are kept.
+        keep: how many are kept.
 
     Returns:
         Places ``[keep, ...]``, 0 where there are no more, and which of them there are, bool.

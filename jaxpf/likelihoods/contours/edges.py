@@ -61,7 +61,7 @@ class EdgeDetector:
     Attributes:
         threshold: least response of a feature, grey levels (0 to 255) per pixel.
         length: static, L, pixels along a line on which features may lie; odd.
-        max_features: static, at most so many are kept on a line, the strongest.
+        max_features: static, most features kept per line, the strongest.
         smoothing: static, standard deviation of the blur before the gradient, pixels.
     """
 

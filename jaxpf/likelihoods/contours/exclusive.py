@@ -22,15 +22,9 @@ class ExclusiveContours(IndependentContours):
     The targets are wire frames: all boundaries are seen, also where they overlap.  The density of
     one target alone is the weighting function of partitioned sampling.
 
-    Attributes:
-        payment: static, ``"once"`` or ``"literal"``.  With ``"once"`` an edge that lines of several
-            targets show is paid for once, see ``union``, which says what density that is.
-            ``"literal"`` is the product over all lines, eq. 2 as printed: a density of lines that
-            are independent, which they are not.  There an edge is paid for on the lines of every
-            target near it, so that two wires side by side count twice what they count apart.
+    With ``payment="literal"`` it is eq. 2 as printed: an edge is paid for on the lines of every
+    target near it, so that two wires side by side count twice what they count apart.
     """
-
-    payment: str = static_field(default="once")
 
     def log_joint(self, observation, substates, log_probs):
         """``log(P / P_0)`` ``[]`` of all targets' substates ``[P, D]`` together."""
@@ -52,17 +46,16 @@ class ExclusiveContours(IndependentContours):
     def all_crossings(self, observation, lines, label=None):
         """Places of all targets' boundaries on all lines, and which are seen.
 
-        The first ``edges`` rows are a line's own boundary, the next ``crossings - edges`` what
-        else of its own contour crosses it, and then each other target has ``crossings`` rows, the
-        targets in turn after the line's own.
+        First the rows of a line's own contour (``_of_their_own``), then ``crossings`` rows of each
+        other target, the targets in turn after the line's own.
 
         Args:
             observation: of the frame.
             lines: ``[M, P, N]``.
-            label: who is in front, ``[N]``; None where nothing hides another.
+            label: depth order, ``[N]``; None for targets that hide nothing.
 
         Returns:
-            Places and bool, ``[C, M, P, N]`` with ``C = P * crossings``.
+            Places and bool, ``[C, M, P, N]``.
         """
         places, there = self._of_their_own(observation, lines)
         found = places, there & ~self._hidden(lines, places, label, 0)
@@ -90,29 +83,20 @@ class ExclusiveContours(IndependentContours):
         finite = jnp.all(jnp.isfinite(substates), axis=(0, 1))
         lines = self.lines_of_all(jnp.where(finite, substates, 0.0))
         boundaries = self.all_crossings(observation, lines, label)
-        joint = self._literal if self.payment == "literal" else self._once
-        return jnp.where(finite, joint(observation, lines, boundaries), jnp.nan)
-
-    def _literal(self, observation, lines, boundaries):
-        every = [range(len(boundaries[0]))]
-        (ratios,) = self._log_ratios(observation, lines, boundaries, every)
-        (means,) = self._log_means(observation, boundaries, every)
-        return jnp.sum(self._share(ratios) - means, axis=(0, 1))
-
-    def _once(self, observation, lines, boundaries):
-        block = self.crossings
-        before = [
-            [row for step in steps for row in range(step * block, (step + 1) * block)]
-            for steps in sets_before(lines.x.shape[1])
-        ]
-        with_own = [[*range(block), *rows] for rows in before]
-        ratios = self._log_ratios(observation, lines, boundaries, with_own + before)
-        top, bottom = ratios[: len(before)], ratios[len(before) :]
-        # Where lines cannot be without their target, nothing was there before it.
-        possible = ~jnp.isneginf(bottom)
-        ratio = jnp.where(possible, top - jnp.where(possible, bottom, 0.0), -jnp.inf)
-        means = self._log_means(observation, boundaries, with_own)
-        return mean_over_orders(jnp.sum(self._share(ratio) - means, axis=1))
+        if self.payment == "literal":
+            every = [range(len(boundaries[0]))]
+            (ratios,) = self._log_ratios(observation, lines, boundaries, every)
+            (means,) = self._log_means(observation, boundaries, every)
+            share = ratios * jnp.asarray(self.independence, ratios.dtype)
+            joint = jnp.sum(share - means, axis=(0, 1))
+        else:
+            block = self.crossings
+            others = [
+                [(step - 1) * block + row for step in steps for row in range(block)]
+                for steps in sets_before(lines.x.shape[1])
+            ]
+            joint = mean_over_orders(self._factors(observation, lines, boundaries, others))
+        return jnp.where(finite, joint, jnp.nan)
 
 
 @pytree_dataclass
@@ -162,7 +146,7 @@ class OpaqueContours(ExclusiveContours):
         order = jnp.asarray(depth_orders(num_targets))[label]  # [N, P]
         depth = jnp.roll(jnp.asarray(depths(num_targets))[label].T, -step, axis=0)
         hidden = jnp.zeros((), bool)
-        for place in range(num_targets - 1):  # nobody is behind the last one
+        for place in range(num_targets - 1):  # the last one hides nothing
             nearer = crossing.Polyline(
                 _of_target(outline.x, order[:, place]),
                 _of_target(outline.y, order[:, place]),

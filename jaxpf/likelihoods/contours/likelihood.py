@@ -1,8 +1,9 @@
 """The likelihood of contours each of which is judged alone.
 
 The substate is a point of a shape space (``jaxpf.shapes.spaces``).  Lines are normals of its
-contour, and each is judged by the line model; lines count as independent, so that a contour's
-log-likelihood is a sum over its lines (maccormick1999, eq. 2).
+contour, and each is judged by the line model; a contour's log-likelihood is a sum over its lines
+(maccormick1999, eq. 2).  A contour that folds back on itself shows one edge to the lines of both
+legs; ``union`` says how that edge is paid for once.
 """
 
 from typing import Any, NamedTuple
@@ -10,6 +11,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 from jaxpf.contract import Likelihood
 from jaxpf.contract.pytree import pytree_dataclass, static_field
@@ -20,7 +22,7 @@ from jaxpf.likelihoods.contours.share import log_mean_of, log_means
 from jaxpf.shapes.spaces import ShapeSpace
 from jaxpf.shapes.splines import basis
 
-#: So many crossings of a contour with one line are looked at, to find those that are seen.
+#: Crossings of a contour with one line that are examined to find those that are seen.
 _CANDIDATES = 4
 
 
@@ -55,8 +57,11 @@ class IndependentContours(Likelihood):
             with one edge.
         edges: static, 1 where the spline is itself the boundary, 2 for both edges of a wire.
         num_lines: static, M, measurement lines per contour.
-        crossings: static, at most so many crossings of one contour with one line count, those
+        crossings: static, at most this many crossings of one contour with one line count, those
             nearest to the line's middle.
+        payment: static, ``"once"`` or ``"literal"``.  With ``"once"`` an edge that several lines
+            show is paid for once, see ``union``.  ``"literal"`` is the product over all lines as
+            printed, where a contour folded back on half of its length scores like the truth.
     """
 
     space: ShapeSpace
@@ -69,6 +74,7 @@ class IndependentContours(Likelihood):
     edges: int = static_field(default=1)
     num_lines: int = static_field(default=32)
     crossings: int = static_field(default=1)
+    payment: str = static_field(default="once")
 
     #: Lines are read at whole pixels.
     state_gradient = False
@@ -90,10 +96,7 @@ class IndependentContours(Likelihood):
         finite = jnp.all(jnp.isfinite(substates), axis=0)
         lines = self.lines_of(partition, jnp.where(finite, substates, 0.0))
         own = self._of_their_own(observation, lines)
-        every = [range(self.crossings)]
-        (ratios,) = self._log_ratios(observation, lines, own, every)
-        (means,) = self._log_means(observation, own, every)
-        total = jnp.sum(self._share(ratios) - means, axis=0)
+        (total,) = self._factors(observation, lines, own, [[]])
         return jnp.where(finite, total, jnp.nan)
 
     def lines_of(self, partition, substates) -> Lines:
@@ -125,18 +128,67 @@ class IndependentContours(Likelihood):
     def _of_their_own(self, observation, lines):
         """Places ``[crossings, M, ...]`` of a contour on its own lines, and which are seen.
 
-        The first ``edges`` rows are the boundary that a line belongs to, the others what else of
-        the contour crosses it.
+        The first ``edges`` rows are the boundary that a line belongs to.  The others are what else
+        of the contour crosses it: paid once, what comes earlier along the contour.
         """
         places = jnp.stack([jnp.full_like(lines.x, offset) for offset in self._offsets()])
-        found = places, self._in_view(observation, lines, places)
-        if self.crossings == self.edges:
-            return found
-        left_out = crossing.own_sides(self.num_lines, self.edges, self.space.closed)
-        others = self._crossings_of(
-            observation, lines, self._outline(lines), self.crossings - self.edges, left_out
+        own = places, self._in_view(observation, lines, places)
+        further = self._own_rows - self.edges
+        if not further:
+            return own
+        kind = self.num_lines, self.edges, self.space.closed
+        outline = self._outline(lines)
+        if self.payment == "literal":
+            left_out = crossing.own_sides(*kind)
+            return joined(own, self._crossings_of(observation, lines, outline, further, left_out))
+        places, there = crossing.nearest_crossings(
+            lines, outline, self.detector.reach, further, crossing.sides_from(*kind)
         )
-        return joined(found, others)
+        return joined(own, (places, there & self._in_view(observation, lines, places)))
+
+    @property
+    def _own_rows(self) -> int:
+        """How many rows of ``_of_their_own`` there are."""
+        return self.crossings + (0 if self.payment == "literal" else self.edges)
+
+    def _factors(self, observation, lines, boundaries, others):
+        """What contours' own lines gain by them: sums over lines, ``[S, ...]``.
+
+        Args:
+            observation: of the frame.
+            lines: ``[M, ...]``.
+            boundaries: places ``[C, M, ...]`` and which are seen; own rows first.
+            others: S groups of the rows after the own ones: boundaries that were there before.
+        """
+
+        def gains(num_own, boundaries):
+            rows = [[num_own + row for row in group] for group in others]
+            after = [[*range(num_own), *group] for group in rows]
+            earlier = () if self.payment == "literal" else range(self.edges, num_own)
+            before = [[*earlier, *group] for group in rows]
+            groups = after + before if any(before) else after
+            ratios = self._log_ratios(observation, lines, boundaries, groups)
+            ratio, given = ratios[: len(after)], ratios[len(after) :]
+            if any(before):
+                # Where lines cannot be without their target, nothing was there before it.
+                possible = ~jnp.isneginf(given)
+                ratio = jnp.where(possible, ratio - jnp.where(possible, given, 0.0), -jnp.inf)
+            share = ratio * jnp.asarray(self.independence, ratio.dtype)
+            return jnp.sum(share - self._log_means(observation, boundaries, after), axis=1)
+
+        num_own, edges = self._own_rows, self.edges
+        if self.payment == "literal":
+            return gains(num_own, boundaries)
+        # Few contours fold back: what this costs is spent where one does.
+        folds = crossing.anywhere(boundaries[1][edges:num_own])
+        return lax.cond(
+            folds,
+            lambda every: gains(num_own, every),
+            lambda every: gains(
+                edges, tuple(jnp.concatenate([rows[:edges], rows[num_own:]]) for rows in every)
+            ),
+            boundaries,
+        )
 
     def _crossings_of(self, observation, lines, polyline, keep, left_out=None, is_hidden=None):
         """The seen crossings ``[keep, M, ...]`` nearest to the lines' middles, and which there are.
@@ -171,10 +223,6 @@ class IndependentContours(Likelihood):
         weights = line_weights(self.clutter, self.detection, self.detector.length)
         sigma, reach = jnp.asarray(self.sigma, lines.x.dtype), self.detector.reach
         return log_ratios(weights, features, places, seen, sigma, reach, groups)
-
-    def _share(self, log_ratio):
-        """What of a line's log-ratio counts."""
-        return log_ratio * jnp.asarray(self.independence, log_ratio.dtype)
 
     def _log_means(self, observation, boundaries, groups):
         """What makes densities ``[groups, M, ...]`` of shared lines ``[M, ...]``.

@@ -6,7 +6,7 @@ one feature, of law G: normal about ``nu``, renormalised on the line.  The other
 clutter: their number has the law b, their places are uniform.  **No feature serves two
 boundaries**, which is the exclusion principle.
 
-Everything is told relative to pure clutter, ``p~_c / p_0``: lines move with the hypothesis, so
+Everything is relative to pure clutter, ``p~_c / p_0``: lines move with the hypothesis, so
 that densities of different hypotheses would speak of different data.
 
 A line keeps the n_max strongest features at most, so that n_max shown means "n_max or more".  The
@@ -32,8 +32,8 @@ ONE_BOUNDARY = (0.1, 0.9)
 TWO_BOUNDARIES = (0.05, 0.2, 0.75)
 #: Width of the law of a boundary's feature in pixels, sigma of maccormick1999.
 SIGMA = 7.0
-#: Sums over the sets of so many boundaries are written out, which runs faster; those of more are
-#: arrays, since what is written out takes the compiler minutes.
+#: Sums over the sets of this many boundaries are unrolled, which runs faster; larger ones are
+#: arrays, since unrolled sums take the compiler minutes.
 _WRITTEN_OUT = 3
 
 
@@ -91,6 +91,10 @@ def line_weights(clutter, detection, length: float) -> jax.Array:
     """
     clutter, detection = jnp.asarray(clutter), jnp.asarray(detection)
     most, counts = detection.shape[0] - 1, np.arange(clutter.shape[0])
+    # A line shows n_max of more detected boundaries, any of them as likely.
+    detection = detection.at[:, min(counts[-1], most)].add(
+        jnp.sum(detection[:, counts[-1] + 1 :], axis=1)
+    )
     or_more = jnp.cumsum(at_most_shown(clutter)[::-1])[::-1]
     rows = []
     for k in range(most + 1):

@@ -29,7 +29,12 @@ The edge of target 1 is paid for on its own lines.  On the lines of target 2 it 
 below the fraction: it explains its features away, so that they do not support target 2, and earns
 nothing.  A target all of whose boundary is hidden adds a factor of one, wherever it is.
 
-Who comes first is nobody's knowledge: the density is the mean over the orders that go round the
+**Within a contour** the same rule holds: its pieces are put into the picture one after another,
+from its first point to its last, and what crosses a line of the earlier pieces was there before.
+Without it a contour folded back on itself is paid twice for one edge: folded on 45 % of a worm it
+scores 24.6, the truth 24.7.
+
+Which target comes first is unknown: the density is the mean over the orders that go round the
 targets, from any of them and either way: all orders of two or three, and of more so many that each
 comes as often first, second and so on.  A mean of densities is a density.  Which of two opaque
 targets is in front matters only by what of the boundaries is visible, so that **the label makes no
@@ -53,9 +58,9 @@ def orders(num_targets: int) -> list[tuple[int, ...]]:
 
 
 def sets_before(num_targets: int) -> list[tuple[int, ...]]:
-    """Which targets come before one, in any of the orders: so many places after it, counted round.
+    """Sets of targets that come before a target in any order, as cyclic offsets from it.
 
-    Each set once, the first with nobody.
+    Each set once; the first is empty.
     """
     return list(
         dict.fromkeys(

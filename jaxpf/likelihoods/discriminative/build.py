@@ -26,6 +26,8 @@ USUAL_FEATURES = ("colour", "gradients")
 _MAPS: dict[str, Callable] = {"gradients": gradients, "hues": hues}
 #: Colour bins that count for an object, its most frequent ones.
 NUM_COLOURS = 36
+#: An object that covers more of the frame has nothing around it.
+_MOST_OF_FRAME = 0.95
 #: A share of the labels' spread that the regression must not leave.
 _MOST_UNEXPLAINED = 0.7
 
@@ -197,11 +199,10 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
                 "colour."
             )
         inside = max(min(x + w, width) - max(x, 0), 0) * max(min(y + h, height) - max(y, 0), 0)
-        if inside > 0.5 * width * height:
+        if inside > _MOST_OF_FRAME * width * height:
             raise InputError(
-                f"boxes[{i}] is {box.tolist()}: it covers more than half of the frame of {width} x "
-                f"{height} pixels, too much to learn what is around it; choose the appearance "
-                "colour."
+                f"boxes[{i}] is {box.tolist()}: it fills the frame of {width} x {height} pixels, "
+                "so that nothing is left to tell it from; choose the appearance colour."
             )
         if inside < 0.25 * w * h:
             raise InputError(

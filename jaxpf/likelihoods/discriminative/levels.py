@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-#: An object is shrunk by 1, 2, 4, ... until the root of its area is at most so many pixels.
+#: An object is shrunk by 1, 2, 4, ... until the root of its area is at most this, pixels.
 LARGEST_SIDE = 36.0
 
 

@@ -1,4 +1,4 @@
-"""Discriminative appearance: a score learned from the start frame, that tells how a box overlaps.
+"""Discriminative appearance: a score, learned from the start frame, of how a box overlaps.
 
 Every object has a linear function of features of a box, found by ridge regression on boxes around
 it in one frame, whose labels are their overlaps with it, before that frame's and other backgrounds
@@ -207,7 +207,7 @@ class DiscriminativeLikelihood(Likelihood):
             log odds = 11.5 (y - e / 2 - .12)
 
         Fitted by logistic regression to "overlap with the truth at least .1" on four clips of
-        people, every clip counting the same.  Nothing tells a look-alike from the object.
+        people, every clip counting the same.  Look-alikes count as the object.
 
         Args:
             observation, partition, substates: as for :meth:`log_prob_all`; states are estimates.

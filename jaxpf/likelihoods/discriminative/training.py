@@ -1,8 +1,8 @@
-"""Learning to tell an object from what is around it: ridge regression on overlaps.
+"""Learning to separate an object from its surroundings: ridge regression on overlaps.
 
-A box shows some of what is behind its object too, and in one frame nothing tells the two apart: a
-score that counts on both stays behind with the wall when the object walks on.  So the object is
-also shown in front of other parts of its frame: what then still tells where it is, is its own.
+A box also shows some background, and one frame cannot separate the two: a score that uses both
+stays behind with the background when the object moves on.  So the object is also shown in front of
+other parts of its frame, and only its own features keep predicting where it is.
 """
 
 import dataclasses
@@ -22,7 +22,7 @@ RIDGE = 0.5
 #: How far the frame is shifted behind the object, in widths and heights of its box: not at all, and
 #: so far that an object of less than a sixth of the frame's width has no copy next to it.
 BACKGROUNDS = ((0.0, 0.0), (3.2, 0.0), (-3.2, 0.0), (4.1, 0.3), (-4.1, -0.3))
-#: Where the object ends and its background begins: an ellipse in its box, with an edge so wide.
+#: Width of the soft edge of the ellipse in its box that stands for the object.
 _EDGE = 0.15
 #: How far windows reach beyond the farthest training box, shrunk pixels: maps look around pixels.
 _MARGIN = 8

@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxpf.media import plotting
 from jaxpf.papers.eskil2014 import methods
-from jaxpf.papers.eskil2014.measure import Found
+from jaxpf.papers.eskil2014.measure import Measurement
 from jaxpf.papers.eskil2014.scenes import Outcome
 
 _SHOWN = {
@@ -16,12 +16,12 @@ _SHOWN = {
     "face": ("left lip corner", "right lip corner", "profile eye", "profile upper lip"),
 }
 _NUMBERS = {"fish": (3, 4), "skydivers": (6, 7), "face": (9, 10)}
-_COMPARED = (methods.PROPOSED, methods.PFFL, methods.SPOT, methods.FLOW, "PS", "SPS")
+_COMPARED = (methods.PROPOSED, methods.PFFL, methods.FLOW, "PS", "SPS")
 
 
-def figures(found: Found) -> dict[str, Any]:
+def figures(measured: Measurement) -> dict[str, Any]:
     """All figures by the stem of their files."""
-    return curves(found.outcomes)
+    return curves(measured.outcomes)
 
 
 def curves(outcomes: Mapping[str, Outcome]) -> dict[str, Any]:

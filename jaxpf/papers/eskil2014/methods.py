@@ -11,14 +11,14 @@ from jaxpf.dynamics.gaussian import AR2
 from jaxpf.papers.eskil2014.published import PFFL_PARTICLES, SHAPE_SCALE, SIGMA
 
 PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
-WITH_DRIFT = "PFFL with drift"
-#: How much of its last displacement a particle of that one repeats: not published.
+PRINTED, WITH_DRIFT = "eskil2014 as printed", "PFFL with drift"
+#: Share of its last displacement that a particle of "PFFL with drift" repeats: not published.
 MOMENTUM = 0.25
 
-#: Options of ``jaxpf.points.tracker``; what is not said has its default.
+#: Options of ``jaxpf.points.tracker`` that differ from their defaults.
 _OPTIONS: Mapping[str, dict[str, Any]] = {
     PROPOSED: {},
-    "eskil2014 as printed": {
+    PRINTED: {
         "norm": "sum",
         "sigma": SIGMA,
         "shape": "pixels",
@@ -45,8 +45,8 @@ _OPTIONS: Mapping[str, dict[str, Any]] = {
     "SPS": {"method": "sps", "particles": 2 * PFFL_PARTICLES},
 }
 FILTERS = tuple(_OPTIONS)
-#: Deterministic, once per clip or scene.
-OTHERS = (SPOT, FLOW, "not moving")
+#: Deterministic methods.
+OTHERS = (FLOW, "not moving")
 QUICK = (PROPOSED, PFFL, "PS")
 
 
@@ -55,8 +55,6 @@ def tracker(
     frame: np.ndarray,
     points: np.ndarray,
     scale: float,
-    momentum: float = MOMENTUM,
-    **changes: Any,
 ) -> Any:
     """The tracker of a method.
 
@@ -65,13 +63,12 @@ def tracker(
         frame: uint8 RGB [H, W, 3], with the points in it.
         points: [P, 2], pixels.
         scale: sigma_t, pixels.
-        momentum: of ``WITH_DRIFT``.
-        changes: of the method's options.
     """
-    found = jaxpf.points.tracker(frame, points, diffusion=scale, **(_OPTIONS[name] | changes))
+    point_tracker = jaxpf.points.tracker(frame, points, diffusion=scale, **_OPTIONS[name])
     if name == WITH_DRIFT:
-        found = dataclasses.replace(found, dynamics=AR2(np.float32(scale), np.float32(momentum)))
-    return found
+        dynamics = AR2(np.float32(scale), np.float32(MOMENTUM))
+        return dataclasses.replace(point_tracker, dynamics=dynamics)
+    return point_tracker
 
 
 def trackers(

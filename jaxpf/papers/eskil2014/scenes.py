@@ -1,7 +1,6 @@
-"""The runs behind the tables: all methods on a set of scenes, or on one clip."""
+"""The runs behind the tables: all methods on a set of scenes."""
 
 import functools
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -11,18 +10,13 @@ import numpy as np
 
 import scenes
 from jaxpf.evaluation.baselines.optical_flow import follow_points
-from jaxpf.evaluation.baselines.spot import spot
 from jaxpf.measures import points as measures
 from jaxpf.papers.eskil2014 import methods
 from jaxpf.papers.measuring.checkpoints import Measure, each
 from jaxpf.running.blocks import monte_carlo
 
-#: The paper has one film of each kind; here runs are spread over scenes, the intervals' units.
-RUNS_PER_SCENE = 5
-#: Runs that are vectorised together.
-TOGETHER = 5
-#: SPOT takes about half a second for a frame: it is run on a share of the scenes only.
-SPOT_SHARE = 0.3
+#: Runs on each scene; the paper has one film of each kind.
+RUNS_PER_SCENE = 1
 
 
 class Outcome(NamedTuple):
@@ -31,8 +25,7 @@ class Outcome(NamedTuple):
     Attributes:
         scene: name of the kind.
         names: of the points.
-        errors: method -> ``[S, R, T, P]``, distances over the body's length; of SPOT the first
-            scenes only.
+        errors: method -> ``[S, R, T, P]``, distances over the body's length.
         visible: ``[S, T, P]`` bool.
     """
 
@@ -42,18 +35,12 @@ class Outcome(NamedTuple):
     visible: np.ndarray
 
 
-def spot_scenes(number: int) -> int:
-    """Of so many scenes, those that SPOT is run on: a share, and at least three."""
-    return min(max(3, math.ceil(SPOT_SHARE * number)), number)
-
-
 def measure(
     scene: str,
     scale: float,
     seeds: Sequence[int],
     filters: Sequence[str] = methods.FILTERS,
     others: Sequence[str] = methods.OTHERS,
-    runs: int = RUNS_PER_SCENE,
     report: Callable[[str], None] = print,
     **parameters: Any,
 ) -> Outcome:
@@ -65,38 +52,31 @@ def measure(
         seeds: of the scenes, S.
         filters: of ``methods.FILTERS``.
         others: of ``methods.OTHERS``.
-        runs: on every scene, R.
         report: takes a line of progress.
         parameters: of the scene, where they differ from its defaults.
     """
     errors: dict[str, list[np.ndarray]] = {}
     visible, names = [], ()
-    fewer = [name for name in others if name != methods.SPOT]
-    by_spot = seeds[: spot_scenes(len(seeds))] if methods.SPOT in others else ()
 
     def parts() -> Iterator[tuple[str, Measure]]:
         for seed in seeds:
-            on_scene = functools.partial(_on_scene, scene, seed, parameters, scale, runs)
-            yield f"{scene}-{seed}", functools.partial(on_scene, filters, fewer)
-            if seed in by_spot:
-                # Apart: the more scenes, the more of them SPOT is run on.
-                yield f"{scene}-{seed}-spot", functools.partial(on_scene, (), [methods.SPOT])
+            args = scene, seed, parameters, scale, filters, others
+            yield f"{scene}-{seed}", functools.partial(_on_scene, *args)
 
-    tracked = each(parts())
-    for done, seed in enumerate(seeds, start=1):
-        found = next(tracked) | (next(tracked) if seed in by_spot else {})
+    for done, (seed, places) in enumerate(zip(seeds, each(parts()), strict=True), start=1):
         drawn = _drawn(scene, seed, **parameters)
-        truth, names = drawn.extras["points"], drawn.extras["point_names"]
-        for method, places in found.items():
-            distance = measures.point_distances(places, truth[1:], drawn.extras["body_length"][1:])
-            errors.setdefault(method, []).append(distance)
+        truth, names = drawn.extras["points"][1:], drawn.extras["point_names"]
+        lengths = drawn.extras["body_length"][1:]
+        for method, estimates in places.items():
+            distances = measures.point_distances(estimates, truth, lengths)
+            errors.setdefault(method, []).append(distances)
         visible.append(drawn.extras["visible"][1:])
         report(f"  {scene}: scene {done} of {len(seeds)} done")
     stacked = {method: np.stack(each) for method, each in errors.items()}
     return Outcome(scene, tuple(names), stacked, np.stack(visible))
 
 
-@functools.lru_cache(maxsize=1)  # it is asked for to be tracked, and again to be judged
+@functools.lru_cache(maxsize=1)  # used to track and then to judge
 def _drawn(scene: str, seed: int, **parameters: Any) -> scenes.Scene:
     return scenes.make(scene, seed=seed, **parameters)
 
@@ -106,13 +86,12 @@ def _on_scene(
     seed: int,
     parameters: Mapping[str, Any],
     scale: float,
-    runs: int,
     filters: Sequence[str],
     others: Sequence[str],
 ) -> dict[str, np.ndarray]:
     """``track`` on a scene that is drawn where the work is done."""
     drawn = _drawn(scene, seed, **parameters)
-    return track(drawn.frames, drawn.extras["points"][0], scale, filters, others, runs, seed)
+    return track(drawn.frames, drawn.extras["points"][0], scale, filters, others, seed)
 
 
 def track(
@@ -121,28 +100,25 @@ def track(
     scale: float,
     filters: Sequence[str],
     others: Sequence[str],
-    runs: int,
     seed: int,
 ) -> dict[str, np.ndarray]:
     """Method -> places ``[R, T, P, 2]`` in the frames after the first, in which points start."""
     later = jnp.asarray(frames[1:])
-    found = {
-        name: places_of(tracker, later, runs, seed)
+    places = {
+        name: places_of(tracker, later, RUNS_PER_SCENE, seed)
         for name, tracker in methods.trackers(frames[0], points, scale, filters).items()
     }
-    if methods.SPOT in others:
-        found[methods.SPOT] = spot(frames, points)[None]
     if methods.FLOW in others:
-        found[methods.FLOW] = follow_points(frames, points)[0][None]
+        places[methods.FLOW] = follow_points(frames, points)[0][None]
     if "not moving" in others:
-        found["not moving"] = np.broadcast_to(points, (1, len(later), *points.shape))
-    return found
+        places["not moving"] = np.broadcast_to(points, (1, len(later), *points.shape))
+    return places
 
 
 def places_of(tracker: Any, later: Any, runs: int, seed: int) -> np.ndarray:
     """Places ``[R, T, P, 2]`` that a tracker finds in the frames after the first."""
     keys = jax.random.split(jax.random.key(seed), runs)
-    return np.asarray(monte_carlo(tracker, keys, later, _estimate, batch_size=min(runs, TOGETHER)))
+    return np.asarray(monte_carlo(tracker, keys, later, _estimate, batch_size=runs))
 
 
 def _estimate(state: Any, summary: Any) -> Any:

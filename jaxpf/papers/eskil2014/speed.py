@@ -36,7 +36,7 @@ def measure(names: Sequence[str], repeats: int, with_spot: bool = True) -> Rates
         scene = scenes.make(sequence.scene, seed=0, num_frames=FRAMES + 1)
         points, frames = scene.extras["points"][0], jnp.asarray(scene.frames[1:])
         trackers = methods.trackers(
-            scene.frames[0], points, sequence.scale, (methods.PROPOSED, methods.PFFL)
+            scene.frames[0], points, sequence.scale_here, (methods.PROPOSED, methods.PFFL)
         )
         candidates = {
             method: lambda tracker=tracker, frames=frames: running.run(tracker, key, frames)

@@ -6,18 +6,17 @@ with the unbiased one and without, under the paper's dynamics and under dynamics
 parts.
 """
 
-from jaxpf.papers.gonzales2011 import claims, figures, flies, measure, published, tables
-from jaxpf.papers.gonzales2011.scenes import NOISE, RUNS_PER_SCENE, SAMPLES
+from jaxpf.papers.gonzales2011 import claims, figures, measure, tables
+from jaxpf.papers.gonzales2011.scenes import NOISE, SAMPLES
 from jaxpf.papers.paper import Paper
 
 NOTES = (
-    "Some criteria were changed after sequences that are among these had been judged: "
-    "jaxpf.papers.gonzales2011.claims says which, and why.",
-    "The paper's sequences are not to be had.  Ours keep what the paper gives; all else is a "
-    "documented parameter of the scene 'articulated'.  The paper's figures have no numbers, so "
+    "The paper's sequences are not available.  Ours keep what the paper gives; the rest are "
+    "documented parameters of the scene 'articulated'.  The paper's figures have no numbers, so "
     "only their order can be compared.",
-    f"{RUNS_PER_SCENE} runs on each sequence; the sequences are the units of the intervals, which "
-    "therefore hold for sequences of this kind, while the paper's 50 runs are on one sequence.",
+    "One run on each sequence: the intervals are about sequences of this kind, while the paper's "
+    "50 runs are on one sequence.",
+    "Errors and variances are compared by the geometric mean of the sequences' ratios.",
     "Absolute dynamics are the paper's: every part walks at random.  Relative dynamics move joints "
     "and parts follow their parents; only they make the tree matter.",
     "The noise gave PS its least error on other sequences (seed 1000): "
@@ -31,24 +30,16 @@ NOTES = (
     "sorted' alone has a lower error or variance than PS, it owes that to the bias.",
     "Variance: of the corners about their mean, to first order, summed over the parts; the paper "
     "does not define its own.  Resampling is multinomial, as in the paper's section 3.1.",
-    f"Likelihoods come from {SAMPLES} x {SAMPLES} pixels of a part; the table "
-    "'likelihood_error' compares them with counting every pixel.",
+    f"Likelihoods come from {SAMPLES} x {SAMPLES} pixels of a part.",
 )
 
 PAPER = Paper(
     name="gonzales2011",
     title="gonzales2011 repeated: simultaneous partitioned sampling",
-    runs=published.RUNS,
-    quick_runs=2 * RUNS_PER_SCENE,
-    runs_per_scene=RUNS_PER_SCENE,
+    scenes=50,
     measure=measure.measure,
     tables=tables.tables,
-    claims=claims.claims,
+    quantities=claims.quantities,
     figures=figures.figures,
     notes=NOTES,
-    read=lambda data, quick: flies.read_fly(
-        data, num_frames=measure.QUICK_FRAMES if quick else flies.FRAMES
-    ),
-    without_clips=f"The flies were left out: they need the clip {flies.CLIP}; name the folder that "
-    "holds it with --data or JAXPF_DATA.",
 )

@@ -6,32 +6,32 @@ from typing import Any
 import numpy as np
 
 from jaxpf.media import plotting
-from jaxpf.papers.gonzales2011.measure import Found
+from jaxpf.papers.gonzales2011.measure import Measurement
 from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, Outcomes
 
 
-def figures(found: Found) -> dict[str, Any]:
+def figures(measured: Measurement) -> dict[str, Any]:
     """All figures by the stem of their files."""
-    return curves(found.outcomes)
+    return curves(measured.outcomes)
 
 
 def curves(outcomes: Outcomes) -> dict[str, Any]:
     """Curves over time, as in the paper: a column per panel, a row per dynamics."""
     smooth = [key for key in outcomes if key[0] == "smooth"]
-    found = {}
+    drawn = {}
     for parts in sorted({key[1] for key in smooth}):
         cells = [key for key in smooth if key[1] == parts]
-        found[f"figure_8_{parts}_parts"] = _curves(outcomes, cells, ("error",))
+        drawn[f"figure_8_{parts}_parts"] = _curves(outcomes, cells, ("error",))
     nine = [key for key in smooth if key[2] == 10] or smooth[:1]
-    found["figure_9"] = _curves(outcomes, nine, ("variance",))
+    drawn["figure_9"] = _curves(outcomes, nine, ("variance",))
     for name, motion, measures in (
         ("figure_10", "strong_start", ("error",)),
         ("figure_11", "erratic", ("error", "variance")),
     ):
         cells = [key for key in outcomes if key[0] == motion]
         if cells:
-            found[name] = _curves(outcomes, cells, measures)
-    return found
+            drawn[name] = _curves(outcomes, cells, measures)
+    return drawn
 
 
 _LABELS = {"error": "sum of corner distances (pixels)", "variance": "variance (pixels$^2$)"}

@@ -24,7 +24,7 @@ from jaxpf.running import run
 from jaxpf.shapes.rectangles import corners_from_poses
 
 #: Runs on each sequence; sequences are the units of the intervals.
-RUNS_PER_SCENE = 5
+RUNS_PER_SCENE = 1
 #: Sequences that are tracked together.
 _TOGETHER = 10
 #: Samples per side of a part: d^2 is off by .017 (standard deviation), the log-likelihood by .8.
@@ -124,7 +124,7 @@ def measure(
             same for all methods.
         num_frames: of a sequence; the trackers start at the first.
         dynamics: which of ``DYNAMICS``.
-        progress: is told a line per cell and block of sequences.
+        progress: takes a line per cell and block of sequences.
     """
 
     def by_method(values: Mapping[str, Mapping[str, np.ndarray]]) -> dict:
@@ -150,10 +150,10 @@ def measure(
                 f"  {cell.motion}, {cell.num_parts} parts: sequences {block[0]} to {block[-1]} done"
             )
     outcomes = {}
-    for cell, its in by_cell.items():
-        found = jax.tree.map(lambda *rows: np.concatenate(rows), *its)
+    for cell, blocks_of_cell in by_cell.items():
+        joined = jax.tree.map(lambda *rows: np.concatenate(rows), *blocks_of_cell)
         for number in cell.particles:
-            values = found[str(number)]
+            values = joined[str(number)]
             outcomes[cell.motion, cell.num_parts, number] = Outcome(
                 *(by_method(values[what]) for what in Outcome._fields)
             )
@@ -198,12 +198,15 @@ def _measured(
         for method in METHODS:
             moves = _stacked(
                 [
-                    _stacked([found[kind, method].dynamics for found in by_scene])
+                    _stacked([of_scene[kind, method].dynamics for of_scene in by_scene])
                     for kind in dynamics
                 ]
             )
             starts = _stacked(
-                [_stacked([found[kind, method].initial for found in by_scene]) for kind in dynamics]
+                [
+                    _stacked([of_scene[kind, method].initial for of_scene in by_scene])
+                    for kind in dynamics
+                ]
             )
             base = by_scene[0][dynamics[0], method]
             # Off the devices: what they did together would wait for another thread's program,
@@ -247,7 +250,7 @@ def trackers(
         "absolute": (absolute, absolute),
         "relative": (base.dynamics.scale, base.dynamics.joint_scale),
     }
-    found = {}
+    by_kind = {}
     for kind in dynamics:
         moves = dataclasses.replace(
             base.dynamics,
@@ -260,10 +263,10 @@ def trackers(
             ordering = base.ordering
             if method != "PS":
                 ordering = named("sps", parents, swap=SWAPS[method])
-            found[kind, method] = dataclasses.replace(
+            by_kind[kind, method] = dataclasses.replace(
                 base, dynamics=moves, initial=initial, ordering=ordering
             )
-    return found
+    return by_kind
 
 
 def learn(scene: Any, samples: int = SAMPLES) -> HistogramLikelihood:

@@ -1,62 +1,48 @@
-"""Judging published claims by measured intervals.
+"""Published claims, and the rule by which measured figures judge them.
 
-A claim says that some quantities lie in some ranges: "DPS recovers more often than PS" says
-that a difference of rates lies above 0, at each of four settings.  The rule, for a claim of k
-parts at the level 95 %:
+Each paper's ``claims.csv`` holds one row per claim: the range in which it says that its figures
+lie, and the margin, which is ours, within which a figure counts as equal to an end of that range.
+The papers' ``SCENES`` stand in their modules.  Both are written before anything is measured, and
+the scenes are looked at once.
 
-* *supports*: every part's 95 % interval lies in its claimed range.  (Asking this of all parts
-  needs no correction: a false claim is false in some part, which passes in at most 2.5 % of
-  the replications on either side.)
-* *contradicts*: some part's interval at the level 1 - .05 / k (Bonferroni: with many parts one
-  or another would stray by chance) lies outside its claimed range, and of one that has a margin
-  farther from it than that: the margin holds the error of the paper's own few runs.
-* *equal within the margin*: neither, but the 95 % interval of every part lies in its range or, of
-  one that has a margin, no farther from an end of the range than that.
-* *cannot resolve*: all else; it is told how many runs would resolve it, if figures stay where they
-  are and intervals shrink with the root of the number of runs.
-
-Who looks again and again, with more runs each time, uses up level: look k has .05 / (k (k + 1)) of
-it, ``at_look``, which sums to .05 over all looks, so that a verdict is right at whatever look it
-falls, as often as one of a single look.  What does not grow with the runs, such as timings, is
-looked at once.
-
-An interval without a width is what two scenes that agree give, not certainty: it resolves nothing,
-but for a quantity that is computed and has no chance in it (``exact``).
+* *supported*: the 95 % interval of every figure lies in the claimed range.  A false claim is false
+  in some figure, which passes in at most 2.5 % of the replications on either side.
+* *contradicted*: the interval of some figure, at the level 1 - .05 / k for k figures (Bonferroni),
+  lies outside the range by more than the margin.
+* *open*: all else, and every interval without a width, but for figures that are computed.
 """
 
-import dataclasses
+import csv
 import math
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
-import jax
-import numpy as np
+from jaxpf.measures.scene_intervals import has_width
 
-from jaxpf.measures.intervals import (
-    newcombe_ends,
-    student_interval,
-    student_quantile,
-    wilson_interval,
-)
-
-SUPPORTS, CONTRADICTS, CANNOT_RESOLVE = "supports", "contradicts", "cannot resolve"
-EQUAL = "equal within the margin"
-#: What more would have to be measured is told up to this number of runs.
-_MOST_RUNS = 10**6
-
+SUPPORTED, CONTRADICTED, OPEN = "supported", "contradicted", "open"
+#: In place of ``CONTRADICTED`` where the paper shows one film: other scenes do not contradict it.
+NOT_SEEN = "not seen"
+#: Kinds of claims, in the order in which they are shown; the summaries count the first alone.
+GROUPS: Mapping[str, str] = {
+    "paper": "claims of the paper, by its own method",
+    "variant": "our corrected methods, and other readings of the paper",
+    "time": "times of our implementation, and methods at equal time",
+    "once": "seen once in the paper, not reproducible from what it states",
+    "beyond": "beyond the paper",
+}
 #: The rule in one sentence, for reports.
 RULE = (
-    "A claim is supported if the 95 % interval of every quantity it speaks of lies in the claimed "
-    "range, equal within the margin if all lie in their range or no farther from its end than a "
-    "margin, where one is stated, contradicted if the interval of one of them "
-    "(Bonferroni-corrected for their number) lies outside of both, and otherwise cannot be "
-    "resolved at this number of runs.  With --until-resolved the intervals of the k-th look have "
-    "the level 1 - .05 / (k (k + 1)) instead."
+    "A claim is supported if the 95 % interval of every figure lies in the claimed range, "
+    "contradicted if that of one (Bonferroni-corrected) lies outside by more than our margin, and "
+    "otherwise open.  The number of scenes is planned, and they are looked at once."
 )
+#: The largest number of scenes that a remark proposes.
+_MOST_SCENES = 100_000
 
 
 class Measured(NamedTuple):
-    """A figure and its 95 % interval, in the units of the table it stands in."""
+    """A figure and its 95 % interval, in the units of its table."""
 
     value: float
     low: float
@@ -64,31 +50,22 @@ class Measured(NamedTuple):
 
 
 class Quantity(NamedTuple):
-    """One part of a claim.
+    """One measured figure of a claim.
 
     Attributes:
-        what: for reports, such as "DPS - PS at 20".
         value: the estimate.
         interval: level -> its confidence interval (low, high).
-        at_least: lower end of the claimed range.
-        at_most: upper end of the claimed range.
-        margin: distance from an end of the range within which a figure counts as equal to it.
-        chosen_among: figures of which this one was chosen by how it came out: its intervals are
-            Bonferroni-corrected for as many.
+        units: number of scenes, or of other units; 0 if it is computed and has no chance in it.
+        what: for reports, such as "sharpness 20".
+        chosen_among: number of figures of which this one was chosen by its value; the interval is
+            Bonferroni-corrected for them.
     """
 
-    what: str
     value: float
     interval: Callable[[float], tuple[float, float]]
-    at_least: float = -math.inf
-    at_most: float = math.inf
-    margin: float = 0.0
+    units: int
+    what: str = ""
     chosen_among: int = 1
-
-    @property
-    def is_exact(self) -> bool:
-        """Whether there is no chance in it."""
-        return isinstance(self.interval, _Exact)
 
     def at(self, level: float) -> tuple[float, float]:
         """The interval at a level, corrected for the choice."""
@@ -99,279 +76,212 @@ class Quantity(NamedTuple):
         return Measured(self.value, *self.at(level))
 
 
+def computed(value: float, what: str = "") -> Quantity:
+    """A figure that is computed."""
+    return Quantity(value, lambda level: (value, value), 0, what)
+
+
 class Claim(NamedTuple):
-    """A published claim beside what was measured.
+    """A published claim: a row of ``claims.csv``.
 
     Attributes:
-        statement: the claim in one sentence.
+        key: its name in the program.
+        group: of ``GROUPS``.
+        claim: at most eight words.
+        published: the paper's figures, in short.
+        sentence: the claim in full, with the figures behind it and whose its range is.
         source: where the paper makes it.
-        published: the published figures behind it.
-        measured: ours, with intervals.
-        verdict: ``SUPPORTS``, ``CONTRADICTS``, ``EQUAL`` or ``CANNOT_RESOLVE``.
-        growth: how many times as much would have to be measured to resolve it; NaN if nobody
-            knows, infinite if nothing would.
-        unit: what more of would resolve it.
-        parts: what it was judged by.
-        digits: decimal places that are shown.
-    """
-
-    statement: str
-    source: str
-    published: str
-    measured: str
-    verdict: str
-    growth: float = 1.0
-    unit: str = "runs"
-    parts: Sequence[Quantity] = ()
-    digits: int = 0
-
-
-def exact(value: float, what: str = "", **claimed: Any) -> Quantity:
-    """A part of a claim that is computed."""
-    return Quantity(what, value, _Exact(value), **claimed)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Exact:
-    value: float
-
-    def __call__(self, level: float) -> tuple[float, float]:
-        return self.value, self.value
-
-
-def verdict(parts: Sequence[Quantity], level: float = 0.95) -> str:
-    """Judge a claim by its parts; see the module's docstring.
-
-    An interval that is not finite (NaN: nothing was measured) resolves nothing.
-    """
-    if not parts:
-        return CANNOT_RESOLVE
-    corrected = _corrected(parts, level)
-    if any(_clearly(_lies_beyond, part, corrected) for part in parts):
-        return CONTRADICTS
-    if all(_clearly(_lies_inside, part, level) for part in parts):
-        return SUPPORTS
-    if all(_clearly(_lies_inside_or_near, part, level) for part in parts):
-        return EQUAL
-    return CANNOT_RESOLVE
-
-
-def growth(parts: Sequence[Quantity], level: float = 0.95) -> float:
-    """How many times as much would have to be measured to resolve a claim.
-
-    If figures stay where they are: where one lies beyond its range and margin the claim is resolved
-    once one of those does so clearly; and once all lie clearly inside, or near an end where that
-    counts.
-    """
-    outside = [part for part in parts if _lies_beyond(part, (part.value, part.value))]
-    needed = [_growth(part, _lies_beyond, _corrected(parts, level)) for part in outside]
-    one_outside = min((each for each in needed if not math.isnan(each)), default=math.nan)
-    needed = [_growth(part, _lies_inside_or_near, level) for part in parts]
-    all_inside = math.nan if any(map(math.isnan, needed)) else max(needed, default=math.nan)
-    if not outside:
-        return all_inside
-    return min(one_outside, all_inside) if one_outside == one_outside else all_inside
-
-
-def _growth(part: Quantity, resolved: Callable[..., bool], level: float) -> float:
-    """As ``growth``, for one part: NaN without an interval, infinite at the very end of a range.
-
-    A score interval from g times as many trials is that at a level whose normal quantile is
-    sqrt(g) times smaller; Student's is so nearly.
-    """
-    from scipy.special import ndtr, ndtri
-
-    low, high = part.at(level)
-    if not low < high:
-        return math.nan
-    level = 1 - (1 - level) / part.chosen_among
-    fewest, most = 0.0, math.log(1e8)  # of the logarithm of g
-    if not resolved(part, (part.value, part.value)):
-        return math.inf
-    for _ in range(40):
-        middle = (fewest + most) / 2
-        quantile = ndtri(0.5 + level / 2) * math.exp(-middle / 2)
-        if resolved(part, part.interval(float(2 * ndtr(quantile) - 1))):
-            most = middle
-        else:
-            fewest = middle
-    return math.exp(most)
-
-
-def _corrected(parts: Sequence[Quantity], level: float) -> float:
-    return 1 - (1 - level) / len(parts)
-
-
-def told(claim: Claim, runs: int) -> Claim:
-    """The claim; one that cannot be resolved says what would resolve it.
-
-    Args:
-        claim: judged.
-        runs: those it was judged by.
-    """
-    if claim.verdict != CANNOT_RESOLVE:
-        return claim
-    if math.isnan(claim.growth):
-        remedy = f"too few {claim.unit} to tell how many would resolve it"
-    elif math.isinf(claim.growth):
-        remedy = f"no number of {claim.unit} would resolve it"
-    elif claim.growth * runs > _MOST_RUNS:
-        remedy = f"only over a million {claim.unit} would resolve it"
-    elif claim.unit == "runs":
-        remedy = f"about {max(math.ceil(claim.growth * runs), runs + 1)} runs would resolve it"
-    else:
-        remedy = f"about {claim.growth:.1f} times as many {claim.unit} would resolve it"
-    return claim._replace(measured=f"{claim.measured}; {remedy}")
-
-
-def judged(
-    statement: str,
-    source: str,
-    published: str,
-    *parts: Quantity,
-    digits: int = 0,
-    unit: str = "runs",
-) -> Claim:
-    """The claim with its verdict and a sentence of what was measured.
-
-    Args:
-        statement: the claim in one sentence.
-        source: where the paper makes it.
-        published: the published figures behind it.
-        parts: what it speaks of.
+        at_least: lower end of the claimed range, -inf without one.
+        at_most: upper end, inf without one.
+        margin: ours.
         digits: decimal places to show.
-        unit: what more of would resolve it.
+        unit: what was counted, such as "scenes".
     """
-    measured, found = shown(parts, digits), verdict(parts)
-    more = growth(parts) if found == CANNOT_RESOLVE else 1.0
-    return Claim(statement, source, published, measured, found, more, unit, parts, digits)
+
+    key: str
+    group: str
+    claim: str
+    published: str
+    sentence: str
+    source: str
+    at_least: float
+    at_most: float
+    margin: float
+    digits: int
+    unit: str
 
 
-def level_of(look: int) -> float:
-    """The confidence level of the k-th look at data that grow."""
-    return 1 - 0.05 / (look * (look + 1))
+class Judged(NamedTuple):
+    """A claim with its verdict, in words: a row of ``verdicts.csv`` beside the claim's.
+
+    Attributes:
+        claim: which.
+        ours: figure and interval, those of several figures from the least to the largest.
+        verdict: ``SUPPORTED``, ``CONTRADICTED``, ``OPEN`` or ``NOT_SEEN``.
+        figures: every figure with its interval.
+        level: of the intervals, in per cent.
+        units: such as "50 scenes".
+        remark: what would resolve it, for example.
+        rule: by which it was judged.
+        command: repeats the measurement.
+        version: of this library.
+        date: of the measurement.
+    """
+
+    claim: Claim
+    ours: str
+    verdict: str
+    figures: str = ""
+    level: str = "95"
+    units: str = ""
+    remark: str = ""
+    rule: str = ""
+    command: str = ""
+    version: str = ""
+    date: str = ""
 
 
-def grows(claim: Claim) -> bool:
-    """Whether more runs tell more of a claim: timings, say, are as many at every look."""
-    return claim.unit == "runs"
+def claims_of(paper: str) -> dict[str, Claim]:
+    """Key -> claim of a paper, in the order in which they are shown."""
+    return {row["key"]: _read(row) for row in read_rows(paper, "claims.csv")}
 
 
-def at_look(claim: Claim, look: int) -> Claim:
-    """A claim judged anew, at the k-th look at data that grow, from 1."""
-    if not grows(claim):
-        return claim
-    level = level_of(look)
-    found = verdict(claim.parts, level)
-    return claim._replace(
-        measured=claim.measured.replace(
-            shown(claim.parts, claim.digits), shown(claim.parts, claim.digits, level)
-        ),
-        verdict=found,
-        growth=growth(claim.parts, level) if found == CANNOT_RESOLVE else 1.0,
+def read_rows(paper: str, name: str) -> Iterator[dict[str, str]]:
+    """Rows of a CSV file in a paper's folder; none without the file."""
+    path = Path(__file__).parents[1] / paper / name
+    if path.exists():
+        with path.open(newline="", encoding="utf-8") as file:
+            yield from csv.DictReader(file)
+
+
+def _read(row: Mapping[str, str]) -> Claim:
+    return Claim(
+        **{name: row[name] for name in Claim._fields[:6]},
+        at_least=float(row["at_least"] or "-inf"),
+        at_most=float(row["at_most"] or "inf"),
+        margin=float(row["margin"] or 0),
+        digits=int(row["digits"] or 0),
+        unit=row["unit"],
     )
 
 
-def shown(parts: Sequence[Quantity], digits: int = 0, level: float = 0.95) -> str:
-    """The parts' figures with their intervals, in one line."""
-    pieces = []
-    for part in parts:
-        value, low, high = part.measured(level)
-        interval = f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
-        pieces.append(f"{part.what}: {interval}" if part.what else interval)
-    return "; ".join(pieces)
-
-
-def _clearly(holds: Callable[..., bool], part: Quantity, level: float) -> bool:
-    low, high = part.at(level)
-    return (low < high or part.is_exact) and holds(part, (low, high))
-
-
-def _lies_inside(part: Quantity, interval: tuple[float, float]) -> bool:
-    low, high = interval
-    return part.at_least < low and high < part.at_most
-
-
-def _lies_inside_or_near(part: Quantity, interval: tuple[float, float]) -> bool:
-    low, high = interval
-    near = (
-        end - part.margin < low and high < end + part.margin
-        for end in (part.at_least, part.at_most)
-        if math.isfinite(end)
+def judge(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> Judged:
+    """Judge a claim by what was measured; see the module's docstring."""
+    count = min((each.units for each in figures), default=0)
+    verdict = _verdict(claim, figures, level)
+    if verdict == CONTRADICTED and claim.group == "once":
+        verdict = NOT_SEEN
+    return Judged(
+        claim,
+        _hull(figures, claim.digits, level),
+        verdict,
+        "; ".join(_shown(each, claim.digits, level) for each in figures),
+        f"{100 * level:.4g}",
+        f"{count} {claim.unit}" if count else "computed",
+        _remark(claim, figures, level, count) if verdict == OPEN else "",
     )
-    return _lies_inside(part, interval) or any(near)
 
 
-def _lies_beyond(part: Quantity, interval: tuple[float, float]) -> bool:
-    low, high = interval
-    return high < part.at_least - part.margin or low > part.at_most + part.margin
+def judge_all(paper: str, measured: Mapping[str, Sequence[Quantity]]) -> list[Judged]:
+    """Judge those claims of a paper for which figures were measured."""
+    return [
+        judge(claim, measured[key]) for key, claim in claims_of(paper).items() if measured.get(key)
+    ]
 
 
-def student(values: np.ndarray) -> Callable[[float], tuple[float, float]]:
-    """Student's intervals for the mean of independent values ``[n]``; NaN from fewer than two."""
+def _verdict(claim: Claim, figures: Sequence[Quantity], level: float) -> str:
+    if not figures:
+        return OPEN
+    corrected = 1 - (1 - level) / len(figures)
+    if any(_clearly(_is_beyond, claim, each, corrected) for each in figures):
+        return CONTRADICTED
+    if all(_clearly(_is_inside, claim, each, level) for each in figures):
+        return SUPPORTED
+    return OPEN
 
-    def interval(level: float) -> tuple[float, float]:
-        found = student_interval(values, level)
-        return float(found.lower), float(found.upper)
 
-    return interval
+def _clearly(holds: Callable[..., bool], claim: Claim, figure: Quantity, level: float) -> bool:
+    """Whether it holds of the whole interval; scenes that all agree are not certainty."""
+    low, high = figure.at(level)
+    return (figure.units == 0 or has_width(low, high)) and holds(claim, low, high)
 
 
-def cluster_interval(rates: np.ndarray, trials: int) -> Callable[[float], tuple[float, float]]:
-    """Intervals for a rate from clusters of trials that resemble each other, in percent.
+def _is_inside(claim: Claim, low: float, high: float) -> bool:
+    return claim.at_least < low and high < claim.at_most
 
-    Wilson's interval at the effective number of trials: the number that would give independent
-    trials the variance seen between clusters, at most all of them, and reduced for the few
-    degrees of freedom of that variance (Korn and Graubard, Survey Methodology 1998, with
-    Wilson's interval in place of Clopper and Pearson's).  At a rate of 0 or 1 nothing is seen of
-    the variance between clusters: then each counts as one trial.
 
-    Args:
-        rates: ``[n]``, each cluster's rate, 0 to 1.
-        trials: per cluster.
+def _is_beyond(claim: Claim, low: float, high: float) -> bool:
+    return high < claim.at_least - claim.margin or low > claim.at_most + claim.margin
+
+
+def _is_near(claim: Claim, low: float, high: float) -> bool:
+    """Whether an interval lies in the range, or within the margin about one end of it."""
+    ends = (end for end in (claim.at_least, claim.at_most) if math.isfinite(end))
+    return _is_inside(claim, low, high) or any(
+        end - claim.margin < low and high < end + claim.margin for end in ends
+    )
+
+
+def _remark(claim: Claim, figures: Sequence[Quantity], level: float, count: int) -> str:
+    """What may be said of an open claim."""
+    if figures and all(_clearly(_is_near, claim, each, level) for each in figures):
+        return f"equal within our margin of {claim.margin:g}"
+    times = growth(claim, figures, level)
+    if math.isnan(times):
+        return f"too few {claim.unit} to say more"
+    if not times * count <= _MOST_SCENES:
+        return f"more {claim.unit} would not resolve it"
+    return f"about {max(math.ceil(times * count), count + 1)} {claim.unit} would resolve it"
+
+
+def growth(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> float:
+    """How many times as many scenes would resolve a claim, if figures stay where they are.
+
+    Intervals shrink with the root of the number of scenes.  NaN without intervals; infinite where
+    a figure lies at an end of the range, or outside of it within the margin.
     """
-    from scipy.special import ndtri
-
-    rates = np.asarray(rates, float)
-    n, p = len(rates), float(np.mean(rates))
-
-    def interval(level: float) -> tuple[float, float]:
-        effective = float(n)
-        if 0 < p < 1 and n > 1:
-            between = float(np.var(rates, ddof=1)) / n
-            design = max(between * n * trials / (p * (1 - p)), 1.0)
-            normal = float(ndtri(0.5 + level / 2))
-            effective = n * trials / design * (normal / student_quantile(n - 1, level)) ** 2
-        return wilson(p * effective, effective)(level)
-
-    return interval
+    corrected = 1 - (1 - level) / len(figures)
+    inside, beyond = [], []
+    for figure in figures:
+        value, low, high = figure.measured(level)
+        if not has_width(low, high):
+            return math.nan
+        above, below = value - claim.at_least, claim.at_most - value
+        inside.append(max(_square(value - low, above), _square(high - value, below)))
+        low, high = figure.at(corrected)
+        above, below = above + claim.margin, below + claim.margin
+        beyond.append(min(_square(high - value, -above), _square(value - low, -below)))
+    return min(max(inside), min(beyond))
 
 
-#: What resolves a claim is searched for with thousands of intervals.
-_wilson_interval = jax.jit(wilson_interval)
+def _square(reach: float, distance: float) -> float:
+    """How many times as many scenes bring a reach down to a distance; never, if that is not > 0."""
+    return (reach / distance) ** 2 if distance > 0 else math.inf
 
 
-def wilson(successes: float, trials: float) -> Callable[[float], tuple[float, float]]:
-    """Wilson's intervals for a rate, as percentages; [0, 100] without trials."""
-
-    def interval(level: float) -> tuple[float, float]:
-        result = _wilson_interval(successes, trials, level)
-        return 100 * float(result.lower), 100 * float(result.upper)
-
-    return interval
+def _shown(figure: Quantity, digits: int, level: float) -> str:
+    value, low, high = figure.measured(level)
+    text = f"{value:.{digits}f}"
+    if figure.units:
+        text += f" [{low:.{digits}f}, {high:.{digits}f}]"
+    return f"{figure.what}: {text}" if figure.what else text
 
 
-def newcombe(
-    successes: tuple[float, float], trials: tuple[float, float]
-) -> Callable[[float], tuple[float, float]]:
-    """Intervals for the difference of two independent rates, first minus second, in points.
+def _hull(figures: Sequence[Quantity], digits: int, level: float) -> str:
+    """All figures in short."""
+    values, lows, highs = zip(*(each.measured(level) for each in figures), strict=True)
+    if not any(each.units for each in figures):
+        return _span(values, digits)
+    return hull(values, lows, highs, digits)
 
-    See ``jaxpf.measures.intervals.newcombe_ends``.
-    """
-    first, second = (100 * k / n if n else math.nan for k, n in zip(successes, trials, strict=True))
 
-    def interval(level: float) -> tuple[float, float]:
-        ends = (wilson(k, n)(level) for k, n in zip(successes, trials, strict=True))
-        return newcombe_ends((first, *next(ends)), (second, *next(ends)))
+def hull(
+    values: Sequence[float], lows: Sequence[float], highs: Sequence[float], digits: int
+) -> str:
+    """``least to largest [lowest end, highest end]``."""
+    return f"{_span(values, digits)} [{min(lows):.{digits}f}, {max(highs):.{digits}f}]"
 
-    return interval
+
+def _span(values: Sequence[float], digits: int) -> str:
+    least, most = (f"{value:.{digits}f}" for value in (min(values), max(values)))
+    return least if least == most else f"{least} to {most}"

@@ -1,7 +1,6 @@
-"""Published and measured figures side by side, and how they are written.
+"""The result of repeating a paper: published figures beside ours, claims with verdicts, plots.
 
-A ``Comparison`` holds tables, claims with verdicts (``jaxpf.papers.judging.claims``) and figures;
-the command line prints it and writes it as Markdown, CSV, JSON and PNG.
+A ``Comparison`` is written as Markdown, CSV, JSON and PNG.
 """
 
 import csv
@@ -16,7 +15,7 @@ from typing import Any
 
 from jaxpf import __version__
 from jaxpf.files.writing import atomic_write
-from jaxpf.papers.judging.claims import Claim, Measured
+from jaxpf.papers.judging.claims import GROUPS, RULE, Judged, Measured
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,14 +48,14 @@ Rows = list[tuple[str, Sequence[Cell | str]]]
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """One table: every row a label and a cell (or a text) per column.
+    """One table; every row has a label, and a cell or a text per column.
 
     Attributes:
         name: stem of its CSV file.
         title: one line above it, with the units.
         columns: header, the label's column first.
         rows: ``(label, cells)``.
-        note: what a reader must know of it; may be empty.
+        note: what a reader must know; may be empty.
     """
 
     name: str
@@ -83,29 +82,21 @@ class Comparison:
         tables: in the order in which they are shown.
         claims: with their verdicts.
         figures: stem of the file -> matplotlib figure.
-        notes: sentences on what was done and what to beware of.
-        settings: everything that repeats the run; JSON values.
+        notes: sentences on what was done, and its limits.
+        settings: all that is needed to repeat the run; JSON values.
     """
 
     paper: str
     title: str
     tables: Sequence[Table]
-    claims: Sequence[Claim]
+    claims: Sequence[Judged]
     figures: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     notes: Sequence[str] = ()
     settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
 
-CLAIM_COLUMNS = ("claim", "source", "published", "measured [95 %]", "ours")
-#: Fields of a claim that are written, the columns above.
-CLAIM_FIELDS = Claim._fields[: len(CLAIM_COLUMNS)]
-#: Where a written claim comes from.
-ORIGIN = ("runs", "seed", "command", "version", "date")
-
-
-def claim_rows(claims: Sequence[Claim]) -> list[list[str]]:
-    """Rows of text, to print and to write."""
-    return [[getattr(claim, field) for field in CLAIM_FIELDS] for claim in claims]
+#: Columns of ``verdicts.csv``.
+VERDICT_FIELDS = ("key", *Judged._fields[1:])
 
 
 def markdown(comparison: Comparison) -> str:
@@ -118,17 +109,27 @@ def markdown(comparison: Comparison) -> str:
         if table.note:
             lines += [table.note, ""]
     if comparison.claims:
-        lines += [
-            "## Claims",
-            "",
-            *markdown_table(CLAIM_COLUMNS, claim_rows(comparison.claims)),
-            "",
-        ]
+        lines += ["## Claims", "", RULE, "", *claims_markdown(comparison.claims)]
     for stem in comparison.figures:
         lines += [f"![{stem}]({stem}.png)", ""]
     if comparison.notes:
         lines += ["## Notes", "", *(f"- {note}" for note in comparison.notes), ""]
     return "\n".join(lines)
+
+
+def claims_markdown(claims: Sequence[Judged], level: int = 3) -> list[str]:
+    """A table of the claims of every group under a heading of a level, as lines of Markdown."""
+    lines = []
+    for group, title in GROUPS.items():
+        rows = [
+            [claim.sentence, claim.source, claim.published, each.figures, each.verdict]
+            for each in claims
+            if (claim := each.claim).group == group
+        ]
+        if rows:
+            columns = ("claim", "source", "published", "ours", "verdict")
+            lines += [f"{'#' * level} {title.capitalize()}", "", *markdown_table(columns, rows), ""]
+    return lines
 
 
 def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
@@ -141,12 +142,12 @@ def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> lis
 
 
 def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
-    """Write ``PAPER.md``, ``PAPER.json``, a CSV file per table and the figures into ``folder``.
+    """Write ``PAPER.md``, ``PAPER.json``, ``verdicts.csv``, a CSV per table and the figures.
 
     Args:
         comparison: what is written.
         folder: where to; it exists.
-        command: what repeats it; stands beside each claim, with version and date.
+        command: repeats the measurement; ``verdicts.csv`` has it, with version and date.
 
     Returns:
         The names of the files, in the order written.
@@ -166,7 +167,7 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
     for table in comparison.tables:
         text(f"{table.name}.csv", table_csv(table))
     if comparison.claims:
-        text("claims.csv", _csv([CLAIM_FIELDS + ORIGIN, *_claims_with_origin(comparison, command)]))
+        text("verdicts.csv", _csv([VERDICT_FIELDS, *_verdict_rows(comparison, command)]))
     for stem, figure in comparison.figures.items():
         plotting.save_figure(figure, folder / f"{stem}.png")
         written.append(f"{stem}.png")
@@ -175,10 +176,13 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
     return written
 
 
-def _claims_with_origin(comparison: Comparison, command: str) -> list[list[str]]:
-    asked = [str(comparison.settings.get(name, "")) for name in ORIGIN[:2]]
-    origin = [*asked, command, __version__, datetime.date.today().isoformat()]
-    return [row + origin for row in claim_rows(comparison.claims)]
+def _verdict_rows(comparison: Comparison, command: str) -> list[list[str]]:
+    today = datetime.date.today().isoformat()
+    dated = (
+        each._replace(command=command, version=__version__, date=today)
+        for each in comparison.claims
+    )
+    return [[each.claim.key, *each[1:]] for each in dated]
 
 
 def table_csv(table: Table) -> str:
@@ -204,7 +208,8 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "settings": dict(comparison.settings),
         "notes": list(comparison.notes),
         "claims": [
-            dict(zip(CLAIM_FIELDS, row, strict=True)) for row in claim_rows(comparison.claims)
+            each.claim._asdict() | each._asdict() | {"claim": each.claim.claim}
+            for each in comparison.claims
         ],
         "tables": [
             {

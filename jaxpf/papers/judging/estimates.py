@@ -1,6 +1,6 @@
-"""Figures with their intervals from what scenes gave: means, rates and differences.
+"""Figures with their intervals from what scenes gave: means, rates, ratios and differences.
 
-The scenes are the units of all intervals: what happens on one is alike.
+Scenes are the units of all intervals; on one clip alone its runs are (``trials [1, R]``).
 """
 
 import math
@@ -8,78 +8,80 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.measures.intervals import student_interval
-from jaxpf.papers.judging.claims import Measured, Quantity, cluster_interval, newcombe, student
+from jaxpf.measures.scene_intervals import paired_rates_interval, scene_interval
+from jaxpf.papers.judging.claims import Measured, Quantity
 from jaxpf.papers.judging.comparison_table import Cell
 
 
-def mean_of(values: Any, what: str = "", **claimed: Any) -> Quantity:
-    """The mean of what the scenes gave, ``[S]``; NaN is left out.
-
-    Args:
-        values: one for each scene.
-        what: for reports.
-        claimed: ``at_least``, ``at_most``.
-    """
+def mean_of(
+    values: Any,
+    what: str = "",
+    bounds: tuple[float, float] | None = None,
+) -> Quantity:
+    """The mean of the scenes' figures ``[S]``; NaN is left out.  See ``scene_interval``."""
     values = np.asarray(values, float)
-    return Quantity(what, float(student_interval(values).value), student(values), **claimed)
+    values = values[np.isfinite(values)]
+
+    def interval(level: float) -> tuple[float, float]:
+        ends = scene_interval(values, level, bounds)
+        return float(ends.lower), float(ends.upper)
+
+    value = float(values.mean()) if len(values) else math.nan
+    return Quantity(value, interval, max(len(values), 1), what)
 
 
-def ratio_of(first: Any, second: Any, what: str = "", **claimed: Any) -> Quantity:
-    """How many times one figure of the scenes, ``[S]``, is the other: the geometric mean.
+def ratio_of(first: Any, second: Any, what: str = "") -> Quantity:
+    """The geometric mean of the scenes' ratios ``[S]``, first over second.
 
-    A mean of ratios is above one for either way to divide.  Scenes where one is not finite or not
-    above 0 are left out.
+    Their plain mean is above 1 whichever figure is divided by the other.  Scenes in which one is
+    not finite or not above 0 are left out.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        logarithms = np.log(np.asarray(first, float) / np.asarray(second, float))
-    found = mean_of(logarithms[np.isfinite(logarithms)])
-    interval = found.interval
+        logarithms = mean_of(np.log(np.asarray(first, float) / np.asarray(second, float)))
 
-    def of_ratio(level: float) -> tuple[float, float]:
-        low, high = interval(level)
+    def interval(level: float) -> tuple[float, float]:
+        low, high = logarithms.interval(level)
         return math.exp(low), math.exp(high)
 
-    return Quantity(what, math.exp(found.value), of_ratio, **claimed)
+    return logarithms._replace(value=math.exp(logarithms.value), interval=interval, what=what)
 
 
-def rate_of(rates: Any, trials: int, what: str = "", **claimed: Any) -> Quantity:
-    """A percentage from the scenes' rates ``[S]``, 0 to 1, of so many trials each, but for NaN."""
-    rates = np.asarray(rates, float)
-    rates = rates[np.isfinite(rates)]
-    if not len(rates):
-        return mean_of(rates, what, **claimed)
-    return Quantity(what, 100 * float(rates.mean()), cluster_interval(rates, trials), **claimed)
+def rate_of(rates: Any, what: str = "") -> Quantity:
+    """The mean of the scenes' rates ``[S]``, 0 to 1, in per cent."""
+    return mean_of(100 * np.asarray(rates, float), what, (0.0, 100.0))
 
 
-def share_of(trials: Any, what: str = "", **claimed: Any) -> Quantity:
+def share_of(trials: Any, what: str = "") -> Quantity:
     """The percentage of trials ``[S, trials]`` bool that succeeded."""
-    trials = np.asarray(trials)
-    return rate_of(trials.mean(axis=1), trials.shape[1], what, **claimed)
+    return rate_of(_by_unit(trials), what)
 
 
-def gap_of(first: Any, second: Any, what: str = "", **claimed: Any) -> Quantity:
-    """The difference of two percentages of trials ``[S, trials]``, scene by scene, in points.
+def gap_of(first: Any, second: Any, what: str = "", chosen_among: int = 1) -> Quantity:
+    """The difference of two percentages of trials ``[S, trials]`` on the same scenes, in points."""
+    rates = _by_unit(first), _by_unit(second)
 
-    Where all scenes differ alike nothing is seen of their variance: then each is one trial.
-    """
-    first, second = np.asarray(first, float), np.asarray(second, float)
-    by_scene = 100 * (first.mean(axis=1) - second.mean(axis=1))
-    if np.ptp(by_scene) > 0:
-        return mean_of(by_scene, what, **claimed)
-    number = len(by_scene)
-    rates = float(first.mean()) * number, float(second.mean()) * number
-    return Quantity(what, float(by_scene[0]), newcombe(rates, (number, number)), **claimed)
+    def interval(level: float) -> tuple[float, float]:
+        ends = paired_rates_interval(*rates, level)
+        return 100 * float(ends.lower), 100 * float(ends.upper)
+
+    value = 100 * float(rates[0].mean() - rates[1].mean()) if len(rates[0]) else math.nan
+    return Quantity(value, interval, max(len(rates[0]), 1), what, chosen_among)
+
+
+def _by_unit(trials: Any) -> np.ndarray:
+    """The scenes' rates ``[S]``; of a single scene, its runs."""
+    trials = np.asarray(trials, float)
+    return trials[0] if len(trials) == 1 else trials.mean(axis=1)
 
 
 def mean_cell(values: Any, digits: int = 0, published: float | None = None) -> Cell:
-    """The mean of what the scenes gave, ``[S]``, beside the published figure."""
+    """The mean of the scenes' figures ``[S]`` beside the published one."""
     return Cell(published, mean_of(values).measured(), digits)
 
 
-def rate_cell(rates: Any, trials: int, published: float | None = None) -> Cell:
-    """A percentage from the scenes' rates ``[S]`` beside the published one."""
-    return Cell(published, rate_of(rates, trials).measured())
+def rate_cell(rates: Any, published: float | None = None) -> Cell:
+    """A percentage from the scenes' rates ``[S]``, 0 to 1, beside the published one."""
+    return Cell(published, rate_of(rates).measured())
 
 
 def share_cell(trials: Any, published: float | None = None) -> Cell:

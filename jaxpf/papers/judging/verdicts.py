@@ -1,54 +1,111 @@
-"""The stored verdicts on the papers' claims, and the claims that have none.
+"""The stored verdicts on the papers' claims, and how verdicts are printed.
 
-Each paper's folder holds ``verdicts.csv``, the ``claims.csv`` of a run of ``jaxpf reproduce`` with
-the command that repeats it, and ``not_judged.csv``: what else the paper claims, and why no verdict
-is given.
+Each paper's folder holds ``verdicts.csv``, which ``jaxpf reproduce`` writes, beside ``claims.csv``,
+and ``not_judged.csv``: what else the paper claims, and why it has no verdict.
 """
 
-import csv
-from collections.abc import Sequence
-from pathlib import Path
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
 
-_PAPERS = Path(__file__).parents[1]
+from jaxpf.papers.judging.claims import (
+    CONTRADICTED,
+    GROUPS,
+    OPEN,
+    SUPPORTED,
+    Judged,
+    claims_of,
+    read_rows,
+)
+
+COLUMNS = ("claim", "published", "ours", "verdict")
+#: Characters of each column; with a space between them at most 100 in all.
+_WIDTHS = (44, 16, 25, 12)
 
 
-def stored(paper: str) -> list[dict[str, str]]:
-    """A paper's claims with their verdicts and where these come from, column -> text."""
-    return _rows(paper, "verdicts.csv")
+def stored(paper: str) -> list[Judged]:
+    """A paper's claims with their stored verdicts."""
+    claims = claims_of(paper)
+    return [
+        Judged(claims[row["key"]], **{name: row[name] for name in Judged._fields[1:]})
+        for row in read_rows(paper, "verdicts.csv")
+    ]
 
 
 def not_judged(paper: str) -> list[dict[str, str]]:
     """A paper's claims without a verdict: ``claim``, ``source`` and ``reason``."""
-    return _rows(paper, "not_judged.csv")
+    return list(read_rows(paper, "not_judged.csv"))
 
 
-def counted(claims: Sequence[dict[str, str]]) -> dict[str, int]:
-    """Verdict -> number of claims, in the order in which verdicts are told."""
-    from jaxpf.papers.judging.claims import CANNOT_RESOLVE, CONTRADICTS, EQUAL, SUPPORTS
-
-    found = [claim["verdict"] for claim in claims]
-    return {each: found.count(each) for each in (SUPPORTS, EQUAL, CONTRADICTS, CANNOT_RESOLVE)}
+def of_group(judged: Iterable[Judged], group: str) -> list[Judged]:
+    """The claims of one of ``GROUPS``."""
+    return [each for each in judged if each.claim.group == group]
 
 
-def overview(papers: Sequence[str]) -> tuple[list[str], list[list[str]]]:
-    """Columns and rows of a table: how many claims of each paper have which verdict."""
-    counts = {paper: counted(stored(paper)) for paper in papers}
-    columns = ["claims of", *next(iter(counts.values())), "not judged"]
-    rows = [
-        [paper, *map(str, each.values()), str(len(not_judged(paper)))]
-        for paper, each in counts.items()
+def summary(paper: str, judged: Sequence[Judged]) -> str:
+    """How many of the paper's own claims hold: "smith2004: 10 of 13 hold, 1 does not, 2 open"."""
+    own = [each.verdict for each in of_group(judged, "paper")]
+    hold, not_, open_ = (own.count(verdict) for verdict in (SUPPORTED, CONTRADICTED, OPEN))
+    negation = "does" if not_ == 1 else "do"
+    return f"{paper}: {hold} of {len(own)} hold, {not_} {negation} not, {open_} open"
+
+
+def origin(judged: Sequence[Judged]) -> str:
+    """What most of the paper's own claims rest on: scenes, level, date and rule."""
+    texts = [
+        ", ".join(filter(None, (each.units, f"{each.level} % intervals", each.date, each.rule)))
+        for each in of_group(judged, "paper")
+        if each.units != "computed"
     ]
-    return columns, rows
+    most = max(texts, key=texts.count, default="computed")
+    others = len(texts) - texts.count(most)
+    return f"{most}; {others} row{'s' * (others > 1)} otherwise" if others else most
 
 
-def origin(claim: dict[str, str]) -> str:
-    """What a stored claim's figures come from, beside the command that repeats them."""
-    return f"{claim['runs']} runs, jaxpf {claim['version']}, {claim['date']}"
+def lines(judged: Sequence[Judged], details: bool = False) -> Iterator[str]:
+    """The claims as lines of at most 100 characters.
+
+    Args:
+        judged: with their verdicts.
+        details: under each line the whole sentence, its source and all figures.
+    """
+    for each in judged:
+        cells = each.claim.claim, each.claim.published, each.ours, each.verdict
+        yield _line(cells)
+        if details:
+            yield from textwrap.wrap(detail(each), 98, initial_indent="  ", subsequent_indent="  ")
 
 
-def _rows(paper: str, name: str) -> list[dict[str, str]]:
-    path = _PAPERS / paper / name
-    if not path.exists():
-        return []
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
+def _line(cells: Sequence[str]) -> str:
+    padded = (f"{cell:<{width}}" for cell, width in zip(cells, _WIDTHS, strict=True))
+    return " ".join(padded).rstrip()
+
+
+def detail(judged: Judged) -> str:
+    """The sentence behind a line: the claim, its source, every figure, and what to beware of."""
+    claim, units = judged.claim, judged.units
+    if units != "computed":
+        units += f", {judged.level} %"
+    notes = [each[0].upper() + each[1:] for each in (judged.remark, judged.rule) if each]
+    ours = f"Ours: {judged.figures} ({units})"
+    return ".  ".join([f"{claim.sentence[:-1]} ({claim.source})", ours, *notes]) + "."
+
+
+def report(paper: str, judged: Sequence[Judged], details: bool = False) -> Iterator[str]:
+    """All lines on a paper: its own claims; with ``details`` all others and those not judged."""
+    yield summary(paper, judged)
+    if not judged:
+        return
+    yield f"({origin(judged)})"
+    yield _line(COLUMNS)
+    yield from lines(of_group(judged, "paper"), details)
+    if not details:
+        return
+    for group, title in list(GROUPS.items())[1:]:
+        if others := of_group(judged, group):
+            yield f"\n{paper}, {title}:"
+            yield from lines(others, details)
+    if left := not_judged(paper):
+        yield f"\n{paper}, not judged:"
+        for row in left:
+            text = f"- {row['claim']} ({row['source']}): {row['reason']}"
+            yield from textwrap.wrap(text, 98, subsequent_indent="  ")

@@ -6,26 +6,25 @@ from typing import Any
 import numpy as np
 
 from jaxpf.media import plotting
-from jaxpf.papers.judging.estimates import mean_of
-from jaxpf.papers.maccormick1999 import published, toy
-from jaxpf.papers.maccormick1999.measure import Found
+from jaxpf.papers.judging.estimates import mean_of, share_of
+from jaxpf.papers.maccormick1999 import toy
+from jaxpf.papers.maccormick1999.measure import Measurement
 from jaxpf.papers.maccormick1999.one_line import likelihood
 from jaxpf.papers.maccormick1999.passing import AS_MANY, ENOUGH, FAILING, PARTITIONED, Passing
 from jaxpf.papers.maccormick1999.published import FEATURES
-from jaxpf.papers.maccormick1999.tables import rate_of
 from jaxpf.papers.maccormick1999.tracking import REDRAWN
 
 
-def figures(found: Found) -> dict[str, Any]:
+def figures(measured: Measurement) -> dict[str, Any]:
     """All figures by the stem of their files."""
     return {
         "figure_3": line_figure(),
-        "figures_9_10": toy_figure(found.toy),
-        "figure_11": ess_figure(found.leaves),
-        "figure_12": success_figure(found.leaves),
-        **{f"figure_4_{meeting.name}": meeting_figure(meeting) for meeting in found.meetings},
-        "figure_7": passing_figure(found.leaves, (PARTITIONED, AS_MANY, FAILING, ENOUGH)),
-        "figures_1_6": passing_figure(found.walkers),
+        "figures_9_10": toy_figure(measured.toy),
+        "figure_11": ess_figure(measured.figure_11),
+        "figure_12": success_figure(measured.figure_11),
+        **{f"figure_4_{meeting.name}": meeting_figure(meeting) for meeting in measured.meetings},
+        "figure_7": passing_figure(measured.leaves, (PARTITIONED, AS_MANY, FAILING, ENOUGH)),
+        "figures_1_6": passing_figure(measured.walkers),
     }
 
 
@@ -49,8 +48,8 @@ def line_figure() -> Any:
 def toy_figure(steps: Mapping[str, Sequence[toy.Step]]) -> Any:
     """All steps of both figures, of one run, y in black and grey."""
     drawing, axes = plotting.new_figure(2, 4, figsize=(16, 8.4))
-    for row, (method, found) in zip(axes, steps.items(), strict=True):
-        for axis, step in zip(row, found, strict=True):
+    for row, (method, shown) in zip(axes, steps.items(), strict=True):
+        for axis, step in zip(row, shown, strict=True):
             weights, labels = step.weights[0], step.labels[0]
             axis.scatter(
                 *step.substates[0].T, s=1000 * weights, facecolors="none", linewidths=1.2,
@@ -75,18 +74,14 @@ def ess_figure(leaves: Passing) -> Any:
     drawing, axes = plotting.new_figure(1, 1, figsize=(8, 4.6))
     (axis,) = axes[0]
     for name, colour in zip((PARTITIONED, AS_MANY), plotting.colours(2), strict=True):
-        found = np.array([mean_of(each).measured() for each in leaves.ess_by_frame(name).T])
-        values, lows, highs = found.T
-        frames = np.arange(1, len(found) + 1)
+        curve = np.array([mean_of(each).measured() for each in leaves.ess_by_frame(name).T])
+        values, lows, highs = curve.T
+        frames = np.arange(1, len(curve) + 1)
         axis.plot(frames, values, color=colour, label=f"{name} ({_sequences(leaves, name)})")
         axis.fill_between(frames, lows, highs, color=colour, alpha=0.2, lw=0)
-    axis.axvline(published.FIRST_FRAMES, color="gray", ls=":", lw=1)
     axis.set(xlabel="frame", ylabel="effective sample size", ylim=(0, None))
     axis.legend()
-    drawing.suptitle(
-        f"Figure 11 repeated on leaves: the paper averages {published.FIRST_FRAMES} frames, those "
-        "left of the dotted line", fontsize=10,
-    )  # fmt: skip
+    drawing.suptitle("Figure 11 repeated on leaves, every line in full", fontsize=10)
     return drawing
 
 
@@ -103,7 +98,7 @@ def success_figure(leaves: Passing) -> Any:
         ]
         names.sort(key=lambda name: leaves.methods[name].num_particles)
         numbers = [leaves.methods[name].num_particles for name in names]
-        rates = [rate_of(leaves.kept(name)).measured() for name in names]
+        rates = [share_of(leaves.kept(name)).measured() for name in names]
         values, lows, highs = np.array(rates).T
         reach = np.maximum([values - lows, highs - values], 0)
         axis.errorbar(numbers, values, reach, color=colour, marker="o", capsize=3, label=label)

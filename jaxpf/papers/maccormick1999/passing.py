@@ -24,7 +24,7 @@ class Method(NamedTuple):
         exclusion: of its likelihood.
         ordering: ``"ps"``, or ``"sir"``: ordinary Condensation.
         num_particles: N.
-        one_in: it tracks one of so many sequences, the first ones: dear filters see fewer.
+        one_in: it tracks the first 1 / one_in of the sequences; slow filters track fewer.
         flip: see ``tracker_of``.
     """
 
@@ -49,32 +49,36 @@ FAILING, ENOUGH = (
 LEAVES = {
     PARTITIONED: Method("opaque", "ps", published.LEAF_PARTICLES),
     PARTITIONED + PUBLISHED_FLIP: Method(
-        "opaque", "ps", published.LEAF_PARTICLES, 5, published.DELTA
+        "opaque", "ps", published.LEAF_PARTICLES, 2, published.DELTA
     ),
     "PS, 100": Method("opaque", "ps", 100, 5),
     "PS, 300": Method("opaque", "ps", 300, 5),
     "SIR, 100": Method("opaque", "sir", 100, 5),
     "SIR, 300": Method("opaque", "sir", 300, 5),
     AS_MANY: Method("opaque", "sir", published.LEAF_PARTICLES, 5),
-    FAILING: Method("opaque", "sir", published.LEAF_PARTICLES_FAILING, 5),
-    ENOUGH: Method("opaque", "sir", published.LEAF_PARTICLES_ENOUGH, 5),
+    FAILING: Method("opaque", "sir", published.LEAF_PARTICLES_FAILING, 2),
+    ENOUGH: Method("opaque", "sir", published.LEAF_PARTICLES_ENOUGH, 2),
+}
+FIGURE_11 = {
+    PARTITIONED: LEAVES[PARTITIONED],
+    AS_MANY: LEAVES[AS_MANY]._replace(one_in=1),
 }
 OCCLUSION, INDEPENDENT = "occlusion", "independent"
 WALKERS = {
     OCCLUSION: Method("opaque", "ps", published.WALKER_PARTICLES),
-    INDEPENDENT: Method("none", "ps", published.WALKER_PARTICLES, 5),
-    OCCLUSION + CONDENSATION: Method("opaque", "sir", published.WALKER_PARTICLES, 5),
+    INDEPENDENT: Method("none", "ps", published.WALKER_PARTICLES, 2),
+    OCCLUSION + CONDENSATION: Method("opaque", "sir", published.WALKER_PARTICLES, 2),
     INDEPENDENT + CONDENSATION: Method("none", "sir", published.WALKER_PARTICLES, 10),
 }
 
 
 def likelihoods(num_particles: int, condensation: bool = False) -> dict[str, Method]:
     """With exclusion and without, by partitioned sampling, and by Condensation if asked for."""
-    found = {name: Method(kind, "ps", num_particles) for name, kind in LIKELIHOODS.items()}
+    methods = {name: Method(kind, "ps", num_particles) for name, kind in LIKELIHOODS.items()}
     if condensation:
         for name, kind in LIKELIHOODS.items():
-            found[name + CONDENSATION] = Method(kind, "sir", num_particles)
-    return found
+            methods[name + CONDENSATION] = Method(kind, "sir", num_particles)
+    return methods
 
 
 class Passing(NamedTuple):
@@ -109,18 +113,12 @@ class Passing(NamedTuple):
 
     def labels_right(self, method: str) -> np.ndarray:
         """``[cases]``: share of the frames with much overlap in which the label is likely right."""
-        found = []
+        shares = []
         for case, outcome in self._of(method):
             of_front = outcome.in_front if case.farther == 1 else 1 - outcome.in_front
             of_front = of_front[:, case.hidden > MUCH_HIDDEN]
-            found.append(np.mean(np.where(np.isnan(of_front), np.nan, of_front > 0.5)))
-        return np.array(found)
-
-    @property
-    def frames_judged(self) -> int:
-        """Frames of a sequence in which labels are judged, the mean over all."""
-        much = [np.sum(case.hidden > MUCH_HIDDEN) for case in self.cases]
-        return max(round(float(np.mean(much))), 1)
+            shares.append(np.mean(np.where(np.isnan(of_front), np.nan, of_front > 0.5)))
+        return np.array(shares)
 
     def ess(self, method: str) -> np.ndarray:
         """``[cases]``, mean over the runs and the first frames."""
@@ -149,19 +147,19 @@ class Passing(NamedTuple):
 
     def _spreads(self, method: str) -> np.ndarray:
         """``[3, cases]``: just before the occlusion, at its height, and some frames after it."""
-        found = []
+        spreads = []
         for case, outcome in self._of(method):
             spread = outcome.spread[outcome.kept][:, :, case.farther]  # [kept, T]
             if not len(spread):
-                found.append([np.nan] * 3)
+                spreads.append([np.nan] * 3)
                 continue
             spread, hidden = spread.mean(axis=0), case.hidden
             covered = np.flatnonzero(hidden > 0)
             first, after = max(covered[0], 1), spread[covered[-1] + 1 :][_AFTER]
             before = spread[max(first - _BEFORE, 0) : first].mean()
             height = spread[hidden > 0.5 * hidden.max()].mean()
-            found.append([before, height, after.mean() if len(after) else np.nan])
-        return np.array(found).T
+            spreads.append([before, height, after.mean() if len(after) else np.nan])
+        return np.array(spreads).T
 
     def _of(self, method: str) -> Iterator[tuple[Case, Outcome]]:
         return zip(self.cases, self.outcomes[method], strict=False)
@@ -176,7 +174,7 @@ def measure(
 ) -> Passing:
     """Track cases ``runs`` times by each method; their runs follow their seeds."""
     kept: list[Case] = []
-    # Two at least: one tells nothing of how sequences differ.
+    # At least two, for an interval.
     least = min(len(seeds), 2)
     last = {name: max(len(seeds) // method.one_in, least) for name, method in methods.items()}
     tracked = [[name for name in methods if number < last[name]] for number in range(len(seeds))]
@@ -191,10 +189,10 @@ def measure(
                 name = "-".join(map(str, (case.name, *method[:3], method.flip, seed, runs)))
                 yield name, partial(_outcome, case, method, runs, seed)
 
-    found = each(parts())
+    measured = each(parts())
     for done, names in enumerate(tracked, start=1):
         for name in names:
-            outcomes[name].append(Outcome(**next(found)))
+            outcomes[name].append(Outcome(**next(measured)))
         report(f"  {kept[done - 1].name}: sequence {done} of {len(seeds)} done")
     return Passing(kept, outcomes, methods)
 

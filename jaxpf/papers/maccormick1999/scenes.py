@@ -17,6 +17,7 @@ from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.dynamics.learned import fit
 from jaxpf.evaluation.opening import load_scene
 from jaxpf.likelihoods.contours import EdgeDetector, learn_clutter
+from jaxpf.papers.maccormick1999 import published
 from jaxpf.papers.paper import clip_folder
 from jaxpf.shapes.bending import bending_space
 from jaxpf.shapes.spaces import key_frame_space, space_of
@@ -28,28 +29,19 @@ CLIP, OTHER_CLIP = "worm_crossing", "worm_crossing_long"
 LEARNED_FRAMES = 41
 #: Frames of the clip that are tracked: the worms meet, cross and are clear of each other again.
 TRACKED_FRAMES = 70
-#: What each line across a wire counts, of 32, and of 16 across a worm; chosen on seeds that are not
-#: reported.  Where lines count in full the effective sample size of 300 particles is 2 or 3, and a
-#: fifth of the runs lose a wire, a quarter a worm.
+#: ``settings.csv`` says how the following were chosen.  Independent lines that each line across a
+#: wire or leaf counts as, of 32, and each of 16 across a worm.
 _INDEPENDENCE, _INDEPENDENCE_OF_WORMS = 0.3, 0.2
-#: How many times the noise is taken with which other sequences' motion fits the truth, by the
-#: likelihood's exclusion; chosen by ``calibration``.  Wires move smoothly, and so their noise is
-#: too small to find the speed that no start tells.
+#: Exclusion of the likelihood -> factor on the noise with which other sequences' motion fits the
+#: truth.  Wires and leaves start without a known speed, which takes more noise to find.
 NOISE_OF_WIRES: Mapping[str, float] = {"wires": 4.0, "none": 3.0}
-#: Likewise of leaves, whose starts tell no speed either.
 NOISE_OF_LEAVES: Mapping[str, float] = {"opaque": 3.0}
-#: Noise of a walker's shape per frame, in standard deviations of the examples; chosen on seeds that
-#: are not reported.  A pixel for every component is several of the smaller ones', and a hidden
-#: outline shrinks to a strip.
-_SHAPE_NOISE = 0.2
-#: Share of its motion and of its bending that a worm keeps from frame to frame.  Marks jitter, by
-#: which a share that is learned is too low; they are smoothed over so many frames before what is
-#: left of them is learned as noise.
-_MOMENTUM_OF_WORMS, _SMOOTHED_OVER = 0.9, 9
-#: How many times that noise is taken; chosen on ``CLIP``, where of 20 runs with exclusion 20, 20
-#: and 18 keep both with 3, 4 and 5 times (and 3 holds them in most frames), and of 20 without it
-#: 14, 15 and 17 with 2, 3 and 4.
 NOISE_OF_WORMS: Mapping[str, float] = {"wires": 3.0, "none": 4.0}
+#: Noise of a walker's shape per frame, in standard deviations of the examples.
+_SHAPE_NOISE = 0.2
+#: Share of its motion and of its bending that a worm keeps from frame to frame, and the number of
+#: frames over which its jittering marks are smoothed before the rest is learned as noise.
+_MOMENTUM_OF_WORMS, _SMOOTHED_OVER = 0.9, 9
 #: Points at which outlines are compared.
 _POINTS = 32
 _SEED_TO_LEARN_FROM = 10_000
@@ -66,8 +58,7 @@ class Case(NamedTuple):
         space: of the substates.
         dynamics: how they move.
         options: of ``jaxpf.likelihoods.contours``, exclusion apart.
-        on_target: a contour is on its target if it lies within so many pixels of its outline, on
-            average.
+        on_target: largest mean distance in pixels at which a contour is on its target.
         hidden: ``[T]``, share of the farther of two opaque targets that is hidden.
         farther: which of the two that is.
         noise: exclusion -> how many times the noise of the dynamics is taken, where not once.
@@ -109,6 +100,18 @@ def leaves(seed: int, num_frames: int = 60) -> Case:
     return case._replace(noise=NOISE_OF_LEAVES)
 
 
+def leaves_of_figure_11(seed: int) -> Case:
+    """The frames of ``leaves`` that figure 11 averages; every line counts in full, as there."""
+    case, frames = leaves(seed), slice(published.FIRST_FRAMES)
+    return case._replace(
+        name="leaves-figure-11",
+        frames=case.frames[frames],
+        truth=case.truth[frames],
+        hidden=case.hidden[frames],
+        options=case.options | {"independence": 1.0},
+    )
+
+
 def walkers(seed: int, num_frames: int = 60) -> Case:
     """Two heads and shoulders that pass each other, in 8 + 8 dimensions."""
     scene = load_scene("walkers", seed, parameters={"num_frames": num_frames})
@@ -128,13 +131,16 @@ def walkers(seed: int, num_frames: int = 60) -> Case:
 def worms(data: Path, clip: str = CLIP) -> Case:
     """Two filmed worms that cross, as wires both of whose edges are seen.
 
+    Shapes, motion and clutter are learned from the first frames.  A worm bends, to either side and
+    whichever way it lies, and keeps its length.
+
     Raises:
         InputError: the clip is missing.
     """
-    return case_of_worms(clip, *read_worms(data, clip, LEARNED_FRAMES + TRACKED_FRAMES))
+    return _case_of_worms(clip, *_read_worms(data, clip, LEARNED_FRAMES + TRACKED_FRAMES))
 
 
-def read_worms(data: Path, clip: str, num_frames: int | None) -> tuple[np.ndarray, np.ndarray]:
+def _read_worms(data: Path, clip: str, num_frames: int) -> tuple[np.ndarray, np.ndarray]:
     """A clip's first frames ``[T, H, W, 3]`` and the worms' middle lines ``[T, 2, S, 2]`` in them.
 
     Raises:
@@ -153,12 +159,7 @@ def read_worms(data: Path, clip: str, num_frames: int | None) -> tuple[np.ndarra
     return frames, lines
 
 
-def case_of_worms(name: str, frames: np.ndarray, lines: np.ndarray) -> Case:
-    """Worms in frames and with middle lines as ``read_worms`` has them.
-
-    Shapes, motion and clutter are learned from the first frames.  A worm bends, to either side and
-    whichever way it lies, and keeps its length.
-    """
+def _case_of_worms(name: str, frames: np.ndarray, lines: np.ndarray) -> Case:
     from scipy.signal import savgol_filter
 
     num_points = 12

@@ -1,51 +1,29 @@
-"""Where contours end, how large the effective samples are, and what look-ahead is worth."""
-
-from collections.abc import Mapping
-from typing import Any
+"""Where contours end, and how large the effective samples are."""
 
 import numpy as np
 
 from jaxpf.papers.judging import estimates
-from jaxpf.papers.judging.claims import Quantity, wilson
+from jaxpf.papers.judging.claims import Quantity
 from jaxpf.papers.judging.comparison_table import Cell, Table
-from jaxpf.papers.judging.estimates import mean_cell, only, ratio_of, share_of
+from jaxpf.papers.judging.estimates import mean_cell, ratio_of, share_cell
 from jaxpf.papers.maccormick1999 import published
-from jaxpf.papers.maccormick1999.look_ahead import PLAIN, Weighting
-from jaxpf.papers.maccormick1999.measure import Found
+from jaxpf.papers.maccormick1999.measure import Measurement
 from jaxpf.papers.maccormick1999.passing import EXCLUSIVE, MUCH_HIDDEN, Passing
 
 
-def tables(found: Found) -> list[Table]:
+def tables(measured: Measurement) -> list[Table]:
     """All of them, in the order in which they are shown."""
-    wires, *worms = found.meetings
     return [
-        meeting_table(wires),
-        look_ahead_table(wires.name, found.ahead),
-        *map(meeting_table, worms),
-        passing_table(found.leaves),
-        passing_table(found.walkers),
+        *map(meeting_table, measured.meetings),
+        passing_table(measured.leaves),
+        passing_table(measured.walkers),
+        ess_table(measured.figure_11),
     ]
 
 
-def rate_of(values: np.ndarray, what: str = "", **claimed: Any) -> Quantity:
-    """Percentage of ``[cases, runs]`` bool; on one sequence the runs are the units."""
-    if len(values) > 1:
-        return share_of(values, what, **claimed)
-    interval = wilson(values.sum(), values.size)
-    return Quantity(what, 100 * float(values.mean()), interval, **claimed)
-
-
-def rate_of_labels(passing: Passing, method: str, **claimed: Any) -> Quantity:
-    """Percentage of the frames with much overlap in which the label says who is in front.
-
-    Frames of a sequence resemble each other, as runs do.
-    """
-    rates = passing.labels_right(method)
-    return estimates.rate_of(rates, passing.frames_judged, **claimed)
-
-
-def _rate_cell(values: np.ndarray) -> Cell:
-    return Cell(None, rate_of(values).measured())
+def rate_of_labels(passing: Passing, method: str) -> Quantity:
+    """Percentage of the frames with much overlap in which the label says who is in front."""
+    return estimates.rate_of(passing.labels_right(method))
 
 
 def meeting_table(meeting: Passing) -> Table:
@@ -61,7 +39,7 @@ def meeting_table(meeting: Passing) -> Table:
             (
                 name,
                 [
-                    _rate_cell(ends(name))
+                    share_cell(ends(name))
                     for ends in (meeting.kept, meeting.coalesced, meeting.swapped)
                 ],
             )
@@ -97,7 +75,7 @@ def passing_table(passing: Passing) -> Table:
                     str(methods[name].num_particles),
                     str(len(passing.outcomes[name])),
                     *(
-                        _rate_cell(ends(name))
+                        share_cell(ends(name))
                         for ends in (passing.kept, passing.coalesced, passing.swapped)
                     ),
                     _label_cell(passing, name),
@@ -123,30 +101,14 @@ def _label_cell(passing: Passing, method: str) -> Cell | str:
     return Cell(None, rate_of_labels(passing, method).measured())
 
 
-def look_ahead_table(name: str, found: Mapping[str, Weighting]) -> Table:
-    """How much the evidence varies between runs, and who is kept."""
-    plain = found[PLAIN]
-    variances = {way: one.log_evidence.var(axis=1, ddof=1) for way, one in found.items()}
-    groups, runs = plain.kept.shape
+def ess_table(passing: Passing) -> Table:
+    """Figure 11: effective sample sizes before the leaves overlap."""
     return Table(
-        f"look_ahead_{name}",
-        f"Beyond the paper: look-ahead weighting on {name}, {groups} groups of {runs} runs",
-        ["", "N", "time / plain", "sd of log evidence", "its variance / plain's", "both kept (%)"],
-        [
-            (
-                way,
-                [
-                    str(one.particles),
-                    f"{one.seconds / plain.seconds:.2f}",
-                    Cell(None, only(np.sqrt(variances[way].mean())), 2),
-                    _ratio_cell(variances[way], variances[PLAIN]),
-                    _rate_cell(one.kept),
-                ],
-            )
-            for way, one in found.items()
-        ],
-        "Exclusion, partitioned sampling.  The ratio of variances is the geometric mean over the "
-        "groups, whose runs are of one sequence.",
+        "figure_11",
+        f"Figure 11: effective sample size, mean over {published.FIRST_FRAMES} frames",
+        ["method", "effective sample size"],
+        [(name, [mean_cell(passing.ess(name), 1)]) for name in passing.methods],
+        f"{len(passing.cases)} sequences of leaves; every measurement line counts in full.",
     )
 
 

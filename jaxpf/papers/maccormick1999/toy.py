@@ -13,6 +13,7 @@ import numpy as np
 from jaxpf import ordering as orderings
 from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.filters.partitioned import ending, kernel
+from jaxpf.filters.partitioned.carry import Shared
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods import Gaussian
 
@@ -68,12 +69,12 @@ def tracker_of(method: str) -> Partitioned:
 def steps(seed: int) -> dict[str, list[Step]]:
     """Method -> the ``STEPS`` of one frame."""
     keys = jax.random.split(jax.random.key(seed), _RUNS)
-    found = {}
+    by_method = {}
     for method in (CONVENTIONAL, BRANCHED):
         tracker = tracker_of(method)
         stages = jax.jit(jax.vmap(partial(frame, tracker)))(keys)
-        found[method] = [_step(*each) for each in zip(STEPS[method], stages, strict=True)]
-    return found
+        by_method[method] = [_step(*each) for each in zip(STEPS[method], stages, strict=True)]
+    return by_method
 
 
 def frame(tracker: Partitioned, key: jax.Array) -> list[tuple[jax.Array, ...]]:
@@ -86,32 +87,32 @@ def frame(tracker: Partitioned, key: jax.Array) -> list[tuple[jax.Array, ...]]:
     observation = tracker.observe(jnp.asarray(TARGET).reshape(2, 1))
     begin_key, stages_key = jax.random.split(step_key)
     state, components, carry = kernel.begin(tracker, begin_key, prior)
-    shared = kernel.Shared(tracker, state, observation, components, None)
+    shared = Shared(tracker, state, observation, components, tracker.motion)
 
     def shown(state) -> tuple[jax.Array, ...]:
         labels = jnp.zeros(PARTICLES, jnp.int32) if state.label is None else state.label
         return state.lagged[0, 0], state.log_weights, labels
 
-    found = [shown(prior)]
+    recorded = [shown(prior)]
     for stage in map(jnp.asarray, range(2)):
-        is_first, at_stage = len(found) == 1, jax.random.fold_in(stages_key, stage)
+        is_first, at_stage = len(recorded) == 1, jax.random.fold_in(stages_key, stage)
         move, select, exchange, weigh = jax.random.split(at_stage, 4)
         before, drawn = carry, kernel.move(shared, move, stage, carry)
         carry = kernel.weigh(shared, weigh, stage, carry, drawn)
         if is_first:
             # As it moved, with the weight it had.
             moved = carry._replace(log_weights=before.log_weights)
-            found.append(_whole(shared, stage, moved))
+            recorded.append(_whole(shared, stage, moved))
         chosen = partial(kernel.select, shared, select, stage, before.log_weights)
         carry = kernel.exchange(shared, exchange, stage, carry, chosen)
         if is_first:
-            found.append(_whole(shared, stage, carry))
+            recorded.append(_whole(shared, stage, carry))
     label_key = jax.random.fold_in(stages_key, 2)
-    found.append(shown(ending.finish(tracker, label_key, observation, components, carry)[0]))
-    return found
+    recorded.append(shown(ending.finish(tracker, label_key, observation, components, carry)[0]))
+    return recorded
 
 
-def _whole(shared: kernel.Shared, stage: jax.Array, carry: Any) -> tuple[jax.Array, ...]:
+def _whole(shared: Shared, stage: jax.Array, carry: Any) -> tuple[jax.Array, ...]:
     """All targets after a stage: who has not moved yet is where it was."""
     ordering, last = shared.tracker.ordering, shared.state.lagged[0, 0]  # [P, N]
     partition = ordering.order[shared.components.index].T  # [P, N], of every row
@@ -129,8 +130,8 @@ def _prior(key: jax.Array) -> jax.Array:
     return _PRIOR * jax.random.normal(key, (2, 1))
 
 
-def _step(name: str, found: tuple[Any, ...]) -> Step:
-    substates, log_weights, labels = found
+def _step(name: str, recorded: tuple[Any, ...]) -> Step:
+    substates, log_weights, labels = recorded
     weights = np.exp(np.asarray(log_weights, float))
     weights /= weights.sum(axis=1, keepdims=True)
     return Step(name, np.moveaxis(np.asarray(substates), 1, 2), weights, np.asarray(labels))

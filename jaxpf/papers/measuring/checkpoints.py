@@ -1,10 +1,9 @@
-"""Parts of a long experiment, which are not measured again when it goes on after a stop.
+"""Parts of a long experiment, which are kept on disk so that it can resume.
 
-An experiment names what it measures, ``part("fish-3", measure)``; the command line says where parts
-are kept, ``with keeping(folder, settings)``.  Without that they are measured, and nothing is kept.
-
-Parts that do not need one another are measured by ``each``, which the workers of an executor share
-``with sharing(executor)``.  What is timed is measured here, one after another.
+An experiment names each part, ``part("fish-3", measure)``; the command line says where they are
+kept, ``with keeping(folder, settings)``.  Outside of such a block nothing is kept.  Parts that do
+not depend on one another are measured by ``each``, which shares them among the workers of an
+executor (``with sharing(executor)``) and yields them in order.
 """
 
 import contextlib
@@ -24,10 +23,10 @@ from jaxpf.evaluation.work.schedule import double_precision
 from jaxpf.files.store import Damaged, Store
 from jaxpf.files.writing import report_os_errors
 
-#: Folder of parts within the output folder; it goes when all is written.
+#: Folder of parts within the output folder; removed when all is written.
 NAME = "parts"
 
-#: Function that gives what is measured: arrays by name, or mappings of such.
+#: Function that measures a part: arrays by name, or nested mappings of them.
 Measure = Callable[[], Mapping[str, Any]]
 
 _store: contextvars.ContextVar[Store | None] = contextvars.ContextVar("parts", default=None)
@@ -35,7 +34,7 @@ _executor: contextvars.ContextVar[Factory | None] = contextvars.ContextVar("work
 
 
 def part(name: str, measure: Measure) -> dict[str, Any]:
-    """What was measured before under that name, else what is measured now.
+    """Read a part that was measured before, or measure it now.
 
     Args:
         name: fit for a file; one for each part of an experiment.
@@ -49,12 +48,12 @@ def part(name: str, measure: Measure) -> dict[str, Any]:
 
 
 def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[dict[str, Any]]:
-    """As ``part`` for each of them, in their order.
+    """``part`` for each of them, in their order.
 
     Args:
         parts: name and function; a function of a module and what it is called with, see
             ``functools.partial``, so that it can be sent to another process.
-        threads: that share the work where nobody else does.
+        threads: that share the work without an executor.
 
     Raises:
         InputError: a part cannot be written, or a worker died once too often.
@@ -65,15 +64,15 @@ def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[dic
             yield part(name, measure)
         return
     pieces = [_Piece(name, measure, double_precision()) for name, measure in parts]
-    found = {piece.name: _known(piece.name) for piece in pieces}
-    missing = [piece for piece in pieces if found[piece.name] is None]
+    known = {piece.name: _known(piece.name) for piece in pieces}
+    missing = [piece for piece in pieces if known[piece.name] is None]
     measured = in_turn(_measure, missing, executor or partial(ThreadPoolExecutor, threads))
     for piece in pieces:
-        while (its := found[piece.name]) is None:
+        while (values := known[piece.name]) is None:
             done, flat = next(measured)
-            found[done.name] = _kept(done.name, flat)
-        yield its
-        del found[piece.name]
+            known[done.name] = _kept(done.name, flat)
+        yield values
+        del known[piece.name]
 
 
 @contextlib.contextmanager
@@ -87,7 +86,7 @@ def sharing(executor: Factory | None) -> Iterator[None]:
 
 
 class _Piece(NamedTuple):
-    """A part that somebody else may measure, in this process's precision."""
+    """A part to be measured, perhaps by another process, in this one's precision."""
 
     name: str
     measure: Measure
@@ -105,7 +104,7 @@ def _measure(piece: _Piece, attempt: int) -> dict[str, np.ndarray]:
 
 
 def _known(name: str) -> dict[str, Any] | None:
-    """What was measured before; None where nothing was, or it is damaged."""
+    """A part that was measured before; None if it was not, or is damaged."""
     store = _store.get()
     if store is not None:
         with contextlib.suppress(Damaged):
@@ -113,28 +112,28 @@ def _known(name: str) -> dict[str, Any] | None:
     return None
 
 
-def _kept(name: str, found: Mapping[str, np.ndarray]) -> dict[str, Any]:
+def _kept(name: str, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
     store = _store.get()
     if store is not None:
-        store.write(name, found)
-    return _nested(found)
+        store.write(name, arrays)
+    return _nested(arrays)
 
 
 #: Between the names of nested mappings.
 _WITHIN = " > "
 
 
-def _flat(found: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, np.ndarray]]:
-    for key, value in found.items():
+def _flat(arrays: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, np.ndarray]]:
+    for key, value in arrays.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f"{above}{key}{_WITHIN}")
         else:
             yield above + key, np.asarray(value)
 
 
-def _nested(found: Mapping[str, np.ndarray]) -> dict[str, Any]:
+def _nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
     nested: dict[str, Any] = {}
-    for path, value in found.items():
+    for path, value in arrays.items():
         *above, key = path.split(_WITHIN)
         place = nested
         for name in above:
@@ -143,27 +142,27 @@ def _nested(found: Mapping[str, np.ndarray]) -> dict[str, Any]:
     return nested
 
 
-def can_go_on(output: Path, settings: Mapping[str, Any]) -> bool:
-    """Whether a folder holds parts of the same experiment, measured by the same program."""
+def can_resume(output: Path, settings: Mapping[str, Any]) -> bool:
+    """Whether a folder holds parts of the same experiment by the same program."""
     with contextlib.suppress(InputError):
         return Store(output / NAME).settings() == _described(settings)
     return False
 
 
 @contextlib.contextmanager
-def keeping(output: Path, settings: Mapping[str, Any], for_good: bool = False) -> Iterator[None]:
-    """Keep parts in an output folder until the block ends well, or with none measured.
+def keeping(output: Path, settings: Mapping[str, Any]) -> Iterator[None]:
+    """Keep parts in an output folder until the block ends without an error.
 
     Args:
         output: an existing folder.
-        settings: what parts depend on, fit for JSON; parts of other settings are removed.
-        for_good: keep them also where the block ends well.
+        settings: everything that parts depend on, as JSON values; parts of other settings are
+            removed.
 
     Raises:
         InputError: the folder cannot be written.
     """
     store = Store(output / NAME)
-    if not can_go_on(output, settings):
+    if not can_resume(output, settings):
         with report_os_errors("write", store.folder):
             store.remove()
         store.begin(_described(settings))
@@ -173,12 +172,12 @@ def keeping(output: Path, settings: Mapping[str, Any], for_good: bool = False) -
         done = True
     finally:
         _store.reset(token)
-        if (done and not for_good) or not any(store.folder.glob("*.npz")):
+        if done or not any(store.folder.glob("*.npz")):
             store.remove()
 
 
 def _described(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings, and a digest of the program: another one might measure otherwise."""
+    """The settings, with a digest of the program, whose changes may change results."""
     import jaxpf
     import scenes
 

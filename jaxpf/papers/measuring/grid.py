@@ -1,9 +1,8 @@
 """Many orderings x sharpness values x runs on many scenes, in one compiled kernel.
 
-What a frame costs once, its histogram table, is shared by everything that sees the frame:
-all orderings, sharpness values and runs.  Orderings come one after another, for a branch they
-do not take costs nothing only where all runs agree; sharpness values and runs are vectorised
-together.  Scenes are independent, so each device takes its own.
+All orderings, sharpness values and runs share a frame's histogram table, which is computed once.
+Orderings come one after another, because a branch that they do not take costs nothing only if all
+runs agree; sharpness values and runs are vectorised together.  Each device takes its own scenes.
 """
 
 import dataclasses
@@ -110,11 +109,12 @@ def run_grid(
         # The last batch is padded: another width would compile anew.
         return (works + works[-1:] * batch)[:batch]
 
-    found = each(
-        (f"{name}-{its[0]}-{its[-1]}-by-{batch}", partial(track, works(its))) for its in chosen
+    tracked = each(
+        (f"{name}-{chunk[0]}-{chunk[-1]}-by-{batch}", partial(track, works(chunk)))
+        for chunk in chosen
     )
-    for its, recorded in zip(chosen, found, strict=True):
-        for place, i in enumerate(its):
+    for chunk, recorded in zip(chosen, tracked, strict=True):
+        for place, i in enumerate(chunk):
             estimate, *others = (np.asarray(recorded[what][place]) for what in _RECORDED)
             boxes = np.asarray(boxes_from_substates(estimate, scenes[i].sizes))
             yield GridResult(boxes, *others)
@@ -161,11 +161,11 @@ def with_bins(likelihood: HistogramLikelihood, num_bins: int) -> HistogramLikeli
 def _sharded(
     num_devices: int, num_particles: int, resampling: str, wrap: Callable | None
 ) -> Callable:
-    """The compiled kernel for scenes that so many devices share."""
-    one = partial(_run_scene, num_particles=num_particles, resampling=resampling, wrap=wrap)
+    """The compiled kernel for scenes that ``num_devices`` devices share."""
+    run_scene = partial(_run_scene, num_particles=num_particles, resampling=resampling, wrap=wrap)
 
     def rows(works: Work, *settings: Any) -> Any:
-        return lax.map(lambda work: one(work, *settings), works)
+        return lax.map(lambda work: run_scene(work, *settings), works)
 
     mesh = Mesh(np.array(jax.local_devices()[:num_devices]), ("scene",))
     per_scene, shared = PartitionSpec("scene"), PartitionSpec()

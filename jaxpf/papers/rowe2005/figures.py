@@ -1,22 +1,20 @@
-"""Figures 2 to 6: samples per target, lost samples, the error of the size, and runs in pictures."""
+"""Figures 2 to 4: samples per target, lost samples and the error of the size."""
 
 from typing import Any
 
 import numpy as np
 
 from jaxpf.media import plotting
-from jaxpf.papers.rowe2005 import pictures
-from jaxpf.papers.rowe2005.measure import Found
+from jaxpf.papers.rowe2005.measure import Measurement
 from jaxpf.papers.rowe2005.scenes import Outcome
 
 
-def figures(found: Found) -> dict[str, Any]:
+def figures(measured: Measurement) -> dict[str, Any]:
     """All figures by the stem of their files."""
     return {
-        "figure_2": figure_2(found.outcome),
-        "figure_3": figure_3(found.outcome),
-        "figure_4": figure_4(found.outcome),
-        **pictures.figures(found.pictures),
+        "figure_2": figure_2(measured.outcome),
+        "figure_3": figure_3(measured.outcome),
+        "figure_4": figure_4(measured.outcome),
     }
 
 

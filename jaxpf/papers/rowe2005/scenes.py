@@ -17,7 +17,7 @@ from jaxpf.papers.measuring.grid import run_keys
 from jaxpf.papers.rowe2005.published import PARTICLES
 from jaxpf.shapes.rectangles import area, intersection_area
 
-#: Runs on each scene.  Scenes differ more than runs do.
+#: Runs on each scene: claims about the variance from run to run need several.
 RUNS_PER_SCENE = 4
 
 
@@ -43,7 +43,7 @@ class Settings(NamedTuple):
     rates: tuple[float, float]
 
 
-#: Found by ``calibration.calibrate`` on its own seeds, each variant by itself.
+#: Chosen for each variant by itself; ``settings.csv`` says how.
 TUNED = {
     "both": Settings(1.5, 0.02, 1.2, 50.0, 1.0, 0.5, (0.7, 0.2)),
     "neither": Settings(2.5, 0.02, 1.2, 40.0, 1.0, 0.5, (0.9, 0.4)),
@@ -169,14 +169,14 @@ def measure(
     depend on its seed and number alone, which are common to all variants.  ``name`` is that under
     which scenes are kept (``jaxpf.papers.measuring.checkpoints``).
     """
-    found = []
-    for one in each(
+    measured = []
+    for outcome in each(
         (f"{name}-{seed}", partial(_on_scene, seed, variants, parameters)) for seed in seeds
     ):
-        found.append(one)
-        progress(len(found))
+        measured.append(outcome)
+        progress(len(measured))
     columns = (
-        np.stack([scene[field] for scene in found], axis=0 if field == "in_strip" else 1)
+        np.stack([scene[field] for scene in measured], axis=0 if field == "in_strip" else 1)
         for field in Outcome._fields[1:]
     )
     return Outcome(tuple(variants), *columns)
@@ -212,8 +212,8 @@ def _in_strip(boxes: np.ndarray, strips: np.ndarray) -> np.ndarray:
 
 
 def _measured(tracker: Any, keys: Any, frames: Any, truth: np.ndarray) -> list[np.ndarray]:
-    found = jaxpf.monte_carlo(tracker, keys, frames, _record, batch_size=len(keys))
-    return [np.asarray(each) for each in _measures(found, truth)]
+    recorded = jaxpf.monte_carlo(tracker, keys, frames, _record, batch_size=len(keys))
+    return [np.asarray(each) for each in _measures(recorded, truth)]
 
 
 def _record(state: Any, summary: Any) -> Any:
@@ -223,8 +223,8 @@ def _record(state: Any, summary: Any) -> Any:
 
 
 @jax.jit
-def _measures(found: Any, truth: jax.Array) -> tuple[jax.Array, ...]:
-    estimate, share, spread, particles, labels = found
+def _measures(recorded: Any, truth: jax.Array) -> tuple[jax.Array, ...]:
+    estimate, share, spread, particles, labels = recorded
     centres = truth[..., :2] + truth[..., 2:] / 2
     error = jnp.linalg.norm(estimate[..., :2] - centres, axis=-1) / jnp.sqrt(area(truth))
     ratio = estimate[..., 2] * estimate[..., 3] / area(truth)

@@ -1,30 +1,24 @@
 """The paper's figures beside ours; the scenes are the units of all intervals."""
 
-from typing import Any
-
 import numpy as np
 
 from jaxpf.papers.judging.comparison_table import Rows, Table
 from jaxpf.papers.judging.estimates import mean_cell, share_cell
-from jaxpf.papers.rowe2005 import bias, births, distracter, published
-from jaxpf.papers.rowe2005.measure import Found
-from jaxpf.papers.rowe2005.scenes import VARIANTS, Outcome, Settings, settings_of
+from jaxpf.papers.rowe2005 import published
+from jaxpf.papers.rowe2005.measure import Measurement
+from jaxpf.papers.rowe2005.scenes import Outcome
 
 COMBINATIONS = ("neither", "regularising only", "feedback only", "both")
 
 
-def tables(found: Found) -> list[Table]:
+def tables(measured: Measurement) -> list[Table]:
     """All of them, in the order in which they are shown."""
     return [
-        share_table(found.outcome),
-        error_table(found.outcome),
-        likelihood_table(found.outcome, found.crossing),
-        size_table(found.outcome),
-        variance_table(found.outcome),
-        settings_table(),
-        bias.bias_table(found.bias),
-        distracter.table(found.compared),
-        *([] if found.births is None else [births.births_table(found.births)]),
+        share_table(measured.outcome),
+        error_table(measured.outcome),
+        likelihood_table(measured.outcome, measured.crossing),
+        size_table(measured.outcome),
+        variance_table(measured.outcome),
     ]
 
 
@@ -192,7 +186,7 @@ def size_table(outcome: Outcome) -> Table:
 
 
 def variance_table(outcome: Outcome) -> Table:
-    """How far estimates vary from run to run, and what a run tells of it."""
+    """How far estimates vary from run to run, and what a run shows of it."""
     rows: Rows = [
         (
             variant,
@@ -209,29 +203,5 @@ def variance_table(outcome: Outcome) -> Table:
         ["", "between runs", "of the particles within one"],
         rows,
         "Condensation is without eq. 4, feedback and regularising.  A target without samples has "
-        "an estimate, and no particles that could tell how uncertain it is.",
+        "an estimate, but no particles that show its uncertainty.",
     )
-
-
-def settings_table() -> Table:
-    """What every variant is run with; the paper gives none of it."""
-    rows: Rows = [
-        (
-            variant,
-            [str(value) for value in (settings_of(variant)._replace(**_own(variant)))],
-        )
-        for variant in VARIANTS
-    ]
-    return Table(
-        "settings",
-        "Settings of the tracker, found for each variant on other seeds",
-        ["", *Settings._fields],
-        rows,
-        "Noises in pixels a frame, sigma in grey levels; `jaxpf reproduce rowe2005 --calibrate` "
-        "repeats the search.",
-    )
-
-
-def _own(variant: str) -> dict[str, Any]:
-    changes = VARIANTS[variant]
-    return {name: value for name, value in changes.items() if name in Settings._fields}

@@ -26,7 +26,7 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
-from jaxpf.papers.smith2004.orders import best_over_worst
+from jaxpf.papers.smith2004.orders import best_and_worst
 from jaxpf.papers.smith2004.scenes import SCENE, all_orderings, measure
 from jaxpf.resampling.weighted import ancestors
 
@@ -89,8 +89,8 @@ class OtherEnding(contract.Tracker):
         def of_partition(partition: jax.Array) -> jax.Array:
             every = jnp.full_like(last, partition)
             substates = state.lagged[0][:, partition]
-            found = contract.log_prob_all(self.tracker.likelihood, observation, every, substates)
-            return jnp.where(last == partition, 0.0, found)
+            values = contract.log_prob_all(self.tracker.likelihood, observation, every, substates)
+            return jnp.where(last == partition, 0.0, values)
 
         return jax.lax.map(of_partition, jnp.arange(self.tracker.num_partitions)).sum(axis=0)
 
@@ -136,10 +136,10 @@ def measure_conditions(
         seeds: of the scenes, at least two.
         particles: numbers of particles.
         endings: of ``ENDINGS``.
-        report: is told a line per condition.
+        report: takes a line per condition.
     """
     chosen = {n: o for n, o in all_orderings().items() if n.startswith("PS ") or n == "DPS"}
-    found = []
+    conditions = []
     for count in particles:
         for ending in endings:
             outcome = measure(
@@ -155,6 +155,7 @@ def measure_conditions(
             ps, dps = orders.mean(axis=1), rates[:, outcome.of("DPS")[0]]
             # The shift by k comes to object 1 at stage -k.
             by_stage = orders[:, -np.arange(orders.shape[1])]
-            found.append(Condition(count, ending, ps, best_over_worst(orders), dps - ps, by_stage))
+            best, worst = best_and_worst(orders)
+            conditions.append(Condition(count, ending, ps, best - worst, dps - ps, by_stage))
             report(f"  N = {count}, {ending}: done")
-    return found
+    return conditions

@@ -36,7 +36,7 @@ def measure(particles: Sequence[int]) -> dict[str, dict[str, np.ndarray]]:
     orderings = all_orderings()
     names = {method: method for method in METHODS}
     names["PS"] = next(name for name in orderings if name.startswith("PS "))
-    found = {}
+    by_number = {}
     for number in particles:
         candidates: dict[str, Callable[[], Any]] = {
             method: partial(
@@ -51,8 +51,10 @@ def measure(particles: Sequence[int]) -> dict[str, dict[str, np.ndarray]]:
             for method, name in names.items()
         }
         seconds = interleaved(candidates, REPEATS, time.process_time)
-        found[str(number)] = {method: spent / (FRAMES * RUNS) for method, spent in seconds.items()}
-    return found
+        by_number[str(number)] = {
+            method: spent / (FRAMES * RUNS) for method, spent in seconds.items()
+        }
+    return by_number
 
 
 def dps_over_ps(costs: Costs, conditions: Sequence[Condition]) -> np.ndarray | None:
@@ -68,16 +70,16 @@ def dps_over_ps(costs: Costs, conditions: Sequence[Condition]) -> np.ndarray | N
     Returns:
         None where DPS's times do not reach to both sides of PS's.
     """
-    ordered = sorted(conditions, key=lambda its: its.particles)
+    ordered = sorted(conditions, key=lambda each: each.particles)
     medians = {
-        method: times_of([1 / np.median(costs[its.particles][method]) for its in ordered])
+        method: times_of([1 / np.median(costs[each.particles][method]) for each in ordered])
         for method in ("PS", "DPS")
     }
     among = between(medians["DPS"], float(medians["PS"][-1]))
     if among is None:
         return None
     place, share = among
-    fewer, more = (its.ps + its.dps_over_ps for its in ordered[place : place + 2])
+    fewer, more = (each.ps + each.dps_over_ps for each in ordered[place : place + 2])
     return (1 - share) * fewer + share * more - ordered[-1].ps
 
 

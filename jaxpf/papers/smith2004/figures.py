@@ -1,4 +1,4 @@
-"""Figure 4, recovery of object 1, and recovery against the distracter's distance."""
+"""Figure 4 and recovery of object 1."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,25 +8,16 @@ import numpy as np
 from jaxpf.media import plotting
 from jaxpf.papers.judging.claims import Measured
 from jaxpf.papers.judging.estimates import mean_of, rate_of
-from jaxpf.papers.smith2004.measure import Found
+from jaxpf.papers.smith2004.measure import Measurement
 from jaxpf.papers.smith2004.published import SHARPNESS, TABLE_2
-from jaxpf.papers.smith2004.scenes import (
-    METHODS,
-    NUM_OBJECTS,
-    RUNS_PER_SCENE,
-    Outcome,
-    order_name,
-    shifted,
-)
-from jaxpf.papers.smith2004.sweep import Sweep
+from jaxpf.papers.smith2004.scenes import METHODS, NUM_OBJECTS, Outcome, order_name, shifted
 
 
-def figures(found: Found) -> dict[str, Any]:
+def figures(measured: Measurement) -> dict[str, Any]:
     """All figures by the stem of their files."""
     return {
-        "figure_4": figure_4(found.outcome),
-        "recovery": figure_recovery(found.outcome),
-        "sweep": sweep_figure(found.swept),
+        "figure_4": figure_4(measured.outcome),
+        "recovery": figure_recovery(measured.outcome),
     }
 
 
@@ -71,10 +62,8 @@ def figure_recovery(outcome: Outcome) -> Any:
     ):
         by_scene = recovered[:, outcome.of(method)].mean(axis=1)  # [S, L]
         at = np.array(SHARPNESS) + (place - 2) * 1.2
-        trials = RUNS_PER_SCENE * len(outcome.of(method))
-        _points(
-            rates, at, [rate_of(column, trials).measured() for column in by_scene.T], colour, method
-        )
+        cells = [rate_of(column).measured() for column in by_scene.T]
+        _points(rates, at, cells, colour, method)
         published = TABLE_2["recovery"].get("PS mean" if method == "PS" else method)
         if published:
             rates.plot(at, published, "x", color=colour, ms=9, mew=2)
@@ -105,24 +94,6 @@ def figure_recovery(outcome: Outcome) -> Any:
     )
     orders.grid(alpha=0.3)
     figure.legend(*rates.get_legend_handles_labels(), loc="outside upper center", ncols=5)
-    return figure
-
-
-def sweep_figure(result: Sweep) -> Any:
-    """Recovery with intervals against distance, one line per method."""
-    figure, axes = plotting.new_figure(figsize=(9, 4.5))
-    axis = axes[0, 0]
-    colours = plotting.colours(len(METHODS))
-    for k, (method, colour) in enumerate(zip(METHODS, colours, strict=True)):
-        at = np.array(result.distances) + (k - 2) * 0.4
-        _points(axis, at, result.rates[method], colour, method, linestyle="-")
-    axis.set(
-        xlabel="distance to which the distracter leads (pixels)",
-        ylabel="object 1 recovered (% of runs)",
-        ylim=(0, 100),
-    )
-    axis.grid(alpha=0.3)
-    figure.legend(loc="outside right center")
     return figure
 
 

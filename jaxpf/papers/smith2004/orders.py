@@ -1,4 +1,4 @@
-"""Whether the order of the objects matters: best against worst, and a permutation test."""
+"""Whether the order of the objects matters: best against worst, and equal orders by chance."""
 
 import numpy as np
 
@@ -23,25 +23,17 @@ def shuffled_orders(recovered: np.ndarray, count: int = 2000, seed: int = 0) -> 
     return np.concatenate(rates)[:count]
 
 
-def order_p_value(recovered: np.ndarray) -> float:
-    """Share of the permutations whose rates vary at least as much as ours, ``[S, K, R]``."""
-    ours = float(np.var(recovered.mean(axis=(0, 2))))
-    chance = shuffled_orders(recovered).var(axis=1)
-    return float((1 + np.sum(chance >= ours - 1e-12)) / (1 + len(chance)))
+def best_and_worst(rates: np.ndarray) -> list[np.ndarray]:
+    """Rates of the best and the worst order on half of the scenes, chosen on the other half.
 
-
-def best_over_worst(rates: np.ndarray) -> np.ndarray:
-    """Best minus worst order on each of half of the scenes, chosen on the other half.
-
-    So the luck of having been selected is left out, and the scenes' gaps are independent.
+    So the luck of having been selected does not count.
 
     Args:
         rates: ``[S, K, ...]``, by scene and order.
 
     Returns:
-        ``[S // 2, ...]``.
+        ``[S // 2, ...]`` each.
     """
     chosen_on, compared_on = rates[::2].mean(axis=0), rates[1::2]
-    best, worst = (pick(chosen_on, axis=0)[None, None] for pick in (np.argmax, np.argmin))
-    gaps = [np.take_along_axis(compared_on, which, axis=1)[:, 0] for which in (best, worst)]
-    return gaps[0] - gaps[1]
+    chosen = (pick(chosen_on, axis=0)[None, None] for pick in (np.argmax, np.argmin))
+    return [np.take_along_axis(compared_on, which, axis=1)[:, 0] for which in chosen]

@@ -17,8 +17,7 @@ from jaxpf.papers.smith2004.published import SHARPNESS
 
 NUM_OBJECTS = 7
 
-#: The scene's parameters that the paper does not give and the defaults do not fit, found by
-#: ``calibration.search`` on its own seeds; see there for the reasons.
+#: The scene's parameters that the paper does not give; ``settings.csv`` says how they were chosen.
 SCENE: dict[str, Any] = {
     "object_width": 24,
     "object_height": 30,
@@ -28,10 +27,8 @@ SCENE: dict[str, Any] = {
     "departure": 55.0,
 }
 
-#: The paper has 50 runs on one scene; here 2 runs on each of 25 scenes, so that the intervals
-#: speak of scenes of this kind and not of one.  Scenes differ more than runs do: as many runs on
-#: fewer scenes would cost the same and tell less.
-RUNS_PER_SCENE = 2
+#: The paper has 50 runs on one scene.  Here each scene has one run: scenes differ more than runs.
+RUNS_PER_SCENE = 1
 
 METHODS = ("Non-PS", "PS", "DPS", "DPS evidence", "SPS")
 

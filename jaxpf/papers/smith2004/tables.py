@@ -1,16 +1,16 @@
-"""Tables 1 to 4: published figures beside ours, and the sweep."""
+"""Tables 1 to 4: published figures beside ours."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from jaxpf.measures.timing import median_interval
-from jaxpf.papers.judging.claims import Measured, wilson
+from jaxpf.papers.judging.claims import Measured
 from jaxpf.papers.judging.comparison_table import Cell, Rows, Table
-from jaxpf.papers.judging.estimates import mean_cell, mean_of, rate_cell
+from jaxpf.papers.judging.estimates import mean_cell, rate_cell, share_cell
 from jaxpf.papers.smith2004 import costs, occlusions
 from jaxpf.papers.smith2004.conditions import Condition
-from jaxpf.papers.smith2004.measure import Found
+from jaxpf.papers.smith2004.measure import Measurement
 from jaxpf.papers.smith2004.occlusions import Tracked
 from jaxpf.papers.smith2004.orders import shuffled_orders
 from jaxpf.papers.smith2004.published import (
@@ -20,20 +20,18 @@ from jaxpf.papers.smith2004.published import (
     TABLE_1,
     TABLE_2,
 )
-from jaxpf.papers.smith2004.scenes import METHODS, NUM_OBJECTS, RUNS_PER_SCENE, Outcome
-from jaxpf.papers.smith2004.sweep import Sweep
+from jaxpf.papers.smith2004.scenes import METHODS, NUM_OBJECTS, Outcome
 
 
-def tables(found: Found) -> list[Table]:
+def tables(measured: Measurement) -> list[Table]:
     """All of them, in the order in which they are shown."""
     return [
-        *table_1(found.outcome),
-        *table_2(found.outcome),
-        uniqueness_table(found.outcome),
-        sweep_table(found.swept),
-        *occlusion_tables(found.tracked),
-        conditions_table(found.conditions),
-        cost_table(found.costs),
+        *table_1(measured.outcome),
+        *table_2(measured.outcome),
+        uniqueness_table(measured.outcome),
+        *occlusion_tables(measured.tracked),
+        conditions_table(measured.conditions),
+        cost_table(measured.costs),
     ]
 
 
@@ -51,14 +49,12 @@ def table_1(outcome: Outcome) -> list[Table]:
             cells: list[Cell | str] = []
             for method in METHODS:
                 by_scene = values[:, outcome.of(method), column].mean(axis=1)
-                # A run's objects share its particles: they are no independent trials.
-                trials = RUNS_PER_SCENE * len(outcome.of(method))
                 known = TABLE_1[measure].get(method)
                 published = known[column] if known else None
                 if measure == "success":
-                    cells.append(rate_cell(by_scene, trials, published))
+                    cells.append(rate_cell(by_scene, published))
                 else:
-                    cells.append(_share_cell(by_scene, published=published))
+                    cells.append(mean_cell(100 * by_scene, published=published))
             rows.append((f"{sharpness:g}", cells))
         tables.append(
             Table(
@@ -119,18 +115,12 @@ def _row_2(outcome: Outcome, measure: str, values: np.ndarray, column: int) -> l
         published = known[column] if known else None
         if measure != "recovery":
             by_scene = np.nanmean(by_scene, axis=1) if len(place) > 1 else by_scene[:, 0]
-            cells.append(_share_cell(by_scene, published=published))
+            cells.append(mean_cell(100 * by_scene, published=published))
             continue
         if name == "PS best":
             published = BEST_ORDER_RECOVERY.get(SHARPNESS[column])
-        cells.append(rate_cell(by_scene.mean(axis=1), RUNS_PER_SCENE * len(place), published))
+        cells.append(rate_cell(by_scene.mean(axis=1), published))
     return cells
-
-
-def _share_cell(shares: np.ndarray, digits: int = 0, published: float | None = None) -> Cell:
-    """The scenes' shares ``[S]``, 0 to 1, as a mean percentage, whose interval has ends too."""
-    value, low, high = mean_of(100 * np.asarray(shares, float)).measured()
-    return Cell(published, Measured(value, max(low, 0.0), min(high, 100.0)), digits)
 
 
 def _extremes(outcome: Outcome) -> str:
@@ -154,10 +144,10 @@ def uniqueness_table(outcome: Outcome) -> Table:
         stages.append(np.mean(by_scene, axis=0))
     published = [FIRST_STAGE_UNIQUENESS] + [None] * (NUM_OBJECTS - 1)
     cells: list[Cell | str] = [
-        _share_cell(values, 1, figure) for figure, values in zip(published, stages, strict=True)
+        mean_cell(100 * values, 1, figure) for figure, values in zip(published, stages, strict=True)
     ]
     distributed: list[Cell | str] = [
-        _share_cell(outcome.uniqueness[:, outcome.of("DPS")[0], 0, place], 1)
+        mean_cell(100 * outcome.uniqueness[:, outcome.of("DPS")[0], 0, place], 1)
         for place in range(NUM_OBJECTS)
     ]
     return Table(
@@ -168,38 +158,22 @@ def uniqueness_table(outcome: Outcome) -> Table:
     )
 
 
-def sweep_table(result: Sweep) -> Table:
-    """A row for every distance."""
-    rows: Rows = [
-        (f"{distance:g}", [Cell(None, result.rates[method][place]) for method in METHODS])
-        for place, distance in enumerate(result.distances)
-    ]
-    return Table(
-        "sweep",
-        "Recovery of object 1 (%) by the distance to which the distracter leads, all sharpness "
-        "values",
-        ["pixels", *METHODS],
-        rows,
-        f"{result.num_scenes} scenes with {RUNS_PER_SCENE} runs each at every distance.",
-    )
-
-
-def conditions_table(found: Sequence[Condition]) -> Table:
+def conditions_table(conditions: Sequence[Condition]) -> Table:
     """A row for every condition under which the order of objects may matter more."""
     recovery = TABLE_2["recovery"]
     gap = BEST_ORDER_RECOVERY[30.0] - recovery["PS worst"][SHARPNESS.index(30.0)]
     gain = float(np.mean(recovery["DPS"]) - np.mean(recovery["PS mean"]))
     rows: Rows = [
         (
-            f"N = {its.particles}, {its.ending}",
+            f"N = {condition.particles}, {condition.ending}",
             [
-                mean_cell(its.ps, published=float(np.mean(recovery["PS mean"]))),
-                mean_cell(its.best_over_worst, published=gap),
-                mean_cell(its.dps_over_ps, published=gain),
-                *(mean_cell(its.by_stage[:, stage]) for stage in (0, -2, -1)),
+                mean_cell(condition.ps, published=float(np.mean(recovery["PS mean"]))),
+                mean_cell(condition.best_over_worst, published=gap),
+                mean_cell(condition.dps_over_ps, published=gain),
+                *(mean_cell(condition.by_stage[:, stage]) for stage in (0, -2, -1)),
             ],
         )
-        for its in found
+        for condition in conditions
     ]
     return Table(
         "conditions",
@@ -214,10 +188,10 @@ def conditions_table(found: Sequence[Condition]) -> Table:
     )
 
 
-def cost_table(found: costs.Costs) -> Table:
+def cost_table(measured: costs.Costs) -> Table:
     """Processor time of every method, and over that of PS."""
     rows: Rows = []
-    for number, by_method in found.items():
+    for number, by_method in measured.items():
         for method, seconds in by_method.items():
             spent = Measured(*(1e3 * each for each in median_interval(seconds)))
             ratio = Measured(*median_interval(seconds / by_method["PS"]))
@@ -248,9 +222,9 @@ def _overview(outcomes: Sequence[Tracked]) -> Table:
     rows: Rows = [
         (
             name,
-            [_rate(outcome.successes[name], outcome.runs) for outcome in outcomes],
+            [share_cell(outcome.success[name][None]) for outcome in outcomes],
         )
-        for name in outcomes[0].successes
+        for name in outcomes[0].success
     ]
     return Table(
         f"real_{occlusions.CLIP}_n{outcomes[0].particles}",
@@ -272,13 +246,13 @@ def _occlusion_table(outcome: Tracked) -> Table:
         (
             name,
             [
-                _rate(outcome.successes[name], outcome.runs),
-                _rate(outcome.recoveries[name], outcome.runs),
-                Cell(None, outcome.precision[name]),
-                Cell(None, outcome.recall[name]),
+                share_cell(outcome.success[name][None]),
+                share_cell(outcome.recovered[name][None]),
+                mean_cell(outcome.precision[name]),
+                mean_cell(outcome.recall[name]),
             ],
         )
-        for name in outcome.successes
+        for name in outcome.success
     ]
     return Table(
         f"real_{occlusions.CLIP}_object_{outcome.identity}_n{outcome.particles}",
@@ -287,7 +261,3 @@ def _occlusion_table(outcome: Tracked) -> Table:
         ["method", *occlusions.MEASURES],
         rows,
     )
-
-
-def _rate(count: int, runs: int) -> Cell:
-    return Cell(None, Measured(100 * count / runs, *wilson(count, runs)(0.95)))

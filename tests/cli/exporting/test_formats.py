@@ -2,11 +2,15 @@
 
 import json
 import zipfile
+from fractions import Fraction
 
 import cv2
 import numpy as np
 import pytest
 from command_line import jaxpf
+
+from jaxpf.boxes import read_boxes
+from jaxpf.media import open_frames
 
 TRACKS = {
     "boxes": """frame,time,id,x,y,w,h,x_2.5,x_97.5,y_2.5,y_97.5,speed,confidence,lost
@@ -135,3 +139,84 @@ def test_boxes_as_mot_lines_count_from_1(result):
         "1,2,31.000,21.000,6.000,9.000,1,-1,-1,-1",
         "2,1,12.000,7.000,8.000,4.000,0.5,-1,-1,-1",
     ]
+
+
+#: Boxes of the objects 2 and 7, the second absent from frame 1: [T, P, 4].
+HEADER = "frame,time,id,x,y,w,h,lost"
+ROUND = np.array([[[10.25, 5, 8, 4], [30, 20.5, 6, 9]], [[11.0, 6, 8, 4], [np.nan] * 4]])
+ROUND_TRACKS = f"""{HEADER}
+0,0.00,2,10.25,5,8,4,0
+0,0.00,7,30,20.5,6,9,0
+1,0.04,2,11,6,8,4,0
+"""
+
+
+def read_coco(path):
+    content = json.loads(path.read_text())
+    return {(a["image_id"] - 1, a["track_id"]): a["bbox"] for a in content["annotations"]}
+
+
+def read_mot(path):
+    table = read_boxes(path)
+    keys = zip(table.frame.tolist(), table.id.tolist(), strict=True)
+    return dict(zip(keys, table.box.tolist(), strict=True))
+
+
+def read_cvat(path):
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(path.parent / "cvat")
+    return read_mot(path.parent / "cvat" / "gt" / "gt.txt")
+
+
+def read_movement(path):
+    xarray = pytest.importorskip("xarray", reason="pip install 'jaxpf[formats]' for netCDF")
+    data = xarray.load_dataset(path, engine="scipy")
+    size, centre = data["shape"].values, data["position"].values  # [T, 2, P]
+    boxes = np.concatenate([centre - size / 2, size], axis=1)
+    names = [int(name.removeprefix("id_")) for name in data.individuals.values.tolist()]
+    places = np.argwhere(np.isfinite(boxes).all(axis=1))
+    return {(int(t), names[p]): boxes[t, :, p].tolist() for t, p in places}
+
+
+@pytest.mark.parametrize(
+    ("form", "name", "read"),
+    [
+        ("coco", "t.json", read_coco),
+        ("cvat", "t.zip", read_cvat),
+        ("movement", "t.nc", read_movement),
+        ("mot", "t.txt", read_mot),
+        (None, "tracks.csv", read_mot),
+    ],
+)
+def test_every_format_comes_back_with_its_ids_and_pixels(result, form, name, read):
+    folder = result("boxes")
+    (folder / "tracks.csv").write_text(ROUND_TRACKS)
+    if form == "movement":
+        pytest.importorskip("xarray", reason="pip install 'jaxpf[formats]' for netCDF")
+    found = read(folder / name if form is None else exported(folder, form, name))
+    expected = {(0, 2): ROUND[0, 0], (0, 7): ROUND[0, 1], (1, 2): ROUND[1, 0]}
+    assert set(found) == set(expected)
+    for key, box in expected.items():
+        np.testing.assert_allclose(found[key], box, atol=1e-3)
+
+
+def test_times_of_a_video_whose_frame_rate_varies_are_its_timestamps(result, tmp_path):
+    av = pytest.importorskip("av")
+    seconds, video = [0.0, 0.1, 0.5, 0.6], tmp_path / "varying.mp4"
+    with av.open(str(video), "w") as container:
+        stream = container.add_stream("libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        stream.codec_context.max_b_frames = 0
+        for number, time in enumerate(seconds):
+            frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 40 * number, np.uint8))
+            frame.pts, frame.time_base = round(time * 10), Fraction(1, 10)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    folder = result("boxes")
+    about = {"parameters": {"target": "boxes", "video": str(video)}}
+    (folder / "summary.json").write_text(json.dumps(about))
+    lines = [f"{number},0,1,10,5,8,4,0" for number in range(4)]
+    (folder / "tracks.csv").write_text("\n".join([HEADER, *lines]) + "\n")
+    content = json.loads(exported(folder, "coco", "t.json").read_text())
+    assert [image["time"] for image in content["images"]] == seconds
+    np.testing.assert_array_equal(open_frames(video, fps=5).times(3), [0, 0.2, 0.4])

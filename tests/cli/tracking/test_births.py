@@ -77,6 +77,16 @@ def test_who_finds_no_place_is_told(track, tmp_path, detected):
     assert refused["frame"] == 1
 
 
+def test_when_nobody_comes_the_reason_is_said(track, tmp_path):
+    detections = [true_boxes(0).astype(float)] + [np.zeros((0, 4))] * (LENGTH - 1)
+    write_detections(tmp_path / "det.txt", detections)
+    outcome = track("--births", tmp_path / "det.txt", *RULES)
+    assert outcome.code == 0, outcome.err
+    assert "0 objects came" in outcome.out
+    assert "must be detected 2 times, and" in outcome.err
+    assert "has detections in 1 of the frames from 0 on; lower --birth-frames" in outcome.err
+
+
 BOX = ("--box", "6,8,12,16")
 
 
@@ -84,7 +94,7 @@ BOX = ("--box", "6,8,12,16")
     ("content", "arguments", "message"),
     [
         ("3,-1,1,1,9,9,1\n2,-1,1,1,9,9,1\n", (), "line 2 of 'd.txt' is of an earlier frame"),
-        ("1,-1,1,1,9\n", (), "line 1 of 'd.txt' has 5 column(s)"),
+        ("1,-1,1,1,9\n", (), "line 1 of 'd.txt' has 5 columns"),
         ("11,-1,1,1,9,9,1\n", (), "has a detection in frame 10, and the video ends with frame 9"),
         ("1,-1,70,1,9,9,1\n", (), "the detection in frame 0 (69,0,9,9) lies outside the 64x48"),
         ("1,7,1,1,9,9\n", ("--start", "2"), "starts object 7 in frame 0, and tracking starts"),
@@ -97,7 +107,7 @@ BOX = ("--box", "6,8,12,16")
         ("1,-1,1,1,9,9,1\n", ("-n", "15"), "--particles 15 is fewer than the 16"),
         ("1,-1,1,1,9,9,1\n", ("--method", "dps"), "use --filter labelled"),
         ("1,-1,1,1,9,9,1\n", ("--capacity", "0"), "--capacity 0 must be a whole number from 1"),
-        ("1,-1,1,1,9,9,1\n", ("--weights", "plain"), "has none to give"),
+        ("1,-1,1,1,9,9,1\n", ("--weights", "plain"), "equal share, which"),
         (
             "1,-1,1,1,9,9,.9\n",
             ("--birth-confidence", "2"),

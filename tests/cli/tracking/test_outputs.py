@@ -1,6 +1,7 @@
 """``jaxpf track``: what it writes, and that it repeats."""
 
 import json
+import shutil
 import tomllib
 
 import cv2
@@ -371,3 +372,10 @@ def test_a_run_in_two_pieces_gives_the_tracks_of_one(whole_run, track, tmp_path)
     assert "has tracked 4 frames already" in ended.err
     other = track(*BOXES, "--resume", kept, "-n", 61, "--overwrite")
     assert "as many particles" in other.err
+
+
+def test_relative_names_with_colons_are_files(track, tmp_path, place):
+    shutil.copy(place / "clip.avi", tmp_path / "clip:1.avi")
+    outcome = track(*BOXES, "--frames", "2", "-o", "run:1", video="clip:1.avi")
+    assert outcome.code == 0, outcome.err
+    assert open_frames(tmp_path / "run:1" / "overlay.mp4").frames_expected == 3

@@ -16,7 +16,7 @@ from jaxpf import cli
     ("box", "arguments", "message"),
     [
         ("6,8,3,16", (), "the box of object 1 is 3 pixels wide and 16 high"),
-        ("2,2,60,40", (), "it covers more than half of the frame of 64 x 48 pixels"),
+        ("2,2,60,40", (), "the box of object 1 looks like what is around it"),
         ("20,20,12,16", ("--appearance", "colour"), "the box of object 1 lies on one colour"),
     ],
 )
@@ -32,6 +32,27 @@ def test_a_missing_video_is_named_with_the_current_folder(refuse, tmp_path):
     sentence = refuse(*BOXES, video="nowhere.mp4")
     assert "there is no video or folder at 'nowhere.mp4'" in sentence
     assert str(tmp_path) in sentence
+
+
+@pytest.mark.parametrize(
+    ("arguments", "note"),
+    [
+        (
+            ("--likelihood", "sampled", "--sharpness", "5"),
+            "Note: --likelihood and --sharpness set --appearance colour, which reports no "
+            "confidence; the default is discriminative.\n",
+        ),
+        (("--scale", "3,3,.01"), "Note: --scale sets --motion pixels; the default is relative.\n"),
+        (("--sharpness", "5", "--appearance", "colour"), ""),
+        (("--momentum", ".2"), ""),
+        ((), ""),
+    ],
+)
+def test_options_that_change_others_say_so_in_one_line(arguments, note):
+    outcome = jaxpf("track", "nowhere.mp4", *BOXES, *arguments)
+    notes, _, refusal = outcome.err.partition("Error:")
+    assert refusal
+    assert notes == note
 
 
 @pytest.mark.parametrize(
@@ -87,7 +108,7 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
         ((*BOXES, "-n", "1" + 12 * "0"), "must be a whole number from 1 to 2147483647"),
         ((*BOXES, "--method", "foo"), "'foo' is unknown; choose one of sir, ps, dps, sps"),
         ((*BOXES, "--relocate", "2"), "--relocate 2 must be a finite number from 0 to 1"),
-        ((*BOXES, "--relocate", "0.1", "--appearance", "colour"), "cannot tell who is; choose"),
+        ((*BOXES, "--relocate", "0.1", "--appearance", "colour"), "--appearance discriminative"),
         ((*BOXES, "--swap", "foo"), "choose one of none, random, sorted, combinatorial"),
         ((*BOXES, "--resampling", "foo"), "choose one of systematic, stratified"),
         ((*BOXES, "--likelihood", "foo"), "choose one of auto, integral, sampled"),

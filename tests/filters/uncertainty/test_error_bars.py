@@ -70,6 +70,36 @@ def test_exchanged_parts_have_ancestors_of_their_own():
     np.testing.assert_array_equal(families[-1, 0, 0, 2], ancestor)
 
 
+@pytest.mark.parametrize(
+    ("ess_threshold", "num_frames", "generations"),
+    [
+        pytest.param(0.0, 4, 1, id="the first draws alone"),
+        pytest.param(1.0, 1, 3, id="a selection after every stage"),
+        pytest.param(None, 1, 3, id="not adaptive"),
+    ],
+)
+def test_bars_are_those_computed_by_hand(ess_threshold, num_frames, generations):
+    """Of families by hand, over so many generations of particles."""
+    its = WithErrorBars(tracker(resampling="multinomial", ess_threshold=ess_threshold))
+    _, (states, summary) = jaxpf.run(its, KEY, 0.3 * FRAMES[:num_frames], lambda *both: both)
+    family = np.arange(64)
+    for source in np.asarray(states.state.sources)[:, 0]:
+        family = family[source]
+    weights = np.exp(np.asarray(states.state.log_weights[-1], float))
+    values = np.asarray(states.state.lagged[-1, 0, 0], float)  # [P, N]
+    parts = (values - (values @ weights)[:, None]) * weights
+    sums, shares = (
+        np.array([x[..., family == ancestor].sum(axis=-1) for ancestor in range(64)])
+        for x in (parts, weights)
+    )
+    growth = (64 / 63) ** generations
+    of_estimate = growth * (sums**2).sum(axis=0)
+    of_evidence = 1 - growth * (1 - (shares**2).sum())
+    assert of_evidence > 0
+    np.testing.assert_allclose(summary.estimate_variance[-1, :, 0], of_estimate, rtol=1e-3)
+    np.testing.assert_allclose(summary.evidence_variance[-1], of_evidence, rtol=1e-3)
+
+
 def test_what_is_not_known_is_not_zero():
     # Nobody is left but the children of one: 40 frames for 16 particles.
     frames = np.tile(FRAMES, (7, 1, 1))
@@ -125,6 +155,10 @@ def test_the_stage_of_the_sharpest_likelihood_makes_most_of_the_error(order):
         (
             lambda: WithErrorBars(tracker(ordering.sps([-1, -1, -1])), lag=3, stages=True),
             "exchanges no parts",
+        ),
+        (
+            lambda: WithErrorBars(tracker(ess_threshold=0.5), lag=3, stages=True),
+            "use ess_threshold=None or stages=False",
         ),
         (lambda: WithErrorBars(tracker(gradient=Transport())), "Transport blends"),
         (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf import InputError, ordering, running
+from jaxpf import InputError, ordering, pytree_dataclass, running
 from jaxpf.contract.state import moments
 from jaxpf.dynamics import RandomWalk
 from jaxpf.filters import SideBySide, quantiles
@@ -14,6 +14,10 @@ from jaxpf.likelihoods import Gaussian, kalman
 
 FRAMES = np.array([[[0.5], [1.0]], [[2.0], [0.0]], [[1.0], [-1.0]]], np.float32)
 RUNS = 4
+
+
+def keep_log_evidence(state, summary):
+    return summary.log_evidence
 
 
 def one():
@@ -66,6 +70,74 @@ def test_the_errors_are_those_of_many_and_the_evidence_is_without_bias():
     exact = np.exp(kalman(eye, eye, eye, eye, np.zeros(2), 0 * eye, FRAMES[..., 0])[0].sum())
     error = evidence.std(ddof=1) / np.sqrt(len(evidence))
     assert abs(evidence.mean() - exact) < 4.5 * error
+
+
+def test_the_evidence_is_the_mean_of_the_runs_products():
+    both, key = SideBySide(one(), RUNS), jax.random.key(3)
+    state, summaries = running.run(both, key, FRAMES)
+
+    def alone(number):
+        def step(state, item):
+            time, frame = item
+            own = jax.random.fold_in(running.frame_key(key, time), number)
+            state, summary = both.tracker.step(own, state, frame)
+            return state, summary.log_evidence
+
+        first = both.tracker.init(jax.random.fold_in(jax.random.fold_in(key, 0), number))
+        return jnp.sum(jax.lax.scan(step, first, (jnp.arange(len(FRAMES)), FRAMES))[1])
+
+    log_evidence = jax.jit(jax.vmap(alone))(jnp.arange(RUNS))
+    np.testing.assert_allclose(state.log_evidence, log_evidence, rtol=1e-4)
+    expected = np.log(np.mean(np.exp(np.asarray(log_evidence, float))))
+    np.testing.assert_allclose(np.sum(summaries.log_evidence), expected, rtol=1e-5)
+
+
+@pytree_dataclass
+class Anywhere:
+    """A place that is standard normal, whatever was before."""
+
+    def propagate(self, key, partition, current, previous, parent):
+        return jax.random.normal(key, current.shape)
+
+
+@pytree_dataclass
+class InBox:
+    """Possible within .2225 of the middle alone, so with probability .1761."""
+
+    def observe(self, frame):
+        return frame
+
+    def log_prob(self, observation, partition, substate):
+        return jnp.where(jnp.abs(substate[0] - observation) < 0.2225, 0.0, -jnp.inf)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("num_runs", [1, 4])
+def test_a_run_that_met_an_impossible_frame_counts_as_zero(num_runs):
+    """Of six particles none is possible in every third frame."""
+    single = jaxpf.Partitioned(
+        Anywhere(), InBox(), ordering.sir(1), np.zeros((1, 1), np.float32), num_particles=6
+    )
+    its = single if num_runs == 1 else SideBySide(single, num_runs)
+    keys, frames = jax.random.split(jax.random.key(0), 20_000), np.zeros(3, np.float32)
+    found = jaxpf.monte_carlo(its, keys, frames, keep_log_evidence, batch_size=2000)
+    evidence = np.exp(np.asarray(found, float).sum(axis=1)) / 0.17607**3
+    assert np.isfinite(evidence).all()
+    assert abs(evidence.mean() - 1) < 4.5 * evidence.std() / np.sqrt(len(evidence))
+
+
+def test_a_frame_is_counted_anew_when_all_runs_are_dead():
+    single = jaxpf.Partitioned(
+        Anywhere(), InBox(), ordering.sir(1), np.zeros((1, 1), np.float32), num_particles=6
+    )
+    frames = np.array([0.0, 50.0, 0.0], np.float32)
+    state, summary = running.run(SideBySide(single, 8), jax.random.key(0), frames)
+    increments = np.asarray(summary.log_evidence)
+    assert np.isfinite(increments[[0, 2]]).all()
+    assert np.isneginf(increments[1])
+    assert np.isnan(summary.evidence_variance[1])
+    mean = np.mean(np.exp(np.asarray(state.log_evidence, float)))
+    np.testing.assert_allclose(increments[2], np.log(mean), rtol=1e-5)
 
 
 def test_quantiles_are_values_that_so_much_weight_reaches():

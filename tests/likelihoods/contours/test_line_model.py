@@ -177,9 +177,15 @@ def test_the_top_bin_means_so_many_or_more():
     assert weights[1][1, 1, 6] == pytest.approx(0.9 * at_top, rel=1e-4)  # 8.2 if six were six
 
 
-@pytest.mark.parametrize("boundaries", [(), (4.0,), (-3.0, 5.0), (0.0, 18.0, 19.0)])
+@pytest.mark.parametrize(
+    "boundaries",
+    [(), (4.0,), (-3.0, 5.0), (0.0, 18.0, 19.0), (-9.0, 0.0, 2.0, 18.0), (0.0, 1.0, 2.0, 3.0, 4.0)],
+)
 def test_what_a_line_shows_is_a_density_to_the_last_feature(boundaries):
-    """In double precision, by summation over n up to the most that are kept, and over z."""
+    """In double precision, by summation over n up to the most that are kept, and over z.
+
+    Also where more boundaries cross than features are kept.
+    """
     most, c, cells = 3, len(boundaries), 64
     clutter = np.array([0.2, 0.3, 0.2, 0.3])  # the last is three or more
     # Gauss's points: exact for what is smooth.

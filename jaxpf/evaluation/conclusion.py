@@ -1,0 +1,122 @@
+"""The conclusion of an evaluation: which configuration follows best, in one sentence.
+
+Configurations are compared by their success area over all objects, paired by run.  Naming the
+best of C configurations looks at C (C - 1) / 2 differences, so every interval has Bonferroni's
+level for that many: all of them hold at once with a confidence of 95 %.
+"""
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from jaxpf.evaluation.collection import Collected
+from jaxpf.evaluation.equal_time import Runs
+from jaxpf.evaluation.estimates import LEVEL, mean_difference
+from jaxpf.evaluation.measures import by_name
+from jaxpf.evaluation.summary import Summary, run_values
+
+#: The measure that ranks configurations.
+RANKED_BY = by_name("success_area")
+_MOST_NAMED = 3
+
+
+class Conclusion(NamedTuple):
+    """What an evaluation concludes.
+
+    Attributes:
+        sentence: for people.
+        ranking: indices of the summaries that have a value, the best first.
+    """
+
+    sentence: str
+    ranking: list[int]
+
+
+def conclude(summaries: Sequence[Summary], collected: Sequence[Collected]) -> Conclusion:
+    """Rank the configurations and say which of them are distinguishable from the best."""
+    areas = [summary.estimates[RANKED_BY.name].value[-1] for summary in summaries]
+    ranking = [index for index in np.argsort(areas)[::-1].tolist() if np.isfinite(areas[index])]
+    if not ranking:
+        return Conclusion("No run is finished, so there is nothing to conclude.", [])
+    best, *others = ranking
+    name = summaries[best].name
+    if not others:
+        return Conclusion(f"{name}: success area {_share(areas[best])}.", ranking)
+    pairs = len(list(itertools.combinations(ranking, 2)))
+    intervals = {
+        other: _difference(summaries, collected, best, other, LEVEL, pairs) for other in others
+    }
+    worse = [other for other in others if intervals[other][1] > 0]
+    tied = [other for other in others if other not in worse]
+    if not worse:
+        return Conclusion(
+            f"No configuration follows best: {name} is ahead, but "
+            f"{_names(summaries, tied)} cannot be told apart from it.",
+            ranking,
+        )
+    # The first configuration is what the others are compared with, unless it is among the best.
+    reference = min(worse)
+    value, lower, upper = intervals[reference]
+    digits = 2 if upper - lower >= 0.02 else 3
+    sentence = (
+        f"{name} follows best: success area {_share(value, digits, '+')} "
+        f"[{_share(lower, digits)}, {_share(upper, digits)}] over {summaries[reference].name}"
+    )
+    if tied:
+        sentence += f"; {_names(summaries, tied)} cannot be told apart from it"
+    elif len(worse) > 1:
+        sentence += f", and better than {_names(summaries, [i for i in worse if i != reference])}"
+    return Conclusion(f"{sentence}.", ranking)
+
+
+def _difference(
+    summaries: Sequence[Summary],
+    collected: Sequence[Collected],
+    first: int,
+    second: int,
+    level: float,
+    pairs: int,
+) -> tuple[float, float, float]:
+    """First less second, with the ends of an interval of which ``pairs`` hold at once."""
+    ours, theirs = (run_values(collected[index], RANKED_BY) for index in (first, second))
+    imported = [summaries[index].configuration.is_imported for index in (first, second)]
+    if all(imported):
+        areas = (summaries[i].estimates[RANKED_BY.name].value[-1] for i in (first, second))
+        value = float(next(areas) - next(areas))
+        return value, value, value
+    # An imported track is the same for every seed.
+    if imported[0]:
+        ours = _repeated(ours, theirs.runs)
+    if imported[1]:
+        theirs = _repeated(theirs, ours.runs)
+    _, left, right = np.intersect1d(ours.runs, theirs.runs, return_indices=True)
+    found = mean_difference(
+        *(ours.values[left], ours.weights[left]), *(theirs.values[right], theirs.weights[right])
+    )
+    value, error, runs = found.value[-1], found.standard_error[-1], found.runs[-1]
+    if not np.isfinite(error):
+        return float(value), -np.inf, np.inf
+    reach = float(stdtrit(runs - 1, 1 - (1 - level) / 2 / pairs)) * error
+    return float(value), float(value - reach), float(value + reach)
+
+
+def _repeated(track: Runs, runs: np.ndarray) -> Runs:
+    values, weights = (np.repeat(x[:1], len(runs), axis=0) for x in (track.values, track.weights))
+    return Runs(runs, values, weights)
+
+
+def _names(summaries: Sequence[Summary], indices: Sequence[int]) -> str:
+    names = [summaries[index].name for index in indices[:_MOST_NAMED]]
+    if len(indices) > _MOST_NAMED:
+        names.append(f"{len(indices) - _MOST_NAMED} more")
+    separator = "; " if any("," in name for name in names) else ", "
+    *head, last = names
+    return f"{separator.join(head)} and {last}" if head else last
+
+
+def _share(value: float, digits: int = 2, sign: str = "") -> str:
+    """A share as papers print it, such as ".06"; adding 0 turns -0 into 0."""
+    return f"{round(value, digits) + 0:{sign}.{digits}f}".replace("0.", ".", 1)

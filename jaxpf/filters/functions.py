@@ -1,0 +1,277 @@
+"""A particle filter from plain functions: a state-space model with a single state, no classes."""
+
+import inspect
+import math
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from jaxpf import contract
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.filters.partitioned.tracker import Partitioned
+from jaxpf.ordering import sir
+
+#: Fields of ``Partitioned`` that a model with one state has not.
+_NO_OPTIONS = {
+    *("dynamics", "likelihood", "ordering", "initial", "initial_label", "parents", "num_particles"),
+    *("look_ahead", "relocation"),
+}
+
+
+def state_space(
+    *,
+    initial: Any,
+    transition: Callable,
+    log_likelihood: Callable,
+    parameters: Any = None,
+    transition_log_density: Callable | None = None,
+    num_particles: int = 1000,
+    **options: Any,
+) -> Partitioned:
+    """A particle filter for a state-space model that is given by plain functions.
+
+    The functions speak of one particle.  A state x is an array of any shape, ``[]`` included;
+    reports hold it flattened, such as ``summary.estimate`` ``[1, D]``::
+
+        tracker = jaxpf.state_space(
+            initial=lambda key, p: p["s"] * jax.random.normal(key),
+            transition=lambda key, x, p: p["a"] * x + p["s"] * jax.random.normal(key),
+            log_likelihood=lambda y, x, p: jax.scipy.stats.norm.logpdf(y, x, 0.5),
+            parameters={"a": 0.9, "s": 0.3},
+        )
+        state, summaries = jaxpf.run(tracker, jax.random.key(0), y)
+
+    The tracker is a ``Partitioned`` with one partition and works wherever one of those does.
+    ``parameters`` are traced: a sweep is a ``vmap`` over calls of ``state_space``, a gradient a
+    ``grad``, and new values compile nothing; ``jaxpf.tune`` calls them ``parameters.a``.  A new
+    function recompiles, and every evaluation of a lambda makes one: outside of a ``jit`` call
+    ``state_space`` once and change values by ``jaxpf.tuning.replace(tracker, {"parameters.a":
+    0.5})``, or pass named functions.  Functions should read what varies from ``parameters``.
+
+    Args:
+        initial: ``(key, parameters) -> x``, a draw of the state just before the first frame; or
+            that state itself, an array.
+        transition: ``(key, x, parameters) -> x``, a draw of the next state.  With an argument
+            ``previous`` it also gets the state before x, with ``time`` the number of the frame
+            that it leads to, from 0.
+        log_likelihood: ``(y, x, parameters) -> []``, log-density of a frame y, any pytree.  With an
+            argument ``previous`` it also gets the state before x; reports then hold ``[x,
+            previous]``, 2 D numbers, and smoothing is not available.
+        parameters: pytree of numbers and arrays, the last positional argument of every function.
+        transition_log_density: ``(new, x, parameters) -> []``, the log-density of ``transition``,
+            for ``jaxpf.smooth`` and ``motion_gradient="score"``; may ask for ``previous`` and
+            ``time``.
+        num_particles: N.
+        options: of ``Partitioned``, such as ``resampling``, ``ess_threshold`` or ``gradient``.
+
+    Raises:
+        InputError: a function that takes or returns something else, or an unknown option.
+    """
+    _check_arguments("transition", transition)
+    _check_arguments("log_likelihood", log_likelihood)
+    if callable(initial):
+        _check_arguments("initial", initial)
+    if transition_log_density is not None:
+        _check_arguments("transition_log_density", transition_log_density)
+    known = Partitioned.__dataclass_fields__.keys() - _NO_OPTIONS
+    if unknown := sorted(options.keys() - known):
+        raise InputError(
+            f"state_space has no option {unknown[0]!r}; besides its own arguments it takes "
+            f"{', '.join(sorted(known))}."
+        )
+    keeps_previous = _asks_for(log_likelihood, "previous")
+    if keeps_previous and transition_log_density is not None:
+        raise InputError(
+            "transition_log_density serves smoothing, which does not go with a log_likelihood that "
+            "asks for the previous state; leave one of them out."
+        )
+    shape = _state_shape(initial, transition, transition_log_density, parameters)
+    copies = 2 if keeps_previous else 1
+    return Partitioned(
+        dynamics=FunctionDynamics(parameters, transition, transition_log_density, shape, copies),
+        likelihood=FunctionLikelihood(parameters, log_likelihood, shape),
+        ordering=sir(1),
+        initial=FunctionSampler(parameters, initial, copies)
+        if callable(initial)
+        else jnp.tile(jnp.ravel(jnp.asarray(initial)), copies)[None],
+        num_particles=num_particles,
+        **options,
+    )
+
+
+@pytree_dataclass
+class FunctionSampler:
+    """Initial states ``[1, D]``, drawn by a plain function."""
+
+    parameters: Any
+    function: Callable = static_field()
+    copies: int = static_field()
+
+    independent = True
+
+    def __call__(self, key: jax.Array) -> jax.Array:
+        """A draw."""
+        return jnp.tile(jnp.ravel(self.function(key, self.parameters)), self.copies)[None]
+
+
+@pytree_dataclass
+class FunctionDynamics(contract.Dynamics):
+    """Dynamics by plain functions; a substate is the state, flattened, or two copies of it.
+
+    The methods ``log_density`` and ``at_frame`` exist only if the functions call for them.
+    """
+
+    parameters: Any
+    transition: Callable = static_field()
+    density: Callable | None = static_field()
+    shape: tuple[int, ...] = static_field()
+    copies: int = static_field()
+    time: Any = None
+
+    def propagate(self, key, partition, current, previous, parent):
+        """The new substate ``[D]``."""
+        extras = self._extras(self.transition, previous)
+        x = _state(current, self.shape)
+        new = jnp.ravel(self.transition(key, x, self.parameters, **extras))
+        return new if self.copies == 1 else jnp.concatenate([new, jnp.ravel(x)])
+
+    @property
+    def log_density(self):
+        """Log of the density ``[]`` from which ``propagate`` draws."""
+        density = self.density
+        if density is None:
+            raise AttributeError("log_density")
+
+        def log_density(partition, new, current, previous, parent):
+            states = (_state(x, self.shape) for x in (new, current))
+            return density(*states, self.parameters, **self._extras(density, previous))
+
+        return log_density
+
+    @property
+    def at_frame(self):
+        """The dynamics that lead to a frame."""
+        if not any(f and _asks_for(f, "time") for f in (self.transition, self.density)):
+            raise AttributeError("at_frame")
+        fixed = self.transition, self.density, self.shape, self.copies
+        return lambda time: FunctionDynamics(self.parameters, *fixed, time=time)
+
+    def _extras(self, function, previous):
+        extras = {}
+        if _asks_for(function, "previous"):
+            extras["previous"] = _state(previous, self.shape)
+        if _asks_for(function, "time"):
+            if self.time is None:
+                raise InputError(
+                    "the model asks for the time of a frame, which step does not know; use "
+                    "jaxpf.run, or step jaxpf.contract.at_frame(tracker, time)."
+                )
+            extras["time"] = self.time
+        return extras
+
+
+@pytree_dataclass
+class FunctionLikelihood(contract.Likelihood):
+    """A likelihood by a plain function."""
+
+    parameters: Any
+    function: Callable = static_field()
+    shape: tuple[int, ...] = static_field()
+
+    def log_prob(self, observation, partition, substate):
+        """Log-likelihood ``[]`` of a substate ``[D]``."""
+        extras = {}
+        if _asks_for(self.function, "previous"):
+            extras["previous"] = _state(substate[math.prod(self.shape) :], self.shape)
+        x = _state(substate, self.shape)
+        return _number("log_likelihood", self.function(observation, x, self.parameters, **extras))
+
+
+def _state(substate: jax.Array, shape: tuple[int, ...]) -> jax.Array:
+    return substate[: math.prod(shape)].reshape(shape)
+
+
+def _asks_for(function: Callable, name: str) -> bool:
+    try:
+        return name in inspect.signature(function).parameters
+    except (TypeError, ValueError):  # a function of C, which says nothing
+        return False
+
+
+#: What every function takes, and what it may ask for by name.
+_ARGUMENTS = {
+    "initial": (("key", "parameters"), ()),
+    "transition": (("key", "x", "parameters"), ("previous", "time")),
+    "log_likelihood": (("y", "x", "parameters"), ("previous",)),
+    "transition_log_density": (("new", "x", "parameters"), ("previous", "time")),
+}
+
+
+def _check_arguments(name: str, function: Any) -> None:
+    """Refuse what is no function, or takes other arguments."""
+    arguments, extras = _ARGUMENTS[name]
+    if not callable(function):
+        raise InputError(f"{name} is {function!r:.40}, which is no function.")
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return
+    try:
+        signature.bind(*arguments, **{x: None for x in extras if x in signature.parameters})
+    except TypeError:
+        optional = f"; it may also take {' and '.join(extras)}" if extras else ""
+        raise InputError(
+            f"{name} takes {signature}, but must take ({', '.join(arguments)}){optional}."
+        ) from None
+
+
+def _state_shape(initial, transition, log_density, parameters) -> tuple[int, ...]:
+    """The shape of a state; refuses functions that return something else.  None is run."""
+    key = jax.eval_shape(lambda: jax.random.key(0))
+
+    def returned(name, function, *arguments):
+        known = {"previous": x, "time": jax.ShapeDtypeStruct((), jnp.int32)}
+        extras = {name: value for name, value in known.items() if _asks_for(function, name)}
+        value = jax.eval_shape(
+            lambda arguments, extras: function(*arguments, **extras),
+            (*arguments, parameters),
+            extras,
+        )
+        return _array(name, value) if log_density is not function else _number(name, value)
+
+    x = None
+    x = (
+        returned("initial", initial, key)
+        if callable(initial)
+        else jax.eval_shape(jnp.asarray, initial)
+    )
+    x = jax.ShapeDtypeStruct(x.shape, jnp.promote_types(x.dtype, jnp.float32))
+    new = returned("transition", transition, key, x)
+    if new.shape != x.shape:
+        raise InputError(
+            f"transition returns shape {list(new.shape)}, and initial {list(x.shape)}; both must "
+            "return a state of one shape."
+        )
+    if log_density is not None:
+        returned("transition_log_density", log_density, x, x)
+    return x.shape
+
+
+def _array(name: str, value: Any) -> Any:
+    if not hasattr(value, "shape"):
+        raise InputError(f"{name} returns {type(value).__name__}; return the state as one array.")
+    if jnp.issubdtype(value.dtype, jnp.complexfloating):
+        raise InputError(f"{name} returns complex numbers; return real ones.")
+    return value
+
+
+def _number(name: str, value: Any) -> Any:
+    if jnp.shape(value) != ():
+        raise InputError(
+            f"{name} returns shape {list(jnp.shape(value))}; return one number, for example the "
+            "sum of independent terms."
+        )
+    return value

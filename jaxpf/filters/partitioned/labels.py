@@ -1,0 +1,79 @@
+"""Discrete labels of particles: drawn at the start, moved at the end of a frame, reported.
+
+In between a label follows its particle through every selection.
+"""
+
+from typing import TYPE_CHECKING
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxpf import contract
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete
+
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.tracker import Partitioned
+
+
+def draw_first(tracker: "Partitioned", key: jax.Array, dtype) -> tuple[jax.Array, jax.Array]:
+    """Labels ``[N]`` just before the first frame, and their log-probabilities ``[N]``."""
+    log_probabilities = jnp.log(jnp.asarray(tracker.initial_label, dtype))
+    label = jax.random.categorical(key, log_probabilities, shape=(tracker.num_particles,))
+    return label.astype(jnp.int32), jax.nn.log_softmax(log_probabilities)[label]
+
+
+def move(
+    tracker: "Partitioned", key: jax.Array, label: jax.Array, substates: jax.Array
+) -> tuple[jax.Array, jax.Array | None]:
+    """Labels ``[N]`` given the new substates ``[D, P, N]`` (maccormick1999, section 4).
+
+    Also the log-probability ``[N]`` of each move, for derivatives; None where it is not known or
+    no label moves.
+    """
+    dynamics = tracker.dynamics
+    moved = contract.propagate_label_all(dynamics, key, label, substates)
+    if not hasattr(dynamics, "propagate_label") or not contract.has_log_label(dynamics):
+        return moved, None
+    score = jax.vmap(dynamics.log_label, in_axes=(0, 0, 2))(
+        moved, label, jnp.swapaxes(substates, 0, 1)
+    )
+    return moved, score.astype(substates.dtype)
+
+
+def probabilities(tracker: "Partitioned", label: jax.Array, log_weights: jax.Array) -> jax.Array:
+    """Weight ``[L]`` of the particles with each label."""
+    is_label = label == jnp.arange(jnp.shape(tracker.initial_label)[0])[:, None]
+    return is_label.astype(log_weights.dtype) @ jnp.exp(log_weights)
+
+
+def check_labels(tracker: "Partitioned") -> None:
+    """Refuse labels that are malformed, have no branch, or are missing where they are needed."""
+    likelihood, given = tracker.likelihood, tracker.initial_label
+    if given is None:
+        if hasattr(likelihood, "log_joint_labelled") and not hasattr(likelihood, "log_joint"):
+            raise InputError(
+                "the likelihood's log_joint_labelled needs labels; give initial_label, the "
+                "probabilities of each label, or define log_joint as well."
+            )
+        return
+    if np.ndim(given) != 1 or np.shape(given)[0] == 0:
+        raise InputError(
+            f"initial_label has shape {np.shape(given)}; give the probability of each label, [L]."
+        )
+    if is_concrete(given):
+        values = np.asarray(given)
+        if not (values >= 0).all() or not np.isclose(values.sum(), 1, atol=1e-4):
+            raise InputError(
+                f"initial_label {values.tolist()} must hold probabilities: at least 0, and 1 "
+                "together."
+            )
+    if not tracker.ordering.keeps_components or not is_concrete(tracker.ordering):
+        return
+    branches = int(np.count_nonzero(np.asarray(tracker.ordering.fractions)))
+    if np.shape(given)[0] > branches:
+        raise InputError(
+            f"initial_label has {np.shape(given)[0]} labels, but the ordering has {branches} "
+            "branches; give it an order for each label."
+        )

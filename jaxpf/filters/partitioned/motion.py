@@ -1,0 +1,197 @@
+"""How a stage draws its substates: strategies that the kernel asks once a frame and once a stage.
+
+``motion_of`` picks one from a tracker's settings.  A strategy whose draws do not follow the
+transition density gives each draw the weight that makes up for it, ``Drawn.log_weight``.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxpf import contract
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.state import ParticleState
+from jaxpf.filters import relocation
+from jaxpf.filters.partitioned.carry import Drawn, Shared, Turn
+from jaxpf.lowering.branches import computed_once
+
+if TYPE_CHECKING:
+    from jaxpf.filters.partitioned.tracker import Partitioned
+
+
+class Motion:
+    """Draws from the dynamics, which need no weight."""
+
+    def check(self, tracker: "Partitioned") -> None:
+        """Refuse a tracker that the strategy does not work with."""
+
+    def begin(
+        self, tracker: "Partitioned", key: jax.Array, state: ParticleState, observation: Any
+    ) -> "Motion":
+        """The strategy for one frame, given the weighted set of the frame before."""
+        return self
+
+    def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
+        """One substate for every particle."""
+        dynamics, like = shared.tracker.dynamics, turn.conditions[0]
+
+        def move() -> jax.Array:
+            moved = contract.propagate_all(
+                dynamics, key, turn.partition, *turn.conditions, *turn.others
+            )
+            return moved.astype(like.dtype)
+
+        return Drawn(turn.partition, turn.source, turn.conditions, _once(shared, move, like))
+
+
+class Relocating(Motion):
+    """Lets objects that are probably lost jump; see ``jaxpf.filters.relocation``.
+
+    Attributes:
+        jumps: of one frame.
+    """
+
+    def __init__(self, jumps: Any = None):
+        self.jumps = jumps
+
+    def check(self, tracker: "Partitioned") -> None:
+        """See ``Motion``."""
+        relocation.check_relocation(tracker)
+
+    def begin(
+        self, tracker: "Partitioned", key: jax.Array, state: ParticleState, observation: Any
+    ) -> "Relocating":
+        """See ``Motion``: draws the jumps of all partitions."""
+        weights = jnp.exp(state.log_weights)
+        estimate = jnp.where(weights > 0, state.lagged[0], 0.0) @ weights  # [D, P]
+        # All at once: a generator of random numbers takes long to compile.
+        key = jax.random.fold_in(key, tracker.num_partitions + 1)
+        shape = (tracker.num_partitions, 4, tracker.num_particles)
+        uniform = jax.random.uniform(key, shape, estimate.dtype)
+        log_odds = jnp.asarray(state.log_odds)
+        return Relocating(relocation.draw_jumps(tracker, uniform, log_odds, estimate, observation))
+
+    def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
+        """See ``Motion``."""
+        drawn = super().draw(shared, key, turn)
+        substates, left, log_weight = relocation.apply_jumps(
+            self.jumps, turn.partition, drawn.substates, turn.conditions[0]
+        )
+        return drawn._replace(
+            substates=substates, conditions=(left, *turn.conditions[1:]), log_weight=log_weight
+        )
+
+
+class Proposed(Motion):
+    """Draws from a ``jaxpf.contract.Proposal``, and from the dynamics what was not seen."""
+
+    def __init__(self, proposal: Any):
+        self.proposal = proposal
+
+    def check(self, tracker: "Partitioned") -> None:
+        """See ``Motion``."""
+        contract.check_uncoupled(tracker.dynamics, "a proposal")
+        if not contract.has_log_density(tracker.dynamics):
+            raise InputError(
+                f"a proposal is weighed by the transition density, and "
+                f"{type(tracker.dynamics).__name__} has none; add the method log_density (see "
+                "jaxpf.contract.DynamicsWithDensity) or leave out proposal."
+            )
+        if tracker.relocation is not None:
+            raise InputError(
+                "proposal and relocation both replace the draw of the dynamics; leave out one."
+            )
+        contract.proposal_of(self.proposal, tracker.dynamics, tracker.likelihood)
+
+    def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
+        """See ``Motion``: the weight is the transition density over the proposal's."""
+        dynamics, partition, conditions = shared.tracker.dynamics, turn.partition, turn.conditions
+        likelihood, observation, seen = contract.as_seen(
+            shared.tracker.likelihood, shared.observation
+        )
+        proposal = contract.proposal_of(self.proposal, dynamics, likelihood)
+        like = conditions[0], jnp.zeros(partition.shape, conditions[0].dtype)
+
+        def move() -> tuple[jax.Array, jax.Array]:
+            substates = contract.propagate_all(dynamics, key, partition, *conditions)
+            return substates.astype(like[0].dtype), like[1]
+
+        def propose() -> tuple[jax.Array, jax.Array]:
+            substates = contract.propose_all(proposal, key, observation, partition, *conditions)
+            substates = substates.astype(like[0].dtype)
+            move = partition, substates, *conditions
+            log_weight = contract.log_density_all(dynamics, *move)
+            log_weight -= contract.proposal_log_density_all(proposal, observation, *move)
+            return substates, log_weight.astype(like[1].dtype)
+
+        def either() -> tuple[jax.Array, jax.Array]:
+            if seen is None:
+                return propose()
+            if seen is np.False_:
+                return move()
+            if not seen.ndim:
+                return lax.cond(seen, propose, move)
+            return jax.tree.map(partial(jnp.where, seen[partition]), propose(), move())
+
+        substates, log_weight = _once(shared, either, like)
+        chex.assert_equal_shape((substates, like[0]))
+        return Drawn(partition, turn.source, conditions, substates, log_weight)
+
+
+class Scored(Motion):
+    """Stops the draws of another strategy; their density's derivative goes to the weights.
+
+    Of the weights only the transition density depends on the dynamics' parameters: a proposal's
+    density is stopped like its draws.
+    """
+
+    def __init__(self, inner: Motion):
+        self.inner = inner
+
+    def check(self, tracker: "Partitioned") -> None:
+        """See ``Motion``."""
+        self.inner.check(tracker)
+        moves_labels = hasattr(tracker.dynamics, "propagate_label")
+        if tracker.initial_label is None or not moves_labels:
+            return
+        if not contract.has_log_label(tracker.dynamics):
+            raise InputError(
+                f"motion_gradient='score' needs the probability of a label's move, and "
+                f"{type(tracker.dynamics).__name__} has none; add the method log_label(new, "
+                "label, substates) -> [], the log-probability with which propagate_label draws."
+            )
+
+    def begin(self, tracker, key, state, observation) -> "Scored":
+        """See ``Motion``."""
+        return Scored(self.inner.begin(tracker, key, state, observation))
+
+    def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
+        """See ``Motion``."""
+        drawn = self.inner.draw(shared, key, turn)
+        substates, log_weight = lax.stop_gradient((drawn.substates, drawn.log_weight))
+        score = contract.log_density_all(
+            shared.tracker.dynamics, drawn.partition, substates, *drawn.conditions
+        ).astype(substates.dtype)
+        return drawn._replace(substates=substates, log_weight=log_weight, score=score)
+
+
+def motion_of(tracker: "Partitioned") -> Motion:
+    """The strategy that a tracker's settings ask for."""
+    motion = Motion()
+    if tracker.proposal is not None:
+        motion = Proposed(tracker.proposal)
+    elif tracker.relocation is not None:
+        motion = Relocating()
+    return Scored(motion) if tracker.motion_gradient == "score" else motion
+
+
+def _once(shared: Shared, function: Callable[[], Any], like: Any) -> Any:
+    """``function()``, computed once however often it is used."""
+    unforeseen = shared.tracker.ordering.order[0, 0] >= 0
+    return computed_once(function, like, unforeseen)

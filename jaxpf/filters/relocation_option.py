@@ -1,0 +1,33 @@
+"""The option ``relocate``, which several filters have."""
+
+from typing import Any
+
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.options import option, plain
+
+
+def relocate_option() -> Any:
+    """Chance per frame of searching the whole frame for a lost object."""
+    return option(
+        0.0,
+        "Chance per frame of searching the whole frame for a lost object; 0 never does.  Needs a "
+        "likelihood that reports lost objects, such as discriminative appearance.",
+        least=0,
+        most=1,
+        compiles=True,
+    )
+
+
+def relocation_of(likelihood: Any, epsilon: float) -> Any:
+    """The relocation in a likelihood's frames; None where ``epsilon`` is 0."""
+    if epsilon == 0:
+        return None
+    from jaxpf.contract import has_log_odds
+    from jaxpf.filters.relocation import relocation_in
+
+    if not has_log_odds(likelihood) or not hasattr(likelihood, "frame_shape"):
+        raise InputError(
+            f"--relocate {plain(epsilon)} searches for lost objects, and this likelihood does not "
+            "report which are lost; use --appearance discriminative, or leave --relocate out."
+        )
+    return relocation_in(likelihood.frame_shape, epsilon)

@@ -1,0 +1,220 @@
+"""Proposals: substates drawn given the frame, for ``jaxpf.Partitioned(proposal=...)``.
+
+The dynamics alone propose blindly: where observations are precise, few of their draws fit.  A
+proposal draws where the frame says, and a stage's weight is likelihood times transition density
+over proposal density, so that the evidence stays unbiased::
+
+    jaxpf.Partitioned(..., proposal=jaxpf.proposals.Mixture(jaxpf.proposals.LocallyOptimal()))
+
+To write your own, see ``jaxpf.contract.Proposal``.  What a frame does not show moves by the
+dynamics.
+"""
+
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxpf import contract
+from jaxpf.contract import Proposal, of_partition
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete, pytree_dataclass
+
+
+@pytree_dataclass
+class Mixture(Proposal):
+    """A mixture of another proposal and the dynamics, weighed by the density of both.
+
+    Weights are then at most the likelihood over ``1 - share``, whatever the other proposal does
+    (deterministic mixture; Owen & Zhou 2000).
+
+    Attributes:
+        proposal: the other one.
+        share: probability of drawing from it, at least 0 and below 1.
+        dynamics: filled in by the filter.
+    """
+
+    proposal: Any
+    share: Any = 0.9
+    dynamics: Any = None
+
+    def __post_init__(self):
+        if is_concrete(self.share) and not 0 <= float(self.share) < 1:
+            raise InputError(f"Mixture's share {self.share} must be at least 0 and below 1.")
+
+    def of_model(self, dynamics, likelihood):
+        """See ``jaxpf.contract.Proposal``."""
+        return Mixture(
+            contract.proposal_of(self.proposal, dynamics, likelihood), self.share, dynamics
+        )
+
+    def propose_all(self, key, observation, partition, current, previous, parent):
+        """Substates ``[D, N]``, each from the other proposal or from the dynamics."""
+        proposal_key, dynamics_key, choice_key = jax.random.split(key, 3)
+        past = partition, current, previous, parent
+        proposed = contract.propose_all(self.proposal, proposal_key, observation, *past)
+        moved = contract.propagate_all(self.dynamics, dynamics_key, *past)
+        is_proposed = jax.random.uniform(choice_key, partition.shape) < self.share
+        return jnp.where(is_proposed, proposed, moved)
+
+    def log_density_all(self, observation, partition, new, current, previous, parent):
+        """Log of the mixture's density, ``[N]``."""
+        move = partition, new, current, previous, parent
+        share = jnp.asarray(self.share, new.dtype)
+        return jnp.logaddexp(
+            jnp.log(share) + contract.proposal_log_density_all(self.proposal, observation, *move),
+            jnp.log1p(-share) + contract.log_density_all(self.dynamics, *move),
+        )
+
+
+class _Normal(Proposal):
+    """A normal density for each particle, given by ``_moments``; its parameters are constants.
+
+    So a derivative of the evidence goes through the transition density and the likelihood, which
+    is exact, and not through a proposal's own mean and covariance.
+    """
+
+    def propose_all(self, key, observation, partition, current, previous, parent):
+        """Normal substates, ``[D, N]``."""
+        mean, root, index = self._at(observation, partition, current, previous, parent)
+        noise = jax.random.normal(key, current.shape, current.dtype)
+        # With the precision C C^T, C^-T is a root of the covariance.
+        return mean + _times(jnp.swapaxes(jnp.linalg.inv(root), 1, 2), index, noise)
+
+    def log_density_all(self, observation, partition, new, current, previous, parent):
+        """Normal log-densities, ``[N]``."""
+        mean, root, index = self._at(observation, partition, current, previous, parent)
+        residual = _times(jnp.swapaxes(root, 1, 2), index, new - mean)
+        volume = jnp.sum(jnp.log(jnp.diagonal(root, axis1=1, axis2=2)), axis=1)
+        constant = 0.5 * new.shape[0] * np.log(2 * np.pi)
+        return -0.5 * jnp.sum(residual**2, axis=0) + of_partition(volume, index) - constant
+
+    def _at(self, observation, *past) -> tuple[jax.Array, jax.Array, jax.Array]:
+        return lax.stop_gradient(self._moments(observation, *past))
+
+    def _moments(self, observation, partition, current, previous, parent):
+        """Means ``[D, N]``, roots C ``[K, D, D]`` of precisions, each particle's row of these."""
+        raise NotImplementedError
+
+
+@pytree_dataclass
+class LocallyOptimal(_Normal):
+    """``p(x_t | x_{t-1}, y_t)`` of linear-Gaussian dynamics seen by ``jaxpf.likelihoods.Gaussian``.
+
+    A stage's weight is then ``p(y_t | x_{t-1})``, the same wherever the particle moves (Doucet,
+    Godsill & Andrieu 2000, section II.D).  The dynamics' noise must have full rank.
+
+    Attributes:
+        dynamics: filled in by the filter.
+        likelihood: filled in by the filter.
+    """
+
+    dynamics: Any = None
+    likelihood: Any = None
+
+    def of_model(self, dynamics, likelihood):
+        """See ``jaxpf.contract.Proposal``."""
+        noise = getattr(likelihood, "noise", None)
+        if noise is None or np.ndim(noise) != 3:
+            raise InputError(
+                f"LocallyOptimal is the proposal of jaxpf.likelihoods.Gaussian, and the likelihood "
+                f"is a {type(likelihood).__name__}; use Linearised."
+            )
+        return LocallyOptimal(dynamics, likelihood)
+
+    def _moments(self, observation, partition, current, previous, parent):
+        count = np.shape(self.likelihood.noise)[0]
+        partitions, zeros = jnp.arange(count), jnp.zeros((current.shape[0], count), current.dtype)
+        transition = _transition(self.dynamics, partitions, zeros, zeros, zeros)
+        evidence = _evidence(self.likelihood, observation, partitions)
+        precision = _curvature(transition, zeros) + _curvature(evidence, zeros)
+        slope = _slope(_transition(self.dynamics, partition, current, previous, parent), current)
+        slope += _slope(_evidence(self.likelihood, observation, partition), current)
+        return (
+            current + _solve(precision, partition, slope),
+            jnp.linalg.cholesky(precision),
+            partition,
+        )
+
+
+@pytree_dataclass
+class Linearised(_Normal):
+    """A normal density fitted where a substate is expected, as in an extended Kalman filter.
+
+    The observation is linearised there (Doucet, Godsill & Andrieu 2000, section II.D); for a linear
+    one with normal noise this is ``LocallyOptimal``.  The dynamics' noise must be normal and have
+    full rank.  Put it into a ``Mixture`` where the linearisation may be poor.
+
+    Attributes:
+        residual: ``(observation, partition [], substate [D]) -> [E]``, the difference between what
+            is seen and what the substate predicts, in units of its noise (whitened).
+        dynamics: filled in by the filter.
+    """
+
+    residual: Any
+    dynamics: Any = None
+
+    def __post_init__(self):
+        if isinstance(self.residual, FunctionType):
+            object.__setattr__(self, "residual", jax.tree_util.Partial(self.residual))
+
+    def of_model(self, dynamics, likelihood):
+        """See ``jaxpf.contract.Proposal``."""
+        return Linearised(self.residual, dynamics)
+
+    def _moments(self, observation, partition, current, previous, parent):
+        index = jnp.arange(current.shape[1])
+        transition = _transition(self.dynamics, partition, current, previous, parent)
+        precision = _curvature(transition, current)
+        expected = current + _solve(precision, index, _slope(transition, current))
+        # Axes: the residual [N, E] and its derivative [N, E, D].
+        seen = observation, partition, expected
+        residual = jax.vmap(self.residual, in_axes=(None, 0, 1))(*seen)
+        slope = jax.vmap(jax.jacfwd(self.residual, argnums=2), in_axes=(None, 0, 1))(*seen)
+        precision = precision + jnp.swapaxes(slope, 1, 2) @ slope
+        step = _solve(precision, index, jnp.einsum("ned,ne->dn", slope, residual))
+        return expected - step, jnp.linalg.cholesky(precision), index
+
+
+def _transition(dynamics, partition, current, previous, parent) -> Callable:
+    """The log-density of moves ``[N]`` as a function of where they lead, ``[D, N]``."""
+    past = current, previous, parent
+    return lambda new: contract.log_density_all(dynamics, partition, new, *past)
+
+
+def _evidence(likelihood, observation, partition) -> Callable:
+    """The log-likelihood ``[N]`` as a function of substates ``[D, N]``."""
+    return lambda new: contract.log_prob_all(likelihood, observation, partition, new)
+
+
+def _slope(log_density: Callable, places: jax.Array) -> jax.Array:
+    """Gradients ``[D, N]`` at ``places`` ``[D, N]``; 0 where there is none."""
+    slope = jax.grad(lambda x: jnp.sum(log_density(x)))(places)
+    return jnp.where(jnp.isfinite(slope), slope, 0.0)
+
+
+def _curvature(log_density: Callable, places: jax.Array) -> jax.Array:
+    """Negative second derivatives ``[N, D, D]`` at ``places`` ``[D, N]``; 0 where there is none."""
+    gradient = jax.grad(lambda x: jnp.sum(log_density(x)))
+
+    def along(direction):
+        return jax.jvp(gradient, (places,), (jnp.broadcast_to(direction[:, None], places.shape),))[
+            1
+        ]
+
+    second = -jax.vmap(along)(jnp.eye(places.shape[0], dtype=places.dtype))  # [D, D, N]
+    return jnp.moveaxis(jnp.where(jnp.isfinite(second), second, 0.0), -1, 0)
+
+
+def _solve(precision: jax.Array, index: jax.Array, vectors: jax.Array) -> jax.Array:
+    """Covariance of each particle's row, of ``precision`` ``[K, D, D]``, times ``[D, N]``."""
+    return _times(jnp.linalg.inv(precision), index, vectors)
+
+
+def _times(matrices: jax.Array, index: jax.Array, vectors: jax.Array) -> jax.Array:
+    """Each particle's row of ``matrices`` ``[K, D, D]`` times its vector, ``[D, N]``."""
+    return jnp.sum(of_partition(matrices, index) * vectors.T[:, None, :], axis=-1).T

@@ -1,0 +1,75 @@
+"""The sentence in which an evaluation ends: what follows best, and what cannot be told apart."""
+
+import numpy as np
+import pytest
+from made_results import DPS, OTHER, PS, SIR, batch, imported, make, walks
+
+from jaxpf.evaluation.output.tables import MOST_PRINTED, write_tables
+from jaxpf.evaluation.results import Configuration
+
+
+def conclusion(folder, **shrunk):
+    """Of SIR and others, whose errors are those of SIR times a factor, with noise of their own."""
+    truth, boxes = walks(seed=3, runs=30, frames=12, objects=2)
+    configurations = {"sir": SIR, "ps": PS, "dps": DPS}
+    batches = []
+    for number, (name, factor) in enumerate(shrunk.items()):
+        noise = np.random.default_rng(number).normal(0, 0.3, boxes.shape)
+        batches.append((configurations[name], [batch(truth + factor * (boxes - truth) + noise)]))
+    return write_tables(make(folder / "made", batches, truth)).conclusion
+
+
+def test_the_best_is_named_with_its_interval_over_the_first(tmp_path):
+    sentence, ranking = conclusion(tmp_path, sir=1.0, ps=0.9, dps=0.1)
+    assert ranking == [2, 1, 0]
+    assert sentence.startswith("DPS shifts follows best: success area +.")
+    assert "] over SIR, and better than PS 21." in sentence
+
+
+def test_equal_methods_cannot_be_told_apart_from_the_best(tmp_path):
+    sentence, _ = conclusion(tmp_path, sir=1.0, ps=0.1, dps=0.1)
+    assert "follows best" in sentence
+    assert " over SIR; " in sentence
+    assert sentence.endswith(" cannot be told apart from it.")
+
+
+def test_without_a_difference_none_is_called_best(tmp_path):
+    sentence, ranking = conclusion(tmp_path, sir=0.5, ps=0.5, dps=0.5)
+    assert sentence.startswith("No configuration follows best")
+    assert len(ranking) == 3
+
+
+@pytest.mark.statistical
+def test_a_best_among_equals_is_rarely_claimed(tmp_path):
+    """Six equal configurations: at most 5 % of the evaluations may claim a difference."""
+    claims, repetitions = 0, 40
+    for repetition in range(repetitions):
+        truth, _ = walks(seed=5, runs=1, frames=3, objects=1)
+        batches = [
+            (Configuration("SIR", f"{i}"), [batch(walks(100 * repetition + i, 12, 3, 1)[1])])
+            for i in range(6)
+        ]
+        tables = write_tables(make(tmp_path / f"{repetition}", batches, truth))
+        claims += "follows best" in tables.conclusion.sentence.replace("No configuration f", "")
+    assert claims / repetitions < 0.05 + 4.5 * np.sqrt(0.05 * 0.95 / repetitions)
+
+
+def test_an_imported_track_is_compared_with_every_run(tmp_path):
+    truth, boxes = walks(seed=3, runs=30, frames=12, objects=2)
+    batches = [(SIR, [batch(boxes)]), (OTHER, [imported(truth)])]
+    tables = write_tables(make(tmp_path / "made", batches, truth))
+    assert tables.conclusion.sentence.startswith(f"{OTHER.method} follows best: success area +.")
+
+
+def test_one_screen_shows_the_best_first(tmp_path):
+    truth, boxes = walks(seed=3, runs=3, frames=4, objects=2)
+    batches = [
+        (Configuration("SIR", f"{i}"), [batch(truth + (boxes - truth) / (1 + i))])
+        for i in range(MOST_PRINTED + 5)
+    ]
+    tables = write_tables(make(tmp_path / "made", batches, truth))
+    (table,) = tables.printed
+    assert len(table.rows) == MOST_PRINTED
+    areas = [tables.summaries[i].estimates["success_area"].value[-1] for i in tables.conclusion[1]]
+    assert areas == sorted(areas, reverse=True)
+    assert table.rows[0][0] == tables.summaries[tables.conclusion.ranking[0]].name

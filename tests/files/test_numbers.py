@@ -1,0 +1,119 @@
+"""Every reader of tables takes the same numbers, separators and marks, and names decimal commas."""
+
+import numpy as np
+import pytest
+
+import scenes
+from jaxpf import InputError
+from jaxpf.boxes import read_boxes
+from jaxpf.contours.annotated_files import read_annotated
+from jaxpf.parts.files import read_parts
+from jaxpf.points.files import read_points
+from jaxpf.populations.detections import read_detections
+
+META = '{"name": "a", "frames": "a.mp4", "n_frames": 9, "width": 64, "height": 48, "fps": 25}'
+
+
+def scene_boxes(path):
+    (path.parent / "meta.json").write_text(META)
+    (path.parent / "a.mp4").touch()
+    return scenes.read_clip(path.parent).boxes[0, 0, :2]
+
+
+#: Reader -> the name of its file, its lines with two numbers x and y, and what it makes of them.
+READERS = {
+    "boxes": ("b.csv", "frame,id,x,y,w,h\n0,1,{x},{y},5,6\n", lambda p: read_boxes(p).box[0, :2]),
+    "MOT": ("b.txt", "1,1,{x},{y},5,6,1,-1,-1,-1\n", lambda p: read_boxes(p).box[0, :2] + 1),
+    "detections": (
+        "det.txt",
+        "1,-1,{x},{y},5,6,.5,-1,-1,-1\n",
+        lambda p: read_detections(p).box[0, :2] + 1,
+    ),
+    "parts": (
+        "parts.csv",
+        "part,parent,x,y,w,h,angle\na,,{x},{y},5,6,0\n",
+        lambda p: read_parts(p).poses[0, :2],
+    ),
+    "points": ("points.csv", "x,y,name\n{x},{y},a\n", lambda p: read_points(p).places[0]),
+    "contours": (
+        "outlines.csv",
+        "frame,id,k,x,y\n0,1,0,{x},{y}\n",
+        lambda p: read_annotated(p.parent).lines[0, "1"][0],
+    ),
+    "scenes": ("gt.csv", "frame,id,x,y,w,h\n0,1,{x},{y},5,6\n", scene_boxes),
+}
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize(
+    ("mark", "separator", "x", "y"),
+    [
+        ("", ",", "10", "20"),
+        ("", ",", "10.0", "2e1"),
+        ("", ",", " 10 ", "+20."),
+        ("\ufeff", ",", "10", "20"),
+        ("", ";", "10", "20"),
+        ("\ufeff", ";", "1E1", "20"),
+    ],
+)
+def test_readers_take_the_same_tables(reader, mark, separator, x, y, tmp_path):
+    name, lines, read = READERS[reader]
+    text = mark + lines.format(x=x, y=y).replace(",", separator)
+    (tmp_path / name).write_text(text, encoding="utf-8", newline="")
+    np.testing.assert_array_equal(read(tmp_path / name), [10, 20])
+
+
+def in_quotes(text):
+    return "\n".join(",".join(f'"{field}"' for field in line.split(",")) for line in text.split())
+
+
+#: What spreadsheets and people make of a table that means the same.
+WRITTEN = {
+    "tabs": lambda text: text.replace(",", "\t").encode(),
+    "quotes": lambda text: in_quotes(text).encode(),
+    "UTF-16": lambda text: text.encode("utf-16"),
+    "CR": lambda text: text.replace("\n", "\r").encode(),
+    "CRLF": lambda text: text.replace("\n", "\r\n").encode(),
+    "blank lines": lambda text: ("\n \n" + text + "\n  \n").encode(),
+    "capitals": lambda text: text.replace("x,y", "X,Y").encode(),
+    "spaces": lambda text: text.replace(",", " , ").encode(),
+}
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("written", WRITTEN)
+def test_readers_take_what_spreadsheets_write(reader, written, tmp_path):
+    name, lines, read = READERS[reader]
+    (tmp_path / name).write_bytes(WRITTEN[written](lines.format(x="10", y="20")))
+    np.testing.assert_array_equal(read(tmp_path / name), [10, 20])
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("number", ["1_0", "0xA", "nan", "inf", "1e400", "\u221210", "1 0", "ten"])
+def test_readers_refuse_what_is_no_finite_number(reader, number, tmp_path):
+    name, lines, read = READERS[reader]
+    (tmp_path / name).write_text(lines.format(x=number, y="20"), encoding="utf-8")
+    with pytest.raises((InputError, scenes.SceneError), match="not a finite number"):
+        read(tmp_path / name)
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_a_decimal_comma_is_named_with_the_remedy(reader, tmp_path):
+    name, lines, read = READERS[reader]
+    text = lines.replace(",", ";").format(x="10,5", y="20,5")
+    (tmp_path / name).write_text(text)
+    with pytest.raises((InputError, scenes.SceneError), match=r"decimals with a point, 10\.5"):
+        read(tmp_path / name)
+
+
+@pytest.mark.parametrize("size", ["30,0,40,0", "1,0,1,0", "0,8,0,9", "30,25,40,125"])
+def test_decimal_commas_between_commas_do_not_become_another_box(size, tmp_path):
+    (tmp_path / "b.txt").write_text(f"1,1,10,5,20,5,{size}\n")
+    with pytest.raises(InputError, match=r"line 1 .* decimal commas; write decimals with a point"):
+        read_boxes(tmp_path / "b.txt")
+
+
+@pytest.mark.parametrize("rest", ["1,-1,-1,-1", "95,-1,-1,-1", "1,0,0,0", "0.9,1.5,2.5,0"])
+def test_ten_columns_of_mot_files_are_taken(rest, tmp_path):
+    (tmp_path / "b.txt").write_text(f"1,1,10,5,20,5,{rest}\n")
+    assert read_boxes(tmp_path / "b.txt").box[0].tolist() == [9, 4, 20, 5]

@@ -1,0 +1,248 @@
+"""Models from plain functions: the same filters as from classes, and what they refuse."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from exact import LIMIT, WRONG
+from jax.scipy.stats import norm
+
+import jaxpf
+from jaxpf import InputError, contract, running
+from jaxpf.likelihoods import kalman
+
+KEY = jax.random.key(0)
+VALUES = {"a": 0.9, "s": 0.5, "noise": 0.7}
+FRAMES = 1.5 * np.random.default_rng(0).normal(size=6)
+
+
+def initial(key, p):
+    return p["s"] * jax.random.normal(key)
+
+
+def transition(key, x, p):
+    return p["a"] * x + p["s"] * jax.random.normal(key)
+
+
+def log_density(new, x, p):
+    return norm.logpdf(new, p["a"] * x, p["s"])
+
+
+def log_likelihood(y, x, p):
+    return norm.logpdf(y, x, p["noise"])
+
+
+def build(values, **changes):
+    model = {
+        "initial": initial,
+        "transition": transition,
+        "log_likelihood": log_likelihood,
+        "parameters": values,
+        "num_particles": 50,
+    }
+    return jaxpf.state_space(**(model | changes))
+
+
+@jaxpf.pytree_dataclass
+class Walk(contract.DynamicsWithDensity):
+    a: float
+    s: float
+
+    def propagate(self, key, partition, current, previous, parent):
+        return self.a * current + self.s * jax.random.normal(key)
+
+    def log_density(self, partition, new, current, previous, parent):
+        return norm.logpdf(new[0], self.a * current[0], self.s)
+
+
+@jaxpf.pytree_dataclass
+class Seen(contract.Likelihood):
+    noise: float
+
+    def log_prob(self, observation, partition, substate):
+        return norm.logpdf(observation, substate[0], self.noise)
+
+
+@jaxpf.pytree_dataclass
+class Start:
+    s: float
+    independent = True
+
+    def __call__(self, key):
+        return self.s * jax.random.normal(key, (1, 1))
+
+
+def by_classes():
+    return jaxpf.Partitioned(
+        dynamics=Walk(VALUES["a"], VALUES["s"]),
+        likelihood=Seen(VALUES["noise"]),
+        initial=Start(VALUES["s"]),
+        ordering=jaxpf.ordering.sir(1),
+        num_particles=50,
+    )
+
+
+def assert_equal(one, other):
+    jax.tree.map(np.testing.assert_array_equal, one, other)
+
+
+# The same as classes, which are compared with exact filters elsewhere
+
+
+def test_functions_filter_and_smooth_as_classes_do_bit_for_bit():
+    functions = build(VALUES, transition_log_density=log_density)
+    frames = np.where(np.arange(6) == 3, np.nan, FRAMES)
+    assert_equal(*(jaxpf.run(each, KEY, frames)[1] for each in (functions, by_classes())))
+    smoothed = [jaxpf.smooth(each, KEY, FRAMES).estimate for each in (functions, by_classes())]
+    assert_equal(*smoothed)
+
+
+def test_the_state_may_have_any_shape():
+    flat = jaxpf.run(build(VALUES), KEY, FRAMES)[1].estimate
+    square = build(
+        VALUES,
+        initial=lambda key, p: jnp.full((2, 2), initial(key, p)),
+        transition=lambda key, x, p: transition(key, x, p),
+        log_likelihood=lambda y, x, p: log_likelihood(y, x[1, 0], p),
+    )
+    estimate = jaxpf.run(square, KEY, FRAMES)[1].estimate
+    assert estimate.shape == (6, 1, 4)
+    np.testing.assert_allclose(estimate, np.broadcast_to(flat, estimate.shape), rtol=1e-5)
+    known = build(VALUES, initial=0.25)
+    np.testing.assert_array_equal(known.init(KEY).substates, 0.25)
+
+
+def test_a_transition_may_ask_for_the_time_and_for_the_state_before():
+    def line(key, x, p, previous, time):
+        return 2 * x - previous + (time == 2)
+
+    tracker = build(None, initial=1.0, transition=line, log_likelihood=lambda y, x, p: 0.0)
+    estimate = jaxpf.run(tracker, KEY, FRAMES)[1].estimate
+    np.testing.assert_allclose(estimate[:, 0, 0], [1, 1, 2, 3, 4, 5], rtol=1e-5)
+    with pytest.raises(InputError, match="asks for the time of a frame, which step does not know"):
+        tracker.step(KEY, tracker.init(KEY), FRAMES[0])
+
+
+@pytest.mark.parametrize(("coefficient", "is_right"), [(0.8, True), (0.5, False)])
+def test_a_likelihood_that_sees_the_state_before_has_the_exact_evidence(coefficient, is_right):
+    """y = x + .8 x_before + n, against Kalman on (x, x_before); z-scores of evidence and means."""
+    with jax.enable_x64(True):
+        tracker = build(
+            VALUES,
+            log_likelihood=lambda y, x, p, previous: norm.logpdf(
+                y, x + coefficient * previous, p["noise"]
+            ),
+        )
+
+        def record(state, summary):
+            return summary.log_evidence, summary.estimate[0]
+
+        keys = jax.random.split(jax.random.key(1), 8000)
+        log_evidence, estimate = jax.tree.map(
+            np.asarray, jaxpf.monte_carlo(tracker, keys, FRAMES, record, batch_size=2000)
+        )
+    a, s, noise = VALUES.values()
+    exact, mean, _ = kalman(
+        np.array([[a, 0], [1, 0]]), np.diag([s**2, 0]), np.array([[1, 0.8]]),
+        np.array([[noise**2]]), np.zeros(2), np.full((2, 2), s**2), FRAMES[:, None],
+    )  # fmt: skip
+    ratio = np.exp(log_evidence.sum(1) - exact.sum())
+
+    def z(samples, expected):
+        return (samples.mean(0) - expected) / (samples.std(0) / len(samples) ** 0.5)
+
+    scores = np.abs([z(ratio, 1), *z(ratio[:, None] * estimate[:, -1], mean[-1])])
+    assert scores.max() < LIMIT if is_right else scores.max() > WRONG
+
+
+# Parameters are traced
+
+
+def test_other_parameters_compile_nothing_new():
+    jaxpf.run(build(VALUES), KEY, FRAMES)
+    programs = running.run_compiled._cache_size()
+    jaxpf.run(build({"a": 0.1, "s": 2.0, "noise": 1.0}), KEY, FRAMES)
+    assert running.run_compiled._cache_size() == programs
+    jaxpf.run(build(VALUES, log_likelihood=lambda *x: log_likelihood(*x)), KEY, FRAMES)
+    assert running.run_compiled._cache_size() == programs + 1
+
+
+def log_evidence(values, **options):
+    return jnp.sum(jaxpf.run(build(values, **options), KEY, FRAMES)[1].log_evidence)
+
+
+def test_a_sweep_is_a_vmap():
+    def of(a):
+        return log_evidence(VALUES | {"a": a})
+
+    swept = jax.vmap(of)(jnp.array([0.2, 0.9]))
+    np.testing.assert_allclose(swept, [of(0.2), of(0.9)], rtol=1e-5)
+
+
+def test_a_gradient_goes_through_all_functions():
+    """With one particle there is no resampling: finite differences are exact but for rounding."""
+    with jax.enable_x64(True):
+        gradient = jax.jit(jax.grad(lambda values: log_evidence(values, num_particles=1)))(VALUES)
+        for name, value in VALUES.items():
+            ends = [
+                float(log_evidence(VALUES | {name: value + step}, num_particles=1))
+                for step in (-1e-5, 1e-5)
+            ]
+            np.testing.assert_allclose(gradient[name], (ends[1] - ends[0]) / 2e-5, rtol=1e-6)
+
+
+def test_tuning_names_a_parameter_once_and_changes_it_everywhere():
+    tracker = build(VALUES)
+    assert jaxpf.tuning.names(tracker) == ["parameters.a", "parameters.noise", "parameters.s"]
+    changed = jaxpf.tuning.replace(tracker, {"parameters.s": 2.0})
+    parts = changed.dynamics, changed.likelihood, changed.initial
+    assert [part.parameters["s"] for part in parts] == [2.0, 2.0, 2.0]
+    sequence = jaxpf.tuning.TrainingSequence(tracker, FRAMES)
+    settings = jaxpf.tuning.Settings(steps=2, repeats=1)
+    result = jaxpf.tune(sequence, ["parameters.s=0:9"], settings=settings)
+    assert result.values["parameters.s"] != VALUES["s"]
+    text = repr(result)
+    assert "parameters.s = " in text
+    assert len(text) < 600
+
+
+# Refusals
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"transition": lambda key, x: x},
+            r"transition takes \(key, x\), but must take \(key, x, p",
+        ),
+        ({"transition": lambda key, x, p: jnp.ones(3)}, r"returns shape \[3\], and initial \[\]"),
+        ({"transition": 0.9}, "transition is 0.9, which is no function"),
+        ({"initial": lambda key, p: (1.0, 2.0)}, "initial returns tuple; return the state as one"),
+        ({"num_partices": 3}, "no option 'num_partices'"),
+        ({"transition_log_density": lambda new, x, p: x[None]}, r"density returns shape \[1\]"),
+    ],
+)
+def test_wrong_functions_are_refused_in_one_sentence(changes, words):
+    with pytest.raises(InputError, match=words) as raised:
+        build(VALUES, **changes)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_likelihood_of_many_numbers_is_refused():
+    tracker = build(VALUES, initial=jnp.zeros(2), transition=lambda key, x, p: x)
+    with pytest.raises(InputError, match=r"log_likelihood returns shape \[2\]; return one number"):
+        jaxpf.run(tracker, KEY, FRAMES)
+
+
+def test_smoothing_is_refused_where_the_likelihood_sees_the_state_before():
+    with pytest.raises(
+        InputError, match="does not go with a log_likelihood that asks for the prev"
+    ):
+        build(
+            VALUES,
+            log_likelihood=lambda y, x, p, previous: 0.0,
+            transition_log_density=log_density,
+        )
+    with pytest.raises(InputError, match="log_density"):
+        jaxpf.smooth(build(VALUES), KEY, FRAMES)

@@ -1,0 +1,178 @@
+"""Public functions inside a user's own transforms, with frames passed in, closed over, or NumPy."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxpf
+from jaxpf import InputError, ordering, smoothing, tuning
+from jaxpf.dynamics import RandomWalk
+from jaxpf.filters import SideBySide, WithErrorBars
+from jaxpf.likelihoods import Gaussian
+from jaxpf.running import streaming
+
+KEY = jax.random.key(1)
+FRAMES = np.random.default_rng(0).normal(size=(3, 2, 1)).astype(np.float32)
+GAPS = FRAMES.copy()
+GAPS[1] = np.nan
+
+
+def partitioned(scale, **changes):
+    return jaxpf.Partitioned(
+        dynamics=RandomWalk(scale),
+        likelihood=Gaussian(noise=np.ones((2, 1, 1), np.float32)),
+        ordering=ordering.ps([0, 1]),
+        initial=np.zeros((2, 1), np.float32),
+        num_particles=4,
+        resampling="multinomial",
+        **changes,
+    )
+
+
+def other(kind, scale):
+    start = np.array([[0.0], [1.0]], np.float32)
+    return kind(RandomWalk(scale), Gaussian(noise=np.ones((2, 1, 1), np.float32)), start)
+
+
+TRACKERS = {
+    "partitioned": partitioned,
+    "labelled": lambda scale: jaxpf.Labelled(
+        RandomWalk(scale), Gaussian(noise=np.ones((2, 1, 1), np.float32)), np.zeros((2, 1))
+    ),
+    "eskil": lambda scale: other(jaxpf.Eskil, scale),
+    "pffl": lambda scale: other(jaxpf.PFFL, scale),
+    "error-bars": lambda scale: WithErrorBars(partitioned(scale)),
+    "side-by-side": lambda scale: SideBySide(partitioned(scale), 2),
+}
+
+
+def final(state, summary):
+    return summary.estimate
+
+
+FUNCTIONS = {
+    "run": lambda its, key, frames: jaxpf.run(its, key, frames, final)[1],
+    "monte_carlo": lambda its, key, frames: jaxpf.monte_carlo(its, key[None], frames, final),
+    "forecast": lambda its, key, frames: jaxpf.forecast(
+        its, key, jaxpf.run(its, key, frames)[0], 2, final, time=3
+    )[1],
+    "step": lambda its, key, frames: streaming.step(its, key, 0, its.init(key), frames[0])[1],
+    "log_evidence": lambda its, key, frames: tuning.log_evidence(its, key[None], frames),
+    "log_mean_evidence": lambda its, key, frames: tuning.log_mean_evidence(
+        its, key[None], frames, checkpoint=False
+    ),
+    "smooth": lambda its, key, frames: jaxpf.smooth(its, key, frames).estimate,
+    "particle_gibbs": lambda its, key, frames: smoothing.particle_gibbs(its, key, frames, 2),
+}
+TRANSFORMS = {
+    "jit": jax.jit,
+    "grad": lambda f: jax.jit(jax.grad(f)),
+    "vmap": lambda f: jax.jit(lambda x: jax.vmap(f)(jnp.stack([x, x]))),
+    "scan": lambda f: lambda x: jax.lax.scan(lambda c, _: (c + f(x), None), 0.0, None, 2)[0],
+    "fori_loop": lambda f: lambda x: jax.lax.fori_loop(0, 2, lambda _, c: c + f(x), 0.0),
+    "checkpoint": lambda f: jax.grad(jax.checkpoint(f)),
+    "make_jaxpr": lambda f: lambda x: (x, jax.make_jaxpr(f)(x))[0],
+    "eval_shape": lambda f: lambda x: (x, jax.eval_shape(f, x))[0],
+}
+
+
+def total(tree):
+    leaves = [jnp.asarray(x) for x in jax.tree.leaves(tree)]
+    return sum(jnp.sum(x) for x in leaves if jnp.issubdtype(x.dtype, jnp.floating))
+
+
+def trace(function, transform, source, make=partitioned, frames=GAPS):
+    """Trace a transform of a function of one number, which a tracker is built with."""
+
+    def result(scale, frames):
+        return total(FUNCTIONS[function](make(scale), KEY, frames))
+
+    def transformed(scale, given):
+        return TRANSFORMS[transform](lambda x: result(x, given))(scale)
+
+    if source == "passed":
+        return jax.eval_shape(transformed, jnp.float32(1), frames)
+    given = jnp.asarray(frames) if source == "closed over" else frames
+    return jax.eval_shape(lambda scale: transformed(scale, given), jnp.float32(1))
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_every_function_takes_frames_that_are_closed_over(function):
+    trace(function, "jit", "closed over")
+
+
+@pytest.mark.parametrize("transform", TRANSFORMS)
+def test_every_transform_takes_frames_that_are_closed_over(transform):
+    trace("run", transform, "closed over")
+
+
+@pytest.mark.parametrize("name", TRACKERS)
+def test_every_tracker_takes_frames_that_are_closed_over(name):
+    trace("run", "jit", "closed over", TRACKERS[name])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("source", ["passed", "closed over", "NumPy"])
+@pytest.mark.parametrize("transform", TRANSFORMS)
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_every_function_works_in_every_transform(function, transform, source):
+    trace(function, transform, source)
+    if source == "closed over" and function not in ("smooth", "particle_gibbs"):
+        for make in TRACKERS.values():
+            trace(function, transform, source, make)
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_a_tracker_may_be_passed_in_or_closed_over(function):
+    made, frames = partitioned(1.0), jnp.asarray(GAPS)
+    once = FUNCTIONS[function]
+    jax.eval_shape(lambda its, key: once(its, key, frames), made, KEY)
+    jax.eval_shape(lambda key: once(made, key, frames), KEY)
+
+
+def test_frames_that_are_closed_over_give_what_a_run_outside_gives():
+    made, frames = partitioned(1.0), jnp.asarray(GAPS)
+    inside = jax.jit(lambda its, key: jaxpf.run(its, key, frames, final)[1])(made, KEY)
+    np.testing.assert_allclose(inside, jaxpf.run(made, KEY, GAPS, final)[1], rtol=1e-5, atol=1e-6)
+
+
+def in_jit(function):
+    return lambda: jax.jit(lambda key: function(partitioned(1.0), key))(KEY)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (in_jit(lambda its, key: [*jaxpf.stream(its, key, FRAMES)]), "use jaxpf.run"),
+        (
+            in_jit(lambda its, key: jaxpf.smooth(its, key, FRAMES, lag=1).estimate),
+            "use jaxpf.smooth without a lag",
+        ),
+        (
+            in_jit(lambda its, key: smoothing.LookBack(its, key).add(its.init(key))),
+            "use jaxpf.smooth",
+        ),
+    ],
+)
+def test_loops_in_python_say_that_they_cannot_be_traced(call, sentence):
+    with pytest.raises(InputError, match=f"cannot be traced.*{sentence}"):
+        call()
+
+
+@pytest.mark.parametrize("function", ["run", "monte_carlo", "log_evidence"])
+@pytest.mark.parametrize(
+    "switch",
+    [
+        pytest.param(lambda: jax.enable_x64(True), id="64 bits"),
+        pytest.param(lambda: jax.debug_nans(True), id="checks for NaN"),
+        pytest.param(jax.disable_jit, id="no jit", marks=pytest.mark.slow),
+    ],
+)
+def test_functions_work_under_the_switches_of_jax(switch, function):
+    frames = FRAMES if function == "log_evidence" else GAPS  # an objective has no missing frames
+    sources = frames, jnp.asarray(FRAMES)  # JAX itself refuses its own arrays with NaN
+    with switch():
+        made = partitioned(np.float32(1.0))
+        for given in sources:
+            assert jnp.isfinite(total(FUNCTIONS[function](made, KEY, given)))

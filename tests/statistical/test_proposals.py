@@ -1,0 +1,198 @@
+"""Proposals against the Kalman filter: any of them leaves the filter unbiased, good ones pay."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from exact import LIMIT, OBJECTS, TREE, monte_carlo, objects, problem, scores
+from proposed import Bad, residual
+
+import jaxpf
+from jaxpf import InputError, ordering, pytree_dataclass
+from jaxpf.dynamics import RandomWalk
+from jaxpf.proposals import Linearised, LocallyOptimal, Mixture
+
+pytestmark = pytest.mark.statistical
+
+PROPOSALS = {
+    "optimal": LocallyOptimal(),
+    "linearised": Linearised(residual),
+    "mixture": Mixture(Bad(), 0.7),
+    "bad": Bad(),
+}
+ON_A_TREE = {
+    "sir": ordering.sir(3),
+    "ps": ordering.ps([0, 2, 1]),
+    "dps": ordering.dps(orders=[[0, 1, 2], [0, 2, 1]]),
+    "sps": ordering.sps(TREE),
+}
+
+
+@pytest.mark.parametrize("method", ON_A_TREE)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(n, marks=() if n in ("optimal", "mixture") else pytest.mark.slow)
+        for n in PROPOSALS
+    ],
+)
+def test_filter_on_a_part_tree_with_a_missing_frame_is_unbiased(name, method):
+    exact = problem(TREE, num_frames=4, missing=(1,))
+    found = scores(exact, ON_A_TREE[method], proposal=PROPOSALS[name], runs=10_000)
+    assert found.worst < LIMIT
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["linearised", "bad"])
+@pytest.mark.parametrize("method", ["ps", "sps"])
+def test_filter_with_missing_partitions_is_unbiased(name, method):
+    """A root that is hidden, a leaf, and a whole frame."""
+    exact = problem(TREE, num_frames=4, missing=(2,), hidden=((0, 1), (1, 0), (3, 2)))
+    assert scores(exact, ON_A_TREE[method], proposal=PROPOSALS[name]).worst < LIMIT
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["dps", "sps"])
+def test_second_order_objects_are_unbiased(method):
+    order = ordering.dps(4) if method == "dps" else ordering.sps(OBJECTS)
+    settings = {"ess_threshold": 0.7} if method == "dps" else {}
+    assert scores(objects(), order, proposal=LocallyOptimal(), **settings).worst < LIMIT
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("look_ahead", [False, True])
+def test_joint_likelihood_is_unbiased(look_ahead):
+    exact = problem(OBJECTS, correlation=0.5)
+    order = ordering.ps([0, 1, 2, 3])
+    found = scores(exact, order, proposal=Mixture(Linearised(residual)), look_ahead=look_ahead)
+    assert found.worst < LIMIT
+
+
+def test_optimal_proposal_pays_where_observations_are_precise():
+    exact = problem(TREE)
+    precise = dataclasses.replace(exact.likelihood, noise=0.1 * np.ones((3, 1, 1)))
+    keys = jax.random.split(jax.random.key(3), 500)
+
+    def variance(**settings):
+        tracker = exact.tracker(ON_A_TREE["ps"], **settings)
+        tracker = dataclasses.replace(tracker, likelihood=precise)
+        found = monte_carlo(tracker, keys, exact.frames, record=lambda _, s: s.log_evidence)
+        return np.asarray(found).sum(axis=1).var()
+
+    assert variance() > 10 * variance(proposal=LocallyOptimal())
+
+
+def test_a_missing_frame_moves_by_the_dynamics():
+    exact = problem(TREE, num_frames=2, missing=(0, 1))
+    once = jax.jit(jaxpf.run)
+    made = [
+        once(exact.tracker(ON_A_TREE["ps"], **settings), jax.random.key(0), exact.frames)[1]
+        for settings in ({}, {"proposal": Bad()})
+    ]
+    np.testing.assert_array_equal(made[0].estimate, made[1].estimate)
+    assert not np.asarray(made[1].log_evidence).any()
+
+
+def test_a_forecast_moves_by_the_dynamics():
+    exact = problem(TREE)
+    tracker = exact.tracker(ON_A_TREE["sps"], proposal=Bad())
+    key, state = jax.random.key(1), tracker.init(jax.random.key(0))
+    ahead = [
+        jaxpf.forecast(chosen, key, state, 2, time=0)[1].estimate
+        for chosen in (tracker, dataclasses.replace(tracker, proposal=None))
+    ]
+    np.testing.assert_array_equal(*ahead)
+
+
+def test_linearised_is_optimal_for_a_linear_gaussian_model():
+    exact = problem(TREE, lag=0.2)
+    rng, partition = np.random.default_rng(0), jnp.array([0, 1, 2, 1])
+    new, *past = jnp.asarray(rng.normal(size=(4, 1, 4)))
+
+    def density(proposal):
+        proposal = proposal.of_model(exact.dynamics, exact.likelihood)
+        return proposal.log_density_all(jnp.asarray(exact.frames[0]), partition, new, *past)
+
+    np.testing.assert_allclose(density(Linearised(residual)), density(LocallyOptimal()), rtol=1e-10)
+    # And the weights of a mixture are bounded, whatever the other proposal does.
+    thin = Mixture(Bad(scale=0.01), 0.8).of_model(exact.dynamics, exact.likelihood)
+    move = partition, 3 * new, *past
+    log_weight = exact.dynamics.log_density_all(*move) - thin.log_density_all(None, *move)
+    assert (log_weight <= -np.log(1 - 0.8) + 1e-12).all()
+
+
+def of_angle(observation, partition, substate):
+    """Residual of the angle at which a point of the plane is seen."""
+    return (observation[partition] - jnp.arctan2(substate[1], substate[0])[None]) / 0.01
+
+
+@pytree_dataclass
+class Bearing(jaxpf.contract.Likelihood):
+    """A point of the plane is seen at an angle, with noise."""
+
+    def log_prob(self, observation, partition, substate):
+        return -0.5 * jnp.sum(of_angle(observation, partition, substate) ** 2)
+
+
+def test_linearised_helps_where_observations_are_not_linear():
+    frames = np.linspace(0.4, 0.9, 6)[:, None, None]
+    keys = jax.random.split(jax.random.key(3), 400)
+
+    def log_evidence(**settings):
+        tracker = jaxpf.Partitioned(
+            dynamics=RandomWalk(0.3),
+            likelihood=Bearing(),
+            ordering=ordering.ps([0]),
+            initial=np.array([[2.0, 1.0]]),
+            num_particles=100,
+            **settings,
+        )
+        found = monte_carlo(tracker, keys, frames, record=lambda _, s: s.log_evidence)
+        return np.asarray(found).sum(axis=1)
+
+    blind, proposed = log_evidence(), log_evidence(proposal=Mixture(Linearised(of_angle)))
+    assert blind.var() > 3 * proposed.var()
+    ratio = np.exp(blind) - np.exp(proposed).mean()
+    assert abs(ratio.mean()) < LIMIT * np.exp(blind).std() / len(keys) ** 0.5
+
+
+@pytree_dataclass
+class Blind:
+    """Moves of no known density."""
+
+    def propagate(self, key, partition, current, previous, parent):
+        return current
+
+
+@pytree_dataclass
+class Coupled(jaxpf.contract.CoupledDynamics):
+    """Moves by everything that was before."""
+
+    def propagate(self, key, partition, current, previous, parent, others):
+        return current
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"dynamics": Blind()}, "Blind has none; add the method log_density"),
+        ({"dynamics": Coupled()}, "does not go with a proposal"),
+        ({"likelihood": Bearing()}, "the likelihood is a Bearing; use Linearised"),
+        ({"relocation": 1.0}, "leave out one"),
+    ],
+)
+def test_what_no_proposal_goes_with_is_refused(settings, message):
+    exact = problem(TREE)
+    options = {"dynamics": exact.dynamics, "likelihood": exact.likelihood} | settings
+    with pytest.raises(InputError, match=message):
+        jaxpf.Partitioned(
+            ordering=ON_A_TREE["ps"],
+            initial=exact.initial,
+            parents=TREE,
+            proposal=LocallyOptimal(),
+            **options,
+        )
+    with pytest.raises(InputError, match=r"share 1\.0 must be at least 0 and below 1"):
+        Mixture(Bad(), 1.0)

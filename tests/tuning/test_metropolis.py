@@ -1,0 +1,159 @@
+"""Particle marginal Metropolis-Hastings against the exact posterior on a grid."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.stats
+from jax.scipy.stats import norm
+
+import jaxpf
+from jaxpf import InputError
+
+KEY = jax.random.key(3)
+NOISE = 0.5
+START = {"a": 0.5, "s": 1.0}
+CHAINS = 24
+
+
+def made_frames():
+    """An AR(1) seen in noise, one frame of which is missing."""
+    rng = np.random.default_rng(1)
+    x, y = 0.0, np.zeros(20)
+    for t in range(20):
+        x = 0.8 * x + 0.6 * rng.normal()
+        y[t] = x + NOISE * rng.normal()
+    y[7] = np.nan
+    return y
+
+
+FRAMES = made_frames()
+
+
+def initial(key, p):
+    return p["s"] * jax.random.normal(key)
+
+
+def transition(key, x, p):
+    return p["a"] * x + p["s"] * jax.random.normal(key)
+
+
+def log_likelihood(y, x, p):
+    return norm.logpdf(y, x, NOISE)
+
+
+def build(p):
+    return jaxpf.state_space(
+        initial=initial,
+        transition=transition,
+        log_likelihood=log_likelihood,
+        parameters=p,
+        num_particles=40,
+    )
+
+
+def log_prior(p):
+    """a in (-1, 1) uniform, s exponential: far from flat, so that it counts."""
+    inside = (jnp.abs(p["a"]) < 1) & (p["s"] > 0)
+    return jnp.where(inside, -3.0 * p["s"], -jnp.inf)
+
+
+def exact_margins():
+    """Grids of a and s with their cumulative posteriors, from a Kalman filter at every pair."""
+    a, s = np.linspace(-1, 1, 161)[1:-1], np.linspace(0, 3, 181)[1:]
+    step, noise = np.meshgrid(a, s, indexing="ij")
+    mean, variance, log_posterior = 0 * noise, noise**2, -3 * noise
+    for y in FRAMES:
+        mean, variance = step * mean, step**2 * variance + noise**2
+        if np.isfinite(y):
+            total = variance + NOISE**2
+            log_posterior += scipy.stats.norm.logpdf(y, mean, total**0.5)
+            mean = mean + variance / total * (y - mean)
+            variance = variance * NOISE**2 / total
+    weights = np.exp(log_posterior - log_posterior.max())
+    for grid, axis in ((a, 1), (s, 0)):
+        margin = weights.sum(axis)
+        steps = np.concatenate([[0], np.cumsum((margin[1:] + margin[:-1]) / 2)])
+        yield grid, steps / steps[-1]
+
+
+@pytest.fixture(scope="module")
+def posterior():
+    """By few particles: the evidence is noisy, and the law of the chains is exact all the same."""
+    return jaxpf.pmmh(
+        build, log_prior, KEY, FRAMES, START,
+        num_draws=800, num_warmup=300, num_chains=CHAINS, num_particles=25,
+    )  # fmt: skip
+
+
+@pytest.mark.statistical
+def test_the_posterior_is_that_of_the_kalman_filter(posterior):
+    """Distribution functions at 19 places, in standard errors over independent chains."""
+    for name, (grid, exact) in zip("as", exact_margins(), strict=True):
+        draws = np.asarray(posterior.parameters[name])
+        places = np.interp(np.linspace(0.05, 0.95, 19), exact, grid)
+        shares = (draws[..., None] <= places).mean(1)  # [C, 19]
+        errors = shares.std(0, ddof=1) / CHAINS**0.5
+        distance = np.abs(shares.mean(0) - np.linspace(0.05, 0.95, 19))
+        assert errors.max() < 0.03
+        assert (distance / errors).max() < 4.5, name
+
+
+def test_draws_keep_what_they_were_accepted_with(posterior):
+    assert posterior.parameters["a"].shape == posterior.log_evidence.shape == (CHAINS, 800)
+    assert posterior.num_particles == 25
+    assert 0.1 < posterior.accepted.mean() < 0.35
+    stayed = ~np.asarray(posterior.accepted)[:, 1:]
+    for kept in (posterior.log_evidence, posterior.parameters["a"]):
+        np.testing.assert_array_equal((np.diff(kept) == 0) & stayed, stayed)
+    s = np.asarray(posterior.parameters["s"])
+    np.testing.assert_allclose(posterior.log_prior, -3 * s, rtol=1e-5)
+
+
+def test_the_number_of_particles_makes_the_variance_of_the_evidence_about_one():
+    found = jaxpf.pmmh(build, log_prior, KEY, FRAMES, START, num_draws=2, num_warmup=100)
+    middle = {"a": 0.6, "s": 0.6}
+    tracker = jaxpf.tuning.replace(
+        build(START), {f"parameters.{name}": value for name, value in middle.items()}
+    )
+    evidence = [
+        jaxpf.run(tracker, key, FRAMES)[1].log_evidence.sum() for key in jax.random.split(KEY, 200)
+    ]
+    # Of 40 particles, and proportional to 1 / N.
+    assert 0.4 < np.var(evidence) * 40 / found.num_particles < 2
+
+
+def test_it_runs_in_a_users_jit():
+    @jax.jit
+    def draw(key, frames):
+        posterior = jaxpf.pmmh(
+            build, log_prior, key, frames, START, num_draws=3, num_warmup=2, num_chains=2
+        )
+        assert "parameters={'a': f32[2, 3], 's': f32[2, 3]}" in repr(posterior)
+        return posterior
+
+    posterior = draw(KEY, FRAMES)
+    assert posterior.num_particles == 40
+    assert np.isfinite(posterior.log_evidence).all()
+
+
+def test_the_draws_are_an_arviz_tree(posterior):
+    pytest.importorskip("arviz_base", reason="pip install 'jaxpf[formats]'")
+    tree = posterior.datatree()
+    assert tree["posterior"]["a"].dims == ("chain", "draw")
+    np.testing.assert_array_equal(tree["posterior"]["s"], posterior.parameters["s"])
+    assert set(tree["sample_stats"].data_vars) == {"lp", "log_evidence", "accepted"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"initial": {"a": 2.0, "s": 1.0}}, "the prior excludes the start"),
+        ({"initial": {"a": 0, "s": 1}}, "must hold floats alone"),
+        ({"num_draws": 0}, "num_draws=0 must be at least 1"),
+    ],
+)
+def test_what_cannot_be_sampled_is_refused(changes, words):
+    arguments = {"frames": FRAMES, "initial": START} | changes
+    with pytest.raises(InputError, match=words):
+        jaxpf.pmmh(build, log_prior, KEY, **arguments)

@@ -3,6 +3,7 @@ from .models import (
     DEFAULT_MOMENTUM as DEFAULT_MOMENTUM,
     DEFAULT_SCALE as DEFAULT_SCALE,
     DEFAULT_STEPS as DEFAULT_STEPS,
+    LONE_STEPS as LONE_STEPS,
     box_model as box_model,
     relative_box_model as relative_box_model,
     relative_steps as relative_steps,

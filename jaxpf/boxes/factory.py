@@ -6,32 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.boxes.models import (
-    DEFAULT_MOMENTUM,
-    DEFAULT_SCALE,
-    DEFAULT_STEPS,
-    box_model,
     boxes_at,
-    relative_box_model,
-    relative_steps,
-    usual_noise,
 )
 from jaxpf.boxes.target import BOXES
-from jaxpf.boxes.tracks import read_tracks
 from jaxpf.contract.errors import InputError
 from jaxpf.targets import building
-
-__all__ = [
-    "DEFAULT_MOMENTUM",
-    "DEFAULT_SCALE",
-    "DEFAULT_STEPS",
-    "box_model",
-    "read_tracks",
-    "relative_box_model",
-    "relative_steps",
-    "shapes",
-    "tracker",
-    "usual_noise",
-]
 
 
 def tracker(

@@ -16,6 +16,9 @@ from jaxpf.targets.appearance import RELATIVE
 DEFAULT_SCALE = (4.0, 2.0, 0.003)
 #: The same relative to the size: usual steps, long ones, and the logarithm of the size.
 DEFAULT_STEPS = (0.045, 0.18, 0.02)
+#: The same for a single object.  Longer steps find an object that leaps; beside other objects they
+#: lead to those that look alike.
+LONE_STEPS = (0.045, 0.6, 0.02)
 #: Share of the last displacement that is repeated.
 DEFAULT_MOMENTUM = 0.3
 
@@ -81,16 +84,19 @@ def relative_box_model(
     return model._replace(dynamics=motion)
 
 
-def relative_steps(values: Sequence[float], count: int) -> np.ndarray:
+def relative_steps(values: Sequence[float] | None, count: int) -> np.ndarray:
     """Noise of relative motion as people give it: ``[3]`` for all objects, or ``[P, 3]``.
 
     Args:
-        values: three numbers, or three for every object, one object after the other.
+        values: three numbers, or three for every object, one object after the other; None for the
+            default, which differs for a single object.
         count: P.
 
     Raises:
         InputError: they are for another number of objects.
     """
+    if values is None:
+        values = LONE_STEPS if count == 1 else DEFAULT_STEPS
     steps = np.reshape(values, (-1, 3))
     if len(steps) not in (1, count):
         raise InputError(
@@ -124,6 +130,8 @@ def motion_candidates(options: Any) -> list[Any]:
     Args:
         options: of boxes, what depends on the pictures being settled; they are the first.
     """
+    if options.motion == RELATIVE and options.relative_scale is None:
+        options = dataclasses.replace(options, relative_scale=DEFAULT_STEPS)
     found = [options]
     for factor in (0.5, 1.0, 2.0):
         if options.motion == RELATIVE:

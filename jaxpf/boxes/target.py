@@ -12,6 +12,7 @@ from jaxpf.boxes.models import (
     DEFAULT_MOMENTUM,
     DEFAULT_SCALE,
     DEFAULT_STEPS,
+    LONE_STEPS,
     box_model,
     boxes_at,
     motion_candidates,
@@ -55,7 +56,7 @@ class Options:
     appearance: str = appearance_option()
     gain: float = gain_option(1.0)
     motion: str = motion_option()
-    relative_scale: tuple[float, ...] = steps_option(DEFAULT_STEPS)
+    relative_scale: tuple[float, ...] | None = steps_option(DEFAULT_STEPS, LONE_STEPS)
     momentum: float = momentum_option(DEFAULT_MOMENTUM)
     exclusion: str = exclusion_option()
 
@@ -110,7 +111,7 @@ class BoxTarget(Target):
         """See ``Target``: bilinear features, weighed against those of boxes anywhere."""
         from jaxpf.likelihoods.histogram import histogram_from_patches
 
-        if len(options.relative_scale) > 3:
+        if len(options.relative_scale or ()) > 3:
             raise InputError(
                 f"relative_scale {plain(options.relative_scale)} differs between objects, and "
                 "tuning finds one motion for all; give three numbers."

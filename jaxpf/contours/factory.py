@@ -5,24 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contours.data import Annotated, Contours, Learned
-from jaxpf.contours.models import contours_model, start_space
+from jaxpf.contours.data import Contours, Learned
 from jaxpf.contours.target import CONTOURS, contour_start, polylines, shapes_of
 from jaxpf.contract.errors import InputError
-from jaxpf.shapes.depth import depth_orders, in_front
 from jaxpf.targets import building
-
-__all__ = [
-    "Annotated",
-    "Contours",
-    "Learned",
-    "contours_model",
-    "depth_orders",
-    "in_front",
-    "shapes",
-    "start_space",
-    "tracker",
-]
 
 
 def tracker(

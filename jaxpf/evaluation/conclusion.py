@@ -68,7 +68,9 @@ def conclude(summaries: Sequence[Summary], collected: Sequence[Collected]) -> Co
     if tied:
         sentence += f"; {_names(summaries, tied)} cannot be told apart from it"
     elif len(worse) > 1:
-        sentence += f", and better than {_names(summaries, [i for i in worse if i != reference])}"
+        rest = [index for index in worse if index != reference]
+        few = len(rest) <= _MOST_NAMED
+        sentence += f", and better than {_names(summaries, rest) if few else 'all others'}"
     return Conclusion(f"{sentence}.", ranking)
 
 

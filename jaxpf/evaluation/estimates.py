@@ -9,6 +9,7 @@ the value and not to the certainty.
   2015), kept between the number of runs and the number of runs times objects; where no object
   ever fails, or none succeeds, it is the number of runs.
 * A mean pools the frames that count; ``intervals.mean_interval`` gives its error over runs.
+  The mean of a share has Wilson's interval at the effective number of trials.
 * A difference compares runs of equal seed, which share their random numbers.  A difference of
   rates has Newcombe's hybrid score interval (1998, Statistics in Medicine 17:2635, method 10)
   and the exact test of McNemar; a difference of means has the standard error of the runs'
@@ -23,12 +24,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import bdtr, stdtr, stdtrit
 
-from jaxpf.measures.intervals import Interval, mean_interval, newcombe_ends, wilson_interval
+from jaxpf.measures.intervals import (
+    Interval,
+    mean_interval,
+    newcombe_ends,
+    share_interval,
+    wilson_interval,
+)
 
 #: Confidence of every interval.
 LEVEL = 0.95
 
 _mean_interval = jax.jit(mean_interval, static_argnames=("axis", "level"))
+_share_interval = jax.jit(share_interval, static_argnames="level")
 _wilson_interval = jax.jit(wilson_interval, static_argnames="level")
 
 
@@ -92,10 +100,12 @@ def with_all(values: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.nd
     return np.concatenate([values, pooled], 1), np.concatenate([weights, total], 1)
 
 
-def mean(values: np.ndarray, weights: np.ndarray) -> Estimate:
-    """Means over runs of ``values [R, P]`` with ``weights [R, P]``."""
+def mean(values: np.ndarray, weights: np.ndarray, shares: bool = False) -> Estimate:
+    """Means over runs of ``values [R, P]`` with ``weights [R, P]``; those of shares in [0, 1]."""
     values, weights = with_all(values, weights)
     interval = _mean_interval(values, weights, axis=0, level=LEVEL)
+    if shares:
+        interval = _share_interval(interval, level=LEVEL)
     return _estimate(interval, np.sum(weights > 0, axis=0))
 
 

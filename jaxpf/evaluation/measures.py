@@ -48,6 +48,11 @@ class Measure(NamedTuple):
     percent: bool = False
     unit: str = ""
 
+    @property
+    def is_share(self) -> bool:
+        """Whether it is a share of frames, or a mean of shares over them: between 0 and 1."""
+        return self.percent and self.weight != ""
+
 
 #: Standard scores of a run, over all objects: see ``jaxpf.measures.tracking_scores``.
 SCORES = (

@@ -151,7 +151,11 @@ def run_values(entry: Collected, measure: Measure) -> Runs:
 
 
 def _estimate(entry: Collected, measure: Measure, given: Runs) -> Estimate:
-    found = rate(given.values) if measure.is_rate else mean(given.values, given.weights)
+    found = (
+        rate(given.values)
+        if measure.is_rate
+        else mean(given.values, given.weights, measure.is_share)
+    )
     if measure in SCORES:
         found = Estimate(*_of_all_objects(found, entry.num_objects))
     return without_interval(found) if entry.configuration.is_imported else found

@@ -64,6 +64,20 @@ def wilson_interval(successes: ArrayLike, trials: ArrayLike, level: ArrayLike = 
     )
 
 
+def share_interval(share: Interval, level: ArrayLike = 0.95) -> Interval:
+    """Replace the ends of a mean of shares by Wilson's, which stay in [0, 1].
+
+    The number of trials is the effective one, p (1 - p) / SE^2 (Korn and Graubard 1998).  Where
+    the runs do not vary, or their number is 1, the ends stay as they are.
+    """
+    value, error = share.value, share.standard_error
+    varies = (error > 0) & (value > 0) & (value < 1)
+    trials = jnp.where(varies, value * (1 - value) / jnp.where(varies, error, 1) ** 2, 1)
+    wilson = wilson_interval(jnp.where(varies, value, 0) * trials, trials, level)
+    lower = jnp.where(varies, wilson.lower, share.lower)
+    return Interval(value, error, lower, jnp.where(varies, wilson.upper, share.upper))
+
+
 def newcombe_ends(
     first: Sequence[float], second: Sequence[float], correlation: float = 0.0
 ) -> tuple[float, float]:

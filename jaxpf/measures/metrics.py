@@ -30,6 +30,7 @@ from jaxpf.measures.intervals import (
     as_float,
     masked_mean,
     mean_interval,
+    share_interval,
     wilson_interval,
     within,
 )
@@ -260,7 +261,7 @@ def _summarise(estimate: Array, truth: Array, level: ArrayLike) -> dict[str, Int
         return mean_interval(masked_mean(values, counts, -2), frames, axis=0, level=level)
 
     def share(values: Array, counts: Array) -> Interval:
-        return within(pooled(values, counts), 0, 1)
+        return within(share_interval(pooled(values, counts), level), 0, 1)
 
     precisions, recalls = precision(estimate, truth), recall(estimate, truth)
     return {

@@ -70,9 +70,8 @@ def read_mask(path: Path) -> np.ndarray:
         raise InputError("masks need Pillow, which is missing; pip install 'jaxpf[cli]'.") from None
     try:
         with Image.open(path) as image:
-            if image.mode not in ("P", "L", "1", "I;16", "I"):
-                image = image.convert("RGB")
-            values = np.array(image)
+            has_numbers = image.mode in ("P", "L", "1", "I;16", "I")
+            values = np.array(image if has_numbers else image.convert("RGB"))
     except (OSError, UnidentifiedImageError, ValueError):
         raise InputError(f"'{path}' is not a picture; replace or remove it.") from None
     _check_mask(path, values)

@@ -5,30 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.parts.models import (
-    DEFAULT_JOINT_SCALE,
-    DEFAULT_SCALE,
-    DYNAMICS,
-    OfFixedSize,
-    check_parts,
-    cut_pictures,
-    parts_model,
-)
 from jaxpf.parts.target import PARTS, Parts
 from jaxpf.targets import building
-
-__all__ = [
-    "DEFAULT_JOINT_SCALE",
-    "DEFAULT_SCALE",
-    "DYNAMICS",
-    "OfFixedSize",
-    "Parts",
-    "check_parts",
-    "cut_pictures",
-    "parts_model",
-    "shapes",
-    "tracker",
-]
 
 
 def tracker(

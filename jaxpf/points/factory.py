@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike
 from jaxpf.points.target import POINTS
 from jaxpf.targets import building
 
-__all__ = ["shapes", "tracker"]
-
 
 def tracker(
     frame: Any,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.options import OPEN, option
+from jaxpf.contract.options import OPEN, option, plain
 
 #: How boxes are known, and by what they move.
 COLOUR, DISCRIMINATIVE = "colour", "discriminative"
@@ -56,12 +56,15 @@ def motion_option() -> Any:
     )
 
 
-def steps_option(default: tuple[float, float, float]) -> Any:
+def steps_option(usual: tuple[float, ...], lone: tuple[float, ...]) -> Any:
     """How far objects move from frame to frame, as shares of their size."""
     return option(
-        default,
+        None,
         "Of relative motion, noise per frame: of usual steps and of long ones, as shares of the "
-        "object's size, and of the size's logarithm; for all objects, or three numbers for each.",
+        "object's size, and of the size's logarithm; for all objects, or three numbers for each.  "
+        f"By default {plain(usual)}, and {plain(lone)} for a single object.",
+        kind=float,
+        length=3,
         least=0,
         per_object=True,
         path="dynamics.steps",

@@ -108,3 +108,24 @@ def test_equal_runs_do_not_differ():
     assert difference.p.tolist() == [1, 1]
     different = estimates.mean_difference(values, values, values + 0.5, values)
     assert np.isnan(different.p).all()  # without any spread there is nothing to test by
+
+
+def test_intervals_of_shares_stay_between_0_and_1():
+    """Two runs of a share: the normal interval of .83 reaches far past 1."""
+    values = np.array([[0.99, 0.02], [0.67, 0.0]])
+    ones = np.ones_like(values)
+    shares = estimates.mean(values, ones, shares=True)
+    assert estimates.mean(values, ones).upper[0] > 1
+    assert estimates.mean(values, ones).lower[1] < 0
+    assert (shares.lower >= 0).all()
+    assert (shares.upper <= 1).all()
+    assert (shares.lower < shares.value).all()
+    assert (shares.value < shares.upper).all()
+
+
+def test_the_interval_of_shares_is_the_normal_one_where_runs_are_many():
+    values = np.random.default_rng(0).uniform(0.4, 0.8, (400, 1))
+    ones = np.ones_like(values)
+    shares, normal = estimates.mean(values, ones, shares=True), estimates.mean(values, ones)
+    np.testing.assert_allclose(shares.lower, normal.lower, atol=5e-4)
+    np.testing.assert_allclose(shares.upper, normal.upper, atol=5e-4)

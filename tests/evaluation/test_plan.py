@@ -70,7 +70,7 @@ def test_configurations_are_methods_times_orderings_times_grid():
         "appearance": "colour",  # which a sharpness says
         "gain": 1.0,
         "motion": "auto",
-        "relative_scale": (0.045, 0.18, 0.02),
+        "relative_scale": None,
         "momentum": 0.3,
         "exclusion": "none",
         "particles": 100,

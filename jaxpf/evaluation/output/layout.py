@@ -36,8 +36,8 @@ ABOUT_MEASURES, ABOUT_CALIBRATION = 1, 3
 NOTES = (
     "Values with 95 % intervals in brackets. Runs are the independent units: frames and objects "
     "of a run add to the value, not to the certainty. Rates have Wilson's interval (over all "
-    "objects, at the effective number of trials); means have the normal interval of their "
-    "standard error over runs.",
+    "objects, at the effective number of trials), and so have shares of frames; other means have "
+    "the normal interval of their standard error over runs.",
     "Overlap is intersection over union. Success at .5: the share of frames whose overlap exceeds "
     ".5. Success area: the mean of that share over all thresholds from 0 to 1 (Wu, Lim and Yang "
     "2013). Smith2004's success and recovery ask for one shared pixel only, in every frame of a "

@@ -14,6 +14,7 @@ from jaxpf.evaluation.output.clips import SIZES, make_clip, read_pictures
 from jaxpf.evaluation.output.figures import Figure, write_figures
 from jaxpf.evaluation.output.layout import (
     NOTES,
+    PRINTED,
     Table,
     calibration_tables,
     difference_tables,
@@ -89,7 +90,9 @@ def _content(results: Results, tables: Tables, figures: Sequence[Figure]) -> dic
             },
         )
     )
-    leading = estimate_tables(ids, best_first(summaries, tables.conclusion.ranking), [len(ids)])
+    leading = estimate_tables(
+        ids, best_first(summaries, tables.conclusion.ranking), [len(ids)], PRINTED
+    )
     groups, clips_remark = _clips(results, tables)
     contents = [("summary", "Summary")] if summaries else []
     contents += [(section.name, section.title) for section in sections]

@@ -124,9 +124,8 @@ def write_tables(results: Results) -> Tables:
     shown = best_first(summaries, conclusion.ranking)
     printed = estimate_tables(ids, shown, [len(ids)], PRINTED)
     if len(shown) < len(summaries):
-        remarks.append(
-            f"The best {len(shown)} of {len(summaries)} configurations; all are in report.html."
-        )
+        title = f"all objects: the best {len(shown)} of {len(summaries)} configurations"
+        printed = [table._replace(title=title) for table in printed]
     return Tables(summaries, remarks, hardest, conclusion, printed)
 
 

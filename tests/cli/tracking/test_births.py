@@ -96,7 +96,11 @@ BOX = ("--box", "6,8,12,16")
         ("3,-1,1,1,9,9,1\n2,-1,1,1,9,9,1\n", (), "line 2 of 'd.txt' is of an earlier frame"),
         ("1,-1,1,1,9\n", (), "line 1 of 'd.txt' has 5 columns"),
         ("11,-1,1,1,9,9,1\n", (), "has a detection in frame 10, and the video ends with frame 9"),
-        ("1,-1,70,1,9,9,1\n", (), "the detection in frame 0 (69,0,9,9) lies outside the 64x48"),
+        (
+            "1,7,70,1,9,9\n",
+            (),
+            "the object that starts in frame 0 (69,0,9,9) lies outside the 64x48",
+        ),
         ("1,7,1,1,9,9\n", ("--start", "2"), "starts object 7 in frame 0, and tracking starts"),
         ("2,1,1,1,9,9\n", BOX, "starts object 1, which has a start box already"),
         (

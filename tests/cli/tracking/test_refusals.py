@@ -84,8 +84,8 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
     [
         ((), "no start box: give --box x,y,w,h"),
         (("--box", "1,2,3"), "box '1,2,3' has 3 number(s) instead of 4"),
-        (("--box", "1,2,a,4"), "box '1,2,a,4' holds 'a', which is not a number"),
-        (("--box", "1,2,nan,4"), "holds a value that is not finite"),
+        (("--box", "1,2,a,4"), "box '1,2,a,4' holds 'a', which is not a finite number"),
+        (("--box", "1,2,nan,4"), "holds 'nan', which is not a finite number"),
         (("--box", "1,2,0,4"), "has the size 0 x 4; both must be positive"),
         (("--box", "64,2,5,5"), "the box of object 1 (64,2,5,5) lies outside the 64x48 frame"),
         (("--box", "1,2,9,1"), "the box of object 1 is 9 pixels wide and 1 high"),
@@ -159,8 +159,11 @@ def test_a_bad_option_is_one_sentence_that_names_the_value(refuse, arguments, me
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("frame,id,x,y,w,h\n0,1,6,8,12,16\n0,2,a,3,4,5\n", "line 3 of 'boxes.csv' has 'a'"),
-        ("1,1,7,9,12,16,1\n1,2,7,9,12\n", "line 2 of 'boxes.csv' has 5 column(s)"),
+        (
+            "frame,id,x,y,w,h\n0,1,6,8,12,16\n0,2,a,3,4,5\n",
+            "line 3 of 'boxes.csv', column 3 is 'a', which is not a finite number",
+        ),
+        ("1,1,7,9,12,16,1\n1,2,7,9,12\n", "line 2 of 'boxes.csv' has 5 columns"),
         ("frame,id,x,y,w,h\n0,1,6,8,0,16\n", "line 2 of 'boxes.csv' has a box of zero size"),
         ("frame,id,x,y,w,h\n3,1,6,8,9,16\n", "has no box in frame 0; choose a start frame among 3"),
         ("id;x;y\n", "line 1 of 'boxes.csv' has an unknown header"),

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from tagged_walk import METHODS, D, P, every_method, frames, tracker
 
-import jaxpf
 from jaxpf import InputError, ordering
 from jaxpf.dynamics import IndependentGaussian
 from jaxpf.likelihoods import CorrelatedGaussian
@@ -122,10 +121,3 @@ def test_a_sampler_of_another_shape_is_noticed():
     made = tracker(ordering.sir(P), initial=IndependentGaussian(np.zeros((2, D)), 1.0))
     with pytest.raises(AssertionError):
         made.init(jax.random.key(0))
-
-
-@pytest.mark.parametrize("order", [[0, 1, 2], (0, 1, 2), np.arange(3)])
-def test_an_order_that_is_no_ordering_is_refused(order):
-    model = {"dynamics": None, "likelihood": None, "initial": np.zeros((3, 2))}
-    with pytest.raises(InputError, match=r"must be an Ordering, such as jaxpf.ordering.ps"):
-        jaxpf.Partitioned(ordering=order, **model)

@@ -199,7 +199,7 @@ def test_a_configuration_of_parts_is_of_no_use_to_boxes(whole_run, clip, tmp_pat
     outcome = jaxpf("track", clip, *config)
     assert "--box works only for boxes" in outcome.err
     outcome = jaxpf("track", "boxes", clip, *config)
-    assert "run.toml' is not of boxes, which are tracked here" in outcome.err
+    assert "run.toml' is not for boxes" in outcome.err
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ def test_ten_lines_track_as_the_command_line_does(clip):
     outcome = command("track", "clip.mp4", *boxes, "--no-overlay", "-o", "out")
     assert outcome.code == 0, outcome.err
     rows = jaxpf.boxes.read_boxes("out/tracks.csv").box[-2:]
-    assert np.array_equal(rows, np.round(made["boxes"], 3))
+    assert np.array_equal(rows, np.round(np.asarray(made["boxes"], float), 3))
 
 
 PARTS = jaxpf.parts.Parts(
@@ -70,7 +70,8 @@ GIVEN = {
 def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatch):
     from jaxpf.cli.tracking.command import TrackCommand
     from jaxpf.cli.tracking.request import request_of
-    from jaxpf.cli.tracking.work import _build_tracker
+    from jaxpf.cli.tracking.settling import settle
+    from jaxpf.cli.tracking.work import Opened, build_tracker
 
     monkeypatch.chdir(tmp_path)
     Path("parts.csv").write_text(
@@ -83,7 +84,9 @@ def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatc
     flags = [*flags, *(more if given else [])]
     context = TrackCommand(adapter).make_context("track", [str(tmp_path), *flags])
     request = request_of(context, adapter)
-    typed = _build_tracker(request, adapter.read_start(request.starts, 0, source), source, FRAME)
+    place = adapter.read_start(request.starts, 0, source)
+    opened = Opened(source, FRAME, iter(()), place, None, tmp_path / "out", None)
+    typed = build_tracker(request, opened, settle(request, place, FRAME, opened.frames)).tracker
     module = getattr(jaxpf, name)
     made = module.tracker(FRAME, start, **(options if given else {}))
     assert jax.tree.structure(made) == jax.tree.structure(typed)

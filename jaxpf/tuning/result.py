@@ -71,7 +71,7 @@ class Result:
 
     def __repr__(self) -> str:
         intervals, values = self.intervals(), self.values
-        lines = [f"Result of {len(self.descents)} repeats, with 95 % intervals:"]
+        lines = [f"Result of {len(self.descents)} repeats, with 95 % intervals"]
         for name, value in values.items():
             numbers = [np.ravel(x)[:_SHOWN] for x in (value, *intervals[name])]
             shown = [

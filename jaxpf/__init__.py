@@ -11,7 +11,7 @@ above; a test holds this.
     Many runs of many methods compared, with intervals; ``work/`` runs them and resumes,
     ``output/`` writes tables, figures and the report, ``baselines/`` holds other trackers.
 ``tuning/``
-    Parameters found by gradient descent.
+    Parameters found by gradient descent, or drawn from their posterior.
 ``populations/``
     Boxes that come and go.
 ``boxes/``, ``parts/``, ``points/``, ``contours/``

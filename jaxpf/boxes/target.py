@@ -136,6 +136,7 @@ class BoxTarget(Target):
 
         with naming([f"the box of object {number}" for number in start.ids]):
             found = discriminative(looks.start_frame, start.shapes, gain=options.gain, **settings)
+            check_contrast(looks.start_frame, start.shapes)
         return found if options.exclusion == NONE else excluding(found)
 
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:

@@ -16,7 +16,7 @@ from jaxpf import cli
     ("box", "arguments", "message"),
     [
         ("6,8,3,16", (), "the box of object 1 is 3 pixels wide and 16 high"),
-        ("2,2,60,40", (), "the box of object 1 looks like what is around it"),
+        ("2,2,60,40", (), "the box of object 1 lies on one colour"),
         ("20,20,12,16", ("--appearance", "colour"), "the box of object 1 lies on one colour"),
     ],
 )

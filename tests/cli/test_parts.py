@@ -118,7 +118,7 @@ def test_two_bodies_are_followed_in_one_run(scene, parts_file, tmp_path, options
     assert outcome.code == 0, outcome.err
     with (output / "tracks.csv").open(newline="") as file:
         tracks = [row for row in csv.DictReader(file) if int(row["frame"]) == LENGTH - 1]
-    found = {row["part"]: (float(row["x"]), float(row["y"])) for row in tracks}
+    found = {row["id"]: (float(row["x"]), float(row["y"])) for row in tracks}
     assert len(found) == 2 * len(NAMES)
     mirrored = poses[-1, :, :2] * (-1, 1) + (width, shift)
     for name, first, second in zip(NAMES, poses[-1, :, :2], mirrored, strict=True):

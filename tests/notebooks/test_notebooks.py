@@ -11,7 +11,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 # A home or working folder of Linux or macOS, a temporary folder, or a Windows drive.
 MACHINE_PATH = re.compile(
-    r"(?<![\w.])/(?:home|Users|root|tmp|work|var|private|opt|usr|mnt|srv)/\w|[A-Za-z]:\\\\?\w"
+    r"(?<![\w.])/(?:home|Users|root|tmp|work|var|private|opt|usr|mnt|srv)/\w|(?<![A-Za-z])[A-Za-z]:\\\\?\w"
 )
 
 #: What runs here only if asked for.

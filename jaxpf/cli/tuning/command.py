@@ -287,15 +287,13 @@ command = SceneCommand(
     defaults={"particles": _PARTICLES},
     help="""Tune parameters on SCENE, and compare before and after on unseen frames.
 
-    SCENE is as for `jaxpf evaluate`; `jaxpf tune SCENE --help` shows the options for its kind of
-    target.  A synthetic scene is tuned on some seeds and compared on others; a folder is tuned on
-    its first frames and compared on the rest, starting there from the truth.
+    SCENE is as for `jaxpf evaluate`.  A synthetic scene is tuned on some seeds and compared on
+    others, a folder on its first frames and on the rest.
 
-    The output folder receives tuned.toml (a --config for track and evaluate), tables, a figure and
-    a checkpoint, from which the same command resumes.
+    The output folder receives tuned.toml (a --config for track and evaluate), tables and a
+    checkpoint, from which the same command resumes.
 
-    Example, in minutes: jaxpf tune distracter --sharpness 1 --scale 0.5,0.5,0.003 --learning-rate
-    0.2 --window 15 --tolerance 0.1 --repeats 2 --steps 120
+    Example, in minutes: jaxpf tune distracter --sharpness 1 --steps 120
     """,
 )
 

@@ -133,8 +133,8 @@ def test_a_recorded_sequence_with_another_trackers_results(
     assert outcome.code == 0, outcome.err
     results = Results.open(tmp_path / "out")
     assert results.object_ids == (3, 7)
-    assert [c.label for c in results.configurations] == ["PS 21", "theirs"]
-    (batch,) = results.batches(results.configurations[1])
+    assert [c.label for c in results.configurations] == ["PS 12", "PS 21", "theirs"]
+    (batch,) = results.batches(results.configurations[-1])
     np.testing.assert_allclose(batch.shapes[0], results.truth, rtol=1e-6)
     options = tomllib.loads((tmp_path / "out" / "run.toml").read_text())["evaluate"]
     assert options["scene"] == str((place / "two").resolve())

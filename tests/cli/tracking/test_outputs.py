@@ -206,7 +206,7 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
         }
     ) | {"boxes", "ids", "births"}
     # Video is tracked by learned appearance, relative motion and dps: others' options say nothing.
-    unset |= {"sharpness", "bands", "likelihood", "scale", "swap"}
+    unset |= {"sharpness", "bands", "likelihood", "scale", "swap", "relative_scale"}
     elsewhere = {
         "output",
         "overwrite",

@@ -113,8 +113,8 @@ def evaluate(
 def finished(plan: Plan, folder: str | os.PathLike[str]) -> Results | None:
     """The results of an evaluation if it is complete, else None.
 
-    This opens no scene, does not import JAX, and reads every batch to its end.  If the scene's
-    files have changed, it returns None; ``prepare`` then checks the scene itself.
+    This needs neither the scene nor JAX, and reads every batch to its end.  If the scene's files
+    have changed, it returns None; ``prepare`` then checks the scene itself.
 
     Raises:
         InputError: the folder has other settings or another version.

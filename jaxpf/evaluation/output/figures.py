@@ -1,4 +1,4 @@
-"""Writes the figures of an evaluation with captions: byte-identical PNG and PDF files."""
+"""Writes an evaluation's figures, with captions, as PNG and PDF reproducible byte for byte."""
 
 import functools
 import os

@@ -29,7 +29,7 @@ ROLES = ("best", "median", "worst")
 SCORED_RUNS = 100
 #: Bins of probability integral transforms; the regions of 5, 10, ... % end on bin edges.
 BINS = 40
-#: Frames whose quantiles are computed together.
+#: Number of frames per block when computing quantiles.
 _BLOCK = 256
 
 

@@ -327,7 +327,7 @@ def describe_scene(scene: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Convert a value to what JSON would return for it."""
+    """Convert a value to its form after a round trip through JSON."""
     if isinstance(value, Mapping):
         return {str(name): _plain(entry) for name, entry in value.items()}
     if isinstance(value, list | tuple):

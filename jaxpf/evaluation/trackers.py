@@ -19,7 +19,7 @@ from jaxpf.targets import building
 from jaxpf.targets.adapter import Adapter, looks_of_scene
 from jaxpf.targets.target import Looks, Start, Target
 
-#: Every eighth frame of a scene is used as a sample of its appearance.
+#: One frame in this many samples the appearance of a scene.
 _EVERY = 8
 
 

@@ -35,7 +35,7 @@ def wilson_interval(successes: ArrayLike, trials: ArrayLike, level: ArrayLike = 
 
     With n trials, k successes, p = k / n and z the normal quantile of the level, the ends are
     (p + z^2 / 2n +- z sqrt(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n).  Unlike p +- z times the
-    standard error, the interval stays in [0, 1] and keeps its width at 0 or n successes.
+    standard error, the interval stays in [0, 1] and does not collapse at 0 or n successes.
 
     Args:
         successes: k, ``[...]``.

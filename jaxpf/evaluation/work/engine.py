@@ -211,7 +211,7 @@ def _opened(plan: Plan, folder: Path) -> Results:
 
 
 def _remembered(digest: str, scene: Any) -> Any:
-    """The scene that this process has open, to avoid a second copy, or else opened now."""
+    """Return this process's open scene if there is one, to avoid a second copy; else open it."""
     found = remembered_scene(digest)
     return open_scene(scene) if found is None else found
 

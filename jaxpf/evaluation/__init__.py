@@ -1,4 +1,4 @@
-"""Monte-Carlo evaluations: many runs of many methods on one scene, kept on disk."""
+"""Monte Carlo evaluations: many runs of several methods on one scene, stored on disk."""
 
 import lazy_loader
 

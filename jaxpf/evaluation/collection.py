@@ -1,7 +1,7 @@
-"""One pass over the runs of an evaluation: rows for the table, and what figures need.
+"""Collects table rows and figure data in one pass over the runs of an evaluation.
 
-Memory does not grow with the number of runs: batches are read one at a time, the measures of the
-runs go to temporary files, one per measure, and what is drawn is accumulated.
+Memory does not grow with the number of runs: batches are read one at a time, each measure goes to
+a temporary file, and figure data are accumulated.
 """
 
 import importlib.util
@@ -21,15 +21,15 @@ from jaxpf.evaluation.work.batches import Batch
 from jaxpf.files.writing import report_os_errors
 from jaxpf.measures.scores import tracking_scores
 
-#: Quantiles of the centre error that are drawn over time.
+#: Quantiles of the centre error in the figures over time.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-#: The runs of a configuration that are shown, by their overlap over all frames and objects.
+#: The shown runs of a configuration, ranked by overlap over all frames and objects.
 ROLES = ("best", "median", "worst")
-#: Runs of a configuration that get the standard scores, which take about 10 ms per 20 frames.
+#: Runs per configuration with standard scores, which take about 10 ms per 20 frames.
 SCORED_RUNS = 100
-#: Of probability integral transforms: so that regions of 5, 10, ... % end where bins do.
+#: Bins of probability integral transforms; the regions of 5, 10, ... % end on bin edges.
 BINS = 40
-#: Frames whose quantiles are found together.
+#: Number of frames per block when computing quantiles.
 _BLOCK = 256
 
 
@@ -42,12 +42,12 @@ class Curve(NamedTuple):
 
 
 class ShownRun(NamedTuple):
-    """A run that is exported and shown.
+    """A run to export and show.
 
     Attributes:
-        role: one or more of ``ROLES``, as in "best"; "only" for a single run.
-        run: its number.
-        overlap: over all objects and frames with truth.
+        role: one or more of ``ROLES`` joined by "-", such as "best"; "only" for a single run.
+        run: run number.
+        overlap: mean over all objects and frames with truth.
         shapes: ``[T, P, S]`` estimates.
         lost: ``[T, P]`` bool.
     """
@@ -60,20 +60,21 @@ class ShownRun(NamedTuple):
 
 
 class Collected(NamedTuple):
-    """What one configuration's runs left.
+    """Measures collected from the runs of one configuration.
 
     Attributes:
-        configuration: whose runs these are.
+        configuration: that was run.
         runs: ``[R]`` numbers of the finished runs.
-        column: function of a column's name, gives ``[R, P]``.
-        quantiles: of the centre error, ``[len(QUANTILES), T, P + 1]``; all objects come last.
-        success: at K of ``OVERLAP_THRESHOLDS``.
-        precision: at K of ``CENTRE_THRESHOLDS``.
-        transforms: counts of probability integral transforms in ``BINS`` equal bins, of all
-            objects, x and y and frames in which they are followed.
-        shown: the runs that are exported.
-        scores: of the first ``SCORED_RUNS`` runs, ``[R, len(SCORES)]``; without rows where
-            TrackEval is not installed.
+        column: function from a column's name to its values ``[R, P]``.
+        quantiles: of the centre error, ``[len(QUANTILES), T, P + 1]``; the last index pools all
+            objects.
+        success: curve at the K ``OVERLAP_THRESHOLDS``.
+        precision: curve at the K ``CENTRE_THRESHOLDS``.
+        transforms: counts of probability integral transforms in ``BINS`` equal bins, over x and
+            y, all objects, and the frames in which they are tracked.
+        shown: runs to export.
+        scores: of the first ``SCORED_RUNS`` runs, ``[R, len(SCORES)]``; no rows if TrackEval is
+            not installed.
     """
 
     configuration: Configuration
@@ -88,7 +89,7 @@ class Collected(NamedTuple):
 
     @property
     def num_objects(self) -> int:
-        """P."""
+        """Number of objects, P."""
         return self.quantiles.shape[2] - 1
 
 
@@ -103,14 +104,14 @@ def collect(
     Args:
         results: the evaluation.
         configuration: one of its configurations.
-        store: an empty folder for temporary files, which must outlive the result.
+        store: an empty folder for temporary files; keep it while the result is in use.
         on_batch: called with every batch and its ``[R, P, K]`` columns.
 
     Returns:
-        None without any finished run.
+        The measures, or None if no run is finished.
     """
     truth, scale = results.truth, results.noise_scale(configuration)
-    # What the coordinates of a user's own tracker are, nobody knows.
+    # The coordinates of a user-defined tracker are unknown.
     has_places = configuration.kind == BUILT_IN and results.target.has_places
     runs: list[np.ndarray] = []
     transforms = np.zeros(BINS, np.int64)
@@ -153,10 +154,10 @@ def collect(
 
 
 class ErrorQuantiles:
-    """Quantiles over runs of errors at every frame, from counts in bins of 2 %.
+    """Quantiles over runs of the error in every frame, from a histogram with bins of 2 %.
 
-    A quantile is the middle of its bin, so it is within 1 %.  Errors under a hundredth of a
-    pixel, and over ten thousand, count in the bins at the ends.
+    A quantile is the middle of its bin, so it is accurate to 1 %.  Errors below 0.01 pixels or
+    above about 10,000 count in the end bins.
     """
 
     _FIRST, _STEP, _BINS = 0.01, math.log(1.02), 700
@@ -166,7 +167,7 @@ class ErrorQuantiles:
         self._counts = np.zeros(self._shape, np.int32)
 
     def add(self, errors: np.ndarray) -> None:
-        """Count ``errors [R, T, P]``; NaN does not count."""
+        """Add ``errors [R, T, P]`` to the histogram; NaN is ignored."""
         known = np.isfinite(errors)
         logs = np.log(np.maximum(errors[known], self._FIRST) / self._FIRST) / self._STEP
         bins = np.minimum(logs.astype(np.int64), self._BINS - 1)
@@ -175,7 +176,7 @@ class ErrorQuantiles:
         np.add.at(self._counts.reshape(-1), places, 1)
 
     def quantiles(self, levels: Sequence[float]) -> np.ndarray:
-        """``[len(levels), T, P + 1]``, all objects last; NaN where nothing was counted."""
+        """Quantiles ``[len(levels), T, P + 1]``, all objects last; NaN for an empty histogram."""
         blocks = range(0, self._shape[0], _BLOCK)
         return np.concatenate([self._of_frames(first, levels) for first in blocks], axis=1)
 
@@ -190,7 +191,7 @@ class ErrorQuantiles:
 
 
 class _CurveMean:
-    """Mean over runs of curves, from the sums of their moments."""
+    """Mean of curves over runs, from running sums of the first two moments."""
 
     def __init__(self) -> None:
         self._runs, self._sums = 0, np.zeros(())
@@ -215,7 +216,7 @@ class _CurveMean:
 def _shown_runs(
     batches: Iterator[Batch], numbers: np.ndarray, overlap: np.ndarray
 ) -> list[ShownRun]:
-    """The runs of ``ROLES``; fewer than three runs fill several roles."""
+    """The runs in ``ROLES``; with fewer than three runs, one run has several roles."""
     order = np.lexsort((numbers, -np.nan_to_num(overlap)))
     chosen = dict(zip(ROLES, order[[0, (len(order) - 1) // 2, -1]], strict=True))
     roles: dict[int, list[str]] = {}
@@ -239,7 +240,7 @@ def _shown_runs(
 
 
 def has_scores() -> bool:
-    """Whether TrackEval is installed, which computes the standard scores."""
+    """Whether TrackEval, which computes the standard scores, is installed."""
     return importlib.util.find_spec("trackeval") is not None
 
 

@@ -1,8 +1,8 @@
-"""The conclusion of an evaluation: which configuration follows best, in one sentence.
+"""States the conclusion of an evaluation: the best configuration, in one sentence.
 
 Configurations are compared by their success area over all objects, paired by run.  Naming the
-best of C configurations looks at C (C - 1) / 2 differences, so every interval has Bonferroni's
-level for that many: all of them hold at once with a confidence of 95 %.
+best of C configurations involves C (C - 1) / 2 differences, so intervals are Bonferroni-corrected
+for that number: together they hold with 95 % confidence.
 """
 
 import itertools
@@ -24,11 +24,11 @@ _MOST_NAMED = 3
 
 
 class Conclusion(NamedTuple):
-    """What an evaluation concludes.
+    """The conclusion of an evaluation.
 
     Attributes:
-        sentence: for people.
-        ranking: indices of the summaries that have a value, the best first.
+        sentence: text for the user.
+        ranking: indices of the summaries that have a value, best first.
     """
 
     sentence: str
@@ -36,7 +36,7 @@ class Conclusion(NamedTuple):
 
 
 def conclude(summaries: Sequence[Summary], collected: Sequence[Collected]) -> Conclusion:
-    """Rank the configurations and say which of them are distinguishable from the best."""
+    """Rank the configurations and state which ones differ from the best."""
     areas = [summary.estimates[RANKED_BY.name].value[-1] for summary in summaries]
     ranking = [index for index in np.argsort(areas)[::-1].tolist() if np.isfinite(areas[index])]
     if not ranking:
@@ -57,7 +57,7 @@ def conclude(summaries: Sequence[Summary], collected: Sequence[Collected]) -> Co
             f"{_names(summaries, tied)} cannot be told apart from it.",
             ranking,
         )
-    # The first configuration is what the others are compared with, unless it is among the best.
+    # Report the gain over the first distinguishable configuration: the reference comes first.
     reference = min(worse)
     value, lower, upper = intervals[reference]
     digits = 2 if upper - lower >= 0.02 else 3
@@ -82,14 +82,14 @@ def _difference(
     level: float,
     pairs: int,
 ) -> tuple[float, float, float]:
-    """First less second, with the ends of an interval of which ``pairs`` hold at once."""
+    """First minus second, with the ends of an interval Bonferroni-corrected for ``pairs``."""
     ours, theirs = (run_values(collected[index], RANKED_BY) for index in (first, second))
     imported = [summaries[index].configuration.is_imported for index in (first, second)]
     if all(imported):
         areas = (summaries[i].estimates[RANKED_BY.name].value[-1] for i in (first, second))
         value = float(next(areas) - next(areas))
         return value, value, value
-    # An imported track is the same for every seed.
+    # Imported tracks are the same for every seed, so repeat them for each run.
     if imported[0]:
         ours = _repeated(ours, theirs.runs)
     if imported[1]:
@@ -120,5 +120,5 @@ def _names(summaries: Sequence[Summary], indices: Sequence[int]) -> str:
 
 
 def _share(value: float, digits: int = 2, sign: str = "") -> str:
-    """A share as papers print it, such as ".06"; adding 0 turns -0 into 0."""
+    """Format a share without its leading zero, such as ".06"; adding 0 turns -0 into 0."""
     return f"{round(value, digits) + 0:{sign}.{digits}f}".replace("0.", ".", 1)

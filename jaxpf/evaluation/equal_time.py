@@ -1,8 +1,8 @@
-"""Methods compared at equal time: what a slower one gains is set against more particles.
+"""Compares methods at equal time: a slower method against a faster one with more particles.
 
-Where several numbers of particles were asked for and speeds were measured (``--speed``), the first
-method's figures at a time that lies between two of its numbers are read off a straight line over
-the logarithm of time, run by run, so that differences stay paired.
+This needs several numbers of particles and measured speeds (``--speed``).  The first method's
+measures are interpolated linearly in the logarithm of time between two of its numbers of
+particles, run by run, so that differences stay paired.
 """
 
 import itertools
@@ -23,7 +23,7 @@ _PARTICLES = "particles"
 
 
 class Runs(NamedTuple):
-    """A measure of the runs of a configuration: ``runs [R]``, the others ``[R, P]``."""
+    """A measure over the runs of a configuration: ``runs [R]``, the other fields ``[R, P]``."""
 
     runs: np.ndarray
     values: np.ndarray
@@ -31,13 +31,14 @@ class Runs(NamedTuple):
 
 
 class AtEqualTime(NamedTuple):
-    """A configuration less the first method given the same time.
+    """A configuration minus the first method at the same time per frame.
 
     Attributes:
-        place: of the configuration.
-        references: of the two of the first method whose times are next below and above.
-        seconds: that a frame takes.
-        differences: for each measure, ``[P + 1]``.
+        place: index of the configuration.
+        references: indices of the first method's configurations with the next lower and higher
+            times.
+        seconds: per frame.
+        differences: by measure, ``[P + 1]``.
     """
 
     place: int
@@ -52,13 +53,13 @@ def at_equal_time(
     measures: Sequence[Measure],
     runs_of: Callable[[Collected, Measure], Runs],
 ) -> list[AtEqualTime]:
-    """Compare with the first method wherever its times reach to both sides.
+    """Compare each configuration with the first method if its times bracket the configuration's.
 
     Args:
         collected: of every configuration.
-        speeds: frames per second of each; NaN where nobody measured it.
-        measures: which.
-        runs_of: a measure of a configuration's runs.
+        speeds: frames per second of each configuration; NaN if not measured.
+        measures: to compare.
+        runs_of: function that returns a measure of a configuration's runs.
     """
     if not collected:
         return []
@@ -90,9 +91,10 @@ def at_equal_time(
 
 
 def curves(summaries: "Sequence[Summary]") -> "dict[str, list[Summary]]":
-    """Configurations that differ in their number of particles alone, in its order, by their name.
+    """Group configurations that differ only in the number of particles; keyed by name.
 
-    Only those whose speed was measured, and of two numbers or more.
+    Each group is sorted by that number and has at least two entries.  Configurations without a
+    measured speed are left out.
     """
     lines: dict[Any, list[Summary]] = {}
     for summary in summaries:
@@ -105,19 +107,19 @@ def curves(summaries: "Sequence[Summary]") -> "dict[str, list[Summary]]":
 
 
 def times_of(speeds: Sequence[float]) -> np.ndarray:
-    """Seconds of a frame from frames per second, by the number of particles.
+    """Seconds per frame from frames per second, in ascending order of particles.
 
-    More particles take no less: what says so is how the times were measured.
+    The running maximum removes timing noise: more particles cannot take less time.
     """
     return np.maximum.accumulate([1 / speed for speed in speeds] or [0.0])
 
 
 def between(times: Sequence[float] | np.ndarray, seconds: float) -> tuple[int, float] | None:
-    """Between which two of rising times another lies.
+    """Locate ``seconds`` between two consecutive entries of the ascending ``times``.
 
     Returns:
-        The place of the one below, and how far it is from there to the next, by the logarithm of
-        time; None where the times do not reach to both sides.
+        Index of the lower entry and the relative position in log time, from 0 to 1; None if the
+        times do not bracket ``seconds``.
     """
     for place, (low, high) in enumerate(itertools.pairwise(times)):
         if low <= seconds <= high and low < high:
@@ -130,7 +132,7 @@ def _number(summary: "Summary") -> Any:
 
 
 def _kind(configuration: Configuration) -> tuple[str, str, tuple]:
-    """Method, ordering, and all parameters but the number of particles."""
+    """Method, ordering, and all parameters except the number of particles."""
     others = {n: v for n, v in configuration.parameters.items() if n != _PARTICLES}
     return configuration.method, configuration.ordering, tuple(sorted(others.items(), key=str))
 

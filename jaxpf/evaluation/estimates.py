@@ -1,19 +1,19 @@
 """Rates, means and paired differences over the runs of an evaluation, with their uncertainty.
 
-Runs are the independent units: the frames of a run, and its objects, are alike, so they add to
-the value and not to the certainty.
+Runs are the independent units.  Frames and objects of one run are correlated, so they contribute
+to the value but do not narrow the interval.
 
-* A rate of one object has Wilson's interval.  The rate over all objects is the mean share of the
-  objects; its interval is Wilson's at the effective number of trials p (1 - p) / SE^2, the
-  standard error SE being that of the shares of the runs (Korn and Graubard 1998; Dean and Pagano
-  2015), kept between the number of runs and the number of runs times objects; where no object
-  ever fails, or none succeeds, it is the number of runs.
+* A rate of one object has Wilson's interval.  The rate over all objects is the mean of their
+  rates.  Its interval is Wilson's at the effective number of trials p (1 - p) / SE^2, with SE the
+  standard error over runs (Korn and Graubard 1998; Dean and Pagano 2015), clipped between the
+  number of runs and the number of runs times objects.  If every object always succeeds or always
+  fails, the number of trials is the number of runs.
 * A mean pools the frames that count; ``intervals.mean_interval`` gives its error over runs.
   The mean of a share has Wilson's interval at the effective number of trials.
-* A difference compares runs of equal seed, which share their random numbers.  A difference of
+* A difference compares runs with equal seeds, which share their random numbers.  A difference of
   rates has Newcombe's hybrid score interval (1998, Statistics in Medicine 17:2635, method 10)
-  and the exact test of McNemar; a difference of means has the standard error of the runs'
-  differences, with Student's interval and test.
+  and McNemar's exact test; a difference of means has the standard error of the runs' differences,
+  with Student's interval and test.
 """
 
 import math
@@ -32,7 +32,7 @@ from jaxpf.measures.intervals import (
     wilson_interval,
 )
 
-#: Confidence of every interval.
+#: Confidence level of every interval.
 LEVEL = 0.95
 
 _mean_interval = jax.jit(mean_interval, static_argnames=("axis", "level"))
@@ -41,14 +41,14 @@ _wilson_interval = jax.jit(wilson_interval, static_argnames="level")
 
 
 class Estimate(NamedTuple):
-    """A rate or mean of each of P objects, and of all (last).
+    """A rate or mean for each of P objects, and for all objects (last).
 
     Attributes:
         value: ``[P + 1]``.
         standard_error: ``[P + 1]``; NaN for a single run.
-        lower: ``[P + 1]``, end of the interval.
-        upper: ``[P + 1]``.
-        runs: ``[P + 1]``, the runs that count.
+        lower: ``[P + 1]``, lower end of the interval.
+        upper: ``[P + 1]``, upper end.
+        runs: ``[P + 1]``, number of runs that count.
     """
 
     value: np.ndarray
@@ -59,18 +59,17 @@ class Estimate(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """A configuration less its reference, on common seeds; ``[P + 1]`` each as in ``Estimate``.
+    """A configuration minus its reference, on common seeds; ``[P + 1]`` each as in ``Estimate``.
 
     Attributes:
-        value: positive where the configuration has more.
+        value: positive if the configuration has the larger value.
         standard_error: of the runs' differences.
-        lower: end of the interval.
-        upper: end of the interval.
-        runs: pairs that count.
-        gained: of rates, runs in which the configuration succeeds and the reference does not;
-            NaN otherwise.
-        lost: the reverse.
-        p: probability of so large a difference, or a larger one, if there is none in truth.
+        lower: lower end of the interval.
+        upper: upper end of the interval.
+        runs: number of pairs that count.
+        gained: for rates, number of runs in which only the configuration succeeds; otherwise NaN.
+        lost: for rates, number of runs in which only the reference succeeds; otherwise NaN.
+        p: two-sided p-value for no difference.
     """
 
     value: np.ndarray
@@ -84,7 +83,7 @@ class Difference(NamedTuple):
 
 
 def with_all(values: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Add the mean over objects as a last column.
+    """Append the mean over objects as a last column.
 
     Args:
         values: ``[R, P]``, NaN where an object does not count.
@@ -101,7 +100,10 @@ def with_all(values: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def mean(values: np.ndarray, weights: np.ndarray, shares: bool = False) -> Estimate:
-    """Means over runs of ``values [R, P]`` with ``weights [R, P]``; those of shares in [0, 1]."""
+    """Means over runs of ``values [R, P]`` with ``weights [R, P]``.
+
+    With ``shares``, the values are shares and the intervals stay in [0, 1].
+    """
     values, weights = with_all(values, weights)
     interval = _mean_interval(values, weights, axis=0, level=LEVEL)
     if shares:
@@ -110,7 +112,7 @@ def mean(values: np.ndarray, weights: np.ndarray, shares: bool = False) -> Estim
 
 
 def rate(outcomes: np.ndarray) -> Estimate:
-    """Rates over runs of ``outcomes [R, P]``, each 0, 1 or NaN."""
+    """Rates over runs of ``outcomes [R, P]``, which are 0, 1 or NaN."""
     values, weights = with_all(outcomes, np.ones_like(outcomes))
     runs = np.sum(weights > 0, axis=0)
     value, error = (_as_float64(x) for x in _mean_interval(values, axis=0, level=LEVEL)[:2])
@@ -128,7 +130,7 @@ def rate(outcomes: np.ndarray) -> Estimate:
 
 
 def without_interval(estimate: Estimate) -> Estimate:
-    """The values alone, for a tracker that does not vary from run to run."""
+    """Drop the intervals, for a tracker that is the same in every run."""
     unknown = np.full_like(estimate.value, np.nan)
     return estimate._replace(standard_error=unknown, lower=unknown, upper=unknown)
 
@@ -141,8 +143,8 @@ def mean_difference(
 ) -> Difference:
     """Difference of two weighted means over paired runs, ``[R, P]`` each.
 
-    Both means are ratios of sums over the runs.  The error is that of their difference
-    linearised, which for equal weights is the standard error of the runs' differences.
+    Each mean is a ratio of sums over runs.  The error is that of the linearised difference; for
+    equal weights it is the standard error of the runs' differences.
     """
     ours, our_residuals, our_runs = _linearised(values, weights)
     theirs, their_residuals, their_runs = _linearised(other_values, other_weights)
@@ -152,7 +154,7 @@ def mean_difference(
         error = np.sqrt(squares * runs / np.maximum(runs - 1, 1))
     value = ours - theirs
     error = np.where(runs > 1, error, np.nan)
-    # Differences that are the same in every run leave an error of rounding alone.
+    # Equal differences in every run leave only rounding error.
     scale = np.maximum(np.abs(ours), np.abs(theirs))
     error = np.where(error <= 1e-12 * scale, 0.0, error)
     value = np.where(np.abs(value) <= 1e-12 * scale, 0.0, value)
@@ -160,14 +162,14 @@ def mean_difference(
     reach = stdtrit(freedom, (1 + LEVEL) / 2) * error
     with np.errstate(divide="ignore", invalid="ignore"):
         p = 2 * stdtr(freedom, -np.abs(value / error))
-    # No spread at all: nothing to test, unless the two are equal in every run.
+    # Without spread there is no test; p is 1 if both are equal in every run.
     p = np.where(error > 0, p, np.where((error == 0) & (value == 0), 1.0, np.nan))
     nothing = np.full_like(value, np.nan)
     return Difference(value, error, value - reach, value + reach, runs, nothing, nothing, p)
 
 
 def rate_difference(outcomes: np.ndarray, other: np.ndarray) -> Difference:
-    """Difference of rates over paired runs, ``[R, P]`` outcomes each 0, 1 or NaN."""
+    """Difference of rates over paired runs; outcomes ``[R, P]`` are 0, 1 or NaN."""
     ones = np.ones_like(outcomes)
     difference = mean_difference(outcomes, ones, other, ones)
     fields = {name: array.copy() for name, array in difference._asdict().items()}
@@ -186,13 +188,13 @@ def rate_difference(outcomes: np.ndarray, other: np.ndarray) -> Difference:
 
 
 def newcombe_interval(both: int, first: int, second: int, neither: int) -> tuple[float, float]:
-    """Interval of p1 - p2 in a paired fourfold table: Newcombe (1998), method 10.
+    """Interval of p1 - p2 in a paired 2 x 2 table: Newcombe (1998), method 10.
 
     Args:
-        both: pairs in which both succeed; similarly the others.
-        first: only the first succeeds.
-        second: only the second succeeds.
-        neither: none succeeds.
+        both: number of pairs in which both succeed.
+        first: number in which only the first succeeds.
+        second: number in which only the second succeeds.
+        neither: number in which both fail.
     """
     total = both + first + second + neither
     wins = np.array([both + first, both + second], float)
@@ -200,7 +202,7 @@ def newcombe_interval(both: int, first: int, second: int, neither: int) -> tuple
     p = wins / total
     product = math.prod((both + first, second + neither, both + second, first + neither))
     determinant = float(both * neither - first * second)
-    if determinant > 0:  # his correction for continuity
+    if determinant > 0:  # Newcombe's continuity correction
         determinant = max(determinant - total / 2, 0)
     phi = determinant / math.sqrt(product) if product else 0.0
     ours, theirs = np.stack([p, lower, upper], axis=1).tolist()
@@ -208,12 +210,12 @@ def newcombe_interval(both: int, first: int, second: int, neither: int) -> tuple
 
 
 def mcnemar_p(gained: int, lost: int) -> float:
-    """Two-sided exact test of McNemar: are gains and losses equally likely?"""
+    """p-value of McNemar's exact two-sided test that gains and losses are equally likely."""
     return min(1.0, 2 * float(bdtr(min(gained, lost), gained + lost, 0.5)))
 
 
 def holm(p: ArrayLike) -> np.ndarray:
-    """p-values for a family of comparisons (Holm 1979); NaN is no comparison."""
+    """Adjust p-values for a family of comparisons (Holm 1979); NaN entries are not counted."""
     p = np.asarray(p, np.float64)
     adjusted = np.full(p.shape, np.nan)
     known = np.flatnonzero(np.isfinite(p))
@@ -226,7 +228,7 @@ def holm(p: ArrayLike) -> np.ndarray:
 def _linearised(
     values: np.ndarray, weights: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean ``[P + 1]``, each run's influence on it ``[R, P + 1]``, and the runs that count."""
+    """Mean ``[P + 1]``, influence of each run ``[R, P + 1]``, and number of runs that count."""
     values, weights = with_all(values.astype(np.float64), weights)
     total = np.sum(weights, axis=0)
     share = weights / np.where(total > 0, total, 1)

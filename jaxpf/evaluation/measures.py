@@ -1,4 +1,4 @@
-"""The measures of single runs, from which every table and figure is made."""
+"""Measures of single runs; every table and figure is computed from them."""
 
 import dataclasses
 import functools
@@ -15,30 +15,30 @@ from jaxpf.measures import calibration, metrics
 from jaxpf.measures.scores import CENTRE_THRESHOLDS, OVERLAP_THRESHOLDS
 from jaxpf.targets.target import Start, Target
 
-#: Coordinates by which the spread of a particle set is named.
+#: Names of the coordinates in the columns for the particle spread.
 COORDINATES = ("u", "v", "a")
 
-#: Probabilities of the regions that are asked how often they hold the truth, in percent.
+#: Probabilities, in percent, of the regions whose coverage of the truth is measured.
 REGIONS = (50, 80, 95)
-#: Pixels within which a centre counts as found, by which OTB ranks trackers (wu2013).
+#: Centre error threshold in pixels by which OTB ranks trackers (wu2013).
 DISTANCE = 20
-#: Overlap above which a box counts as right (wu2013).
+#: Overlap above which a box counts as correct (wu2013).
 HALF = 0.5
 _RUNS_AT_ONCE = 256
 _BOXES_AT_ONCE = 2**17
 
 
 class Measure(NamedTuple):
-    """What a column of the table holds.
+    """One measure, which is one column of the table.
 
     Attributes:
         name: of the column.
-        title: what people call it.
-        is_rate: 0 or 1 in every run, so that its mean is a rate.
-        weight: column with the weight of a run and object in means that pool frames; "" for
-            equal weights.
-        percent: shown in percent.
-        unit: what it is counted in, if not a share.
+        title: display name.
+        is_rate: the value is 0 or 1 in every run, so its mean is a rate.
+        weight: column that holds the weight of each run and object in means that pool frames; ""
+            for equal weights.
+        percent: displayed in percent.
+        unit: of values that are not shares.
     """
 
     name: str
@@ -50,11 +50,11 @@ class Measure(NamedTuple):
 
     @property
     def is_share(self) -> bool:
-        """Whether it is a share of frames, or a mean of shares over them: between 0 and 1."""
+        """Whether it is a share of frames, or a mean over frames of shares, so within [0, 1]."""
         return self.percent and self.weight != ""
 
 
-#: Standard scores of a run, over all objects: see ``jaxpf.measures.tracking_scores``.
+#: Standard scores of a run over all objects; see ``jaxpf.measures.tracking_scores``.
 SCORES = (
     Measure("HOTA", "HOTA", percent=True),
     Measure("MOTA", "MOTA", percent=True),
@@ -64,9 +64,9 @@ SCORES = (
     Measure("Frag", "interruptions"),
 )
 
-#: Curves of OTB (wu2013) and their thresholds: overlaps, and pixels from centre to centre.
+#: OTB's curves (wu2013) and their thresholds: overlaps, and centre errors in pixels.
 CURVES = {"success": OVERLAP_THRESHOLDS, "precision": CENTRE_THRESHOLDS}
-#: Columns that say how many frames a mean is over.
+#: Columns that hold the number of frames in a mean.
 FRAMES, TRACKED_FRAMES = "frames", "tracked_frames"
 
 MEASURES = (
@@ -102,14 +102,14 @@ MEASURES = (
     Measure("log_evidence", "log evidence"),
     Measure("frames_lost", "frames without likelihood"),
 )
-#: Columns of counts, which precede the measures in the table.
+#: Columns of counts; the table places them before the measures.
 COUNTS = (FRAMES, TRACKED_FRAMES, "located_frames")
 #: All columns of numbers, in the order of the table.
 COLUMNS = (*COUNTS, *(measure.name for measure in MEASURES))
 
 
 def by_name(name: str) -> Measure:
-    """The measure of a column."""
+    """Return the measure with a given column name."""
     return next(measure for measure in (*MEASURES, *SCORES) if measure.name == name)
 
 
@@ -129,7 +129,7 @@ class Measured(NamedTuple):
         success: ``[R, P, 21]``, see ``jaxpf.measures.success_curve``.
         precision: ``[R, P, 51]``, see ``jaxpf.measures.precision_curve``.
         transforms: ``[R, T, P, 2]`` of x and y, see ``jaxpf.measures.transforms``; NaN where an
-            object is not tracked, or nobody knows.
+            object is not tracked or has no known position.
     """
 
     columns: np.ndarray
@@ -152,10 +152,10 @@ def measure_batch(
     Args:
         batch: R runs.
         truth: ``[T, P, S]`` shapes, NaN where an object is absent.
-        noise_scale: ``[3]``, standard deviation of the process noise, NaN where it is unknown.
-        target: what the objects are.
-        start: where they were at first.
-        has_places: whether the first two spreads are those of the middle's x and y, in pixels.
+        noise_scale: ``[3]``, standard deviation of the process noise; NaN where unknown.
+        target: type of the objects.
+        start: initial state of the objects.
+        has_places: whether the first two spreads are those of the centre's x and y, in pixels.
     """
     width = max(1, min(_RUNS_AT_ONCE, _BOXES_AT_ONCE // math.prod(truth.shape[:2])))
     arrays = {field.name: getattr(batch, field.name) for field in dataclasses.fields(batch)}
@@ -176,14 +176,14 @@ def _measure_piece(
 ) -> Measured:
     present = frames["present"] > 0
     tracked, error = frames["tracked"] > 0, frames["centre_error"]
-    # OTB's thresholds come last; frames are averaged away.
+    # The last axis is OTB's thresholds; the mean is over frames.
     exceeds = frames["overlap"][..., None] > OVERLAP_THRESHOLDS.astype(np.float32)
     success = _mean(exceeds, present[..., None])
-    # An object without an estimate is near nothing.
+    # An object without an estimate has a NaN error, so it is within no threshold.
     within = error[..., None] <= CENTRE_THRESHOLDS.astype(np.float32)
     precision = _mean(within, present[..., None])
     offset = np.stack([frames["offset_x"], frames["offset_y"]], axis=-1)
-    # Of frames in which the object is followed: where it is lost, no region can hold it.
+    # Only frames in which the object is tracked: no region covers a lost object.
     asked = np.broadcast_to(has_places & tracked[..., None], offset.shape)
     spread = np.where(asked, batch.spread[..., :2], np.nan)
     transforms = calibration.transforms(offset, spread)
@@ -192,7 +192,7 @@ def _measure_piece(
         FRAMES: np.sum(present, axis=1),
         TRACKED_FRAMES: np.sum(tracked, axis=1),
         "located_frames": np.sum(np.isfinite(error), axis=1),
-        # Outcomes are the same in every frame, and do not exist for an object without truth.
+        # Outcomes are repeated in every frame; they are NaN for an object without truth.
         "success": _mean(frames["success"], present),
         "recovered": _mean(frames["recovered"], present),
         "tracked_share": _mean(frames["tracked"], present),
@@ -229,7 +229,7 @@ def _measure_piece(
 
 
 def _mean(values: np.ndarray, counts: np.ndarray | bool = True) -> np.ndarray:
-    """Mean over the frames, axis 1, that count and whose value is finite; NaN over none."""
+    """Mean over frames (axis 1) that count and have a finite value; NaN if there are none."""
     counts = np.isfinite(values) & counts
     total = np.sum(np.where(counts, values, 0), axis=1, dtype=np.float64)
     number = np.sum(counts, axis=1)
@@ -237,16 +237,16 @@ def _mean(values: np.ndarray, counts: np.ndarray | bool = True) -> np.ndarray:
 
 
 def _mean_of_places(values: np.ndarray) -> np.ndarray:
-    """``_mean`` of x and y together, ``[R, T, P, 2]``."""
+    """``_mean`` of the average of x and y, ``[R, T, P, 2]``."""
     return _mean(values.mean(axis=-1))
 
 
 def _measure_frames(
     shapes: np.ndarray, truth: np.ndarray, width: int, target: Target, start: Start
 ) -> dict[str, np.ndarray]:
-    """Measures of every frame, ``[R, T, P]`` each; outcomes of runs are repeated.
+    """Measures of every frame, ``[R, T, P]`` each; outcomes of runs are repeated over frames.
 
-    The runs are padded to ``width``: batches of all sizes share one compiled function.
+    Runs are padded to ``width`` so that batches of all sizes share one compiled function.
     """
     padding = np.repeat(shapes[:1], width - len(shapes), axis=0)
     padded = np.concatenate([shapes, padding])

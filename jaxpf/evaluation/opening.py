@@ -1,4 +1,4 @@
-"""Opening scenes for evaluations: the one place where both are known."""
+"""Opens scenes for evaluations: the only module that imports both packages."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -16,10 +16,10 @@ def load_scene(
     num_frames: int | None = None,
     parameters: Mapping[str, Any] | None = None,
 ) -> scenes.Scene:
-    """``scenes.open_scene``, for ``functools.partial`` and worker processes.
+    """Picklable ``scenes.open_scene``, for ``functools.partial`` and worker processes.
 
     Raises:
-        InputError: the scene cannot be opened; the sentence is that of ``scenes``.
+        InputError: the scene cannot be opened; the message is that of ``scenes``.
     """
     try:
         scene = scenes.open_scene(
@@ -33,12 +33,12 @@ def load_scene(
     except scenes.SceneError as error:
         raise as_input_error(error) from error
     if isinstance(scene.frames, scenes.LazyFrames):
-        # Not all of them were read yet.
+        # Lazy frames may still fail when they are read.
         scene = dataclasses.replace(scene, frames=scene.frames.with_fault(as_input_error))
     return scene
 
 
 def as_input_error(error: scenes.SceneError) -> InputError:
-    """The refusal of a scene as one of ours, in the same words."""
+    """Convert a ``SceneError`` to an ``InputError`` with the same message."""
     text = str(error)
     return InputError(text if text.endswith(".") else f"{text}.")

@@ -1,4 +1,4 @@
-"""Other trackers' results: read from a file, each track given to the object it follows."""
+"""Reads other trackers' results from a file and assigns each track to an object."""
 
 import os
 from collections.abc import Sequence
@@ -10,29 +10,28 @@ from jaxpf.boxes.tracks import BoxTable, dense, read_boxes
 from jaxpf.contract.errors import InputError
 from jaxpf.measures.association import pairwise_overlap
 
-# The overlap with the truth from which the MOTChallenge counts a box as a match.
+# Overlap with the truth at which the MOTChallenge counts a box as a match.
 _MATCH = 0.5
 
 
 def read_tracks(
     path: str | os.PathLike[str], truth: ArrayLike, ids: Sequence[int], start_frame: int = 0
 ) -> np.ndarray:
-    """Another tracker's boxes, arranged like the truth of a scene.
+    """Read another tracker's boxes and arrange them like the truth of a scene.
 
     Args:
-        path: a MOT file, counting from 1, or one with the header of a ``gt.csv``, counting from
+        path: a MOT file, counting from 1, or a CSV with the header of a ``gt.csv``, counting from
             0; rows without width and height stand for absent objects.
         truth: true boxes ``[T, P, 4]``; row t is frame ``start_frame + t`` of the sequence.
-        ids: the truth's number of each of the P objects.
-        start_frame: the frame of the sequence with which the scene begins, counting from 0.
+        ids: ground-truth id of each of the P objects.
+        start_frame: first frame of the scene in the sequence, counting from 0.
 
     Returns:
-        float64 ``[T, P, 4]``, NaN where the file has no box.  ``match_tracks`` says which of the
-        file's ids belongs to which object; an object without any is NaN throughout.
+        float64 ``[T, P, 4]``, NaN where the file has no box.  ``match_tracks`` assigns the file's
+        ids to objects; an object without a track is NaN throughout.
 
     Raises:
-        InputError: a file that cannot be read, without boxes in these frames, or none of whose
-            boxes fits an object.
+        InputError: the file cannot be read, has no boxes in these frames, or matches no object.
     """
     table = read_boxes(path, empty_boxes="absent")
     truth = np.asarray(truth, np.float64)
@@ -47,27 +46,27 @@ def read_tracks(
 def match_tracks(
     table: BoxTable, truth: ArrayLike, ids: Sequence[int], start_frame: int = 0
 ) -> list[int | None]:
-    """Which of the tracks in a file follows which object.
+    """Match the tracks in a file to the objects.
 
-    Two rules, judged in the first frame from ``start_frame`` on in which the file has a box:
+    Two rules apply in the first frame, from ``start_frame`` on, in which the file has a box:
 
-    1. The file's ids are the truth's if all of ``ids`` occur in it, and no object is overlapped
-       more by a box of another id than by the box of its own (by .5 or more, where the frame has
-       no box of its own).
-    2. Otherwise tracks are assigned by overlap (intersection over union): the largest first, one
-       track to one object, down to an overlap of .5, as the MOTChallenge requires of a match.
+    1. The file uses the truth's ids if all of ``ids`` occur in it and no box of another id
+       overlaps an object more than the object's own box does (or, if the frame lacks the own box,
+       by .5 or more).
+    2. Otherwise tracks are assigned greedily by overlap (intersection over union), one track per
+       object, down to an overlap of .5, the MOTChallenge's threshold for a match.
 
     Args:
         table: the file's boxes.
         truth: true boxes ``[T, P, 4]``; row t is frame ``start_frame + t``.
-        ids: the truth's number of each of the P objects.
+        ids: ground-truth id of each of the P objects.
         start_frame: counting from 0.
 
     Returns:
-        The id in the table for each object; None for an object that no track begins on.
+        The id in the table for each object; None for an object without a matching track.
 
     Raises:
-        InputError: no box in the T frames, or none that fits an object.
+        InputError: the T frames hold no box, or no box matches an object.
     """
     truth = np.asarray(truth, np.float64)
     last_frame = start_frame + len(truth) - 1

@@ -1,7 +1,6 @@
-"""What an evaluation is to compare: methods, orderings, a grid of options, and runs.
+"""The plan of an evaluation: methods, orderings, a grid of options, and runs.
 
-Nothing here imports JAX: whether a finished evaluation is the one that is asked for can be
-told in a moment.
+This module does not import JAX, so a stored evaluation can be compared with a plan quickly.
 """
 
 import contextlib
@@ -23,9 +22,9 @@ from jaxpf.filters.filter import Filter
 from jaxpf.targets import DEFAULT, adapters, find_adapter
 from jaxpf.targets.target import Start, Target
 
-#: Runs of a configuration stay below: planning the batches of more would take minutes.
+#: Exclusive limit on runs per configuration; planning more batches would take minutes.
 _MOST_RUNS = 10**6 + 1
-#: Letters of a tracker's name, which tables and file names hold.
+#: Longest tracker name that fits in tables and file names, in letters.
 _LONGEST_NAME = 100
 
 
@@ -34,29 +33,29 @@ class Plan:
     """Methods x orderings x grid of options x runs, on one scene.
 
     Attributes:
-        scene: what ``scenes.open_scene`` returns, or a function without arguments that
-            returns it.  For worker processes the function must be picklable, such as
-            ``functools.partial(load, source="distracter", seed=0)`` of a function of a module:
-            every worker then opens the scene itself, once.
-        methods: of ``jaxpf.filters.methods()``; None for those of the usual filters that suit the
-            scene; of a single object for the first of them, because all orderings coincide.
-        orders: of the methods that have an order: "given", as the scene lists the objects (a part
-            tree level by level); "shifts", every circular shift; or permutations such as
-            (2, 0, 1), counted from 0.
-        swaps: of the methods that swap, from ``jaxpf.contract.names.SWAPS``.
-        grid: name of an option -> its values; an option that is left out has its default.  They
-            are those of the target (``jaxpf.targets``) and of the methods' filters, such as
-            "sharpness", "scale", "particles" and "resampling".
-        target: of ``jaxpf.targets.adapters()``; None for that of the scene's truth.
+        scene: what ``scenes.open_scene`` returns, or a function without arguments that returns
+            it.  For worker processes the function must be picklable, such as
+            ``functools.partial(load, source="distracter", seed=0)`` with ``load`` from a module;
+            every worker then opens the scene once.
+        methods: from ``jaxpf.filters.methods()``.  None selects the default filters that suit the
+            scene; with a single object only the first, because all orderings coincide.
+        orders: for methods with an order: "given", as the scene lists the objects (a part tree
+            level by level); "shifts", every circular shift; or permutations such as (2, 0, 1),
+            counted from 0.
+        swaps: for methods that swap, from ``jaxpf.contract.names.SWAPS``.
+        grid: option name -> values; other options have their defaults.  Options come from the
+            target (``jaxpf.targets``) and the methods' filters, such as "sharpness", "scale",
+            "particles" and "resampling".
+        target: from ``jaxpf.targets.adapters()``; None for the target of the scene's truth.
         runs: independent runs per configuration.
         seed: of all runs.  Run r of every configuration has the key ``fold_in(key(seed), r)``.
-        tracks: other trackers' results, name -> MOT file or CSV with the header
-            ``frame,id,x,y,w,h``; they enter the tables as one run each.
-        trackers: a user's own trackers, name -> function of the scene, see
-            ``jaxpf.evaluation.trackers``; picklable, for worker processes.
+        tracks: results of other trackers, name -> MOT file or CSV with the header
+            ``frame,id,x,y,w,h``; each enters the tables as one run.
+        trackers: user-defined trackers, name -> function of the scene, see
+            ``jaxpf.evaluation.trackers``; picklable if there are worker processes.
 
     Raises:
-        InputError: a value that is out of range or named twice.
+        InputError: a value is out of range or occurs twice.
     """
 
     scene: Any
@@ -116,14 +115,14 @@ class Plan:
             )
 
     def _targets(self) -> list[Target]:
-        """Those whose options count, the usual one first, since refusals speak of it."""
+        """Targets whose options apply, the default first, because error messages refer to it."""
         if self.target:
             return [find_adapter(self.target).target]
         every = (one.target for one in adapters().values())
         return sorted(every, key=lambda one: one.name != DEFAULT)
 
     def _options(self, of: Target) -> dict[str, Option]:
-        """Options that a grid may have: those of a target, and those of the methods' filters."""
+        """Options allowed in the grid: those of a target and of the methods' filters."""
         found = options_of(of.options)
         for one in self._filters():
             its = options_of(one.options)
@@ -140,7 +139,7 @@ class Plan:
         ]
 
     def _checked_grid(self) -> dict[str, tuple[Any, ...]]:
-        """The grid in normal form: values that the target allows, or else some target."""
+        """The grid in normal form; values are valid for the target, or for any if none is set."""
         every = [self._options(one) for one in self._targets()]
         found = {}
         for name, values in self.grid.items():
@@ -151,7 +150,7 @@ class Plan:
         return found
 
     def _unknown(self, name: str, known: Iterable[str]) -> InputError:
-        """What to say of an option of other targets or methods, or of none."""
+        """The error for an option that is unknown or belongs to other targets or methods."""
         having = [n for n, one in adapters().items() if name in options_of(one.target.options)]
         whose = f" of {self.target}" if self.target else ""
         if having:
@@ -169,14 +168,14 @@ class Plan:
         return InputError(f"{name} is no option{whose}; the options are {', '.join(known)}.")
 
     def for_target(self, name: str, parents: Sequence[int] | None = None) -> "Plan":
-        """The plan with its target, its methods and all values of its grid.
+        """Fill in the target, the methods and all values of the grid.
 
         Args:
-            name: of the target, where the plan leaves it open.
-            parents: the part tree, where the plan leaves the methods open.
+            name: target to use if the plan has none.
+            parents: the part tree, from which methods are chosen if the plan has none.
 
         Raises:
-            InputError: an option that the target does not have, or a value that it refuses.
+            InputError: the target lacks an option of the grid or rejects a value.
         """
         methods = self.methods
         if methods is None and parents is not None:
@@ -185,11 +184,11 @@ class Plan:
             methods = ()
             for one in (one for one in every if one.by_default or own in one.methods):
                 suiting = tuple(m for m in one.methods if one.admits(m, parents))
-                # The usual methods are orderings of objects: of one object they are all the same.
+                # The default methods differ in ordering only, so one object needs just the first.
                 methods += suiting[:1] if one.by_default and len(parents) == 1 else suiting
         plan = dataclasses.replace(self, target=self.target or name, methods=methods)
         of = find_adapter(plan.target or name).target
-        # What filters have defaults of their own for is left to each.
+        # Where defaults differ between filters, each filter uses its own.
         filled = [options_of(o) for o in (of.options, *(f.options for f in plan._filters()))]
         defaults = {
             n: (option.default,)
@@ -200,7 +199,7 @@ class Plan:
         return dataclasses.replace(plan, grid={**defaults, **plan.grid, **told})
 
     def asked(self) -> dict[str, Any]:
-        """Everything that results depend on but the number of runs, fit for JSON.
+        """Everything that determines the results except the number of runs, as JSON values.
 
         Raises:
             InputError: a file of ``tracks`` cannot be read.
@@ -220,16 +219,15 @@ class Plan:
     def configurations(
         self, start: Start, settle: Callable[[Target, Any, int], Any]
     ) -> list[Configuration]:
-        """All configurations of the built-in methods, for a plan that ``for_target`` made.
+        """All configurations of the built-in methods; call it on the result of ``for_target``.
 
         Args:
-            start: where the objects are.
-            settle: function of (target, its options, particles) that gives the options with what
-                "auto" stands for.
+            start: initial state of the objects.
+            settle: function from (target, its options, particles) to the options with every
+                "auto" resolved.
 
         Raises:
-            InputError: an order that is no permutation of the objects; options that do not go
-                with each other.
+            InputError: an order is not a permutation of the objects; options are incompatible.
         """
         assert self.target is not None  # by for_target
         of = find_adapter(self.target).target
@@ -258,7 +256,7 @@ class Plan:
         return list(found.values())
 
     def _points(self) -> Iterable[dict[str, Any]]:
-        """Every point of the grid; what compiles anew varies slowest, so that it compiles once."""
+        """Every point of the grid; options that force recompilation vary slowest."""
         options = self._options(self._targets()[0])
         names = sorted(options, key=lambda name: options[name].compiles)
         names = [name for name in names if name in self.grid]
@@ -280,26 +278,23 @@ def _methods_with(option: str) -> set[str]:
 
 
 def _counting(its: Filter, method: str) -> dict[str, bool]:
-    """Name -> whether an option of a filter counts for one of its methods."""
+    """Option name -> whether the option applies to one of the filter's methods."""
     return counting(its.options(method=method))
 
 
 @dataclasses.dataclass(frozen=True)
 class Limits:
-    """How runs are divided into batches, which has no influence on results.
+    """Limits on the division of runs into batches; results do not depend on them.
 
-    A batch is what is written at once, and what a kill can cost: some 15 seconds of work, or
-    less to keep within the memory.
+    A batch is written as a whole, so an interrupted process loses at most one batch: about 15
+    seconds of work, or less if memory is short.
 
     Attributes:
-        memory: bytes that a batch may take while it is computed.
-        runs_per_batch: instead, runs per batch, rounded up to whole compiled batches.
-        workers: processes among which to divide the runs at least.
-        devices: of each process, so that a batch has work for all; by default as many as this
+        memory: bytes that a batch may use while it is computed.
+        runs_per_batch: fixed runs per batch instead, rounded up to whole compiled batches.
+        workers: number of processes; runs are divided into at least that many batches.
+        devices: per process, so that a batch keeps all of them busy; by default as many as this
             process has.
-
-    Raises:
-        InputError: a number below 1.
     """
 
     memory: int = 256 * 2**20
@@ -318,7 +313,7 @@ DEFAULT_LIMITS = Limits()
 
 
 def describe_scene(scene: Any) -> dict[str, Any]:
-    """A scene, or the function that opens it, in words that JSON can hold."""
+    """Describe a scene, or the function that opens it, as JSON values."""
     if isinstance(scene, functools.partial):
         return {
             **describe_scene(scene.func),
@@ -332,7 +327,7 @@ def describe_scene(scene: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON would give it back."""
+    """Convert a value to its form after a round trip through JSON."""
     if isinstance(value, Mapping):
         return {str(name): _plain(entry) for name, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -351,13 +346,13 @@ def _fingerprint(path: str | os.PathLike[str]) -> dict[str, str]:
 
 
 def _identity(function: Any) -> dict[str, Any]:
-    """A user's function and, where it tells, a digest of its source."""
+    """Describe a user's function, with the digest of its source if it has one."""
     digest = getattr(function, "sha256", None)
     return describe_scene(function) | ({"sha256": digest} if digest else {})
 
 
 def _allowed(options: Sequence[Option], value: Any) -> Any:
-    """The value in normal form, if one of the options allows it."""
+    """Return the value in normal form if any of the options allows it."""
     for one in options[1:]:
         with contextlib.suppress(InputError):
             return one.checked(value)

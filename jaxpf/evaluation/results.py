@@ -1,4 +1,4 @@
-"""Reading the results of an evaluation, finished or not."""
+"""Reads the results of an evaluation, finished or not."""
 
 import dataclasses
 import os
@@ -16,7 +16,7 @@ from jaxpf.targets import find_adapter
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Start, Target
 
-#: The piece that holds the truth.
+#: Name of the stored file with the ground truth.
 TRUTH = "truth"
 _REMEDY = "evaluate into another folder"
 _KEYS = {"versions", "asked", "runs", "float64", "scene", "configurations"}
@@ -32,17 +32,18 @@ def _tuples(value: Any) -> Any:
 
 @dataclasses.dataclass(frozen=True)
 class Configuration:
-    """One method with one ordering and one setting of the parameters.
+    """One method with one ordering and one set of parameter values.
 
     Attributes:
-        method: "SIR", "PS", "DPS" or "SPS", or the name of a user's tracker or imported tracks.
-        ordering: objects in the order of PS counted from 1, such as "2345671" ("2-3-...-1"
-            for ten objects and more), "shifts" for DPS, the swap rule for SPS, otherwise "".
-        parameters: every option of the grid (sharpness, particles, scale, ...), varied or
-            not; empty where the method is not built in.
-        variant: values of the options that make the ordering, such as {"order": (1, 2, 0)}.
-        kind: "built in"; "own" for a user's tracker; "imported" for boxes that are known and do
-            not vary from run to run.
+        method: "SIR", "PS", "DPS" or "SPS", or the name of a user-defined tracker or of imported
+            tracks.
+        ordering: of PS, the order of the objects counted from 1, such as "2345671" ("2-3-...-1"
+            for ten or more objects); "shifts" for DPS; the swap rule for SPS; otherwise "".
+        parameters: every option of the grid (sharpness, particles, scale, ...), varied or not;
+            empty unless the method is built in.
+        variant: options that define the ordering, such as {"order": (1, 2, 0)}.
+        kind: "built in"; "own" for a user-defined tracker; "imported" for given boxes, which are
+            the same in every run.
     """
 
     method: str
@@ -53,7 +54,7 @@ class Configuration:
 
     @classmethod
     def from_json(cls, entry: Mapping[str, Any]) -> "Configuration":
-        """What ``dataclasses.asdict`` became in a JSON file: lists are tuples again."""
+        """Restore a configuration from JSON; lists become tuples."""
         return cls(**{name: _tuples(value) for name, value in entry.items()})
 
     @property
@@ -63,15 +64,15 @@ class Configuration:
 
     @property
     def is_imported(self) -> bool:
-        """Whether these are boxes of one run, from elsewhere."""
+        """Whether this is a single run of imported boxes."""
         return self.kind == IMPORTED
 
 
 class Results:
-    """What an evaluation left in its folder: configurations, truth, and batches of runs.
+    """The stored results of an evaluation: configurations, truth, and batches of runs.
 
-    Make one with ``Results.open(folder)``; ``jaxpf.evaluation.evaluate`` returns one.
-    Batches are read when they are asked for, so memory does not grow with the runs.
+    Use ``Results.open(folder)``; ``jaxpf.evaluation.evaluate`` also returns one.  Batches are read
+    on demand, so memory does not grow with the number of runs.
     """
 
     def __init__(
@@ -95,11 +96,11 @@ class Results:
         """Open the folder of an evaluation.
 
         Args:
-            folder: where the evaluation was written.
+            folder: of the evaluation.
             load_scene: function that opens the evaluation's scene, for ``scene()``.
 
         Raises:
-            InputError: no evaluation there, or one that cannot be read.
+            InputError: the folder holds no evaluation, or it cannot be read.
         """
         folder = Path(folder)
         settings = read_settings(folder)
@@ -116,27 +117,27 @@ class Results:
 
     @property
     def adapter(self) -> Adapter:
-        """How what the scene's objects are is written and drawn."""
+        """Adapter that writes and draws the scene's type of objects."""
         return find_adapter(self.settings["scene"]["target"])
 
     @property
     def target(self) -> Target:
-        """What the scene's objects are."""
+        """Type of the scene's objects."""
         return self.adapter.target
 
     @property
     def scene_name(self) -> str:
-        """What the scene is called."""
+        """Name of the scene."""
         return self.settings["scene"]["name"]
 
     @property
     def object_ids(self) -> tuple[int, ...]:
-        """The number by which the truth knows each of the P objects."""
+        """Ground-truth id of each of the P objects."""
         return tuple(self.settings["scene"]["object_ids"])
 
     @property
     def start_frame(self) -> int:
-        """The frame of the source, from 0, in which trackers start; T counts those after it."""
+        """Source frame, from 0, in which trackers start; the T frames come after it."""
         return self.settings["scene"]["start_frame"]
 
     @property
@@ -146,7 +147,7 @@ class Results:
 
     @property
     def runs(self) -> int:
-        """Runs that were asked for, per configuration."""
+        """Requested runs per configuration."""
         return self.settings["runs"]
 
     @property
@@ -156,15 +157,15 @@ class Results:
 
     @property
     def configurations(self) -> list[Configuration]:
-        """All configurations, those of one setting of the parameters together."""
+        """All configurations, grouped by parameter values."""
         return [Configuration.from_json(entry) for entry in self.settings["configurations"]]
 
     @property
     def varied(self) -> tuple[str, ...]:
         """Names of the parameters that differ between configurations.
 
-        Those of which one value was asked differ only by what others make of it, such as the
-        motion that goes with an appearance, and are left out.
+        A parameter with one requested value is left out, even if another parameter changes how
+        that value is resolved (an appearance can choose the motion, for example).
         """
         ours = [c.parameters for c in self.configurations if c.kind == BUILT_IN]
         names = dict.fromkeys(name for parameters in ours for name in parameters)
@@ -173,22 +174,22 @@ class Results:
         return tuple(n for n in named if len({repr(p[n]) for p in ours if n in p}) > 1)
 
     def noise_scale(self, configuration: Configuration) -> np.ndarray:
-        """``[3]``: process noise of the first coordinates; NaN where it is not known."""
+        """``[3]``: process noise of the first three coordinates; NaN where unknown."""
         if configuration.kind != BUILT_IN:
             return np.full(3, np.nan)
         options = chosen(self.target.options, configuration.parameters)
         return self.target.noise(options, self.start)
 
     def finished(self, configuration: Configuration) -> int:
-        """Number of runs of a configuration that are on disk."""
+        """Number of runs of a configuration on disk."""
         paths = batch_files(self.folder, self._index(configuration))
         return sum(len(read_runs(path)) for path in paths)
 
     def batches(self, configuration: Configuration) -> Iterator[Batch]:
-        """Finished runs of a configuration, in the order of the runs.
+        """Yield the finished runs of a configuration in order.
 
         Raises:
-            InputError: a configuration that is not of this evaluation; a damaged batch.
+            InputError: the configuration is not part of this evaluation; a batch is damaged.
         """
         for path in batch_files(self.folder, self._index(configuration)):
             yield read_batch(path)
@@ -203,7 +204,7 @@ class Results:
         return configurations.index(configuration)
 
     def scene(self) -> Any:
-        """The scene, opened anew.
+        """Open the scene again.
 
         Raises:
             InputError: these results were opened without ``load_scene``.
@@ -217,10 +218,10 @@ class Results:
 
 
 def read_settings(folder: Path) -> dict[str, Any]:
-    """``settings.json`` of an evaluation.
+    """Read ``settings.json`` of an evaluation.
 
     Raises:
-        InputError: it is missing or damaged.
+        InputError: the file is missing or damaged.
     """
     path = folder / SETTINGS
     settings = Store(folder, _REMEDY).settings()

@@ -1,6 +1,6 @@
-"""How fast one run goes: frames per second of every configuration, on the machine that asks.
+"""Frames per second of one run of every configuration, measured on the current machine.
 
-Apart from the results, which are the same bits wherever they are computed.
+Speeds are stored apart from the results, because only the results are reproducible.
 """
 
 import contextlib
@@ -16,12 +16,12 @@ from jaxpf.evaluation.results import Results
 from jaxpf.files.writing import write_text
 
 NAME = "speed.json"
-#: A run is timed for so many frames at most, and for about so many seconds.
+#: Timing of a run stops after this many frames or about this many seconds.
 _FRAMES, _SECONDS = 60, 3.0
 
 
 def read_speeds(folder: Path, count: int) -> list[float]:
-    """Frames per second by configuration; NaN where they were not measured."""
+    """Frames per second of each configuration; NaN if not measured."""
     kept: Any = []
     with contextlib.suppress(OSError, ValueError, RecursionError):
         kept = json.loads((folder / NAME).read_text(encoding="utf-8"))
@@ -31,14 +31,11 @@ def read_speeds(folder: Path, count: int) -> list[float]:
 
 
 def keep_speeds(results: Results, seconds: Mapping[int, float]) -> None:
-    """Keep how fast boxes were made, of baselines and of functions that give boxes.
+    """Store the speed of baselines and of user functions that return boxes.
 
     Args:
         results: of the evaluation.
-        seconds: that it took for the whole clip, by the configuration's index.
-
-    Raises:
-        InputError: the file cannot be written.
+        seconds: for the whole clip, keyed by the configuration's index.
     """
     speeds = read_speeds(results.folder, len(results.configurations))
     for index, took in seconds.items():
@@ -51,18 +48,16 @@ def measure_speeds(
     trackers: Mapping[str, Any],
     on_begin: Callable[[str], None] = lambda label: None,
 ) -> None:
-    """Time one run of each method alone, as ``jaxpf track`` goes, and keep it in the folder.
+    """Time a single run of each method, as in ``jaxpf track``, and store the speeds.
 
-    From a frame in memory to its estimate, compiling left out; the median over frames.  Settings
-    that share a compiled kernel share the figure.  What was measured before is not measured again.
+    The time of a frame runs from the frame in memory to its estimate, without compilation; the
+    speed uses the median over frames.  Settings that share a compiled kernel share one speed.
+    Stored speeds are not measured again.
 
     Args:
         results: of the evaluation.
-        trackers: a user's own, as in the ``Plan``.
-        on_begin: called with the label of what is timed next.
-
-    Raises:
-        InputError: a tracker cannot be made, or the file not be written.
+        trackers: user-defined trackers, as in the ``Plan``.
+        on_begin: called with the label of the next configuration before it is timed.
     """
     import jax
 
@@ -92,13 +87,13 @@ def _write(results: Results, speeds: Sequence[float]) -> None:
 
 
 def _frames_per_second(tracker: Any, key: Any, frames: Sequence[np.ndarray]) -> float:
-    """Of a run alone; NaN where there is no second frame to time."""
+    """Frames per second of a single run; NaN if there is no second frame to time."""
     from jaxpf.running.streaming import stream
 
     seconds, clock, until = [], time.perf_counter(), np.inf
     for tracked in stream(tracker, key, frames):
         now = time.perf_counter()
-        if tracked.time == 0:  # compiled in it
+        if tracked.time == 0:  # includes compilation
             until = now + _SECONDS
         else:
             seconds.append(now - clock)

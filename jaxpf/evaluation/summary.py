@@ -1,4 +1,4 @@
-"""The summary of every configuration of an evaluation: estimates, and paired differences."""
+"""Summaries of all configurations of an evaluation: estimates and paired differences."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -25,24 +25,24 @@ from jaxpf.evaluation.speed import read_speeds
 
 @dataclasses.dataclass(frozen=True)
 class Summary:
-    """What the runs of one configuration say.
+    """Summary of the runs of one configuration.
 
     Attributes:
-        configuration: whose runs these are.
+        configuration: that was run.
         name: of the configuration, with the parameters that vary.
-        runs: finished runs.
-        estimates: for each measure; ``[P + 1]``, all objects last.
-        reference: index among the summaries of the one it is compared with, or None.
-        differences: from the reference, for each measure.
-        adjusted: Holm's p of each difference, ``[P + 1]``: the family is all comparisons of one
-            measure and object.
+        runs: number of finished runs.
+        estimates: by measure; ``[P + 1]``, all objects last.
+        reference: index of the summary that this one is compared with, or None.
+        differences: from the reference, by measure.
+        adjusted: Holm-adjusted p of each difference, ``[P + 1]``, by measure; the family is all
+            comparisons of one measure and object.
         quantiles: of the centre error, ``[5, T, P + 1]``.
         success: success curves.
         precision: precision curves.
         transforms: counts of probability integral transforms in equal bins, see ``Collected``.
         shown: the best, the median and the worst run.
-        frames_per_second: of one run alone; NaN where nobody measured it, see ``speed``.
-        at_equal_time: against the first method at the same time; None where that is not known.
+        frames_per_second: of a single run; NaN if not measured, see ``speed``.
+        at_equal_time: comparison with the first method at equal time; None if unknown.
     """
 
     configuration: Configuration
@@ -62,7 +62,7 @@ class Summary:
 
 
 def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]:
-    """Summarise what was collected of every configuration, in the same order."""
+    """Summarise the collected measures of each configuration, in the same order."""
     references = _references(collected)
     estimates: list[dict[str, Estimate]] = [{} for _ in collected]
     differences: list[dict[str, Difference]] = [{} for _ in collected]
@@ -107,7 +107,7 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
 
 
 def configuration_name(results: Results, configuration: Configuration) -> str:
-    """Method, ordering, and the parameters that differ between configurations."""
+    """Name with the method, ordering, and the parameters that differ between configurations."""
     varied = [
         f"{name} {plain(configuration.parameters[name])}"
         for name in results.varied
@@ -117,10 +117,10 @@ def configuration_name(results: Results, configuration: Configuration) -> str:
 
 
 def _references(collected: Sequence[Collected]) -> list[int | None]:
-    """What each configuration is compared with; None if nothing shares seeds with it.
+    """Index of each configuration's reference; None if no earlier one shares at least two seeds.
 
-    It is the first configuration with the same parameters; and for that one, the first of all:
-    methods are compared at equal parameters, and parameters with the first method.
+    The reference is the first configuration with the same parameters, so methods are compared at
+    equal parameters.  If there is none, it is the first configuration of all.
     """
     references: list[int | None] = []
     for index, entry in enumerate(collected):
@@ -141,7 +141,7 @@ def _references(collected: Sequence[Collected]) -> list[int | None]:
 
 
 def run_values(entry: Collected, measure: Measure) -> Runs:
-    """A measure of every run and object, with the weights of its mean."""
+    """Values of a measure for every run and object, with the weights for its mean."""
     if measure in SCORES:
         values = entry.scores[:, [SCORES.index(measure)]]
         return Runs(entry.runs[: len(values)], values, np.ones_like(values))
@@ -174,19 +174,19 @@ def _difference(entry: Collected, measure: Measure, given: Runs, other: Runs) ->
 
 
 def _of_all_objects(found: Sequence[np.ndarray], num_objects: int) -> list[np.ndarray]:
-    """Figures ``[2]`` of all objects as ``[P + 1]``: single objects have none, unless alone."""
+    """Spread figures of all objects to ``[P + 1]``; single objects get NaN unless P is 1."""
     has = np.arange(num_objects + 1) == num_objects
     return [np.where(has | (num_objects == 1), figures[-1], np.nan) for figures in found]
 
 
 def hardest_object(summaries: Sequence[Summary], num_objects: int) -> int:
-    """The object with the lowest mean recovery; of equal ones, the lowest overlap."""
+    """Index of the object with the lowest mean recovery; ties go to the lowest overlap."""
     if not summaries:
         return 0
     recovery, overlap = (
         np.mean([summary.estimates[name].value[:num_objects] for summary in summaries], axis=0)
         for name in ("recovered", "overlap")
     )
-    # An object without truth has no rate, and is not hard.
+    # Objects without truth have no rate and sort last.
     order = np.lexsort((np.nan_to_num(overlap, nan=2), np.nan_to_num(recovery, nan=2)))
     return int(order[0])

@@ -1,9 +1,9 @@
-"""Trackers for scenes: those of the built-in methods, and a user's own.
+"""Makes trackers for scenes, built in or user-defined.
 
-A user's tracker comes from a function of the scene, which is called once per scene and process.
-It returns a tracker (``jaxpf.contract.Tracker``), or boxes ``[T, P, 4]`` of all frames, the start
-frame included: one run that does not vary.  Estimates of a tracker are read as the scene's target
-reads its own (of boxes: u, v, scale) unless the tracker has a method
+A user-defined tracker is a function of the scene, called once per scene and process.  It returns
+a tracker (``jaxpf.contract.Tracker``), or boxes ``[T, P, 4]`` of all frames including the start
+frame, which count as one deterministic run.  A tracker's estimates are interpreted by the scene's
+target (for boxes: u, v, scale) unless the tracker has a method
 ``boxes(estimate [..., P, D]) -> [..., P, 4]``.
 """
 
@@ -19,17 +19,17 @@ from jaxpf.targets import building
 from jaxpf.targets.adapter import Adapter, looks_of_scene
 from jaxpf.targets.target import Looks, Start, Target
 
-#: One frame in so many of a scene is shown as typical.
+#: One frame in this many samples the appearance of a scene.
 _EVERY = 8
 
 
 def looks_of(scene: Any, num_particles: int) -> Looks:
-    """How a scene's objects look."""
+    """Appearance of a scene's objects."""
     return looks_of_scene(scene, num_particles, scene.frames[::_EVERY])
 
 
 def built_in_tracker(scene: Any, adapter: Adapter, configuration: Configuration) -> Any:
-    """The tracker of one configuration: its filter on the scene's target."""
+    """Build the tracker of one configuration: its filter on the scene's target."""
     values = configuration.parameters | configuration.variant
     its = filters.filter_of(values["method"])
     target, start, options = adapter.target, adapter.scene_start(scene), chosen(its.options, values)
@@ -38,10 +38,10 @@ def built_in_tracker(scene: Any, adapter: Adapter, configuration: Configuration)
 
 
 def own_tracker(name: str, function: Any, scene: Any) -> Any:
-    """What a user's function makes of a scene: a tracker, or boxes ``[T, P, 4]``.
+    """Call a user's function on a scene; returns a tracker or boxes ``[T, P, 4]``.
 
     Raises:
-        InputError: the function fails, or returns something else.
+        InputError: the function fails or returns something else.
     """
     try:
         made = function(scene)
@@ -67,7 +67,7 @@ def own_tracker(name: str, function: Any, scene: Any) -> Any:
 
 
 def shapes_of(tracker: Any, target: Target, start: Start, estimate: Any) -> np.ndarray:
-    """Shapes ``[..., P, S]`` of estimates, as the tracker or else the target reads them."""
+    """Convert estimates to shapes ``[..., P, S]``, by the tracker if it can, else by the target."""
     if target.has_boxes and hasattr(tracker, "boxes"):
         return np.asarray(tracker.boxes(estimate))
     return target.shapes(start, np.asarray(estimate), tracker)
@@ -76,7 +76,7 @@ def shapes_of(tracker: Any, target: Target, start: Start, estimate: Any) -> np.n
 def tracker_of(
     scene: Any, adapter: Adapter, configuration: Configuration, function: Any = None
 ) -> Any:
-    """The tracker of a configuration, built in or from a user's function."""
+    """Make the tracker of a configuration, built in or from a user's function."""
     if configuration.kind == BUILT_IN:
         return built_in_tracker(scene, adapter, configuration)
     return own_tracker(configuration.method, function, scene)

@@ -1,4 +1,4 @@
-"""How good tracks are: metrics, benchmark scores, intervals, matching."""
+"""Measures of tracking quality: metrics, benchmark scores, intervals and matching."""
 
 import lazy_loader
 

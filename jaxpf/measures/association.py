@@ -1,6 +1,7 @@
-"""Boxes joined by their overlap: candidates for birth, and the simplest tracker of all.
+"""Associates boxes by overlap, for birth candidates and for the IOU tracker.
 
-After SORT (Bewley et al. 2016), which joins by the best assignment, and starts and ends tracks so.
+The optimal assignment and the rules for starting and ending tracks follow SORT (Bewley et al.
+2016).
 """
 
 from typing import NamedTuple
@@ -10,14 +11,15 @@ from numpy.typing import ArrayLike
 
 
 class Rules(NamedTuple):
-    """When a detection continues a track, and when a track counts.
+    """Rules for continuing, reporting and ending tracks.
 
     Attributes:
-        least_overlap: intersection over union from which it does, in (0, 1].
-        least_hits: detections after which a track is reported.
-        most_missed: frames in a row without a detection that a track survives.
-        missed: ``"skip"`` reports a track where it has a detection only, ``"hold"`` its last box
-            also where it has none.
+        least_overlap: smallest intersection over union at which a detection continues a track, in
+            (0, 1].
+        least_hits: number of detections from which a track is reported.
+        most_missed: consecutive frames without a detection that a track survives.
+        missed: in frames without a detection, ``"skip"`` reports nothing and ``"hold"`` the last
+            box.
     """
 
     least_overlap: float = 0.3
@@ -27,14 +29,14 @@ class Rules(NamedTuple):
 
 
 class Tracks(NamedTuple):
-    """The tracks that are open after a frame, K of them.
+    """The K open tracks after a frame.
 
     Attributes:
-        ids: int ``[K]``, from 1, never used twice.
-        boxes: ``[K, 4]``, the last detection of each.
-        hits: int ``[K]``, its detections so far.
-        missed: int ``[K]``, frames since the last.
-        next_id: of the next track.
+        ids: int ``[K]``, from 1, never reused.
+        boxes: ``[K, 4]``, last detection.
+        hits: int ``[K]``, number of detections.
+        missed: int ``[K]``, frames since the last detection.
+        next_id: id of the next new track.
     """
 
     ids: np.ndarray
@@ -45,16 +47,19 @@ class Tracks(NamedTuple):
 
 
 def no_tracks() -> Tracks:
-    """Before the first frame."""
+    """The empty set of tracks before the first frame."""
     none = np.zeros(0, int)
     return Tracks(none, np.zeros((0, 4)), none, none, 1)
 
 
 def assigned(one: np.ndarray, other: np.ndarray, least_overlap: float) -> np.ndarray:
-    """Which box of ``other`` ``[Q, 4]`` belongs to each of ``one`` ``[P, 4]``, at most one to one.
+    """Assign each box of ``one`` ``[P, 4]`` to at most one box of ``other`` ``[Q, 4]``.
 
-    The assignment with the largest sum of overlaps among pairs that overlap by ``least_overlap``
-    or more; int ``[P]``, -1 for none.
+    The assignment is one to one and maximises the sum of overlaps over pairs that overlap by
+    ``least_overlap`` or more.
+
+    Returns:
+        int ``[P]``, the index into ``other``, or -1 for none.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -67,7 +72,7 @@ def assigned(one: np.ndarray, other: np.ndarray, least_overlap: float) -> np.nda
 
 
 def advance(tracks: Tracks, detections: np.ndarray, rules: Rules) -> Tracks:
-    """The tracks after another frame, whose detections are ``[M, 4]``."""
+    """Update the tracks with the next frame's detections ``[M, 4]``."""
     detections = np.asarray(detections, float).reshape(-1, 4)
     mine = assigned(tracks.boxes, detections, rules.least_overlap)
     seen = mine >= 0
@@ -87,7 +92,7 @@ def advance(tracks: Tracks, detections: np.ndarray, rules: Rules) -> Tracks:
 
 
 def without(tracks: Tracks, places: np.ndarray) -> Tracks:
-    """The tracks but for those at some places."""
+    """Remove the tracks at the indices ``places``."""
     kept = np.setdiff1d(np.arange(len(tracks.ids)), places)
     ids, boxes, hits, missed = (values[kept] for values in tracks[:4])
     return Tracks(ids, boxes, hits, missed, tracks.next_id)
@@ -96,8 +101,8 @@ def without(tracks: Tracks, places: np.ndarray) -> Tracks:
 def pairwise_overlap(one: ArrayLike, other: ArrayLike) -> np.ndarray:
     """Intersection over union of every pair of boxes, in double precision.
 
-    ``jaxpf.measures.overlap`` pairs box with box in JAX; scores that compare overlaps with
-    thresholds in double precision need this one to agree with other tools.
+    ``jaxpf.measures.overlap`` compares boxes elementwise in JAX.  Scores that threshold overlaps
+    need double precision to agree with other tools.
 
     Args:
         one: x, y, w, h ``[P, 4]``.

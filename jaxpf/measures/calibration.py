@@ -1,9 +1,9 @@
-"""How honest a spread is: does the region that it draws hold the truth as often as it says?
+"""Calibration of the particle spread: do credible regions cover the truth at their stated rate?
 
-Of each coordinate by itself, and as if the particles were normal with their mean and standard
-deviation: what is stored of a run are those two.  The particles' own weighted quantiles would say
-nearly the same: of boxes on seven filmed clips (6 runs of PS) their regions of 50, 80 and 95 % hold
-the truth in 49, 75 and 90.5 % of the frames, the normal ones in 52, 78 and 90.0 %.
+Each coordinate is scored separately.  Particles are treated as normal, because a run stores only
+their mean and standard deviation.  Weighted quantiles of the particles give nearly the same
+result: for boxes on seven filmed clips (6 runs of PS), their regions of 50, 80 and 95 % cover the
+truth in 49, 75 and 90.5 % of the frames, and the normal regions in 52, 78 and 90.0 %.
 """
 
 import numpy as np
@@ -11,18 +11,18 @@ from numpy.typing import ArrayLike
 
 
 def transforms(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
-    """Probability integral transforms: the probability that was given to values below the truth.
+    """Probability integral transforms u: predicted probability of values below the truth.
 
-    Of a calibrated tracker they are uniform; heaped at 0 and 1 they say that the spread is too
-    small, in the middle, too large (Dawid 1984).  The smallest central region that holds the truth
-    has the probability ``|2 u - 1|``.
+    For a calibrated tracker u is uniform.  Peaks at 0 and 1 mean that the spread is too small, a
+    peak in the middle that it is too large (Dawid 1984).  The smallest central region that covers
+    the truth has probability ``|2 u - 1|``.
 
     Args:
-        offset: estimate less truth, any shape.
+        offset: estimate minus truth, any shape.
         spread: standard deviations, of the same shape.
 
     Returns:
-        From 0 to 1; NaN where an argument is not finite or the spread is not positive.
+        Values from 0 to 1; NaN if an argument is not finite or the spread is not positive.
     """
     from scipy.special import ndtr
 
@@ -30,11 +30,11 @@ def transforms(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
 
 
 def crps(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
-    """Continuous ranked probability score, in the units of the offset; small is good.
+    """Continuous ranked probability score (CRPS), in the units of the offset; lower is better.
 
-    Proper: its expectation is least for the true distribution (Gneiting and Raftery 2007, eq. 21).
-    As the spread falls to nothing it tends to the distance.  Arguments and NaN as for
-    ``transforms``.
+    The score is proper: the true distribution minimises its expectation (Gneiting and Raftery
+    2007, eq. 21).  It tends to the absolute error as the spread tends to 0.  Arguments and NaN as
+    for ``transforms``.
     """
     from scipy.special import ndtr
 
@@ -44,7 +44,7 @@ def crps(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
 
 
 def log_score(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
-    """Logarithm of the density at the truth; large is good.  Arguments and NaN as before."""
+    """Log density at the truth; higher is better.  Arguments and NaN as for ``transforms``."""
     z = _standard(offset, spread)
     return -(z**2) / 2 - np.log(np.where(np.isnan(z), 1, spread) * np.sqrt(2 * np.pi))
 

@@ -1,4 +1,4 @@
-"""Figures with their uncertainty: rates, means, and the intervals around them."""
+"""Rates and means with standard errors and confidence intervals."""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from jaxpf.contract.pytree import is_concrete
 
 
 class Interval(NamedTuple):
-    """A figure with its uncertainty; all four have the same shape.
+    """An estimate with its uncertainty; all four fields have the same shape.
 
     Attributes:
         value: the mean or the rate.
@@ -34,12 +34,12 @@ def wilson_interval(successes: ArrayLike, trials: ArrayLike, level: ArrayLike = 
     """A rate with the confidence interval of Wilson (1927).
 
     With n trials, k successes, p = k / n and z the normal quantile of the level, the ends are
-    (p + z^2 / 2n +- z sqrt(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n).  Unlike p +- z times
-    the standard error it stays in [0, 1] and does not shrink to a point at 0 or n successes.
+    (p + z^2 / 2n +- z sqrt(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n).  Unlike p +- z times the
+    standard error, the interval stays in [0, 1] and does not collapse at 0 or n successes.
 
     Args:
         successes: k, ``[...]``.
-        trials: n, ``[...]``; without any, the rate is NaN and the interval [0, 1].
+        trials: n, ``[...]``; for n = 0 the rate is NaN and the interval [0, 1].
         level: confidence, in (0, 1).
 
     Returns:
@@ -53,7 +53,7 @@ def wilson_interval(successes: ArrayLike, trials: ArrayLike, level: ArrayLike = 
     variance = p * (1 - p) / n
     middle = (p + z**2 / (2 * n)) / (1 + z**2 / n)
     reach = z * jnp.sqrt(variance + z**2 / (4 * n**2)) / (1 + z**2 / n)
-    # At 0 and n successes an end is exactly 0 or 1; rounding must not carry it past.
+    # At 0 and n successes an end is exactly 0 or 1; avoid rounding beyond it.
     lower = jnp.where(successes <= 0, 0.0, jnp.clip(middle - reach, 0, 1))
     upper = jnp.where(successes >= n, 1.0, jnp.clip(middle + reach, 0, 1))
     return Interval(
@@ -65,10 +65,10 @@ def wilson_interval(successes: ArrayLike, trials: ArrayLike, level: ArrayLike = 
 
 
 def share_interval(share: Interval, level: ArrayLike = 0.95) -> Interval:
-    """Replace the ends of a mean of shares by Wilson's, which stay in [0, 1].
+    """Replace the interval of a mean of shares by Wilson's, which stays in [0, 1].
 
-    The number of trials is the effective one, p (1 - p) / SE^2 (Korn and Graubard 1998).  Where
-    the runs do not vary, or their number is 1, the ends stay as they are.
+    It uses the effective number of trials, p (1 - p) / SE^2 (Korn and Graubard 1998).  If the runs
+    do not vary, or there is only one, the interval is unchanged.
     """
     value, error = share.value, share.standard_error
     varies = (error > 0) & (value > 0) & (value < 1)
@@ -87,8 +87,8 @@ def newcombe_ends(
 
     Args:
         first: a rate and the ends of its Wilson interval.
-        second: the other one's, at the same level.
-        correlation: phi of paired trials; 0 for independent ones.
+        second: the same for the second rate, at the same level.
+        correlation: phi of paired trials; 0 for independent trials.
     """
     (one, low_1, high_1), (other, low_2, high_2) = first, second
 
@@ -107,23 +107,22 @@ def mean_interval(
     axis: int = 0,
     level: ArrayLike = 0.95,
 ) -> Interval:
-    """A mean over independent runs with its standard error and normal interval.
+    """A weighted mean over independent runs with its standard error and normal interval.
 
     The mean is m = sum_r w_r x_r / sum_r w_r and the squared standard error
-    R / (R - 1) sum_r w_r^2 (x_r - m)^2 / (sum_r w_r)^2, which for equal weights is the usual
-    sample variance over R.  With per-run means as values and the numbers of their frames as
-    weights, m is the mean of the pooled frames and the error allows for the frames of one run
-    being alike.
+    R / (R - 1) sum_r w_r^2 (x_r - m)^2 / (sum_r w_r)^2, which for equal weights is the sample
+    variance over R.  With per-run means as values and frame counts as weights, m is the mean over
+    pooled frames and the error accounts for the correlation of frames within a run.
 
     Args:
-        values: ``[..., R, ...]``; those that are not finite are left out.
-        weights: w, broadcasting with ``values``, not negative; equal by default.
+        values: ``[..., R, ...]``; values that are not finite are left out.
+        weights: w >= 0, broadcasting with ``values``; equal by default.
         axis: the axis of the runs.
         level: confidence, in (0, 1).
 
     Returns:
-        The shape of ``values`` without the axis.  The mean of nothing is NaN, and so are the
-        error and the interval with fewer than two runs.
+        The shape of ``values`` without the axis.  The mean of no runs is NaN; the error and the
+        interval are NaN with fewer than two runs.
     """
     values = as_float(values)
     mass = jnp.broadcast_to(1.0 if weights is None else as_float(weights), values.shape)
@@ -146,12 +145,12 @@ def student_interval(values: ArrayLike, level: float = 0.95) -> Interval:
     """A mean over few independent units with Student's interval, in double precision.
 
     Args:
-        values: ``[n]``; those that are not finite are left out.
+        values: ``[n]``; values that are not finite are left out.
         level: confidence, in (0, 1).
 
     Returns:
-        Scalars.  The mean of nothing is NaN, and so are the error and the interval with fewer
-        than two units.
+        Scalars.  The mean of no units is NaN; the error and the interval are NaN with fewer than
+        two units.
     """
     known = np.asarray(values, float)
     known = known[np.isfinite(known)]
@@ -163,16 +162,13 @@ def student_interval(values: ArrayLike, level: float = 0.95) -> Interval:
 
 
 def within(interval: Interval, least: float, most: float) -> Interval:
-    """The interval of a figure that cannot leave [least, most], such as a mean of shares.
-
-    Its ends are cut there, which loses no coverage.
-    """
+    """Clip the interval of an estimate that is bounded by [least, most]; coverage is unchanged."""
     lower, upper = (jnp.clip(end, least, most) for end in interval[2:])
     return interval._replace(lower=lower, upper=upper)
 
 
 def masked_mean(values: ArrayLike, mask: ArrayLike, axis: int | Sequence[int]) -> Array:
-    """Mean of the values where ``mask`` holds and the value is finite; NaN where none is left."""
+    """Mean of the finite values where ``mask`` is true; NaN if there are none."""
     values = as_float(values)
     axis = axis if isinstance(axis, int) else tuple(axis)
     counts = jnp.isfinite(values) & mask
@@ -182,7 +178,7 @@ def masked_mean(values: ArrayLike, mask: ArrayLike, axis: int | Sequence[int]) -
 
 
 def student_quantile(freedom: float, level: float = 0.95) -> float:
-    """t with ``P(|T| < t) = level`` for Student's T with that many degrees of freedom, from 1."""
+    """t with ``P(|T| < t) = level`` for Student's T; ``freedom`` below 1 counts as 1."""
     from scipy.special import stdtrit
 
     return float(stdtrit(max(freedom, 1), 0.5 + level / 2))
@@ -196,6 +192,6 @@ def _quantile(level: ArrayLike) -> Array:
 
 
 def as_float(values: ArrayLike) -> Array:
-    """An array of floats: integers and bools become the default float."""
+    """Convert to a float array; integers and bools become the default float."""
     values = jnp.asarray(values)
     return values.astype(jnp.result_type(values.dtype, jnp.float32))

@@ -1,17 +1,17 @@
-"""Measures of tracking, and of the health of a particle set: pure functions of arrays.
+"""Measures of tracking and diagnostics of particle sets, as pure functions of arrays.
 
 Boxes are (x, y, w, h) in pixels.  Estimates are typically ``[R, T, P, 4]`` (runs, frames,
-objects) and the truth ``[T, P, 4]``; leading axes broadcast, so that one run without the first
-axis works too.  Three rules hold throughout:
+objects) and the truth ``[T, P, 4]``; leading axes broadcast, so a single run needs no first axis.
+Three rules hold throughout:
 
 * A frame without truth (the true box is degenerate: not finite, or without width or height) does
-  not count.  There the measures of a frame are NaN, and every mean leaves it out.
+  not count: its measures are NaN, and means leave it out.
 * A degenerate *estimate* in a frame with truth is a miss: track state, precision, recall and
-  overlap are 0, so a tracker that reports NaN gains nothing by it.  Its centre error is unknown:
-  NaN, and the mean leaves it out.
-* A mean over nothing is NaN.
+  overlap are 0, so reporting NaN gives no advantage.  Its centre error is NaN, and means leave it
+  out.
+* A mean without any values is NaN.
 
-Sources: smith2004, section 3.1, unless a function says otherwise.
+Source: smith2004, section 3.1, unless a function states another.
 """
 
 from collections.abc import Sequence
@@ -40,11 +40,11 @@ Over = Literal["tracked", "all"]
 
 
 class EffectiveDynamics(NamedTuple):
-    """Spread of a particle set over the process noise; see ``effective_dynamics``.
+    """Spread of a particle set relative to the process noise; see ``effective_dynamics``.
 
     Attributes:
-        deviation_ratio: standard deviation over standard deviation.
-        variance_ratio: variance over variance.
+        deviation_ratio: ratio of standard deviations.
+        variance_ratio: ratio of variances.
     """
 
     deviation_ratio: Array
@@ -55,12 +55,12 @@ class EffectiveDynamics(NamedTuple):
 
 
 def has_truth(truth: ArrayLike) -> Array:
-    """``[...]`` bool: the frames and objects of ``truth [..., 4]`` that count."""
+    """``[...]`` bool: whether each box of ``truth [..., 4]`` is finite and has an area."""
     return is_proper(truth)
 
 
 def track_state(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """T: whether the estimated area E meets the true area G, in more than an edge.
+    """T: whether the estimated area E and the true area G share more than an edge.
 
     Args:
         estimate: ``[..., 4]`` boxes.
@@ -74,13 +74,13 @@ def track_state(estimate: ArrayLike, truth: ArrayLike) -> Array:
 
 
 def precision(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``[...]``: the share of the estimated area that is right, area(E and G) / area(E)."""
+    """``[...]``: share of the estimated area that is correct, area(E and G) / area(E)."""
     _check_boxes(estimate, truth)
     return _share_of_intersection(estimate, truth, area(estimate))
 
 
 def recall(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``[...]``: the share of the true area that is found, area(E and G) / area(G)."""
+    """``[...]``: share of the true area that is covered, area(E and G) / area(G)."""
     _check_boxes(estimate, truth)
     return _share_of_intersection(estimate, truth, area(truth))
 
@@ -95,7 +95,7 @@ def overlap(estimate: ArrayLike, truth: ArrayLike) -> Array:
 def centre_error(estimate: ArrayLike, truth: ArrayLike) -> Array:
     """``[...]``: distance between the boxes' centres in pixels; not in smith2004.
 
-    NaN where there is no truth, and where the estimate is not finite.
+    NaN without truth, or if the estimate is not finite.
     """
     _check_boxes(estimate, truth)
     offset = centres(estimate) - centres(truth)
@@ -103,7 +103,7 @@ def centre_error(estimate: ArrayLike, truth: ArrayLike) -> Array:
 
 
 def corner_distances(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """Distances between the corners of an object's rectangles and the true ones, summed.
+    """Sum of the distances between the corners of estimated and true rectangles.
 
     Source: gonzales2011, section 4, "the sum of the Euclidean distances between the corners".
 
@@ -112,8 +112,8 @@ def corner_distances(estimate: ArrayLike, truth: ArrayLike) -> Array:
         truth: ``[..., P, 4, 2]``; the leading axes broadcast.
 
     Returns:
-        ``[...]``, the sum over all 4 P corners, in pixels; NaN if any corner is not finite, in
-        the truth or in the estimate.
+        ``[...]``, the sum over all 4 P corners, in pixels; NaN if any corner of either is not
+        finite.
     """
     apart = as_float(estimate) - as_float(truth)
     distance = jnp.hypot(apart[..., 0], apart[..., 1])
@@ -132,31 +132,31 @@ def success(estimate: ArrayLike, truth: ArrayLike) -> Array:
         truth: ``[..., T, P, 4]`` boxes.
 
     Returns:
-        ``[..., P]`` bool; false for an object that never has truth.
+        ``[..., P]`` bool; false for an object without truth.
     """
     check_same_boxes(estimate, truth)
     return throughout(track_state(estimate, truth), _presence(estimate, truth))
 
 
 def throughout(tracked: ArrayLike, present: ArrayLike) -> Array:
-    """``success`` ``[..., P]`` from track states and presence, ``[..., T, P]`` bool each."""
+    """``success`` ``[..., P]`` from track state and presence, ``[..., T, P]`` bool each."""
     tracked, present = jnp.asarray(tracked), jnp.asarray(present)
     return jnp.all(tracked | ~present, axis=-2) & jnp.any(present, axis=-2)
 
 
 def recovery(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """Whether an object was tracked in the end: T = 1 in the last frame with truth.
+    """Whether an object was tracked at the end: T = 1 in its last frame with truth.
 
     The paper counts runs that "either successfully tracked throughout or recovered from lost
-    tracking" without saying for how long; this is the reading used here.  Arguments and result
-    are as for ``success``.
+    tracking" without a duration; this is our interpretation.  Arguments and result as for
+    ``success``.
     """
     check_same_boxes(estimate, truth)
     return in_the_end(track_state(estimate, truth), _presence(estimate, truth))
 
 
 def in_the_end(tracked: ArrayLike, present: ArrayLike) -> Array:
-    """``recovery`` ``[..., P]`` from track states and presence, ``[..., T, P]`` bool each."""
+    """``recovery`` ``[..., P]`` from track state and presence, ``[..., T, P]`` bool each."""
     tracked, present = jnp.asarray(tracked), jnp.asarray(present)
     frames = jnp.arange(present.shape[-2])[:, None]
     last = jnp.max(jnp.where(present, frames, -1), axis=-2, keepdims=True, initial=-1)
@@ -169,14 +169,14 @@ def mean_precision(
     over: Over = "tracked",
     axis: int | Sequence[int] = -2,
 ) -> Array:
-    """Mean precision over frames; by default over those with T = 1 only, as in smith2004.
+    """Mean precision over frames; by default only those with T = 1, as in smith2004.
 
     Args:
         estimate: ``[..., T, P, 4]`` boxes.
         truth: ``[..., T, P, 4]`` boxes.
-        over: "tracked" averages over the frames with T = 1, "all" over the frames with truth.
-        axis: the axes of ``[..., T, P]`` to average over: -2 gives a mean for each run, (-3, -2)
-            pools the frames of all runs.
+        over: "tracked" averages over frames with T = 1, "all" over frames with truth.
+        axis: axes of ``[..., T, P]`` to average over: -2 gives a mean per run, (-3, -2) pools the
+            frames of all runs.
 
     Returns:
         ``[..., P]``; NaN where no frame counts.
@@ -200,7 +200,7 @@ def mean_recall(
 
 
 def success_rate(estimate: ArrayLike, truth: ArrayLike, level: ArrayLike = 0.95) -> Interval:
-    """Share of the runs with ``success``, with Wilson's interval.
+    """Share of runs with ``success``, with Wilson's interval.
 
     Args:
         estimate: ``[R, T, P, 4]`` boxes.
@@ -208,13 +208,13 @@ def success_rate(estimate: ArrayLike, truth: ArrayLike, level: ArrayLike = 0.95)
         level: confidence of the interval, in (0, 1).
 
     Returns:
-        ``[P]`` each; NaN with the interval [0, 1] for an object that never has truth.
+        ``[P]`` each; NaN with the interval [0, 1] for an object without truth.
     """
     return _rate(success(estimate, truth), truth, level)
 
 
 def recovery_rate(estimate: ArrayLike, truth: ArrayLike, level: ArrayLike = 0.95) -> Interval:
-    """Share of the runs with ``recovery``; arguments and result as for ``success_rate``."""
+    """Share of runs with ``recovery``; arguments and result as for ``success_rate``."""
     return _rate(recovery(estimate, truth), truth, level)
 
 
@@ -223,8 +223,7 @@ def summarise(
 ) -> dict[str, Interval]:
     """All measures of many runs, for each object.
 
-    Means are over frames, pooled over the runs; their errors treat the runs, not the frames, as
-    independent.
+    Means pool the frames of all runs; their errors treat runs, not frames, as independent.
 
     Args:
         boxes_estimate: ``[R, T, P, 4]``.
@@ -234,11 +233,11 @@ def summarise(
     Returns:
         An ``Interval`` of ``[P]`` arrays for each of
 
-        * ``success_rate``, ``recovery_rate``: shares of the runs, with Wilson's interval;
-        * ``tracked``: share of the frames with T = 1;
-        * ``precision``, ``recall``: over the frames with T = 1, as in smith2004's table 2;
+        * ``success_rate``, ``recovery_rate``: shares of runs, with Wilson's interval;
+        * ``tracked``: share of frames with T = 1;
+        * ``precision``, ``recall``: over frames with T = 1, as in smith2004's table 2;
         * ``precision_all``, ``recall_all``, ``overlap``: over all frames with truth;
-        * ``centre_error``: in pixels, over the frames with truth and a finite estimate.
+        * ``centre_error``: in pixels, over frames with truth and a finite estimate.
     """
     estimate, truth = jnp.asarray(boxes_estimate), jnp.asarray(boxes_truth)
     if estimate.ndim != 4 or estimate.shape[1:] != truth.shape or truth.shape[-1] != 4:
@@ -249,7 +248,7 @@ def summarise(
     return _summarise(estimate, truth, level)
 
 
-# Compiled as a whole: the first call would otherwise compile some hundred small operations.
+# Compiled as a whole, because otherwise the first call compiles about a hundred small operations.
 @jax.jit
 def _summarise(estimate: Array, truth: Array, level: ArrayLike) -> dict[str, Interval]:
     tracked = track_state(estimate, truth)
@@ -281,18 +280,18 @@ def _summarise(estimate: Array, truth: Array, level: ArrayLike) -> dict[str, Int
 
 
 def effective_dynamics(spread: ArrayLike, scale: ArrayLike) -> EffectiveDynamics:
-    """How far the particles are spread, in units of the process noise.
+    """Spread of the particles relative to the process noise.
 
-    smith2004 defines it as a variance and plots it as a percentage of sigma; both readings are
-    returned, as ratios.  They can exceed 1: particles follow the observations, and their spread
-    carries over from frame to frame.
+    smith2004 defines it as a variance but plots it as a percentage of sigma; both ratios are
+    returned.  They can exceed 1, because particles follow the observations and their spread
+    carries over between frames.
 
     Args:
         spread: ``[..., P, D]`` standard deviations of the particle set at the end of a time step.
         scale: ``[D]`` or ``[P, D]``, sigma, the standard deviation of the process noise.
 
     Returns:
-        ``[..., P, D]`` each; NaN in coordinates that have no process noise.
+        ``[..., P, D]`` each; NaN in coordinates without process noise.
     """
     spread, scale = as_float(spread), as_float(scale)
     has_noise = scale > 0
@@ -301,15 +300,15 @@ def effective_dynamics(spread: ArrayLike, scale: ArrayLike) -> EffectiveDynamics
 
 
 def pose_variance(spread: ArrayLike, sizes: ArrayLike) -> Array:
-    """Variance of a set of particles over the poses of P rectangles, in square pixels.
+    """Variance of a particle set over the poses of P rectangles, in square pixels.
 
     gonzales2011 plots "the variance of the particle set" without a definition.  Here it is the
-    mean squared distance of a rectangle's corners from where they are on average, to first order
-    in the angle, summed over the rectangles: with r half the diagonal, var x + var y +
-    r^2 var theta.  So pixels and radians add up.
+    mean squared distance of a rectangle's corners from their mean positions, to first order in
+    the angle, summed over the rectangles: var x + var y + r^2 var theta with r half the diagonal.
+    The factor r^2 makes pixels and radians commensurable.
 
     Args:
-        spread: ``[..., P, D]``, D >= 3, standard deviations of x, y, theta; the rest is not used.
+        spread: ``[..., P, D]``, D >= 3, standard deviations of x, y, theta; others are ignored.
         sizes: ``[P, 2]`` width and height, pixels.
 
     Returns:
@@ -323,42 +322,42 @@ def pose_variance(spread: ArrayLike, sizes: ArrayLike) -> Array:
 
 
 def resamplings_per_frame(resample_after: ArrayLike) -> Array:
-    """How often the whole set is resampled in a frame: P for PS, the number of levels for SPS.
+    """Resamplings of the whole set per frame: P for PS, the number of levels for SPS.
 
     Args:
         resample_after: ``[..., P]`` bool, ``Ordering.resample_after``.
 
     Returns:
-        ``[...]`` int: those within the frame and the one at its start.
+        ``[...]`` int, including the resampling at the start of the frame.
     """
     return 1 + jnp.sum(jnp.asarray(resample_after), axis=-1)
 
 
 def effective_sample_size(log_weights: ArrayLike) -> Array:
-    """(sum w)^2 / sum w^2: the number of equal weights that would be as good.
+    """Effective sample size (sum w)^2 / sum w^2, or 1 / sum w^2 for normalised weights.
 
-    For normalised weights this is 1 / sum w^2 (maccormick1999, Kong et al. 1994).
+    Source: maccormick1999, Kong et al. 1994.
 
     Args:
-        log_weights: ``[..., N]``, normalised or not; a weight that is not finite counts as 0.
+        log_weights: ``[..., N]``, normalised or not; values that are not finite count as weight 0.
 
     Returns:
-        ``[...]``, from 1 to N, or 0 if no weight is above 0.
+        ``[...]``, from 1 to N, or 0 if all weights are 0.
     """
     log_weights = as_float(log_weights)
     log_weights = jnp.where(jnp.isfinite(log_weights), log_weights, -jnp.inf)
     largest = jnp.max(log_weights, axis=-1, keepdims=True)
-    # Relative to the largest weight, so that neither sum overflows or vanishes.
+    # Relative to the largest weight, so that neither sum overflows or underflows.
     relative = log_weights - jnp.where(jnp.isfinite(largest), largest, 0)
     size = jnp.exp(2 * logsumexp(relative, axis=-1) - logsumexp(2 * relative, axis=-1))
     return jnp.where(jnp.isfinite(largest[..., 0]), size, 0)
 
 
 def uniqueness(lineage: ArrayLike) -> Array:
-    """U / N: the share of distinct hypotheses among the particles.
+    """U / N: share of distinct hypotheses among the particles.
 
     Args:
-        lineage: ``[..., P, N]`` int, the lineage id of each particle's part: copies share it.
+        lineage: ``[..., P, N]`` int, lineage id of each particle's partition; copies share it.
 
     Returns:
         ``[..., P]``, from 1 / N to 1.
@@ -372,7 +371,7 @@ def uniqueness(lineage: ArrayLike) -> Array:
 
 
 def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
-    """Refuse boxes ``[..., T, P, 4]`` of another number of frames or objects than the truth."""
+    """Check that boxes ``[..., T, P, 4]`` have the truth's numbers of frames and objects."""
     shapes = np.shape(estimate), np.shape(truth)
     if any(shape[-1:] != (4,) or len(shape) < 3 for shape in shapes) or (
         shapes[0][-3:] != shapes[1][-3:]
@@ -384,7 +383,7 @@ def check_same_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
 
 
 def _check_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
-    """Refuse what is not boxes ``[..., 4]`` of shapes that broadcast."""
+    """Check that both arguments are boxes ``[..., 4]`` and that their shapes broadcast."""
     shapes: tuple[tuple[int, ...], ...] = (np.shape(estimate), np.shape(truth))
     try:
         np.broadcast_shapes(*shapes)
@@ -398,14 +397,14 @@ def _check_boxes(estimate: ArrayLike, truth: ArrayLike) -> None:
 
 
 def _share_of_intersection(estimate: ArrayLike, truth: ArrayLike, whole: Array) -> Array:
-    """area(E and G) / whole: 0 for an empty whole, NaN where there is no truth."""
+    """area(E and G) / whole: 0 for an empty whole, NaN without truth."""
     common = intersection_area(estimate, truth)
     share = jnp.where(whole > 0, common / jnp.where(whole > 0, whole, 1), 0)
     return jnp.where(has_truth(truth), share, jnp.nan)
 
 
 def _presence(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``has_truth`` with the leading axes of the estimate as well."""
+    """``has_truth``, broadcast to the leading axes of the estimate."""
     shape = jnp.broadcast_shapes(jnp.shape(estimate), jnp.shape(truth))
     return jnp.broadcast_to(has_truth(truth), shape[:-1])
 
@@ -420,7 +419,7 @@ def _frames_that_count(estimate: ArrayLike, truth: ArrayLike, over: Over) -> Arr
 
 
 def _rate(outcome: Array, truth: ArrayLike, level: ArrayLike) -> Interval:
-    """The rate of ``outcome [R, P]`` over the runs, for objects that have truth at all."""
+    """Rate of ``outcome [R, P]`` over runs; objects without truth have no trials."""
     ever = jnp.any(has_truth(truth), axis=-2)
     trials = jnp.sum(jnp.broadcast_to(ever, outcome.shape), axis=0)
     return wilson_interval(jnp.sum(outcome, axis=0), trials, level)

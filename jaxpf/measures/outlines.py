@@ -1,30 +1,30 @@
-"""Measures of convex outlines at any angle: areas, overlap, and distances of corners.
+"""Measures of convex outlines at any angle: area, overlap, and corner distances.
 
-An outline is ``[..., V, 2]``: the V corners of a convex polygon in order, in pixels.  One that is
-not finite or has no area covers nothing and meets no other.
+An outline is ``[..., V, 2]``: the V corners of a convex polygon in order, in pixels.  An outline
+that is not finite or has no area has an empty intersection with any other.
 """
 
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-#: Corners this near to an edge, as a share of the outlines' extent, lie on it.
+#: Corners within this distance of an edge, relative to the outlines' extent, lie on it.
 _ON_EDGE = 1e-6
 
 
 def measure_outlines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]:
-    """How well outlines fit the true ones, frame by frame.
+    """Compare outlines with the true ones, frame by frame.
 
     Args:
         estimate: ``[..., V, 2]``.
-        truth: ``[..., V, 2]``, corner by corner; the leading axes broadcast.
+        truth: ``[..., V, 2]`` with corresponding corners; the leading axes broadcast.
 
     Returns:
-        ``[...]`` each: ``present`` (there is truth), ``tracked`` (the areas meet), ``precision``
-        and ``recall`` (shares of the estimated and of the true area that both cover), ``overlap``
-        (intersection over union), ``centre_error`` and ``corner_error`` (distance of the centres,
-        and mean distance of corresponding corners, pixels).  Shares are 0 for an estimate that
-        covers nothing; all but the first two are NaN without truth.
+        ``[...]`` each: ``present`` (there is truth), ``tracked`` (the areas intersect),
+        ``precision`` and ``recall`` (intersection over the estimated and over the true area),
+        ``overlap`` (intersection over union), ``centre_error`` (distance of the centres, pixels)
+        and ``corner_error`` (mean distance of corresponding corners, pixels).  Shares are 0 for an
+        estimate without area; without truth, all but the first two are NaN.
     """
     estimate, truth = jnp.broadcast_arrays(jnp.asarray(estimate), jnp.asarray(truth))
     common = intersection_area(estimate, truth)
@@ -64,10 +64,10 @@ def area(outline: ArrayLike) -> Array:
 
 
 def intersection_area(one: ArrayLike, other: ArrayLike) -> Array:
-    """Area that two convex outlines share, ``[...]``, by Green's theorem.
+    """Area of the intersection of two convex outlines, ``[...]``, by Green's theorem.
 
-    The boundary of the intersection is made of the pieces of either outline's edges inside the
-    other; an edge that both have counts once.  Differentiable almost everywhere.
+    Its boundary consists of the pieces of each outline's edges inside the other outline; a common
+    edge counts once.  Differentiable almost everywhere.
     """
     first, second = jnp.broadcast_arrays(_centred(one, one), _centred(other, one))
     first, second = _clockwise(first), _clockwise(second)
@@ -78,11 +78,11 @@ def intersection_area(one: ArrayLike, other: ArrayLike) -> Array:
 
 
 def _inside(edges: Array, region: Array, *, closed: bool) -> Array:
-    """Half the sum of cross products along those pieces of the edges that lie in the region."""
+    """Half the sum of cross products along the pieces of the edges inside the region."""
     start, end = edges[..., :, None, :], jnp.roll(edges, -1, axis=-2)[..., :, None, :]
     corner = region[..., None, :, :]
     along = jnp.roll(region, -1, axis=-2)[..., None, :, :] - corner
-    # Distances from the region's edges, times their lengths: positive is outside.
+    # Distance from each of the region's edges times its length; positive is outside.
     before, after = -_cross(along, start - corner), -_cross(along, end - corner)
     tolerance = _ON_EDGE * jnp.max(jnp.sum(along**2, axis=-1), axis=-1, keepdims=True)
     on_edge = (jnp.abs(before) <= tolerance) & (jnp.abs(after) <= tolerance)
@@ -92,12 +92,12 @@ def _inside(edges: Array, region: Array, *, closed: bool) -> Array:
     leaves = jnp.where((before <= 0) & (after > 0) & ~on_edge, crossing, 1.0)
     outside = (before > 0) & (after > 0) & ~on_edge
     same_way = jnp.sum((end - start) * along, axis=-1) > 0
-    # On a common edge both outlines lie on the same side, or on opposite sides: nothing shared.
+    # Outlines with a common edge share area only if both lie on the same side of it.
     outside |= on_edge & ~(same_way & closed)
     first, last = jnp.max(enters, axis=-1), jnp.min(leaves, axis=-1)
     counts = (first < last) & ~jnp.any(outside, axis=-1)
     p, q = start[..., 0, :], end[..., 0, :]
-    whole = _cross(p, q)  # of a piece: its share, since both ends lie on one line
+    whole = _cross(p, q)  # a piece contributes in proportion to its length on the edge
     return 0.5 * jnp.sum(jnp.where(counts, (last - first) * whole, 0.0), axis=-1)
 
 
@@ -110,14 +110,14 @@ def _signed_area(outline: Array) -> Array:
 
 
 def _clockwise(outline: Array) -> Array:
-    """The corners in the order in which the area comes out positive."""
+    """Reorder the corners so that the signed area is positive."""
     return jnp.where(
         _signed_area(outline)[..., None, None] < 0, jnp.flip(outline, axis=-2), outline
     )
 
 
 def _centred(outline: ArrayLike, around: ArrayLike) -> Array:
-    """An outline about another's centre, for precision; zeros where one is not finite."""
+    """Shift an outline by another's centre, for precision; zeros if either is not finite."""
     outline, around = jnp.asarray(outline), jnp.asarray(around)
     dtype = jnp.result_type(outline.dtype, around.dtype, jnp.float32)
     finite = jnp.all(jnp.isfinite(outline), axis=(-2, -1), keepdims=True)

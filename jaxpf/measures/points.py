@@ -1,7 +1,7 @@
-"""How well tracked points agree with landmarks.
+"""Measures of tracked points against annotated landmarks.
 
-Estimates are ``[..., T, P, 2]``, leading axes being runs; the truth ``[T, P, 2]`` is NaN where
-nothing is known; ``visible`` ``[T, P]`` says which points are in view.
+Estimates are ``[..., T, P, 2]`` with runs on the leading axes; the truth ``[T, P, 2]`` is NaN where
+unknown; ``visible`` ``[T, P]`` marks the points in view.
 """
 
 import numpy as np
@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike
 
 
 def point_distances(estimates: ArrayLike, truth: ArrayLike, length: ArrayLike = 1.0) -> np.ndarray:
-    """Distances ``[..., T, P]`` of points from the truth; NaN where it is not known.
+    """Distances ``[..., T, P]`` of points from the truth; NaN where the truth is unknown.
 
     Args:
         estimates: ``[..., T, P, 2]``.
         truth: ``[T, P, 2]``.
-        length: ``[]`` or ``[T]``, the body's length: distances are shares of it (eskil2014's
-            relative error); by default pixels.
+        length: ``[]`` or ``[T]``, body length; distances are relative to it (eskil2014's relative
+            error).  By default distances are in pixels.
     """
     away = np.linalg.norm(np.asarray(estimates, float) - np.asarray(truth, float), axis=-1)
     length = np.asarray(length, float)
@@ -23,9 +23,9 @@ def point_distances(estimates: ArrayLike, truth: ArrayLike, length: ArrayLike = 
 
 
 def mean_error(distance: ArrayLike, chosen: ArrayLike | None = None) -> np.ndarray:
-    """Mean over the frames and points ``chosen`` ``[T, P]``, for every run: ``[...]``.
+    """Mean distance ``[...]`` of each run over the frames and points ``chosen`` ``[T, P]``.
 
-    NaN where nothing was chosen or is known.
+    NaN if no known distance is chosen.
     """
     return _mean(np.asarray(distance, float), chosen)
 
@@ -33,21 +33,21 @@ def mean_error(distance: ArrayLike, chosen: ArrayLike | None = None) -> np.ndarr
 def share_within(
     distance: ArrayLike, threshold: float, chosen: ArrayLike | None = None
 ) -> np.ndarray:
-    """Percentage of correct keypoints (PCK), here a share: distances of at most ``threshold``.
+    """Percentage of correct keypoints (PCK) as a share: distances of at most ``threshold``.
 
     Args:
         distance: ``[..., T, P]``.
-        threshold: in the distances' units.
-        chosen: ``[T, P]`` bool, frames and points that count; by default all that are known.
+        threshold: in the units of ``distance``.
+        chosen: ``[T, P]`` bool, frames and points that count; by default all known ones.
     """
     distance = np.asarray(distance, float)
     return _mean(np.where(np.isnan(distance), np.nan, distance <= threshold), chosen)
 
 
 def recoveries(visible: ArrayLike) -> list[tuple[int, int, int]]:
-    """Occlusions that end: (point, first hidden frame, first frame in view again).
+    """Occlusions that end, as (point, first hidden frame, first frame in view again).
 
-    Points that are hidden at the start are left out: nothing is known of what they look like.
+    Occlusions from the first frame on are left out, because the point's appearance is unknown.
     """
     visible = np.asarray(visible, bool)
     found = []
@@ -66,13 +66,13 @@ def recoveries(visible: ArrayLike) -> list[tuple[int, int, int]]:
 def recovered(
     distance: ArrayLike, visible: ArrayLike, threshold: float, within: int = 5
 ) -> np.ndarray:
-    """Whether points were found again after an occlusion: bool ``[..., K]``.
+    """Whether points were recovered after an occlusion: bool ``[..., K]``.
 
     Args:
         distance: ``[..., T, P]``.
         visible: ``[T, P]``; the K occlusions are those of ``recoveries``, in that order.
-        threshold: a point is found if its distance is at most this.
-        within: frames, that of its return included, among the annotated ones, in which it may be.
+        threshold: largest distance at which a point counts as recovered.
+        within: number of annotated frames, from its return on, in which it must be recovered.
     """
     distance = np.asarray(distance, float)
     columns = [
@@ -83,14 +83,14 @@ def recovered(
 
 
 def points_kept(distance: ArrayLike, threshold: float, last: int = 10) -> np.ndarray:
-    """How many points are where they should be at the end, for every run: ``[...]``.
+    """Number of points near their true position at the end of each run: ``[...]``.
 
-    A point is kept if its median distance over the last frames is at most ``threshold``
-    (eskil2014 counts points "near their true coordinates at the end").
+    A point counts if its median distance over the last frames is at most ``threshold`` (eskil2014
+    counts points "near their true coordinates at the end").
 
     Args:
-        distance: ``[..., T, P]``; frames in which the truth is not known are left out.
-        threshold: in the distances' units.
+        distance: ``[..., T, P]``; frames with unknown truth are left out.
+        threshold: in the units of ``distance``.
         last: number of frames.
     """
     distance = np.asarray(distance, float)[..., -last:, :]

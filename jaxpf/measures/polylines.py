@@ -1,32 +1,32 @@
-"""Measures of contours: how far they lie from the true ones, and how much of them is found.
+"""Measures of contours: distance from the true contour, precision and recall.
 
-A contour is a polyline ``[..., V, 2]`` in pixels; a closed one's last point is its first.  A point
-of one contour is matched where it lies within ``REACH`` pixels of the other (Martin, Fowlkes and
-Malik, 2004, who call precision and recall what is called so here).
+A contour is a polyline ``[..., V, 2]`` in pixels; in a closed contour the last point repeats the
+first.  A point of one contour is matched if it lies within ``REACH`` pixels of the other;
+precision and recall are those of Martin, Fowlkes and Malik (2004).
 """
 
 import jax.numpy as jnp
 from jax import Array, lax
 from jax.typing import ArrayLike
 
-#: Pixels within which a point of a contour counts as found.
+#: Largest distance, in pixels, at which a point of a contour is matched.
 REACH = 5.0
 
 
 def measure_polylines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]:
-    """How well contours fit the true ones, frame by frame.
+    """Compare contours with the true ones, frame by frame.
 
     Args:
-        estimate: ``[..., V, 2]``, points at equal distances or nearly so.
-        truth: ``[..., V, 2]``, likewise; the leading axes broadcast.
+        estimate: ``[..., V, 2]``, points at roughly equal spacing.
+        truth: ``[..., V, 2]``, also at roughly equal spacing; the leading axes broadcast.
 
     Returns:
         ``[...]`` each: ``present`` (there is truth), ``tracked`` (a point is matched),
-        ``precision`` and ``recall`` (shares p and r of the estimate's and of the true points that
-        are matched), ``overlap`` (matched over all, ``p r / (p + r - p r)``), ``centre_error``
-        (distance of the points' means, pixels), and ``corner_error`` (mean distance of either's
-        points from the other contour, the larger of the two).  Shares are 0 for an estimate that
-        is not finite; all but the first two are NaN without truth.
+        ``precision`` and ``recall`` (shares p and r of matched points in the estimate and in the
+        truth), ``overlap`` (``p r / (p + r - p r)``, matched over all), ``centre_error`` (distance
+        of the points' means, pixels), and ``corner_error`` (mean distance of one contour's points
+        from the other contour, the larger of both directions, pixels).  Shares are 0 for an
+        estimate that is not finite; without truth, all but the first two are NaN.
     """
     estimate, truth = jnp.broadcast_arrays(jnp.asarray(estimate), jnp.asarray(truth))
     present = jnp.all(jnp.isfinite(truth), axis=(-2, -1))
@@ -51,7 +51,7 @@ def measure_polylines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]
 
 
 def distances(points: ArrayLike, line: ArrayLike) -> Array:
-    """Distances ``[..., S]`` of points ``[..., S, 2]`` from polylines ``[..., V, 2]``, pixels."""
+    """Distances ``[..., S]`` in pixels from points ``[..., S, 2]`` to polylines ``[..., V, 2]``."""
     points, line = jnp.asarray(points), jnp.asarray(line)
 
     def nearer(least, ends):

@@ -1,10 +1,10 @@
-"""Confidence intervals over independent scenes that hold their level for skewed and bounded data.
+"""Confidence intervals over independent scenes that keep their level for skewed or bounded data.
 
-Student's interval does not: for means of lognormal errors, or where a tenth of the scenes are lost,
-its wrong side is four times as likely as it says.  Here the scenes get random weights (the Bayesian
-bootstrap), and one imagined scene is added at each end: at the bound of the figure where it has
-one, else beyond the extreme by twice the excess of the longer tail over the shorter.  With bounds
-this is Gaffke's interval (2005), which for scenes that fail or succeed is Clopper and Pearson's.
+Student's interval does not: for means of lognormal errors, or if a tenth of the scenes are lost, it
+misses on one side four times as often as stated.  Here scenes get random weights (the Bayesian
+bootstrap), and one artificial scene is added at each end: at the bound if there is one, otherwise
+beyond the extreme by twice the excess of the longer tail over the shorter.  With bounds this is
+Gaffke's interval (2005); for scenes that fail or succeed it is Clopper and Pearson's.
 """
 
 import functools
@@ -15,9 +15,9 @@ from jax.typing import ArrayLike
 
 from jaxpf.measures.intervals import Interval, newcombe_ends
 
-#: Bayesian bootstrap weights that are drawn, and how far beyond the longer tail a scene is added.
+#: Number of Bayesian bootstrap draws, and the factor on the excess of the longer tail.
 _DRAWS, _BEYOND = 4000, 2.0
-#: Intervals narrower than this share of their ends have no width but rounding.
+#: Intervals narrower than this share of their ends have a width of rounding error only.
 _ROUNDING = 1e-6
 
 
@@ -27,9 +27,9 @@ def scene_interval(
     """The mean over scenes with its interval.
 
     Args:
-        values: ``[S]``, one figure per scene; those that are not finite are left out.
+        values: ``[S]``, one value per scene; values that are not finite are left out.
         level: confidence, in (0, 1).
-        bounds: between which every possible figure lies; None if unknown.
+        bounds: smallest and largest possible value; None if unknown.
 
     Returns:
         Scalars; the ends are NaN with fewer than two scenes.
@@ -56,12 +56,12 @@ def scene_interval(
 def paired_rates_interval(first: ArrayLike, second: ArrayLike, level: float = 0.95) -> Interval:
     """The difference of two rates on the same scenes, first minus second.
 
-    Newcombe's method 10 (Statistics in Medicine 1998) from the intervals of both rates and the
-    correlation of their scenes.
+    Newcombe's method 10 (Statistics in Medicine 1998), from the intervals of both rates and their
+    correlation over scenes.
 
     Args:
         first: ``[S]``, each scene's rate, 0 to 1.
-        second: likewise.
+        second: ``[S]``, the other rate on the same scenes.
         level: confidence, in (0, 1).
 
     Returns:
@@ -80,12 +80,12 @@ def paired_rates_interval(first: ArrayLike, second: ArrayLike, level: float = 0.
 
 
 def has_width(low: float, high: float) -> bool:
-    """Whether an interval is wider than rounding makes it; False for NaN."""
+    """Whether an interval is wider than rounding error; False for NaN."""
     return high - low > _ROUNDING * max(abs(low), abs(high))
 
 
 @functools.cache
 def _weights(count: int) -> np.ndarray:
-    """Weights ``[draws, count + 1]`` of all scenes and the added one; each row sums to 1."""
+    """Bootstrap weights ``[draws, count + 1]``; the last is the added scene's; rows sum to 1."""
     drawn = np.random.default_rng(0).standard_exponential((_DRAWS, count + 1))
     return drawn / drawn.sum(axis=1, keepdims=True)

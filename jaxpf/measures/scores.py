@@ -1,7 +1,7 @@
-"""Scores in which others report trackers: CLEAR-MOT, IDF1 and HOTA, and the curves of OTB.
+"""Standard benchmark scores: CLEAR-MOT, IDF1, HOTA, and OTB's curves.
 
-The former come from TrackEval (``pip install --no-deps trackeval``), so that they are the numbers
-of the benchmarks.  Boxes are x, y, w, h in pixels; a box that is not finite or has no width or
+CLEAR-MOT, IDF1 and HOTA are computed by TrackEval (``pip install --no-deps trackeval``), so they
+match the benchmarks.  Boxes are x, y, w, h in pixels; a box that is not finite or has no width or
 height stands for an absent object.
 """
 
@@ -47,25 +47,24 @@ _COUNTS = {
 def tracking_scores(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
     """The MOTChallenge's scores of one run, computed by TrackEval.
 
-    Every column is one identity: HOTA, IDF1 and the identity switches judge whether a track
-    stays on the object it is on, whichever that is.  No box is left out first, as the benchmark
-    does with tracks of static people: the truth should hold what is to be tracked, no more.
+    Each column is one identity.  HOTA, IDF1 and identity switches measure whether a track stays on
+    one object, whichever that is.  Unlike the benchmark, which removes tracks of static people, no
+    boxes are filtered: the truth should hold only objects to be tracked.
 
     Args:
         estimate: boxes ``[T, P, 4]`` of P tracks.
         truth: boxes ``[T, Q, 4]`` of Q objects.
 
     Returns:
-        ``HOTA``, ``DetA``, ``AssA``, ``LocA`` (luiten2021; means over the overlaps .05, .1, ...,
-        .95), ``MOTA`` and ``MOTP`` (bernardin2008; MOTP is the mean overlap of the matches),
-        ``IDF1``, ``IDR`` and ``IDP`` (ristani2016), as shares: MOTA can be negative.  Counts:
-        ``TP``, ``FP`` and ``FN``, boxes; ``IDSW`` and ``Frag``, switches of identity and
-        interruptions; ``MT``, ``PT`` and ``ML``, objects tracked in more than 80 %, in between,
-        and in less than 20 % of their frames.  A box matches from an overlap of .5 on.  The
-        shares are NaN where there is no truth at all.
+        Shares: ``HOTA``, ``DetA``, ``AssA``, ``LocA`` (luiten2021; means over the overlaps .05,
+        .1, ..., .95), ``MOTA`` and ``MOTP`` (bernardin2008; MOTA can be negative, MOTP is the mean
+        overlap of matches), ``IDF1``, ``IDR`` and ``IDP`` (ristani2016); NaN without any truth.
+        Counts: ``TP``, ``FP`` and ``FN``, boxes; ``IDSW``, identity switches; ``Frag``,
+        interruptions; ``MT``, ``PT`` and ``ML``, objects tracked in more than 80 %, in 20 to 80 %,
+        and in less than 20 % of their frames.  A box matches at an overlap of .5 or more.
 
     Raises:
-        InputError: TrackEval is not installed, or the shapes do not fit.
+        InputError: TrackEval is not installed, or the shapes do not match.
     """
     estimate, truth = np.asarray(estimate, np.float64), np.asarray(truth, np.float64)
     if estimate.ndim != 3 or truth.ndim != 3 or estimate.shape[::2] != truth.shape[::2]:
@@ -85,18 +84,18 @@ def tracking_scores(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
 
 
 def success_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """Share of the frames whose overlap exceeds each of ``OVERLAP_THRESHOLDS`` (wu2013).
+    """Share of frames whose overlap exceeds each of ``OVERLAP_THRESHOLDS`` (wu2013).
 
-    As in the benchmark the overlap must *exceed* the threshold, so that a perfect tracker has 0
-    at the threshold 1, and an area of 20/21.  Frames without truth do not count; without an
-    estimate they count as missed.
+    As in the benchmark, the overlap must *exceed* the threshold, so a perfect tracker has 0 at the
+    threshold 1 and an area of 20/21.  Frames without truth do not count; frames without an
+    estimate count as misses.
 
     Args:
         estimate: ``[..., T, P, 4]`` boxes; leading axes broadcast.
         truth: ``[..., T, P, 4]`` boxes.
 
     Returns:
-        ``[..., P, 21]``; NaN for an object that never has truth.
+        ``[..., P, 21]``; NaN for an object without truth.
     """
     check_same_boxes(estimate, truth)
     overlaps = overlap(estimate, truth)
@@ -105,19 +104,19 @@ def success_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
 
 
 def success_area(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``[..., P]``: area under ``success_curve``, the mean of its 21 values (wu2013)."""
+    """``[..., P]``: area under ``success_curve``, which is the mean of its 21 values (wu2013)."""
     return jnp.mean(success_curve(estimate, truth), axis=-1)
 
 
 def success_at_half(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``[..., P]``: share of the frames whose overlap exceeds .5, see ``success_curve``."""
+    """``[..., P]``: share of frames whose overlap exceeds .5, see ``success_curve``."""
     return success_curve(estimate, truth)[..., len(OVERLAP_THRESHOLDS) // 2]
 
 
 def precision_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """Share of the frames whose centre error is at most each of ``CENTRE_THRESHOLDS`` (wu2013).
+    """Share of frames whose centre error is at most each of ``CENTRE_THRESHOLDS`` (wu2013).
 
-    Arguments and frames that count are as for ``success_curve``.
+    Arguments and frames that count as for ``success_curve``.
 
     Returns:
         ``[..., P, 51]``.
@@ -129,18 +128,18 @@ def precision_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:
 
 
 def distance_precision(estimate: ArrayLike, truth: ArrayLike) -> Array:
-    """``[..., P]``: ``precision_curve`` at 20 pixels, by which OTB ranks trackers."""
+    """``[..., P]``: ``precision_curve`` at 20 pixels, OTB's ranking criterion."""
     return precision_curve(estimate, truth)[..., _REPORTED_DISTANCE]
 
 
 def import_trackeval() -> ModuleType:
-    """TrackEval, or how to get it: ask before work that ends in scores.
+    """Import TrackEval; call this early, before long work that needs scores.
 
     Raises:
-        InputError: it is not installed.
+        InputError: TrackEval is not installed.
     """
     try:
-        # It prints about benchmarks whose packages it lacks; none is needed here.
+        # TrackEval prints a line for each benchmark with missing packages; none is needed here.
         with contextlib.redirect_stdout(io.StringIO()):
             return importlib.import_module("trackeval")
     except ImportError as error:
@@ -154,15 +153,15 @@ def import_trackeval() -> ModuleType:
 
 
 def _share_of_frames(hits: Array, truth: ArrayLike) -> Array:
-    """The mean of ``hits [..., T, P, K]`` over the frames with truth: ``[..., P, K]``."""
+    """Mean of ``hits [..., T, P, K]`` over frames with truth: ``[..., P, K]``."""
     counts = jnp.broadcast_to(has_truth(truth)[..., None], hits.shape)
     return masked_mean(hits, counts, -3)
 
 
 def _trackeval_data(estimate: np.ndarray, truth: np.ndarray) -> dict:
-    """What TrackEval's metrics read: per frame the ids that are there, and their overlaps."""
+    """Input of TrackEval's metrics: the present ids in each frame and their overlaps."""
     tracks, objects = _present(estimate), _present(truth)
-    # Ids count from 0 without gaps: identities that are never there have none.
+    # Ids count from 0 without gaps; identities that never appear get none.
     track_ids, object_ids = (np.cumsum(there.any(axis=0)) - 1 for there in (tracks, objects))
     return {
         "num_timesteps": len(truth),
@@ -180,5 +179,5 @@ def _trackeval_data(estimate: np.ndarray, truth: np.ndarray) -> dict:
 
 
 def _present(boxes: np.ndarray) -> np.ndarray:
-    """``[T, P]`` bool."""
+    """``[T, P]`` bool: whether a box is finite and has a width and a height."""
     return np.isfinite(boxes).all(axis=-1) & (boxes[..., 2:] > 0).all(axis=-1)

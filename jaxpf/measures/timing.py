@@ -1,4 +1,4 @@
-"""Times that can be compared on a shared machine: alternately taken, judged by their ratios."""
+"""Comparable timings on a shared machine: candidates are timed in turn and compared by ratio."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -13,7 +13,7 @@ def interleaved(
     repeats: int,
     clock: Callable[[], float] = time.perf_counter,
 ) -> dict[str, np.ndarray]:
-    """Seconds of every candidate, ``[repeats]``, timed in turn after one warm-up."""
+    """Seconds ``[repeats]`` of each candidate, timed in turn after one warm-up."""
     for candidate in candidates.values():
         jax.block_until_ready(candidate())
     seconds: dict[str, list[float]] = {name: [] for name in candidates}
@@ -27,14 +27,14 @@ def interleaved(
 def seconds_of(
     function: Callable[[], Any], clock: Callable[[], float] = time.process_time
 ) -> float:
-    """Of one call; by default of the processor, so that what else runs does not count."""
+    """Seconds of one call; by default processor time, which excludes other processes."""
     began = clock()
     jax.block_until_ready(function())
     return clock() - began
 
 
 def median_interval(values: np.ndarray) -> tuple[float, float, float]:
-    """Median and its 95 % interval from order statistics (a sign test turned round)."""
+    """Median and its 95 % interval from order statistics (an inverted sign test)."""
     ordered = np.sort(values)
     n = len(ordered)
     reach = int(np.floor(0.5 * n - 0.98 * np.sqrt(n))) - 1

@@ -1,1 +1,1 @@
-"""Trackers of other kinds, to compare with: what a user would take today, and published rivals."""
+"""Baseline trackers for comparison: common tools and published methods."""

@@ -1,22 +1,22 @@
-"""Histograms of oriented gradients, on a grid of cells over a whole frame.
+"""Histograms of oriented gradients (HOG) on a grid of cells over a whole frame.
 
-Source: Dalal and Triggs 2005.  Nine orientations without sign; every cell is normalised with the
-four blocks of two by two cells that it belongs to.
+Source: Dalal and Triggs 2005.  Nine unsigned orientations; each cell is normalised by the four
+blocks of two by two cells that contain it.
 """
 
 import cv2
 import numpy as np
 
 ORIENTATIONS = 9
-#: Values of a cell: the histogram normalised by each of four blocks.
+#: Features of a cell: its histogram, normalised by each of four blocks.
 FEATURES = 4 * ORIENTATIONS
 
-# Normalised values above this are cut off (Dalal and Triggs).
+# Normalised values are clipped here (Dalal and Triggs).
 _LARGEST = 0.2
 
 
 def hog(frame: np.ndarray, cell: int) -> np.ndarray:
-    """Features float32 [H // cell, W // cell, FEATURES] of a frame, uint8 RGB [H, W, 3].
+    """HOG features, float32 [H // cell, W // cell, FEATURES], of a uint8 RGB frame [H, W, 3].
 
     Cell (i, j) is the square of pixels [j * cell, (j + 1) * cell) x [i * cell, (i + 1) * cell).
     """
@@ -38,7 +38,7 @@ def hog(frame: np.ndarray, cell: int) -> np.ndarray:
     second = np.mod(lower + 1, ORIENTATIONS).astype(np.uint8)
     for bin_number in range(ORIENTATIONS):
         votes = strength * ((first == bin_number) * (1 - share) + (second == bin_number) * share)
-        # The mean over every cell: areas of whole pixels, so no value is shared between cells.
+        # INTER_AREA gives the mean over each cell; cells are whole pixels, so none is split.
         histogram[..., bin_number] = cv2.resize(
             votes.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA
         )

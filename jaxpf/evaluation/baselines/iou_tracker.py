@@ -1,10 +1,9 @@
-"""Detections joined into tracks by their overlap: the simplest tracker of many objects.
+"""IOU tracker: joins detections into tracks by overlap, without images or a motion model.
 
 After Bochinski, Eiselein and Sikora, "High-speed tracking-by-detection without using image
-information" (2017), with the best assignment in the place of a greedy one, and with the rules by
-which SORT (Bewley et al. 2016) starts and ends tracks: a track counts from its ``least_hits``-th
-detection on, and ends when ``most_missed`` frames in a row had none.  It looks at no picture and
-predicts no motion.
+information" (2017), but with an optimal assignment instead of a greedy one, and with SORT's rules
+(Bewley et al. 2016) for starting and ending tracks: a track is reported from its
+``least_hits``-th detection and survives at most ``most_missed`` frames in a row without one.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,18 +15,15 @@ from jaxpf.measures.association import Rules, advance, no_tracks
 
 
 def iou_tracks(detections: Iterable[np.ndarray], rules: Rules | None = None) -> np.ndarray:
-    """Follow whatever is detected.
+    """Join detections into tracks.
 
     Args:
-        detections: of every frame, boxes ``[M, 4]``: x, y, w, h in pixels.
-        rules: default ``Rules()``.
+        detections: per frame, boxes ``[M, 4]``: x, y, w, h in pixels.
+        rules: ``Rules()`` by default.
 
     Returns:
-        ``[T, K, 4]``, one column for each track that was ever reported, in the order of their ids;
-        NaN where it is not.
-
-    Raises:
-        InputError: a rule out of range.
+        ``[T, K, 4]``, one column per reported track in ascending order of ids; NaN where a track is
+        not reported.
     """
     rules = rules or Rules()
     check_rules(rules)
@@ -42,8 +38,11 @@ def iou_tracks(detections: Iterable[np.ndarray], rules: Rules | None = None) -> 
 
 
 def in_columns(reported: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """``[T, K, 4]`` of the ids ``[P]`` and boxes ``[P, 4]`` of every frame, K ids in ascending
-    order, NaN where an id has no box; what ``jaxpf.measures.tracking_scores`` takes."""
+    """Arrange the ids ``[P]`` and boxes ``[P, 4]`` of every frame as ``[T, K, 4]``.
+
+    The K ids are in ascending order; NaN where an id has no box.  This is the input format of
+    ``jaxpf.measures.tracking_scores``.
+    """
     every = np.unique(np.concatenate([ids for ids, _ in reported] or [np.zeros(0, int)]))
     boxes = np.full((len(reported), len(every), 4), np.nan)
     for row, (ids, found) in zip(boxes, reported, strict=True):
@@ -52,11 +51,7 @@ def in_columns(reported: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
 
 
 def check_rules(rules: Rules) -> None:
-    """Refuse rules that no track can keep.
-
-    Raises:
-        InputError: which one.
-    """
+    """Raise ``InputError`` if a rule is out of range."""
     if not 0 < rules.least_overlap <= 1:
         raise InputError(f"least_overlap={rules.least_overlap} must be above 0 and at most 1.")
     if rules.least_hits < 1 or rules.most_missed < 0:

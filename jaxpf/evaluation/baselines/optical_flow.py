@@ -1,4 +1,4 @@
-"""Points followed by pyramidal optical flow, with a forward-backward check.
+"""Tracks points by pyramidal optical flow with a forward-backward check.
 
 Source: Lucas and Kanade 1981; Bouguet 2000 (pyramids, ``cv2.calcOpticalFlowPyrLK``); Kalal,
 Mikolajczyk and Matas 2010 (forward-backward error).
@@ -19,21 +19,21 @@ def follow_points(
     levels: int = 4,
     largest_error: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Follow points from frame to frame.
+    """Track points from frame to frame.
 
-    A point that does not come back to within ``largest_error`` when it is followed backwards
-    stays where it was, and is tried again from there.
+    If a point's forward-backward error exceeds ``largest_error``, the point stays where it was and
+    tracking continues from there in the next frame.
 
     Args:
-        frames: T + 1 frames, uint8 RGB [H, W, 3]; the points are in the first.
-        points: [P, 2], x and y in pixels, a pixel's middle half a pixel from its number.
-        window: side of the window, pixels.
-        levels: of the pyramid, beyond the frame itself.
-        largest_error: of the way forth and back, pixels.
+        frames: T + 1 frames, uint8 RGB [H, W, 3].
+        points: [P, 2], x and y in pixels in the first frame; pixel i has its centre at i + 0.5.
+        window: side of the window in pixels.
+        levels: pyramid levels above the full frame.
+        largest_error: forward-backward error, pixels.
 
     Returns:
-        Places [T, P, 2] in the frames after the first, and whether each point was followed
-        there, bool [T, P].
+        Positions [T, P, 2] in the frames after the first, and whether each point was tracked,
+        bool [T, P].
     """
     before, here = None, np.asarray(points, np.float32) - np.float32(0.5)
     places, followed = [], []

@@ -1,13 +1,12 @@
-"""Baselines: what people would use instead, as functions of the scene that return boxes.
+"""Baseline trackers: functions of the scene that return boxes.
 
-Each is told the boxes of the first frame and nothing else of the truth, and follows every object
-on its own; an object that it loses stays where it was last.  To add one, write a function of the
-frames and of one box, and enter it in ``BASELINES``.
+A baseline starts from the true boxes in the first frame and tracks each object independently; a
+lost object stays at its last position.  To add one, write a function of the frames and one box,
+and register it in ``BASELINES``.
 
-OpenCV's trackers have its default settings: MIL (Babenko, Yang and Belongie 2009), CSRT (Lukezic
-et al. 2017) and KCF (Henriques et al. 2015); the last two are in opencv-contrib.
-MIL draws samples, which OpenCV seeds by the clock: an evaluation keeps the boxes that it got,
-another one gets others.
+OpenCV's trackers use its default settings: MIL (Babenko, Yang and Belongie 2009), CSRT (Lukezic
+et al. 2017) and KCF (Henriques et al. 2015); the last two are in opencv-contrib.  OpenCV seeds
+MIL's random samples from the clock, so MIL's boxes differ between evaluations.
 """
 
 import dataclasses
@@ -26,28 +25,28 @@ _SHIFTS = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.5)
 
 @dataclasses.dataclass(frozen=True)
 class Baseline:
-    """A baseline by name: a function of the scene, fit for worker processes."""
+    """A baseline by name: a picklable function of the scene."""
 
     name: str
 
     def __call__(self, scene: Any) -> np.ndarray:
-        """Its boxes ``[T, P, 4]``, the start frame's included.
+        """Track the scene; returns boxes ``[T, P, 4]``, including the start frame.
 
         Raises:
-            InputError: this OpenCV lacks the tracker, or it fails.
+            InputError: the installed OpenCV lacks the tracker, or the tracker fails.
         """
         return _followed(scene, self.name)[0].copy()
 
     def seconds(self, scene: Any) -> float:
-        """How long it took to find them."""
+        """Seconds that tracking the scene took."""
         return _followed(scene, self.name)[1]
 
 
 def baselines(names: Collection[str]) -> dict[str, Baseline]:
-    """Baselines by name, fit for ``Plan(trackers=...)``.
+    """Baselines by name, for ``Plan(trackers=...)``.
 
     Raises:
-        InputError: there is no such baseline.
+        InputError: a name is unknown.
     """
     for name in names:
         if name not in BASELINES:
@@ -55,7 +54,7 @@ def baselines(names: Collection[str]) -> dict[str, Baseline]:
     return {name: Baseline(name) for name in names}
 
 
-# An evaluation asks several times: what kind of tracker it is, for its boxes, and how long it took.
+# Cached because an evaluation needs the result several times: for its type, boxes and time.
 @functools.lru_cache(maxsize=8)
 def _followed(scene: Any, baseline: str) -> tuple[np.ndarray, float]:
     follow = BASELINES[baseline]
@@ -74,7 +73,7 @@ def _still(frames: np.ndarray, box: np.ndarray) -> np.ndarray:
 
 
 def _mean_shift(frames: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Mean shift on the back projection of hue and saturation (Bradski 1998), of fixed size."""
+    """Mean shift on the back projection of hue and saturation (Bradski 1998), with fixed size."""
     x, y, w, h = window = _whole(box, frames)
     hsv = cv2.cvtColor(frames[0], cv2.COLOR_RGB2HSV)
     patch = np.ascontiguousarray(hsv[y : y + h, x : x + w])
@@ -86,14 +85,14 @@ def _mean_shift(frames: np.ndarray, box: np.ndarray) -> np.ndarray:
         hsv = cv2.cvtColor(frame, cv2.COLOR_RGB2HSV)
         likeness = cv2.calcBackProject([hsv], [0, 1], histogram, ranges, 1)
         _, found = cv2.meanShift(likeness, window, _SHIFTS)
-        # OpenCV cuts the window at the rim of the frame; its size is to stay.
+        # OpenCV clips the window at the frame's edge; restore its size.
         window = _whole(np.array([found[0], found[1], w, h]), frames)
         track.append(np.array(window))
     return np.array(track, np.float64)
 
 
 def _opencv(name: str, frames: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """One of OpenCV's trackers."""
+    """Track one box with one of OpenCV's trackers."""
     tracker = _maker(name)()
     tracker.init(_bgr(frames[0]), _whole(box, frames))
     track = [np.asarray(box, np.float64)]
@@ -115,7 +114,7 @@ def _maker(name: str) -> Callable[[], Any]:
 
 
 def _whole(box: Sequence[float] | np.ndarray, frames: np.ndarray) -> tuple[int, int, int, int]:
-    """A box in whole pixels, moved and cut so that it lies in the frame."""
+    """Round a box to whole pixels, and shift and clip it into the frame."""
     limits = np.array(frames.shape[2:0:-1])
     size = np.clip(np.rint(box[2:]), 1, limits).astype(int)
     corner = np.clip(np.rint(box[:2]), 0, limits - size).astype(int)
@@ -126,7 +125,7 @@ def _bgr(frame: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(frame, cv2.COLOR_RGB2BGR)
 
 
-#: Name -> function of the frames ``[T, H, W, 3]`` and a box ``[4]`` that gives boxes ``[T, 4]``.
+#: Name -> function from frames ``[T, H, W, 3]`` and a box ``[4]`` to boxes ``[T, 4]``.
 BASELINES: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
     "mil": functools.partial(_opencv, "MIL"),
     "csrt": functools.partial(_opencv, "CSRT"),

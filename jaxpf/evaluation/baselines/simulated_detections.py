@@ -1,8 +1,8 @@
-"""A detector that is not there: boxes from the truth, with misses, false alarms and jitter.
+"""Simulates a detector: true boxes with misses, false alarms and jitter.
 
-For trackers that start from detections, on clips that ship none.  Errors are independent from
-frame to frame and from object to object, which those of a real detector are not: scores got with
-them are never to be put beside published ones.
+Use it to run detection-based trackers on clips without detections.  Errors are independent between
+frames and objects, unlike those of a real detector, so do not compare the scores with published
+ones.
 """
 
 import numpy as np
@@ -20,23 +20,23 @@ def simulated_detections(
     jitter: float = 0.05,
     seed: int = 0,
 ) -> list[np.ndarray]:
-    """What a detector might have found in every frame.
+    """Simulate the detections in every frame.
 
     Args:
         truth: boxes ``[T, P, 4]``, x, y, w, h in pixels; NaN where an object is absent.
         frame_shape: height and width of the frames.
-        misses: probability that an object in view is not found, the same for every one.
-        false_alarms: mean number, per frame, of boxes where nothing is: a Poisson number of them,
-            of the size of some true box of the sequence, anywhere inside the frame.
-        jitter: standard deviation of a found box's centre and of its sides, as a share of its
-            width and height; sides are multiplied by the exponential of a normal number.
+        misses: probability that a present object is missed, equal for all objects.
+        false_alarms: mean number of false boxes per frame (Poisson); each has the size of a random
+            true box and a uniform position inside the frame.
+        jitter: standard deviation of a detection's centre and sides, as a share of its width and
+            height; the noise of the sides is lognormal.
         seed: of the random numbers.
 
     Returns:
-        T arrays ``[M, 4]``, in random order; M differs.  None lies outside the frame.
+        T arrays ``[M, 4]`` in random order; M varies.  Boxes outside the frame are dropped.
 
     Raises:
-        InputError: a number out of range, or no box in all the truth.
+        InputError: a number is out of range, or the truth holds no box.
     """
     truth = np.asarray(truth, float)
     given = {"misses": (misses, 1), "false_alarms": (false_alarms, 1000), "jitter": (jitter, 1)}

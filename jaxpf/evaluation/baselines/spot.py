@@ -1,14 +1,14 @@
-"""Structure-preserving tracking: parts that look as they did, on springs, found exhaustively.
+"""Structure-preserving tracking (SPOT): part templates joined by springs, with exact search.
 
-Source: Zhang and van der Maaten, "Structure preserving object tracking", CVPR 2013, written from
-its description.  A configuration of parts scores
+Source: Zhang and van der Maaten, "Structure preserving object tracking", CVPR 2013, implemented
+from its description.  The score of a configuration of parts is
 
     sum_i w_i . phi(x_i) - stiffness * sum_(i, j) |(x_i - x_j) - e_ij|^2
 
 with phi the HOG features around a part and the edges (i, j) a minimum spanning tree of the parts'
-first places.  The best configuration of all is found by dynamic programming over the tree and a
-distance transform on every edge; then w and e take a passive-aggressive step towards it and away
-from the best rival.  What the paper leaves open is chosen here and documented.
+initial positions.  Dynamic programming over the tree, with a distance transform on every edge,
+finds the best configuration.  Then w and e take a passive-aggressive step towards it and away from
+its best rival.  Choices that the paper leaves open are documented here.
 """
 
 from collections.abc import Iterable
@@ -20,22 +20,23 @@ from numpy.typing import ArrayLike
 from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.baselines.hog import hog
 
-#: A spring gives by at most this many cells, either way.
+#: Largest displacement of a spring, in cells, in either direction.
 _REACH = 12
-#: Steps of learning in the first frame.
+#: Learning steps in the first frame.
 _FIRST_STEPS = 5
 
 
 class Options(NamedTuple):
-    """How SPOT tracks.
+    """Options of SPOT.
 
     Attributes:
-        cell: side of a HOG cell, pixels; estimates are a cell's middle.
+        cell: side of a HOG cell in pixels; estimates move in steps of one cell.
         size: cells along a part's side, odd.
-        stiffness: of the springs, per square of a cell.
-        tree: ``"mst"``, or ``"star"`` around the part nearest to the middle.
-        aggressiveness: K, the larger the larger the steps; 0 never learns after the first frame.
-        least_score: a part learns only while it scores at least this share of its first score.
+        stiffness: of the springs, per squared cell.
+        tree: ``"mst"`` for a minimum spanning tree, or ``"star"`` around the most central part.
+        aggressiveness: K; larger values take larger steps, and 0 stops learning after the first
+            frame.
+        least_score: a part learns only while its score is at least this share of its first score.
     """
 
     cell: int = 4
@@ -49,18 +50,15 @@ class Options(NamedTuple):
 def spot(
     frames: Iterable[np.ndarray], points: ArrayLike, options: Options | None = None
 ) -> np.ndarray:
-    """Follow points; deterministic.
+    """Track points; the result is deterministic.
 
     Args:
-        frames: T + 1 frames, uint8 RGB [H, W, 3]; the points are in the first.
-        points: [P, 2], x and y in pixels.
-        options: default ``Options()``.
+        frames: T + 1 frames, uint8 RGB [H, W, 3].
+        points: [P, 2], x and y in pixels in the first frame.
+        options: ``Options()`` by default.
 
     Returns:
-        Places [T, P, 2] in the frames after the first.
-
-    Raises:
-        InputError: a point outside the frame, or an option out of range.
+        Positions [T, P, 2] in the frames after the first.
     """
     options = options or Options()
     points = np.asarray(points, float)
@@ -83,7 +81,7 @@ def spot(
 
 
 class _Model:
-    """Templates, springs and what is left of a point after rounding to cells."""
+    """Templates, springs, and each point's offset from the middle of its cell."""
 
     def __init__(self, features: np.ndarray, points: np.ndarray, options: Options):
         self.options = options
@@ -96,7 +94,7 @@ class _Model:
         self.templates -= self.templates.mean(axis=(1, 2, 3), keepdims=True)
         norms = (self.templates**2).sum(axis=(1, 2, 3), keepdims=True)
         self.templates /= np.maximum(norms, 1e-6)
-        # The first frame teaches with certainty, until no rival comes near.
+        # The first positions are known, so learn from them with full aggressiveness.
         for _ in range(_FIRST_STEPS):
             scores = _responses(features, self.templates)
             self._learn(features, scores, cells, np.ones(len(cells), bool), aggressiveness=1.0)
@@ -104,7 +102,7 @@ class _Model:
         self.first = scores[np.arange(len(cells)), cells[:, 1], cells[:, 0]]
 
     def step(self, features: np.ndarray) -> np.ndarray:
-        """Find the parts in a frame and learn from it; their places [P, 2] in pixels."""
+        """Locate the parts in a frame and learn from it; returns positions [P, 2] in pixels."""
         responses = _responses(features, self.templates)
         cells = self._best(responses)
         found = responses[np.arange(len(cells)), cells[:, 1], cells[:, 0]]
@@ -114,7 +112,7 @@ class _Model:
         return self.options.cell * (cells + 0.5) + self.rest
 
     def _best(self, responses: np.ndarray) -> np.ndarray:
-        """The configuration [P, 2] (column, row) of the highest score, by dynamic programming."""
+        """Find the best configuration [P, 2] (column, row) by dynamic programming."""
         score = responses.copy()
         choices: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         whole = np.round(self.springs).astype(int)
@@ -134,7 +132,7 @@ class _Model:
         return cells
 
     def _learn(self, features, responses, cells, sure, aggressiveness) -> None:
-        """A passive-aggressive step away from the best rival configuration."""
+        """Take a passive-aggressive step away from the best rival configuration."""
         margin = np.stack([_loss(responses.shape[1:], cell, self.options.size) for cell in cells])
         rival = self._best(responses + margin)
         every = np.arange(len(cells))
@@ -166,7 +164,7 @@ class _Model:
 
 
 def _tree(points: np.ndarray, kind: str) -> tuple[np.ndarray, list[int]]:
-    """Every part's parent (the root's is itself), and an order that puts parents first."""
+    """Parent of each part (the root is its own parent), and an order with parents first."""
     root = int(np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1)))
     parents, order = np.full(len(points), root), [root]
     near = np.linalg.norm(points - points[root], axis=1)
@@ -196,7 +194,7 @@ def _part(features: np.ndarray, cell: np.ndarray, size: int) -> np.ndarray:
 
 
 def _responses(features: np.ndarray, templates: np.ndarray) -> np.ndarray:
-    """Every template's product with the features around every cell: [P, rows, columns]."""
+    """Correlation of each template with the features around each cell: [P, rows, columns]."""
     size = templates.shape[1]
     rows, columns = _shape(features, size)
     total = np.zeros((rows * columns, len(templates)), np.float32)
@@ -208,9 +206,9 @@ def _responses(features: np.ndarray, templates: np.ndarray) -> np.ndarray:
 
 
 def _transformed(score: np.ndarray, stiffness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distance transform: for every cell the best of score(q) - stiffness |p - q|^2.
+    """Distance transform: for each cell p, the maximum over q of score(q) - stiffness |p - q|^2.
 
-    Returns it, and how far q lies across (of the rows' transform) and down.
+    Returns the maximum and the offsets of q: across (from the transform of rows) and down.
     """
     across_best, across = _along(score, stiffness, axis=1)
     best, down = _along(across_best, stiffness, axis=0)
@@ -218,7 +216,7 @@ def _transformed(score: np.ndarray, stiffness: float) -> tuple[np.ndarray, np.nd
 
 
 def _along(score: np.ndarray, stiffness: float, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """The transform along one axis, and how far the best lies."""
+    """Distance transform along one axis, and the offset of the maximum."""
     score = np.moveaxis(score, axis, 0)
     best, choice = score.copy(), np.zeros(score.shape, np.int16)
     for step in range(1, min(_REACH, len(score) - 1) + 1):
@@ -233,7 +231,7 @@ def _along(score: np.ndarray, stiffness: float, axis: int) -> tuple[np.ndarray, 
 
 
 def _shifted(values: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """``values`` at the cell plus ``by`` (columns, rows); beyond the edge is the edge."""
+    """``values`` at each cell plus ``by`` (columns, rows), clamped to the edge."""
     rows, columns = values.shape
     row = np.clip(np.arange(rows) + by[1], 0, rows - 1)
     column = np.clip(np.arange(columns) + by[0], 0, columns - 1)
@@ -241,7 +239,7 @@ def _shifted(values: np.ndarray, by: np.ndarray) -> np.ndarray:
 
 
 def _loss(shape: tuple[int, ...], cell: np.ndarray, size: int) -> np.ndarray:
-    """1 less the overlap of a part at every cell with the part at ``cell``."""
+    """1 minus the overlap of a part at each cell with the part at ``cell``."""
     column, row = cell
     across = np.maximum(size - np.abs(np.arange(shape[1]) - column), 0)
     down = np.maximum(size - np.abs(np.arange(shape[0]) - row), 0)

@@ -1,1 +1,1 @@
-"""Tables, figures and the report of an evaluation."""
+"""Writes tables, figures and the report of an evaluation."""

@@ -1,4 +1,4 @@
-"""What the figures of an evaluation show: one function per figure, for 1 or 40 configurations."""
+"""Draws the figures of an evaluation: one function per figure, for 1 to 40 configurations."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -15,28 +15,28 @@ from jaxpf.evaluation.summary import Summary
 from jaxpf.measures.scores import OVERLAP_THRESHOLDS
 from jaxpf.media.plotting import new_figure
 
-#: Okabe and Ito (2008), the colours that show on white, most different first.
+#: Okabe and Ito (2008): the colours visible on white, most distinct first.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-#: From so many configurations on, figures show all of them in less detail.
+#: With at least this many configurations, figures show less detail.
 MANY = 13
-#: Objects that have panels of their own; of more, those that were recovered least.
+#: Most objects with a panel each; beyond that, those with the lowest recovery.
 MOST_OBJECTS = 8
-#: Success curves that have colours of their own; of more, methods have.
+#: Most success curves with a colour each; beyond that, each method has a colour.
 MOST_LINES = 8
 
 
 def overlaps(results: Results, tables: Tables) -> Any:
-    """Frames whose overlap exceeds .5, and the area under the success curve."""
+    """Draw the share of frames with overlap above .5, and the area under the success curve."""
     return _per_object(results, tables, ("success_half", "success_area"), "% of frames")
 
 
 def rates(results: Results, tables: Tables) -> Any:
-    """Success and recovery of smith2004."""
+    """Draw success and recovery (smith2004)."""
     return _per_object(results, tables, ("success", "recovered"), "% of runs")
 
 
 def _per_object(results: Results, tables: Tables, names: Sequence[str], unit: str) -> Any:
-    """Two measures, a panel per object, all objects first."""
+    """Draw two measures with a panel per object, all objects first."""
     summaries, ids = tables.summaries, results.object_ids
     places = list(range(len(ids)))
     if len(ids) > MOST_OBJECTS:
@@ -57,7 +57,7 @@ def _per_object(results: Results, tables: Tables, names: Sequence[str], unit: st
 
 
 def differences(results: Results, tables: Tables, places: Sequence[int]) -> Any:
-    """Paired differences of the measures that are compared, for the objects at ``places``."""
+    """Draw paired differences of the ``COMPARED`` measures for the objects at ``places``."""
     summaries = tables.summaries
     compared = [summary for summary in summaries if summary.reference is not None]
     figure, axes = _forest(compared, len(COMPARED), 2.0)
@@ -78,7 +78,7 @@ def differences(results: Results, tables: Tables, places: Sequence[int]) -> Any:
 
 
 def _forest(summaries: Sequence[Summary], columns: int, width: float) -> tuple[Any, Any]:
-    """Axes side by side with one row per configuration, the first on top."""
+    """Make axes side by side with one row per configuration, the first on top."""
     count = len(summaries)
     size = (2.2 + width * columns, 1.3 + 0.27 * count)
     figure, axes = new_figure(1, columns, figsize=size)
@@ -97,7 +97,7 @@ def _forest(summaries: Sequence[Summary], columns: int, width: float) -> tuple[A
 
 
 def _new_settings(summaries: Sequence[Summary]) -> list[int]:
-    """Rows at which other parameters begin."""
+    """Rows at which the parameters change."""
     parameters = [summary.configuration.parameters for summary in summaries]
     return [row for row in range(1, len(parameters)) if parameters[row] != parameters[row - 1]]
 
@@ -119,12 +119,12 @@ def _legend(figure: Any, axis: Any) -> None:
 
 
 def diversity(ids: Sequence[int], summaries: Sequence[Summary]) -> Any:
-    """Uniqueness and effective dynamics of every object (smith2004, figures 4 and 8)."""
+    """Draw uniqueness and effective dynamics of every object (smith2004, figures 4 and 8)."""
     columns = [
         ("uniqueness", "uniqueness (%)"),
         *((f"effective_dynamics_{x}", f"effective dynamics in {x} (%)") for x in COORDINATES[:2]),
     ]
-    # A part that hangs on another has no process noise of its own in x and y.
+    # Parts attached to a parent have no process noise in x and y.
     columns = [
         (name, title)
         for name, title in columns
@@ -155,7 +155,7 @@ def _diversity_bars(
                 ids, np.nan_to_num(value), yerr=errors, color=COLOURS[0], width=0.7, error_kw=style
             )
             if len(ids) <= 10:
-                # A user's own tracker need not say what noise its objects have.
+                # The process noise of user-defined trackers may be unknown.
                 labels = [f"{x:.{x < 9.95:d}f}" if np.isfinite(x) else "" for x in value]
                 axis.bar_label(bars, labels, fontsize=6.5, padding=2)
             axis.set_ylim(0, 1.22 * top)
@@ -192,7 +192,7 @@ def _diversity_map(
 
 
 def error_over_time(results: Results, summaries: Sequence[Summary], place: int) -> Any:
-    """Quantiles of the centre error of one object, a panel per configuration."""
+    """Draw quantiles of one object's centre error, with a panel per configuration."""
     count = len(summaries)
     columns = min(count, 4 if count < MANY else 5)
     rows = -(-count // columns)
@@ -226,7 +226,7 @@ def error_over_time(results: Results, summaries: Sequence[Summary], place: int) 
 
 
 def against_time(summaries: Sequence[Summary], place: int) -> Any:
-    """Success area and centre error against the time of a frame, a line over its particles."""
+    """Draw success area and centre error against time per frame; lines join particle numbers."""
     from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
     lines = curves(summaries)
@@ -256,13 +256,13 @@ def against_time(summaries: Sequence[Summary], place: int) -> Any:
 
 
 def calibration(summaries: Sequence[Summary]) -> Any:
-    """Coverage of central regions against their probability, and the transforms' histogram."""
+    """Draw coverage of central regions against probability, and the transforms' histogram."""
     known = [summary for summary in summaries if summary.transforms.any()]
     figure, axes = new_figure(1, 2, figsize=(9.2, 3.9 + 0.17 * min(len(known), MOST_LINES)))
     left, right = axes[0]
     bins = len(known[0].transforms)
     inside = np.arange(0, bins // 2 + 1)
-    # Of too many lines for a legend, those of a method have one colour.
+    # If there are too many lines for a legend, each method has one colour.
     names = [s.name if len(known) <= MOST_LINES else s.configuration.method for s in known]
     labels = list(dict.fromkeys(names))
     for number, label in enumerate(labels):
@@ -285,7 +285,7 @@ def calibration(summaries: Sequence[Summary]) -> Any:
 
 
 def success_curves(results: Results, summaries: Sequence[Summary], places: Sequence[int]) -> Any:
-    """Success curves (wu2013) of the objects at ``places``."""
+    """Draw success curves (wu2013) of the objects at ``places``."""
     size = (4.6 * len(places), 3.9 + 0.17 * min(len(summaries), MOST_LINES))
     figure, axes = new_figure(1, len(places), figsize=size)
     for axis, place in zip(axes[0], places, strict=True):
@@ -301,10 +301,10 @@ def success_curves(results: Results, summaries: Sequence[Summary], places: Seque
 def curves_over_sequences(
     methods: Sequence[str], curves: Mapping[tuple[str, str], np.ndarray]
 ) -> Any:
-    """Success and precision curves with sequences as units.
+    """Draw success and precision curves with sequences as units.
 
     Args:
-        methods: names, for the legend.
+        methods: names for the legend.
         curves: (method, curve) -> number of sequences, mean and interval, ``[K, 4]``.
     """
     size = (9.2, 3.9 + 0.17 * min(len(methods), MOST_LINES))
@@ -338,7 +338,7 @@ def _single_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None:
 
 
 def _grouped_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None:
-    """One colour per method; too many lines for a legend of all."""
+    """Draw curves with one colour per method, for too many lines to label each."""
     methods = list(dict.fromkeys(summary.configuration.method for summary in summaries))
     for number, method in enumerate(methods):
         group = [s for s in summaries if s.configuration.method == method]
@@ -355,18 +355,18 @@ def _grouped_curves(axis: Any, summaries: Sequence[Summary], place: int) -> None
 
 
 def line_style(number: int) -> dict[str, str]:
-    """Of a line, one of several: seven colours, then the same ones dashed."""
+    """Style of the line with index ``number``: seven colours, then the same colours dashed."""
     dashes, colour = divmod(number, len(COLOURS))
     return {"color": COLOURS[colour], "linestyle": ("-", "--")[dashes % 2]}
 
 
 def legend_below(axis: Any) -> None:
-    """Where it covers no curve."""
+    """Place the legend below the axes, where it covers no curve."""
     axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16))
 
 
 def _narrow(name: str, width: int) -> str:
-    """A name in lines: the method, then each parameter."""
+    """Break a name into lines: the method, then each parameter."""
     return "\n".join(textwrap.fill(part, width) for part in name.split(", "))
 
 

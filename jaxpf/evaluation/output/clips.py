@@ -1,4 +1,4 @@
-"""Short clips of single runs: estimates and truth drawn on the frames."""
+"""Makes short clips of single runs, with estimates and truth drawn on the frames."""
 
 import tempfile
 from pathlib import Path
@@ -13,10 +13,10 @@ from jaxpf.media.video_writer import VideoWriter
 from jaxpf.targets.adapter import Adapter, Marks
 from jaxpf.targets.target import Start
 
-#: Sizes of a clip, large ones first: its longer side in pixels, to which frames are enlarged or
-#: reduced, and its frames at most, of which a longer run shows every second, or third, and so on.
+#: Clip sizes, largest first: the longer side in pixels, to which frames are resized, and the most
+#: frames; longer runs show every second or third frame, and so on.
 SIZES = ((400, 50), (400, 25), (300, 25))
-#: A clip of few frames is slowed down to last so long, but not below so many frames a second.
+#: Short clips are slowed down to last this many seconds, but not below this frame rate.
 _SECONDS, _SLOWEST = 5.0, 4.0
 
 
@@ -24,11 +24,11 @@ class Clip(NamedTuple):
     """A playable clip.
 
     Attributes:
-        data: of a ``.webm`` file.
+        data: content of a ``.webm`` file.
         width: pixels.
         height: pixels.
-        step: every so manieth frame is in it.
-        rate: frames per second at which it plays.
+        step: the clip shows one frame in ``step``.
+        rate: playback rate, frames per second.
     """
 
     data: bytes
@@ -39,12 +39,12 @@ class Clip(NamedTuple):
 
 
 class Pictures(NamedTuple):
-    """The frames that a clip shows, in its size: few and small, however long the sequence is.
+    """The frames of a clip in its size; memory does not grow with the sequence.
 
     Attributes:
-        numbers: of the frames, in the sequence.
+        numbers: of the frames in the sequence.
         pictures: uint8 RGB ``[h, w, 3]`` each.
-        factors: width and height of a picture in terms of a frame's.
+        factors: picture width over frame width, and the same for heights.
     """
 
     numbers: range
@@ -53,16 +53,16 @@ class Pictures(NamedTuple):
 
 
 def read_pictures(frames: Any, size: tuple[int, int] = SIZES[0]) -> Pictures:
-    """Read and resize the frames that a clip shows, and no others.
+    """Read and resize only the frames that a clip shows.
 
     Args:
-        frames: uint8 RGB ``[T, H, W, 3]``, or lazy ones (``scenes.LazyFrames``).
+        frames: uint8 RGB ``[T, H, W, 3]``, or ``scenes.LazyFrames``.
         size: one of ``SIZES``.
     """
     side, most_frames = size
     numbers = range(0, len(frames), -(-len(frames) // most_frames))
     height, width = frames.shape[1:3]
-    # Even sizes, which the codecs need; the same in both directions to within a pixel.
+    # Codecs need even sizes; the scales of both axes agree to within a pixel.
     scale = side / max(width, height)
     width, height = (2 * max(1, round(scale * side / 2)) for side in (width, height))
     kind = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
@@ -86,14 +86,14 @@ def make_clip(
     Args:
         pictures: see ``read_pictures``.
         truth: ``[T, P, S]`` true shapes, drawn in white; NaN is not drawn.
-        shown: the run; its shapes are drawn in the colours of the objects.
-        adapter: of what the objects are.
-        start: where they were at first.
-        first_frame: number of the first frame, from 0; the others follow.
+        shown: the run; its shapes are drawn in the objects' colours.
+        adapter: for the type of the objects.
+        start: initial state of the objects.
+        first_frame: number of the first frame, counted from 0.
         fps: frames per second of the source.
 
     Raises:
-        InputError: no encoder, or no space for temporary files.
+        InputError: there is no encoder, or no space for temporary files.
     """
     numbers = pictures.numbers
     rate = min(max(len(numbers) / _SECONDS, _SLOWEST), max(fps / numbers.step, _SLOWEST))

@@ -1,7 +1,7 @@
-"""An evaluation in ArviZ's layout: runs are chains, frames are draws.
+"""Exports an evaluation in ArviZ's layout: runs are chains, frames are draws.
 
-``posterior`` holds the estimated shapes, of boxes x, y, w, h; ``sample_stats`` what tells how the
-filter fared; ``observed_data`` the truth.  Imported tracks have no runs, and are left out.
+``posterior`` holds the estimated shapes (for boxes x, y, w, h), ``sample_stats`` the filter's
+diagnostics, and ``observed_data`` the truth.  Imported tracks have no runs and are left out.
 """
 
 from pathlib import Path
@@ -14,7 +14,7 @@ from jaxpf.evaluation.results import Results
 from jaxpf.evaluation.summary import configuration_name
 from jaxpf.files.writing import atomic_path
 
-#: Fields of a batch in ``sample_stats``: dimensions after those that all have.
+#: Fields of a batch in ``sample_stats`` -> dimensions beyond the common ones.
 _STATISTICS: dict[str, list[str]] = {
     "ess": [],
     "log_evidence": [],
@@ -25,14 +25,14 @@ _STATISTICS: dict[str, list[str]] = {
 
 
 def datatree(results: Results) -> Any:
-    """An ``xarray.DataTree`` of all configurations that were run.
+    """Make an ``xarray.DataTree`` of all configurations with runs.
 
     Returns:
-        Variables of dimensions chain, draw, configuration, object, ...; NaN for runs that a
+        Variables with dimensions chain, draw, configuration, object, ...; NaN for runs that a
         configuration has not finished.
 
     Raises:
-        InputError: arviz-base is missing, or nothing was run.
+        InputError: arviz-base is missing, or there are no runs.
     """
     try:
         import arviz_base
@@ -48,7 +48,7 @@ def datatree(results: Results) -> Any:
         raise InputError(f"'{results.folder}' holds no runs; evaluate first.")
 
     def of_runs(field: str) -> np.ndarray:
-        """``[R, T, C, ...]``."""
+        """Values of a field, ``[R, T, C, ...]``, with NaN for missing runs."""
         known = {
             place: np.concatenate([getattr(batch, field) for batch in each])
             for place, each in batches.items()

@@ -1,4 +1,4 @@
-"""Figures of an evaluation and their captions: PNG and PDF, the same bytes every time."""
+"""Writes an evaluation's figures, with captions, as PNG and PDF reproducible byte for byte."""
 
 import functools
 import os
@@ -16,23 +16,23 @@ from jaxpf.evaluation.results import Results
 from jaxpf.files.writing import atomic_write, report_os_errors
 
 _STYLE: dict[Any, Any] = {
-    "text.parse_math": False,  # a dollar in a user's name is a dollar
+    "text.parse_math": False,  # names may contain dollar signs
     "font.size": 8.5,
     "axes.titlesize": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "pdf.fonttype": 42,  # letters that stay letters, which publishers ask for
+    "pdf.fonttype": 42,  # embed TrueType fonts, which publishers require
 }
 
 
 class Figure(NamedTuple):
-    """A figure that was saved.
+    """A saved figure.
 
     Attributes:
         name: of the files, without suffix.
-        title: what it shows.
-        caption: how to read it, and how its intervals were made.
-        png: the file.
+        title: of the figure.
+        caption: how to read it and how its intervals are computed.
+        png: path of the PNG file.
     """
 
     name: str
@@ -70,15 +70,15 @@ def write_figures(results: Results, tables: Tables) -> list[Figure]:
 
 
 def in_style() -> Any:
-    """The context in which figures are drawn and saved."""
+    """Context manager with the style for drawing and saving figures."""
     from matplotlib import rc_context
 
     return rc_context(_STYLE)
 
 
 def save(figure: Any, png: str | os.PathLike[str]) -> None:
-    """Write ``png`` and, beside it, the same as PDF; neither tells when it was made."""
-    # Arranged once, not once per file: that is what costs time.
+    """Write ``png`` and a PDF next to it, both without a creation date."""
+    # Lay out once for both files, because the layout is slow.
     figure.draw_without_rendering()
     figure.set_layout_engine(None)
     with atomic_write(png, "wb") as file:
@@ -92,7 +92,7 @@ def _plans(results: Results, tables: Tables) -> list[_Plan]:
     summaries, ids = tables.summaries, results.object_ids
     hardest = object_name(ids, tables.hardest)
     several = len(ids) > 1
-    # The objects of most interest: all together, and the one that was recovered least.
+    # The most informative objects: all together, and the one with the lowest recovery.
     places = [len(ids), tables.hardest] if several else [0]
     of_many = f" Of {len(ids)} objects, those recovered least."
     of_many = of_many if len(ids) > charts.MOST_OBJECTS else ""

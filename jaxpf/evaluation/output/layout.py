@@ -1,4 +1,4 @@
-"""Tables for people: one row per configuration, "value [lower, upper]" in the cells."""
+"""Lays out readable tables: one row per configuration, with cells "value [lower, upper]"."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from jaxpf.evaluation.estimates import Difference, Estimate
     from jaxpf.evaluation.summary import Summary
 
-#: Measures that the tables show; all of them are in ``summary.csv``.
+#: Measures in the tables; ``summary.csv`` has all measures.
 HEADLINE = tuple(
     by_name(name)
     for name in (
@@ -21,17 +21,17 @@ HEADLINE = tuple(
         *("overlap", "centre_error", "corner_error", "uniqueness"),
     )
 )
-#: Measures that a terminal of 120 columns has room for.
+#: Measures that fit in a terminal of 120 columns.
 PRINTED = HEADLINE[:6]
-#: Measures of how honest the spread is.  The log score is in ``summary.csv`` alone: one frame in
-#: which all particles are copies of one outweighs all others.
+#: Measures of the spread's calibration.  The log score is only in ``summary.csv``: one frame with
+#: identical particles outweighs all others.
 CALIBRATION = tuple(by_name(name) for name in (*(f"coverage_{p}" for p in REGIONS), "crps"))
-#: An interval below this is one of equal values, but for how they are added.
+#: A half-width below this is rounding error from equal values.
 _ROUNDING = 1e-6
-#: Below this a difference is marked, after Holm's correction.
+#: Differences with a Holm-adjusted p below this are marked.
 SIGNIFICANT = 0.05
 
-#: Which note tells what measures are, and which what calibration is.
+#: Indices of the notes that explain measures and calibration.
 ABOUT_MEASURES, ABOUT_CALIBRATION = 1, 3
 NOTES = (
     "Values with 95 % intervals in brackets. Runs are the independent units: frames and objects "
@@ -69,7 +69,7 @@ class Table(NamedTuple):
     rows: list[list[str]]
 
     def add(self, column: str, texts: Iterable[str]) -> None:
-        """Add a column, a text for each row."""
+        """Append a column with one text per row."""
         self.columns.append(column)
         for row, text in zip(self.rows, texts, strict=True):
             row.append(text)
@@ -84,10 +84,10 @@ def estimate_tables(
     """Rates and means, one table per object.
 
     Args:
-        object_ids: numbers of the P objects.
+        object_ids: ids of the P objects.
         summaries: of the configurations.
-        places: indices of objects; P stands for all of them.
-        measures: the columns.
+        places: indices of objects; P stands for all objects.
+        measures: in the columns.
     """
     tables = []
     for place in _distinct(object_ids, places) if summaries else ():
@@ -99,7 +99,7 @@ def estimate_tables(
 
 
 def score_tables(summaries: Sequence["Summary"], num_objects: int) -> list[Table]:
-    """One table with the standard scores, of all objects together; none without TrackEval."""
+    """One table of standard scores over all objects; no table without TrackEval."""
     if not any(SCORES[0].name in summary.estimates for summary in summaries):
         return []
     return [_estimates("standard scores, all objects", summaries, num_objects, SCORES)]
@@ -108,7 +108,7 @@ def score_tables(summaries: Sequence["Summary"], num_objects: int) -> list[Table
 def calibration_tables(
     object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
 ) -> list[Table]:
-    """How honest spreads are, one table per object; none where no filter has any of places."""
+    """Calibration, one table per object; no tables if no filter has spreads of x and y."""
     known = [s for s in summaries if s.transforms.any()]
     return [
         _estimates(f"calibration, {object_name(object_ids, place)}", known, place, CALIBRATION)
@@ -131,7 +131,7 @@ def difference_tables(
 def equal_time_tables(
     object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
 ) -> list[Table]:
-    """Differences from the first method at the same time, one table per object."""
+    """Differences from the first method at equal time, one table per object."""
     compared = [(each.name, each.at_equal_time) for each in summaries if each.at_equal_time]
     tables = []
     for place in _distinct(object_ids, places) if compared else ():
@@ -150,12 +150,12 @@ def equal_time_tables(
 
 
 def object_name(object_ids: Sequence[int], place: int) -> str:
-    """What tables and figures call an object."""
+    """Name of an object in tables and figures."""
     return "all objects" if place == len(object_ids) else f"object {object_ids[place]}"
 
 
 def _distinct(object_ids: Sequence[int], places: Iterable[int]) -> list[int]:
-    """Each place once; all of one object is that object."""
+    """Remove duplicate places; with one object, "all objects" is that object."""
     return list(dict.fromkeys(0 if len(object_ids) == 1 else place for place in places))
 
 
@@ -194,30 +194,31 @@ def _differences(title: str, summaries: Sequence["Summary"], place: int) -> Tabl
 
 
 def triples(found: Sequence["Estimate | Difference"], place: int) -> np.ndarray:
-    """Value and ends of the interval ``[C, 3]`` of the object at ``place``, C configurations."""
+    """Value and interval ends ``[C, 3]`` of the object at ``place`` in C configurations."""
     return np.array([[x[place] for x in (e.value, e.lower, e.upper)] for e in found])
 
 
 def are_known(values: np.ndarray) -> bool:
-    """Whether any of ``triples`` has a value: a column of dashes tells nothing."""
+    """Whether any of ``triples`` has a value; columns without values are left out."""
     return bool(np.isfinite(values[:, 0]).any())
 
 
 def heading(measure: Measure) -> str:
-    """Title of a measure and what it is counted in."""
+    """Title and unit of a measure."""
     unit = "%" if measure.percent else measure.unit
     return f"{measure.title} ({unit})" if unit else measure.title
 
 
 def difference_heading(measure: Measure) -> str:
-    """As ``heading``; differences of percentages are counted in percentage points."""
+    """As ``heading``, but differences of percentages are in percentage points."""
     return heading(measure).replace("(%)", "(points)")
 
 
 def cells_of(measure: Measure, found: np.ndarray, sign: str = "") -> list[str]:
-    """ "value [lower, upper]" for triples ``[C, 3]``, all with the same number of decimals.
+    """Format triples ``[C, 3]`` as "value [lower, upper]" with a common number of decimals.
 
-    So many decimals that the typical half-width of an interval is 3 to 30 of the last digit.
+    The number is chosen so that the typical half-width of an interval is 3 to 30 units of the last
+    digit.
     """
     found = found * (100 if measure.percent else 1)
     reach = (found[:, 2] - found[:, 1]) / 2
@@ -252,9 +253,9 @@ def to_markdown(
 
 
 def to_latex(title: str, tables: Iterable[Table], remarks: Iterable[str]) -> str:
-    """LaTeX ``table`` environments, which need the package booktabs."""
+    """LaTeX ``table`` environments; they need the package booktabs."""
     parts = ["% \\usepackage{booktabs}"]
-    # On one line each: what follows a line's end would be no comment.
+    # One line each, because a LaTeX comment ends with the line.
     parts += [f"% {' '.join(line.split())}" for line in (*NOTES, *remarks)]
     for table in tables:
         body = _tabulate(table.columns, table.rows, "latex_booktabs")

@@ -1,8 +1,8 @@
-"""Several sequences, one evaluation each: what holds over all of them.
+"""Combines the evaluations of several sequences.
 
-Sequences are the units here, as in the tables of benchmarks: a sequence's figure is that of all its
-objects and runs (and, of a method with several orders, their mean), and intervals are Student's
-over sequences, which are wide for a few of them, whatever the number of runs.
+Sequences are the units, as in benchmark tables.  A sequence's value covers all its objects and
+runs; for a method with several orders it is their mean.  Intervals are Student's over sequences,
+so they are wide for few sequences, regardless of the number of runs.
 """
 
 import csv
@@ -28,21 +28,21 @@ from jaxpf.files.writing import csv_text, write_text
 from jaxpf.measures.intervals import student_interval
 
 _SHOWN = ("success_half", "success_area", "distance_precision", "overlap", "HOTA", "IDF1")
-#: Measures that the tables show; all of them are in ``overall.csv``.
+#: Measures in the tables; ``overall.csv`` has all measures.
 SHOWN = (*map(by_name, _SHOWN), *CALIBRATION[-2:])
-#: What a reader must know.
+#: Note on the units, for readers of the tables.
 UNITS = "Sequences are the units: 95 % intervals (Student's) are over their means."
 FILES = ("overall.md", "overall.csv", "sequences.csv", "overall.png", "overall.pdf")
 
 
 class OverSequences(NamedTuple):
-    """A mean over sequences with its 95 % interval, NaN for fewer than two.
+    """A mean over sequences with its 95 % interval, which is NaN for fewer than two.
 
     Attributes:
-        sequences: that count.
+        sequences: number of sequences that count.
         value: the mean.
-        lower: end of the interval.
-        upper: end of the interval.
+        lower: lower end of the interval.
+        upper: upper end of the interval.
     """
 
     sequences: int
@@ -55,12 +55,12 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
     """Write ``FILES`` from the summaries of the evaluations in ``folder``.
 
     Args:
-        folder: of all; ``folder / name`` holds an evaluation that is finished.
+        folder: parent folder; ``folder / name`` holds a finished evaluation.
         names: of the sequences.
-        varied: options of which several values were asked for, which tell configurations apart.
+        varied: options with several values, which distinguish configurations.
 
     Returns:
-        The tables that a terminal shows: means, and differences from the first method.
+        Tables for the terminal: means, and differences from the first method.
 
     Raises:
         InputError: a file cannot be written.
@@ -110,17 +110,17 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
 def over_sequences(
     values: np.ndarray, ends: tuple[float, float] = (-np.inf, np.inf)
 ) -> OverSequences:
-    """Mean of the finite ``values [S]`` with Student's interval, cut at ``ends``."""
+    """Mean of the finite ``values [S]`` with Student's interval, clipped to ``ends``."""
     interval = student_interval(values)
     lower, upper = (float(np.clip(end, *ends)) for end in interval[2:])
     return OverSequences(np.isfinite(values).sum(), interval.value, lower, upper)
 
 
 def _range_of(measure: str, of_difference: bool = False) -> tuple[float, float]:
-    """Least and largest value that a measure can have; a share lies within 0 and 1."""
+    """Smallest and largest possible value of a measure; a share is from 0 to 1."""
     if not by_name(measure).percent or measure.startswith("effective_dynamics"):
         return -np.inf, np.inf
-    if measure == "MOTA":  # can be as low as there are false alarms
+    if measure == "MOTA":  # unbounded below: each false alarm lowers it
         return -np.inf, np.inf if of_difference else 1
     return (-1, 1) if of_difference else (0, 1)
 
@@ -128,7 +128,7 @@ def _range_of(measure: str, of_difference: bool = False) -> tuple[float, float]:
 def _of_sequence(
     path: Path, varied: Sequence[str], key: Callable[[dict[str, str]], Any]
 ) -> dict[str, dict[Any, float]]:
-    """Method, with the options that vary -> key of a row -> figure of all objects."""
+    """Map method with varied options -> row key -> mean value over all objects."""
     gathered: dict[str, dict[Any, list[float]]] = {}
     with path.open(newline="") as file:
         for row in csv.DictReader(file):
@@ -147,7 +147,7 @@ def _of_sequence(
 def _draw(
     folder: Path, names: Sequence[str], methods: Sequence[str], varied: Sequence[str]
 ) -> None:
-    """Success and precision curves: means over sequences, and their intervals."""
+    """Draw success and precision curves: means over sequences with intervals."""
     from jaxpf.evaluation.output import charts
     from jaxpf.evaluation.output.figures import in_style, save
 

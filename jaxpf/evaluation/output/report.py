@@ -1,4 +1,4 @@
-"""The report of an evaluation: one HTML file that needs no other, no network and no scripts."""
+"""Writes the report of an evaluation: one self-contained HTML file without scripts."""
 
 import base64
 import struct
@@ -29,7 +29,7 @@ from jaxpf.evaluation.summary import Summary
 from jaxpf.files.writing import write_text
 
 NAME = "report.html"
-#: Bytes of all clips together; in the file they take a third more.
+#: Limit on the total bytes of clips; base64 in the file adds a third.
 CLIP_BYTES = 9_000_000
 _MOST_SHOWN = 4
 
@@ -51,9 +51,8 @@ def write_report(results: Results, tables: Tables | None = None) -> Path:
     """Write ``report.html`` and the figures into the evaluation's folder.
 
     Args:
-        results: the evaluation, finished or not; opened with its scene, or the report has no
-            clips.
-        tables: what ``write_tables`` returned; by default it is called here.
+        results: the evaluation, finished or not; without its scene the report has no clips.
+        tables: result of ``write_tables``, which is called by default.
 
     Returns:
         The report's path.
@@ -126,7 +125,7 @@ def _content(results: Results, tables: Tables, figures: Sequence[Figure]) -> dic
 
 
 def _finding(results: Results, tables: Tables) -> str:
-    """How well the hardest object was followed: the span over the configurations."""
+    """State the hardest object's range of success over the configurations."""
     ours = [s for s in tables.summaries if not s.configuration.is_imported]
     shares = [s.estimates["success_half"].value[tables.hardest] for s in ours]
     if len(ours) < 2 or not np.isfinite(shares).all():
@@ -145,7 +144,7 @@ def _finding(results: Results, tables: Tables) -> str:
 
 
 def _sections(figures: Sequence[Figure], tables: Mapping[str, list[Table]]) -> Iterator[_Section]:
-    """One per kind of figure; those of the error over time stand together."""
+    """Yield one section per kind of figure; figures of the error over time share one."""
     embedded = {figure.name: _embedded(figure) for figure in figures}
     over_time = [embedded[name] for name in embedded if name.startswith("error-over-time")]
     for name, title in (
@@ -166,19 +165,19 @@ def _sections(figures: Sequence[Figure], tables: Mapping[str, list[Table]]) -> I
 
 def _embedded(figure: Figure) -> dict[str, Any]:
     data = figure.png.read_bytes()
-    width, height = struct.unpack(">II", data[16:24])  # of the header of a PNG
+    width, height = struct.unpack(">II", data[16:24])  # from the PNG header
     return {
         "title": figure.title,
         "caption": figure.caption,
         "data": _data_uri("image/png", data),
-        # Drawn with 130 pixels to the inch, shown with 96.
+        # Drawn at 130 pixels per inch, shown at 96.
         "width": round(width * 96 / 130),
         "height": round(height * 96 / 130),
     }
 
 
 def _clips(results: Results, tables: Tables) -> tuple[list[dict[str, Any]], str]:
-    """Clips by configuration, and what to know about them."""
+    """Clips by configuration, and a remark on them."""
     if not tables.summaries:
         return [], "No run is finished."
     sizes = list(SIZES)
@@ -187,7 +186,7 @@ def _clips(results: Results, tables: Tables) -> tuple[list[dict[str, Any]], str]
         if len(frames) != len(results.truth):
             return [], "Without clips: the scene has changed since the evaluation."
         pictures = read_pictures(frames, sizes[0])
-    except ValueError as error:  # the scene's folder may be gone since the runs were made
+    except ValueError as error:  # the scene's folder may have been removed since the runs
         return [], f"Without clips: {error}"
     groups: list[dict[str, Any]] = []
     total, step, chosen = 0, 1, _chosen(tables)
@@ -198,7 +197,7 @@ def _clips(results: Results, tables: Tables) -> tuple[list[dict[str, Any]], str]
             given = (results.truth, shown, results.adapter, results.start)
             while True:
                 clip = make_clip(pictures, *given, results.start_frame + 1, results.fps)
-                # The first clip tells what all of them will take.
+                # The first clip predicts the size of all: retry smaller if it is too large.
                 if len(sizes) == 1 or groups or clips or number * len(clip.data) <= CLIP_BYTES:
                     break
                 sizes.pop(0)
@@ -232,7 +231,7 @@ def _clips(results: Results, tables: Tables) -> tuple[list[dict[str, Any]], str]
 
 
 def _chosen(tables: Tables) -> list[Summary]:
-    """Configurations to show: all of a few; else the best, the worst, and other methods."""
+    """Choose configurations to show: all if few, else the best, the worst, and other methods."""
     summaries = tables.summaries
     if len(summaries) <= _MOST_SHOWN:
         return summaries
@@ -247,7 +246,7 @@ def _chosen(tables: Tables) -> list[Summary]:
 
 
 def _settings(results: Results) -> Iterator[tuple[str, str]]:
-    """Names and values, nested ones with their path."""
+    """Yield names and values of settings; nested names include their path."""
     settings = results.settings
     yield "scene", results.scene_name
     yield "objects", ", ".join(map(str, results.object_ids))

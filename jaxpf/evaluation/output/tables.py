@@ -1,18 +1,17 @@
-"""Tables of an evaluation: every run, the summary over runs, and tracks of chosen runs.
+"""Writes the tables of an evaluation: all runs, summaries over runs, and tracks of chosen runs.
 
 ``write_tables`` writes into the evaluation's folder
 
-* ``results.csv``: one row per scene, method, ordering, parameters, seed, run and object, which
-  ``pandas.read_csv`` reads as it is;
-* ``summary.csv``: one row per configuration, object ("all" for all of them) and measure;
+* ``results.csv``: one row per scene, method, ordering, parameters, seed, run and object, readable
+  by ``pandas.read_csv`` without options;
+* ``summary.csv``: one row per configuration, object ("all" for all objects) and measure;
 * ``curves.csv``: success and precision curves of every configuration and object;
-* ``differences.csv``: configurations against their references, on common seeds;
-* ``summary.md`` and ``summary.tex``: what a paper shows of them;
-* ``tracks/``: the best, the median and the worst run of each configuration in MOT format, and
-  the truth.
+* ``differences.csv``: configurations minus their references, on common seeds;
+* ``summary.md`` and ``summary.tex``: the main tables, formatted for a paper;
+* ``tracks/``: the best, the median and the worst run of each configuration, and the truth, in MOT
+  format.
 
-Fields of a table that do not exist, such as the precision of an object that was never tracked,
-are empty.
+Undefined fields, such as the precision of an object that was never tracked, are empty.
 """
 
 import dataclasses
@@ -46,28 +45,28 @@ from jaxpf.evaluation.summary import Summary, configuration_name, hardest_object
 from jaxpf.evaluation.work.batches import Batch
 from jaxpf.files.writing import atomic_write, csv_text, report_os_errors, write_text
 
-#: What there is to say of a single object.
+#: Remark for scenes with a single object.
 ONE_OBJECT = (
     "One object: there is nothing to order, so all orderings coincide (SIR, PS, DPS, SPS) and one "
     "is run unless methods are named."
 )
 _KEYS = ("scene", "method", "ordering")
-#: Configurations that a screen shows.
+#: Most configurations in the terminal's table.
 MOST_PRINTED = 10
-_ENOUGH = 20  # runs, at which the normal quantile is 6 % below Student's
+_ENOUGH = 20  # runs; there the normal quantile is 6 % below Student's
 _NUMBERS = ",".join(["%.7g"] * len(COLUMNS))
 
 
 @dataclasses.dataclass(frozen=True)
 class Tables:
-    """What ``write_tables`` found.
+    """Result of ``write_tables``.
 
     Attributes:
         summaries: of every configuration with finished runs.
-        remarks: sentences about what is missing or to be read with care.
-        hardest: index of the object that was recovered least, over all configurations.
-        conclusion: which configuration follows best.
-        printed: the table that a terminal shows.
+        remarks: sentences about missing results and caveats.
+        hardest: index of the object with the lowest recovery over all configurations.
+        conclusion: which configuration is best.
+        printed: tables for the terminal.
     """
 
     summaries: list[Summary]
@@ -78,14 +77,14 @@ class Tables:
 
 
 def write_tables(results: Results) -> Tables:
-    """Write all tables of an evaluation, finished or not, in memory that runs do not add to.
+    """Write all tables of an evaluation, finished or not; memory does not grow with the runs.
 
     Raises:
         InputError: a file cannot be written; a batch is damaged.
     """
     configurations = results.configurations
     with report_os_errors("write into", results.folder):
-        for leaving in results.folder.glob(".tables-*"):  # of a process that was killed
+        for leaving in results.folder.glob(".tables-*"):  # from a killed process
             shutil.rmtree(leaving, ignore_errors=True)
         scratch = tempfile.TemporaryDirectory(dir=results.folder, prefix=".tables-")
     with scratch as store, atomic_write(results.folder / "results.csv") as file:
@@ -130,13 +129,13 @@ def write_tables(results: Results) -> Tables:
 
 
 def best_first(summaries: Sequence[Summary], ranking: Sequence[int]) -> list[Summary]:
-    """The configurations that fit on a screen, the best first, those without a value last."""
+    """The first ``MOST_PRINTED`` configurations, best first and those without a value last."""
     rest = [index for index in range(len(summaries)) if index not in ranking]
     return [summaries[index] for index in [*ranking, *rest][:MOST_PRINTED]]
 
 
 class _RowWriter:
-    """Rows of ``results.csv``, written as the batches come."""
+    """Writes the rows of ``results.csv`` batch by batch."""
 
     def __init__(self, file: IO[str], results: Results):
         self._file, self._results = file, results
@@ -234,7 +233,7 @@ def _write_tracks(results: Results, summaries: Sequence[Summary]) -> None:
     folder = results.folder / "tracks"
     with report_os_errors("create the folder", folder):
         folder.mkdir(exist_ok=True)
-        for path in folder.glob("*-run*.*"):  # other runs may have been best before
+        for path in folder.glob("*-run*.*"):  # with more runs, others may be the best
             path.unlink()
     of = results.adapter
 
@@ -251,13 +250,13 @@ def _write_tracks(results: Results, summaries: Sequence[Summary]) -> None:
 
 
 def _known(results: Results, values: np.ndarray) -> Iterator[tuple[int, str]]:
-    """Place and name of the objects that have a value; "all" comes last."""
+    """Index and name of each object that has a value; "all" comes last."""
     names = [*map(str, results.object_ids), "all"]
     return ((place, name) for place, name in enumerate(names) if np.isfinite(values[place]))
 
 
 def _parameters(results: Results) -> list[str]:
-    """Names of all parameters, in the order in which configurations have them."""
+    """Names of all parameters, in the order of the configurations."""
     names = (name for c in results.configurations for name in c.parameters)
     return list(dict.fromkeys(names))
 
@@ -268,7 +267,7 @@ def _keys(results: Results, configuration: Configuration) -> list[Any]:
 
 
 def _cell(value: Any) -> Any:
-    """An option's value in a CSV field."""
+    """Format an option's value for a CSV field."""
     return "" if value is None else plain(value) if isinstance(value, tuple) else value
 
 

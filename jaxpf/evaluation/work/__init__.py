@@ -1,1 +1,1 @@
-"""The runs of an evaluation: scheduled, carried out, kept and resumed."""
+"""Schedules, executes, stores and resumes the runs of an evaluation."""

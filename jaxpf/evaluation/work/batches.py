@@ -1,4 +1,4 @@
-"""Finished runs on disk: one file per batch, written whole, checked before it is believed."""
+"""Finished runs on disk: one file per batch, written atomically and verified when read."""
 
 import dataclasses
 import os
@@ -16,22 +16,22 @@ _NAME = re.compile(r"\d+-\d+\.npz")
 
 @dataclasses.dataclass(frozen=True)
 class Batch:
-    """R runs of one configuration; T counts the frames after the start frame.
+    """R runs of one configuration over the T frames after the start frame.
 
-    Measures that a tracker does not give, such as the uniqueness of imported tracks, are NaN.
+    Measures that a tracker lacks, such as the uniqueness of imported tracks, are NaN.
 
     Attributes:
         seeds: ``[R]`` int64, the evaluation's seed.
-        runs: ``[R]`` int64, the number of each run, from 0, ascending.  Seed and run alone
-            decide a run's random numbers, so that equal numbers are common to all methods.
-        shapes: ``[R, T, P, S]`` float32, estimated shapes, see ``jaxpf.targets.target``: of
+        runs: ``[R]`` int64, run numbers from 0, ascending.  Seed and run number determine the
+            random numbers of a run, so all methods share them.
+        shapes: ``[R, T, P, S]`` float32, estimated shapes, see ``jaxpf.targets.target``; for
             boxes x, y, w, h in pixels.
         uniqueness: ``[R, T, P]`` float32, distinct draws over particles.
         spread: ``[R, T, P, D]`` float32, standard deviation of the particle set.
         ess: ``[R, T]`` float32, effective sample size.
-        log_evidence: ``[R, T]`` float32, increment of each frame.
-        lost: ``[R, T, P]`` bool, objects without likelihood in any particle; of imported
-            tracks, objects without a box.
+        log_evidence: ``[R, T]`` float32, increment per frame.
+        lost: ``[R, T, P]`` bool, whether an object has zero likelihood in every particle; for
+            imported tracks, whether it has no box.
     """
 
     seeds: np.ndarray
@@ -44,15 +44,15 @@ class Batch:
     lost: np.ndarray
 
     def __len__(self) -> int:
-        """R, the number of runs."""
+        """Number of runs, R."""
         return len(self.runs)
 
 
 def write_batch(folder: str | os.PathLike[str], configuration: int, batch: Batch) -> Path:
-    """Write a batch; the file appears only once it is complete.
+    """Write a batch; the file appears only when it is complete.
 
     Raises:
-        InputError: it cannot be written, because the disk is full for example.
+        InputError: the file cannot be written, for example because the disk is full.
     """
     arrays = {field.name: getattr(batch, field.name) for field in dataclasses.fields(batch)}
     name = f"{configuration:04d}-{int(batch.runs[0]):08d}"
@@ -60,7 +60,7 @@ def write_batch(folder: str | os.PathLike[str], configuration: int, batch: Batch
 
 
 def read_batch(path: Path) -> Batch:
-    """Read a batch, checksums included.
+    """Read a batch and verify its checksums.
 
     Raises:
         InputError: the file is damaged.
@@ -70,7 +70,7 @@ def read_batch(path: Path) -> Batch:
 
 
 def read_runs(path: Path) -> np.ndarray:
-    """The numbers ``[R]`` of a batch's runs, without reading the rest.
+    """Read only the run numbers ``[R]`` of a batch.
 
     Raises:
         InputError: the file is damaged.
@@ -80,7 +80,7 @@ def read_runs(path: Path) -> np.ndarray:
 
 
 def batch_files(folder: str | os.PathLike[str], configuration: int) -> list[Path]:
-    """A configuration's batch files in the order of their runs, unread."""
+    """Paths of a configuration's batch files, in the order of their runs."""
     paths = (Path(folder) / FOLDER).glob(f"{configuration:04d}-*.npz")
     return sorted(path for path in paths if _NAME.fullmatch(path.name))
 
@@ -88,16 +88,16 @@ def batch_files(folder: str | os.PathLike[str], configuration: int) -> list[Path
 def survey(
     folder: str | os.PathLike[str], configuration: int, num_runs: int, truth_shape: tuple[int, ...]
 ) -> tuple[np.ndarray, list[Path]]:
-    """Which runs of a configuration are on disk, every file read to its end.
+    """Find the runs of a configuration on disk, reading every file to its end.
 
     Args:
-        folder: the evaluation's.
+        folder: of the evaluation.
         configuration: its index.
-        num_runs: runs that are wanted.
-        truth_shape: ``[T, P, S]``, which shapes must have after their first axis.
+        num_runs: requested runs.
+        truth_shape: (T, P, S), the required shape of each run's ``shapes``.
 
     Returns:
-        ``[num_runs]`` bool, the runs that need not be repeated, and the damaged files.
+        ``[num_runs]`` bool, whether each run is finished, and the damaged files.
     """
     done, damaged = np.zeros(num_runs, bool), []
     for path in batch_files(folder, configuration):

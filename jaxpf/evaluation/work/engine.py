@@ -1,4 +1,4 @@
-"""Carrying out an evaluation: what is missing is done, batch by batch, and kept."""
+"""Executes an evaluation: runs the missing batches and stores each one."""
 
 import dataclasses
 import functools
@@ -36,22 +36,23 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Prepared:
-    """An evaluation that is about to be carried out.
+    """An evaluation that is ready to run.
 
     Attributes:
-        plan: what was asked.
-        folder: where results go.
+        plan: the requested plan.
+        folder: for the results.
         settings: for ``settings.json``.
-        truth: ``[T, P, S]`` of the frames after the start frame.
-        start: where the objects are in the start frame.
-        configurations: all of them.
-        done: runs per configuration that are on disk.
-        work: batches that are missing.
-        imports: imported tracks that are missing, as (index of the configuration, batch).
-        import_seconds: how long it took to make those of them that were made here.
-        damaged: batch files that are damaged; their runs are among the missing.
-        seconds: about how long the missing work takes on this machine; NaN if nobody knows.
-        memory: about how many bytes a working process takes.
+        truth: ``[T, P, S]`` in the frames after the start frame.
+        start: state of the objects in the start frame.
+        configurations: all configurations.
+        done: number of runs on disk, per configuration.
+        work: missing batches.
+        imports: missing imported tracks, as (index of the configuration, batch).
+        import_seconds: seconds to make the tracks in ``imports`` that were computed here, by
+            index.
+        damaged: damaged batch files; their runs count as missing.
+        seconds: estimated time of the missing work on this machine; NaN if unknown.
+        memory: estimated bytes per worker process.
     """
 
     plan: Plan
@@ -70,7 +71,7 @@ class Prepared:
 
     @property
     def missing_runs(self) -> int:
-        """Runs that are to be done, over all configurations."""
+        """Number of missing runs over all configurations."""
         return sum(work.num_runs for work in self.work) + len(self.imports)
 
 
@@ -83,40 +84,40 @@ def evaluate(
     limits: Limits = DEFAULT_LIMITS,
     retries: int = RETRIES,
 ) -> Results:
-    """Run every configuration of a plan, and keep what is finished.
+    """Run every configuration of a plan and store each finished batch.
 
-    The same call again does only what is missing; more ``runs`` may be asked for.  The
-    results of a seed are the same, bit for bit, on one machine, whatever the batches, the
-    executor and the number of workers or devices; among other numbers of runs, whose blocks may
-    have other widths (``jaxpf.running.blocks.blocks_of``), they are equal to rounding.
+    The same call resumes, or adds runs if ``plan.runs`` is larger.  On one machine, the results of
+    a seed are identical bit for bit for any batches, executor, and number of workers or devices.
+    With another number of runs, blocks may have other widths (``jaxpf.running.blocks.blocks_of``)
+    and results can differ by rounding.
 
     Args:
         plan: what to run.
         folder: new, empty, or of the same evaluation.
-        executor: where batches are computed: any ``concurrent.futures.Executor``, or a
-            function without arguments that returns one, so that a broken one can be
-            replaced; in this process by default.  See ``execution.local_pool``.
-        progress: called with the number of runs that were finished.
-        limits: how the runs are divided into batches.
+        executor: any ``concurrent.futures.Executor``, or a function without arguments that returns
+            one, so that a broken executor can be replaced; by default this process.  See
+            ``execution.local_pool``.
+        progress: called with the number of newly finished runs after each batch.
+        limits: on the division of runs into batches.
         retries: times that a batch may be repeated because a worker died.
 
     Raises:
-        InputError: the folder belongs to other settings or another version; the scene cannot
-            be opened or an object is absent in its first frame; an argument is out of range;
-            the disk is full; workers died too often.
+        InputError: the folder has other settings or another version; the scene cannot be opened or
+            an object is absent in its first frame; an argument is out of range; the disk is full;
+            workers died too often.
     """
     prepared = prepare(plan, folder, limits)
     return carry_out(prepared, executor=executor, progress=progress, retries=retries)
 
 
 def finished(plan: Plan, folder: str | os.PathLike[str]) -> Results | None:
-    """The results of an evaluation with nothing left to do, or None.
+    """The results of an evaluation if it is complete, else None.
 
-    Neither the scene nor JAX is needed to tell.  Every batch is read to its end.  Where the
-    scene's files have changed since, there is something to do: ``prepare`` tells what it means.
+    This needs neither the scene nor JAX, and reads every batch to its end.  If the scene's files
+    have changed, it returns None; ``prepare`` then checks the scene itself.
 
     Raises:
-        InputError: the folder belongs to other settings or another version.
+        InputError: the folder has other settings or another version.
     """
     folder = Path(folder)
     settings = stored_settings(plan, folder)
@@ -132,7 +133,7 @@ def finished(plan: Plan, folder: str | os.PathLike[str]) -> Results | None:
 def prepare(
     plan: Plan, folder: str | os.PathLike[str], limits: Limits = DEFAULT_LIMITS
 ) -> Prepared:
-    """Find out what is to be done, and write nothing; arguments and errors as for ``evaluate``."""
+    """Determine the missing work without writing; arguments and errors as for ``evaluate``."""
     from jaxpf.evaluation.work import schedule, settings as about
 
     folder = Path(folder)
@@ -183,7 +184,7 @@ def carry_out(
     progress: Callable[[int], None] | None = None,
     retries: int = RETRIES,
 ) -> Results:
-    """Do what ``prepare`` found missing; arguments and errors as for ``evaluate``."""
+    """Run what ``prepare`` found missing; arguments and errors as for ``evaluate``."""
     from jaxpf.evaluation.work.worker import run_batch
 
     folder = prepared.folder
@@ -210,13 +211,13 @@ def _opened(plan: Plan, folder: Path) -> Results:
 
 
 def _remembered(digest: str, scene: Any) -> Any:
-    """The scene, which this process may have open, so that there are no two copies of it."""
+    """Return this process's open scene if there is one, to avoid a second copy; else open it."""
     found = remembered_scene(digest)
     return open_scene(scene) if found is None else found
 
 
 def _surveyed(results: Results, num_runs: int) -> tuple[list[np.ndarray], list[Path]]:
-    """Which runs of each configuration are done, and the damaged files."""
+    """Finished runs of each configuration as bool arrays, and the damaged files."""
     done, damaged = [], []
     for index, configuration in enumerate(results.configurations):
         wanted = 1 if configuration.is_imported else num_runs
@@ -233,7 +234,7 @@ def _missing_imports(
     configurations: list[Configuration],
     done: list[np.ndarray],
 ) -> Iterator[tuple[int, Batch, float | None]]:
-    """Index, boxes, and how long it took to make them, of tracks that are not on disk yet."""
+    """Yield (index, batch, seconds or None) for imported tracks that are not on disk."""
     from jaxpf.evaluation.trackers import own_tracker
     from jaxpf.evaluation.work.worker import imported_batch
 
@@ -252,7 +253,7 @@ def _missing_imports(
             began = time.perf_counter()
             boxes = own_tracker(name, function, scene)
             seconds = time.perf_counter() - began
-            if hasattr(function, "seconds"):  # a baseline remembers its boxes
+            if hasattr(function, "seconds"):  # a baseline caches its boxes, so ask it
                 seconds = function.seconds(scene)
         else:
             from jaxpf.evaluation.other_tracks import read_tracks

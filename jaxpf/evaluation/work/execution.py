@@ -1,4 +1,4 @@
-"""Doing pieces of work here or on an executor, and outliving workers that are killed."""
+"""Runs pieces of work in this process or on an executor, and recovers from killed workers."""
 
 import collections
 import concurrent.futures
@@ -13,9 +13,9 @@ from typing import Any
 
 from jaxpf.contract.errors import InputError
 
-#: How often one piece of work may be in flight while a worker dies before we give up.
+#: Times that a piece of work is repeated after a worker's death.
 RETRIES = 3
-#: Pieces in flight where an executor does not tell its number of workers.
+#: Pieces in flight if an executor does not expose its number of workers.
 IN_FLIGHT = 32
 
 Factory = Callable[[], Executor]
@@ -28,23 +28,21 @@ def in_turn(
     *,
     retries: int = RETRIES,
 ) -> Iterator[tuple[Any, Any]]:
-    """Yield (piece, ``function(piece, attempt)``) as pieces are done, in any order.
+    """Yield (piece, ``function(piece, attempt)``) as pieces finish, in any order.
 
-    Only a bounded number of pieces is in flight, so memory does not grow with their number.
-    When a worker dies, the pieces in flight are done again, on a new executor if the old one
-    is broken and a factory was given.
+    The number of pieces in flight is bounded, so memory does not grow with the number of pieces.
+    If a worker dies, the pieces in flight are repeated, on a new executor if the old one is broken
+    and a factory was given.
 
     Args:
-        function: of a module, so that it can be pickled.
+        function: a module's function, so that it can be pickled.
         pieces: picklable.
-        executor: where to work: any ``concurrent.futures.Executor``, or a function without
-            arguments that returns a new one; here and now without.  What a factory made is
-            shut down at the end.
+        executor: any ``concurrent.futures.Executor``, or a function without arguments that
+            returns a new one, which is shut down at the end; by default this process.
         retries: times that a piece may be repeated because a worker died.
 
     Raises:
-        InputError: a worker died once too often, or the executor broke and there is no
-            factory.
+        InputError: a piece exceeded its retries, or the executor broke and there is no factory.
     """
     if executor is None:
         for piece in pieces:
@@ -59,9 +57,9 @@ def in_turn(
                 while waiting and len(flying) < pool.in_flight:
                     piece, attempt = waiting[0]
                     future = pool.executor.submit(function, piece, attempt)
-                    flying[future] = waiting.popleft()  # not before: what fails is still waiting
+                    flying[future] = waiting.popleft()  # only now: if submit fails, it still waits
             except (concurrent.futures.BrokenExecutor, OSError):
-                # A pool that breaks while a process of it starts fails by what it closes.
+                # If a pool breaks while it starts a process, its closed pipes raise OSError.
                 if not flying:
                     piece, attempt = waiting.popleft()
                     if attempt >= retries:
@@ -87,7 +85,7 @@ def in_turn(
                     ) from death
                 waiting.appendleft((piece, attempt + 1))
                 broken |= isinstance(death, concurrent.futures.BrokenExecutor)
-            # A pool that broke fails everything that was in flight: collect that first.
+            # A broken pool fails all pieces in flight: collect them before replacing the pool.
             if broken and not flying:
                 pool.renew()
     finally:
@@ -99,15 +97,12 @@ def in_turn(
 def local_pool(
     workers: int, devices: int | None = None, prepare: Callable[[], None] | None = None
 ) -> Factory:
-    """A factory of pools of processes on this machine, started anew ("spawn"), not forked.
+    """Return a factory of local process pools, with the start method "spawn".
 
     Args:
-        workers: processes.
-        devices: host devices of each; by default the cores are shared out among the workers.
-        prepare: called first in every process, picklable.
-
-    Raises:
-        InputError: a number below 1.
+        workers: number of processes.
+        devices: host devices per process; by default the workers share the cores equally.
+        prepare: picklable function that is called first in every process.
     """
     if devices is None:
         devices = max(1, num_cores() // max(workers, 1))
@@ -124,14 +119,14 @@ def local_pool(
 
 
 def num_cores() -> int:
-    """Processor cores that this process may use."""
+    """Number of processor cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def _start_worker(devices: int, prepare: Callable[[], None] | None) -> None:
-    # Ctrl-C reaches the whole process group: die without a traceback, the parent reports.
+    # Ctrl-C reaches the whole process group: exit without a traceback; the parent reports it.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     threading.Thread(target=_follow_parent, daemon=True).start()
     import jax
@@ -142,7 +137,7 @@ def _start_worker(devices: int, prepare: Callable[[], None] | None) -> None:
 
 
 def _follow_parent() -> None:
-    """End when the parent does: workers of a killed parent would wait for work forever."""
+    """Exit when the parent does; otherwise the workers of a killed parent would wait forever."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -156,11 +151,11 @@ class _Pool:
         self.factory = None if isinstance(executor, Executor) else executor
         self.executor = executor if isinstance(executor, Executor) else executor()
         workers = getattr(self.executor, "_max_workers", None)
-        # One piece more than workers: none idles while a result is collected.
+        # One more piece than workers, so that none idles while a result is collected.
         self.in_flight = IN_FLIGHT if workers is None else workers + 1
 
     def renew(self) -> None:
-        """Put a new executor in place of a broken one."""
+        """Replace a broken executor."""
         if self.factory is None:
             raise InputError(
                 "a worker of the executor died and the executor is broken; evaluate again to do "
@@ -171,13 +166,13 @@ class _Pool:
         self.executor = self.factory()
 
     def close(self) -> None:
-        """Shut down what we made."""
+        """Shut down the executor if it came from the factory."""
         if self.factory is not None:
             self.executor.shutdown(wait=False)
 
 
 def _death(future: Future) -> BaseException | None:
-    """Why a piece got lost, if its worker died; None if the function returned or raised."""
+    """The error if a piece's worker died; None if the function returned or raised."""
     if future.cancelled():
         return concurrent.futures.CancelledError("the executor cancelled it")
     error = future.exception()
@@ -185,17 +180,17 @@ def _death(future: Future) -> BaseException | None:
         return error
     if error is None:
         return None
-    # Dask's errors for tasks whose workers died; importing it to compare classes is slow.
+    # Dask's errors for dead workers, compared by name because importing Dask is slow.
     names = {kind.__name__ for kind in type(error).__mro__}
     died = names & {"KilledWorker", "FutureCancelledError"} or _raised_by_dask_itself(error)
     return error if died else None
 
 
 def _raised_by_dask_itself(error: BaseException) -> bool:
-    """Whether an error comes from Dask's executor and not out of the function.
+    """Whether an error comes from Dask's executor rather than from the function.
 
-    A task whose result is lost with its worker goes back from finished to waiting; the executor
-    may then take the result that it has just received for an error, and trips over it.
+    If a worker dies with a finished result, the task returns to waiting.  The executor may then
+    treat the result it just received as an error and fail.
     """
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:

@@ -1,23 +1,23 @@
-"""Whether the files that a scene comes from are those of before, told without opening it."""
+"""Fingerprints a scene's files, to detect changes without opening the scene."""
 
 import functools
 import hashlib
 from pathlib import Path
 from typing import Any
 
-#: Small files whose text is compared; of others, which hold pictures, size and time of change.
+#: Small text files, compared by content; image and video files are compared by size and mtime.
 _TEXTS = {".csv", ".json", ".txt", ".ini", ".py"}
 
 
 def fingerprint(scene: Any) -> str | None:
-    """A digest of the files behind a scene; None where there are none, or nobody tells.
+    """Digest of the files behind a scene; None if there are no files or they are unknown.
 
-    Two equal ones mean the same files.  Different ones need not mean other pictures: the scene's
-    own digest decides.
+    Equal fingerprints mean the same files.  Different ones do not imply different pictures; the
+    scene's own digest decides.
 
     Args:
-        scene: of a ``Plan``; ``functools.partial`` of a function with ``source=...``, which is a
-            folder or ``file.py:function``, tells where its files are.
+        scene: of a ``Plan``.  The files are known if it is a ``functools.partial`` with
+            ``source=...``, a folder or ``file.py:function``.
     """
     source = scene.keywords.get("source") if isinstance(scene, functools.partial) else None
     if not isinstance(source, str):

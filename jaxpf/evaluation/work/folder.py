@@ -1,4 +1,4 @@
-"""The folder of an evaluation: what was asked, and whether it may be continued."""
+"""Manages an evaluation's folder: its settings, and whether a plan may resume it."""
 
 import contextlib
 import os
@@ -20,11 +20,11 @@ from jaxpf.targets.target import Start
 
 
 def stored_settings(plan: Plan, folder: Path) -> dict[str, Any] | None:
-    """The settings of an evaluation that ``plan`` continues; None where it would be new.
+    """The settings of the evaluation that ``plan`` resumes; None if the evaluation is new.
 
     Raises:
-        InputError: the folder holds something else, or an evaluation of another version or
-            with other settings.
+        InputError: the folder holds something else, or an evaluation of another version or with
+            other settings.
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"'{folder}' is a file; choose another output folder.")
@@ -56,7 +56,7 @@ def stored_settings(plan: Plan, folder: Path) -> dict[str, Any] | None:
 
 
 def _change(before: dict[str, Any], now: dict[str, Any]) -> str | None:
-    """What is asked now and was not before, in words; None if it is the same."""
+    """Describe the first difference between stored and requested settings; None if equal."""
     for kind in ("trackers", "tracks"):
         old, new = before.get(kind, {}), now.get(kind, {})
         for name in dict.fromkeys([*old, *new]):
@@ -70,7 +70,7 @@ def _change(before: dict[str, Any], now: dict[str, Any]) -> str | None:
 
 
 def write_settings(folder: Path, settings: dict[str, Any], truth: np.ndarray, start: Start) -> None:
-    """Begin or continue an evaluation; the settings, by which it is known, come last.
+    """Start or resume an evaluation; settings are written last, because they mark the folder.
 
     Raises:
         InputError: the folder or the files cannot be written.
@@ -84,18 +84,18 @@ def write_settings(folder: Path, settings: dict[str, Any], truth: np.ndarray, st
 
 
 def remove_leavings(folder: Path) -> None:
-    """Remove what a killed process left half-written."""
+    """Remove partial files of a killed process."""
     for place in (folder, folder / FOLDER):
         Store(place).remove_leavings()
 
 
 def locked(folder: Path) -> contextlib.AbstractContextManager[None]:
-    """Keep other processes from evaluating into the same folder; see ``jaxpf.files.locking``."""
+    """Lock the folder against other evaluating processes; see ``jaxpf.files.locking``."""
     return locking.locked(folder, "evaluating")
 
 
 def _check_empty(folder: Path) -> None:
-    """Refuse a folder with files of somebody else; what a killed start left is ours."""
+    """Reject a folder with foreign files; remains of an interrupted start are allowed."""
     if not folder.is_dir():
         return
     with report_os_errors("read the folder", folder):

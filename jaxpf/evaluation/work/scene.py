@@ -1,4 +1,4 @@
-"""An evaluation's scene: opened once in a process, checked, and told from others."""
+"""Opens an evaluation's scene once per process, checks it, and identifies it by a digest."""
 
 import hashlib
 from typing import Any
@@ -9,39 +9,39 @@ from jaxpf.contract.errors import InputError
 
 
 def open_scene(scene: Any) -> Any:
-    """The scene that a plan means: itself, or what its function returns."""
+    """Return the plan's scene, calling it if it is a function."""
     return scene() if callable(scene) else scene
 
 
 def scene_digest(scene: Any) -> str:
-    """Tells two scenes apart by their pictures, boxes and patches."""
+    """Digest of a scene's frames, boxes and patches."""
     digest = hashlib.sha256()
     for array in (scene.frames, scene.boxes, *scene.patches):
         digest.update(f"{array.shape}{array.dtype}".encode())
-        for row in array:  # one after another: they need not all be in memory
+        for row in array:  # one at a time, because lazy frames are not all in memory
             digest.update(np.ascontiguousarray(row).data)
     return digest.hexdigest()
 
 
 def remember_scene(scene: Any, digest: str) -> None:
-    """Spare ``run_batch`` in this process from opening a scene that is open already."""
+    """Cache an open scene so that ``run_batch`` in this process does not open it again."""
     _last_scene[:] = [(digest, scene)]
 
 
 def remembered_scene(digest: str) -> Any:
-    """The scene of that digest if this process has it open, or None."""
+    """The cached scene with this digest, or None."""
     return next((scene for known, scene in list(_last_scene) if known == digest), None)
 
 
-#: The scene that this process worked on last, as (digest, scene).
+#: The scene that this process used last, as (digest, scene).
 _last_scene: list[tuple[str, Any]] = []
 
 
 def check_scene(scene: Any) -> None:
-    """Refuse a scene in which trackers cannot start.
+    """Check that trackers can start in a scene.
 
     Raises:
-        InputError: an object without a box in the first frame; no second frame.
+        InputError: an object has no box in the first frame, or there is no second frame.
     """
     first = np.asarray(scene.boxes[0], float)
     proper = np.isfinite(first).all(axis=1) & (first[:, 2:] > 0).all(axis=1)
@@ -58,10 +58,10 @@ def check_scene(scene: Any) -> None:
 
 
 def object_ids(scene: Any) -> list[int]:
-    """The truth's numbers of the objects; from 1 where a scene has none."""
+    """Ground-truth ids of the objects; counted from 1 if the scene has none."""
     return [int(number) for number in scene.extras.get("ids", range(1, scene.boxes.shape[1] + 1))]
 
 
 def start_frame(scene: Any) -> int:
-    """The frame of the source in which a scene begins."""
+    """First frame of a scene in its source."""
     return int(scene.extras.get("start_frame", 0))

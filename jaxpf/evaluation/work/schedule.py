@@ -1,4 +1,4 @@
-"""Dividing an evaluation into batches, and what they cost in time and memory."""
+"""Divides an evaluation into batches and estimates their cost in time and memory."""
 
 import math
 from collections.abc import Iterator
@@ -19,32 +19,32 @@ from jaxpf.running.chunks import chunk_length
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Target
 
-#: Seconds that a batch takes about, at most: what a kill can cost.
+#: Approximate upper limit on the seconds per batch, which an interrupted process can lose.
 SECONDS_PER_BATCH = 15.0
-#: Of the memory of a batch, what a chunk of frames may take.
+#: Share of a batch's memory that a chunk of frames may use.
 _SHARE_OF_FRAMES = 1 / 4
-#: Chunks in memory at once: one that is computed, here and on the devices, and one that is read.
+#: Chunks in memory at once: the current one on host and devices, and the one being read.
 _CHUNKS = 3
-#: Bytes of JAX, its libraries and the compiling of a kernel, measured.
+#: Measured bytes for JAX, its libraries and the compilation of a kernel.
 _BASE_MEMORY = 800 * 2**20
-#: What a core adds to the speed, where there are several.
+#: Parallel efficiency per core when there are several.
 _SHARE_OF_CORE = 0.75
-#: Seconds to decode a pixel of a long recording, which every batch reads anew.
+#: Seconds to decode a pixel of a long recording, which every batch reads again.
 _READ = 5e-9
-#: What a block costs beside its runs, in terms of a run: 5 runs as 6, one as 2.
+#: Overhead of a block in units of one run: 5 runs cost about 6, one run about 2.
 _OF_BLOCK = 0.8
 #: Seconds to compile one kernel for blocks of one width.
 _COMPILE = 9.0
 
 
 class Costs(NamedTuple):
-    """What the runs of one configuration cost, about.
+    """Estimated cost of the runs of one configuration.
 
     Attributes:
-        seconds_per_batch: on one core, for what a batch of any size needs: the frames' tables.
-        seconds_per_run: on top of that, on one core.
-        bytes_per_run: of memory while a run's batch is computed.
-        bytes_per_frame: of what is kept of a frame while runs are moved on to it.
+        seconds_per_batch: on one core, for the frames' tables, regardless of batch size.
+        seconds_per_run: in addition, on one core.
+        bytes_per_run: memory while the run's batch is computed.
+        bytes_per_frame: memory for the tables of one frame.
     """
 
     seconds_per_batch: float
@@ -62,12 +62,12 @@ def batches(
     done: list[np.ndarray],
     limits: Limits,
 ) -> tuple[list[Work], float, int]:
-    """Divide what is missing into batches.
+    """Divide the missing runs into batches.
 
     Returns:
-        The batches, about how many seconds they take on this machine, compiling included, and
-        about how many bytes a process takes.  NaN seconds where nobody knows what a likelihood
-        costs: the progress tells.  A user's tracker is not counted, and goes by smallest batches.
+        The batches, the estimated seconds on this machine including compilation, and the estimated
+        bytes per process.  Seconds are NaN if the cost of a likelihood is unknown.  User-defined
+        trackers are not counted and use the smallest batches.
     """
     ours = [index for index, c in enumerate(configurations) if not c.is_imported]
     missing = sum(int(np.sum(~done[index])) for index in ours)
@@ -112,11 +112,11 @@ def batches(
                 seconds = math.nan
             elif cost:
                 used = min(devices, max(number for number, _ in blocks))
-                # Devices have a block each at a time, and share the frames' tables.
+                # Each device computes one block at a time; devices share the frames' tables.
                 in_turn = sum(math.ceil(n / used) * (width + _OF_BLOCK) for n, width in blocks)
                 takes = cost.seconds_per_batch / used + in_turn * cost.seconds_per_run
                 seconds += takes if used == 1 else takes / _SHARE_OF_CORE
-                # Of a group of frames every device has what all devices made of theirs.
+                # Each device holds the tables of a group of frames, one frame from every device.
                 kept = work[-1].width * cost.bytes_per_run + devices * used * cost.bytes_per_frame
                 largest = max(largest, kept)
     kept = scene.frames.nbytes
@@ -134,7 +134,7 @@ def double_precision() -> bool:
 
 
 def costs(configuration: Configuration, scene: Any, adapter: Adapter) -> Costs | None:
-    """What the runs of a configuration cost; None where nobody knows: of a user's tracker."""
+    """Estimate the cost of a configuration's runs; None if unknown, as for user trackers."""
     if configuration.kind != BUILT_IN:
         return None
     tracker = tracker_of(scene, adapter, configuration)
@@ -157,7 +157,7 @@ def costs(configuration: Configuration, scene: Any, adapter: Adapter) -> Costs |
 
 
 def most_runs(cost: Costs, memory: int, devices: int) -> int:
-    """Runs that one batch may hold, by its memory and by what a kill would cost."""
+    """Largest number of runs per batch, limited by memory and by the time lost if interrupted."""
     by_memory = memory / cost.bytes_per_run
     by_time = SECONDS_PER_BATCH / cost.seconds_per_run * max(1.0, _SHARE_OF_CORE * devices)
     unit = WIDE * devices
@@ -167,12 +167,12 @@ def most_runs(cost: Costs, memory: int, devices: int) -> int:
 def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, Blocks]]:
     """Divide the missing runs into batches of whole blocks, nearly equal in size.
 
-    Blocks count from the first run of a gap, so that however a gap is divided, and whatever of
-    its batches a kill leaves, a run has a block of the same width.
+    Blocks are counted from the first run of a gap.  A run's block thus has the same width however
+    the gap is divided and whichever batches survive an interruption.
 
     Args:
-        done: ``[R]`` bool.
-        largest: runs that a batch may hold, if they fill a block.
+        done: ``[R]`` bool, whether each run is finished.
+        largest: limit on runs per batch; a batch has at least one block.
 
     Yields:
         First run, number of runs, and blocks to compute.
@@ -193,13 +193,13 @@ def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, Blocks]]:
 
 
 def _bytes(tree: Any) -> int:
-    """Of the arrays of a tree of shapes."""
+    """Total bytes of the arrays in a pytree of shapes."""
     arrays = [leaf for leaf in jax.tree.leaves(tree) if hasattr(leaf, "shape")]
     return sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in arrays)
 
 
 def shape_of(configuration: Configuration, target: Target) -> tuple[Any, ...]:
-    """What a kernel is compiled for."""
+    """Values on which the compiled kernel depends; equal ones share a kernel."""
     if configuration.kind != BUILT_IN:
         return (configuration.method,)
     its = filters.filter_of(configuration.variant["method"])

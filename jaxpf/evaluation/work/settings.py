@@ -1,4 +1,4 @@
-"""What an evaluation keeps of its scene and configurations, and refuses to mix."""
+"""Stored settings of an evaluation: its scene and configurations, checked on resuming."""
 
 import dataclasses
 from typing import Any
@@ -17,15 +17,15 @@ from jaxpf.targets.target import Start, Target
 
 
 def new_settings(plan: Plan, scene: Any, of: Target, start: Start) -> dict[str, Any]:
-    """What ``settings.json`` holds.
+    """Make the content of ``settings.json``.
 
     Raises:
-        InputError: see ``Plan.configurations``; a user's tracker that cannot be made.
+        InputError: see ``Plan.configurations``; a user-defined tracker cannot be made.
     """
     plan = plan.for_target(of.name, start.parents)
 
     def settle(of: Target, options: Any, particles: int) -> Any:
-        # Whatever the number of runs: it decides about results.
+        # Independent of the number of runs, because these options determine the results.
         return of.settled(options, start, looks_of(scene, particles))
 
     configurations = plan.configurations(start, settle)
@@ -56,10 +56,10 @@ def new_settings(plan: Plan, scene: Any, of: Target, start: Start) -> dict[str, 
 
 
 def check_continues(settings: dict[str, Any], scene: Any, folder: Any) -> None:
-    """Refuse to mix results of different pictures or precisions.
+    """Check that the scene and the precision match the finished batches.
 
     Raises:
-        InputError: the scene or the precision is not that of the finished batches.
+        InputError: the scene or the precision differs.
     """
     if scene_digest(scene) != settings["scene"]["digest"]:
         raise InputError(

@@ -1,4 +1,4 @@
-"""The work of an evaluation: one batch of runs, in this process or another."""
+"""Runs one batch of an evaluation, in this process or another."""
 
 import dataclasses
 from typing import Any
@@ -18,21 +18,21 @@ from jaxpf.targets import find_adapter
 
 @dataclasses.dataclass(frozen=True)
 class Work:
-    """A batch that is to be done; everything that another process needs for it.
+    """A batch to run, with everything that another process needs.
 
     Attributes:
         index: of the configuration.
-        configuration: what to run.
+        configuration: to run.
         first_run: number of the first run.
         num_runs: R.
-        blocks: in which they are vectorised, filled up: one shape for many batches.
-        frames_per_chunk: that travel to the devices together.
+        blocks: vectorised blocks of runs, padded so that many batches share one shape.
+        frames_per_chunk: frames that move to the devices together.
         seed: of the evaluation.
         float64: whether JAX computes in double precision.
         scene: the scene, or a picklable function without arguments that opens it.
-        digest: of the scene, which must be the same everywhere.
-        target: name of what the scene's objects are.
-        function: for a user's own tracker, the function of the scene that makes it.
+        digest: of the scene, which must be the same in every process.
+        target: name of the target, the type of the scene's objects.
+        function: for a user-defined tracker, the function of the scene that makes it.
     """
 
     index: int
@@ -50,7 +50,7 @@ class Work:
 
     @property
     def width(self) -> int:
-        """Runs that are computed, those included that fill up the last block."""
+        """Number of computed runs, including the padding of the last block."""
         return sum(count * width for count, width in self.blocks)
 
     def __str__(self) -> str:
@@ -59,15 +59,15 @@ class Work:
 
 
 def run_batch(work: Work, attempt: int = 0) -> Batch:
-    """Do one batch.
+    """Run one batch.
 
     Args:
-        work: what to do.
-        attempt: of no effect; it tells a repetition from the first time, where an executor
-            takes equal calls for one.
+        work: the batch to run.
+        attempt: ignored; it makes a retry differ from the first call, because some executors
+            merge equal calls.
 
     Raises:
-        InputError: the scene cannot be opened here, or is not the one that was planned.
+        InputError: the scene cannot be opened in this process, or differs from the planned one.
     """
     with jax.enable_x64(work.float64):
         scene = _opened(work)
@@ -94,7 +94,7 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
 
 
 def keep_measures(state: Any, summary: Any) -> dict[str, jax.Array]:
-    """What an evaluation keeps of a frame; what a user's summary lacks is no number."""
+    """Select the values of a frame to store; values missing from a user's summary are NaN."""
     estimate = summary.estimate
 
     def known(name: str, *shape: int) -> jax.Array:
@@ -113,13 +113,13 @@ def keep_measures(state: Any, summary: Any) -> dict[str, jax.Array]:
 
 
 def run_keys(seed: int, first_run: int, num_runs: int) -> jax.Array:
-    """``[num_runs]`` keys; that of run r is ``fold_in(key(seed), r)``, whatever the batch."""
+    """Keys ``[num_runs]``; run r has ``fold_in(key(seed), r)`` regardless of its batch."""
     numbers = jnp.arange(first_run, first_run + num_runs, dtype=jnp.uint32)
     return jax.vmap(jax.random.fold_in, in_axes=(None, 0))(jax.random.key(seed), numbers)
 
 
 def imported_batch(shapes: np.ndarray, seed: int) -> Batch:
-    """Another tracker's shapes ``[T, P, S]`` as a batch of one run; all else is unknown."""
+    """Another tracker's shapes ``[T, P, S]`` as a batch of one run; other measures are NaN."""
     times, objects = shapes.shape[:2]
 
     def unknown(*shape: int) -> np.ndarray:
@@ -138,7 +138,7 @@ def imported_batch(shapes: np.ndarray, seed: int) -> Batch:
 
 
 def _tracker(scene: Any, work: Work) -> Any:
-    """A user's function is called once for a scene; grids of ours make a tracker each."""
+    """Make the tracker; a user's function is called once per scene and its tracker reused."""
     if work.configuration.kind == BUILT_IN:
         return tracker_of(scene, find_adapter(work.target), work.configuration)
     key = work.digest, work.configuration.method
@@ -148,7 +148,7 @@ def _tracker(scene: Any, work: Work) -> Any:
     return _own_tracker["tracker"]
 
 
-#: The user's tracker that this process made last, and for what.
+#: The last user-defined tracker made in this process, with its key (scene digest, name).
 _own_tracker: dict[str, Any] = {}
 
 

@@ -17,8 +17,8 @@ target (eq. 8), so large targets hardly notice a shift.  With the power ``k = ma
 the slope of A^k at zero is at least s per pixel.  All particles of a target and frame share one k,
 from the target's expected box: with one power per particle the result would depend on the units of
 intensity.
-*Size term.*  Small boxes inside the target match as well as the whole target and overlap it better, so
-boxes shrink and collapse.  The factor (w h / expected w h)^b favours larger ones.
+*Size term.*  Small boxes inside the target match as well as the whole target and overlap it
+better, so boxes shrink and collapse.  The factor (w h / expected w h)^b favours larger ones.
 
 The expected box is the filter's last estimate if it reports one (``expecting``), otherwise the
 target's own size.  Pixel (i, j) is the square [j, j + 1) x [i, i + 1); pixels outside the frame are

@@ -147,7 +147,7 @@ def likelihood_option(*choices: str) -> Any:
 
 
 def check_contrast(frame: Any, boxes: np.ndarray) -> None:
-    """Reject boxes that cannot be told from a surrounding of the same, uniform colour.
+    """Reject boxes of one uniform colour on a background of the same colour.
 
     Args:
         frame: uint8 RGB ``[H, W, 3]``.

@@ -226,7 +226,7 @@ class IndependentContours(Likelihood):
         return log_ratios(weights, features, places, seen, sigma, reach, groups)
 
     def _log_means(self, observation, boundaries, groups):
-        """Log normalising constants ``[groups, M, ...]`` of weighted lines ``[M, ...]``, see ``share``.
+        """Log normalising constants ``[groups, M, ...]`` of lines ``[M, ...]``, see ``share``.
 
         Every group of rows includes the line's own boundary, the first ``edges`` rows.
         """

@@ -37,7 +37,7 @@ class Start:
 
     @property
     def num_partitions(self) -> int:
-        """P."""
+        """P, the number of objects."""
         return len(self.parents)
 
 

@@ -1,4 +1,4 @@
-"""How a substate moves from frame to frame."""
+"""Dynamics: how substates move from frame to frame."""
 
 import lazy_loader
 

@@ -1,7 +1,7 @@
-"""How substates move from frame to frame.
+"""Gaussian dynamics of substates.
 
-Every dynamics here draws noise for all particles at once (``propagate_all``), which is
-several times cheaper than a key per particle; ``propagate`` follows from it.
+``propagate_all`` draws the noise of all particles at once, several times cheaper than one key
+per particle; ``propagate`` is derived from it.
 """
 
 import jax
@@ -34,7 +34,7 @@ class RandomWalk(DynamicsWithDensity, DynamicsWithPrediction):
         return log_normal(new - current, _per_particle(self.scale, partition, current))
 
     def predict_all(self, partition, current, previous):
-        """Where all particles are expected, ``[D, N]``: where they are."""
+        """Expected substates of all particles, ``[D, N]``: unchanged."""
         return current
 
 
@@ -65,7 +65,7 @@ class AR2(DynamicsWithDensity, DynamicsWithPrediction):
         return log_normal(residual, _per_particle(self.scale, partition, current))
 
     def predict_all(self, partition, current, previous):
-        """Where all particles are expected, ``[D, N]``."""
+        """Expected substates of all particles, ``[D, N]``."""
         return self._drift(current, previous)
 
     def _drift(self, current, previous):
@@ -74,14 +74,14 @@ class AR2(DynamicsWithDensity, DynamicsWithPrediction):
 
 @pytree_dataclass
 class FirstOrder(DynamicsWithDensity, DynamicsWithPrediction):
-    """Position moves on at its speed; all coordinates get noise: ``x_t = x_{t-1} + u_{t-1} + n``.
+    """Constant-velocity model, ``x_t = x_{t-1} + u_{t-1} + n``, with noise on all coordinates.
 
     Source: rowe2005, eq. 5 without feedback and eq. 7: speed and size are random walks.
 
     Attributes:
         scale: standard deviation of the noise per frame, ``[D]`` or ``[P, D]`` or ``[]``.
-        position: static, the coordinates of a position.
-        speed: static, the coordinates of its speed, per frame.
+        position: static, indices of the position coordinates.
+        speed: static, indices of the speed coordinates, per frame.
     """
 
     scale: ArrayLike
@@ -98,7 +98,7 @@ class FirstOrder(DynamicsWithDensity, DynamicsWithPrediction):
         return log_normal(new - self._drift(current), _per_particle(self.scale, partition, current))
 
     def predict_all(self, partition, current, previous):
-        """Where all particles are expected, ``[D, N]``."""
+        """Expected substates of all particles, ``[D, N]``."""
         return self._drift(current)
 
     def _drift(self, current):
@@ -140,12 +140,12 @@ class LinearGaussian(DynamicsWithDensity, DynamicsWithPrediction):
         return log_normal(normal, jnp.ones_like(normal)) - volume
 
     def predict_all(self, partition, current, previous):
-        """Where all particles of a root are expected, ``[D, N]``."""
+        """Expected substates of all particles, ``[D, N]``; all must be roots (no parent term)."""
         mean = _apply(self.transition, partition, current)
         return self._shifted(mean, partition, current, previous, jnp.zeros_like(current))
 
     def _shifted(self, moved, partition, current, previous, parent):
-        """What is added to ``A x_{t-1}``, noise apart."""
+        """Add lag, coupling and offset to ``A x_{t-1}``."""
         if self.lag is not None:
             moved = moved + _apply(self.lag, partition, previous)
         if self.coupling is not None:
@@ -167,7 +167,7 @@ class IndependentGaussian:
     mean: ArrayLike
     scale: ArrayLike
 
-    #: Partitions are drawn independently, so that roots may be exchanged (``sps``).
+    #: Partitions are drawn independently, so roots may be exchanged (``sps``).
     independent = True
 
     def __call__(self, key):
@@ -177,7 +177,7 @@ class IndependentGaussian:
 
 
 def log_normal(residual, scale):
-    """Log-densities ``[N]`` of independent normal residuals ``[D, N]``; scale 0 counts as 0."""
+    """Log-densities ``[N]`` of independent normal residuals ``[D, N]``; scale 0 adds 0."""
     noisy = scale > 0
     scale = jnp.where(noisy, scale, 1.0)
     terms = -0.5 * (residual / scale) ** 2 - jnp.log(scale) - 0.5 * np.log(2 * np.pi)
@@ -193,9 +193,9 @@ def _per_particle(scale, partition, like):
 
 
 def _apply(matrices, partition, vectors):
-    """Matrix of each particle's partition, ``[P, D, D]``, times its vector ``[D, N]``."""
+    """Multiply each particle's vector ``[D, N]`` by its partition's matrix ``[P, D, D]``."""
     matrices = jnp.asarray(matrices, vectors.dtype)
-    # D is small: an explicit sum over columns fuses, where a batched dot would not.
+    # D is small: an explicit sum over columns fuses, a batched dot does not.
     columns = [
         of_partition(matrices[:, :, k], partition).T * vectors[k] for k in range(vectors.shape[0])
     ]

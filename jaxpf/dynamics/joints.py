@@ -1,9 +1,10 @@
-"""Parts that hang on their parents by joints.
+"""Dynamics of parts attached to their parents by joints.
 
 The pose of a part is (x, y, theta): its centre in pixels and its angle in radians, clockwise in
-the image.  Its *joint* is a point fixed in its own coordinates (``part_anchor``) that lies at a
-point of its parent's (``parent_anchor``), give or take an offset; coordinates have their origin
-at a rectangle's centre and turn with it.  With R(theta) the rotation and q the parent::
+the image.  A *joint* is a point fixed in the part's coordinates (``part_anchor``) that coincides,
+up to an offset, with a point of its parent (``parent_anchor``).  The coordinates of a part have
+their origin at its rectangle's centre and rotate with it.  With R(theta) the rotation and q the
+parent::
 
     theta = theta_q + angle
     (x, y) = (x_q, y_q) + R(theta_q) (parent_anchor + offset) - R(theta) part_anchor
@@ -25,27 +26,27 @@ from jaxpf.shapes.rectangles import turned
 
 @pytree_dataclass
 class RelativeToParent(DynamicsWithDensity):
-    """Joints walk at random, and parts follow their parents.
+    """Joints follow random walks, and parts follow their parents.
 
-    A substate is (x, y, theta, offset_x, offset_y, angle): the pose, absolute in the image, and
-    the joint that led to it; a root's joint is zero.  Every frame::
+    A substate is (x, y, theta, offset_x, offset_y, angle): the absolute pose in the image, and
+    the joint that produced it; a root's joint is zero.  Every frame::
 
         root:   pose = pose + scale n
         part:   offset = memory offset + scale n,   angle = angle + scale n,
 
-    and the part's pose follows from its parent's, already moved: the tree couples the parts.
+    and a part's pose follows from its parent's new pose, so the tree couples the parts.
 
     Attributes:
         scale: ``[P, 3]`` or ``[3]``, standard deviations of the noise per frame: of (x, y, theta)
             for a root, of (offset_x, offset_y, angle) for a part; pixels, pixels and radians.
         parent_anchor: ``[P, 2]``, the joint in the parent's coordinates, pixels.
         part_anchor: ``[P, 2]``, the joint in the part's own coordinates, pixels.
-        joint_scale: ``[P, 3]`` or ``[3]``, instead of ``scale`` for the parts; None uses ``scale``
-            for all.
-        memory: share of an offset that stays to the next frame; below 1 it returns to zero, so
-            that parts cannot drift away from their parents.
-        walks_alone: ``[P]`` bool, the parts that move as roots do; by default the roots.  With all
-            of them the dynamics are absolute, and nothing compiles anew.
+        joint_scale: ``[P, 3]`` or ``[3]``, replaces ``scale`` for non-root parts; None uses
+            ``scale`` for all.
+        memory: factor applied to the offset each frame; below 1 offsets decay to zero, so parts
+            cannot drift away from their parents.
+        walks_alone: ``[P]`` bool, the parts that move like roots; by default the roots.  If all
+            do, the dynamics are absolute; changing it needs no recompilation.
         parents: static, the part tree, -1 for a root.
     """
 
@@ -70,22 +71,22 @@ class RelativeToParent(DynamicsWithDensity):
     def log_density_all(self, partition, new, current, previous, parent):
         """Log-densities of all particles, ``[N]``, in joint coordinates.
 
-        Of a part (offset_x, offset_y, angle) has a density; its pose follows from them and from
-        its parent, and is taken for right.  So the anchors have no derivative here.
+        A part's density is that of (offset_x, offset_y, angle).  Its pose is assumed to
+        be consistent with them and its parent, so the anchors have no derivative here.
         """
         scale, _, _, alone = self._known(partition, current.dtype)
         moved = jnp.where(alone, new[:3] - current[:3], new[3:] - self._expected_joint(current))
         return log_normal(moved, scale)
 
     def _expected_joint(self, current):
-        """A part's joint without noise, ``[3, N]``."""
+        """Noise-free joint of a part, ``[3, N]``."""
         memory = jnp.asarray(self.memory, current.dtype)
         return jnp.stack([memory * current[3], memory * current[4], current[5]])
 
     def _known(self, partition, dtype):
-        """Of each particle's part: scale ``[3, N]``, both anchors ``[2, N]``, whether it is alone.
+        """Scale ``[3, N]``, both anchors ``[2, N]`` and ``walks_alone`` of each particle's part.
 
-        In one gather, as each costs more than it fetches.
+        One gather for all, since the cost of a gather hardly depends on its width.
         """
         known = [jnp.asarray(x, dtype) for x in (self.parent_anchor, self.part_anchor)]
         known = [self._scale_by_part(dtype), *known]
@@ -95,7 +96,7 @@ class RelativeToParent(DynamicsWithDensity):
         return of_part[:3], of_part[3:5], of_part[5:7], of_part[7] > 0
 
     def _scale_by_part(self, dtype):
-        """``[P, 3]``."""
+        """The noise scale of each part, ``[P, 3]``."""
         shape = (len(self.parents), 3)
         scale = jnp.broadcast_to(jnp.asarray(self.scale, dtype), shape)
         if self.joint_scale is None:
@@ -106,20 +107,20 @@ class RelativeToParent(DynamicsWithDensity):
 
 @pytree_dataclass
 class UniformAround:
-    """Initial sampler: every part uniform around its start, ``key -> [P, 3]``.
+    """Initial sampler: each part uniform around its start pose, ``key -> [P, 3]``.
 
     Source: gonzales2011, section 4, "particles are uniformly generated around the object".
 
     Attributes:
         poses: ``[P, 3]``, (x, y, theta) of the parts at the start.
-        reach: largest distance from it in every coordinate, ``[3]`` or ``[P, 3]``; pixels,
-            pixels and radians.
+        reach: largest deviation per coordinate, ``[3]`` or ``[P, 3]``; pixels, pixels and
+            radians.
     """
 
     poses: ArrayLike
     reach: ArrayLike
 
-    #: Parts are drawn independently, so that roots may be exchanged (``sps``).
+    #: Parts are drawn independently, so roots may be exchanged (``sps``).
     independent = True
 
     def __call__(self, key):
@@ -133,16 +134,16 @@ class UniformJoints:
     """Initial sampler: roots and joints uniform around their start, ``key -> [P, 6]``.
 
     Attributes:
-        dynamics: whose substates are drawn.
+        dynamics: defines the substates.
         poses: ``[P, 3]``, (x, y, theta) of the parts at the start.
-        reach: largest distance from it, of a root's pose and of a part's joint, ``[P, 3]``.
+        reach: largest deviation of a root's pose or a part's joint, ``[P, 3]``.
     """
 
     dynamics: RelativeToParent
     poses: ArrayLike
     reach: ArrayLike
 
-    #: Trees are drawn independently of one another, so that roots may be exchanged (``sps``).
+    #: Trees are drawn independently, so roots may be exchanged (``sps``).
     independent = True
 
     def __call__(self, key):
@@ -153,13 +154,13 @@ class UniformJoints:
 
 
 def place(joint, parent, parent_anchor, part_anchor):
-    """The pose ``[3, ...]`` to which a joint ``[3, ...]`` on a parent leads.
+    """The pose ``[3, ...]`` of a part, given its joint ``[3, ...]`` and its parent.
 
     Args:
         joint: (offset_x, offset_y, angle).
         parent: substate of the parent, beginning with its pose.
-        parent_anchor: ``[2, ...]``, the joint's place in the parent's own coordinates.
-        part_anchor: ``[2, ...]``, and in the part's.
+        parent_anchor: ``[2, ...]``, the joint in the parent's coordinates.
+        part_anchor: ``[2, ...]``, the joint in the part's coordinates.
     """
     theta = parent[2] + joint[2]
     x, y = turned(parent_anchor + joint[:2], parent[2])
@@ -172,9 +173,9 @@ def substates_at(dynamics: RelativeToParent, poses: ArrayLike, shift: ArrayLike 
 
     Args:
         dynamics: see ``RelativeToParent``.
-        poses: ``[P, 3]``.  What they leave between a part's anchors becomes its offset.
-        shift: added to the pose of a root, or of a part that walks alone, and to any other part's
-            joint, ``[P, 3]``; parts follow.
+        poses: ``[P, 3]``.  A gap between a part's anchors becomes its offset.
+        shift: ``[P, 3]``, added to the pose of a root or of a part that walks alone, and to the
+            joint of any other part; child parts follow.
     """
     poses = jnp.asarray(poses)
     shift = jnp.broadcast_to(jnp.asarray(shift, poses.dtype), poses.shape)
@@ -201,9 +202,9 @@ def substates_at(dynamics: RelativeToParent, poses: ArrayLike, shift: ArrayLike 
 def joints_between(
     poses: ArrayLike, sizes: ArrayLike, parents: tuple[int, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Anchors of parts whose joints are not known: guessed from how the parts lie.
+    """Guess the anchors of parts from their poses, if the joints are unknown.
 
-    A part hangs by the middle of that side of it which is nearest to its parent's centre.
+    A part's joint is the middle of the side nearest to its parent's centre.
 
     Args:
         poses: ``[P, 3]``.

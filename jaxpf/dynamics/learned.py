@@ -1,8 +1,8 @@
 """Dynamics learned from tracks: autoregression by maximum likelihood.
 
-Blake and Isard (Active Contours, 1998, chapter 11), given the first frames: then the maximum of
-the likelihood is least squares, and the noise's covariance is that of what is left.  Unlike the
-equations of Yule and Walker it takes tracks that wander off, as objects in a picture do.
+Source: Blake and Isard, Active Contours, 1998, chapter 11.  Conditional on the first frames, the
+maximum-likelihood solution is least squares, and the noise covariance is that of the residuals.
+Unlike the Yule-Walker equations it handles non-stationary tracks, which are usual in video.
 """
 
 from collections.abc import Sequence
@@ -24,26 +24,26 @@ def fit(
     pooled: bool = False,
     momentum: float | None = None,
 ) -> LinearGaussian:
-    """The autoregression that tracks follow, ``x_t = A x_{t-1} + B x_{t-2} + b + L n``.
+    """Fit the autoregression ``x_t = A x_{t-1} + B x_{t-2} + b + L n`` to tracks.
 
     Args:
-        tracks: ``[T, P, D]``, or several of the same P and D; the units are the substate's.
-            Frames with a NaN are left out, and so is what would reach across them.
+        tracks: ``[T, P, D]``, or several with the same P and D, in the substate's units.  Frames
+            with a NaN are dropped, and so are steps across them.
         order: 1 or 2.
         coefficients: one of ``COEFFICIENTS``.  ``"steps"``: a coordinate stays where it was
-            (order 1), or repeats a share of its last step (order 2, smith2004's AR2 with a
-            momentum of its own for each coordinate).  ``"own"``: free multiples of its own past,
-            and an offset.  ``"all"``: full matrices and an offset.
-        pooled: one dynamics for all targets, from the tracks of all; else one for each.
-        momentum: of order 2 with ``"steps"``, the share of its last step that every coordinate
-            repeats, instead of one that is learned: where marks jitter from frame to frame, what
-            is learned is too low, since a step is followed by the way back.
+            (order 1), or repeats a share of its last step (order 2: smith2004's AR2 with one
+            momentum per coordinate).  ``"own"``: free multiples of its own past, and an offset.
+            ``"all"``: full matrices and an offset.
+        pooled: fit one dynamics to the tracks of all targets; otherwise one per target.
+        momentum: share of its last step that every coordinate repeats, instead of a fitted one;
+            only with order 2 and ``"steps"``.  Use it if annotations jitter from frame to frame:
+            jitter reverses itself in the next step, so the fitted momentum is too low.
 
     Returns:
-        A dynamics for P partitions, with a full noise covariance.
+        Dynamics of P partitions, with a full noise covariance.
 
     Raises:
-        InputError: an argument out of range, or fewer frames than there are numbers to learn.
+        InputError: an argument is out of range, or there are too few frames to fit.
     """
     if order not in (1, 2):
         raise InputError(f"order {order} must be 1 or 2.")
@@ -89,7 +89,7 @@ def _as_list(tracks) -> list:
 
 
 def _triples(track: np.ndarray, order: int) -> np.ndarray:
-    """``[n, order + 1, D]``: every new substate after the ones it follows."""
+    """``[n, order + 1, D]``: consecutive substates, oldest first, without NaN."""
     count = max(len(track) - order, 0)
     every = np.stack([track[k : k + count] for k in range(order + 1)], axis=1)
     return every[np.isfinite(every).all(axis=(1, 2))]
@@ -132,7 +132,7 @@ def _fit_one(examples, order, coefficients, given, targets) -> tuple[np.ndarray,
         transition[k, k] = stay + momentum
     left = new - last @ transition.T - examples[:, 0] @ lag.T * (order == 2) - offset
     covariance = left.T @ left / (len(new) - learned)
-    # A coordinate that never moves has no noise; the square root must exist all the same.
+    # A coordinate that never moves makes the covariance singular; the square root must still exist.
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     _, upper = np.linalg.qr(root.T)

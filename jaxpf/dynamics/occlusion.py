@@ -1,17 +1,18 @@
-"""Who is in front: a label that says in which order opaque targets lie in depth, and how it moves.
+"""Depth order of opaque targets: a discrete label and its transition probabilities.
 
 maccormick1999, section 4, of two targets: "if x^A and x^B overlap then the occlusion relationship
 cannot change"; otherwise the label flips with a small probability.
 
-**More than two.**  With that probability one of the P - 1 pairs that are neighbours in depth, any
-as likely as another, changes places, unless the two overlap.  Two targets change their order only
-as neighbours, so that overlapping ones never do, and two targets are the paper's case.
+**More than two.**  With that probability, one of the P - 1 pairs of neighbours in depth is drawn
+uniformly and exchanged, unless the two overlap.  Targets change their order only as neighbours, so
+the order of overlapping targets never changes.  For two targets this is the paper's rule.
 
-Given the shapes, the move from one order to another is as likely as the move back, since both are
-the exchange of one pair at one place.  So the uniform law on all orders is kept, and it is
-reversible.  From a given order exactly those can be reached in which every overlapping pair is as
-it was: while another of these has not been reached, there are neighbours whom it has the other way
-round, and they do not overlap.  Among these orders, too, all become equally likely.
+Given the shapes, a move between two orders is as likely as its reverse, since both exchange one
+pair at the same place.  The chain is therefore reversible, and the uniform distribution over all
+orders is stationary.  From a given order exactly those orders can be reached that agree on every
+overlapping pair: as long as the current order differs from such an order, it has a pair of
+neighbours that the other order reverses, and that pair does not overlap.  Among these orders the
+label converges to the uniform distribution.
 """
 
 import dataclasses
@@ -25,22 +26,22 @@ from jaxpf import contract
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.shapes.depth import depth_orders, neighbours_exchanged
 
-#: Probability per frame that the label flips while the shapes are apart, delta of the paper.
+#: Probability per frame that the label flips while the shapes do not overlap, delta of the paper.
 FLIP = 0.01
 
 
 @pytree_dataclass
 class WithOcclusion(contract.Dynamics):
-    """Dynamics of two to four opaque targets, and of the label that says who is nearer the camera.
+    """Dynamics of two to four opaque targets and of their depth-order label.
 
-    Labels are those of ``jaxpf.shapes.depth``; of two targets 0 says that the first is nearer.
+    Labels are those of ``jaxpf.shapes.depth``; for two targets, 0 means that the first is nearer.
 
     Attributes:
-        dynamics: how the substates move, see ``jaxpf.contract``.
-        shapes: such as ``OpaqueContours``; has ``overlap(substates [2, D]) -> [] bool`` of two
-            targets, or of more ``overlap(substates [P, D], one [], other []) -> [] bool``.
-        flip: probability that in a frame two neighbours in depth, drawn at random, change places
-            if they do not overlap.
+        dynamics: of the substates, see ``jaxpf.contract``.
+        shapes: such as ``OpaqueContours``; has ``overlap(substates [2, D]) -> [] bool`` for two
+            targets, or ``overlap(substates [P, D], one [], other []) -> [] bool`` for more.
+        flip: probability per frame that a random pair of neighbours in depth is exchanged if it
+            does not overlap.
     """
 
     dynamics: Any
@@ -49,7 +50,7 @@ class WithOcclusion(contract.Dynamics):
 
     @property
     def coupled(self):
-        """As ``dynamics`` are."""
+        """Whether ``dynamics`` is coupled."""
         return contract.is_coupled(self.dynamics)
 
     def propagate_all(self, key, partition, current, previous, parent, *others):
@@ -60,29 +61,29 @@ class WithOcclusion(contract.Dynamics):
 
     @property
     def at_frame(self):
-        """The dynamics that lead to a frame; absent where they are ever the same."""
+        """The dynamics that lead to a frame; only if ``dynamics`` depends on time."""
         at_frame = self.dynamics.at_frame
         return lambda time: dataclasses.replace(self, dynamics=at_frame(time))
 
     @property
     def predict_all(self):
-        """Where the targets are expected; absent where ``dynamics`` does not say."""
+        """Expected substates; only if ``dynamics`` predicts."""
         if not contract.has_prediction(self.dynamics):
             raise AttributeError(f"{type(self.dynamics).__name__} predicts nothing")
         return partial(contract.predict_all, self.dynamics)
 
     @property
     def log_density_all(self):
-        """Log-densities of the targets' moves; absent where ``dynamics`` does not say."""
+        """Log-densities of the targets' moves; only if ``dynamics`` defines them."""
         if not contract.has_log_density(self.dynamics):
             raise AttributeError(f"{type(self.dynamics).__name__} has no density")
         return partial(contract.log_density_all, self.dynamics)
 
     def propagate_label(self, key, label, substates):
-        """The new label ``[]`` given all targets' new substates ``[P, D]``."""
+        """The new label ``[]``, given all targets' new substates ``[P, D]``."""
         count = substates.shape[0]
         uniform = jax.random.uniform(key)
-        # Below ``flip`` the number is uniform once more, and says where in the order.
+        # Given ``uniform < flip``, uniform / flip is uniform again, and selects the pair.
         share = uniform / jnp.where(self.flip > 0, self.flip, 1.0)
         place = jnp.clip((share * (count - 1)).astype(int), 0, count - 2)
         flips = ~self._overlap(label, place, substates) & (uniform < self.flip)
@@ -100,7 +101,7 @@ class WithOcclusion(contract.Dynamics):
         return jnp.where(new == label, jnp.log1p(-self.flip * jnp.sum(share)), log_moves)
 
     def _overlap(self, label, place, substates):
-        """Whether the targets at a place of the order and at the next one overlap, bool ``[]``."""
+        """Whether the targets at ``place`` and ``place + 1`` of the order overlap, bool ``[]``."""
         count = substates.shape[0]
         if count == 2:
             return self.shapes.overlap(substates)

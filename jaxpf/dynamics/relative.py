@@ -1,6 +1,6 @@
-"""Motion of boxes, which knows their sizes at the start.
+"""Motion of boxes, in pixels (smith2004) or relative to the object's size.
 
-In pixels (smith2004), or growing with the object: steps in shares of its size, a few of them long.
+Relative motion is heavy-tailed: a fraction of the steps is long.
 """
 
 import jax
@@ -18,8 +18,8 @@ class PixelMotion(AR2):
     """``AR2`` of boxes (u, v, a).
 
     Attributes:
-        sizes: ``[P, 2]``, width and height at the start, pixels; the motion is the same for all,
-            but who reads estimates needs them.
+        sizes: ``[P, 2]``, width and height at the start, pixels.  The motion does not depend on
+            them; code that converts estimates to boxes does.
     """
 
     sizes: ArrayLike | None = None
@@ -27,25 +27,25 @@ class PixelMotion(AR2):
 
 @pytree_dataclass
 class RelativeMotion(DynamicsWithDensity, DynamicsWithPrediction):
-    """Boxes whose steps are relative to their size, and heavy-tailed.
+    """Boxes with heavy-tailed steps relative to their size.
 
-    With s the root of the box's area and n normal::
+    With s the square root of the box's area and n standard normal::
 
         position_t = position + momentum (position - position_before) + s steps[k] n
         log a_t    = (1 - pull) log a + steps[2] n
 
-    where k is 1, a long step, with probability ``long``, and else 0, for u and v alike.
+    where k is 1, a long step, with probability ``long``, otherwise 0; u and v share k.
 
     A substate is (u, v, a) or (u, v, a, b): centre in pixels, scale and aspect relative to the
-    start; b moves as a does.
+    start; b moves like a.
 
     Attributes:
         sizes: ``[P, 2]``, width and height at the start, pixels.
-        steps: standard deviations of a usual step, of a long one, and of log a: ``[3]`` or
+        steps: standard deviations of usual steps, of long steps, and of log a: ``[3]`` or
             ``[P, 3]``.
         momentum: share of the last displacement that is repeated, ``[]`` or ``[P]``.
         long: probability of a long step, ``[]`` or ``[P]``.
-        pull: share of the way back to the size at the start, per frame, ``[]`` or ``[P]``.
+        pull: rate per frame at which log a decays towards the start size, ``[]`` or ``[P]``.
     """
 
     sizes: ArrayLike
@@ -78,12 +78,12 @@ class RelativeMotion(DynamicsWithDensity, DynamicsWithPrediction):
         return mixed + jnp.sum(jnp.where(of_size > 0, sizes, 0.0), axis=0)
 
     def predict_all(self, partition, current, previous):
-        """Where all particles are expected, ``[D, N]``, but for the mean of the size's noise."""
+        """Expected substates ``[D, N]``; a and b without the mean of their log-normal noise."""
         drift = self._drift(partition, current, previous)
         return jnp.concatenate([drift[:2], jnp.exp(drift[2:])])
 
     def _scales(self, partition, current):
-        """Standard deviations of both kinds of steps, pixels, and of log a, ``[N]`` each."""
+        """Standard deviations of usual and long steps, pixels, and of log a, ``[N]`` each."""
         steps = jnp.asarray(self.steps, current.dtype)
         steps = steps[None] if steps.ndim == 1 else of_partition(steps, partition)
         side = jnp.sqrt(jnp.prod(jnp.asarray(self.sizes, current.dtype), axis=1))
@@ -91,7 +91,7 @@ class RelativeMotion(DynamicsWithDensity, DynamicsWithPrediction):
         return side * steps[:, 0], side * steps[:, 1], steps[:, 2]
 
     def _drift(self, partition, current, previous):
-        """Where a particle would go without noise: u, v, log a (and log b), ``[D, N]``."""
+        """Noise-free prediction of a particle: u, v, log a (and log b), ``[D, N]``."""
         momentum = self._own("momentum", partition, current)
         position = current[:2] + momentum * (current[:2] - previous[:2])
         stay = 1 - self._own("pull", partition, current)
@@ -104,7 +104,7 @@ class RelativeMotion(DynamicsWithDensity, DynamicsWithPrediction):
 
 
 def _log_normal(squared, scale, dimension):
-    """Log-densities at squared distances, of normal distributions that are alike in all axes."""
+    """Log-densities of isotropic normal distributions, from squared distances; scale 0 adds 0."""
     noisy = scale > 0
     scale = jnp.where(noisy, scale, 1.0)
     density = -0.5 * squared / scale**2 - dimension * (jnp.log(scale) + 0.5 * np.log(2 * np.pi))

@@ -1,4 +1,4 @@
-"""How well a substate explains a frame."""
+"""Likelihoods: how well a substate explains a frame."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What likelihoods of pictures refuse alike, in one sentence each."""
+"""Argument checks shared by the image likelihoods."""
 
 import math
 from collections.abc import Sequence
@@ -8,26 +8,26 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 
-#: How squared differences of a window are pooled.
+#: How the squared differences of a window are combined.
 NORMS = ("mean", "sum")
-#: How colours between pixels are read.
+#: How colours are read at positions between pixels.
 INTERPOLATIONS = ("nearest", "bilinear")
 
 
 def check_positive(name: str, value: Any) -> None:
-    """Refuse all but positive, finite numbers."""
+    """Reject numbers that are not positive and finite."""
     if not (math.isfinite(value) and value > 0):
         raise InputError(f"{name} is {value}: it must be positive and finite.")
 
 
 def check_choice(name: str, value: Any, known: Sequence[str]) -> None:
-    """Refuse a name that is not known."""
+    """Reject an unknown name."""
     if value not in known:
         raise InputError(f"{name} is {value!r}: choose one of {', '.join(map(repr, known))}.")
 
 
 def check_window(window: Any, example: str) -> None:
-    """Refuse what are no columns and rows of a grid."""
+    """Reject a grid that is not two positive integers, columns and rows."""
     if len(window) != 2 or not all(isinstance(n, int) and n >= 1 for n in window):
         raise InputError(
             f"window is {window!r}: give columns and rows of a grid, such as {example}."
@@ -35,7 +35,7 @@ def check_window(window: Any, example: str) -> None:
 
 
 def check_window_sizes(sizes: np.ndarray, count: int, noun: str) -> None:
-    """Refuse widths and heights ``[count, 2]`` of less than a pixel."""
+    """Reject widths and heights ``[count, 2]`` below one pixel."""
     if sizes.shape != (count, 2):
         raise InputError(
             f"sizes has shape {list(sizes.shape)}: give (width, height) for each of the {count} "

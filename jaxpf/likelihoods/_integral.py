@@ -1,9 +1,8 @@
 """Histograms of upright boxes from an integral histogram (Porikli, CVPR 2005).
 
-``table[i, j, b]`` counts the pixels of bin b above row i and left of column j, modulo
-2^16 or 2^32, so a box's count is a difference of four corners.  A difference of wrapped
-counts is exact as long as the true count is below the modulus.  Bins come last: the corner
-of a box is one contiguous row.
+``table[i, j, b]`` counts the pixels of bin b above row i and left of column j, modulo 2^16 or
+2^32, so a box's count is a sum and difference of four corners.  It is exact as long as the true
+count is below the modulus.  Bins come last, so that a corner of a box is one contiguous row.
 """
 
 from typing import Any
@@ -15,23 +14,23 @@ from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.lowering.columns import entries_at, sum_of_rows
 from jaxpf.lowering.tables import sums_above_and_left
 
-# Bins are counted, and similarities summed, in groups of this many, side by side: one or
-# two vector registers on today's CPUs.  The number of bins is a multiple of it.
+# Bins are processed in groups of this many: one or two vector registers on current CPUs.  The
+# number of bins is a multiple of it.
 LANES = 16
-# Of a pixel: a bin with less counts in proportion, not by its root.
+# In pixels: a bin with a smaller count contributes linearly, not by its root.
 _ROUNDED = 0.1
 
 
 @pytree_dataclass
 class IntegralTable:
-    """Integral histogram of a frame, perhaps one of a stack of them.
+    """Integral histogram of a frame, either alone or in a stack.
 
-    A table is tens of megabytes: cut out of a stack of frames it would be copied, so it keeps
-    the stack and says where it lies therein.
+    A table takes tens of megabytes, and slicing a stack of them would copy it.  So it keeps the
+    whole stack and the index of its frame.
 
     Attributes:
         cells: unsigned, ``[H + 1, W + 1, B]`` or ``[G, H + 1, W + 1, B]``.
-        place: int32 [], the frame's place in the stack; 0 of a single frame.
+        place: int32 [], index of the frame in the stack; 0 for a single frame.
     """
 
     cells: Any
@@ -46,14 +45,14 @@ def integral_table(bins, num_bins: int, dtype) -> IntegralTable:
     """Integral histogram of a map of bins.
 
     Args:
-        bins: integer [H, W]; a pixel whose bin is ``num_bins`` or more is counted nowhere.
-        num_bins: how many bins, B.
+        bins: integer [H, W]; pixels whose bin is ``num_bins`` or more are not counted.
+        num_bins: number of bins, B.
         dtype: ``uint16`` or ``uint32``; counts wrap around.
 
     Returns:
         The table, its cells ``dtype`` [H + 1, W + 1, B].
     """
-    # A first row and column of uncounted pixels make row 0 and column 0 of the table.
+    # Pad with uncounted pixels to get row 0 and column 0 of the table.
     bins = jnp.pad(bins.astype(dtype), ((1, 0), (1, 0)), constant_values=num_bins)
     levels = jnp.arange(num_bins, dtype=bins.dtype)
     cells = sums_above_and_left(bins, lambda pixel: (pixel[..., None] == levels).astype(dtype))
@@ -71,8 +70,8 @@ def integral_similarity(table, references, partition, left, top, width, height, 
         top: [N], top edge, pixels.
         width: [N], pixels, at least 1.
         height: [N], pixels, at least 1 per part.
-        region: int32, three of [N]: first row, height and width of the part of the table to which
-            each box belongs, and from whose first row it is counted; by default the whole table.
+        region: int32, three of [N]: first row, height and width of the part of the table that
+            each box lies in; ``top`` counts from its first row.  By default the whole table.
 
     Returns:
         Similarity [N], and bool [N]: whether every part's count fits the table's dtype.
@@ -92,14 +91,14 @@ def integral_similarity(table, references, partition, left, top, width, height, 
     rows = [jnp.clip(y, 0, last_row).astype(jnp.int32) for y in edges]
 
     def above(row, group):
-        """Pixels of the box's columns above an edge, for one group of bins."""
+        """Counts of the box's columns above an edge, for one group of bins."""
         start = (first_row + row) * num_columns
         left_, right = ((start + column) * groups for column in (column0, column1))
         return entries_at(cells, right + group) - entries_at(cells, left_ + group)
 
     # One fused loop: gather LANES bins of every corner, difference, square root, multiply,
-    # accumulate.  It gathers by groups because slicing a gathered row of B bins breaks the
-    # fusion; so would summing the lanes within the loop (each 3 times slower).
+    # accumulate.  Slicing a gathered row of B bins, or summing the lanes inside the loop, would
+    # break the fusion (each 3 times slower), hence the groups.
     total = jnp.zeros((*left.shape, LANES), dtype)
     fits = jnp.ones(left.shape, bool)
     largest_count = min(jnp.iinfo(cells.dtype).max, 2**31 - 1)  # pixels are int32
@@ -107,7 +106,7 @@ def integral_similarity(table, references, partition, left, top, width, height, 
         part = jnp.zeros_like(total)
         for group in range(groups):
             count = above(rows[k + 1], group) - above(rows[k], group)
-            # Counts are integers, so no gradient ever passes through this square root.
+            # Counts are integers, so no gradient passes through this square root.
             root = jnp.sqrt(count.astype(dtype))
             reference = entries_at(references, (partition * num_parts + k) * groups + group)
             part += root * reference
@@ -121,12 +120,12 @@ def integral_similarity(table, references, partition, left, top, width, height, 
 def interpolated_integral_similarity(
     table, references, partition, left, top, width, height, region=None
 ):
-    """As ``integral_similarity``, of boxes whose edges lie anywhere: pixels count by their share.
+    """As ``integral_similarity``, but smooth in the box: cut pixels count by their area inside.
 
-    A pixel that an edge cuts counts by the area inside, which is what bilinear interpolation of
-    an integral histogram gives.  So the count is continuous in the box and its derivative exact
-    but where an edge meets a pixel's.  ``sqrt(p)`` has an infinite slope at p = 0, where a bin
-    appears: it is rounded off, ``p / sqrt(p + e)``, with e the weight of a tenth of a pixel.
+    This equals bilinear interpolation of the integral histogram.  The count is continuous in the
+    box, and its derivative is exact except where an edge of the box meets one of a pixel.
+    ``sqrt(p)`` has an infinite slope at p = 0, where a bin appears, so it is replaced by
+    ``p / sqrt(p + e)``, with e the weight of a tenth of a pixel.
     """
     num_columns, num_bins = table.cells.shape[-2:]
     num_parts = references.shape[1]
@@ -136,7 +135,7 @@ def interpolated_integral_similarity(
     first_row, last_row, last_column = _bounds(table, region)
 
     def place(x, last):
-        """The last line at or before x, and how far x is beyond it."""
+        """The last line at or before x, and the distance of x beyond it."""
         x = jnp.clip(x, 0, last)
         line = jnp.clip(jnp.floor(jax.lax.stop_gradient(x)), 0, jnp.maximum(last - 1, 0))
         return line.astype(jnp.int32), (x - line)[:, None]
@@ -148,12 +147,12 @@ def interpolated_integral_similarity(
         return entries_at(cells, (first_row + row) * num_columns + column)
 
     def lines(row):
-        """Counts above a line of the table: between the columns, and in those that are cut."""
+        """Counts above a line of the table: between the columns, and in the two cut columns."""
         at0, at1 = take(row, column0), take(row, column1)
         return at1 - at0, take(row, column0 + 1) - at0, take(row, column1 + 1) - at1
 
     def between(upper, lower):
-        """Count between two lines; integers are subtracted before they can be rounded."""
+        """Count between two lines; integers are subtracted before conversion, so exactly."""
         whole, cut0, cut1 = ((b - a).astype(dtype) for a, b in zip(upper, lower, strict=True))
         return whole + beyond1 * cut1 - beyond0 * cut0
 
@@ -176,7 +175,7 @@ def interpolated_integral_similarity(
 
 
 def _bounds(table, region):
-    """The first row among those of a stack, and the last lines, of the table or of a region."""
+    """First row in the stack, and last row and column, of the table or of a region."""
     num_rows, num_columns = table.cells.shape[-3:-1]
     first_row = table.place * num_rows
     if region is None:

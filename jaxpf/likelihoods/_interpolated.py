@@ -1,10 +1,10 @@
 """Histograms of boxes at any angle that change smoothly with the box.
 
-A box is covered by a grid of places.  Each place spreads its weight 1 / n over the four pixels
-around it, by bilinear shares, and each of these counts in its own bin: bins are never mixed, so
-that the histogram is one of real pixels, and continuous in the box.  The shares are linear in the
-place, the place is smooth in position, scale and angle: the derivative is exact wherever no place
-lies on the line through pixel centres.
+A box is covered by a grid of n places.  Each place spreads its weight 1 / n over the four pixels
+around it with bilinear weights, and each pixel counts in its own bin: colours are not mixed, and
+the histogram is continuous in the box.  The weights are linear in the place, and the place is
+smooth in position, scale and angle, so the derivative is exact unless a place lies exactly on a
+line through pixel centres.
 """
 
 import math
@@ -16,12 +16,12 @@ from jaxpf.likelihoods._places import cell_centres, places_in_image
 from jaxpf.likelihoods._sampled import OUTSIDE
 from jaxpf.lowering.columns import words_at
 
-#: Pixels between the samples of a group of ``_sampled.sample_table``: neighbours.
+#: Distance in pixels between the samples of a group of ``_sampled.sample_table``: adjacent.
 NEIGHBOURS = 1
-# The table's entry (i, j) begins with pixel (i, j) less this.
+# Entry (i, j) of the table begins with pixel (i - _MARGIN, j - _MARGIN).
 _MARGIN = NEIGHBOURS + 1
 
-# A bin with less than this share of a place counts in proportion, not by its root: the slope of
+# A bin with less than this share of a place contributes linearly, not by its root: the slope of
 # sqrt(p) is infinite at p = 0, where a bin appears.
 _ROUNDED = 0.1
 
@@ -31,13 +31,13 @@ def interpolated_similarity(
 ):
     """Sum over parts of the Bhattacharyya coefficient, for many rotated boxes.
 
-    ``sqrt(p)`` is rounded off at 0, ``p / sqrt(p + e)`` with e a tenth of a place's weight.
+    ``sqrt(p)`` is smoothed at 0: ``p / sqrt(p + e)``, with e a tenth of a place's weight.
 
     Args:
         table: uint32, ``_sampled.sample_table(bins, NEIGHBOURS)``.
         num_samples: places per side of the box, S.
         levels: integer [P, parts, K], bins that each object's references use.
-        roots: [P, parts, K], square roots of the references there.
+        roots: [P, parts, K], square roots of the references in these bins.
         partition: int [N].
         u: [N], centre, pixels from the left.
         v: [N], centre, pixels from the top.
@@ -60,7 +60,7 @@ def interpolated_similarity(
     column = jnp.clip(left + _MARGIN, 0, last_column).astype(jnp.int32)
     row = jnp.clip(top + _MARGIN, 0, last_row).astype(jnp.int32)
     words = words_at(table, row, column)
-    # In the order of the bytes of a word, [N, parts, places, 4].
+    # In the byte order of a word, [N, parts, places, 4].
     left_share, upper_share = 1 - right_share, 1 - lower_share
     shares = jnp.stack(
         [
@@ -83,9 +83,9 @@ def interpolated_similarity(
 
 
 def _counts(codes, shares, levels):
-    """Sums of shares per level: [N, parts, K] of codes and shares [N, parts, n, 4]."""
+    """Sums of the shares per level, [N, parts, K], from codes and shares [N, parts, n, 4]."""
     boxes = math.prod(codes.shape[:2])
-    # One sum per code by scatter: comparing all codes with all levels is 6 to 13 times slower.
+    # A scatter-add per code: comparing all codes with all levels is 6 to 13 times slower.
     table = jnp.zeros((boxes, OUTSIDE + 1), shares.dtype)
     table = table.at[jnp.arange(boxes)[:, None], codes.reshape(boxes, -1)].add(
         shares.reshape(boxes, -1), mode="promise_in_bounds"

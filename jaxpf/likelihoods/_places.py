@@ -1,11 +1,11 @@
-"""Where the samples of a rotated box lie in the image."""
+"""Positions in the image of the samples of rotated boxes."""
 
 import jax
 import jax.numpy as jnp
 
 
 def cell_centres(columns: int, rows: int) -> tuple[jax.Array, jax.Array]:
-    """Centres of a grid's cells, row by row, as shares of a box, ``[G]`` in -1/2 to 1/2 each."""
+    """Centres of a grid's cells, row by row, as shares of a box: ``[G]`` each, -1/2 to 1/2."""
     across = jnp.tile((jnp.arange(columns) + 0.5) / columns - 0.5, rows)
     down = jnp.repeat((jnp.arange(rows) + 0.5) / rows - 0.5, columns)
     return across, down
@@ -15,8 +15,8 @@ def places_in_image(across, down, u, v, width, height, cosine, sine):
     """Image coordinates x and y, ``[N, G]`` each, of G places in every box.
 
     Args:
-        across: [G], shares of the width, from the box's centre.
-        down: [G], shares of the height.
+        across: [G], offset from the box's centre as a share of the width.
+        down: [G], the same of the height.
         u: [N], centre, pixels from the left.
         v: [N], centre, pixels from the top.
         width: [N], pixels.
@@ -24,8 +24,8 @@ def places_in_image(across, down, u, v, width, height, cosine, sine):
         cosine: [N], of the rotation, clockwise in the image.
         sine: [N].
     """
-    # A product of matrices, because XLA would fuse any other form into the gather that
-    # follows, and there compute it a number at a time, sines included.
+    # A matrix product, because XLA would fuse any other form into the following gather, and there
+    # compute everything, sines included, one scalar at a time.
     pose = jnp.stack([u, v, cosine * width, sine * height, sine * width, cosine * height], axis=-1)
     zero, one = jnp.zeros_like(across), jnp.ones_like(across)
     x_of_pose = jnp.stack([one, zero, across, -down, zero, zero])

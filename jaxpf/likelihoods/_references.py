@@ -1,4 +1,4 @@
-"""Learning the reference histograms of boxes, and checking what they are learned from."""
+"""Learn the reference histograms of boxes, and check the inputs."""
 
 import math
 
@@ -12,12 +12,12 @@ from jaxpf.likelihoods.distance_law import FORMS
 
 METHODS = ("integral", "sampled")
 
-#: Samples per side of a box: more do not fit the counters of ``_sampled``.
+#: Largest number of samples per side of a box that fits the counters of ``_sampled``.
 _MOST_SAMPLES = 500
 
 
 def used_levels(references):
-    """[P, parts, K]: the bins that each reference uses, in order, filled up with B."""
+    """[P, parts, K]: the bins that each reference uses, in order, padded with B."""
     is_used = references > 0
     num_levels = -(-is_used.sum(axis=-1).max() // LEVEL_LANES) * LEVEL_LANES
     levels = np.where(is_used, np.arange(references.shape[-1]), references.shape[-1])
@@ -25,7 +25,7 @@ def used_levels(references):
 
 
 def box_histogram(bins, box, parts, place):
-    """Reference [parts, 110] of a box: normalised over its pixels in the frame."""
+    """Reference [parts, 110] of a box, normalised over its pixels inside the frame."""
     x, y, width, height = box
     rows = np.floor(y + height * np.arange(parts + 1) / parts + 0.5)
     columns = np.floor(np.array([x, x + width]) + 0.5)
@@ -77,7 +77,7 @@ def check_settings(
     sharpness, method, num_particles, samples, num_parts, interpolation, form,
     background_frames,
 ):  # fmt: skip
-    """Refuse what no histogram likelihood can be made with."""
+    """Reject invalid settings of a histogram likelihood."""
     check_positive("sharpness", sharpness)
     check_choice("method", method, ("auto", *METHODS))
     check_choice("interpolation", interpolation, INTERPOLATIONS)

@@ -1,15 +1,15 @@
 """Histograms of boxes at any angle, from pixels sampled in groups of four.
 
-A box is covered by a grid of groups, each of four pixels at the corners of an upright square.
-The codes of a group lie in one 32-bit word of a table made once per frame, so that a gather,
-which costs several nanoseconds on a CPU however little it fetches, brings four pixels.
+A box is covered by a grid of groups, each of four pixels at the corners of an upright square.  The
+codes of a group form one 32-bit word of a table built once per frame, so one gather fetches four
+pixels.  On a CPU a gather takes several nanoseconds regardless of its size.
 
-With n samples of a part whose pixels fall in K bins, the sampled d^2 is too large by about
-(K - 1) / (8 n) (less as n nears the number of pixels), and scatters around that.  The bias is
-nearly the same for every particle, so it hardly changes the weights.  Measured against every
-pixel on the scene "articulated" (parts of 28 x 16 pixels, 8 to 12 bins each, poses some pixels
-and degrees from the truth): bias .026, .012, .010, .002 and standard deviation .023, .017, .014,
-.009 of d^2 at 8, 10, 12 and 16 samples per side, where d^2 itself varies by .08.
+With n samples of a part whose pixels fall in K bins, the sampled d^2 is biased upwards by about
+(K - 1) / (8 n) (less as n approaches the number of pixels), plus scatter.  The bias is nearly the
+same for every particle, so it hardly changes the weights.  Measured against all pixels on the
+scene "articulated" (parts of 28 x 16 pixels, 8 to 12 bins each, poses some pixels and degrees from
+the truth), with 8, 10, 12 and 16 samples per side: bias of d^2 .026, .012, .010, .002; standard
+deviation .023, .017, .014, .009; d^2 itself varies by .08.
 """
 
 import math
@@ -20,16 +20,16 @@ import jax.numpy as jnp
 from jaxpf.likelihoods._places import cell_centres, places_in_image
 from jaxpf.lowering.columns import sum_of_rows, words_at
 
-#: Levels are counted in groups of this many, side by side in vector registers.
+#: Levels are counted in groups of this many, which fill vector registers.
 LEVEL_LANES = 8
-#: The code of what lies outside the frame; bins are below it, and codes have 7 bits.
+#: Code of pixels outside the frame; bins are smaller, and codes have 7 bits.
 OUTSIDE = 127
-# Groups whose codes are compared in one piece of straight-line code.
+# Number of groups whose codes are compared in one unrolled piece of code.
 _UNROLLED = 64
 
 
 def group_distance(num_samples, num_parts, sizes) -> int:
-    """Pixels between the samples of a group: half the mean distance between groups.
+    """Pixels between the samples of a group: half the (geometric) mean distance between groups.
 
     Args:
         num_samples: samples per side of a box, S.
@@ -42,15 +42,15 @@ def group_distance(num_samples, num_parts, sizes) -> int:
 
 
 def sample_table(bins, distance):
-    """Codes of four pixels per entry, made once per frame.
+    """The table of one frame, with the codes of four pixels per entry.
 
     Args:
         bins: integer [H, W], below ``OUTSIDE``.
         distance: pixels between the samples of a group, d.
 
     Returns:
-        uint32 [H + d + 2, W + d + 2]: entry (i, j) holds pixels (i, j) - d - 1 and those d
-        columns, d rows and both further; those outside the frame are ``OUTSIDE``.
+        uint32 [H + d + 2, W + d + 2]: entry (i, j) holds pixel (i - d - 1, j - d - 1) and its
+        neighbours d columns, d rows, and both, further; pixels outside the frame are ``OUTSIDE``.
     """
     margin = distance + 1
     before, after = margin, margin + distance
@@ -75,7 +75,7 @@ def sampled_similarity(
         num_samples: samples per side of the box, S: the box gets at least S / 2 columns and
             rows of groups, the same number of rows in each part.
         levels: integer [P, parts, K], bins that each object's references use.
-        roots: [P, parts, K], square roots of the references there.
+        roots: [P, parts, K], square roots of the references in these bins.
         partition: int [N].
         u: [N], centre, pixels from the left.
         v: [N], centre, pixels from the top.
@@ -94,7 +94,7 @@ def sampled_similarity(
     x, y = places_in_image(across, down, u, v, width, height, cosine, sine)
     margin = distance + 1
     last_row, last_column = (size - 1 for size in table.shape)
-    # A group's first pixel is d / 2 up and left of its middle; truncation is floor from 0 on.
+    # A group's first pixel is d / 2 above and left of its centre.  From 0 on, the cast floors.
     column = jnp.clip(x + (margin - distance / 2), 0, last_column).astype(jnp.int32)
     row = jnp.clip(y + (margin - distance / 2), 0, last_row).astype(jnp.int32)
     words = words_at(table, row, column)
@@ -110,16 +110,17 @@ def sampled_similarity(
 
 
 def _grid(num_samples, num_parts) -> tuple[int, int]:
-    """Columns of groups, and rows of groups in each part."""
+    """Number of columns of groups, and of rows of groups per part."""
     return -(-num_samples // 2), -(-num_samples // (2 * num_parts))
 
 
 def _counts(words, levels):
-    """How many codes equal each level: int32 [N, K] of words [N, rows, columns], levels [N, K].
+    """Count the codes that equal each level: int32 [N, K].
 
-    Four codes of 7 bits are compared at once: a byte of ``(word ^ level) + 0x7f`` has its
-    highest bit unless the codes are equal.  These bits are added byte by byte.  A scatter-add
-    does less work, but under ``vmap`` it becomes a scalar loop, ten times slower on a CPU.
+    ``words`` is [N, rows, columns], ``levels`` [N, K].  Four codes of 7 bits are compared at once:
+    a byte of ``(word ^ level) + 0x7f`` has its highest bit set unless the codes are equal, and
+    these bits are summed byte by byte.  A scatter-add does less work, but under ``vmap`` it
+    becomes a scalar loop, ten times slower on a CPU.
     """
     num_rows, num_columns = words.shape[1:]
     together = max(

@@ -1,6 +1,6 @@
-"""The pixels of many windows, taken on a grid from one frame.
+"""Sample the pixels of many windows of one frame on a grid.
 
-A pixel (i, j), row i and column j, is the square [j, j + 1) x [i, i + 1); those outside the frame
+Pixel (i, j), row i and column j, is the square [j, j + 1) x [i, i + 1); pixels outside the frame
 are black.
 """
 
@@ -18,7 +18,7 @@ def words_of(frame):
 
 
 def window_colours(observation, u, v, width, height, theta, window, interpolation):
-    """The colours at the places of a grid in every window: [N, rows * columns, 3]."""
+    """Colours at the grid places of every window: [N, rows * columns, 3]."""
     across, down = cell_centres(*window)
     x, y = places_in_image(across, down, u, v, width, height, *cos_sin(theta))
     num_rows, num_columns = observation.shape
@@ -30,7 +30,7 @@ def window_colours(observation, u, v, width, height, theta, window, interpolatio
         shifts = jnp.array([0, 8, 16], jnp.uint32)
         return ((word[..., None] >> shifts) & 255).astype(x.dtype)
 
-    # The black margin is the first pixel of the table.
+    # The table's first row and column are the black margin.
     if interpolation == "nearest":
         return colours(jnp.floor(y) + 1, jnp.floor(x) + 1)
     left, top = jnp.floor(x - 0.5), jnp.floor(y - 0.5)

@@ -15,7 +15,7 @@ NUM_BINS = LEVELS * LEVELS + LEVELS
 
 
 def check_frame(frame, name: str = "frame") -> None:
-    """Raise InputError unless ``frame`` is uint8 RGB, shape [H, W, 3], with a pixel in it."""
+    """Raise InputError unless ``frame`` is non-empty uint8 RGB, [H, W, 3]."""
     shape, dtype = getattr(frame, "shape", None), getattr(frame, "dtype", None)
     if dtype != jnp.uint8 or shape is None or len(shape) != 3 or shape[2] != 3 or 0 in shape:
         found = type(frame).__name__ if shape is None else f"{dtype} {list(shape)}"
@@ -36,20 +36,20 @@ def hsv_bins(frame) -> jax.Array:
         int32 [...]: ``10 * hue_level + saturation_level`` (0 to 99) for a coloured pixel,
         ``100 + value_level`` for the rest.
 
-    The arithmetic is exact.  With ``chroma = max - min`` in whole numbers, saturation is
-    chroma / max, value is max / 255 and hue a sixth of a whole number over chroma, so each
-    level is the whole part of a fraction whose terms stay below 2^14.  Half is added to the
-    numerator: that cannot reach the next whole number, and it keeps the result right where
-    a device's division is off by a rounding error.
+    The arithmetic is exact.  With ``chroma = max - min`` as an integer, saturation is
+    chroma / max, value is max / 255 and hue is a sixth of an integer over chroma.  So each level
+    is the floor of a fraction whose terms stay below 2^14.  Adding half to the numerator cannot
+    reach the next integer, and keeps the result right if a device's division is off by a
+    rounding error.
     """
-    # Planes of floats, and choices between ready values: CPUs vectorise that, and neither
-    # interleaved bytes nor choices between expressions (twice as slow).
+    # Planes of floats, and selections between precomputed values, because CPUs vectorise these;
+    # interleaved bytes, or selections between expressions, are twice as slow.
     planes = computed_before(jnp.moveaxis(frame, -1, 0).astype(jnp.float32))
     red, green, blue = planes
     largest = jnp.maximum(jnp.maximum(red, green), blue)
     chroma = largest - jnp.minimum(jnp.minimum(red, green), blue)
 
-    # Hue on the colour wheel, in sixths of a turn, times chroma: 0 to 6 * chroma.
+    # Hue on the colour wheel in sixths of a turn, times chroma: 0 to 6 * chroma.
     is_red, is_green = largest == red, largest == green
     difference = jnp.where(is_red, green - blue, jnp.where(is_green, blue - red, red - green))
     sector = jnp.where(is_red, jnp.where(green < blue, 6.0, 0.0), jnp.where(is_green, 2.0, 4.0))

@@ -1,11 +1,11 @@
-"""A detector's word beside the picture's: where somebody was found, with the chance of an error.
+"""Combine an image likelihood with detections, allowing for false ones.
 
-The likelihood of a picture is multiplied, for a target that was detected, by::
+For a detected target, the image likelihood is multiplied by::
 
     (exp(-r^2 / 2) + c) / (1 + c),   r^2 = sum over coordinates of ((x - found) / scale)^2
 
-with c for a detection that is of somebody else, so that a wrong one cannot drive a target's
-particles away; nothing is said of a target that was not detected.
+where c accounts for a detection of another object, so that a wrong detection cannot drive a
+target's particles away.  Targets without a detection are not affected.
 """
 
 from typing import Any
@@ -23,19 +23,19 @@ _OTHERS = 0.01
 
 @pytree_dataclass
 class Detected(WrappedLikelihood):
-    """Another likelihood, and detections.
+    """Another likelihood, multiplied by that of detections.
 
     Attributes:
-        likelihood: of the picture.
-        found: ``[L, D]``, substates where the targets were found; NaN for one that was not.
-        scale: ``[L, D]``, standard deviations of that.
+        likelihood: of the image.
+        found: ``[L, D]``, detected substates; NaN for a target without a detection.
+        scale: ``[L, D]``, standard deviations of the detections.
     """
 
     likelihood: Any
     found: Any
     scale: Any
 
-    # From ``log_prob_all``, and not the inner likelihood's own.
+    # Derived from ``log_prob_all``, not forwarded to the inner likelihood.
     log_prob = Likelihood.log_prob
 
     def log_prob_all(self, observation, partition, substates):

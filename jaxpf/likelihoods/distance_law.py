@@ -1,44 +1,44 @@
-"""What a histogram's distance d^2 says: likelihoods that can be compared, or not.
+"""Normalised forms of the histogram likelihood, as functions of the distance d^2.
 
 A likelihood p(y | x) must integrate to 1 over observations y before its evidence means anything.
-smith2004's ``exp(-S d^2)`` does not: whatever is observed, a smaller sharpness S gives every
+smith2004's ``exp(-S d^2)`` does not: for any observation, a smaller sharpness S gives every
 particle a larger value, so its evidence always prefers S = 0.  There are three forms, with
-s = d^2 in [0, m], m the number of parts.  They differ in a constant that depends on S and on the
-object, so particles' weights and estimates are the same in all three: a value of S that was found
-with one is good for another.
+s = d^2 in [0, m], m the number of parts.  They differ by a factor that depends only on S and the
+object, so weights and estimates are the same in all three: an S found with one form is good for
+the others.
 
 ``"exponential"``
     log p = -S s.  For tracking.  Its evidence compares orderings, numbers of particles and
     motion at one sharpness, never sharpnesses.
 
 ``"density"``
-    The density of s on [0, m], an exponential distribution cut off at m::
+    The density of s on [0, m], a truncated exponential distribution::
 
         f(s) = exp(-S s) / Z(S),   Z(S) = int_0^m exp(-S s) ds = (1 - exp(-S m)) / S
 
-    log p = -S s - log Z(S).  Where s is the same whatever S, its evidence is largest at
-    S = 1 / mean(s) nearly.  It is a density of the *number* s, not of the picture: it asks how
-    large s is, and not whether s is smaller here than elsewhere.  Meaningful where the object's
-    own distances are the question; as a criterion for tracking it prefers too small an S
-    (measured on two scenes "distracter", N = 100: 2 to 4, where boxes overlap the truth by 59 to
-    70 %; "ratio" prefers 8 to 14, with 69 to 81 %).
+    log p = -S s - log Z(S).  If s does not depend on S, the evidence is largest near
+    S = 1 / mean(s).  It is a density of the *number* s, not of the picture: it measures how
+    large s is, not whether s is smaller here than elsewhere.  Use it to study an object's own
+    distances; as a criterion for tracking it prefers too small an S (measured on two scenes
+    "distracter", N = 100: 2 to 4, where boxes overlap the truth by 59 to 70 %; "ratio" prefers
+    8 to 14, with 69 to 81 %).
 
 ``"ratio"``
-    Let b be the density of s at boxes that lie anywhere in the frames.  Tilted by exp(-S s)::
+    Let b be the density of s at boxes anywhere in the frames.  The tilted density::
 
         f(s) = b(s) exp(-S s) / M(S),   M(S) = int_0^m b(s) exp(-S s) ds
 
     integrates to 1 over s in [0, m], and the likelihood ratio of "the object is at x" to "x is
-    anywhere" is f(s) / b(s) = exp(-S s) / M(S).  If the picture depends on x through s alone, then
+    anywhere" is f(s) / b(s) = exp(-S s) / M(S).  If the picture depends on x only through s, then
     p(y | x) = p(y | anywhere) f(s) / b(s) is a density over *pictures*: what s leaves out cancels,
-    and all particles explain one and the same picture (Sidenbladh & Black, "Learning image
-    statistics for Bayesian tracking", ICCV 2001, learn both densities; maccormick1999 divides
-    measurement lines by their clutter for the same reason).  log p = -S s - log M(S), with M the
-    mean over boxes of some frames.  Its evidence asks how much better a place is than the
-    others, so it compares sharpnesses, motion, templates and parts: the form for tuning.
-    Meaningful as far as those boxes are what a wrong particle sees; learn it anew where the
-    background changes.  A large S tells places a fraction of a pixel apart: then M is known only as
-    closely as the boxes lie.
+    and all particles explain the same picture (Sidenbladh & Black, "Learning image statistics for
+    Bayesian tracking", ICCV 2001, learn both densities; maccormick1999 divides measurement lines
+    by their clutter for the same reason).  log p = -S s - log M(S), with M the mean over boxes of
+    some frames.  Its evidence measures how much better a place is than others, so it compares
+    sharpnesses, motion, templates and parts: the form for tuning.  It is meaningful as far as
+    those boxes represent what a wrong particle sees; learn it again if the background changes.
+    A large S distinguishes places a fraction of a pixel apart; M is then only as accurate as the
+    spacing of the boxes allows.
 """
 
 import math
@@ -52,12 +52,12 @@ from jaxpf.contract.errors import InputError
 
 FORMS = ("exponential", "density", "ratio")
 
-# Boxes that are measured at once, and how many values of theirs are kept.
+# Boxes measured at once; values kept individually; groups of the remaining values.
 _AT_ONCE, _ALONE, _GROUPS = 4096, 1024, 512
 
 
 def log_normaliser(sharpness: Any, parts: int) -> jax.Array:
-    """log Z(S) of the form "density", [] or the shape of ``sharpness``."""
+    """log Z(S) of the form "density", in the shape of ``sharpness``."""
     sharpness = jnp.asarray(sharpness)
     return jnp.log(-jnp.expm1(-sharpness * parts)) - jnp.log(sharpness)
 
@@ -77,13 +77,13 @@ def log_tilt(sharpness: Any, background: Any) -> jax.Array:
 
 
 def log_density(form, sharpness, parts, background, partition, squared_distance):
-    """Log of a form's value, [N].
+    """Log-likelihood of a form, [N].
 
     Args:
         form: one of ``FORMS``.
         sharpness: [], S.
         parts: m.
-        background: [P, 2, n], see ``learn_background``, for ``"ratio"``, else ignored.
+        background: [P, 2, n], see ``learn_background``, for ``"ratio"``, otherwise ignored.
         partition: int [N].
         squared_distance: [N], s.
     """
@@ -96,22 +96,22 @@ def log_density(form, sharpness, parts, background, partition, squared_distance)
 
 
 def learn_background(likelihood: Any, frames: Any, *, num_boxes: int = 100_000) -> jax.Array:
-    """Every object's d^2 all over some frames, for ``form="ratio"``.
+    """Each object's distribution of d^2 over whole frames, for ``form="ratio"``.
 
-    Boxes have the object's size and lie within the frame, at every pixel, or at every second,
-    third and so on; the objects' own places are not excluded.
+    Boxes have the object's size and lie inside the frame on a grid with a spacing of 1, 2, 3
+    or more pixels; the objects' own positions are included.
 
     Args:
         likelihood: a ``HistogramLikelihood``.
-        frames: uint8 RGB [H, W, 3] or [T, H, W, 3].  Take several: an object's smallest d^2
-            differs from frame to frame, and where M is learned from a frame in which it is
-            large, any S looks too small for the others.
-        num_boxes: at most, per object and frame.  Boxes should lie closer than the likelihood
-            is wide.
+        frames: uint8 RGB [H, W, 3] or [T, H, W, 3].  Use several: an object's smallest d^2
+            differs between frames, and if M is learned from a frame in which it is large, any S
+            looks too small for the others.
+        num_boxes: maximum per object and frame.  Boxes should lie closer together than the
+            likelihood is wide.
 
     Returns:
-        [P, 2, n]: values of d^2 and the logs of their shares.  The smallest values are kept one
-        by one, the others, which weigh little, as means of groups.
+        [P, 2, n]: values of d^2 and the logs of their shares.  The smallest values are kept
+        individually; the others, which weigh little, as means of groups.
 
     Raises:
         InputError: an argument is out of range, or an object is larger than the frame.
@@ -148,19 +148,19 @@ def learn_background(likelihood: Any, frames: Any, *, num_boxes: int = 100_000) 
             ]
             squared.append(np.concatenate(pieces)[: len(centres)])
         learned.append(compressed(np.concatenate(squared)))
-    # A small frame has fewer places than there are groups, the fewer the larger the object.
+    # In a small frame the number of boxes may be smaller, and differ between objects.
     longest = max(one.shape[1] for one in learned)
     return jnp.asarray(np.stack([_filled_up(one, longest) for one in learned]), float)
 
 
 def _pieces(substates: np.ndarray) -> list[np.ndarray]:
-    """``[3, n]`` in pieces of one width, the last one filled up."""
+    """``[3, n]`` split into pieces of one width, the last one padded."""
     filled = np.pad(substates, ((0, 0), (0, -substates.shape[1] % _AT_ONCE)), mode="edge")
     return np.split(filled, filled.shape[1] // _AT_ONCE, axis=1)
 
 
 def _filled_up(background: np.ndarray, count: int) -> np.ndarray:
-    """``[2, count]`` of fewer columns; those that are added have no share."""
+    """Pad to ``[2, count]`` with columns of share 0."""
     values, logs = background
     missing = count - len(values)
     return np.stack(
@@ -172,7 +172,7 @@ def _filled_up(background: np.ndarray, count: int) -> np.ndarray:
 
 
 def compressed(squared: np.ndarray) -> np.ndarray:
-    """[2, n] of many values: the smallest alone, the rest in groups of like ones."""
+    """[2, n] of many values: the smallest individually, the rest as means of groups."""
     ordered = np.sort(squared.astype(np.float64))
     alone, rest = ordered[:_ALONE], ordered[_ALONE:]
     groups = np.array_split(rest, min(_GROUPS, len(rest))) if len(rest) else []

@@ -1,4 +1,4 @@
-"""Linear-Gaussian observations, and the exact Kalman answer for checks and teaching."""
+"""Linear-Gaussian observations, and exact Kalman filtering for tests and teaching."""
 
 import jax
 import jax.numpy as jnp
@@ -53,10 +53,10 @@ class Gaussian(Likelihood):
 
 @pytree_dataclass
 class CorrelatedGaussian:
-    """Partitions of one dimension observed with noise that is correlated between them.
+    """One-dimensional partitions, observed with noise that is correlated between them.
 
-    The joint likelihood does not factor: ``log_prob`` is the marginal of each partition and
-    serves as the weighting function, ``log_joint`` the true density.  A frame is ``[P]``.
+    The joint likelihood does not factor.  ``log_prob`` is the marginal of one partition and serves
+    as the weighting function; ``log_joint`` is the true density.  A frame is ``[P]``.
 
     Attributes:
         covariance: ``[P, P]`` of the observation noise.
@@ -102,9 +102,9 @@ def kalman(
         process_covariance: of q, ``[S, S]``.
         observation: H, ``[E, S]``.
         noise_covariance: of r, ``[E, E]``.
-        mean: ``[S]``, of the state just before the first frame.
-        covariance: ``[S, S]``, of the same.
-        frames: ``[T, E]``; what is NaN is missing.
+        mean: ``[S]``, of the state before the first frame.
+        covariance: ``[S, S]``, of the same state.
+        frames: ``[T, E]``; NaN marks missing data.
 
     Returns:
         Log evidence increments ``[T]``, filtered means ``[T, S]`` and covariances
@@ -133,7 +133,7 @@ def kalman(
 
 
 def stacked_model(dynamics, parents: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """A ``LinearGaussian`` dynamics on a part tree as one system over ``(x_t, x_{t-1})``.
+    """``LinearGaussian`` dynamics on a part tree, as one system over ``(x_t, x_{t-1})``.
 
     Solves the within-frame coupling ``(I - C) x_t = A x_{t-1} + B x_{t-2} + L n``.
 

@@ -1,15 +1,15 @@
 """Colour-histogram likelihood with spatial parts.
 
-A box is cut into horizontal bands of equal height, its parts.  Each part's histogram p of
+A box is divided into horizontal bands of equal height, its parts.  Each part's histogram p of
 hue, saturation and value (Perez et al. 2002, see ``jaxpf.likelihoods.hsv_bins``) is
 compared with a reference q (smith2004, section on the observation model)::
 
     log p(y | x) = -sharpness * d^2,   d^2 = sum over parts of (1 - sum_b sqrt(p_b q_b))
 
 A box (x, y, w, h) covers [x, x + w) x [y, y + h) in pixels; pixel (i, j), row i and column
-j, is the square [j, j + 1) x [i, i + 1).  Pixels outside the frame fall in no bin while p is
-divided by the area of the whole box, so a box that leaves the frame loses similarity
-smoothly and a box outside it has d^2 = parts.
+j, is the square [j, j + 1) x [i, i + 1).  Pixels outside the frame are in no bin, but p is
+divided by the area of the whole box.  So a box that leaves the frame loses similarity smoothly,
+and a box outside it has d^2 = parts.
 """
 
 import dataclasses
@@ -43,8 +43,8 @@ from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.distance_law import learn_background, log_density
 from jaxpf.shapes.rectangles import cos_sin
 
-#: Runs that share an integral table, by which one is chosen: the choice changes results, which may
-#: not depend on the number of runs.
+#: Number of runs assumed to share an integral table when the method is chosen.  It is fixed, since
+#: the choice affects results, and results must not depend on the number of runs.
 _SHARING_RUNS = 25
 
 
@@ -54,28 +54,28 @@ class HistogramLikelihood(Likelihood):
 
     A substate is (u, v, a): the centre of the box in pixels from the left and the top of
     the frame, and its scale; the box is ``a * w`` by ``a * h``.  With the sampled method it
-    may be (u, v, a, theta, ...): rotation in radians, clockwise in the image; what follows is
-    not looked at.
+    may be (u, v, a, theta, ...): theta is the rotation in radians, clockwise in the image;
+    further coordinates are ignored.
 
     Attributes:
         sharpness: scalar, lambda of smith2004.
         references: [P, parts, B], square roots of the reference histograms.
         sizes: [P, 2], width and height of the box at scale 1, pixels.
-        bin_lookup: int32 [110], colour bin -> one of B bins, or B: only bins that some
-            reference uses are counted, for the others add nothing to the similarity.
+        bin_lookup: int32 [110], colour bin -> one of B bins, or B for bins that no reference
+            uses; these are not counted, since they add nothing to the similarity.
         method: ``"integral"`` (upright boxes, corners at whole pixels) or ``"sampled"``
             (about ``samples x samples`` pixels of a box at any angle).
         samples: samples per side of the box.
-        table_dtype: ``"uint16"`` or ``"uint32"``.  Counts wrap around: a box one of whose
-            parts has 2^16 (2^32) pixels in the frame gets log-probability -inf.
+        table_dtype: ``"uint16"`` or ``"uint32"``.  Counts wrap around: a box with a part of
+            2^16 (2^32) or more pixels in the frame gets log-probability -inf.
         levels: int32 [P, parts, K], for the sampled method: the bins that each reference uses,
-            filled up with B; None compares samples with all B bins.
+            padded with B; None compares samples with all B bins.
         distance: for the sampled method: pixels between the samples of a group of four.
-        interpolation: ``"nearest"`` counts whole pixels: the value is constant but for steps, so
-            its gradient with respect to the substate is 0.  ``"bilinear"`` counts shares of
-            pixels, and the gradient is right: the integral method costs about 7 times as much
-            then, the sampled one 16 times (48 bins, two busy CPU cores); value and gradient
-            together another 1.3 and 2.7 times.
+        interpolation: ``"nearest"`` counts whole pixels: the value is piecewise constant, so
+            its gradient with respect to the substate is 0.  ``"bilinear"`` counts fractions of
+            pixels and has a correct gradient, at about 7 times the cost for the integral method
+            and 16 times for the sampled one (48 bins, two busy CPU cores); value and gradient
+            together cost another 1.3 and 2.7 times.
         form: ``"exponential"``, ``"density"`` or ``"ratio"``, see
             ``jaxpf.likelihoods.log_density``.
         background: [P, 2, n], for the form ``"ratio"``, see ``learn_background``.
@@ -94,7 +94,7 @@ class HistogramLikelihood(Likelihood):
     form: str = static_field(default="exponential")
     background: Any = None
 
-    #: What ``observe`` gives depends on no parameter that tuning may change.
+    #: ``observe`` does not depend on parameters that tuning may change.
     fixed_observation = True
 
     @property
@@ -103,7 +103,7 @@ class HistogramLikelihood(Likelihood):
         return self.interpolation == "bilinear"
 
     def estimated_nanoseconds(self, frame_shape):
-        """Roughly the time of a frame ``(height, width)``, and of one partition of a particle."""
+        """Rough time per frame ``(height, width)``, and per particle and partition."""
         _, parts, bins = self.references.shape
         slower = 15 if self.interpolation == "bilinear" else 1
         if self.method == "sampled":
@@ -111,7 +111,7 @@ class HistogramLikelihood(Likelihood):
         return (65 + 1.6 * bins) * math.prod(frame_shape), 100.0 + slower * parts * bins
 
     def observe(self, frame):
-        """Work that depends on the frame alone, shared by all particles and runs.
+        """The part of the computation that depends only on the frame, shared by particles and runs.
 
         Args:
             frame: uint8 RGB [H, W, 3].
@@ -164,8 +164,8 @@ class HistogramLikelihood(Likelihood):
             observation, partition, substates: as for :meth:`log_prob_all`.
 
         Returns:
-            [N], 0 to the number of parts, and bool [N]: whether the box is large enough, and not
-            too large to be counted.
+            [N], 0 to the number of parts, and bool [N]: whether the box is large enough, and small
+            enough for its counts to fit the table.
 
         Raises:
             InputError: D is not 3 (or more, with the sampled method).
@@ -197,7 +197,7 @@ class HistogramLikelihood(Likelihood):
         return num_parts - similarity, valid
 
     def _compact_references(self):
-        """The bins that each reference uses and its values there, [P, parts, K] each."""
+        """The bins that each reference uses and its values in them, [P, parts, K] each."""
         references = jnp.asarray(self.references)
         if self.levels is None:
             levels = jnp.arange(references.shape[-1])
@@ -237,15 +237,15 @@ def histogram(
 
     Args:
         frame: uint8 RGB [H, W, 3].
-        boxes: [P, 4], (x, y, w, h) in pixels.  What is outside the frame is left out of
-            the reference, which is normalised over the pixels inside.
+        boxes: [P, 4], (x, y, w, h) in pixels.  A reference is normalised over the pixels inside
+            the frame.
         sharpness: lambda of smith2004 (20 to 50 there).
         parts: horizontal bands of equal height.
-        method: ``"integral"``, ``"sampled"``, or ``"auto"``: integral if 25 runs have more than
-            one particle and object for every two pixels, or with bilinear interpolation; the
-            result's ``method`` says which.  The sampled method's d^2 is too large by about
-            (K - 1) / (8 n) per part, K bins and n samples: choose by name where the two
-            should be comparable.
+        method: ``"integral"``, ``"sampled"``, or ``"auto"``: integral with bilinear
+            interpolation, or if 25 runs together have more than one particle and object per two
+            pixels; the result's ``method`` holds the choice.  The sampled method's d^2 is biased
+            upwards by about (K - 1) / (8 n) per part, with K bins and n samples, so name a
+            method if results are to be compared.
         num_particles: particles per run, for ``"auto"``; default 300.
         samples: samples per side of a box, for the sampled method.
         references: object -> uint8 RGB patch [h, w, 3] from which that object's reference
@@ -256,7 +256,7 @@ def histogram(
             boxes anywhere in ``frame``.
 
     Raises:
-        InputError: an argument is out of range; the sentence says which.
+        InputError: an argument is out of range.
     """
     check_frame(frame)
     boxes = np.asarray(boxes, np.float64)
@@ -307,13 +307,13 @@ def histogram_from_patches(
         patches: P pictures, uint8 RGB [h, w, 3], of any sizes.
         sizes: [P, 2], width and height of the boxes at scale 1, pixels; by default the
             sizes of the patches.
-        frame_shape: height and width of the frames to come, for ``method="auto"``.
+        frame_shape: height and width of the frames to track in, for ``method="auto"``.
         sharpness, parts, method, num_particles, samples, interpolation, form: as in
             :func:`histogram`.
         background_frames: uint8 RGB [H, W, 3], from which ``form="ratio"`` learns the background.
 
     Raises:
-        InputError: an argument is out of range; the sentence says which.
+        InputError: an argument is out of range.
     """
     check_parts(parts)
     if len(patches) == 0:
@@ -340,7 +340,7 @@ def _build(
     learned, sizes, sharpness, method, num_particles, samples, frame_shape,
     interpolation, form, background_frames,
 ) -> HistogramLikelihood:  # fmt: skip
-    """Keep the bins that a reference uses, choose the method, make the pytree."""
+    """Keep the bins that references use, choose the method, and make the likelihood."""
     num_objects, num_parts, _ = learned.shape
     check_settings(
         sharpness, method, num_particles, samples, num_parts, interpolation, form,
@@ -357,7 +357,7 @@ def _build(
         queries = num_objects * (num_particles or 300) * _SHARING_RUNS
         dense = 2 * queries > math.prod(frame_shape) or interpolation == "bilinear"
         method = "integral" if dense else "sampled"
-    # Twice the size, four times the pixels, and a part must still count without wrapping.
+    # Leave room for twice the size: four times the pixels of a part must not wrap.
     largest_part = max(width * math.ceil(height / num_parts) for width, height in sizes)
     distance = (
         group_distance(samples, num_parts, sizes) if interpolation == "nearest" else NEIGHBOURS

@@ -1,8 +1,8 @@
-"""Colour histograms of objects that are not known yet: as many places as there may be objects.
+"""Colour histograms with a fixed number of places for objects that appear later.
 
-The shapes of the arrays depend on the number of places alone, so that whoever comes and goes
-nothing is compiled anew.  All colour bins are counted, where ``histogram`` leaves out those that
-no object has: a newcomer may have any.
+Array shapes depend only on the number of places, so objects can come and go without recompilation.
+All colour bins are counted, since a new object may have any; ``histogram`` counts only those that
+occur in an object.
 """
 
 import dataclasses
@@ -29,21 +29,23 @@ def open_histogram(
     method: str = "auto",
     num_particles: int | None = None,
 ) -> HistogramLikelihood:
-    """The likelihood of ``capacity`` places, all of them empty; fill one by ``with_object``.
+    """A likelihood with ``capacity`` empty places; fill one with ``with_object``.
 
     Args:
         capacity: P.
         frame_shape: height and width of the frames.
-        typical_size: width and height of an object, pixels, by which samples are spread.
+        typical_size: width and height of a typical object in pixels, which set the spacing of
+            samples.
         sharpness: as in ``histogram``, like the rest.
         parts: see ``histogram``.
-        method: see ``histogram``; with all bins counted "auto" is "sampled" for all but huge sets.
+        method: see ``histogram``; as all bins are counted, "auto" means "sampled" except for huge
+            particle sets.
         num_particles: of all objects together, for ``"auto"``.
 
     Raises:
-        InputError: an argument is out of range; the sentence says which.
+        InputError: an argument is out of range.
     """
-    # A picture with every bin in it gives the arrays their shapes.
+    # A picture that contains every bin determines the shapes of the arrays.
     colours = np.stack(np.meshgrid(*[np.arange(0, 256, 15)] * 3), axis=-1).reshape(1, -1, 3)
     picture = np.repeat(colours.astype(np.uint8), parts, axis=0)
     likelihood = histogram_from_patches(
@@ -69,16 +71,16 @@ def open_histogram(
 def with_object(
     likelihood: HistogramLikelihood, place: int, frame: np.ndarray, box: ArrayLike
 ) -> HistogramLikelihood:
-    """The likelihood in which a place holds the object that a frame shows in a box.
+    """The likelihood with an object, learned from a box in a frame, in one place.
 
     Args:
         likelihood: from ``open_histogram``.
         place: 0 to P - 1.
         frame: uint8 RGB [H, W, 3].
-        box: x, y, w, h in pixels; what is outside the frame is left out.
+        box: x, y, w, h in pixels; pixels outside the frame are ignored.
 
     Raises:
-        InputError: a place that there is not; a band of the box has no pixel inside the frame.
+        InputError: there is no such place, or a band of the box has no pixel inside the frame.
     """
     check_frame(frame)
     if not 0 <= place < len(likelihood.references):

@@ -1,14 +1,14 @@
-"""Patch likelihood: a window of pixels against a picture, whatever the brightness.
+"""Patch likelihood: compare a window of pixels with a picture, invariant to brightness.
 
 Source: eskil2014, eq. 6 and 7.  With o the window's pixels, r the reference's and E the mean over
 the window, all channels together::
 
     d = r / E[r] - o / E[o],    log p(y | x) = -||d||^2 / sigma^2
 
-On a window of n entries, errors that are independent add up to a sum far too sharp for particles
+On a window of n entries, independent errors add up to a sum that is far too sharp for particles
 (21 x 21 pixels RGB, off by 5 %: -331).  So by default ``||d||^2`` is divided by n; ``norm="sum"``
-is the paper's literal rule.  A pixel (i, j), row i and column j, is the square
-[j, j + 1) x [i, i + 1); those outside the frame are black.
+is the paper's literal rule.  Pixel (i, j), row i and column j, is the square
+[j, j + 1) x [i, i + 1); pixels outside the frame are black.
 """
 
 from collections.abc import Sequence
@@ -31,8 +31,8 @@ from jaxpf.likelihoods._checks import (
 from jaxpf.likelihoods._windows import window_colours, words_of
 from jaxpf.likelihoods.color import check_frame
 
-# A window as dark as this, on the scale 0 to 255, is divided by it and not by its mean: noise on
-# black must not look like contrast.
+# Lower bound of the mean, on the scale 0 to 255, by which a window is divided: noise on black must
+# not look like contrast.
 _DARKEST_MEAN = 1.0
 
 
@@ -48,11 +48,11 @@ class PatchLikelihood(Likelihood):
         sigma: scalar, sigma_o of eskil2014.
         references: [P, rows * columns, 3], r / E[r].
         sizes: [P, 2], width and height of the window at scale 1, pixels.
-        window: (columns, rows) of the grid on which pixels are taken.
+        window: (columns, rows) of the sampling grid.
         norm: ``"mean"`` or ``"sum"``.
-        interpolation: ``"nearest"`` takes a pixel for each place of the grid; ``"bilinear"``
-            mixes four, costs about four times as much and has gradients with respect to u, v,
-            a and theta.
+        interpolation: ``"nearest"`` reads one pixel per place of the grid; ``"bilinear"`` mixes
+            four, costs about four times as much, and has gradients with respect to u, v, a and
+            theta.
     """
 
     sigma: Any
@@ -67,7 +67,7 @@ class PatchLikelihood(Likelihood):
         """Whether ``log_prob`` is differentiable in the substate."""
         return self.interpolation == "bilinear"
 
-    #: What ``observe`` gives depends on no parameter that tuning may change.
+    #: ``observe`` does not depend on parameters that tuning may change.
     fixed_observation = True
 
     def observe(self, frame):
@@ -126,22 +126,22 @@ def patch(
     interpolation: str = "nearest",
     names: Sequence[str] | None = None,
 ) -> PatchLikelihood:
-    """Learn the likelihood of P objects from where they are in one frame.
+    """Learn the likelihood of P objects from their windows in one frame.
 
     Args:
         frame: uint8 RGB [H, W, 3].
         poses: [P, 3], x and y of the windows' centres in pixels, and theta in radians, clockwise
             in the image.
         sizes: [P, 2], width and height of the windows, pixels.
-        sigma: the smaller, the sharper; .1 in eskil2014, there with ``norm="sum"``.
-        window: columns and rows of the grid on which pixels are taken (eskil2014: 21 x 21).
-        norm: ``"mean"``, squared differences over their number, or ``"sum"``, the paper's eq. 7,
-            far too sharp for particles on a large window.
+        sigma: smaller is sharper; .1 in eskil2014, with ``norm="sum"``.
+        window: columns and rows of the sampling grid (eskil2014: 21 x 21).
+        norm: ``"mean"`` of the squared differences, or their ``"sum"``, the paper's eq. 7, which
+            is far too sharp for particles on a large window.
         interpolation: ``"nearest"`` or ``"bilinear"``.
-        names: what messages call the windows; by default their numbers.
+        names: of the windows in messages; by default their numbers.
 
     Raises:
-        InputError: an argument is out of range, or a window is black; the sentence says which.
+        InputError: an argument is out of range, or a window is black.
     """
     check_frame(frame)
     poses, sizes = np.asarray(poses, np.float32), np.asarray(sizes, np.float32)
@@ -185,7 +185,7 @@ def patch_from_pictures(
         sigma, window, norm, interpolation: as in :func:`patch`.
 
     Raises:
-        InputError: an argument is out of range, or a picture is black; the sentence says which.
+        InputError: an argument is out of range, or a picture is black.
     """
     if len(pictures) == 0:
         raise InputError("pictures is empty: give one picture per object.")

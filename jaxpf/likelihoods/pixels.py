@@ -1,27 +1,28 @@
-"""Pixel likelihood: how many of a box's pixels look as they should (rowe2005, eq. 3).
+"""Pixel likelihood: the average density of a box's pixels (rowe2005, eq. 3).
 
-Every pixel of the box, taken on a grid of M places, is compared with the target's picture by a
-Gaussian of the camera's noise, and the M densities are *averaged*::
+Each of the M pixels of the box, sampled on a grid, is compared with the target's picture under
+Gaussian camera noise, and the M densities are *averaged*::
 
     p(y | x) = (1/M) sum_m N(I_m(x); A_m, sigma^2)
 
-A pixel that is hidden adds nothing and spoils nothing, so that a target half behind something
-keeps half its likelihood; the *product*, which independent noise would ask for and the paper
-argues against, falls by a factor of ``exp(-d^2 / 2 sigma^2)`` for every hidden pixel.  The mean is
-no density of the whole frame: it says how likely a pixel of the box is, drawn at random.
+An occluded pixel only fails to contribute, so a half-occluded target keeps half its likelihood.
+The *product*, which independent noise implies and which the paper argues against, falls by a factor
+of ``exp(-d^2 / 2 sigma^2)`` per occluded pixel.  The mean is not a density of the whole frame: it
+is that of one pixel of the box, drawn at random.
 
-Two corrections of the paper, each off unless asked for:
+The paper makes two corrections; both are off by default:
 
 *Power.*  A box that is off by dx and dy covers the share A = (1 - |dx|/w) (1 - |dy|/h) of the
-target (eq. 8), so that large targets hardly notice a shift.  Raised to the power
-``k = max(1, s max(w, h))`` the slope of A^k at zero is at least s per pixel.  There is one k for
-each target and frame, from its expected box: a power for each particle would make the result
-depend on the units of intensity.
-*Size term.*  Small boxes inside the target match as well as the whole and overlap it better, so
-that boxes shrink and collapse: larger ones are favoured by the factor (w h / expected w h)^b.
+target (eq. 8), so large targets hardly notice a shift.  With the power ``k = max(1, s max(w, h))``
+the slope of A^k at zero is at least s per pixel.  All particles of a target and frame share one k,
+from the target's expected box: with one power per particle the result would depend on the units of
+intensity.
+*Size term.*  Small boxes inside the target match as well as the whole target and overlap it
+better, so boxes shrink and collapse.  The factor (w h / expected w h)^b favours larger ones.
 
-The expected box is what the filter last reported, where it tells (``expecting``), and else the
-target's own size.  A pixel (i, j) is the square [j, j + 1) x [i, i + 1); outside all is black.
+The expected box is the filter's last estimate if it reports one (``expecting``), otherwise the
+target's own size.  Pixel (i, j) is the square [j, j + 1) x [i, i + 1); pixels outside the frame are
+black.
 """
 
 import dataclasses
@@ -56,20 +57,20 @@ class PixelLikelihood(Likelihood):
     """Pixel likelihood of L targets; make one with :func:`pixels`.
 
     A substate is (u, v, w, h, ...), centre and sides in pixels (``size="sides"``), or
-    (u, v, a, ...), the sides being a times the target's own (``size="scale"``).
+    (u, v, a, ...), where the sides are a times the target's own (``size="scale"``).
 
     Attributes:
-        sigma: standard deviation of a pixel's noise in each channel, of 255.
+        sigma: standard deviation of a pixel's noise in each channel, on the scale 0 to 255.
         references: [L, M, channels], the targets' pixels A on the grid.
         sizes: [L, 2], width and height at scale 1, pixels.
-        expected: [L, 2], the boxes that power and size term refer to, pixels.
-        min_slope: s, per pixel; None takes no power.
-        size_term: b; None leaves it out.
+        expected: [L, 2], the expected boxes for power and size term, pixels.
+        min_slope: s, per pixel; None disables the power.
+        size_term: b; None disables the size term.
         window: (columns, rows) of the grid.
         pool: ``"mean"`` (eq. 3) or ``"product"``.
         size: ``"sides"`` or ``"scale"``.
         colour: ``"colour"`` or ``"grey"``.
-        interpolation: ``"nearest"`` or ``"bilinear"``, which has gradients and blurs noise.
+        interpolation: ``"nearest"``, or ``"bilinear"``, which has gradients and blurs noise.
     """
 
     sigma: Any
@@ -84,7 +85,7 @@ class PixelLikelihood(Likelihood):
     colour: str = static_field(default="colour")
     interpolation: str = static_field(default="nearest")
 
-    #: What ``observe`` gives depends on no parameter.
+    #: ``observe`` depends on no parameter.
     fixed_observation = True
 
     @property
@@ -102,7 +103,7 @@ class PixelLikelihood(Likelihood):
         return _words(frame, self.colour)
 
     def expecting(self, estimates: jax.Array) -> "PixelLikelihood":
-        """The likelihood whose power and size term refer to estimates ``[L, D]``."""
+        """The likelihood with expected boxes from estimates ``[L, D]``."""
         sides = self._sides(estimates.T, jnp.arange(estimates.shape[0]))
         expected = jnp.maximum(jnp.stack(sides, axis=-1), 1.0)
         return dataclasses.replace(self, expected=jax.lax.stop_gradient(expected))
@@ -140,7 +141,7 @@ class PixelLikelihood(Likelihood):
         sigma = jnp.asarray(self.sigma, dtype)
         difference = (seen[..., : references.shape[-1]] - references) / sigma
         log_pixel = -0.5 * jnp.sum(difference**2, axis=-1)
-        # Log-densities relative to their peak: a power of them knows no units of intensity.
+        # Log-densities relative to their peak, so that their power has no units of intensity.
         num_places, num_channels = references.shape[-2:]
         if self.pool == "mean":
             relative = jax.nn.logsumexp(log_pixel, axis=1) - math.log(num_places)
@@ -189,18 +190,18 @@ def pixels(
         pictures: L pictures, uint8 RGB [h, w, 3], of any sizes.
         sizes: [L, 2], width and height of the targets at scale 1, pixels; by default the sizes
             of the pictures.
-        sigma: standard deviation of a pixel's noise in each channel, of 255: the camera's, and
-            what the target's look varies by.
-        window: columns and rows of the grid on which the picture and every box are taken.
+        sigma: standard deviation of a pixel in each channel, on the scale 0 to 255, from camera
+            noise and changes of the target's appearance.
+        window: columns and rows of the grid on which the picture and every box are sampled.
         pool: ``"mean"`` (eq. 3) or ``"product"``.
-        size: what a substate says of the box, ``"sides"`` or ``"scale"``.
+        size: how a substate describes the box, ``"sides"`` or ``"scale"``.
         colour: ``"colour"`` compares three channels, ``"grey"`` their brightness.
         interpolation: ``"nearest"`` or ``"bilinear"``.
-        min_slope: s of the power, per pixel; None takes none.
-        size_term: b of the size term; None leaves it out.
+        min_slope: s of the power, per pixel; None disables it.
+        size_term: b of the size term; None disables it.
 
     Raises:
-        InputError: an argument is out of range; the sentence says which.
+        InputError: an argument is out of range.
     """
     if len(pictures) == 0:
         raise InputError("pictures is empty: give one picture per target.")
@@ -245,6 +246,6 @@ def pixels(
 def _words(frame, colour):
     if colour == "colour":
         return words_of(frame)
-    # ITU-R BT.601, as most readers of video do.
+    # ITU-R BT.601, as most video readers use.
     grey = frame.astype(jnp.float32) @ jnp.asarray([0.299, 0.587, 0.114], jnp.float32)
     return jnp.pad(jnp.round(grey).astype(jnp.uint32), 1)

@@ -1,8 +1,8 @@
-"""Window likelihood of points: the pixels around a point against those it started with.
+"""Window likelihood of points: compare the pixels around a point with those at the start.
 
-Source: eskil2014, eq. 6 and 7; the rule is that of ``jaxpf.likelihoods.patch``.  Here a
-substate is a point (u, v, ...) alone: windows do not turn or grow, so that a window is one block of
-bytes of the frame, and nothing is done to the rest of the frame.  Rounded to whole pixels.
+Source: eskil2014, eq. 6 and 7, the same rule as ``jaxpf.likelihoods.patch``.  A substate is a
+point (u, v, ...), rounded to whole pixels; windows do not rotate or grow.  So a window is one
+block of the frame, and the rest of the frame needs no processing.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.likelihoods._checks import NORMS, check_choice, check_positive
 from jaxpf.likelihoods.color import check_frame
 
-# A window as dark as this, of 255, is divided by it and not by its mean; as in ``patch``.
+# Lower bound of the mean, of 255, by which a window is divided; as in ``patch``.
 _DARKEST_MEAN = 1.0
 
 
@@ -27,8 +27,8 @@ class WindowLikelihood(Likelihood):
     """Window likelihood of P points; make one with :func:`windows`.
 
     A substate is (u, v, ...): pixels from the left and the top of the frame, in which pixel (i, j)
-    is the square [j, j + 1) x [i, i + 1).  The window is centred on the pixel that holds the
-    point; what reaches beyond the frame is black.
+    is the square [j, j + 1) x [i, i + 1).  The window is centred on the pixel that contains the
+    point; pixels outside the frame are black.
 
     Attributes:
         sigma: scalar, sigma_o.
@@ -58,10 +58,10 @@ class WindowLikelihood(Likelihood):
         return jnp.asarray(frame)
 
     def log_prob_all(self, observation, partition, substates):
-        """Log-likelihoods [N] of substates [D, N]; NaN where one is not finite."""
+        """Log-likelihoods [N] of substates [D, N]; NaN if u or v is not finite."""
         dtype = substates.dtype
         finite = jnp.all(jnp.isfinite(substates[:2]), axis=0)
-        # Far outside is black all the same, and a whole number must hold it.
+        # Far outside everything is black anyway; clip so that the cast to int32 cannot overflow.
         u, v = jnp.where(finite, jnp.clip(substates[:2], -1e6, 1e6), 0.0)
         seen = _windows(observation, u, v, self.window).astype(dtype)
         mean = jnp.mean(seen, axis=(1, 2), keepdims=True)
@@ -80,18 +80,18 @@ def windows(
     window: tuple[int, int] = (21, 21),
     norm: str = "mean",
 ) -> WindowLikelihood:
-    """Learn the likelihood of P points from where they are in one frame.
+    """Learn the likelihood of P points from their windows in one frame.
 
     Args:
         frame: uint8 RGB [H, W, 3].
         points: [P, 2], x and y in pixels, inside the frame.
-        sigma: the smaller, the sharper; .1 in eskil2014, there with ``norm="sum"``.
+        sigma: smaller is sharper; .1 in eskil2014, with ``norm="sum"``.
         window: columns and rows, odd numbers (eskil2014: 21 x 21).
         norm: ``"mean"`` or ``"sum"``, see :class:`WindowLikelihood`.
 
     Raises:
-        InputError: an argument is out of range, a point outside the frame, a window larger than
-            the frame or black; the sentence says which.
+        InputError: an argument is out of range, a point lies outside the frame, or a window is
+            black or larger than the frame.
     """
     check_frame(frame)
     check_positive("sigma", sigma)
@@ -156,7 +156,7 @@ def _build(seen, sigma, window, norm) -> WindowLikelihood:
 
 
 def _windows(frame, u, v, window):
-    """The bytes around every point: uint8 [N, rows, columns * 3]."""
+    """The pixels around every point: uint8 [N, rows, columns * 3]."""
     height, width, _ = frame.shape
     columns, rows = window
     left = jnp.floor(u).astype(jnp.int32) - columns // 2
@@ -179,8 +179,8 @@ def _windows(frame, u, v, window):
         seen = frame[row[:, :, None], column[:, None, :]]
         return jnp.where(shown[..., None], seen, 0)
 
-    # Whole blocks cost half as much as pixels with a choice for each.  A loop that runs once or
-    # not at all, since a branch would compute both for many runs at once.
+    # Whole blocks cost half as much as pixels with a bounds check each.  A loop of at most one
+    # iteration, because under ``vmap`` a branch would compute both sides.
     _, seen = lax.while_loop(
         lambda carry: carry[0],
         lambda carry: (jnp.array(False), pixels()),

@@ -1,4 +1,4 @@
-"""A likelihood around another one, for substates that the inner one knows in another form."""
+"""A wrapper around a likelihood that translates substates into the form it expects."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from jaxpf.contract import Likelihood
 
 
 def _forwarded(name: str) -> Any:
-    """That of the inner likelihood, or the default; absent where there is neither."""
+    """An attribute of the inner likelihood, or else its default; only if one of them defines it."""
 
     def get(self):
         offers = hasattr(self.likelihood, name)
@@ -19,7 +19,7 @@ def _forwarded(name: str) -> Any:
 
 
 def _joint(name: str) -> Any:
-    """A joint likelihood of translated substates; absent where there is none inside."""
+    """A joint likelihood of translated substates; only if the inner likelihood defines it."""
 
     def get(self):
         inner = getattr(self.likelihood, name)
@@ -31,7 +31,7 @@ def _joint(name: str) -> Any:
 
 
 def _odds(name: str) -> Any:
-    """Log odds of translated substates; absent where there are none inside."""
+    """Log odds of translated substates; only if the inner likelihood defines them."""
 
     def get(self):
         inner = getattr(self.likelihood, name)
@@ -43,15 +43,15 @@ def _odds(name: str) -> Any:
 
 
 class WrappedLikelihood(Likelihood):
-    """Another likelihood, of translated substates; it can do what that one can, and no more.
+    """Another likelihood, applied to translated substates, with the same capabilities.
 
-    A wrapper is a pytree dataclass with a field ``likelihood`` that defines ``translated``.
+    A wrapper is a pytree dataclass with a field ``likelihood``; it overrides ``translated``.
     """
 
     likelihood: Any
 
     def translated(self, substates: jax.Array) -> jax.Array:
-        """Substates ``[D, ...]`` as the inner likelihood knows them, ``[D', ...]``."""
+        """Substates ``[D, ...]`` in the form of the inner likelihood, ``[D', ...]``."""
         return substates
 
     state_gradient = _forwarded("state_gradient")
@@ -60,7 +60,7 @@ class WrappedLikelihood(Likelihood):
     estimated_nanoseconds = _forwarded("estimated_nanoseconds")
 
     def observe(self, frame):
-        """What the inner likelihood needs of a frame."""
+        """The inner likelihood's observation of a frame."""
         return self.likelihood.observe(frame)
 
     def log_prob(self, observation, partition, substate):

@@ -1,4 +1,4 @@
-"""Shape spaces: how a contour may differ from its template, given or learned."""
+"""Shape spaces: how a contour may deform from its template, given or learned."""
 
 import lazy_loader
 

@@ -1,8 +1,8 @@
-"""Bodies that bend and keep their length: worms, snakes, the middle lines of fish.
+"""Bodies that bend and keep their length: worms, snakes, the midlines of fish.
 
 In a linear space (``jaxpf.shapes.spaces``) a line can shrink along its target at no cost, since
-measurement lines across it still see its edges: it ends as a piece of the body.  Here the sides
-of the control polygon have fixed lengths, and a substate tells their directions.
+its measurement lines still see the target's edges, and ends up covering a piece of the body.
+Here the sides of the control polygon have fixed lengths, and a substate holds their directions.
 """
 
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 from jaxpf.shapes.spaces import check_contours
 from jaxpf.shapes.splines import CUBIC
 
-#: Coordinates that every space has: the shift, and the turn.
+#: Number of coordinates that every space has: shift in x and y, and rotation.
 _RIGID = 3
 
 
@@ -22,14 +22,13 @@ _RIGID = 3
 class BendingSpace:
     """Open contours whose control polygon has sides of fixed lengths.
 
-    The coordinates are the shift of the polygon's middle in x and y, the turn (clockwise in the
-    image), and the components of its bends.  A coordinate of 1 moves the control points of a
-    straight body by 1 pixel, as the root of their mean squared displacement.  One space serves all
-    targets.
+    The coordinates are the shift of the polygon's mean point in x and y, the rotation (clockwise
+    in the image), and the components of its bends.  A coordinate of 1 moves the control points of
+    a straight body by 1 pixel (root mean square).  All targets share one space.
 
     Attributes:
         lengths: of the sides in pixels, ``[K - 1]``.
-        bends: what one unit of the turn and of each component adds to the directions of the sides,
+        bends: change of the sides' directions per unit of the rotation and of each component,
             radians, ``[D - 2, K - 1]``.
         degree: static, of the splines.
     """
@@ -38,9 +37,9 @@ class BendingSpace:
     bends: ArrayLike
     degree: int = static_field(default=CUBIC)
 
-    #: The contours have ends.
+    #: The contours are open.
     closed = False
-    #: One shape serves all targets.
+    #: All targets share one shape.
     num_templates = 1
 
     @property
@@ -50,7 +49,7 @@ class BendingSpace:
 
     @property
     def num_points(self) -> int:
-        """K, control points of a contour."""
+        """K, number of control points of a contour."""
         return np.shape(self.bends)[1] + 1
 
     def control_points(self, substates):
@@ -69,12 +68,12 @@ class BendingSpace:
         return centred + jnp.sum(rows, axis=1)[:, None] * substates[:2, None]
 
     def project(self, control: ArrayLike) -> np.ndarray:
-        """Substates ``[..., P, D]`` whose sides have the directions of given control points'.
+        """Substates ``[..., P, D]`` whose sides best match the directions of given control points.
 
         Args:
             control: ``[..., P, K, 2]``, pixels; neighbouring sides turn by less than half a circle.
-                Turns go on along the first of several leading
-                axes, as those of a track ``[T, P, K, 2]`` do, and do not jump by a whole one.
+                With leading axes, as in a track ``[T, P, K, 2]``, angles are unwrapped along the
+                first, so rotations do not jump by a full turn.
         """
         control = np.asarray(control, float)
         angles = _directions(control)
@@ -90,20 +89,20 @@ class BendingSpace:
 
 
 def bending_space(examples: ArrayLike, dimension: int, *, degree: int = CUBIC) -> BendingSpace:
-    """Shift, turn, and the principal components of how examples bend, which keep their length.
+    """Learn a bending space: shift, rotation, and principal components of the examples' bends.
 
-    Examples count as they are, in a mirror, and from the other end, so that a straight body is the
-    substate 0, and bodies bend to either side.
+    Every example counts four times: as given, mirrored, and each of these from the other end.  So
+    the substate 0 is a straight body, and bodies bend to either side.
 
     Args:
         examples: control points of open contours in pixels, ``[S, K, 2]``.
-        dimension: D: 2 for the shift, 1 for the turn, the rest for the components of the sides'
-            directions that vary most.
+        dimension: D: 2 for the shift, 1 for the rotation, the rest for the components of the
+            sides' directions that vary most.
         degree: of the splines.
 
     Raises:
-        InputError: no examples, one whose neighbouring control points coincide, or a dimension
-            that they do not have.
+        InputError: there are no examples, neighbouring control points coincide, or the dimension
+            is out of range.
     """
     if np.size(examples) == 0:
         raise InputError("a bending space needs examples, and none was given.")
@@ -126,23 +125,23 @@ def bending_space(examples: ArrayLike, dimension: int, *, degree: int = CUBIC) -
     bends = np.concatenate([bends, -bends, bends[:, ::-1], -bends[:, ::-1]])
     _, _, components = np.linalg.svd(bends, full_matrices=True)
     turn = np.ones((1, num_sides))
-    # What few examples leave undetermined must not turn the body.
+    # Directions that few examples leave undetermined must not rotate the body.
     others = np.linalg.qr(np.concatenate([turn, components]).T)[0].T[1:]
     modes = np.concatenate([turn, others[: dimension - _RIGID]])
     sides = lengths.mean(axis=0)
-    # Of a straight body, whose points a small change of directions moves to the side.
+    # For a straight body: a small change of directions moves its points sideways.
     moved = modes @ (_centred_sums(num_sides + 1) * sides).T
     size = np.sqrt(np.mean(moved**2, axis=1, keepdims=True))
     return BendingSpace(as_array(sides, float), as_array(modes / size, float), degree)
 
 
 def _directions(control: np.ndarray) -> np.ndarray:
-    """Of the sides of polygons ``[..., K, 2]``, radians ``[..., K - 1]``, without jumps."""
+    """Directions of the sides of polygons ``[..., K, 2]``, unwrapped, radians ``[..., K - 1]``."""
     sides = np.diff(control, axis=-2)
     return np.unwrap(np.arctan2(sides[..., 1], sides[..., 0]), axis=-1)
 
 
 def _centred_sums(num_points: int) -> np.ndarray:
-    """The matrix ``[K, K - 1]`` from sides to the points between them, less their middle."""
+    """The matrix ``[K, K - 1]`` from sides to control points, minus their mean."""
     sums = np.tri(num_points, num_points - 1, -1)
     return sums - sums.mean(axis=0)

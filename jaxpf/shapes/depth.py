@@ -1,7 +1,7 @@
-"""Depth as an order: who of several opaque targets is nearer the camera.
+"""Depth order of opaque targets.
 
-A label is the place, in the list of all permutations, of the order in which the targets lie behind
-one another, the nearest first.  Of two targets the label is 0 where the first is nearer, else 1.
+A label is the index, in the list of all permutations, of the order of the targets in depth,
+nearest first.  For two targets the label is 0 if the first is nearer, otherwise 1.
 """
 
 from functools import cache
@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 
-#: There are 24 orders of four targets, among which particles divide, and 120 of five.
+#: Particles are divided among the orders: 24 for four targets, 120 for five.
 MOST_OPAQUE = 4
 
 
 @cache
 def depth_orders(num_targets: int) -> tuple[tuple[int, ...], ...]:
-    """For each label the targets ``[P]``, the nearest first: all permutations, P! of them.
+    """The targets ``[P]`` of each label, nearest first: all P! permutations.
 
     Raises:
         InputError: fewer than two targets, or more than ``MOST_OPAQUE``.
@@ -34,12 +34,12 @@ def depth_orders(num_targets: int) -> tuple[tuple[int, ...], ...]:
 
 
 def depths(num_targets: int) -> np.ndarray:
-    """``[L, P]``: for each label, how many targets are nearer than each."""
+    """Depth of each target for each label, ``[L, P]``: the number of nearer targets."""
     return np.argsort(depth_orders(num_targets), axis=1)
 
 
 def neighbours_exchanged(num_targets: int) -> np.ndarray:
-    """``[L, P - 1]``: the label if the targets at places k and k + 1 of the order change places."""
+    """New label ``[L, P - 1]`` after exchanging the targets at places k and k + 1 of the order."""
     orders = depth_orders(num_targets)
     return np.array(
         [
@@ -56,10 +56,10 @@ def in_front(label_probabilities: ArrayLike) -> np.ndarray:
     """Probability ``[..., P, P]`` that target i is nearer the camera than j, at ``[..., i, j]``.
 
     Args:
-        label_probabilities: ``[..., P!]``, as the summaries of a tracker of opaque targets hold.
+        label_probabilities: ``[..., P!]``, from the summaries of a tracker of opaque targets.
 
     Raises:
-        InputError: not as many labels as two to four targets have orders.
+        InputError: the last axis is not P! for P from 2 to ``MOST_OPAQUE``.
     """
     probabilities = np.asarray(label_probabilities)
     counts = {factorial(count): count for count in range(2, MOST_OPAQUE + 1)}

@@ -1,9 +1,9 @@
-"""Key frames from what an annotator has: masks, outlines, or centrelines.
+"""Key frames from annotations: masks, outlines, or centrelines.
 
-Principal components compare point with point, so that the k-th control point must mean the same
-in every example.  Outlines are brought to one sense of turning and to the starting point that
-fits the first example best; centrelines to the end that fits best, unless told that theirs
-correspond already.
+Principal components compare point with point, so the k-th control point must mean the same in
+every example.  Outlines get a common orientation and the starting point that fits the first
+example best; centrelines start at the end that fits best.  ``ordered`` skips this for examples
+whose points already correspond.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from jaxpf.contract.names import ANNOTATIONS
 from jaxpf.shapes.spaces import ShapeSpace, key_frame_space
 from jaxpf.shapes.splines import fit_spline, resampled
 
-#: Points per control point at which examples are compared.
+#: Points per control point when examples are compared.
 _FINENESS = 16
 
 
@@ -32,20 +32,20 @@ def learn_shape_space(
     """A space of key frames (``jaxpf.shapes.key_frame_space``) from annotations.
 
     Args:
-        examples: by ``kind``: ``"masks"``, pictures ``[H, W]`` that are not 0 on the target,
-            whose largest piece is taken; ``"outlines"``, closed polylines ``[S, 2]``;
+        examples: by ``kind``: ``"masks"``, pictures ``[H, W]``, nonzero on the target (the
+            largest connected piece is used); ``"outlines"``, closed polylines ``[S, 2]``;
             ``"centrelines"``, open polylines ``[S, 2]``; pixels.  Lengths may differ.
         kind: one of ``ANNOTATIONS``.
         num_points: K, control points of each contour.
         dimension: D, see ``key_frame_space``.
-        ordered: the examples' points correspond already, and are not turned round.
+        ordered: the examples' points already correspond and are not reordered.
 
     Returns:
         The space, and the examples' control points ``[S, K, 2]``, whose projections are the
         examples' substates.
 
     Raises:
-        InputError: an unknown kind, no examples or too few, an empty mask.
+        InputError: the kind is unknown, there are too few examples, or a mask is empty.
     """
     check_known("kind ", kind, ANNOTATIONS)
     closed = kind != "centrelines"
@@ -63,13 +63,13 @@ def learn_shape_space(
 
 
 def varied(examples: ArrayLike, turns: int) -> np.ndarray:
-    """Open contours as they are, from the other end, in a mirror, and each turned.
+    """Augment open contours: as given and reversed, each also mirrored, all in several rotations.
 
-    For bodies that bend to either side, whichever way they lie, where few were seen.
+    For bodies that bend to either side in any orientation, if there are few examples.
 
     Args:
         examples: control points ``[S, K, 2]``.
-        turns: how many directions are shown, evenly around.
+        turns: number of rotations, evenly spaced.
 
     Returns:
         ``[4 * turns * S, K, 2]``.
@@ -87,11 +87,11 @@ def outline_of(mask: Any, number: int = 0) -> np.ndarray:
     """Outline ``[S, 2]`` of the largest piece of a mask ``[H, W]``, in continuous pixels.
 
     Args:
-        mask: not 0 on the target.
-        number: what a message calls the mask.
+        mask: nonzero on the target.
+        number: the mask's number in error messages.
 
     Raises:
-        InputError: nothing is marked.
+        InputError: the mask is empty.
     """
     import cv2
 
@@ -107,7 +107,7 @@ def outline_of(mask: Any, number: int = 0) -> np.ndarray:
         raise InputError(
             f"mask {number} marks {int(marked.sum())} pixel(s), which have no outline; mark more."
         )
-    # OpenCV joins the middles of the outermost pixels, half a pixel inside the target.
+    # OpenCV joins the centres of the outermost pixels, half a pixel inside the target.
     return _grown(_clockwise(largest) + 0.5, 0.5)
 
 
@@ -118,7 +118,7 @@ def _clockwise(points: np.ndarray) -> np.ndarray:
 
 
 def _grown(points: np.ndarray, distance: float) -> np.ndarray:
-    """A clockwise outline moved outwards."""
+    """A clockwise outline moved outwards by ``distance``."""
     along = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
     length = np.linalg.norm(along, axis=1, keepdims=True)
     outwards = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.where(length > 0, length, 1.0)
@@ -126,7 +126,7 @@ def _grown(points: np.ndarray, distance: float) -> np.ndarray:
 
 
 def _matched(points: np.ndarray, first: np.ndarray, closed: bool) -> np.ndarray:
-    """The same points from another start, or in the other sense, nearest to ``first``."""
+    """The points reordered (new start, or reversed) to be nearest to ``first``."""
     target = first - first.mean(axis=0)
     if closed:
         points = _clockwise(points)

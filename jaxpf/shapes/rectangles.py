@@ -1,9 +1,9 @@
-"""Boxes and the states of objects that have a centre and a scale.
+"""Boxes, and substates that have a centre and a scale.
 
 A box is (x, y, w, h) in pixels, (x, y) its top left corner.  A substate begins with (u, v, a):
 the centre in pixels and the scale relative to the object's reference size.  A box that is not
-finite, or has no width or no height, is *degenerate*: it covers nothing, its area is 0 and it
-meets no other box.
+finite, or has no width or no height, is *degenerate*: its area is 0 and it intersects no other
+box.
 """
 
 import jax.numpy as jnp
@@ -12,10 +12,10 @@ from jax.typing import ArrayLike
 
 
 def boxes_from_substates(substates: ArrayLike, sizes: ArrayLike) -> Array:
-    """The boxes that substates describe.
+    """The boxes of substates.
 
     Args:
-        substates: ``[..., P, D]``, D >= 3, each beginning with (u, v, a); the rest is not used.
+        substates: ``[..., P, D]``, D >= 3, each beginning with (u, v, a); the rest is ignored.
         sizes: ``[P, 2]`` width and height of the objects at scale 1, in pixels.
 
     Returns:
@@ -27,9 +27,9 @@ def boxes_from_substates(substates: ArrayLike, sizes: ArrayLike) -> Array:
 
 
 def substates_from_boxes(boxes: ArrayLike, sizes: ArrayLike) -> Array:
-    """The substates (u, v, a) that describe boxes best; inverts ``boxes_from_substates``.
+    """The substates (u, v, a) of boxes; inverts ``boxes_from_substates``.
 
-    A box whose aspect is not the reference's keeps its centre and its area, not its sides.
+    A box with an aspect other than the reference's keeps its centre and area, not its sides.
 
     Args:
         boxes: ``[..., P, 4]``, in pixels.
@@ -37,7 +37,7 @@ def substates_from_boxes(boxes: ArrayLike, sizes: ArrayLike) -> Array:
 
     Returns:
         ``[..., P, 3]``: the centre, and a = sqrt(box area / reference area).  A box that is not
-        finite gives NaN, a box without area the scale 0.
+        finite gives NaN, a box without area gives scale 0.
     """
     boxes, sizes = jnp.asarray(boxes), jnp.asarray(sizes)
     ratio = area(boxes) / (sizes[..., 0] * sizes[..., 1])
@@ -61,12 +61,11 @@ def corners_from_poses(poses: ArrayLike, sizes: ArrayLike) -> Array:
 
     Args:
         poses: ``[..., P, D]``, D >= 3, each beginning with (x, y, theta): the centre in pixels and
-            the angle in radians, clockwise in the image; the rest is not used.
+            the angle in radians, clockwise in the image; the rest is ignored.
         sizes: ``[P, 2]`` width and height in pixels.
 
     Returns:
-        ``[..., P, 4, 2]``: the corners that are top left, top right, bottom right and bottom left
-        at angle 0.
+        ``[..., P, 4, 2]``: the corners, at angle 0 top left, top right, bottom right, bottom left.
     """
     poses, sizes = jnp.asarray(poses), jnp.asarray(sizes)
     signs = jnp.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], sizes.dtype)
@@ -75,24 +74,23 @@ def corners_from_poses(poses: ArrayLike, sizes: ArrayLike) -> Array:
 
 
 def turned(vector: ArrayLike, angle: ArrayLike) -> tuple[Array, Array]:
-    """Components x and y of vectors ``[2, ...]`` turned by angles ``[...]``, clockwise."""
+    """Components x and y of vectors ``[2, ...]`` rotated clockwise by angles ``[...]``."""
     x, y = jnp.asarray(vector)
     cosine, sine = cos_sin(angle)
     return cosine * x - sine * y, sine * x + cosine * y
 
 
 def cos_sin(angle: ArrayLike) -> tuple[Array, Array]:
-    """Cosine and sine of angles in radians; in float32 to 2e-7, for angles up to 1e4.
+    """Cosine and sine of angles in radians; in float32 accurate to 2e-7 for angles up to 1e4.
 
-    In float32 these are the polynomials of Moshier's Cephes library (``sinf.c``): they become
-    vector code, where XLA's own functions are calls for one number at a time, five times slower
-    on a CPU.
+    In float32 these are the polynomials of Moshier's Cephes library (``sinf.c``).  They compile
+    to vector code; XLA's own functions are scalar calls, five times slower on a CPU.
     """
     angle = jnp.asarray(angle)
     if angle.dtype != jnp.float32:
         return jnp.cos(angle), jnp.sin(angle)
     quarter = jnp.floor(angle * (2 / jnp.pi) + 0.5)
-    # pi / 2 in three parts, of few bits but for the last, so that the products are exact.
+    # pi / 2 in three parts; all but the last have few bits, so their products are exact.
     rest = ((angle - quarter * 1.5703125) - quarter * 4.8375129e-4) - quarter * 7.5497899e-8
     rest = jnp.clip(rest, -0.8, 0.8)  # an angle too large for float32 has no rest: stay bounded
     square = rest * rest
@@ -113,15 +111,15 @@ def is_proper(boxes: ArrayLike) -> Array:
 
 
 def area(boxes: ArrayLike) -> Array:
-    """``[...]`` areas of boxes ``[..., 4]``, in square pixels; 0 for a degenerate box."""
+    """Areas ``[...]`` of boxes ``[..., 4]``, in square pixels; 0 for a degenerate box."""
     extent = _proper_or_empty(boxes)[..., 2:]
     return extent[..., 0] * extent[..., 1]
 
 
 def intersection_area(one: ArrayLike, other: ArrayLike) -> Array:
-    """Area that two boxes share, in square pixels; 0 if either is degenerate.
+    """Intersection area of two boxes, in square pixels; 0 if either is degenerate.
 
-    Boxes that only touch share nothing.  The result never exceeds either area, whatever the
+    Boxes that only touch share nothing.  The result never exceeds either area, even with
     rounding.
 
     Args:
@@ -134,14 +132,14 @@ def intersection_area(one: ArrayLike, other: ArrayLike) -> Array:
     first, second = _proper_or_empty(one), _proper_or_empty(other)
     start = jnp.maximum(first[..., :2], second[..., :2])
     end = jnp.minimum(first[..., :2] + first[..., 2:], second[..., :2] + second[..., 2:])
-    # Rounding in x + w can make a box seem wider than it is: no side exceeds the narrower box's.
+    # Rounding of x + w can widen a box, so limit each side to that of the narrower box.
     extent = jnp.minimum(end - start, jnp.minimum(first[..., 2:], second[..., 2:]))
     extent = jnp.maximum(extent, 0)
     return extent[..., 0] * extent[..., 1]
 
 
 def _proper_or_empty(boxes: ArrayLike) -> Array:
-    """The boxes as floats, with zeros in place of degenerate ones: no NaN gets further."""
+    """The boxes as floats, with zeros in place of degenerate ones, so no NaN propagates."""
     boxes = jnp.asarray(boxes)
     boxes = boxes.astype(jnp.result_type(boxes.dtype, jnp.float32))
     return jnp.where(is_proper(boxes)[..., None], boxes, 0)

@@ -1,11 +1,11 @@
-"""Shape spaces: a substate of few numbers stands for a whole contour.
+"""Shape spaces: a substate of a few numbers describes a whole contour.
 
 Every space here is linear, ``control = template + sum_d x_d mode_d`` (Blake and Isard, Active
 Contours, 1998, chapter 4): translations; Euclidean similarities and affine maps, which act on the
 template linearly; and the principal components of key frames.  The substate 0 is the template.
 
-Modes are scaled so that a coordinate of 1 moves the control points by 1 pixel, as the root of
-their mean squared displacement.  So every coordinate, its noise and its spread are in pixels.
+Modes are scaled so that a coordinate of 1 moves the control points by 1 pixel (root mean square).
+So every coordinate, its noise and its spread are in pixels.
 """
 
 from collections.abc import Sequence
@@ -22,14 +22,14 @@ from jaxpf.shapes.splines import CUBIC, check_order
 
 @pytree_dataclass
 class ShapeSpace:
-    """What contours a substate can stand for.
+    """A linear space of contours.
 
     Attributes:
-        template: control points of the substate 0 in pixels, ``[P, K, 2]``, or ``[1, K, 2]``
-            where all targets share one.
-        modes: what one unit of each coordinate adds to them, ``[P, D, K, 2]`` or
+        template: control points of the substate 0 in pixels, ``[P, K, 2]``, or ``[1, K, 2]`` if
+            all targets share one.
+        modes: change of the control points per unit of each coordinate, ``[P, D, K, 2]`` or
             ``[1, D, K, 2]``.
-        closed: static, whether the contours have no ends.
+        closed: static, whether the contours are closed.
         degree: static, of the splines.
     """
 
@@ -45,12 +45,12 @@ class ShapeSpace:
 
     @property
     def num_points(self) -> int:
-        """K, control points of a contour."""
+        """K, number of control points of a contour."""
         return np.shape(self.template)[1]
 
     @property
     def num_templates(self) -> int:
-        """How many targets it tells apart; 1 serves all."""
+        """P if each target has its own template; 1 if all share one."""
         return np.shape(self.template)[0]
 
     def control_points(self, substates):
@@ -66,7 +66,7 @@ class ShapeSpace:
 
         Args:
             rows: the weights, ``[R, K]``, such as a spline's basis.
-            partition: the target of every particle, ``[N]``.
+            partition: the target of each particle, ``[N]``.
             substates: ``[D, N]``.
         """
         template = jnp.asarray(self.template, substates.dtype)
@@ -74,13 +74,13 @@ class ShapeSpace:
         num_targets, dimension, num_points = modes.shape[:3]
 
         def matrix(control):
-            """From the coordinates ``[n]`` of control points to x, then y, ``[2 R, n]``."""
+            """From control points ``[n, K, 2]`` to the matrix ``[2 R, n]`` of their x, then y."""
             return jnp.einsum("mk,rkc->cmr", rows, control).reshape(-1, control.shape[0])
 
         if num_targets == 1:
             start, moved = matrix(template), matrix(modes[0]) @ substates
         else:
-            # One product, in which all but each particle's own target are zero.
+            # One product of all targets' matrices; other targets' coordinates are set to zero.
             is_target = (jnp.arange(num_targets)[:, None] == partition).astype(substates.dtype)
             start = matrix(template) @ is_target
             placed = (is_target[:, None] * substates[None]).reshape(-1, substates.shape[1])
@@ -108,16 +108,16 @@ def space_of(
     """Translations, similarities or affine maps of given contours.
 
     Args:
-        name: one of ``SHAPE_SPACES``; they have 2, 4 and 6 dimensions.  The coordinates are, in
-            this order: shift in x and in y; and about the middle of the control points, for a
-            similarity growth and turn (clockwise in the image, to first order), for an affine
-            map what x adds to x, y to x, x to y and y to y.
+        name: one of ``SHAPE_SPACES``; they have 2, 4 and 6 dimensions.  The first coordinates are
+            the shifts in x and y.  The others act about the mean of the control points: growth and
+            rotation (clockwise in the image, to first order) for a similarity; for an affine map
+            the four matrix entries x to x, y to x, x to y and y to y.
         contours: control points in pixels, ``[P, K, 2]``, the substate 0 of each target.
-        closed: whether they have no ends.
+        closed: whether the contours are closed.
         degree: of the splines.
 
     Raises:
-        InputError: an unknown name, or contours that are none.
+        InputError: the name is unknown, or the contours are invalid.
     """
     check_known("shape space ", name, SHAPE_SPACES)
     contours = check_contours(contours, degree)
@@ -127,19 +127,19 @@ def space_of(
 def key_frame_space(
     examples: ArrayLike, dimension: int, *, closed: bool = True, degree: int = CUBIC
 ) -> ShapeSpace:
-    """Shifts, and the principal components of examples that were moved onto one another.
+    """Shifts, and the principal components of centred examples.
 
     maccormick1999, section 4: "key-frames from principal components analysis of templates".
-    One space serves all targets; where each of them starts, ``project`` tells.
+    All targets share one space; ``project`` gives each target's start.
 
     Args:
-        examples: control points in pixels, ``[S, K, 2]``, of corresponding points.
+        examples: control points in pixels, ``[S, K, 2]``, in correspondence.
         dimension: D: 2 for the shift, the rest for the components that vary most.
-        closed: whether they have no ends.
+        closed: whether the contours are closed.
         degree: of the splines.
 
     Raises:
-        InputError: no key frames, or too few for the dimension.
+        InputError: there are no key frames, or too few for the dimension.
     """
     if np.size(examples) == 0:
         raise InputError("a shape space of key frames needs key frames, and none was given.")
@@ -163,7 +163,7 @@ def key_frame_space(
 
 
 def explained_share(space: ShapeSpace, examples: ArrayLike) -> float:
-    """Share of the examples' variance in shape that a space can follow, 0 to 1."""
+    """Share of the examples' variance in shape that a space explains, 0 to 1."""
     examples = np.asarray(examples, float)
     centred = examples - examples.mean(axis=1, keepdims=True)
     rest = centred - np.asarray(space.control_points(space.project(centred[:, None])))[:, 0]
@@ -171,10 +171,10 @@ def explained_share(space: ShapeSpace, examples: ArrayLike) -> float:
 
 
 def check_contours(contours: ArrayLike, degree: int = CUBIC) -> np.ndarray:
-    """Control points ``[P, K, 2]`` in float64, fit for splines.
+    """Valid control points ``[P, K, 2]`` in float64.
 
     Raises:
-        InputError: another shape, numbers that are not finite, too few points.
+        InputError: the shape is wrong, a number is not finite, or there are too few points.
     """
     contours = np.asarray(contours, float)
     if contours.ndim != 3 or contours.shape[2] != 2 or len(contours) == 0:
@@ -190,7 +190,7 @@ def check_contours(contours: ArrayLike, degree: int = CUBIC) -> np.ndarray:
 
 
 def _linear_modes(name: str, contour: np.ndarray) -> np.ndarray:
-    """Modes ``[D, K, 2]`` of a linear space about a contour ``[K, 2]``, not yet scaled."""
+    """Unscaled modes ``[D, K, 2]`` of a linear space about a contour ``[K, 2]``."""
     x, y = (contour - contour.mean(axis=0)).T
     none, one = np.zeros_like(x), np.ones_like(x)
     modes = [(one, none), (none, one)]
@@ -204,7 +204,7 @@ def _linear_modes(name: str, contour: np.ndarray) -> np.ndarray:
 def _scaled(
     template: np.ndarray, modes: Sequence[np.ndarray], closed: bool, degree: int
 ) -> ShapeSpace:
-    """The space with every mode of one pixel, root mean square."""
+    """The space with every mode scaled to one pixel, root mean square."""
     every = np.stack(modes)
     size = np.sqrt(np.mean(np.sum(every**2, axis=-1), axis=-1, keepdims=True))[..., None]
     if np.any(size < 1e-9):

@@ -1,9 +1,9 @@
-"""Uniform B-splines, closed and open: outlines in few numbers.
+"""Uniform B-splines, closed and open: outlines described by a few control points.
 
-A contour is K control points in pixels.  A point of it is a weighted mean of ``degree + 1`` of
-them, so that everything here is one matrix from control points to points (Blake and Isard,
-Active Contours, 1998, chapter 3).  An open spline begins at its first control point and ends at
-its last one (its outer knots are repeated); a closed one has no ends.
+A contour is K control points in pixels.  A point on it is a weighted mean of ``degree + 1`` of
+them, so everything here is one matrix from control points to points (Blake and Isard, Active
+Contours, 1998, chapter 3).  An open spline begins at its first control point and ends at its last
+(its outer knots are repeated).
 """
 
 import numpy as np
@@ -20,16 +20,16 @@ def basis(
     """The matrix ``[M, K]`` from control points to points at ``places``.
 
     Args:
-        places: ``[M]``, how far along the spline, 0 to 1; a closed one begins again at 1.
+        places: ``[M]``, position along the spline, 0 to 1; for a closed one, 1 is 0 again.
         num_points: K.
-        closed: whether the spline has no ends.
+        closed: whether the spline is closed.
         degree: of its polynomials, 3 for cubic.
         derivative: 0 for points, 1 for their derivative with respect to the place.
 
     Raises:
-        InputError: fewer control points than the order, ``degree + 1``.
+        InputError: there are fewer than ``degree + 1`` control points.
     """
-    from scipy.interpolate import BSpline  # a third of a second, which few programs need to spend
+    from scipy.interpolate import BSpline  # slow to import (a third of a second)
 
     check_order(num_points, degree)
     places = np.atleast_1d(np.asarray(places, float))
@@ -53,7 +53,7 @@ def basis(
 
 
 def even_places(count: int, *, closed: bool) -> np.ndarray:
-    """``[count]`` places at equal distances; those of an open spline include both ends."""
+    """``[count]`` evenly spaced places; those of an open spline include both ends."""
     return np.linspace(0.0, 1.0, count, endpoint=not closed)
 
 
@@ -67,17 +67,17 @@ def points_on(control: ArrayLike, count: int, *, closed: bool, degree: int = CUB
 def fit_spline(
     points: ArrayLike, num_points: int, *, closed: bool, degree: int = CUBIC
 ) -> np.ndarray:
-    """Control points ``[K, 2]`` of the spline nearest to a polyline, in the least squares.
+    """Control points ``[K, 2]`` of the least-squares spline of a polyline.
 
     Args:
         points: ``[S, 2]``, the polyline in pixels, in order; a closed one without its first
             point repeated.
         num_points: K.
-        closed: whether the polyline ends where it begins.
+        closed: whether the polyline is closed.
         degree: of the spline.
 
     Raises:
-        InputError: fewer control points than the order, or no polyline.
+        InputError: there are fewer than ``degree + 1`` control points, or the polyline is invalid.
     """
     check_order(num_points, degree)
     even = resampled(points, 8 * num_points, closed=closed)
@@ -89,7 +89,7 @@ def resampled(points: ArrayLike, count: int, *, closed: bool) -> np.ndarray:
     """``count`` points ``[count, 2]`` at equal distances along a polyline ``[S, 2]``.
 
     Raises:
-        InputError: points that are not finite, or that all lie in one place.
+        InputError: points are not finite, or all coincide.
     """
     points = np.asarray(points, float)
     if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
@@ -107,7 +107,7 @@ def resampled(points: ArrayLike, count: int, *, closed: bool) -> np.ndarray:
 
 
 def crosses_itself(points: ArrayLike, *, closed: bool) -> bool:
-    """Whether two sides of a polyline ``[S, 2]`` that are not neighbours meet."""
+    """Whether two non-adjacent sides of a polyline ``[S, 2]`` intersect."""
     points = np.asarray(points, float)
     ends = np.roll(points, -1, axis=0) if closed else points[1:]
     starts = points[: len(ends)]
@@ -125,7 +125,7 @@ def crosses_itself(points: ArrayLike, *, closed: bool) -> bool:
 
 
 def check_order(num_points: int, degree: int = CUBIC) -> None:
-    """Refuse fewer control points than the spline's order.
+    """Reject fewer control points than the spline's order.
 
     Raises:
         InputError: there are fewer than ``degree + 1``.

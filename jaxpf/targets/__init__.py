@@ -1,4 +1,4 @@
-"""What a kind of target must offer, and the registry of those that there are."""
+"""The interface of a kind of target, and the registry of targets."""
 
 import lazy_loader
 

@@ -1,7 +1,7 @@
-"""What a program must know of a target beyond what it is.
+"""How programs read, write and draw a target, and which options they offer for it.
 
-An adapter imports no JAX and no OpenCV until it reads, draws or writes, so that the command line
-can show its flags in a moment.
+An adapter imports JAX and OpenCV only when it reads, draws or writes, so that the command line
+can list its options quickly.
 """
 
 import abc
@@ -14,12 +14,12 @@ from jaxpf.targets.target import Looks, Start, Target
 
 
 class Marks(NamedTuple):
-    """How P shapes are drawn on a frame; a target takes what it can show.
+    """How P shapes are drawn on a frame; a target uses what applies to it.
 
     Attributes:
         colours: uint8 RGB ``[P, 3]``.
         lost: bool ``[P]``.
-        past: ``[L, P, S]``, shapes of the frames before, the latest last, for trails.
+        past: ``[L, P, S]``, shapes of the previous L frames, latest last, for trails.
         doubtful: bool ``[P]``, probably lost; None if unknown.
     """
 
@@ -30,16 +30,16 @@ class Marks(NamedTuple):
 
     @property
     def unsure(self) -> Any:
-        """bool ``[P]``, lost or probably lost."""
+        """bool ``[P]``, whether an object is lost or probably lost."""
         return self.lost if self.doubtful is None else self.lost | self.doubtful
 
 
 class TrackFile:
-    """A file of tracks, written frame by frame; it closes as a context does.
+    """A track file, written frame by frame; use it as a context manager.
 
     Attributes:
-        append: function of (frame, shapes, lost).  Where objects come and go it also takes
-            ``ids``; if the likelihood has log odds, ``confidence`` ``[P]``.
+        append: function of (frame, shapes, lost).  If objects come and go it also takes ``ids``;
+            if the likelihood has log odds, ``confidence`` ``[P]``.
     """
 
     def __init__(self, writer: Any, append: Callable[..., None]):
@@ -54,22 +54,22 @@ class TrackFile:
 
 
 class Adapter(abc.ABC):
-    """How a target is read, written, drawn and asked for.
+    """How programs read, write and draw a target, and which options they offer for it.
 
-    What an adapter must define: ``target``, ``read_start``, ``fits_scene``, ``scene_shapes``,
-    ``scene_start``, ``track_writer`` and ``draw``; one that lacks a method cannot be made.
+    An adapter must define ``target``, ``read_start``, ``fits_scene``, ``scene_shapes``,
+    ``scene_start``, ``track_writer`` and ``draw``; a class without them cannot be instantiated.
     ``scaled``, ``draw_particles`` and the attributes below have defaults.
 
     Attributes:
-        target: what it is.
-        start_flags: option of ``jaxpf track`` -> (arguments of ``click.option``), which say where
-            it starts; ``read_start`` is given their values.
+        target: the target.
+        start_flags: options of ``jaxpf track`` that say where objects start, name -> arguments of
+            ``click.option``; ``read_start`` gets their values.
         example: arguments of ``jaxpf track`` after the video, for its help.
-        track_suffix: of the files that ``track_writer`` writes.
-        columns: columns of tracks.csv that say where an object is; angles in degrees, all others
-            in pixels.
-        fixed_columns: those of them that do not change, and so have no interval.
-        writes_outlines: whether outlines.csv, which ``track_writer`` writes, stands beside it.
+        track_suffix: suffix of the files that ``track_writer`` writes.
+        columns: columns of tracks.csv that hold an object's position; angles in degrees, all
+            others in pixels.
+        fixed_columns: those columns that never change, and so have no interval.
+        writes_outlines: whether ``track_writer`` also writes outlines.csv.
     """
 
     target: Target
@@ -87,24 +87,24 @@ class Adapter(abc.ABC):
 
     @abc.abstractmethod
     def read_start(self, given: Mapping[str, Any], number: int, source: Any) -> Start:
-        """Where a user says that it starts.
+        """Read where the user's objects start.
 
         Args:
             given: values of ``start_flags``.
-            number: the start frame, from 0.
+            number: index of the start frame, from 0.
             source: has ``width``, ``height`` and ``path``.
 
         Raises:
-            InputError: nothing was said, a file cannot be read, or an object is not in the frame.
+            InputError: no option was given, a file is unreadable, or an object is off the frame.
         """
 
     @abc.abstractmethod
     def fits_scene(self, scene: Any) -> bool:
-        """Whether a scene's truth is of this kind."""
+        """Whether a scene's ground truth is of this kind."""
 
     @abc.abstractmethod
     def scene_shapes(self, scene: Any) -> np.ndarray:
-        """A scene's truth ``[T, P, S]``, NaN where an object is absent."""
+        """A scene's ground truth ``[T, P, S]``, NaN where an object is absent."""
 
     @abc.abstractmethod
     def scene_start(self, scene: Any) -> Start:
@@ -113,9 +113,9 @@ class Adapter(abc.ABC):
     def scaled(
         self, start: Start, shapes: np.ndarray, factors: tuple[float, float]
     ) -> tuple[Start, np.ndarray]:
-        """Where shapes lie in a rescaled picture.
+        """Scale a start and shapes ``[..., P, S]`` by factors in x and y.
 
-        By default of shapes whose numbers are x and y in turn.
+        The default assumes that a shape is a sequence of x, y pairs.
         """
         return start, shapes * np.tile(factors, shapes.shape[-1] // 2)
 
@@ -125,7 +125,7 @@ class Adapter(abc.ABC):
 
     @abc.abstractmethod
     def track_writer(self, path: Any, start: Start) -> TrackFile:
-        """A new file of the tracks of what starts there."""
+        """A new track file for the objects of ``start``."""
 
     @abc.abstractmethod
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
@@ -141,7 +141,7 @@ class Adapter(abc.ABC):
     def draw_particles(
         self, frame: Any, start: Start, tracker: Any, state: Any, colours: Any
     ) -> np.ndarray:
-        """The frame with a tracker's particles drawn on it: by default a dot for each."""
+        """The frame with a tracker's particles drawn on it, by default one dot each."""
         from jaxpf.media.overlay import draw_particles
 
         if not hasattr(state, "substates"):
@@ -151,7 +151,7 @@ class Adapter(abc.ABC):
 
 
 def looks_of_scene(scene: Any, num_particles: int, typical: Any = None) -> Looks:
-    """A scene's reference patches, and its first frame; clips from folders were filmed."""
+    """A scene's reference patches and first frame, to learn a likelihood from."""
     return Looks(
         frame=None,
         patches=scene.patches,
@@ -164,5 +164,5 @@ def looks_of_scene(scene: Any, num_particles: int, typical: Any = None) -> Looks
 
 
 def is_filmed(scene: Any) -> bool:
-    """Whether a scene comes from a folder, and so from a camera."""
+    """Whether a scene was filmed by a camera: scenes read from a folder are."""
     return "source" in scene.extras

@@ -1,4 +1,4 @@
-"""Options of appearance and motion, which several targets have, each with its own defaults."""
+"""Options of appearance and motion that several targets share, each with its own defaults."""
 
 import contextlib
 import re
@@ -10,17 +10,17 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, option, plain
 
-#: How boxes are known, and by what they move.
+#: Values of ``--appearance``, ``--motion`` and ``--exclusion``.
 COLOUR, DISCRIMINATIVE = "colour", "discriminative"
 PIXELS, RELATIVE = "pixels", "relative"
 NONE, BOXES = "none", "boxes"
 _OF_COLOUR = ("appearance", COLOUR)
-#: Grey levels by which the pixels of one colour differ at most.
+#: A region whose grey levels differ by at most this counts as one colour.
 _ONE_COLOUR = 2
 
 
 def appearance_option() -> Any:
-    """By what boxes are known."""
+    """Appearance model of boxes."""
     return option(
         OPEN,
         "How objects are known: colour (histograms), discriminative or auto.  Discriminative "
@@ -33,7 +33,7 @@ def appearance_option() -> Any:
 
 
 def gain_option(default: float) -> Any:
-    """How much learned appearance is trusted."""
+    """Gain of the discriminative score."""
     return option(
         default,
         "Of discriminative appearance: larger trusts its score more.",
@@ -45,7 +45,7 @@ def gain_option(default: float) -> Any:
 
 
 def motion_option() -> Any:
-    """In what motion is measured."""
+    """Unit of the process noise."""
     return option(
         OPEN,
         "Noise in pixels (--scale), relative to the size (--relative-scale) or auto.  Relative "
@@ -57,7 +57,7 @@ def motion_option() -> Any:
 
 
 def steps_option(usual: tuple[float, ...], lone: tuple[float, ...]) -> Any:
-    """How far objects move from frame to frame, as shares of their size."""
+    """Process noise of relative motion, as shares of the object's size."""
     return option(
         None,
         "Of relative motion, noise per frame: of usual steps and of long ones, as shares of the "
@@ -74,7 +74,7 @@ def steps_option(usual: tuple[float, ...], lone: tuple[float, ...]) -> Any:
 
 
 def momentum_option(default: float) -> Any:
-    """How much of its last step an object repeats."""
+    """Share of the last step that an object repeats."""
     return option(
         default,
         "Of relative motion: share of the last displacement that is repeated.",
@@ -85,7 +85,7 @@ def momentum_option(default: float) -> Any:
 
 
 def exclusion_option() -> Any:
-    """Whether two boxes may be explained by the same pixels."""
+    """Whether the same pixels may explain two boxes."""
     return option(
         NONE,
         "Of discriminative appearance: none, or boxes, where what one box covers of another, if it "
@@ -97,7 +97,7 @@ def exclusion_option() -> Any:
 
 
 def sharpness_option(default: float, path: str) -> Any:
-    """How much colours are trusted."""
+    """Sharpness of the colour likelihood."""
     return option(
         default,
         "Likelihood exp(-S d^2) of the colour distance d: larger trusts colours more.",
@@ -109,7 +109,7 @@ def sharpness_option(default: float, path: str) -> Any:
 
 
 def scale_option(default: tuple[float, float, float], **about: Any) -> Any:
-    """How far objects move from frame to frame; ``about`` see ``jaxpf.contract.options.Option``."""
+    """Process noise in pixels; ``about``: see ``jaxpf.contract.options.Option``."""
     return option(
         default,
         "Noise per frame: x and y in pixels, and the relative size; of parts, x, y and degrees of "
@@ -122,7 +122,7 @@ def scale_option(default: tuple[float, float, float], **about: Any) -> Any:
 
 
 def bands_option(default: int) -> Any:
-    """How a picture is divided."""
+    """Number of horizontal bands of a colour histogram."""
     return option(
         default,
         "Horizontal bands, each with a colour histogram of its own.",
@@ -135,7 +135,7 @@ def bands_option(default: int) -> Any:
 
 
 def likelihood_option(*choices: str) -> Any:
-    """How likelihoods are computed."""
+    """How the likelihood is computed."""
     return option(
         "auto",
         "How likelihoods are computed: integral or sampled histograms, auto for the faster of the "
@@ -147,14 +147,14 @@ def likelihood_option(*choices: str) -> Any:
 
 
 def check_contrast(frame: Any, boxes: np.ndarray) -> None:
-    """Refuse boxes on one colour, in front of the same.
+    """Reject boxes of one uniform colour on a background of the same colour.
 
     Args:
         frame: uint8 RGB ``[H, W, 3]``.
         boxes: x, y, w, h in pixels, ``[P, 4]``.
 
     Raises:
-        InputError: which.
+        InputError: the message names the box.
     """
     pixels = np.asarray(frame)
     for index, (x, y, width, height) in enumerate(boxes):
@@ -169,7 +169,7 @@ def check_contrast(frame: Any, boxes: np.ndarray) -> None:
 
 @contextlib.contextmanager
 def naming(names: Sequence[str]) -> Iterator[None]:
-    """The library counts objects from 0; people know them by names, which refusals get here."""
+    """Replace object numbers (from 0) in error messages by the objects' names."""
     try:
         yield
     except InputError as error:

@@ -1,7 +1,7 @@
-"""Trackers, built from a filter and a target's model with the defaults of the command line.
+"""Build a tracker from a filter and a target's model, with the command line's defaults.
 
-Filters and targets do not know each other.  The command line, evaluations, tuning and the public
-factories, such as ``jaxpf.boxes.tracker``, build their trackers here.
+Filters and targets do not know each other.  The command line, evaluation, tuning and public
+factories such as ``jaxpf.boxes.tracker`` build their trackers here.
 """
 
 import dataclasses
@@ -17,30 +17,30 @@ from jaxpf.contract.options import implied, options_of
 from jaxpf.filters.filter import Filter
 from jaxpf.targets.target import Looks, Start, Target
 
-#: Particles by which histograms choose their method, if the filter has a number of its own.
+#: Number of particles assumed when a histogram method is chosen, if the filter sets its own.
 _PARTICLES = 300
 
 
 def filter_for(target: Target, method: str | None = None) -> Filter:
-    """The filter of a method, or the default filter of a target.
+    """The filter of a method; by default the target's default filter.
 
     Raises:
-        InputError: no filter has it.
+        InputError: no filter has this method.
     """
     method = method or target.defaults.get("method")
     return filters.filter_of(method) if method else next(iter(filters.all_filters().values()))
 
 
 def filled(owner: type, given: Mapping[str, Any], defaults: Mapping[str, Any] | None = None) -> Any:
-    """An instance of a class of options, from those of the values that are its own.
+    """An instance of an options class, from those given values that it defines.
 
     Args:
-        owner: the class.
-        given: name -> value; values may imply others that were left open.
-        defaults: defaults that differ from the class's.
+        owner: the options class.
+        given: name -> value; a value may imply others that were left open.
+        defaults: defaults that override those of the class.
 
     Raises:
-        InputError: values out of range, or that exclude each other.
+        InputError: a value is out of range, or two values conflict.
     """
     known = options_of(owner)
     found = {**(defaults or {}), **given}
@@ -49,7 +49,7 @@ def filled(owner: type, given: Mapping[str, Any], defaults: Mapping[str, Any] | 
 
 
 def build(target: Target, model: Any, its: Filter, options: Any, start: Start, looks: Looks) -> Any:
-    """The tracker of a filter on a target's model.
+    """The tracker of a filter and a target.
 
     Args:
         target: the kind of target.
@@ -60,7 +60,7 @@ def build(target: Target, model: Any, its: Filter, options: Any, start: Start, l
         looks: what the likelihood is learned from.
 
     Raises:
-        InputError: options that exclude each other, or an object that cannot be seen.
+        InputError: options conflict, or an object cannot be seen.
     """
     its.check(options, start.parents)
     model = target.resolved(model, looks.is_filmed)
@@ -69,11 +69,11 @@ def build(target: Target, model: Any, its: Filter, options: Any, start: Start, l
 
 
 def looks_of_frame(frame: Any, particles: int | None, patches: Any = None) -> Looks:
-    """What a likelihood is learned from: the start frame.
+    """Learn the likelihood from the start frame, or from patches.
 
     Args:
         frame: uint8 RGB ``[H, W, 3]``.
-        particles: number of particles; None if the filter has a number of its own.
+        particles: number of particles; None if the filter sets its own.
         patches: see ``make``.
     """
     return Looks(
@@ -102,15 +102,15 @@ def make(
         target: the kind of target.
         frame: the start frame, uint8 RGB ``[H, W, 3]``; may be None with your own likelihood.
         start: where tracking starts.
-        given: options of the target and of the method's filter; None counts as not given.
+        given: options of the target and of the method's filter; None means the default.
             ``resampling`` may be your own scheme, see ``jaxpf.resampling``.
-        likelihood: the name of a way to compute it, or your own likelihood.
+        likelihood: the name of a built-in likelihood, or your own likelihood.
         ordering: from ``jaxpf.ordering``, instead of a method.
-        patches: P upright pictures, uint8 RGB ``[h, w, 3]``, to learn the looks from if the start
-            frame does not show them well.
+        patches: P upright pictures, uint8 RGB ``[h, w, 3]``, to learn the appearance from if the
+            start frame does not show it well.
 
     Raises:
-        InputError: an unknown option, or a value out of range.
+        InputError: an option is unknown, or a value is out of range.
     """
     values = {name: _plain(value) for name, value in given.items() if value is not None}
     if isinstance(likelihood, str):
@@ -156,7 +156,7 @@ def _check_names(values: Mapping[str, Any], target: Target, its: Filter) -> None
 
 
 def _checked(frame: Any) -> np.ndarray:
-    """The start frame."""
+    """The start frame as an array, checked to be uint8 RGB."""
     frame = np.asarray(frame)
     if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8:
         raise InputError(
@@ -167,5 +167,5 @@ def _checked(frame: Any) -> np.ndarray:
 
 
 def _plain(value: Any) -> Any:
-    """Arrays as numbers and lists."""
+    """Arrays as plain numbers and lists."""
     return value.tolist() if hasattr(value, "tolist") else value

@@ -1,8 +1,8 @@
-"""How a program reads, writes, draws and asks for a target: one adapter per target.
+"""The registry of targets: one adapter each.
 
-To add a target, write a ``Target`` (what it is, ``jaxpf.targets.target``) and an ``Adapter``
-(``jaxpf.targets.adapter``) as ``ADAPTER`` of ``jaxpf/NAME/adapter.py``, and enter NAME
-in ``_ADAPTERS``.
+To add a target, write a ``Target`` (``jaxpf.targets.target``) and an ``Adapter``
+(``jaxpf.targets.adapter``) as ``ADAPTER`` of ``jaxpf/NAME/adapter.py``, and add NAME to
+``_ADAPTERS``.
 """
 
 import importlib
@@ -13,36 +13,36 @@ from jaxpf.contract.errors import InputError, check_known
 if TYPE_CHECKING:
     from jaxpf.targets.adapter import Adapter
 
-#: Folders of the targets; the first that fits a scene's truth is taken.
+#: Packages of the targets; a scene gets the first whose ``fits_scene`` is true.
 _ADAPTERS = ("points", "parts", "contours", "boxes")
-#: What is tracked where nothing tells.
+#: Target to track if none is given.
 DEFAULT = "boxes"
 
 
 def adapters() -> "dict[str, Adapter]":
-    """All adapters, by the names of their targets."""
+    """All adapters, by target name."""
     return {name: find_adapter(name) for name in _ADAPTERS}
 
 
 def find_adapter(name: str) -> "Adapter":
-    """The adapter of the target of that name.
+    """The adapter of a target.
 
     Raises:
-        InputError: there is none.
+        InputError: the target is unknown.
     """
     check_known("target ", name, _ADAPTERS)
     return importlib.import_module(f"jaxpf.{name}.adapter").ADAPTER
 
 
 def adapter_of_scene(scene: Any, name: str | None = None) -> "Adapter":
-    """The adapter of the target that a scene's truth is about.
+    """The adapter that fits a scene's ground truth.
 
     Args:
         scene: see ``scenes.Scene``.
-        name: of the target, where that is asked for.
+        name: of a target; by default the first that fits.
 
     Raises:
-        InputError: no target has that name, or the truth is of another kind.
+        InputError: the target is unknown, or the ground truth is of another kind.
     """
     own = next(one for one in adapters().values() if one.fits_scene(scene))
     if name is None:

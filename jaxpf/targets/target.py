@@ -1,7 +1,7 @@
-"""What a target says of itself, so that everything above needs no target by name.
+"""The interface of a target, so that no other module needs to know a target by name.
 
-A target is what a substate means.  Its module imports no JAX until a tracker is built, so that
-the command line can show its options in a moment.
+A target defines what a substate means.  Its module imports JAX only when a tracker is built, so
+that the command line can list its options quickly.
 """
 
 import abc
@@ -17,16 +17,16 @@ from jaxpf.contract.model import Model
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Start:
-    """Where P objects are in the frame from which tracking starts.
+    """Where P objects are in the start frame.
 
-    A *shape* is what a target reports of an object in a frame, S numbers: a box, a pose.
+    A *shape* is what a target reports for one object in one frame, S numbers: a box or a pose.
 
     Attributes:
-        ids: ``[P]``, numbers or names by which people know the objects.
+        ids: ``[P]``, numbers or names of the objects.
         shapes: float64 ``[P, S]``.
-        sizes: float64 ``[P, 2]``, width and height in pixels of the objects as they start.
+        sizes: float64 ``[P, 2]``, width and height in pixels of the objects at the start.
         parents: the part tree, -1 for a root.
-        remarks: sentences on what was accepted but may be a mistake.
+        remarks: warnings about input that was accepted but may be a mistake.
     """
 
     ids: np.ndarray
@@ -37,22 +37,21 @@ class Start:
 
     @property
     def num_partitions(self) -> int:
-        """P."""
+        """P, the number of objects."""
         return len(self.parents)
 
 
 class Looks(NamedTuple):
-    """From what likelihoods are learned; either the first or the second is given.
+    """What a likelihood is learned from: either ``frame`` or ``patches`` is given.
 
     Attributes:
-        frame: uint8 RGB ``[H, W, 3]``, the start frame, with the objects where ``Start`` says.
+        frame: uint8 RGB ``[H, W, 3]``, the start frame, showing the objects at ``Start``.
         patches: P pictures, uint8 RGB ``[h, w, 3]``, upright.
         frame_shape: height and width of all frames.
-        num_particles: of one run, where cost decides what is chosen.
-        typical: uint8 RGB ``[n, H, W, 3]``, frames of the kind that is tracked, from which a
-            background is learned.
-        surroundings: uint8 RGB ``[H, W, 3]``, the start frame, where patches tell how objects look.
-        is_filmed: whether frames come from a camera, and not from a synthetic scene.
+        num_particles: particles of one run, for choices that depend on cost.
+        typical: uint8 RGB ``[n, H, W, 3]``, typical frames, from which a background is learned.
+        surroundings: uint8 RGB ``[H, W, 3]``, the start frame if ``patches`` are given.
+        is_filmed: whether frames come from a camera rather than a synthetic scene.
     """
 
     frame: Any
@@ -65,27 +64,26 @@ class Looks(NamedTuple):
 
     @property
     def start_frame(self) -> Any:
-        """The start frame, objects and surroundings."""
+        """The start frame, showing objects and surroundings."""
         return self.surroundings if self.frame is None else self.frame
 
 
 class Target(abc.ABC):
-    """What a substate means.
+    """A kind of target: the meaning of a substate, its likelihood and its motion.
 
-    What a target must define: ``name``, ``options``, ``start``, ``likelihood``, ``model``,
-    ``shapes`` and ``outlines``; one that lacks a method cannot be made.  The rest has defaults,
-    some of which refuse with a sentence.  Its dynamics and its likelihood may stand in its own
-    file, as a user's own do.
+    A target must define ``name``, ``options``, ``start``, ``likelihood``, ``model``, ``shapes``
+    and ``outlines``; a class without them cannot be instantiated.  The rest has defaults, some of
+    which raise ``InputError``.  A target may define its own dynamics and likelihood.
 
     Attributes:
-        name: by which the registry in ``jaxpf.targets`` knows it.
+        name: its name in the registry of ``jaxpf.targets``.
         options: class of the options of its model (``jaxpf.contract.options``).
-        defaults: of a filter's options, where the target's differ.
-        coordinates: names of a substate's first coordinates, as people read them; where the first
-            two are x and y, they are a place in pixels.
+        defaults: filter options whose defaults this target overrides.
+        coordinates: display names of a substate's first coordinates; if the first two are x and
+            y, they are a position in pixels.
         has_boxes: whether its shapes are boxes x, y, w, h, as in MOT files and standard scores.
-        outlines_of_estimates: function of estimates ``[..., P, D]`` and sizes ``[P, 2]`` that gives
-            outlines ``[..., P, V, 2]``, differentiable; None where shapes are boxes.
+        outlines_of_estimates: function of estimates ``[..., P, D]`` and sizes ``[P, 2]`` that
+            returns outlines ``[..., P, V, 2]``, differentiable; None if shapes are boxes.
     """
 
     name: str
@@ -97,36 +95,35 @@ class Target(abc.ABC):
 
     @abc.abstractmethod
     def start(self, given: Any, names: Any = None) -> Start:
-        """Where objects start, from what the target's public factory takes.
+        """Where objects start, from the argument of the target's public factory.
 
         Args:
-            given: such as boxes ``[P, 4]``.
+            given: for example boxes ``[P, 4]``.
             names: of the objects; by default their numbers.
 
         Raises:
-            InputError: it is no such thing.
+            InputError: the argument is invalid.
         """
 
     @abc.abstractmethod
     def likelihood(self, options: Any, start: Start, looks: Looks) -> Any:
-        """How its looks explain a frame.
+        """The likelihood of the objects' appearance.
 
         Args:
-            options: with nothing left open, see ``resolved``; like the next for all methods.
-            start: where it starts.
-            looks: from what it is learned.
+            options: resolved, see ``resolved``; the same in all methods below.
+            start: where the objects start.
+            looks: what the likelihood is learned from.
 
         Raises:
-            InputError: an option out of range, or an object too small to be seen.
+            InputError: an option is out of range, or an object is too small to be seen.
         """
 
     @abc.abstractmethod
     def model(self, options: Any, start: Start, likelihood: Any) -> Model:
-        """Its motion and its start, with that likelihood or one of a user's own."""
+        """The model: dynamics and initial state, with the given (or a user's own) likelihood."""
 
     def training_likelihood(self, options: Any, start: Start, looks: Looks, frames: Any) -> Any:
-        """A likelihood that is differentiable in its parameters and in the state, and normalised,
-        so that the evidence may choose among parameters.
+        """A normalised likelihood, differentiable in its parameters and the state, for tuning.
 
         Args:
             options, start, looks: as for ``likelihood``.
@@ -138,29 +135,28 @@ class Target(abc.ABC):
         )
 
     def resolved(self, options: Any, is_filmed: bool) -> Any:
-        """The options with what depends on where pictures come from, see ``Looks``."""
+        """The options with "auto" values that depend on ``Looks.is_filmed`` filled in."""
         return options
 
     @property
     def fits_motion(self) -> bool:
-        """Whether it has motions to choose among."""
+        """Whether the target has motion candidates to choose from."""
         return type(self).motion_candidates is not Target.motion_candidates
 
     def motion_candidates(self, options: Any) -> list[Any]:
-        """Options that differ in the motion alone, among which the evidence of the first frames
-        may choose.
+        """Options that differ only in the motion; the evidence of the first frames selects one.
 
         Raises:
-            InputError: it has none to choose among.
+            InputError: the target has no candidates.
         """
         raise InputError(f"{self.name} have no motion to fit.")
 
     def settled(self, options: Any, start: Start, looks: Looks) -> Any:
-        """The options with what "auto" stands for; it decides about results, so it is kept."""
+        """The options with every "auto" replaced by its choice, to be stored with the results."""
         return options
 
     def noise(self, options: Any, start: Start) -> np.ndarray:
-        """``[3]``: process noise of the first coordinates, NaN where it has no single value."""
+        """``[3]``: process noise of the first coordinates, NaN where it is not a single value."""
         return np.full(3, np.nan)
 
     @abc.abstractmethod
@@ -169,15 +165,15 @@ class Target(abc.ABC):
 
     @abc.abstractmethod
     def outlines(self, start: Start, shapes: Any) -> Any:
-        """Corners ``[..., P, V, 2]`` of convex polygons, in order, pixels."""
+        """Corners ``[..., P, V, 2]`` of convex polygons, in order, in pixels."""
 
     @property
     def has_places(self) -> bool:
-        """Whether a substate begins with x and y of a place in pixels, or with its shift."""
+        """Whether a substate begins with x and y, a position or its shift in pixels."""
         return tuple(self.coordinates[:2]) == ("x", "y")
 
     def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
-        """Measures of every frame, see ``jaxpf.measures.outlines``."""
+        """Error measures per frame, see ``jaxpf.measures.outlines``."""
         from jaxpf.measures.outlines import measure_outlines
 
         return measure_outlines(self.outlines(start, shapes), self.outlines(start, truth))

@@ -1,4 +1,4 @@
-"""Likelihoods of contours by edges on measurement lines, with exclusion (maccormick1999)."""
+"""Likelihoods of contours from edges on measurement lines, with exclusion (maccormick1999)."""
 
 from jaxpf.likelihoods.contours.build import EXCLUSIONS, contours
 from jaxpf.likelihoods.contours.clutter import learn_clutter, lost_tail, poisson_clutter

@@ -1,4 +1,4 @@
-"""Making a likelihood of contours: arguments checked, defaults in one place."""
+"""Make a contour likelihood: check arguments and set defaults."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ _KINDS: dict[str, tuple[type[IndependentContours], dict[str, str]]] = {
     "wires-literal": (ExclusiveContours, {"payment": "literal"}),
     "opaque-literal": (OpaqueContours, {"payment": "literal"}),
 }
-#: More crossings make too many subsets to sum.
+#: More boundaries on a line would make too many subsets to sum over.
 _MOST_CROSSINGS = 8
 
 
@@ -42,33 +42,34 @@ def contours(
     num_lines: int = 32,
     crossings: int | None = None,
 ) -> IndependentContours:
-    """The likelihood of contours by edges on their normals (maccormick1999).
+    """The likelihood of contours from edges on their normals (maccormick1999).
 
     Args:
-        space: of the substates.
-        num_targets: P; of opaque ones 2 to 4.
-        exclusion: one of ``EXCLUSIONS``: ``"wires"`` or ``"opaque"``, where an edge is paid for
-            once; ``"none"``, the paper's control, where it is paid for once by each target.
-            ``"wires-literal"``, ``"opaque-literal"`` and ``"none-literal"`` pay for it on every
+        space: the shape space of the substates.
+        num_targets: P; 2 to 4 if opaque.
+        exclusion: one of ``EXCLUSIONS``: ``"wires"`` or ``"opaque"``, where an edge is rewarded
+            once; ``"none"``, the paper's control, where it is rewarded once per target.
+            ``"wires-literal"``, ``"opaque-literal"`` and ``"none-literal"`` reward it on every
             line that shows it, as printed (eq. 2 and 5).
-        frames: uint8 RGB ``[T, H, W, 3]``, from which clutter is learned; or
+        frames: uint8 RGB ``[T, H, W, 3]``, from which clutter is learned; give this or
+            ``clutter``.
         clutter: either b(n) for n = 0 .. max_features, or the mean of Poisson clutter, features
             per line.
         detector: of edges; its ``length`` is L.
-        detection: probabilities that k of c boundaries are detected, ``[c, k]`` for c = 0 to
-            ``num_targets * crossings``; default ``detection_probabilities``.
-        sigma: width of the law of a boundary's feature, pixels.
-        independence: share of its log-ratio that each line counts, above 0 to 1; less than 1 where
-            lines lie so near to each other that they see the same.  Each line is still a density,
-            so that evidence may choose among shares, but of the literal likelihoods and with
-            further ``crossings``; see ``share`` for where it is one nearly.
-        width: of a wire both of whose edges are seen, pixels; None: the contour is one edge.
+        detection: probabilities that k of c boundaries are detected, ``[c, k]``, for c from 0 to
+            the most boundaries on a line; default ``detection_probabilities``.
+        sigma: standard deviation of a boundary's feature, pixels.
+        independence: weight of each line's log-ratio, above 0 to 1; use less than 1 if lines are
+            so close together that they see the same edge.  Each line is still a density, so the
+            evidence may choose among weights.  This does not hold for the literal likelihoods or
+            with further ``crossings``, and only approximately in some other cases, see ``share``.
+        width: of a wire with two visible edges, pixels; None: the contour is one edge.
         num_lines: M, lines per contour.
-        crossings: most crossings of one contour with one line that count; default 1, or 2
-            for a wire with two edges.
+        crossings: maximum number of crossings of one contour with one line that are used;
+            default 1, or 2 for a wire with two edges.
 
     Raises:
-        InputError: an argument is out of range; the sentence says which.
+        InputError: an argument is out of range.
     """
     detector = EdgeDetector() if detector is None else detector
     edges = 1 if width is None else 2

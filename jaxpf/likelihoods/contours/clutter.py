@@ -1,9 +1,9 @@
-"""How many features a line shows where there is no target: b(n) of maccormick1999.
+"""Distribution of the number of features on a line without a target: b(n) of maccormick1999.
 
-Learned from lines at random places, in random directions, of typical frames; what was never seen
-gets a little from a geometric law with the same mean, since no line can be worth infinitely much.
-Or Poisson with a given mean.  Counts above the largest that is kept count as that one;
-``lost_tail`` says how much that is.
+It is learned from lines at random places and in random directions of typical frames, or Poisson
+with a given mean.  Learned counts are smoothed by a geometric distribution with the same mean, so
+that no line has an infinite log-ratio.  Counts above the largest that is kept are added to that
+one; ``lost_tail`` gives their probability.
 """
 
 from typing import Any
@@ -16,22 +16,22 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import as_array
 from jaxpf.likelihoods.contours.edges import EdgeDetector, Lines
 
-#: Lines' worth of the geometric law that are added to what was counted.
+#: Weight of the geometric distribution, in lines, added to the counts.
 SMOOTHING = 5.0
 
 
 def poisson_clutter(mean: float, max_features: int) -> jax.Array:
     """b(n) for n = 0 .. max_features of Poisson clutter, ``[max_features + 1]``.
 
-    The ratios of the line model are those of the whole law, ``(L / mean)^k``, on lines that show
-    fewer than ``max_features``; a line of so many may have shown more.
+    On lines with fewer than ``max_features`` features, the line model has the ratios of the full
+    distribution, ``(L / mean)^k``; a line with ``max_features`` may have shown more.
 
     Args:
         mean: features per line.
         max_features: the detector's.
 
     Raises:
-        InputError: a mean that is not above 0.
+        InputError: the mean is not above 0.
     """
     if not (np.isfinite(mean) and mean > 0):
         raise InputError(f"clutter of mean {mean} features per line must be a number above 0.")
@@ -52,13 +52,13 @@ def learn_clutter(
 
     Args:
         frames: uint8 RGB ``[T, H, W, 3]``.
-        detector: that of the likelihood.
-        num_lines: in all, shared out over the frames.
-        smoothing: lines' worth of a geometric law of the same mean that are added.
-        seed: of the places.
+        detector: the likelihood's detector.
+        num_lines: total number of lines, divided among the frames.
+        smoothing: weight, in lines, of the added geometric distribution with the same mean.
+        seed: of the random lines.
 
     Raises:
-        InputError: no frames; frames that no line fits into; no feature on any line.
+        InputError: there are no frames, lines do not fit into them, or no line shows a feature.
     """
     frames = np.asarray(frames)
     if frames.ndim != 4 or len(frames) == 0:
@@ -100,17 +100,17 @@ def lost_tail(clutter: Any, num_boundaries: int = 0) -> float:
 
     Args:
         clutter: b(n), ``[n_max + 1]``.
-        num_boundaries: detected boundaries on the line, each a feature more.
+        num_boundaries: detected boundaries on the line, each with a feature of its own.
     """
     kept = np.asarray(clutter, float)
     return float(1 - kept[: len(kept) - num_boundaries].sum())
 
 
 def check_clutter(clutter: Any, max_features: int) -> jax.Array:
-    """b(n), above 0, for n = 0 .. max_features.
+    """Validate b(n) for n = 0 .. max_features.
 
     Raises:
-        InputError: another length, or numbers that are not above 0 or sum to more than one.
+        InputError: the length is wrong, or numbers are not above 0 or sum to more than one.
     """
     values = np.asarray(clutter, float)
     if values.shape != (max_features + 1,):

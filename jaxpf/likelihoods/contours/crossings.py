@@ -1,8 +1,8 @@
-"""Where contours cross measurement lines, and what of them an opaque contour hides.
+"""Crossings of contours with measurement lines, and their occlusion by opaque contours.
 
-A contour counts as the polyline through the middles of its own lines.  Everything is one pass
-along that polyline, for all lines and particles at once, so that nothing as large as lines times
-sides is ever held.
+A contour is approximated by the polyline through the middles of its own lines.  Everything is one
+scan along that polyline, for all lines and particles at once, so that no array of the size lines
+times sides is ever needed.
 """
 
 from typing import NamedTuple
@@ -19,12 +19,12 @@ _NEVER = 1e6
 
 
 class Polyline(NamedTuple):
-    """One polyline or several in one list of points.
+    """One polyline, or several in one list of points.
 
     Attributes:
         x: ``[V, ...]``, pixels.
         y: ``[V, ...]``.
-        joined: ``[V]`` bool, whether there is a side from the point before to this one.
+        joined: ``[V]`` bool, whether a side joins the previous point to this one.
     """
 
     x: jax.Array
@@ -33,12 +33,11 @@ class Polyline(NamedTuple):
 
 
 def outline(lines: Lines, offsets, closed: bool) -> Polyline:
-    """The boundaries whose measurement lines are given.
+    """The boundaries of a contour, from its measurement lines.
 
     Args:
         lines: ``[M, ...]``, in order along the contour.
-        offsets: places on the lines at which the boundaries lie: ``[0.0]``, or both edges of a
-            wire.
+        offsets: positions of the boundaries on the lines: ``[0.0]``, or both edges of a wire.
         closed: whether the last point is joined to the first.
     """
     xs, ys, joined = [], [], []
@@ -53,7 +52,7 @@ def outline(lines: Lines, offsets, closed: bool) -> Polyline:
 
 
 def own_sides(num_lines: int, num_edges: int, closed: bool) -> np.ndarray:
-    """``[V, M]`` bool: the sides that end on a line's own boundary, and cross it there."""
+    """``[V, M]`` bool: the sides that touch, and so cross, a line at its own boundary point."""
     order = np.arange(num_lines)
     point = np.tile(np.concatenate([order, order[:1]]) if closed else order, num_edges)
     before = np.roll(point, 1)
@@ -67,18 +66,18 @@ def sides_from(num_lines: int, num_edges: int, closed: bool) -> np.ndarray:
 
 
 def nearest_crossings(lines: Lines, polyline: Polyline, reach: float, keep: int, left_out=None):
-    """Where a polyline crosses lines, the crossings nearest to the lines' middles.
+    """Crossings of a polyline with lines, those nearest to the lines' middles.
 
     Args:
         lines: ``[M, ...]``.
-        polyline: ``[V, ...]``, with the lines' axes after their first.
-        reach: lines extend this far to both sides, pixels.
-        keep: number of crossings kept per line, at most.
-        left_out: ``[V, M]`` bool, sides that do not count for a line; or None.
+        polyline: ``[V, ...]``, with the lines' axes after the first.
+        reach: half the length of a line, pixels.
+        keep: maximum number of crossings kept per line.
+        left_out: ``[V, M]`` bool, sides to ignore for each line; or None.
 
     Returns:
-        Places ``[keep, M, ...]`` in pixels from the lines' middles, and which of them there are,
-        bool.
+        Places ``[keep, M, ...]`` in pixels from the lines' middles, and a bool mask of the
+        crossings that exist.
     """
     shape, dtype = lines.x.shape, lines.x.dtype
     counts = jnp.asarray(polyline.joined)[:, None]
@@ -88,7 +87,7 @@ def nearest_crossings(lines: Lines, polyline: Polyline, reach: float, keep: int,
     counts = counts.reshape(*counts.shape, *[1] * (len(shape) - 1))
 
     def relative(x, y):
-        """A point's distance from each line, signed, and its place along it."""
+        """A point's signed distance from each line, and its position along it."""
         dx, dy = x[None] - lines.x, y[None] - lines.y
         return (
             dx * lines.along_y - dy * lines.along_x,
@@ -117,7 +116,7 @@ def nearest_crossings(lines: Lines, polyline: Polyline, reach: float, keep: int,
 
 @custom_vmap
 def anywhere(there):
-    """Whether anything is true, bool ``[]``: in any run, so that a branch on it stays a branch."""
+    """Whether anything is true in any run, bool ``[]``; under ``vmap`` a branch on it survives."""
     return jnp.any(there)
 
 
@@ -127,15 +126,15 @@ def _anywhere_in_all(size, batched, there):
 
 
 def first(places, there, keep: int):
-    """The first of several places on a line that there are.
+    """The first ``keep`` existing places on each line.
 
     Args:
         places: ``[C, ...]``.
-        there: bool, like ``places``.
-        keep: how many are kept.
+        there: bool, like ``places``, whether a place exists.
+        keep: maximum number of places kept.
 
     Returns:
-        Places ``[keep, ...]``, 0 where there are no more, and which of them there are, bool.
+        Places ``[keep, ...]``, 0 if there are fewer, and a bool mask of those that exist.
     """
     if keep == places.shape[0]:
         return places, there

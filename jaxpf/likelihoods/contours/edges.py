@@ -1,9 +1,9 @@
 """Edges on measurement lines: gradient images once per frame, features line by line.
 
-The gradient of the frame's brightness is taken once per frame and shared by all runs and
-particles.  A line reads it at the nearest pixels, one apart; its response is the size of the
-gradient along the line.  A feature is a local maximum of the response above a threshold, to the
-nearest sample: fine enough where the width of the boundary's law is several pixels.
+The gradient of the frame's brightness is computed once per frame and shared by all runs and
+particles.  A line reads it at the nearest pixels, at steps of one pixel; its response is the
+absolute gradient along the line.  A feature is a local maximum of the response above a threshold,
+located to the nearest sample.  This is fine enough if sigma is several pixels.
 """
 
 from typing import NamedTuple
@@ -21,19 +21,19 @@ from jaxpf.likelihoods.color import check_frame
 _STEPS = 64.0
 #: Brightness of red, green and blue (ITU-R BT.601).
 _BRIGHTNESS = (0.299, 0.587, 0.114)
-#: A feature is kept as one whole number, its response and, in the last bits, its place.
+#: A feature is packed into one integer: its response and, in the lowest bits, its place.
 _PLACE_BITS = 8
 LONGEST_LINE = 2**_PLACE_BITS - 3
 
 
 class Lines(NamedTuple):
-    """Measurement lines: ``[M, N]`` each, or any other shape they all have.
+    """Measurement lines, ``[M, N]`` each or of any other common shape.
 
     Attributes:
         x: of the middle, in pixels; pixel (0, 0) is the square [0, 1) x [0, 1).
         y: of the middle.
-        along_x: the line's direction, of length 1.
-        along_y: the same in y.
+        along_x: x component of the line's unit direction.
+        along_y: its y component.
     """
 
     x: jax.Array
@@ -43,7 +43,7 @@ class Lines(NamedTuple):
 
 
 class Features(NamedTuple):
-    """Features found on lines, strongest first, at most F on each.
+    """Features found on lines, strongest first, at most F per line.
 
     Attributes:
         places: ``[F, ...]``, pixels along the line from its middle.
@@ -60,8 +60,8 @@ class EdgeDetector:
 
     Attributes:
         threshold: least response of a feature, grey levels (0 to 255) per pixel.
-        length: static, L, pixels along a line on which features may lie; odd.
-        max_features: static, most features kept per line, the strongest.
+        length: static, L, length in pixels of a line on which features may lie; odd.
+        max_features: static, maximum number of features kept per line, the strongest.
         smoothing: static, standard deviation of the blur before the gradient, pixels.
     """
 
@@ -87,17 +87,17 @@ class EdgeDetector:
 
     @property
     def reach(self) -> float:
-        """Half of L: a line's features lie at -reach to reach."""
+        """Half of L: features lie between -reach and reach."""
         return self.length / 2
 
     def observe(self, frame) -> jax.Array:
-        """The frame's gradient, one word per pixel, int32, with a margin in which there is none.
+        """The frame's gradient, one int32 word per pixel, with a margin of zeros.
 
         Args:
             frame: uint8 RGB ``[H, W, 3]``.
 
         Raises:
-            InputError: it is something else.
+            InputError: the frame has another shape or dtype.
         """
         check_frame(frame)
         gradient = brightness_gradient(frame, self.smoothing)
@@ -107,19 +107,19 @@ class EdgeDetector:
         return jnp.pad(words, self._margin)
 
     def frame_size(self, observation) -> tuple[int, int]:
-        """Width and height of the frame that was observed."""
+        """Width and height of the observed frame."""
         height, width = observation.shape
         return width - 2 * self._margin, height - 2 * self._margin
 
     def find(self, observation, lines: Lines) -> Features:
-        """The features on lines; what lies outside the frame holds none.
+        """The features on lines; there are none outside the frame.
 
-        A pass along all lines at once: only the last three responses and the features found so
-        far are held.
+        One scan along all lines at once, which holds only the last three responses and the features
+        found so far.
         """
         width, height = self.frame_size(observation)
         stride, words = observation.shape[1], observation.reshape(-1)
-        beyond = self.length // 2 + 2  # lines this far outside the frame see nothing of it
+        beyond = self.length // 2 + 2  # lines this far outside do not reach the frame
         x = jnp.clip(lines.x, -beyond, width + beyond) + self._margin
         y = jnp.clip(lines.y, -beyond, height + beyond) + self._margin
 
@@ -173,7 +173,7 @@ def brightness_gradient(frame, smoothing: float) -> jax.Array:
 
 
 def _filtered(image, kernel: np.ndarray, axis: int):
-    """Correlation with a short kernel along an axis; the border is repeated outwards."""
+    """Correlation with a short kernel along an axis; border pixels are repeated."""
     radius = len(kernel) // 2
     pad = [(0, 0), (0, 0)]
     pad[axis] = (radius, radius)

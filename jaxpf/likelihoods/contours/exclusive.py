@@ -1,4 +1,4 @@
-"""Likelihoods of contours that exclude one another: wire frames, and opaque bodies."""
+"""Likelihoods of contours with exclusion: wire frames and opaque bodies."""
 
 from functools import reduce
 
@@ -16,14 +16,14 @@ from jaxpf.shapes.depth import depth_orders, depths
 
 @pytree_dataclass
 class ExclusiveContours(IndependentContours):
-    """Targets that exclude one another: ``P`` of maccormick1999, section 3, relative to clutter.
+    """Targets with exclusion: ``P`` of maccormick1999, section 3, relative to clutter.
 
-    A line is crossed by the boundaries of every target, and no feature on it serves two of them.
-    The targets are wire frames: all boundaries are seen, also where they overlap.  The density of
-    one target alone is the weighting function of partitioned sampling.
+    The boundaries of every target may cross a line, and no feature on it serves two of them.
+    The targets are wire frames: all boundaries are visible, even where they overlap.  The density
+    of one target alone is the weighting function of partitioned sampling.
 
-    With ``payment="literal"`` it is eq. 2 as printed: an edge is paid for on the lines of every
-    target near it, so that two wires side by side count twice what they count apart.
+    ``payment="literal"`` is eq. 2 as printed: an edge is rewarded on the lines of every target near
+    it, so two wires side by side count twice as much as two wires apart.
     """
 
     def log_joint(self, observation, substates, log_probs):
@@ -44,10 +44,10 @@ class ExclusiveContours(IndependentContours):
         return Lines(*(values.reshape(shape) for values in lines))
 
     def all_crossings(self, observation, lines, label=None):
-        """Places of all targets' boundaries on all lines, and which are seen.
+        """Places of all targets' boundaries on all lines, and which are visible.
 
-        First the rows of a line's own contour (``_of_their_own``), then ``crossings`` rows of each
-        other target, the targets in turn after the line's own.
+        First the rows of a line's own contour (``_of_their_own``), then ``crossings`` rows for each
+        other target, in cyclic order after the line's own.
 
         Args:
             observation: of the frame.
@@ -75,11 +75,11 @@ class ExclusiveContours(IndependentContours):
         return found
 
     def _hidden(self, lines, places, label, step):
-        """Which places on lines are hidden, of the target ``step`` after the lines' own."""
+        """Whether places on lines, of the target ``step`` after the line's own, are hidden."""
         return jnp.zeros((), bool)
 
     def _judged_together(self, observation, substates, label):
-        """``[N]`` of substates ``[P, D, N]`` and labels ``[N]`` or None."""
+        """Joint log-ratio ``[N]`` of substates ``[P, D, N]``, given labels ``[N]`` or None."""
         finite = jnp.all(jnp.isfinite(substates), axis=(0, 1))
         lines = self.lines_of_all(jnp.where(finite, substates, 0.0))
         boundaries = self.all_crossings(observation, lines, label)
@@ -101,15 +101,15 @@ class ExclusiveContours(IndependentContours):
 
 @pytree_dataclass
 class OpaqueContours(ExclusiveContours):
-    """Opaque targets, one behind another: ``P_occl`` of maccormick1999, section 4, rel. to clutter.
+    """Opaque targets in depth order: ``P_occl`` of maccormick1999, section 4, relative to clutter.
 
-    The label says in which order they lie in depth (``jaxpf.shapes.depth``).  What of a target's
-    boundary lies inside the outline of any nearer one is hidden, and is not counted.  While nothing
-    is hidden all labels are equally likely.
+    The label is the order of the targets in depth (``jaxpf.shapes.depth``).  Parts of a target's
+    boundary inside the outline of a nearer target are hidden and not counted.  While nothing is
+    hidden, all labels are equally likely.
 
-    With ``payment="literal"`` it is eq. 5 as printed, by which a contour that is drawn inside a
-    nearer target is rewarded with that target's edge once more, and is as likely as the truth.  It
-    is printed for two targets, and is for more the same product over all lines.
+    ``payment="literal"`` is eq. 5 as printed.  It rewards a contour drawn inside a nearer target
+    again with that target's edge, and makes it as likely as the truth.  The paper gives eq. 5 for
+    two targets; for more, the same product over all lines is used.
 
     Attributes:
         num_targets: static, P.
@@ -119,11 +119,11 @@ class OpaqueContours(ExclusiveContours):
 
     @property
     def orders_of_labels(self) -> tuple[tuple[int, ...], ...]:
-        """For each label the order of partitioned sampling: the nearer target first (figure 8)."""
+        """Order of partitioned sampling for each label: the nearer target first (figure 8)."""
         return depth_orders(self.num_targets)
 
     def log_joint_all(self, observation, substates, log_probs):
-        """The mean over all labels ``[N]``, for a filter that carries none."""
+        """The mean over all labels ``[N]``, for a filter without labels."""
         none = jnp.zeros(substates.shape[-1], int)
         labels = jnp.arange(len(depth_orders(substates.shape[0])))
         each = lax.map(lambda y: self._judged_together(observation, substates, none + y), labels)
@@ -140,13 +140,13 @@ class OpaqueContours(ExclusiveContours):
         return self._judged_together(observation, substates, label)
 
     def _hidden(self, lines, places, label, step):
-        """See ``ExclusiveContours``: ``[K, M, P, N]`` bool, what lies in any nearer target."""
+        """Whether places ``[K, M, P, N]`` are inside any nearer target, bool."""
         outline, num_targets = self._outline(lines), lines.x.shape[1]
         x, y = lines.x + places * lines.along_x, lines.y + places * lines.along_y
         order = jnp.asarray(depth_orders(num_targets))[label]  # [N, P]
         depth = jnp.roll(jnp.asarray(depths(num_targets))[label].T, -step, axis=0)
         hidden = jnp.zeros((), bool)
-        for place in range(num_targets - 1):  # the last one hides nothing
+        for place in range(num_targets - 1):  # the farthest target hides nothing
             nearer = crossing.Polyline(
                 _of_target(outline.x, order[:, place]),
                 _of_target(outline.y, order[:, place]),
@@ -166,5 +166,5 @@ class OpaqueContours(ExclusiveContours):
 
 
 def _of_target(values, target):
-    """``[V, N]``, of values ``[V, P, N]`` those of a target ``[N]`` in each particle."""
+    """Values ``[V, N]`` of each particle's ``target`` ``[N]``, from values ``[V, P, N]``."""
     return jnp.take_along_axis(values, target[None, None], axis=1)[:, 0]

@@ -1,9 +1,9 @@
-"""The likelihood of contours each of which is judged alone.
+"""The likelihood of contours without exclusion: each is evaluated alone.
 
-The substate is a point of a shape space (``jaxpf.shapes.spaces``).  Lines are normals of its
-contour, and each is judged by the line model; a contour's log-likelihood is a sum over its lines
+The substate is a point of a shape space (``jaxpf.shapes.spaces``).  Measurement lines are normals
+of its contour, and the line model gives each a log-ratio; a contour's log-likelihood is their sum
 (maccormick1999, eq. 2).  A contour that folds back on itself shows one edge to the lines of both
-legs; ``union`` says how that edge is paid for once.
+legs; ``union`` explains how that edge is rewarded only once.
 """
 
 from typing import Any, NamedTuple
@@ -22,12 +22,12 @@ from jaxpf.likelihoods.contours.share import log_mean_of, log_means
 from jaxpf.shapes.spaces import ShapeSpace
 from jaxpf.shapes.splines import basis
 
-#: Crossings of a contour with one line that are examined to find those that are seen.
+#: Number of crossings of a contour with one line that are searched for visible ones.
 _CANDIDATES = 4
 
 
 class Observation(NamedTuple):
-    """What is taken from a frame once.
+    """The observation of a frame.
 
     Attributes:
         gradient: see ``EdgeDetector.observe``.
@@ -42,26 +42,27 @@ class Observation(NamedTuple):
 class IndependentContours(Likelihood):
     """Each target alone: ``P_A`` of maccormick1999 (eq. 4), relative to clutter.
 
-    As a likelihood of several targets it is their product ``P_A P_B``, the paper's control: one
-    edge may support two targets, so that look-alikes coalesce.
+    For several targets it is the product ``P_A P_B``, the paper's control: one edge may support
+    two targets, so look-alikes coalesce.
 
     Attributes:
-        space: of the substates.
+        space: the shape space of the substates.
         detector: of edges on the lines.
         clutter: b(n), ``[max_features + 1]``.
         detection: ``q_kc`` at ``[c, k]``; its size bounds c.
-        sigma: width of the law of a boundary's feature, pixels.
-        independence: share of its log-ratio that each line counts, less a constant that makes a
-            density of it; see ``share``, which says why, and where that holds only nearly.
-        width: of a wire with two edges, pixels; what the spline draws is its middle.  Not used
-            with one edge.
-        edges: static, 1 where the spline is itself the boundary, 2 for both edges of a wire.
+        sigma: standard deviation of a boundary's feature, pixels.
+        independence: weight of each line's log-ratio; a constant is subtracted so that the result
+            is a density.  See ``share`` for the reason, and for cases in which it is one only
+            approximately.
+        width: of a wire with two edges, pixels; the spline is its centreline.  Not used with one
+            edge.
+        edges: static, 1 if the spline is itself the boundary, 2 for both edges of a wire.
         num_lines: static, M, measurement lines per contour.
-        crossings: static, at most this many crossings of one contour with one line count, those
-            nearest to the line's middle.
+        crossings: static, maximum number of crossings of one contour with one line that are
+            used, those nearest to the line's middle.
         payment: static, ``"once"`` or ``"literal"``.  With ``"once"`` an edge that several lines
-            show is paid for once, see ``union``.  ``"literal"`` is the product over all lines as
-            printed, where a contour folded back on half of its length scores like the truth.
+            show is rewarded once, see ``union``.  ``"literal"`` is the product over all lines as
+            printed, with which a contour folded back on half of its length scores like the truth.
     """
 
     space: ShapeSpace
@@ -76,11 +77,11 @@ class IndependentContours(Likelihood):
     crossings: int = static_field(default=1)
     payment: str = static_field(default="once")
 
-    #: Lines are read at whole pixels.
+    #: Lines are read at whole pixels, so there is no gradient.
     state_gradient = False
 
     def observe(self, frame):
-        """The frame's gradient and what lines count, shared by all runs and particles."""
+        """The frame's gradient and the lines' normalising constants, for all runs and particles."""
         means = log_means(
             self.clutter,
             self.detection,
@@ -100,7 +101,7 @@ class IndependentContours(Likelihood):
         return jnp.where(finite, total, jnp.nan)
 
     def lines_of(self, partition, substates) -> Lines:
-        """Measurement lines ``[M, N]`` of substates ``[D, N]``, pointing outwards if clockwise."""
+        """Measurement lines ``[M, N]`` of substates ``[D, N]``; outwards on clockwise contours."""
         points, slopes = (jnp.asarray(matrix, substates.dtype) for matrix in self._bases())
         both = self.space.points_all(jnp.concatenate([points, slopes]), partition, substates)
         rows = both.reshape(2, 2, self.num_lines, -1)
@@ -113,7 +114,7 @@ class IndependentContours(Likelihood):
 
     def _bases(self) -> tuple[np.ndarray, np.ndarray]:
         closed, degree = self.space.closed, self.space.degree
-        first = 0.0 if closed else 0.5  # the ends of an open contour have no neighbours to check
+        first = 0.0 if closed else 0.5  # avoids lines at the very ends of an open contour
         places = (np.arange(self.num_lines) + first) / self.num_lines
         num_points = self.space.num_points
         kwargs: dict[str, Any] = {"closed": closed, "degree": degree}
@@ -126,10 +127,10 @@ class IndependentContours(Likelihood):
         return [0.0] if self.edges == 1 else [-half, half]
 
     def _of_their_own(self, observation, lines):
-        """Places ``[crossings, M, ...]`` of a contour on its own lines, and which are seen.
+        """Places ``[crossings, M, ...]`` of a contour on its own lines, and which are visible.
 
-        The first ``edges`` rows are the boundary that a line belongs to.  The others are what else
-        of the contour crosses it: paid once, what comes earlier along the contour.
+        The first ``edges`` rows are the boundary that a line belongs to.  The others are further
+        crossings of the same contour; with payment ``"once"``, only those of its earlier pieces.
         """
         places = jnp.stack([jnp.full_like(lines.x, offset) for offset in self._offsets()])
         own = places, self._in_view(observation, lines, places)
@@ -148,17 +149,17 @@ class IndependentContours(Likelihood):
 
     @property
     def _own_rows(self) -> int:
-        """How many rows of ``_of_their_own`` there are."""
+        """Number of rows of ``_of_their_own``."""
         return self.crossings + (0 if self.payment == "literal" else self.edges)
 
     def _factors(self, observation, lines, boundaries, others):
-        """What contours' own lines gain by them: sums over lines, ``[S, ...]``.
+        """Log-factors of contours from their own lines: sums over lines, ``[S, ...]``.
 
         Args:
             observation: of the frame.
             lines: ``[M, ...]``.
-            boundaries: places ``[C, M, ...]`` and which are seen; own rows first.
-            others: S groups of the rows after the own ones: boundaries that were there before.
+            boundaries: places ``[C, M, ...]`` and which are visible; own rows first.
+            others: S groups of rows, counted after the own ones: boundaries that were there before.
         """
 
         def gains(num_own, boundaries):
@@ -170,7 +171,7 @@ class IndependentContours(Likelihood):
             ratios = self._log_ratios(observation, lines, boundaries, groups)
             ratio, given = ratios[: len(after)], ratios[len(after) :]
             if any(before):
-                # Where lines cannot be without their target, nothing was there before it.
+                # If the earlier boundaries alone make a line impossible, the ratio counts as 0.
                 possible = ~jnp.isneginf(given)
                 ratio = jnp.where(possible, ratio - jnp.where(possible, given, 0.0), -jnp.inf)
             share = ratio * jnp.asarray(self.independence, ratio.dtype)
@@ -179,7 +180,7 @@ class IndependentContours(Likelihood):
         num_own, edges = self._own_rows, self.edges
         if self.payment == "literal":
             return gains(num_own, boundaries)
-        # Few contours fold back: what this costs is spent where one does.
+        # Contours rarely fold back: pay for these rows only if one does.
         folds = crossing.anywhere(boundaries[1][edges:num_own])
         return lax.cond(
             folds,
@@ -191,9 +192,9 @@ class IndependentContours(Likelihood):
         )
 
     def _crossings_of(self, observation, lines, polyline, keep, left_out=None, is_hidden=None):
-        """The seen crossings ``[keep, M, ...]`` nearest to the lines' middles, and which there are.
+        """The visible crossings ``[keep, M, ...]`` nearest to the lines' middles, and which exist.
 
-        What is not seen takes no place from what is.
+        Invisible crossings do not displace visible ones.
         """
         count = max(keep, _CANDIDATES)
         places, there = crossing.nearest_crossings(
@@ -208,15 +209,15 @@ class IndependentContours(Likelihood):
         return crossing.outline(lines, self._offsets(), self.space.closed)
 
     def _in_view(self, observation, lines, places):
-        """Only what is seen counts: whether places on lines lie in the frame."""
+        """Whether places on lines lie in the frame, since only visible boundaries count."""
         width, height = self.detector.frame_size(observation.gradient)
         x, y = lines.x + places * lines.along_x, lines.y + places * lines.along_y
         return (x >= 0) & (x < width) & (y >= 0) & (y < height)
 
     def _log_ratios(self, observation, lines, boundaries, groups):
-        """``log(p~_c / p_0)`` of lines ``[M, ...]``, given places of boundaries and which are seen.
+        """``log(p~_c / p_0)`` of lines ``[M, ...]``, from the places of visible boundaries.
 
-        ``[groups, M, ...]``: for each group of rows of boundaries, as if only these crossed a line.
+        ``[groups, M, ...]``: for each group of rows, as if only these boundaries crossed the lines.
         """
         places, seen = boundaries
         features: Features = self.detector.find(observation.gradient, lines)
@@ -225,9 +226,9 @@ class IndependentContours(Likelihood):
         return log_ratios(weights, features, places, seen, sigma, reach, groups)
 
     def _log_means(self, observation, boundaries, groups):
-        """What makes densities ``[groups, M, ...]`` of shared lines ``[M, ...]``.
+        """Log normalising constants ``[groups, M, ...]`` of lines ``[M, ...]``, see ``share``.
 
-        Every group of rows of boundaries holds the own ones, which are the first ``edges``.
+        Every group of rows includes the line's own boundary, the first ``edges`` rows.
         """
         places, seen = boundaries
         own = jnp.sum(seen[: self.edges], axis=0, dtype=jnp.int32)
@@ -239,7 +240,7 @@ class IndependentContours(Likelihood):
 
 
 def _lines_through(x, y, slope_x, slope_y) -> Lines:
-    """Normals at points of a curve; where the curve has no direction, a line sees nothing."""
+    """Normals at points of a curve; where the curve has no direction, a line outside the frame."""
     square = slope_x**2 + slope_y**2
     directed = (square > 0) & jnp.isfinite(square) & jnp.isfinite(x) & jnp.isfinite(y)
     scale = jnp.where(directed, 1 / jnp.sqrt(jnp.where(directed, square, 1.0)), 0.0)
@@ -252,5 +253,5 @@ def _lines_through(x, y, slope_x, slope_y) -> Lines:
 
 
 def joined(one, other):
-    """Rows of boundaries, with which of them there are, one below the other."""
+    """Concatenate two groups of rows of boundaries, with their masks."""
     return tuple(jnp.concatenate(pair) for pair in zip(one, other, strict=True))

@@ -1,18 +1,18 @@
-"""What a measurement line shows of the boundaries that cross it: ``p_c`` of maccormick1999.
+"""Likelihood of a measurement line given the boundaries that cross it: ``p_c`` of maccormick1999.
 
-A line of length L shows n features.  Boundaries at ``nu_1 .. nu_c`` cross it; k of them are
-detected, with probability ``q_kc``, and any k of the c are as likely.  A detected boundary gives
-one feature, of law G: normal about ``nu``, renormalised on the line.  The other n - k features are
-clutter: their number has the law b, their places are uniform.  **No feature serves two
-boundaries**, which is the exclusion principle.
+A line of length L shows n features.  Boundaries at ``nu_1 .. nu_c`` cross it.  With probability
+``q_kc`` k of them are detected, and all sets of k are equally likely.  A detected boundary produces
+one feature with density G: normal about ``nu``, renormalised on the line.  The other n - k features
+are clutter: their number has distribution b, and their places are uniform.  **No feature serves two
+boundaries**: this is the exclusion principle.
 
-Everything is relative to pure clutter, ``p~_c / p_0``: lines move with the hypothesis, so
-that densities of different hypotheses would speak of different data.
+Everything is relative to pure clutter, ``p~_c / p_0``, because lines move with the hypothesis, so
+densities of different hypotheses would describe different data.
 
-A line keeps the n_max strongest features at most, so that n_max shown means "n_max or more".  The
-features of detected boundaries are taken to be among those that are kept, and the clutter that is
-kept to be any of it; then what a line shows is a density for every n from 0 to n_max, whose sum
-is one without a tail that is cut off.
+A line keeps at most the n_max strongest features, so n_max features mean "n_max or more".  The
+features of detected boundaries are assumed to be kept, and the kept clutter to be a random subset.
+Then a line has a density for every n from 0 to n_max, and these sum to one without a truncated
+tail.
 """
 
 from collections.abc import Sequence
@@ -30,18 +30,18 @@ from jaxpf.likelihoods.contours.edges import Features
 #: ``q_kc`` of maccormick1999, section 2.
 ONE_BOUNDARY = (0.1, 0.9)
 TWO_BOUNDARIES = (0.05, 0.2, 0.75)
-#: Width of the law of a boundary's feature in pixels, sigma of maccormick1999.
+#: Standard deviation of a boundary's feature in pixels, sigma of maccormick1999.
 SIGMA = 7.0
-#: Sums over the sets of this many boundaries are unrolled, which runs faster; larger ones are
-#: arrays, since unrolled sums take the compiler minutes.
+#: Number of boundaries whose subsets are unrolled, which runs faster.  The subsets of further ones
+#: are array axes, since unrolling them would take the compiler minutes.
 _WRITTEN_OUT = 3
 
 
 def detection_probabilities(most: int) -> np.ndarray:
     """``q_kc`` at ``[c, k]``, ``[most + 1, most + 1]``.
 
-    The paper gives c = 1 and 2.  For more the detectability of a line is a Beta variable that its
-    boundaries share, with the two numbers that give the paper's c = 2 exactly: beta-binomial.
+    The paper gives c = 1 and 2.  For more, the detection probability of a line is a Beta variable
+    shared by its boundaries (beta-binomial), with parameters that reproduce the paper's c = 2.
     """
     table = np.zeros((most + 1, most + 1))
     table[0, 0] = 1.0
@@ -58,10 +58,10 @@ def detection_probabilities(most: int) -> np.ndarray:
 
 
 def check_detection(table) -> np.ndarray:
-    """Detection probabilities ``[c, k]``, as ``detection_probabilities`` gives them.
+    """Validate detection probabilities ``[c, k]``, as from ``detection_probabilities``.
 
     Raises:
-        InputError: not square, negative, or a row that does not sum to one.
+        InputError: the table is not square, has negative numbers, or a row does not sum to one.
     """
     table = np.asarray(table, float)
     square = table.ndim == 2 and table.shape[0] == table.shape[1] >= 2
@@ -74,15 +74,15 @@ def check_detection(table) -> np.ndarray:
 
 
 def line_weights(clutter, detection, length: float) -> jax.Array:
-    """What multiplies the matchings of k boundaries on a line of c boundaries and n features.
+    """Weights of the matchings of k boundaries, on a line with c boundaries and n features.
 
     ``q_kc / C(c, k) * L^k (n - k)! b(n - k) / (n! b(n))``, 0 where n < k.  At n = n_max the line
-    may have shown more, and in place of ``b(n - k)`` and ``b(n)`` stand the probabilities of so
-    many or more.
+    may have shown more, so ``b(n - k)`` and ``b(n)`` are replaced by the probabilities of n - k or
+    more and of n or more.
 
     Args:
-        clutter: b(n) for n = 0 .. n_max, ``[n_max + 1]``, above 0; what it lacks to a sum of one
-            lies above n_max.
+        clutter: b(n) for n = 0 .. n_max, ``[n_max + 1]``, above 0; if it sums to less than one,
+            the rest is the probability of n > n_max.
         detection: ``q_kc``, ``[c, k]``.
         length: L in pixels.
 
@@ -91,7 +91,7 @@ def line_weights(clutter, detection, length: float) -> jax.Array:
     """
     clutter, detection = jnp.asarray(clutter), jnp.asarray(detection)
     most, counts = detection.shape[0] - 1, np.arange(clutter.shape[0])
-    # A line shows n_max of more detected boundaries, any of them as likely.
+    # Of more detected boundaries than n_max, a line shows a random subset of n_max.
     detection = detection.at[:, min(counts[-1], most)].add(
         jnp.sum(detection[:, counts[-1] + 1 :], axis=1)
     )
@@ -104,7 +104,7 @@ def line_weights(clutter, detection, length: float) -> jax.Array:
         fewer = np.maximum(counts - k, 0)
         shares = clutter[fewer] / clutter
         shares = shares.at[-1].set(or_more[fewer[-1]] / or_more[-1])
-        # Of a float: the power of a whole number of pixels soon exceeds 32 bits.
+        # As a float: a power of an integer number of pixels soon overflows 32 bits.
         ratio = jnp.where(counts >= k, (1.0 * length) ** k / falling * shares, 0.0)
         ways = np.array([max(comb(c, k), 1) for c in range(most + 1)])
         rows.append((detection[:, k] / ways)[:, None] * ratio)
@@ -112,26 +112,26 @@ def line_weights(clutter, detection, length: float) -> jax.Array:
 
 
 def at_most_shown(clutter) -> jax.Array:
-    """b(n), with the probability of n_max or more at n_max: a law that sums to one."""
+    """b(n), with the probability of n_max or more at n_max, so that it sums to one."""
     clutter = jnp.asarray(clutter)
     return clutter.at[-1].add(jnp.maximum(1 - jnp.sum(clutter), 0))
 
 
 def boundary_law(places, boundary, sigma, reach):
-    """G: density at ``places`` of the feature of a boundary, renormalised on [-reach, reach]."""
+    """G: density of a boundary's feature at ``places``, renormalised on [-reach, reach]."""
     mass = ndtr((reach - boundary) / sigma) - ndtr((-reach - boundary) / sigma)
     scale = 1.0 / (sigma * np.sqrt(2 * np.pi) * jnp.maximum(mass, 1e-6))
     return scale * jnp.exp(-0.5 * ((places - boundary) / sigma) ** 2)
 
 
 def matchings(laws) -> jax.Array:
-    """For each set of boundaries, the sum over the ways in which each has a feature of its own.
+    """Sum, for each set of boundaries, over all assignments of a distinct feature to each.
 
-    The recursion over features: each serves none or one of the boundaries that are still free,
-    always from the sums *before* it.  In place, it would serve two, and exclusion were lost.
+    A recursion over features: each serves none or one of the boundaries, and is added to the sums
+    from *before* it.  An in-place update could let it serve two, which violates exclusion.
 
     Args:
-        laws: ``G_j(z_f)`` at ``[c, F, ...]``, 0 where there is no such boundary or feature.
+        laws: ``G_j(z_f)`` at ``[c, F, ...]``, 0 where the boundary or feature does not exist.
 
     Returns:
         ``[2^c, ...]``: bit j of the first index says whether boundary j is in the set.
@@ -144,8 +144,8 @@ def matchings(laws) -> jax.Array:
     written = min(num_boundaries, _WRITTEN_OUT)
 
     def serve(sums, law):
-        """One feature more: ``law`` is ``G_j`` of it, ``[c, ...]``."""
-        # A block: the sets that hold the same of the boundaries that are written out.
+        """Add one feature; ``law`` is its ``G_j``, ``[c, ...]``."""
+        # A block holds the sets with the same members among the unrolled boundaries.
         blocks, found = [sums[number :: 2**written] for number in range(2**written)], []
         for number, block in enumerate(blocks):
             total = block
@@ -160,21 +160,21 @@ def matchings(laws) -> jax.Array:
             found.append(total)
         return jnp.stack(found, axis=1).reshape(sums.shape), None
 
-    # A loop, not written out: the compiler would repeat every shared sum in each of its uses.
+    # A loop, not unrolled: the compiler would repeat every shared sum in each of its uses.
     begin = jnp.concatenate([one[None], jnp.zeros((2**num_boundaries - 1, *shape), laws.dtype)])
     sums, _ = lax.scan(serve, begin, jnp.moveaxis(laws, 1, 0))
     return sums
 
 
 def log_ratio(weights, features: Features, boundaries, crossing, sigma, reach):
-    """Log of ``p~_c / p_0`` on lines, where c may differ from line to line.
+    """Log of ``p~_c / p_0`` on lines; c may differ between lines.
 
     Args:
         weights: ``[k, c, n]`` from ``line_weights``.
         features: places and presence ``[F, ...]``, F at most n_max.
         boundaries: ``nu``, ``[C, ...]``, pixels from the line's middle.
-        crossing: ``[C, ...]`` bool, whether there is such a boundary.
-        sigma: width of G, pixels.
+        crossing: ``[C, ...]`` bool, whether the boundary exists.
+        sigma: standard deviation of G, pixels.
         reach: L / 2.
 
     Returns:
@@ -187,7 +187,7 @@ def log_ratio(weights, features: Features, boundaries, crossing, sigma, reach):
 def log_ratios(
     weights, features: Features, boundaries, crossing, sigma, reach, groups: Sequence[Sequence[int]]
 ) -> jax.Array:
-    """``log_ratio`` as if a line were crossed by some of its boundaries only, for several groups.
+    """``log_ratio`` for several subsets of the boundaries that cross each line.
 
     Args:
         weights: see ``log_ratio``, like the next five.
@@ -196,7 +196,7 @@ def log_ratios(
         crossing: see there.
         sigma: see there.
         reach: see there.
-        groups: which rows of ``boundaries`` there are.
+        groups: rows of ``boundaries`` in each subset.
 
     Returns:
         ``[groups, ...]``.
@@ -211,7 +211,7 @@ def log_ratios(
     table = weights.reshape(weights.shape[0], -1)
     rows, sets = np.arange(crossing.shape[0]), np.arange(len(sums))
     members = np.array([np.isin(rows, np.array(group, int)) for group in groups])
-    # Which sets of boundaries lie within which group: those with no boundary outside of it.
+    # A set of boundaries lies within a group if it has no member outside the group.
     within = (~members @ (1 << rows))[:, None] & sets == 0
     sizes = np.array([int(s).bit_count() for s in sets])
 

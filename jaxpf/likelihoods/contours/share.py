@@ -1,23 +1,24 @@
-"""Lines that count for less than independent ones, and what makes a density of them.
+"""Lines that are not independent: log-ratios with a weight below one, normalised to densities.
 
-Neighbouring lines see the same blurred edge, and err alike where the shape space does; counted in
-full, they make one particle's weight exceed all others'.  So each line counts as a share s of a
-line: ``r^s``, where r is its ratio of densities.  By Jensen's inequality the mean of ``r^s`` is
-below one where that of r is one, and one only where no boundary is expected: with s = .3 or .5, .7
-to .8 per line, by which a contour that is hidden or outside the frame would be favoured.  Each line
-is therefore divided by its mean,
+Neighbouring lines see the same blurred edge, and have the same error if the shape space is wrong;
+with full weight, one particle would dominate all others.  So each line counts as ``r^s``, where r
+is its ratio of densities and s, the share, its weight.  By Jensen's inequality the mean of ``r^s``
+is below one if that of r is one, and equals one only where no boundary is expected.  With s = .3 or
+.5 it is .7 to .8 per line, which would favour a contour that is hidden or outside the frame.  Each
+line is therefore divided by its mean,
 
     m = E[(p~(z | own and others) / p~(z | others))^s]   under   p~(z | others),
 
-so that a contour's own lines are densities again, for every s.  m depends on how many of the own
-boundary's edges are seen, and on where others cross the line.  It is integrated numerically for
-none and for one other boundary, by its distance from the line's middle; where several others
-cross, the nearest stands for them, and the line's mean is one only nearly: for a wire beside a
-wire, both of whose edges are seen, 1.01 to 1.05.
+so that a contour's own lines are densities again, for every s.  m depends on the number of visible
+edges of the own boundary, and on where others cross the line.  It is integrated numerically, for no
+and for one other boundary, by that boundary's distance from the line's middle.  If several others
+cross, the nearest represents them, and the line's mean is only approximately one: 1.01 to 1.05 for
+a wire beside a wire, both of whose edges are visible.
 
-The likelihoods as printed (``payment="literal"``) are no densities: their ratio is to clutter, not
-to what others explain, and beside another target a line's mean is .8 to .9 (s = .3).  Neither is
-one that counts further crossings of a line with its own contour, which m takes for given.
+The likelihoods as printed (``payment="literal"``) are not densities: their ratio is to clutter, not
+to what others explain, and beside another target a line's mean is .8 to .9 (s = .3).  A likelihood
+that counts further crossings of a line with its own contour is not one either, since m takes these
+as given.
 """
 
 from typing import Any
@@ -28,28 +29,28 @@ import numpy as np
 from jaxpf.likelihoods.contours.edges import Features
 from jaxpf.likelihoods.contours.line_model import at_most_shown, line_weights, log_ratios
 
-#: Points of the integration over the places of features, and distances of another boundary.
+#: Points of the integration over the places of features; distances of another boundary.
 _POINTS, _NODES = 512, 9
 
 
 def log_means(clutter, detection, sigma, share, offsets, length: float) -> Any:
-    """``log m`` by what is seen, ``[edges + 1, 1 + nodes]``; all 0 where the share is 1.
+    """``log m`` by the visible boundaries, ``[edges + 1, 1 + nodes]``; all 0 if the share is 1.
 
     Args:
         clutter: b(n), ``[n_max + 1]``.
         detection: ``q_kc``, ``[c, k]``.
-        sigma: width of G, pixels.
+        sigma: standard deviation of G, pixels.
         share: s.
         offsets: of the own boundary's edges, pixels from the line's middle.
         length: L, pixels.
 
     Returns:
-        By the number of own edges that are seen; then without another boundary, and with one at
-        distances from 0 to L / 2.
+        Rows: number of visible own edges.  Columns: no other boundary, then one at distances from
+        0 to L / 2.
     """
     reach, most = length / 2, len(clutter) - 1
     away = np.linspace(0, reach, _NODES)
-    # The last place holds no boundary.
+    # The last column holds no other boundary.
     others = jnp.asarray([*away, 0.0]), np.arange(_NODES + 1) < _NODES
     places = (_spread_points(most).T[:, :, None, None] - 0.5) * length
     shown = np.arange(most + 1)
@@ -71,7 +72,7 @@ def log_means(clutter, detection, sigma, share, offsets, length: float) -> Any:
             [range(seen + 1), [seen]],
         )  # fmt: skip
         shared = jnp.exp(share * with_own + (1 - share) * without)
-        # Its mean by few points, over theirs of what has mean one and is much like it.
+        # The mean over few points, divided by that of a similar function whose true mean is one.
         alike = share * jnp.exp(with_own) + (1 - share) * jnp.exp(without)
         rows.append(jnp.log(law @ jnp.mean(shared, axis=0) / (law @ jnp.mean(alike, axis=0))))
     found = jnp.roll(jnp.stack(rows), 1, axis=1)
@@ -83,9 +84,9 @@ def log_mean_of(table, seen, others, there, reach):
 
     Args:
         table: from ``log_means``.
-        seen: how many of the own boundary's edges are seen, ``[...]``.
+        seen: number of visible edges of the own boundary, ``[...]``.
         others: places of other boundaries, ``[C, ...]``, C may be 0.
-        there: which of them there are, bool.
+        there: bool, whether they exist.
         reach: L / 2.
     """
     columns = table.shape[1]
@@ -99,7 +100,7 @@ def log_mean_of(table, seen, others, there, reach):
 
 
 def _spread_points(dimensions: int) -> np.ndarray:
-    """Points ``[K, dimensions]`` spread evenly over the unit cube (Kronecker, plastic ratios)."""
+    """Points ``[K, dimensions]``, evenly spread in the unit cube (Kronecker, plastic ratios)."""
     ratio = 2.0
     for _ in range(64):
         ratio = (1 + ratio) ** (1 / (dimensions + 1))

@@ -1,16 +1,16 @@
-"""The density of what the lines of all targets show together, in which one edge pays once.
+"""The joint density of the lines of all targets, in which one edge is rewarded once.
 
-Each target has measurement lines of its own, and these cross the boundaries of others.  So one
-edge is seen twice: on the lines of the target it belongs to, and on those of every target nearby.
-maccormick1999 multiplies over all lines as if they were independent (eq. 2 and 5), and then it also
-pays twice: an outline drawn anywhere inside an opaque target in front is, on each of its lines,
-rewarded with the front target's edge, and is as likely as the truth.
+Each target has its own measurement lines, and these cross the boundaries of others.  So one edge is
+seen twice: on the lines of its own target, and on those of every target nearby.  maccormick1999
+multiplies over all lines as if they were independent (eq. 2 and 5), and so rewards the edge twice:
+an outline drawn anywhere inside an opaque target in front is, on each of its lines, rewarded with
+the front target's edge, and is as likely as the truth.
 
 **The density.**  Let Z_j be the features on the lines of target j, Z those on all lines, and
-``p~(Z_j | S)`` the product over j's lines of ``p~_c`` (``line_model``) by the visible boundaries of
-a set S of targets; ``p~(Z_j | none)`` is clutter, ``p_0(Z_j)``.  Put the targets into the picture
-one after another, and let each one change what its own lines show, given all that was there
-before, and nothing else:
+``p~(Z_j | S)`` the product over j's lines of ``p~_c`` (``line_model``) with the visible boundaries
+of a set S of targets; ``p~(Z_j | none)`` is clutter, ``p_0(Z_j)``.  Add the targets to the picture
+one after another, and let each one change only the distribution of its own lines, given everything
+added before:
 
     p(Z | S and j) / p(Z | S) = p~(Z_j | S and j) / p~(Z_j | S).
 
@@ -18,27 +18,27 @@ In the order 1, 2, .. P it follows that
 
     p(Z | 1 .. P) / p_0(Z) = prod_j  p~(Z_j | 1 .. j) / p~(Z_j | 1 .. j - 1).
 
-Factor j has mean one under ``p~(Z_j | 1 .. j - 1)``, the law of these lines before target j
-came; so the product is a density wherever the lines of a later target show the earlier ones as
-the line model says.  Under pure clutter on independent lines it has not mean one, and need not:
-two lines that cross one edge are not independent.  In the extreme, where two targets' lines are
-the same line, it is ``p~(z | both) / p_0(z)``, exactly.  Where no line meets another target it is
+Factor j has mean one under ``p~(Z_j | 1 .. j - 1)``, the distribution of these lines before target
+j was added.  So the product is a density if the lines of a later target show the earlier ones as
+the line model says.  Under pure clutter on independent lines its mean is not one, and need not be:
+two lines that cross one edge are not independent.  In the extreme case that two targets' lines are
+the same line, it is exactly ``p~(z | both) / p_0(z)``.  Where no line meets another target it is
 the product of the one-body densities.
 
-The edge of target 1 is paid for on its own lines.  On the lines of target 2 it stands above and
-below the fraction: it explains its features away, so that they do not support target 2, and earns
-nothing.  A target all of whose boundary is hidden adds a factor of one, wherever it is.
+The edge of target 1 is rewarded on its own lines.  On the lines of target 2 it appears in numerator
+and denominator: it explains its features away, so that they do not support target 2, and earns
+nothing.  A target whose boundary is completely hidden contributes a factor of one, wherever it is.
 
-**Within a contour** the same rule holds: its pieces are put into the picture one after another,
-from its first point to its last, and what crosses a line of the earlier pieces was there before.
-Without it a contour folded back on itself is paid twice for one edge: folded on 45 % of a worm it
+**Within a contour** the same rule holds: its pieces are added one after another, from its first
+point to its last, so a crossing of a line with an earlier piece was there before.  Without this
+rule a contour folded back on itself is rewarded twice for one edge: folded on 45 % of a worm it
 scores 24.6, the truth 24.7.
 
-Which target comes first is unknown: the density is the mean over the orders that go round the
-targets, from any of them and either way: all orders of two or three, and of more so many that each
-comes as often first, second and so on.  A mean of densities is a density.  Which of two opaque
-targets is in front matters only by what of the boundaries is visible, so that **the label makes no
-difference while nothing is hidden**.
+Which target comes first is unknown, so the density is a mean over the cyclic orders of the targets,
+from every start and in both directions: all orders of two or three; for more, a subset in which
+each target comes equally often first, second and so on.  A mean of densities is a density.  Which
+of two opaque targets is in front matters only through the visible boundaries, so **the label makes
+no difference while nothing is hidden**.
 """
 
 import jax
@@ -47,7 +47,7 @@ import numpy as np
 
 
 def orders(num_targets: int) -> list[tuple[int, ...]]:
-    """The orders that go round the targets, from any of them and either way, each once."""
+    """The cyclic orders of the targets, from every start and in both directions, each once."""
     return list(
         dict.fromkeys(
             tuple((start + way * place) % num_targets for place in range(num_targets))
@@ -58,7 +58,7 @@ def orders(num_targets: int) -> list[tuple[int, ...]]:
 
 
 def sets_before(num_targets: int) -> list[tuple[int, ...]]:
-    """Sets of targets that come before a target in any order, as cyclic offsets from it.
+    """Sets of targets that precede a target in any order, as cyclic offsets from it.
 
     Each set once; the first is empty.
     """
@@ -74,11 +74,11 @@ def _before(order: tuple[int, ...], place: int) -> tuple[int, ...]:
 
 
 def mean_over_orders(factors) -> jax.Array:
-    """Log of the mean over orders of the targets of the product of their factors.
+    """Log of the mean over orders of the product of the targets' factors.
 
     Args:
-        factors: for each of ``sets_before``, ``log p~(Z_j | S and j) / p~(Z_j | S)`` of every
-            target j, ``[S, P, ...]``.
+        factors: ``[S, P, ...]``, for each of ``sets_before`` and every target j,
+            ``log p~(Z_j | S and j) / p~(Z_j | S)``.
 
     Returns:
         ``[...]``.

@@ -1,4 +1,4 @@
-"""Appearance learned from the start frame, as against what is around each object there."""
+"""Appearance learned from the start frame, by contrast with each object's surroundings."""
 
 from jaxpf.likelihoods.discriminative.build import FEATURES, discriminative
 from jaxpf.likelihoods.discriminative.exclusion import ExclusiveAppearance, excluding

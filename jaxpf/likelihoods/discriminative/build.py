@@ -1,4 +1,4 @@
-"""Making the likelihood of learned appearance from one frame."""
+"""Learn a discriminative appearance likelihood from one frame."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -19,16 +19,16 @@ from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.likelihoods.discriminative.maps import gradients, hues
 from jaxpf.likelihoods.discriminative.training import RIDGE, trained, training_boxes
 
-#: Features by name; others are a user's own functions.
+#: Built-in features; users may add functions.
 FEATURES = ("colour", "gradients", "hues")
-#: Those that are used by default.
+#: The default features.
 USUAL_FEATURES = ("colour", "gradients")
 _MAPS: dict[str, Callable] = {"gradients": gradients, "hues": hues}
-#: Colour bins that count for an object, its most frequent ones.
+#: Number of an object's most frequent colour bins that are used.
 NUM_COLOURS = 36
-#: An object that covers more of the frame has nothing around it.
+#: An object that covers more of the frame than this has no background to learn from.
 _MOST_OF_FRAME = 0.95
-#: A share of the labels' spread that the regression must not leave.
+#: Largest acceptable residual of the regression, as a share of the labels' standard deviation.
 _MOST_UNEXPLAINED = 0.7
 
 
@@ -44,31 +44,32 @@ def discriminative(
     interpolation: str = "nearest",
     background_frames: Any = None,
 ) -> DiscriminativeLikelihood:
-    """Learn to tell P objects from what is around them, from their boxes in one frame.
+    """Learn to distinguish P objects from their surroundings, from their boxes in one frame.
 
     Args:
         frame: uint8 RGB [H, W, 3].
         boxes: [P, 4], (x, y, w, h) in pixels.
-        features: of ``FEATURES``, by name, and functions of your own: of a picture, float
-            [h, w, 3] of red, green and blue from 0 to 1, that give maps [h, w, C] from 0 to 1, of
-            what is around each pixel, which are collected in cells as gradients are.  ``"hues"``
-            tells where on the object its colours are: better while the object fills its box, worse
-            where much of what is behind it shows in the box.
-        gain: how much scores are trusted.  Neighbouring cells see the same, so that the spread of
-            the particles is too small where it is large: on ten annotated clips of animals and
-            people (80 frames, 4 runs, PS, 300 particles) the 95 % region of x and y holds the truth
-            in 93 % of the frames in which the object is followed with 1, in 88 % with 2 and in 95 %
-            with .5; the overlap with 1 is .9 points less than with 2, with a standard error of 1.0,
-            and with .5 it is 3.1 less, with 1.6.
+        features: names from ``FEATURES``, and your own functions.  A function takes a picture,
+            float [h, w, 3] of red, green and blue from 0 to 1, and returns maps [h, w, C] from 0
+            to 1 that describe each pixel's neighbourhood; they are summed in cells like gradients.
+            ``"hues"`` adds where on the object its colours are: better if the object fills its
+            box, worse if the box shows much background.
+        gain: trust in the scores.  Neighbouring cells see the same pixels, so with a large gain
+            the particles' spread is too small.  On ten annotated clips of animals and people (80
+            frames, 4 runs, PS, 300 particles), in frames in which the object is followed, the 95 %
+            region of x and y contains the truth in 93 % of the frames with gain 1, 88 % with 2 and
+            95 % with .5.  The overlap with gain 1 is .9 points (standard error 1.0) less than with
+            2; with .5 it is 3.1 (1.6) less.
         bands: horizontal bands of the colour histograms.
         grid: rows and columns of cells.
         penalty: of the ridge regression, per background.
         interpolation: ``"nearest"``, or ``"bilinear"`` for gradients with respect to substates.
-        background_frames: uint8 RGB [n, H, W, 3]: the likelihood is weighed against that of boxes
-            anywhere in them, so that its evidence can choose a gain.  By default it is not.
+        background_frames: uint8 RGB [n, H, W, 3].  The likelihood is divided by its mean over
+            boxes anywhere in these frames, so that its evidence can choose a gain.  By default it
+            is not normalised.
 
     Raises:
-        InputError: an argument is out of range; the sentence says which.
+        InputError: an argument is out of range.
     """
     check_frame(frame)
     frame = jnp.asarray(frame)
@@ -107,7 +108,7 @@ def discriminative(
 
 
 def _own_bins(frame, boxes, factors, bands) -> tuple[jax.Array, np.ndarray]:
-    """Colour bin -> one of B that some object has, and which of them are each object's own."""
+    """Lookup from colour bin to one of B bins that occur, and a mask of each object's own bins."""
     kept = np.zeros((len(boxes), NUM_BINS), bool)
     for factor in np.unique(factors):
         picture = jnp.round(shrunk(frame, int(factor))).astype(jnp.uint8)
@@ -151,10 +152,10 @@ def _background(likelihood, frames):
 
 
 def _channels(function: Callable) -> int:
-    """C of a map, which must be as large as the picture.
+    """C of a feature function, whose map must have the size of the picture.
 
     Raises:
-        InputError: it is not, or the function fails.
+        InputError: the map has another size.
     """
     name = getattr(function, "__name__", type(function).__name__)
     picture = jax.ShapeDtypeStruct((40, 50, 3), jnp.float32)
@@ -169,10 +170,10 @@ def _channels(function: Callable) -> int:
 
 
 def _check_learned(residuals: np.ndarray) -> None:
-    """Refuse objects that boxes beside them look like.
+    """Reject objects that look like their surroundings.
 
     Raises:
-        InputError: which.
+        InputError: the message names the box.
     """
     spread = training_boxes()[1].std()
     for i in np.flatnonzero(~(residuals < _MOST_UNEXPLAINED * spread)):

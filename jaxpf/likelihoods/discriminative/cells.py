@@ -1,12 +1,12 @@
-"""Cells of boxes: maps of features summed over a grid, by integral tables.
+"""Feature maps summed over a grid of cells in each box, with integral tables.
 
-``table[i, j, c]`` is the sum of channel c above row i and left of column j, of values that were
-rounded to whole numbers: a difference of sums is exact in whatever order they were added, also
-where they wrap around.  Channels come last: the corner of a cell is one contiguous row.
+``table[i, j, c]`` is the sum of channel c above row i and left of column j, of values rounded to
+integers.  Differences of sums are therefore exact in any order of summation, even if they wrap
+around.  Channels come last, so that a corner of a cell is one contiguous row.
 
 With c a cell's mean of a channel and s that of all channels together, the cell's feature is
-``sqrt(c / (s + e))``, divided by the root of the number of cells: the root of a histogram, as of
-colours, that fades where there is next to nothing to see.
+``sqrt(c / (s + e))``, divided by the square root of the number of cells: the root of a histogram,
+as for colours, that fades where there is little to see.
 """
 
 from typing import Any, NamedTuple
@@ -19,26 +19,26 @@ from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.lowering.columns import entries_at, sum_of_rows
 from jaxpf.lowering.tables import sums_above_and_left
 
-#: Whole numbers per unit of a map.
+#: Integer steps per unit of a map.
 _STEPS = 255
 #: e, in units of a map.
 _FAINT = 0.03
-#: Where edges cut pixels, a channel below this share of a cell counts in proportion, not by its
-#: root: the slope of a root is infinite at 0, where a channel appears.
+#: With bilinear interpolation, a channel below this share of a cell contributes linearly, not by
+#: its root: the slope of a root is infinite at 0, where a channel appears.
 _ROUNDED = 1e-3
 
 
 class Boxes(NamedTuple):
-    """N upright boxes in the picture of all levels, each within the rows and columns of its own.
+    """N upright boxes in the picture of stacked levels, each clipped to its own level.
 
     Attributes:
         left: [N], pixels of the picture, like all others.
         top: [N], counted from the level's first row.
         width: [N].
         height: [N].
-        first_row: int32 [N], where the level begins.
+        first_row: int32 [N], first row of the level.
         rows: int32 [N], the level's height.
-        columns: int32 [N], its width.
+        columns: int32 [N], the level's width.
     """
 
     left: jax.Array
@@ -52,12 +52,12 @@ class Boxes(NamedTuple):
 
 @pytree_dataclass
 class SumTable:
-    """Integral table of a map, perhaps one of a stack of them, which is not copied.
+    """Integral table of a map, either alone or in a stack, which is not copied.
 
     Attributes:
         cells: int32, ``[h + 1, w + 1, C]`` or ``[G, h + 1, w + 1, C]``.
-        totals: the same of all channels together, without the last axis.
-        place: int32 [], the frame's place in the stack; 0 of a single frame.
+        totals: the sum of ``cells`` over channels, without the last axis.
+        place: int32 [], index of the frame in the stack; 0 for a single frame.
     """
 
     cells: Any
@@ -85,8 +85,8 @@ def cell_features(
         table: of a map with C channels.
         boxes: N of them.
         grid: rows and columns of cells.
-        interpolation: ``"nearest"``, where edges of cells lie between pixels, or ``"bilinear"``,
-            where a pixel that an edge cuts counts by its share.
+        interpolation: ``"nearest"`` rounds cell edges to lines between pixels; ``"bilinear"``
+            counts a pixel that an edge cuts by its share.
 
     Returns:
         [N, rows, columns, C].
@@ -106,7 +106,7 @@ def cell_features(
 def cell_score(
     table: SumTable, weights: jax.Array, partition: jax.Array, boxes: Boxes
 ) -> jax.Array:
-    """``sum(cell_features * weights)`` of whole pixels, at a tenth of the time.
+    """``sum(cell_features * weights)`` with nearest interpolation, in a tenth of the time.
 
     Args:
         table: of a map with C channels.
@@ -129,12 +129,12 @@ def cell_score(
 
     edges = [boxes.top + boxes.height * (i / grid[0]) for i in range(grid[0] + 1)]
     starts = jnp.stack([(first_row + _line(edge, boxes.rows)) * stride for edge in edges])
-    # Computed once: compiled twice with other last bits, an edge half way between two lines would
-    # be one line here and the other there, and sums of cells neither's.
+    # Barrier: compiled twice with different rounding, an edge half way between two lines could go
+    # to one line here and to the other there, and the sums of cells would be inconsistent.
     starts, columns = jax.lax.optimization_barrier((starts, columns))
 
     def strip(table, start, j):
-        """What lies above a row's edge, in a column of cells."""
+        """Sums above a row's edge, in one column of cells."""
         return entries_at(table, start + columns[j + 1]) - entries_at(table, start + columns[j])
 
     def add_row(i, total):
@@ -153,8 +153,8 @@ def cell_score(
 
 
 def _line(place: jax.Array, size: jax.Array) -> jax.Array:
-    """The line between pixels next to a place, int32, within 0 to the size."""
-    # floor(x + 1/2), not round-half-to-even, as histograms of boxes have it.
+    """The line between pixels nearest to a position, int32, clipped to 0 and the size."""
+    # floor(x + 1/2), not round-half-to-even, as in the histograms of boxes.
     return jnp.floor(jnp.clip(place, 0, size.astype(place.dtype)) + 0.5).astype(jnp.int32)
 
 
@@ -179,14 +179,14 @@ def _edges(boxes: Boxes, grid: tuple[int, int]) -> tuple[jax.Array, jax.Array]:
 
 
 def _flat(table: SumTable, boxes: Boxes) -> tuple[jax.Array, jax.Array, int]:
-    """Rows of channels, every box's first row among those of a stack of tables, and their width."""
+    """Table rows ``[rows, C]``, each box's first row in the stack, and the table's width."""
     num_rows, num_columns, channels = table.cells.shape[-3:]
     return table.cells.reshape(-1, channels), table.place * num_rows + boxes.first_row, num_columns
 
 
 def _whole_sums(table, boxes, grid):
     cells, first_row, stride = _flat(table, boxes)
-    # floor(x + 1/2), not round-half-to-even, as histograms of boxes have it.
+    # floor(x + 1/2), not round-half-to-even, as in the histograms of boxes.
     rows, columns = (jnp.floor(x + 0.5).astype(jnp.int32) for x in _edges(boxes, grid))
     start = (first_row[:, None] + rows) * stride
     corners = entries_at(cells, start[:, :, None] + columns[:, None, :])
@@ -199,7 +199,7 @@ def _cut_sums(table, boxes, grid):
     dtype = boxes.left.dtype
 
     def lines(places, size):
-        """The last line at or before a place, and how far the place is beyond it."""
+        """The last line at or before a position, and the distance beyond it."""
         line = jnp.floor(jax.lax.stop_gradient(places))
         line = jnp.clip(line, 0, jnp.maximum(size[:, None] - 1, 0).astype(dtype))
         return line.astype(jnp.int32), places - line
@@ -209,7 +209,7 @@ def _cut_sums(table, boxes, grid):
     column, beyond = lines(columns, boxes.columns)
 
     def strips(row):
-        """Sums above lines between the columns' edges; whole numbers are subtracted first."""
+        """Sums above lines, between columns' edges; integers are subtracted before conversion."""
         start = ((first_row[:, None] + row) * stride)[:, :, None] + column[:, None, :]
         at = entries_at(cells, start)
         cut = (entries_at(cells, start + 1) - at).astype(dtype) * beyond[:, None, :, None]

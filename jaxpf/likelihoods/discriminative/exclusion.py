@@ -1,19 +1,20 @@
-"""Boxes that exclude one another: what one has taken does not count for another.
+"""Exclusion between boxes: pixels that one object explains do not count for another.
 
-Look-alikes attract one another's boxes, because a likelihood that factors lets the same pixels
-speak for all of them.  Here, of every two objects either is in front, with probability one half,
-and what its box covers of the other's shows the one in front and not the other: there the other
-explains no more than the background does.  With l the log-likelihood of an object alone, relative
-to background, and c_ij the share of box j that box i takes::
+A likelihood that factors lets the same pixels support several objects, so the boxes of look-alikes
+attract each other.  Here, one object of every pair is in front, each with probability one half.
+Where the front box covers the other box, the pixels show the front object, and the other object
+explains them no better than background does.  With l the log-likelihood of an object alone,
+relative to background, and c_ij the share of box j that box i takes::
 
     log p(y | x) = sum_i l_i + sum_(i<j) log((exp(-c_ij l_j) + exp(-c_ji l_i)) / 2)
 
-A box is larger than its object, and who is half hidden still shows the other half: box i takes
-nothing of box j while it covers less than seven tenths of it, all from 95 % on, and in between in
-proportion.  Boxes beside one another are judged as without exclusion.  Of two boxes in one place
-only the one that looks more like its object counts, so that who is hidden costs nothing, and who
-sits on a look-alike's image wins nothing.  For two objects this is a mixture of two normalised
-densities wherever ``exp(l)`` is a ratio of densities; for more it is the product over pairs.
+A box is larger than its object, and a half-hidden object still shows its other half.  So box i
+takes nothing of box j while it covers less than 70 % of it, everything from 95 % on, and a
+proportional share in between.  Boxes side by side are evaluated as without exclusion.  Of two
+boxes in one place only the one that looks more like its object counts: a hidden object costs
+nothing, and a box on a look-alike's image gains nothing.  For two objects this is a mixture of two
+normalised densities wherever ``exp(l)`` is a ratio of densities; for more it is the product over
+pairs.
 """
 
 import dataclasses
@@ -25,16 +26,16 @@ from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 from jaxpf.shapes.rectangles import area, intersection_area
 
-#: Shares of a box that another one covers: up to the first it takes nothing, from the second all.
+#: Covered share of a box up to which nothing is taken, and from which everything is.
 _TAKEN = 0.7, 0.95
 
 
 @pytree_dataclass
 class ExclusiveAppearance(DiscriminativeLikelihood):
-    """Learned appearance of objects that exclude one another; make one with :func:`excluding`.
+    """Learned appearance of objects that exclude each other; make one with :func:`excluding`.
 
-    Each object's own log-likelihood is the weighting function of partitioned sampling; with
-    ``look_ahead`` each is judged together with where the others are expected.
+    Each object's own log-likelihood is the weighting function of partitioned sampling.  With
+    ``look_ahead``, each object is weighted jointly with the expected states of the others.
     """
 
     def log_joint(self, observation, substates, log_probs):
@@ -48,7 +49,7 @@ class ExclusiveAppearance(DiscriminativeLikelihood):
         covered = shared / jnp.maximum(area(boxes), 1e-6)[None]  # [i, j, N]: of j, by i
         least, most = _TAKEN
         taken = jnp.clip((covered - least) / (most - least), 0, 1)
-        # A box that cannot be has no share in this; the kernel takes care of its zero.
+        # An impossible box loses nothing here; its -inf enters with the sum of ``log_probs``.
         own = jnp.where(jnp.isneginf(log_probs), 0.0, log_probs)
         lost = taken * own[None]
         either = jnp.logaddexp(-lost, -jnp.swapaxes(lost, 0, 1)) - np.log(2.0)
@@ -64,6 +65,6 @@ class ExclusiveAppearance(DiscriminativeLikelihood):
 
 
 def excluding(likelihood: DiscriminativeLikelihood) -> ExclusiveAppearance:
-    """The same learned appearance, of objects that exclude one another."""
+    """The same learned appearance, of objects that exclude each other."""
     fields = dataclasses.fields(likelihood)
     return ExclusiveAppearance(**{one.name: getattr(likelihood, one.name) for one in fields})

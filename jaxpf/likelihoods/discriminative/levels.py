@@ -1,8 +1,8 @@
-"""A frame shrunk so that objects of any size are about equally large in it, all in one picture.
+"""Shrunken copies of a frame in one picture, one for each range of object sizes.
 
-Features of appearance are taken where an object has some 18 to 36 pixels: finer detail does not
-last from frame to frame, and tables over small pictures are small.  The sizes that P objects need
-stand one below the other, so that one table serves all of them.
+Appearance features are computed where an object has about 18 to 36 pixels: finer detail does not
+persist from frame to frame, and tables of small pictures are small.  The levels that P objects need
+are stacked vertically, so that one table serves all of them.
 """
 
 import math
@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-#: An object is shrunk by 1, 2, 4, ... until the root of its area is at most this, pixels.
+#: An object is shrunk by 1, 2, 4, ... until the square root of its area is at most this, pixels.
 LARGEST_SIDE = 36.0
 
 
@@ -21,8 +21,8 @@ class Level(NamedTuple):
     """The part of the picture that shows the frame shrunk by a factor.
 
     Attributes:
-        factor: pixels of the frame per pixel, both ways.
-        first_row: where it begins.
+        factor: pixels of the frame per pixel, in each direction.
+        first_row: its first row.
         rows: its height.
         columns: its width; it begins at column 0.
     """
@@ -34,13 +34,13 @@ class Level(NamedTuple):
 
 
 def factor_of(width: float, height: float) -> int:
-    """By how much to shrink an object of that size, pixels: a power of two."""
+    """The factor by which to shrink an object of this size in pixels, a power of two."""
     side = math.sqrt(width * height) / LARGEST_SIDE
     return 2 ** max(math.ceil(math.log2(side)), 0)
 
 
 def levels_of(factors: Sequence[int], frame_shape: tuple[int, int]) -> list[Level]:
-    """The levels of a picture, one below the other.
+    """The levels of a picture, from top to bottom.
 
     Args:
         factors: of the levels, each once.
@@ -57,7 +57,7 @@ def levels_of(factors: Sequence[int], frame_shape: tuple[int, int]) -> list[Leve
 def shrunk(frame: jax.Array, factor: int) -> jax.Array:
     """Means of ``factor x factor`` pixels, float32 [h, w, 3] on the scale 0 to 255.
 
-    Beyond the frame its last row and column go on.
+    The last row and column of the frame are repeated to fill the last blocks.
 
     Args:
         frame: uint8 [H, W, 3].
@@ -75,7 +75,7 @@ def shrunk(frame: jax.Array, factor: int) -> jax.Array:
 
 
 def stacked(pictures: Sequence[jax.Array], fill: int) -> jax.Array:
-    """Pictures one below the other, narrow ones filled up at the right."""
+    """Pictures stacked vertically, padded on the right to the same width."""
     width = max(picture.shape[1] for picture in pictures)
 
     def widened(picture):

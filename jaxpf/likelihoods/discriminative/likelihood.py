@@ -1,15 +1,16 @@
-"""Discriminative appearance: a score, learned from the start frame, of how a box overlaps.
+"""Discriminative appearance: a score, learned from the start frame, that predicts a box's overlap.
 
-Every object has a linear function of features of a box, found by ridge regression on boxes around
-it in one frame, whose labels are their overlaps with it, before that frame's and other backgrounds
-(``training``).  With y the score and r the root of the mean squared residual of the regression::
+Each object has a linear function of features of a box.  Ridge regression fits it to boxes around
+the object in one frame, with their overlaps with the object as labels, in front of that frame's and
+other backgrounds (``training``).  With y the score and r the root mean squared residual of the
+regression::
 
     log p(y | x) = gain * clip(y, -.2, 1.2) / max(r, .03)
 
-Features are roots of histograms: of two bands' colours (hue, saturation and value, the object's 36
-most frequent bins), and of brightness gradients in eight directions in 4 x 4 cells (Dalal and
-Triggs 2005); together they have a length of about root 2.  They are taken from the frame shrunk so
-that an object has some 18 to 36 pixels.
+Features are roots of histograms: of the colours of two bands (hue, saturation and value, the
+object's 36 most frequent bins), and of brightness gradients in eight directions in 4 x 4 cells
+(Dalal and Triggs 2005).  Together they have a length of about root 2.  They are computed from the
+frame shrunk so that an object has about 18 to 36 pixels.
 """
 
 from collections.abc import Callable
@@ -31,23 +32,23 @@ from jaxpf.likelihoods.color import check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative.cells import Boxes, cell_features, cell_score, sum_table
 from jaxpf.likelihoods.discriminative.levels import levels_of, shrunk, stacked
 
-#: Scores beyond these are no better and no worse: labels are overlaps, 0 to 1.
+#: Scores are clipped to this range: labels are overlaps, 0 to 1.
 _LOWEST, _HIGHEST = -0.2, 1.2
-#: A residual below this is taken for luck: the training boxes are few.
+#: A smaller residual is attributed to chance, since the training boxes are few.
 _LEAST_RESIDUAL = 0.03
-#: Of the log odds: slope, and score that is even where nothing else is seen.
+#: Of the log odds: slope, and the score at which they are zero if the rest of the frame scores 0.
 _ODDS = 11.5, 0.12
-#: Rows and columns of the grid of boxes elsewhere.
+#: Rows and columns of the grid of boxes elsewhere in the frame.
 _PLACES = 12
-#: Scale of a box whose pixels can still be counted, see ``levels.LARGEST_SIDE``.
+#: Largest scale of a box whose pixels can still be counted, see ``levels.LARGEST_SIDE``.
 _LARGEST = 8.0
 
 
 class Seen(NamedTuple):
-    """What the likelihood keeps of a frame.
+    """The observation of a frame.
 
     Attributes:
-        colours: integral table of colour bins, of all levels; None where colours do not count.
+        colours: integral table of colour bins, of all levels; None if colours are not used.
         maps: integral tables of the maps.
     """
 
@@ -56,7 +57,7 @@ class Seen(NamedTuple):
 
 
 def grid_places(frame_shape: tuple[int, int], dtype: Any) -> jax.Array:
-    """Centres u and v of boxes that are evenly spread over a frame, pixels, [2, 144]."""
+    """Centres u and v of boxes evenly spread over a frame, pixels, [2, 144]."""
     places = (jnp.arange(_PLACES, dtype=dtype) + 0.5) / _PLACES
     v, u = jnp.meshgrid(places * frame_shape[0], places * frame_shape[1], indexing="ij")
     return jnp.stack([u.ravel(), v.ravel()])
@@ -71,16 +72,17 @@ class DiscriminativeLikelihood(Likelihood):
     relative to the start, it is ``a * w * sqrt(b)`` by ``a * h / sqrt(b)``.
 
     Attributes:
-        gain: scalar: larger trusts the score more.
+        gain: scalar; larger trusts the score more.
         sizes: [P, 2], width and height of the box at scale 1, pixels.
         offset: [P], of the score.
-        residual: [P], root of the mean squared residual of the regression.
+        residual: [P], root mean squared residual of the regression.
         colour_weights: [P, bands, B], or None without colours.
-        map_weights: for every map, [P, rows, columns, C].
+        map_weights: for each map, [P, rows, columns, C].
         bin_lookup: int32 [110], colour bin -> one of B bins, or B.
-        level: int32 [P], in which level each object is looked at.
+        level: int32 [P], index of each object's level.
         factors: of the levels.
-        maps: functions of a picture, float [h, w, 3] of 0 to 1, that give [h, w, C] of 0 to 1.
+        maps: functions of a picture, float [h, w, 3] from 0 to 1, that return [h, w, C] from 0
+            to 1.
         frame_shape: height and width of all frames.
         interpolation: ``"nearest"`` or ``"bilinear"``, as for histograms.
         background: [P, n], scores of boxes anywhere, by which the likelihood is normalised; or
@@ -101,7 +103,7 @@ class DiscriminativeLikelihood(Likelihood):
     interpolation: str = static_field(default="nearest")
     background: Any = None
 
-    #: What ``observe`` gives depends on no parameter that tuning may change.
+    #: ``observe`` does not depend on parameters that tuning may change.
     fixed_observation = True
 
     @property
@@ -111,7 +113,7 @@ class DiscriminativeLikelihood(Likelihood):
 
     @property
     def form(self) -> str:
-        """``"ratio"`` where the likelihood is normalised, else ``"exponential"``."""
+        """``"ratio"`` if the likelihood is normalised, otherwise ``"exponential"``."""
         return "exponential" if self.background is None else "ratio"
 
     def observe(self, frame):
@@ -133,7 +135,7 @@ class DiscriminativeLikelihood(Likelihood):
         return self.seen_in([shrunk(jnp.asarray(frame), factor) for factor in self.factors])
 
     def seen_in(self, pictures):
-        """Tables of the frame as it is shrunk for every level, float [h, w, 3] of 0 to 255."""
+        """Tables from the frame's shrunken copies, one per level, float [h, w, 3], 0 to 255."""
         colours = None
         if self.colour_weights is not None:
             num_bins = self.colour_weights.shape[-1]
@@ -152,7 +154,7 @@ class DiscriminativeLikelihood(Likelihood):
 
         Returns:
             [N] in the dtype of ``substates``: NaN where a substate is not finite; -inf for a box
-            that is not a pixel wide and high, or more than 8 times as large as at the start.
+            narrower than 1 pixel, lower than 2, or more than 8 times as large as at the start.
 
         Raises:
             InputError: D is not 3 or 4.
@@ -171,7 +173,7 @@ class DiscriminativeLikelihood(Likelihood):
         return jnp.where(jnp.all(jnp.isfinite(substates), axis=0), log_prob, jnp.nan)
 
     def scores_all(self, observation, partition, substates):
-        """Scores of N particles: about how much their boxes overlap their objects.
+        """Scores of N particles: estimates of the overlap between box and object.
 
         Args:
             observation, partition, substates: as for :meth:`log_prob_all`.
@@ -200,14 +202,13 @@ class DiscriminativeLikelihood(Likelihood):
     def log_odds_all(self, observation, partition, substates):
         """Log odds that objects are where they are reported.
 
-        An object that is lost scores low where it is thought to be, and often better elsewhere.
-        With y its score and e the best score of boxes of its size elsewhere in the frame, on a
-        coarse grid::
+        A lost object scores low at its reported position, and often better elsewhere.  With y its
+        score and e the best score of boxes of its size elsewhere in the frame, on a coarse grid::
 
             log odds = 11.5 (y - e / 2 - .12)
 
         Fitted by logistic regression to "overlap with the truth at least .1" on four clips of
-        people, every clip counting the same.  Look-alikes count as the object.
+        people, each with the same weight.  Look-alikes count as the object.
 
         Args:
             observation, partition, substates: as for :meth:`log_prob_all`; states are estimates.
@@ -231,7 +232,7 @@ class DiscriminativeLikelihood(Likelihood):
         return slope * (score[:, 0] - best / 2 - level)
 
     def features_all(self, observation, partition, substates):
-        """What scores are linear in, [N, F]: colours first, then the maps' cells.
+        """The features that scores are linear in, [N, F]: colours first, then the maps' cells.
 
         Args:
             observation, partition, substates: as for :meth:`log_prob_all`.
@@ -239,7 +240,7 @@ class DiscriminativeLikelihood(Likelihood):
         boxes, _ = self._boxes(partition, substates)
         columns = []
         if self.colour_weights is not None:
-            # The score of every bin on its own, object by object as they come.
+            # The score of each bin alone, with unit weight.
             bands, bins = self.colour_weights.shape[1:]
             units = jnp.eye(bands * bins, dtype=substates.dtype).reshape(-1, bands, bins)
             none = jnp.zeros_like(partition)
@@ -264,7 +265,7 @@ class DiscriminativeLikelihood(Likelihood):
         return score
 
     def _boxes(self, partition, substates):
-        """Boxes in the picture of all levels, and whether they are of a sensible size."""
+        """Boxes in the picture of all levels, and whether their size is valid."""
         if substates.shape[0] not in (3, 4):
             raise InputError(
                 f"a substate has {substates.shape[0]} values: learned appearance takes (u, v, a) "

@@ -1,18 +1,18 @@
-"""Maps of features: what is seen at every pixel of a picture, for cells of a box to collect."""
+"""Feature maps: per-pixel features of a picture, to be summed in the cells of a box."""
 
 import jax
 import jax.numpy as jnp
 
-#: Directions of the brightness gradient, over the whole turn.
+#: Number of directions of the brightness gradient, over the full circle.
 ORIENTATIONS = 8
 _LUMA = (0.299, 0.587, 0.114)
 
 
 def gradients(picture: jax.Array) -> jax.Array:
-    """How strong the brightness gradient is in each of eight directions (Dalal and Triggs 2005).
+    """Strength of the brightness gradient in each of eight directions (Dalal and Triggs 2005).
 
-    A pixel's vote is the root of the gradient's length, shared between the two directions next to
-    its own.
+    A pixel's vote is the square root of the gradient's length, shared between the two nearest
+    directions.
 
     Args:
         picture: float [h, w, 3], red, green, blue, 0 to 1.
@@ -32,11 +32,11 @@ def gradients(picture: jax.Array) -> jax.Array:
 
 
 def hues(picture: jax.Array) -> jax.Array:
-    """What colour a pixel has: four hues by its chroma, four greys by what is left of it.
+    """Colour of a pixel: shares of four hues, weighted by chroma, and of four greys.
 
-    Hue and chroma are those of HSV (Smith 1978).  A hue is shared between the two next to it of
-    four a quarter turn apart, red the first; brightness likewise between four of 0, 1/3, 2/3
-    and 1.  The eight shares of a pixel add up to 1.
+    Hue and chroma are those of HSV (Smith 1978).  Chroma is shared between the two nearest of
+    four hues a quarter turn apart, the first of them red; the rest, 1 - chroma, between the two
+    nearest of four brightnesses, 0, 1/3, 2/3 and 1.  The eight shares of a pixel add up to 1.
 
     Args:
         picture: float [h, w, 3], red, green, blue, 0 to 1.

@@ -1,8 +1,8 @@
-"""Learning to separate an object from its surroundings: ridge regression on overlaps.
+"""Learn to separate an object from its surroundings by ridge regression on overlaps.
 
-A box also shows some background, and one frame cannot separate the two: a score that uses both
-stays behind with the background when the object moves on.  So the object is also shown in front of
-other parts of its frame, and only its own features keep predicting where it is.
+A box also shows some background, and one frame cannot separate it from the object: a score that
+uses both stays with the background when the object moves on.  So the object is also shown in front
+of other parts of its frame, where only its own features still predict its position.
 """
 
 import dataclasses
@@ -19,23 +19,23 @@ from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood
 
 #: Weight of the penalty on the squared coefficients, per background.
 RIDGE = 0.5
-#: How far the frame is shifted behind the object, in widths and heights of its box: not at all, and
-#: so far that an object of less than a sixth of the frame's width has no copy next to it.
+#: Shifts of the frame behind the object, in widths and heights of its box: none, and shifts so
+#: large that an object of less than a sixth of the frame's width has no copy next to it.
 BACKGROUNDS = ((0.0, 0.0), (3.2, 0.0), (-3.2, 0.0), (4.1, 0.3), (-4.1, -0.3))
-#: Width of the soft edge of the ellipse in its box that stands for the object.
+#: Width of the soft edge of the ellipse, inscribed in its box, that represents the object.
 _EDGE = 0.15
-#: How far windows reach beyond the farthest training box, shrunk pixels: maps look around pixels.
+#: Margin of windows beyond the farthest training box, shrunk pixels: maps use neighbourhoods.
 _MARGIN = 8
 
 
 def training_boxes() -> tuple[np.ndarray, np.ndarray]:
-    """Boxes around an object that is [0, 1] x [0, 1], and how much each overlaps it.
+    """Boxes around an object at [0, 1] x [0, 1], and their overlaps with it.
 
-    Small shifts at three sizes, a coarse grid further out, and wrong sizes: 143 of them.
+    Small shifts at three sizes, a coarse grid further out, and wrong sizes: 143 boxes.
 
     Returns:
-        [n, 4], x and y of the centre from the object's, width and height, all in shares of the
-        object's width and height; and [n], intersection over union with the object.
+        [n, 4], x and y of the centre relative to the object's, width and height, all in units of
+        the object's width and height; and [n], intersection over union with the object.
     """
     near, far = (-0.3, -0.15, 0.0, 0.15, 0.3), (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5)
     beside = ((0.0, 0.0), (-0.15, 0.0), (0.15, 0.0), (0.0, -0.15), (0.0, 0.15))
@@ -49,12 +49,12 @@ def training_boxes() -> tuple[np.ndarray, np.ndarray]:
 
 
 def window_shape(frame_shape: tuple[int, int], sizes: np.ndarray) -> tuple[int, int]:
-    """Height and width of windows that hold all training boxes of any of some objects.
+    """Height and width of a window that holds all training boxes of any of several objects.
 
-    Powers of two, so that few different ones are compiled; no larger than the frame.
+    Rounded up to powers of two, so that few window shapes are compiled; at most the frame.
 
     Args:
-        frame_shape: height and width, as all else in shrunk pixels.
+        frame_shape: height and width, in shrunk pixels like everything here.
         sizes: [P, 2], width and height of the objects.
     """
     reach = 4 * np.max(sizes, axis=0) + 2 * _MARGIN + 1
@@ -65,10 +65,10 @@ def window_shape(frame_shape: tuple[int, int], sizes: np.ndarray) -> tuple[int, 
 def window_corner(
     frame_shape: tuple[int, int], box: np.ndarray, shape: tuple[int, int]
 ) -> np.ndarray:
-    """Where an object's window begins: left and top, int32 [2].
+    """Left and top of an object's window, int32 [2].
 
     Args:
-        frame_shape: height and width, as all else in shrunk pixels.
+        frame_shape: height and width, in shrunk pixels like everything here.
         box: [4], x, y, width and height.
         shape: height and width of the window.
     """
@@ -80,15 +80,15 @@ def window_corner(
 def before_background(
     frame: jax.Array, box: jax.Array, shift: jax.Array, corner: jax.Array, shape: tuple[int, int]
 ) -> jax.Array:
-    """An object in front of another part of its frame, seen through a window.
+    """An object in front of another part of its frame, cropped to a window.
 
-    What lies in the ellipse that fills the box stays; all else is the frame, shifted and, beyond
-    its edges, begun anew.
+    Inside the ellipse inscribed in the box the frame is kept; elsewhere it is shifted, and wraps
+    around at its edges.
 
     Args:
         frame: uint8 [H, W, 3].
         box: [4], x, y, width and height in pixels.
-        shift: [2], to the right and down, in shares of the box's width and height.
+        shift: [2], to the right and down, in units of the box's width and height.
         corner: int32 [2], left and top of the window.
         shape: height h and width w of the window.
 
@@ -111,10 +111,10 @@ def before_background(
 def ridge(
     features: jax.Array, labels: jax.Array, penalty: float = RIDGE
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Coefficients that make ``features @ weights + offset`` close to the labels.
+    """Coefficients such that ``features @ weights + offset`` is close to the labels.
 
-    The minimum of the squared residuals plus ``penalty`` times the squared weights; the offset is
-    free.  Solved in the space of the examples, which are fewer than the features.
+    Minimises the squared residuals plus ``penalty`` times the squared weights; the offset is not
+    penalised.  Solved in the dual, since there are fewer examples than features.
 
     Args:
         features: [n, F].
@@ -122,7 +122,7 @@ def ridge(
         penalty: above 0.
 
     Returns:
-        Weights [F], offset [], and the root of the mean squared residual [].
+        Weights [F], offset [], and the root mean squared residual [].
     """
     middle, level = jnp.mean(features, axis=0), jnp.mean(labels)
     centred = features - middle
@@ -137,13 +137,13 @@ def ridge(
 def trained(
     likelihood: DiscriminativeLikelihood, frame: jax.Array, boxes: np.ndarray, penalty: float
 ) -> DiscriminativeLikelihood:
-    """The likelihood with coefficients that are learned, of one object after the other.
+    """The likelihood with learned coefficients, one object after the other.
 
-    Each object is learned in a window around it, shrunk as it will be: what lies further away is
-    in no training box.  One program serves objects of all sizes and any number of them.
+    Each object is learned in a window of the shrunken frame that holds all its training boxes.
+    All objects share one window shape, so few programs are compiled.
 
     Args:
-        likelihood: complete but for its coefficients, offsets and residuals.
+        likelihood: complete except for coefficients, offsets and residuals.
         frame: uint8 [H, W, 3].
         boxes: [P, 4], x, y, width and height in pixels.
         penalty: of ``ridge``, per background.
@@ -164,7 +164,7 @@ def trained(
 
 @functools.partial(jax.jit, static_argnames=("shape", "factor"))
 def _pictures(frame, box, corner, shape, factor):
-    """An object's window, shrunk, with one background after the other: [n, h, w, 3]."""
+    """An object's window, shrunk, with each background: [n, h, w, 3]."""
     padding = [(0, -side % factor) for side in frame.shape[:2]]
     frame = jnp.pad(frame, [*padding, (0, 0)], mode="edge")
     whole = (shape[0] * factor, shape[1] * factor)
@@ -176,7 +176,7 @@ def _pictures(frame, box, corner, shape, factor):
 
 
 def _only(likelihood, number, box, shape) -> DiscriminativeLikelihood:
-    """What is of one object, for pictures of a shape in which it has that box."""
+    """The likelihood of one object alone, for pictures of a given shape that show it in ``box``."""
 
     def own(values):
         return as_array(np.asarray(values)[number : number + 1])
@@ -197,7 +197,7 @@ def _only(likelihood, number, box, shape) -> DiscriminativeLikelihood:
 
 @jax.jit
 def _coefficients(likelihood, pictures, box, penalty):
-    """Coefficients [F], offset and residual of one object, of pictures with other backgrounds."""
+    """Coefficients [F], offset and residual of one object, from pictures with its backgrounds."""
     shifts, overlaps = (jnp.asarray(x, box.dtype) for x in training_boxes())
     centres = box[:2] + box[2:] * (0.5 + shifts[:, :2])
     substates = jnp.concatenate([centres, shifts[:, 2:3]], axis=1).T

@@ -1,4 +1,4 @@
-"""Figures, drawn with matplotlib without a display."""
+"""Matplotlib figures, drawn without a display."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -10,17 +10,17 @@ from jaxpf.contract.names import PROBABLY_LOST
 from jaxpf.files.writing import atomic_write
 from jaxpf.media.overlay import object_colours
 
-#: Of sRGB, about; and how much each primary adds to the luminance, of which white has 1.
+#: Approximate gamma of sRGB, and the weights of its primaries in the luminance (white is 1).
 _GAMMA = 2.2
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-#: A luminance that lines on white paper need: a contrast of 2, (1 + .05) / (_LIGHTEST + .05).
+#: Maximum luminance of lines on white, for a contrast of 2: (1 + .05) / (_LIGHTEST + .05).
 _LIGHTEST = 0.475
 
 
 def new_figure(
     rows: int = 1, columns: int = 1, share_x: bool = False, **options: Any
 ) -> tuple[Any, Any]:
-    """A figure and its axes ``[rows, columns]``, for a file rather than a window."""
+    """Create a figure for a file, not a window; return it and its axes ``[rows, columns]``."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -30,15 +30,15 @@ def new_figure(
 
 
 def save_figure(figure: Any, path: str | os.PathLike[str], dpi: int = 120) -> None:
-    """Write a figure to a PNG file, completely or not at all."""
+    """Write a figure as a PNG file, completely or not at all."""
     with atomic_write(path, "wb") as file:
         figure.savefig(file, dpi=dpi, format="png")
 
 
 def colours(count: int) -> list[tuple[float, ...]]:
-    """The overlay's colours for matplotlib, so that pictures and plots agree.
+    """Return the overlay's colours for matplotlib, so that overlays and plots agree.
 
-    Those too light to be seen on white paper, such as yellow, are darkened.
+    Colours too light for white paper, such as yellow, are darkened.
     """
     linear = (object_colours(count) / 255.0) ** _GAMMA
     luminance = linear @ _LUMINANCE

@@ -8,7 +8,7 @@ from pathlib import Path
 from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import LOCK as LOCK, report_os_errors
 
-#: Seconds to retry, because a lock released a moment ago may still be removing its file.
+#: Seconds to retry: acquiring fails briefly while another process removes the lock's file.
 _PATIENCE = 0.1
 #: Errors of file systems that do not support locks; there, folders are not locked.
 _NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP)

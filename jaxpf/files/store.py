@@ -1,6 +1,6 @@
 """A resumable store: the settings of a job and the pieces of its results finished so far.
 
-Evaluations store batches of runs, papers store experiments, tuning stores descents.
+Evaluations store batches of runs, papers parts of experiments, tuning its descents.
 """
 
 import contextlib

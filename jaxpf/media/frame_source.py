@@ -69,7 +69,7 @@ class FrameSource:
         return self._frames(start)
 
     def times(self, count: int) -> np.ndarray:
-        """Return the display times of the first ``count`` frames, seconds from the first ``[count]``.
+        """Return the display times of the first frames, seconds after the first, ``[count]``.
 
         Timestamps for a video, whose frame rate may vary; index / fps otherwise.
         """

@@ -55,7 +55,7 @@ def diagnostics(
     num_particles: int,
     confidence: np.ndarray | None = None,
 ) -> Any:
-    """Effective sample size, uniqueness and confidence per object, and evidence over time.
+    """Plot effective sample size, evidence, and each object's uniqueness and confidence over time.
 
     Args:
         frames: frame numbers ``[T]``.
@@ -95,7 +95,7 @@ def diagnostics(
     return figure
 
 
-#: At most this many objects are drawn in one figure of trajectories.
+#: Maximum number of objects in one figure of trajectories.
 _MOST_OBJECTS = 8
 
 
@@ -104,12 +104,12 @@ def trajectories(
     columns: Sequence[str],
     lost: Mapping[str, Sequence[Sequence[int]]],
 ) -> Any:
-    """Coordinates and speed over time with their 95 % intervals; lost stretches are shaded.
+    """Plot coordinates and speed over time with 95 % intervals; shade frames of lost objects.
 
     Args:
         table: columns of tracks.csv, see ``jaxpf.boxes.read_tracks``.
         columns: the coordinates to draw.
-        lost: id -> first and last frames of the stretches in which it was probably lost.
+        lost: id -> first and last frames of the intervals in which it was probably lost.
     """
     names = np.array([str(name) for name in table["id"].tolist()])
     shown = list(dict.fromkeys(names.tolist()))[:_MOST_OBJECTS]
@@ -139,12 +139,12 @@ def trajectories(
 def bars_with_intervals(
     axis: Any, values: Mapping[str, tuple[float, float, float]], ylabel: str
 ) -> None:
-    """Bars with asymmetric intervals: name -> (value, low, high)."""
+    """Draw bars with asymmetric intervals: name -> (value, low, high)."""
     names = list(values)
     heights = np.array([values[name][0] for name in names])
     low = np.array([values[name][1] for name in names])
     high = np.array([values[name][2] for name in names])
-    # Rounding may put a bound a hair on the wrong side of the value.
+    # Rounding may put a bound slightly on the wrong side of the value.
     errors = np.clip(np.stack([heights - low, high - heights]), 0, None)
     axis.bar(names, heights, yerr=errors, color=colours(len(names)), capsize=4)
     axis.set_ylabel(ylabel)

@@ -23,7 +23,7 @@ class SizeWatch:
         self._first: tuple[int, int] | None = None
 
     def change(self) -> str:
-        """Return ``64x48 to 96x64`` if the next frame differs in size from the first, else ``""``."""
+        """Return ``64x48 to 96x64`` if the size differs from the first frame's, else ``""``."""
         size = next(self._sizes, None)
         self._first = self._first or size
         if size is None or size == self._first:

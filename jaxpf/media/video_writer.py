@@ -193,7 +193,7 @@ class VideoWriter:
             ) from self._error
 
     def _encode_all(self) -> None:
-        """Run the thread; after an error it only empties the queue, so that ``write`` never hangs."""
+        """Run the thread; after an error only empty the queue, so that ``write`` cannot hang."""
         while (picture := self._frames.get()) is not None:
             self._places.put(None)
             if self._error is None:

@@ -1,6 +1,7 @@
 """Data of contours: start contours, annotations and learned models.
 
-``jaxpf.contours.files``, ``annotated_files`` and ``learned_files`` beside it read and write them.
+``jaxpf.contours.files``, ``jaxpf.contours.annotated_files`` and ``jaxpf.contours.learned_files``
+read and write them.
 """
 
 import dataclasses

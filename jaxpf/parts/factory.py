@@ -28,7 +28,8 @@ def tracker(
         parts: tree, poses and sizes of the parts of one or several objects.
         method: ``"sps"`` (default), ``"ps"`` or ``"sir"``.
         particles: number of particles; default 300.
-        likelihood: a user-defined likelihood of (u, v, scale, theta), or a built-in one's name.
+        likelihood: a user-defined likelihood of (u, v, scale, theta), or the name of a method to
+            compute it.
         ordering: from ``jaxpf.ordering``, instead of a method.
         patches: P upright pictures, uint8 RGB ``[h, w, 3]``, from which appearance is learned
             instead of from the frame.

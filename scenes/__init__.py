@@ -1,8 +1,9 @@
-"""Test-beds for trackers: synthetic scenes, and readers of annotated real clips.
+"""Test sequences for trackers: synthetic scenes, and readers of annotated real clips.
 
-A scene is frames, truth and reference patches.  ``open_scene(source)`` opens any: by name, from
-a folder, or from a user's function.  ``names()`` lists the synthetic ones, ``make(name, seed)``
-draws one, ``open_folder(folder)`` opens a real sequence.  Nothing here knows of trackers.
+A scene is frames, ground truth and reference patches.  ``open_scene(source)`` opens any scene: by
+name, from a folder, or from a user's function.  ``names()`` lists the synthetic scenes,
+``make(name, seed)`` generates one, ``open_folder(folder)`` opens a real sequence.  This package
+does not depend on trackers.
 """
 
 import dataclasses
@@ -74,7 +75,7 @@ __all__ = [
     "wires_scene",
 ]
 
-# name -> its parameters' class, and the function of (parameters, seed) that draws it
+# name -> class of the parameters, and function of (parameters, seed) that generates the scene
 _REGISTRY: dict[str, tuple[type, Callable[[Any, int], Scene]]] = {
     "articulated": (ArticulatedParameters, articulated_scene),
     "distracter": (DistracterParameters, distracter_scene),
@@ -89,18 +90,18 @@ _REGISTRY: dict[str, tuple[type, Callable[[Any, int], Scene]]] = {
 
 
 def names() -> list[str]:
-    """The names that ``make`` knows, sorted."""
+    """Return the names of the synthetic scenes, sorted."""
     return sorted(_REGISTRY)
 
 
 def default_parameters(name: str) -> dict[str, Any]:
-    """The parameters of a scene and their defaults."""
+    """Return the parameters of a scene with their defaults."""
     parameters_class, _ = _look_up(name)
     return dataclasses.asdict(parameters_class())
 
 
 def make(name: str, seed: int = 0, **parameters: Any) -> Scene:
-    """Draw the scene ``name``; parameters that are not given keep their defaults.
+    """Generate the scene ``name``; omitted parameters keep their defaults.
 
     The same name, seed and parameters give the same scene, bit for bit.
     """
@@ -124,34 +125,34 @@ def open_scene(
     num_frames: int | None = None,
     parameters: Mapping[str, Any] | None = None,
 ) -> Scene:
-    """Open a scene, wherever it comes from.
+    """Open a scene from any source.
 
     Args:
         source: one of
 
             * a name that ``names()`` lists;
             * a folder with an annotated sequence: ``meta.json`` and ``gt.csv``, or a
-              MOTChallenge or an OTB sequence (``open_folder``); a folder that is called like a
-              registered scene is written ``./distracter``;
-            * a function that returns a ``Scene``, or where it is found, as
+              MOTChallenge or an OTB sequence (``open_folder``); write ``./distracter`` for a
+              folder with the name of a registered scene;
+            * a function that returns a ``Scene``, or its location,
               ``path/to/file.py:function`` or ``package.module:function`` (``call_scene``).
-        seed: of registered scenes and functions; a folder has none and leaves it out.
-        ids: for folders, the objects, in this order; by default all that are in view in the
-            start frame or, without one, in the first frame that has any.
-        start_frame: for folders, where the scene begins, counting from 0; by default the first
-            frame with all chosen objects in view.
-        num_frames: for folders, how many frames from there on; by default all.
+        seed: of registered scenes and functions; ignored for a folder.
+        ids: for folders, the objects, in this order; by default all objects in view in the start
+            frame or, if none is given, in the first frame with any object.
+        start_frame: for folders, the first frame of the scene, counting from 0; by default the
+            first frame with all chosen objects in view.
+        num_frames: for folders, number of frames from there; by default all.
         parameters: of registered scenes and functions, by name.
 
     Returns:
-        The scene.  From a folder it begins with the start frame: boxes and frames are cut to it,
-        the reference patches are the truth's boxes there, and ``extras`` has ``ids``,
-        ``start_frame``, ``source`` and ``occlusion``.  Boxes that reach beyond the picture stay
-        whole, their patches are the part inside (``start_scene``).
+        The scene.  From a folder it begins with the start frame; the reference patches are cut
+        from the true boxes there, and ``extras`` has ``ids``, ``start_frame``, ``source`` and
+        ``occlusion``.  Boxes that extend beyond the picture stay whole; their patches are the
+        part inside (``start_scene``).
 
     Raises:
-        SceneError: one sentence with what is wrong: an unknown scene, a missing file, a
-            malformed line, an absent object, a function that fails.
+        SceneError: an unknown scene, a missing file, a malformed line, an absent object, or a
+            failing function; the message says which.
     """
     given = dict(parameters or {})
     if isinstance(source, str | Path) and _is_folder(source):
@@ -176,7 +177,7 @@ def open_scene(
 
 
 def _is_folder(source: str | Path) -> bool:
-    """Whether it is, or is meant to be, a folder and neither a name nor a function."""
+    """Whether ``source`` is or looks like a folder, and is neither a name nor a function."""
     if source in _REGISTRY:
         return False
     if Path(source).exists():

@@ -1,9 +1,9 @@
 """The synthetic test of Gonzales, Dubuisson and Nguyen (gonzales2011, section 4): moving parts.
 
-An object of P rectangles, a centre and two arms, translates and distorts.  The paper fixes the
+An object of P rectangles, a centre and two arms, moves and deforms.  The paper specifies the
 numbers of parts and of frames and names the motions (weak; strong at the beginning; "very strong
-and erratic" throughout); its sequences were never published.  Everything else is a choice, made
-here once and documented in ``ArticulatedParameters``.
+and erratic" throughout); its sequences were never published.  Everything else is our choice,
+documented in ``ArticulatedParameters``.
 """
 
 import dataclasses
@@ -15,51 +15,51 @@ from scenes.mosaics import coloured, scattered, with_noise
 from scenes.parameters import check_parameters, require
 from scenes.scene import Scene, SceneError
 
-# Every ingredient has its own random stream, so that, say, another noise level leaves the
-# motion of a seed as it is.
+# Every ingredient has its own random stream, so that changing, say, the noise level keeps the
+# motion of a seed.
 _MOTION, _TEXTURES, _BACKGROUND, _PIXELS, _PATCHES = range(5)
 
 
 @dataclasses.dataclass(frozen=True)
 class ArticulatedParameters:
-    """What the articulated scene is made of; "paper" marks what gonzales2011 fixes.
+    """Parameters of the articulated scene; "paper" marks values from gonzales2011.
 
-    Lengths are in pixels, angles in degrees, times in frames, colours in grey levels 0 to 255.
+    Lengths are in pixels, angles in degrees, times in frames, colours in grey levels from 0 to 255.
 
     Attributes:
         num_parts: P, an odd number: the centre and two arms of (P - 1) / 2 parts each
             (paper: 3, 5, 7, 9, 11).
         num_frames: length of the sequence (paper: 300).
-        motion: "smooth" swings every coordinate in sines; "strong_start" is the same path, run
-            through faster in the beginning; "erratic" sends every coordinate from one random
-            target to the next, each on its own clock (the paper's three kinds of sequences).
+        motion: "smooth" moves every coordinate sinusoidally; "strong_start" is the same path,
+            traversed faster at the beginning; "erratic" moves every coordinate between random
+            targets, each on its own schedule (the paper's three kinds of sequences).
         frame_width: width of a frame.
         frame_height: height of a frame.
-        fps: frames per second; it only matters to a player.
+        fps: frames per second; it affects only playback.
         centre_width: width of the centre.
         centre_height: height of the centre.
         part_length: length of an arm's part, along the arm.
         part_width: its width, across the arm.
-        inset: the joint of two parts lies this far inside either of them, so that no gap opens
-            as they turn.
-        travel_x: largest distance of the centre from the middle of the frame, horizontally.
+        inset: distance of a joint from the ends of the two parts that it connects, inside both, so
+            that no gap opens as they rotate.
+        travel_x: maximum horizontal distance of the centre from the middle of the frame.
         travel_y: the same, vertically.
-        tilt: largest rotation of the centre.
-        swing: largest angle between a part and its parent.
+        tilt: maximum rotation of the centre.
+        swing: maximum angle between a part and its parent.
         travel_period: mean period of the smooth travel.
         swing_period: mean period of the smooth swings and of the smooth tilt.
         period_spread: every coordinate's period is drawn from (1 -+ this) times the mean.
-        strong_frames: how long the beginning of "strong_start" lasts.
-        strong_factor: how many times faster it is there; the factor falls to 1 within the last
-            quarter of ``strong_frames``.
-        erratic_shortest: least time from one target to the next, "erratic" only.
-        erratic_longest: greatest time from one target to the next.
-        cell_size: parts are mosaics of square cells with this side.
+        strong_frames: length of the beginning of "strong_start".
+        strong_factor: speed factor there; it falls to 1 within the last quarter of
+            ``strong_frames``.
+        erratic_shortest: minimum time from one target to the next, "erratic" only.
+        erratic_longest: maximum time from one target to the next.
+        cell_size: side of the square cells of which parts are mosaics.
         accent_share: share of a part's cells that have its second colour.
         saturation: saturation of the parts' colours, 0 to 1.
         brightness: value (in HSV) of the parts' colours, 0 to 1.
-        object_noise: standard deviation of the normal noise on the parts' pixels, drawn anew in
-            every frame, and once for the reference patches.
+        object_noise: standard deviation of the normal noise on the parts' pixels, redrawn in every
+            frame, and once for the reference patches.
         background_mean: mean of the background.
         background_noise: standard deviation of the background's normal noise, independent in
             each channel and pixel; one background for all frames.
@@ -120,17 +120,17 @@ class ArticulatedParameters:
 
 
 def articulated_scene(parameters: ArticulatedParameters, seed: int = 0) -> Scene:
-    """Draw the scene; the same parameters and seed give the same scene, bit for bit.
+    """Generate the scene; the same parameters and seed give the same scene, bit for bit.
 
-    Part 0 is the centre; odd parts make up the left arm and even ones the right, from the
-    centre outwards.  ``boxes`` are the upright bounding boxes.  ``extras`` holds
+    Part 0 is the centre; odd parts form the left arm and even parts the right, from the centre
+    outwards.  ``boxes`` are the upright bounding boxes.  ``extras`` holds
 
     * ``corners [T, P, 4, 2]``: top left, top right, bottom right and bottom left corner of every
-      part, as they lie at angle 0, in pixels;
+      part, as named at angle 0, in pixels;
     * ``poses [T, P, 3]``: x, y of the part's centre and its angle in radians, clockwise in the
       image, continuous in time;
     * ``parents``, a tuple ``[P]``, -1 for the centre;
-    * ``parent_anchors [P, 2]`` and ``part_anchors [P, 2]``: where a part's joint lies in its
+    * ``parent_anchors [P, 2]`` and ``part_anchors [P, 2]``: the position of a part's joint in its
       parent's coordinates and in its own (origin at the centre, axes turned with the part).
     """
     parents = _tree(parameters.num_parts)
@@ -144,7 +144,7 @@ def articulated_scene(parameters: ArticulatedParameters, seed: int = 0) -> Scene
     _check_in_view(parameters, corners)
     textures = _paint_textures(parameters, sizes, np.random.default_rng([seed, _TEXTURES]))
     frames = _draw_frames(parameters, seed, poses, corners, textures)
-    # The reference patches are learned from noisy pictures, as the parts are seen.
+    # Reference patches have noise, like the parts in the frames.
     rng = np.random.default_rng([seed, _PATCHES])
     lowest, highest = corners.min(axis=2), corners.max(axis=2)
     return Scene(
@@ -172,7 +172,7 @@ def _tree(num_parts: int) -> tuple[int, ...]:
 def _joints(
     parameters: ArticulatedParameters, parents: tuple[int, ...], sizes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where each part's joint lies in its parent's coordinates and in its own, ``[P, 2]`` each."""
+    """Positions of each part's joint in its parent's coordinates and its own, ``[P, 2]`` each."""
     parent_anchors, part_anchors = np.zeros(sizes.shape), np.zeros(sizes.shape)
     for part, parent in enumerate(parents):
         if parent >= 0:
@@ -201,7 +201,7 @@ def _draw_motion(parameters: ArticulatedParameters, rng: np.random.Generator) ->
 
 
 def _speed(parameters: ArticulatedParameters) -> np.ndarray:
-    """``[T]``: how much of the smooth motion's time passes in each frame."""
+    """``[T]``: how far the clock of the smooth motion advances in each frame."""
     if parameters.motion != "strong_start":
         return np.ones(parameters.num_frames)
     left = parameters.strong_frames - np.arange(parameters.num_frames)
@@ -210,7 +210,7 @@ def _speed(parameters: ArticulatedParameters) -> np.ndarray:
 
 
 def _draw_erratic(parameters: ArticulatedParameters, rng: np.random.Generator) -> np.ndarray:
-    """``[T]`` in -1 to 1: from target to random target, at rest in each."""
+    """``[T]`` in -1 to 1: moves between random targets, at rest in each."""
     track = np.empty(parameters.num_frames)
     at, start = 0, rng.uniform(-1, 1)
     while at < len(track):
@@ -243,7 +243,7 @@ def _place(
 
 
 def _turned(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Vectors ``[..., 2]`` turned by angles ``[...]``, clockwise in the image."""
+    """Rotate vectors ``[..., 2]`` by angles ``[...]``, clockwise in the image."""
     x, y = vectors[..., 0], vectors[..., 1]
     cosine, sine = np.cos(angles), np.sin(angles)
     return np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
@@ -274,7 +274,7 @@ def _check_in_view(parameters: ArticulatedParameters, corners: np.ndarray) -> No
 def _paint_textures(
     parameters: ArticulatedParameters, sizes: np.ndarray, rng: np.random.Generator
 ) -> list[np.ndarray]:
-    """Every part's look ``[h, w, 3]`` float: a mosaic of two hues, others in every part."""
+    """Textures ``[h, w, 3]`` float: mosaics of two hues, different for every part."""
     textures = []
     for part, (width, height) in enumerate(sizes):
         share, cell = parameters.accent_share, parameters.cell_size
@@ -291,7 +291,7 @@ def _draw_frames(
     corners: np.ndarray,
     textures: list[np.ndarray],
 ) -> np.ndarray:
-    """``[T, H, W, 3]`` uint8: the background, the arms' ends, and the centre on top."""
+    """``[T, H, W, 3]`` uint8: background, parts from the arms' ends inwards, the centre on top."""
     shape = (parameters.frame_height, parameters.frame_width, 3)
     mean = np.full(shape, parameters.background_mean)
     rng = np.random.default_rng([seed, _BACKGROUND])
@@ -312,7 +312,7 @@ def _paste(
     noise: float,
     rng: np.random.Generator,
 ) -> None:
-    """Draw one part in place: a pixel whose middle lies in it shows the texture's cell there."""
+    """Draw one part in place: a pixel whose centre lies in it shows the texture's cell there."""
     left, top = np.floor(corners.min(axis=0)).astype(int).clip(0)
     right, bottom = np.ceil(corners.max(axis=0)).astype(int)
     window = picture[top:bottom, left:right]

@@ -1,7 +1,7 @@
-"""Reads sequence folders of the MOTChallenge and of the OTB benchmark as clips.
+"""Reads sequence folders of the MOTChallenge and OTB benchmarks as clips.
 
-Both count frames and pixels from 1; clips count from 0, so 1 is taken off x, y and the frame
-numbers, and off nothing else.  No picture is decoded but OTB's first, for its size.
+Both count frames and pixels from 1; clips count from 0, so 1 is subtracted from x, y and the frame
+numbers, and from nothing else.  No picture is decoded except OTB's first, for its size.
 """
 
 import configparser
@@ -19,18 +19,18 @@ from scenes.scene import SceneError, shown
 _PICTURES = {".jpg", ".jpeg", ".png", ".bmp"}
 _PEDESTRIAN = 1
 
-# The benchmark's list of sequences starts David at picture 300, though its folder holds all 770;
-# every other sequence starts at its first picture.
+# The benchmark starts David at picture 300, though its folder contains all 770; every other
+# sequence starts at its first picture.
 _OTB_FIRST_PICTURE = {"david": 300}
-_OTB_FPS = 25.0  # nominal: the benchmark states none
-#: The numbers of seqinfo.ini, and what they may be at most.
+_OTB_FPS = 25.0  # nominal: the benchmark specifies none
+#: The numbers of seqinfo.ini and their upper limits.
 _MOST = {"seqLength": 10**6, "imWidth": 10**5, "imHeight": 10**5, "frameRate": 10**6}
 
 
 def read_mot(folder: str | Path) -> Clip:
     """Open a MOTChallenge sequence: ``seqinfo.ini``, ``gt/gt.txt`` and the pictures.
 
-    Rows of ``gt.txt`` are ``frame,id,x,y,w,h,confidence,...``.  As the benchmark's own scores do
+    Rows of ``gt.txt`` are ``frame,id,x,y,w,h,confidence,...``.  As in the benchmark's evaluation
     (Milan et al. 2016, MOT16), rows with confidence 0 are ignored, and with 8 or 9 columns
     (MOT16 and later: class, visibility) only class 1, pedestrians, counts.  With 10 columns
     (MOT15: world coordinates), or with class -1, there are no classes.  The visibility v becomes
@@ -43,7 +43,8 @@ def read_mot(folder: str | Path) -> Clip:
         The clip; its ids are those of the file.
 
     Raises:
-        SceneError: a missing file or picture, or a malformed description or line, by name.
+        SceneError: a missing file or picture, or a malformed description or line; the message
+            names it.
     """
     folder = Path(folder)
     info = _read_seqinfo(folder / "seqinfo.ini")
@@ -76,16 +77,16 @@ def read_mot(folder: str | Path) -> Clip:
 def read_otb(folder: str | Path) -> Clip:
     """Open a sequence of the Visual Tracker Benchmark (Wu, Lim and Yang 2013, 2015).
 
-    ``img/`` holds the pictures and ``groundtruth_rect.txt`` one line ``x,y,w,h`` per picture,
-    separated by commas, tabs or spaces.  A line of zeros or NaN means that the object is absent.
-    The object's id is 1; ``groundtruth_rect.1.txt``, ``groundtruth_rect.2.txt``, ... hold the
+    ``img/`` contains the pictures and ``groundtruth_rect.txt`` one line ``x,y,w,h`` per picture,
+    separated by commas, tabs or spaces.  A line of zeros or NaN marks an absent object.  The
+    object's id is 1; ``groundtruth_rect.1.txt``, ``groundtruth_rect.2.txt``, ... contain the
     objects 1, 2, ... of one sequence (Jogging, Skating2).  The first line belongs to the first
-    picture, whatever its number (BlurCar1 starts at 247), and pictures after the last line are
-    left out (Football1); of David, the benchmark uses the pictures 300 to 770.  The benchmark
-    states no frame rate; ``fps`` is 25.
+    picture, whatever its number (BlurCar1 starts at 247); pictures after the last line are ignored
+    (Football1); of David, the benchmark uses pictures 300 to 770.  The benchmark specifies no
+    frame rate; ``fps`` is 25.
 
     Raises:
-        SceneError: a missing file or picture, or a malformed line, by name.
+        SceneError: a missing file or picture, or a malformed line; the message names it.
     """
     folder = Path(folder)
     source, numbers = _find_pictures(folder, "img")
@@ -129,7 +130,7 @@ def read_otb(folder: str | Path) -> Clip:
 
 
 def _find_pictures(folder: Path, name: str) -> tuple[str, list[int]]:
-    """The pattern of the numbered pictures in a folder, and their numbers, ascending."""
+    """Return the pattern of the numbered pictures in a folder, and their numbers, ascending."""
     numbered = {
         path: int(path.stem)
         for path in (folder / name).glob("*")
@@ -177,7 +178,7 @@ def _read_seqinfo(path: Path) -> dict:
 
 
 def _read_mot_truth(path: Path, num_frames: int) -> Rows:
-    """The rows that count."""
+    """Read the rows that the evaluation counts."""
     if not path.is_file():
         raise SceneError(
             f"{path} is missing: a sequence without truth, such as the benchmark's test "
@@ -224,7 +225,7 @@ def _occlusion(visibility: float) -> int:
 
 
 def _find_otb_truth(folder: Path) -> dict[int, Path]:
-    """id -> file, ascending."""
+    """Return id -> file, ascending."""
     single = folder / "groundtruth_rect.txt"
     if single.is_file():
         return {1: single}
@@ -239,7 +240,7 @@ def _find_otb_truth(folder: Path) -> dict[int, Path]:
 
 
 def _read_otb_truth(path: Path) -> np.ndarray:
-    """Boxes ``[T, 4]``, counting from 0; NaN where the object is absent."""
+    """Read boxes ``[T, 4]``, counting from 0; NaN where the object is absent."""
     boxes = []
     for place, cells in _lines(path, r"[,;\s]+"):
         if len(cells) != 4:
@@ -261,7 +262,7 @@ def _read_otb_truth(path: Path) -> np.ndarray:
 
 
 def _lines(path: Path, separator: str) -> Iterator[tuple[str, list[str]]]:
-    """(place for messages, cells) of every line that is not empty."""
+    """Yield (place for messages, cells) of every non-empty line."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:

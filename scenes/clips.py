@@ -1,12 +1,12 @@
-"""Reads annotated real sequences from folders; pictures are decoded only when asked for.
+"""Reads annotated real sequences from folders; pictures are decoded on demand.
 
-A folder holds
+A folder contains
 
 * ``meta.json``: ``name``, ``frames`` (a video file, or a pattern such as ``frames/%04d.png``
   counted from 0), ``n_frames``, ``width``, ``height``, ``fps``;
 * ``gt.csv``: a header ``frame,id,x,y,w,h,occ`` and one line per frame and object, frames counted
   from 0, (x, y) the box's top left corner in pixels, and occ 0 visible, 1 partly hidden, 2 mostly
-  or fully hidden, -1 not annotated; the last column may be left out.
+  or fully hidden, -1 not annotated; the last column is optional.
 """
 
 import codecs
@@ -31,27 +31,27 @@ NOT_ANNOTATED = -1
 Rows = dict[tuple[int, int], tuple[list[float], int]]
 
 _COLUMNS = ["frame", "id", "x", "y", "w", "h", "occ"]
-#: The numbers of meta.json, and what they may be at most: an array of that size can be thought of.
+#: The numbers of meta.json and their upper limits, which keep array sizes plausible.
 _META_NUMBERS = {"n_frames": 10**6, "width": 10**5, "height": 10**5, "fps": 10**6}
-#: A coordinate in pixels, or an id, beyond which numbers are no longer told apart.
+#: Limits of coordinates in pixels and of ids, beyond which floats lose precision.
 _FARTHEST, _LARGEST_WHOLE = 1e9, 2**53
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Clip:
-    """An annotated sequence on disk; ``load`` makes a ``Scene`` of it.
+    """An annotated sequence on disk; ``load`` converts it to a ``Scene``.
 
     Attributes:
-        name: what the clip is called.
-        folder: where it lies.
+        name: of the clip.
+        folder: its location.
         source: the video file, or the pattern of the picture files, relative to the folder.
-        first_number: what the pattern makes of frame 0; frame t has the number first_number + t.
-        description: the file that says what ``num_frames``, ``width`` and ``height`` are.
+        first_number: number of frame 0 in the pattern; frame t has number first_number + t.
+        description: the file that specifies ``num_frames``, ``width`` and ``height``.
         num_frames: T.
         width: width of a frame in pixels.
         height: height of a frame in pixels.
         fps: frames per second.
-        ids: the annotation's number of each of the P objects, ascending.
+        ids: ids of the P objects in the annotation, ascending.
         boxes: ``[T, P, 4]`` float, the true boxes (x, y, w, h) in pixels, (x, y) the top left
             corner; NaN where an object has no line.
         occlusion: ``[T, P]`` int, 0 visible, 1 partly hidden, 2 mostly or fully hidden, -1 not
@@ -72,17 +72,17 @@ class Clip:
     description: str = "meta.json"
 
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[np.ndarray]:
-        """The pictures ``[H, W, 3]`` uint8, RGB, of frames ``start`` to ``stop - 1``, one by one.
+        """Yield the pictures ``[H, W, 3]`` uint8, RGB, of frames ``start`` to ``stop - 1``.
 
-        By default all of them.
+        By default all frames.
         """
         return self.pictures(range(start, self.num_frames if stop is None else stop))
 
     def pictures(self, numbers: Sequence[int]) -> Iterator[np.ndarray]:
-        """The pictures ``[H, W, 3]`` uint8, RGB, of the frames of those numbers, ascending.
+        """Yield the pictures ``[H, W, 3]`` uint8, RGB, of the frames with these numbers, ascending.
 
         Raises:
-            SceneError: a picture is missing or of another size; the video is shorter.
+            SceneError: a picture is missing or has another size, or the video is shorter.
         """
         read = self._read_pictures if "%" in self.source else self._read_video
         found = read(numbers)
@@ -108,8 +108,9 @@ class Clip:
 
         Returns:
             A scene whose reference patches are cut from the first frame in which each object is
-            annotated (the part of the box that lies in the frame).  ``extras`` holds ``ids [P]``
-            and ``occlusion [T, P]``.  ``scenes.open_scene`` starts where all objects are there.
+            annotated (the part of the box inside the frame).  ``extras`` holds ``ids [P]`` and
+            ``occlusion [T, P]``.  See also ``scenes.open_scene``, which starts
+            where all objects are present.
         """
         kept = self.ids if ids is None else tuple(ids)
         unknown = [number for number in kept if number not in self.ids]
@@ -167,10 +168,10 @@ class Clip:
 
 
 def cut_patch(picture: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """The pixels of ``picture [H, W, ...]`` that a box (x, y, w, h) covers, as a copy.
+    """Copy the pixels of ``picture [H, W, ...]`` that a box (x, y, w, h) covers.
 
-    The edges are rounded to whole pixels, half-way ones to even; of a box that is partly outside
-    the picture the part inside is cut, of one wholly outside nothing: a size of 0.
+    Edges are rounded to whole pixels, halves to even.  A box partly outside the picture is clipped;
+    a box wholly outside gives a patch of size 0.
     """
     x, y, w, h = box
     left, right = np.clip(np.rint([x, x + w]).astype(int), 0, picture.shape[1])
@@ -179,9 +180,9 @@ def cut_patch(picture: np.ndarray, box: np.ndarray) -> np.ndarray:
 
 
 def read_clip(folder: str | Path, *, boxes_needed: bool = True) -> Clip:
-    """Open an annotated sequence: reads ``meta.json`` and ``gt.csv``, no pictures yet.
+    """Open an annotated sequence: read ``meta.json`` and ``gt.csv``, but no pictures.
 
-    Without ``boxes_needed`` a clip may lack ``gt.csv``; it then has no objects.
+    With ``boxes_needed=False``, a clip may lack ``gt.csv``; it then has no objects.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -216,7 +217,7 @@ def read_clip(folder: str | Path, *, boxes_needed: bool = True) -> Clip:
 
 
 def tabulated(rows: Rows, num_frames: int) -> tuple[tuple[int, ...], np.ndarray, np.ndarray]:
-    """``ids``, ``boxes`` and ``occlusion`` of a ``Clip``."""
+    """Convert rows to ``ids``, ``boxes`` and ``occlusion`` of a ``Clip``."""
     ids = tuple(sorted({number for _, number in rows}))
     boxes = np.full((num_frames, len(ids), 4), np.nan)
     occlusion = np.full(boxes.shape[:2], NOT_ANNOTATED)
@@ -275,16 +276,16 @@ def _read_truth(path: Path, num_frames: int) -> Rows:
 def csv_lines(
     path: Path, columns: list[str], *, optional: int = 0, remark: str = ""
 ) -> Iterator[tuple[str, list[str]]]:
-    """(place for messages, cells) of every line below the header that is not empty.
+    """Yield (place for messages, cells) of every non-empty line below the header.
 
     Args:
         path: the file.
         columns: names in its header.
-        optional: how many of the last ones may be left out.
-        remark: what the message says of a header that must be another.
+        optional: number of optional columns at the end.
+        remark: text for the message about a wrong header.
 
     Raises:
-        SceneError: another header, or a line with fewer or more values.
+        SceneError: a wrong header, or a line with too few or too many values.
     """
     text = _text_of(path)
     first = text.lstrip("\n\r \t").splitlines()[:1]
@@ -323,7 +324,7 @@ def _text_of(path: Path) -> str:
 
 
 def whole_number(text: str, column: str, place: str) -> int:
-    """The number that a cell holds; the message names the column and the place."""
+    """Parse a cell as an integer; messages name the column and the place."""
     value = _number(text)
     if not (math.isfinite(value) and value == int(value)):
         raise SceneError(f"{place}: {column} = {shown(text)} is not a whole number{_hint(text)}")
@@ -333,7 +334,7 @@ def whole_number(text: str, column: str, place: str) -> int:
 
 
 def real_number(text: str, column: str, place: str) -> float:
-    """The finite number that a cell holds; the message names the column and the place."""
+    """Parse a cell as a finite number; messages name the column and the place."""
     value = _number(text)
     if not math.isfinite(value):
         raise SceneError(f"{place}: {column} = {shown(text)} is not a finite number{_hint(text)}")

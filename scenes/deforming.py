@@ -1,9 +1,9 @@
-"""Textured bodies that bend: pictures of them, and where their points are.
+"""Textured deformable bodies: rendering, and the positions of their points.
 
-A body is a picture in coordinates of its own, (0, 0) in its middle, in pixels at scale 1.  A pose
-first bends it, q -> q + bend(q), and then turns, scales and moves it.  Points follow exactly;
-pictures are drawn by the inverse, found by fixed-point iteration, so bends must be smooth: their
-slopes below 1.
+A body is a picture in its own coordinates, with (0, 0) in the centre, in pixels at scale 1.  A pose
+first bends it, q -> q + bend(q), and then rotates, scales and moves it.  Points follow exactly.
+Rendering needs the inverse, found by fixed-point iteration, so bends must be smooth, with slopes
+below 1.
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ from scenes.scene import Scene, SceneError
 
 Bend = Callable[[np.ndarray], np.ndarray]
 
-#: Side of the windows around points that stand for them as boxes and patches (eskil2014).
+#: Side of the windows used as boxes and patches of points (eskil2014).
 WINDOW = 21
 _ITERATIONS = 5
 _STEP = 4
@@ -38,14 +38,14 @@ class Body:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Pose:
-    """Where a body is and how it is bent.
+    """Position and bend of a body.
 
     Attributes:
-        x: of its middle, pixels.
-        y: of its middle, pixels.
+        x: of its centre, pixels.
+        y: of its centre, pixels.
         scale: relative to the picture.
         angle: radians, clockwise in the image.
-        bend: displacements [..., 2] of places [..., 2], both in the body's coordinates.
+        bend: displacements [..., 2] of positions [..., 2], both in body coordinates.
     """
 
     x: float
@@ -55,17 +55,17 @@ class Pose:
     bend: Bend = np.zeros_like
 
     def matrix(self) -> np.ndarray:
-        """[2, 2], from bent body to image."""
+        """[2, 2], from the bent body to the image."""
         cosine, sine = self.scale * np.cos(self.angle), self.scale * np.sin(self.angle)
         return np.array([[cosine, -sine], [sine, cosine]])
 
     def to_image(self, places: np.ndarray) -> np.ndarray:
-        """Image coordinates [..., 2] of places in the body [..., 2]."""
+        """Convert body coordinates [..., 2] to image coordinates [..., 2]."""
         places = np.asarray(places, float)
         return (places + self.bend(places)) @ self.matrix().T + [self.x, self.y]
 
     def to_body(self, places: np.ndarray) -> np.ndarray:
-        """The inverse of ``to_image``."""
+        """Invert ``to_image``."""
         target = (np.asarray(places, float) - [self.x, self.y]) @ np.linalg.inv(self.matrix()).T
         found = target
         for _ in range(_ITERATIONS):
@@ -74,7 +74,7 @@ class Pose:
 
 
 def bumps(*each: tuple[tuple[float, float], float, tuple[float, float]]) -> Bend:
-    """A bend made of bumps (centre, reach, displacement): Gaussian in the distance."""
+    """Return the sum of Gaussian bumps, each (centre, reach, displacement)."""
 
     def bend(places: np.ndarray) -> np.ndarray:
         x, y = places[..., 0], places[..., 1]
@@ -97,12 +97,12 @@ def draw(frame: np.ndarray, body: Body, pose: Pose) -> None:
     top, bottom = (int(np.clip(pose.y + r, 0, frame.shape[0])) for r in (-reach, reach))
     if right <= left or bottom <= top:
         return
-    # Bends are smooth: the inverse is found for every few pixels, and interpolated between them.
+    # Bends are smooth: compute the inverse on a coarse grid and interpolate.
     coarse = [
         np.arange(low, high + _STEP, _STEP) + 0.5 for low, high in ((left, right), (top, bottom))
     ]
     places = pose.to_body(np.stack(np.meshgrid(*coarse), -1))
-    # OpenCV puts a pixel's middle at its number.
+    # OpenCV's pixel centres have integer coordinates.
     places = (places + np.array([width - 1, height - 1]) / 2).astype(np.float32)
     across = np.arange(right - left, dtype=np.float32) / _STEP
     down = np.arange(bottom - top, dtype=np.float32) / _STEP
@@ -114,7 +114,7 @@ def draw(frame: np.ndarray, body: Body, pose: Pose) -> None:
 
 
 def covers(body: Body, pose: Pose, places: np.ndarray) -> np.ndarray:
-    """Whether a body covers places [..., 2] of the image."""
+    """Whether a body covers positions [..., 2] of the image."""
     height, width = body.alpha.shape
     column, row = np.moveaxis(np.floor(pose.to_body(places) + np.array([width, height]) / 2), -1, 0)
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
@@ -123,7 +123,7 @@ def covers(body: Body, pose: Pose, places: np.ndarray) -> np.ndarray:
 
 
 def noise(rng: np.random.Generator, shape: tuple[int, int], grain: float, channels: int = 3):
-    """Smooth noise of standard deviation 1, float32 [h, w, channels], ``grain`` pixels coarse."""
+    """Smooth noise, float32 [h, w, channels], standard deviation 1, grain size in pixels."""
     small = [max(2, int(np.ceil(side / grain)) + 3) for side in shape]
     values = rng.normal(size=(*small, channels)).astype(np.float32)
     large = cv2.resize(values, None, fx=grain, fy=grain, interpolation=cv2.INTER_CUBIC)
@@ -132,10 +132,10 @@ def noise(rng: np.random.Generator, shape: tuple[int, int], grain: float, channe
 
 
 class Film:
-    """Collects the frames of a scene: uint8, with a camera's noise."""
+    """Collects the frames of a scene as uint8, with camera noise."""
 
     def __init__(self, rng: np.random.Generator, height: int, width: int, pixel_noise: float):
-        """Noise of standard deviation ``pixel_noise`` grey levels."""
+        """Start without frames; ``pixel_noise`` is a standard deviation in grey levels."""
         self.frames: list[np.ndarray] = []
         self._rng = rng
         shape = (2 * height, 2 * width, 3)
@@ -159,10 +159,10 @@ def point_scene(
     fps: float,
     parameters: dict[str, Any],
 ) -> Scene:
-    """A scene of points: ``extras`` has ``points`` [T, P, 2] in pixels, ``visible`` bool [T, P],
-    ``point_names`` and ``body_length`` [T] in pixels.
+    """Build a scene of points.
 
-    Its boxes and patches are windows around the points.
+    ``extras`` has ``points`` [T, P, 2] in pixels, ``visible`` bool [T, P], ``point_names`` and
+    ``body_length`` [T] in pixels.  Boxes and patches are windows around the points.
     """
     corner = points - WINDOW / 2
     boxes = np.concatenate([corner, np.full_like(points, WINDOW)], axis=-1)

@@ -1,4 +1,4 @@
-"""Trajectories of the distracter scene: objects that stay apart and in view, and a leader."""
+"""Trajectories of the distracter scene: separate objects that stay in view, and a distracter."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from scenes.distracter_parameters import DistracterParameters
 from scenes.scene import SceneError
 
 _TRIES_PER_OBJECT = 100
-_TRIES_PER_LEADER = 2000  # where a rare trajectory is asked for
+_TRIES_PER_LEADER = 2000  # for a rare trajectory
 _TRIES_PER_LAYOUT = 50
 
 
@@ -31,7 +31,7 @@ def draw_layout(
 
 
 def _grid(parameters: DistracterParameters) -> tuple[np.ndarray, np.ndarray]:
-    """Centres of the start cells ``[cells, 2]`` and the free room of a cell to each side."""
+    """Centres of the start cells ``[cells, 2]``, and the free space on each side of a cell."""
     aspect = parameters.frame_width / parameters.frame_height
     columns = int(np.ceil(np.sqrt(parameters.num_objects * aspect)))
     rows = int(np.ceil(parameters.num_objects / columns))
@@ -45,7 +45,7 @@ def _grid(parameters: DistracterParameters) -> tuple[np.ndarray, np.ndarray]:
 def _try_layout(
     parameters: DistracterParameters, start: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Place one object after the other, each clear of those before it; ``None`` if one fails."""
+    """Place the objects one by one, each clear of the previous ones; ``None`` if one fails."""
     leader = distracter = None
     tries = _TRIES_PER_LEADER if parameters.departure > 0 else _TRIES_PER_OBJECT
     for _ in range(tries):
@@ -86,7 +86,7 @@ def _draw_trajectory(
 
 
 def _autoregression(start: float, noise: np.ndarray, momentum: float) -> list[float]:
-    """One coordinate; plain numbers, for arrays of two would be ten times slower."""
+    """One coordinate, in plain floats, because arrays of two would be ten times slower."""
     positions = []
     previous = current = float(start)
     for step in noise.tolist():
@@ -98,10 +98,10 @@ def _autoregression(start: float, noise: np.ndarray, momentum: float) -> list[fl
 def _lead_away(
     parameters: DistracterParameters, trajectory: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """The distracter's centres ``[T, 2]``, NaN in the frames without it, and object 1's travel.
+    """The distracter's centres ``[T, 2]``, NaN while it is absent, and object 1's displacement.
 
-    The path is straight and its end lies at a given distance from where object 1 is by then, so
-    that every seed has the same gap between the right and the wrong answer.
+    The path is straight and ends at a given distance from object 1, so that every seed has the
+    same gap between the correct and the wrong answer.
     """
     first = parameters.appear_frame - 1
     last = min(parameters.vanish_frame - 1, parameters.num_frames) - 1
@@ -125,7 +125,7 @@ def _lead_away(
 def _departs(
     parameters: DistracterParameters, trajectory: np.ndarray, distracter: np.ndarray
 ) -> bool:
-    """Whether object 1 ends as far from the place where the distracter vanished as is asked."""
+    """Whether object 1 ends far enough from where the distracter vanished."""
     shown = np.flatnonzero(~np.isnan(distracter[:, 0]))
     if len(shown) == 0:
         return True
@@ -134,7 +134,7 @@ def _departs(
 
 
 def _is_in_view(parameters: DistracterParameters, centres: np.ndarray) -> bool:
-    """Whether the box stays in the frame; frames with NaN do not count."""
+    """Whether the box stays in the frame; NaN frames are ignored."""
     half = np.array([parameters.object_width, parameters.object_height]) / 2
     frame = np.array([parameters.frame_width, parameters.frame_height])
     reach = half + parameters.frame_margin
@@ -142,6 +142,6 @@ def _is_in_view(parameters: DistracterParameters, centres: np.ndarray) -> bool:
 
 
 def _are_apart(parameters: DistracterParameters, one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether the gap is kept in every frame; frames with NaN do not count."""
+    """Whether the gap is kept in every frame; NaN frames are ignored."""
     size = np.array([parameters.object_width, parameters.object_height])
     return not np.any(np.all(np.abs(one - other) < size + parameters.separation, axis=-1))

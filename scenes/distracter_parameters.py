@@ -1,4 +1,4 @@
-"""What the distracter scene is made of, and what of it the paper fixes."""
+"""Parameters of the distracter scene, marking those that the paper specifies."""
 
 import dataclasses
 from typing import Literal
@@ -8,56 +8,56 @@ from scenes.parameters import check_parameters, require
 
 @dataclasses.dataclass(frozen=True)
 class DistracterParameters:
-    """What the distracter scene is made of; "paper" marks what smith2004 fixes.
+    """Parameters of the distracter scene; "paper" marks values from smith2004.
 
-    Lengths are in pixels, colours in grey levels of 0 to 255, angles in degrees, and frames are
-    counted from 1, as in the paper.
+    Lengths are in pixels, colours in grey levels from 0 to 255, angles in degrees; frames count
+    from 1, as in the paper.
 
     Attributes:
         num_frames: length of the sequence (paper: 25).
         frame_width: width of a frame (paper: 360).
         frame_height: height of a frame (paper: 288).
-        fps: frames per second; it only matters to a player.
-        num_objects: number of objects, the distracter not counted (paper: 7).
+        fps: frames per second; it affects only playback.
+        num_objects: number of objects, without the distracter (paper: 7).
         object_width: width of every object (the paper's real templates are 32 wide).
         object_height: height of every object (the paper's real templates are 33 to 42 high).
         motion_scale: standard deviation of the motion noise in u and in v per frame (paper: 3).
         momentum: b in x_t = x_{t-1} + b (x_{t-1} - x_{t-2}) + motion_scale * n (paper: .5).
-        start_jitter: objects start at rest in cells of a grid, in shuffled order, each up to this
-            share of its cell's free room away from the centre of its cell.
-        separation: smallest gap between the boxes of two objects, in every frame; a trajectory
-            that comes nearer is drawn again, and so is one that leaves the frame.  So the motion
-            is AR2 *given* that objects stay apart and in view.
-        frame_margin: smallest gap between a box and the border of the frame.
+        start_jitter: objects start at rest in cells of a grid, in shuffled order, each shifted from
+            the centre of its cell by up to this share of the cell's free space.
+        separation: minimum gap between the boxes of two objects, in every frame.  Trajectories
+            that come closer or leave the frame are redrawn, so the motion is AR2 *conditional* on
+            objects staying separate and in view.
+        frame_margin: minimum gap between a box and the border of the frame.
         appear_frame: first frame with the distracter, exactly over object 1 (paper: 3).
         vanish_frame: first frame without it (paper: it "disappears in frame 9").
         lead_distance: distance between the centres of the distracter and of object 1 in the last
-            frame that shows the distracter.  It goes there in a straight line, at constant speed.
-            The faster it is, the fewer trackers follow it, and the further, the fewer return.
-        lead_direction: where the distracter ends, seen from object 1: 0 right, 90 down; ``None``
-            takes the side that object 1 has come from, so that the two part.
-        leader_travel: object 1's trajectory is drawn again until its displacement while the
+            frame with the distracter, which moves in a straight line at constant speed.  The faster
+            it is, the fewer trackers follow it; the further it goes, the fewer return.
+        lead_direction: direction from object 1 to the distracter's end: 0 right, 90 down; ``None``
+            is the direction from which object 1 has come, so that the two separate.
+        leader_travel: object 1's trajectory is redrawn until its displacement while the
             distracter is shown is at least this long: it "re-emerges" elsewhere, with the
             "quicker motion" that the paper mentions.
-        departure: object 1's trajectory is drawn again until its centre ends at least this far from
-            the place where the distracter vanished, so that only a tracker that follows it meets it
-            in the last frame.
+        departure: object 1's trajectory is redrawn until its centre ends at least this far from
+            where the distracter vanished, so that a tracker meets it in the last frame only by
+            following it.
         likeness: share of the distracter's cells that have object 1's colours, in each half; the
-            other cells have a colour that object 1 has not.  At 1 the two are alike, at 0 they
+            other cells have a colour that object 1 lacks.  At 1 the two look alike, at 0 they
             share no colour.
-        template_from_distracter: share of the cells of object 1's reference patch that are taken
-            from the distracter, the others from object 1 itself (paper: 1, all of them).
-        cell_size: objects are mosaics of square cells with this side.
+        template_from_distracter: share of the cells of object 1's reference patch that come from
+            the distracter, the rest from object 1 itself (paper: 1, all of them).
+        cell_size: side of the square cells of which objects are mosaics.
         accent_share: share of the cells of each half that have the half's second colour.
         saturation: saturation of the objects' colours, 0 to 1.
         brightness: value (in HSV) of the objects' colours, 0 to 1.
-        object_noise: standard deviation of the normal noise on the objects' pixels, drawn anew in
+        object_noise: standard deviation of the normal noise on the objects' pixels, redrawn in
             every frame, and once for the reference patches.
         background_mean: mean of the background.
         background_noise: standard deviation of the background's normal noise, independent in
             each channel.
         background_grain: side of the squares that share one value of the background noise.
-        background_change: "never" keeps one background, "every frame" draws it anew.
+        background_change: "never" keeps one background, "every frame" redraws it.
     """
 
     num_frames: int = 25

@@ -9,10 +9,10 @@ from scenes.mosaics import coloured, scattered, with_noise
 def paint_textures(
     parameters: DistracterParameters, rng: np.random.Generator
 ) -> tuple[list[np.ndarray], np.ndarray]:
-    """Every object's look ``[h, w, 3]`` float, and the distracter's.
+    """Return the objects' textures ``[h, w, 3]`` float, and the distracter's.
 
-    A half shows two hues.  The halves of an object and the objects differ in their hues, so that
-    a histogram of the top and one of the bottom tell all of them apart.
+    Each half shows two hues.  All hues differ between halves and between objects, so that
+    histograms of the top and bottom halves distinguish all objects.
     """
     textures = []
     for number in range(parameters.num_objects):
@@ -51,7 +51,7 @@ def draw_frames(
 def choose_cells(
     parameters: DistracterParameters, share: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """``[h, w]`` bool: the same share of the cells of each half, scattered."""
+    """``[h, w]`` bool: the given share of the cells of each half, scattered at random."""
     halves = np.bincount(_is_bottom(parameters).astype(int)).tolist()
     width, size = parameters.object_width, parameters.cell_size
     return np.concatenate([scattered(share, height, width, size, rng) for height in halves])
@@ -63,7 +63,7 @@ def _paint(
     main_hues: tuple[float, float],
     accent_hues: tuple[float, float],
 ) -> np.ndarray:
-    """A patch ``[h, w, 3]`` in four hues (0 to 1): the top's and the bottom's, main and accent."""
+    """A patch ``[h, w, 3]`` in four hues (0 to 1): main and accent hues of top and bottom."""
     is_bottom = _is_bottom(parameters)[:, None]
     hues = np.where(
         is_accent,
@@ -93,7 +93,7 @@ def _paste(
     parameters: DistracterParameters,
     rng: np.random.Generator,
 ) -> None:
-    """Draw one object in place.  It lies within the frame: the layout has seen to that."""
+    """Draw one object in place; the layout guarantees that it lies within the frame."""
     left, top = np.floor(box[:2] + 0.5).astype(int)
     height, width = texture.shape[:2]
     noisy = with_noise(texture, parameters.object_noise, rng)

@@ -1,4 +1,4 @@
-"""What scenes of drawn contours share: textures, smooth random paths, painted outlines, boxes."""
+"""Shared by scenes of drawn contours: textures, smooth random paths, painted outlines, boxes."""
 
 import dataclasses
 from collections.abc import Callable
@@ -10,18 +10,18 @@ import numpy as np
 from scenes.mosaics import with_noise
 from scenes.scene import Scene, SceneError
 
-#: Fractions of a pixel to which OpenCV draws.
+#: Fractional bits of OpenCV coordinates.
 _SHIFT = 4
 
 
 def texture(rng: np.random.Generator, height: int, width: int, grain: float) -> np.ndarray:
-    """Smooth noise ``[height, width]`` of mean 0 and standard deviation 1."""
+    """Smooth noise ``[height, width]`` with mean 0 and standard deviation 1."""
     noise = cv2.GaussianBlur(rng.standard_normal((height, width)), (0, 0), max(grain, 1e-3))
     return (noise - noise.mean()) / noise.std()
 
 
 def wandering(rng: np.random.Generator, num_frames: int, count: int, period: float) -> np.ndarray:
-    """Smooth random paths ``[T, count]`` of standard deviation about 1, zero in the first frame."""
+    """Smooth random paths ``[T, count]``, standard deviation about 1, zero in the first frame."""
     angle = 2 * np.pi * np.arange(num_frames)[:, None, None] / period
     speeds = rng.uniform(0.4, 1.2, (3, count))
     phases = rng.uniform(0, 2 * np.pi, (3, count))
@@ -30,17 +30,17 @@ def wandering(rng: np.random.Generator, num_frames: int, count: int, period: flo
 
 
 def noisy(picture: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:
-    """A grey picture ``[H, W]`` as uint8 RGB ``[H, W, 3]``, with noise of every pixel."""
+    """Convert a grey picture ``[H, W]`` to uint8 RGB ``[H, W, 3]`` with noise on every pixel."""
     return np.repeat(with_noise(picture, noise, rng)[..., None], 3, axis=-1)
 
 
 def paint_inside(picture: np.ndarray, outline: np.ndarray, colour: Any) -> None:
-    """Fill a closed outline ``[S, 2]`` of a float picture ``[H, W]``, edges smoothed, in place.
+    """Fill a closed outline ``[S, 2]`` in a float picture ``[H, W]``, antialiased, in place.
 
     Args:
         picture: grey levels.
         outline: in continuous pixels.
-        colour: a grey level, or a picture of its size.
+        colour: a grey level, or a picture of the same size.
     """
     _blend(
         picture,
@@ -73,7 +73,7 @@ def boxes_around(outlines: np.ndarray) -> np.ndarray:
 def make_scene(
     name: str, frames: np.ndarray, outlines: np.ndarray, parameters: Any, seed: int, **extras: Any
 ) -> Scene:
-    """The scene, with boxes around the outlines and patches from the first frame.
+    """Build the scene, with boxes around the outlines and patches from the first frame.
 
     Raises:
         SceneError: an outline leaves the frame.
@@ -109,7 +109,7 @@ def _blend(
     margin: int,
     draw: Callable[[np.ndarray, np.ndarray], Any],
 ) -> None:
-    """Mix a colour into the part of a picture that ``draw`` covers, in place."""
+    """Blend a colour into the part of a picture that ``draw`` covers, in place."""
     height, width = picture.shape
     left, top = np.clip(np.floor(points.min(axis=0)).astype(int) - margin, 0, (width, height))
     right, bottom = np.clip(np.ceil(points.max(axis=0)).astype(int) + margin, 0, (width, height))
@@ -117,7 +117,7 @@ def _blend(
         return
     part = picture[top:bottom, left:right]
     share = np.zeros(part.shape, np.uint8)
-    # OpenCV's pixel (0, 0) has its middle at (0, 0), ours at (.5, .5).
+    # OpenCV's pixel (0, 0) has its centre at (0, 0), ours at (.5, .5).
     fixed = np.rint((points - (left + 0.5, top + 0.5)) * 2**_SHIFT).astype(np.int32)
     draw(share, fixed)
     if np.ndim(colour):

@@ -1,9 +1,9 @@
 """A face from the front and in profile, after the third sequence of eskil2014 (section 4.2).
 
-Eighteen points in one frame that shows a person twice.  When the head tilts from frame 30 to 60 the
-two views move in opposite directions; eyes blink three times; from frame 56 to 95 the mouth smiles.
-The paper's film (127 frames of 576 x 720, from the MMI database) is not to be had; what it does not
-say is chosen here, once.
+Eighteen points in a clip that shows a person twice.  While the head tilts from frame 30 to 60, the
+two views move in opposite directions; the eyes blink three times; from frame 56 to 95 the mouth
+smiles.  The paper's film (127 frames of 576 x 720, from the MMI database) is not available; details
+that the paper does not specify are our choices.
 """
 
 import dataclasses
@@ -15,7 +15,7 @@ from scenes.deforming import Body, Film, Pose, bumps, draw, noise, point_scene
 from scenes.parameters import check_parameters
 from scenes.scene import Scene
 
-WIDTH = 200.0  # of the face seen from the front, pixels; errors are shares of it
+WIDTH = 200.0  # of the frontal face, pixels; errors are relative to it
 
 FRONT = {
     "left brow": (-48, -52),
@@ -39,22 +39,22 @@ PROFILE = {
     "profile lower lip": (60, 76),
     "profile chin": (48, 106),
 }
-#: Frames in whose middle the eyes are closed.
+#: Frames at the centre of each blink.
 BLINKS = (22, 68, 108)
 
 
 @dataclasses.dataclass(frozen=True)
 class FaceParameters:
-    """What the scene is made of; lengths in pixels, colours in grey levels of 0 to 255.
+    """Parameters of the face scene; lengths in pixels, colours in grey levels from 0 to 255.
 
     Attributes:
         num_frames: length (paper: 127).
         frame_width: of a frame (paper: 720).
         frame_height: of a frame (paper: 576).
-        fps: frames per second; it only matters to a player.
-        tilt: how far the two views move apart.
-        smile: how far the corners of the mouth move.
-        pixel_noise: standard deviation of the camera's noise.
+        fps: frames per second; it affects only playback.
+        tilt: displacement of each view, in opposite directions.
+        smile: displacement of the corners of the mouth.
+        pixel_noise: standard deviation of the camera noise.
     """
 
     num_frames: int = 127
@@ -70,9 +70,9 @@ class FaceParameters:
 
 
 def face_scene(parameters: FaceParameters, seed: int = 0) -> Scene:
-    """Draw the scene; ``extras`` are those of ``scenes.deforming.point_scene``.
+    """Generate the scene; for ``extras`` see ``scenes.deforming.point_scene``.
 
-    A point is always in view; an eyelid covers the eye, not its corners.
+    Every point is always visible; an eyelid covers the eye, not its corners.
     """
     look, path, camera = (np.random.default_rng([seed, stream]) for stream in range(3))
     width, height = parameters.frame_width, parameters.frame_height

@@ -1,8 +1,8 @@
-"""A fish in a school of its like, after the first sequence of eskil2014 (section 4.1, "platty").
+"""A fish in a school of look-alikes, after eskil2014's first sequence (section 4.1, "platty").
 
-Twelve points on one fish.  Look-alikes pass in front of it: its nose and eye are hidden from frame
+Twelve points on one fish.  Look-alikes pass in front of it: they hide its nose and eye from frame
 14 to about 45, its dorsal fin from 32 to about 57.  The paper's film (110 frames of 1080 x 1920)
-is not to be had; what it does not say is chosen here, once.
+is not available; details that the paper does not specify are our choices.
 """
 
 import dataclasses
@@ -16,7 +16,7 @@ from scenes.scene import Scene
 
 LENGTH = 220.0  # of the body, pixels at scale 1
 
-#: In the body's coordinates, the nose to the right.
+#: In body coordinates, the nose to the right.
 POINTS = {
     "nose": (100, 4),
     "eye": (78, -8),
@@ -35,17 +35,17 @@ POINTS = {
 
 @dataclasses.dataclass(frozen=True)
 class FishParameters:
-    """What the scene is made of; lengths in pixels, colours in grey levels of 0 to 255.
+    """Parameters of the fish scene; lengths in pixels, colours in grey levels from 0 to 255.
 
     Attributes:
         num_frames: length (paper: 110).
         frame_width: of a frame (paper: 1920).
         frame_height: of a frame (paper: 1080).
-        fps: frames per second; it only matters to a player.
-        speed: pixels that the fish swims in a frame.
-        wave: amplitude of its swimming, at the tail.
-        likeness: share of the look-alikes' markings that are the fish's own, 0 to 1.
-        pixel_noise: standard deviation of the camera's noise.
+        fps: frames per second; it affects only playback.
+        speed: of the fish, pixels per frame.
+        wave: amplitude of its swimming motion, at the tail.
+        likeness: share of the fish's markings in those of the look-alikes, 0 to 1.
+        pixel_noise: standard deviation of the camera noise.
     """
 
     num_frames: int = 110
@@ -62,7 +62,7 @@ class FishParameters:
 
 
 def fish_scene(parameters: FishParameters, seed: int = 0) -> Scene:
-    """Draw the scene; ``extras`` are those of ``scenes.deforming.point_scene``."""
+    """Generate the scene; for ``extras`` see ``scenes.deforming.point_scene``."""
     look, path, camera = (np.random.default_rng([seed, stream]) for stream in range(3))
     width, height = parameters.frame_width, parameters.frame_height
     water = noise(look, (height, width), 60.0) * 14 + noise(look, (height, width), 9.0) * 6

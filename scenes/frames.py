@@ -1,4 +1,4 @@
-"""Pictures of a sequence that is too long for memory: read when they are asked for."""
+"""Pictures of a sequence too long for memory, read on demand."""
 
 import math
 import operator
@@ -10,22 +10,22 @@ import numpy as np
 
 from scenes.scene import SceneError
 
-#: Pictures that are skipped on the way to one that is asked for, rather than beginning anew.
+#: Maximum number of pictures to skip before seeking anew.
 _SKIPPED = 16
 
 
 class LazyFrames:
-    """Frames ``[T, H, W, 3]`` uint8, RGB, of a recorded sequence, decoded as they are asked for.
+    """Frames ``[T, H, W, 3]`` uint8, RGB, of a recorded sequence, decoded on demand.
 
-    Iterating gives one picture after another and keeps none, which is how to go through a long
-    sequence.  A number gives that picture; a slice gives lazy frames again and reads nothing.
-    Other indices, as those of an array, and ``np.asarray`` give an array.
+    Iterating yields one picture after another and keeps none, which suits long sequences.  An
+    integer index reads that picture; a slice returns lazy frames and reads nothing.  Other array
+    indices and ``np.asarray`` return an array.
 
     Attributes:
         shape: (T, H, W, 3).
         dtype: uint8.
         ndim: 4.
-        nbytes: what all of them would take.
+        nbytes: size of all frames in memory.
     """
 
     dtype = np.dtype(np.uint8)
@@ -42,12 +42,12 @@ class LazyFrames:
         Args:
             clip: a ``scenes.Clip``.
             numbers: of its frames, ascending.
-            fault: makes the error to raise of one that says which picture cannot be read.
+            fault: converts the ``SceneError`` of an unreadable picture to the error to raise.
         """
         self.clip, self.numbers, self.fault = clip, numbers, fault
         self.shape = (len(numbers), clip.height, clip.width, 3)
         self.nbytes = math.prod(self.shape)
-        # Asked for number after number, a video must not be decoded from its beginning each time.
+        # Keep the video open, so that consecutive indices do not decode it from the beginning.
         self._lock = threading.Lock()
         self._reading = self._at_end()
 
@@ -87,7 +87,7 @@ class LazyFrames:
         return np.asarray(self)[index]
 
     def with_fault(self, fault: Callable[[SceneError], Exception]) -> "LazyFrames":
-        """The same frames, which raise what ``fault`` makes of a ``SceneError``."""
+        """Return the same frames, which raise ``fault(error)`` instead of a ``SceneError``."""
         return LazyFrames(self.clip, self.numbers, fault)
 
     def _of(self, numbers: Sequence[int]) -> "LazyFrames":
@@ -96,7 +96,7 @@ class LazyFrames:
     def _picture(self, place: int) -> np.ndarray:
         with self._lock:
             next_place, pictures = self._reading
-            self._reading = self._at_end()  # to stay if this fails
+            self._reading = self._at_end()  # in case of an error below
             if not 0 <= place - next_place <= _SKIPPED:
                 next_place, pictures = place, iter(self._of(self.numbers[place:]))
             for _ in range(place - next_place):

@@ -1,8 +1,8 @@
-"""Reads the joints of animals or people that were marked in a clip.
+"""Reads annotated joints of animals or people in a clip.
 
-A clip's folder may hold ``keypoints.csv``: a header ``frame,id,joint,name,x,y,score`` and one line
-per frame, object and joint; frames and joints count from 0, (x, y) lies in pixels, and the score is
-the annotator's or the network's confidence.
+A clip's folder may contain ``keypoints.csv``: a header ``frame,id,joint,name,x,y,score`` and one
+line per frame, object and joint; frames and joints count from 0, (x, y) is in pixels, and the score
+is the confidence of the annotator or the network.
 """
 
 import dataclasses
@@ -23,7 +23,7 @@ class Keypoints:
 
     Attributes:
         names: of the J joints.
-        ids: the annotation's number of each object, ascending.
+        ids: ids of the objects in the annotation, ascending.
         places: ``[T, P, J, 2]`` float, x and y in pixels; NaN where there is no line.
         scores: ``[T, P, J]`` float; NaN where there is no line.
     """
@@ -34,7 +34,7 @@ class Keypoints:
     scores: np.ndarray
 
     def of(self, identity: int, *names: str) -> np.ndarray:
-        """Places ``[T, len(names), 2]`` of an object's joints."""
+        """Return the positions ``[T, len(names), 2]`` of an object's joints."""
         if identity not in self.ids:
             known = ", ".join(map(str, self.ids))
             raise SceneError(f"there are no keypoints of object {identity}; the ids are {known}")
@@ -50,7 +50,7 @@ def read_keypoints(folder: str | Path) -> Keypoints:
     """Read ``keypoints.csv`` of a clip.
 
     Raises:
-        SceneError: the file is missing or a line cannot be used; the sentence says which.
+        SceneError: the file is missing or a line is invalid; the message names it.
     """
     path = Path(folder) / "keypoints.csv"
     if not path.is_file():

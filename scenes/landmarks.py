@@ -1,8 +1,8 @@
-"""Reads landmarks that were marked on one body in some frames of a clip.
+"""Reads landmarks annotated on one body in some frames of a clip.
 
-A clip's folder may hold ``points.csv``: a header ``frame,id,cx,cy`` or ``frame,id,cx,cy,visible``
-and one line per frame and point; frames count from 0, (cx, cy) lies in pixels and may be empty for
-a point that is hidden (visible 0).
+A clip's folder may contain ``points.csv``: a header ``frame,id,cx,cy`` or
+``frame,id,cx,cy,visible`` and one line per frame and point; frames count from 0, (cx, cy) is in
+pixels and may be empty for a hidden point (visible 0).
 """
 
 import dataclasses
@@ -19,11 +19,11 @@ _COLUMNS = ["frame", "id", "cx", "cy", "visible"]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Landmarks:
-    """P points in those of T frames that were marked.
+    """P points in the annotated ones of T frames.
 
     Attributes:
-        ids: the annotation's number of each point, ascending.
-        places: ``[T, P, 2]`` float, x and y in pixels; NaN where there is none.
+        ids: ids of the points in the annotation, ascending.
+        places: ``[T, P, 2]`` float, x and y in pixels; NaN where not annotated.
         visible: ``[T, P]`` bool; false where there is no line.
         marked: ``[T]`` bool, frames with any line.
     """
@@ -38,7 +38,7 @@ def read_landmarks(folder: str | Path) -> Landmarks:
     """Read ``points.csv`` of a clip.
 
     Raises:
-        SceneError: the file is missing or a line cannot be used; the sentence says which.
+        SceneError: the file is missing or a line is invalid; the message names it.
     """
     path = Path(folder) / "points.csv"
     if not path.is_file():

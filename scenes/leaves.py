@@ -1,13 +1,13 @@
-"""Leaves before moving foliage that pass one another, some in front of others.
+"""Leaves that pass each other before moving foliage, some in front of others.
 
-After the leaf sequence of maccormick1999, figure 7, which was never published: two like leaves
-that move affinely, in moving clutter, with occlusion.  All numbers are choices.  A third leaf comes
-from above and a fourth from below, and all pass the middle at once.
+After the leaf sequence of maccormick1999, figure 7, which was never published: two similar leaves
+that move affinely, in moving clutter, with occlusion.  All numbers are our choices.  An optional
+third leaf comes from above and a fourth from below; all pass the middle at the same time.
 
 ``extras``, of P leaves: ``outlines`` ``[T, P, S, 2]``; ``closed``, true; ``order`` ``[T, P]``, the
 targets by depth, nearest to the camera first, and ``front`` ``[T]``, the nearest; ``overlaps``
-``[T, P, P]``, share of target i's area that lies inside j's outline, at ``[t, i, j]``, and
-``overlap`` ``[T]``, the largest share of a leaf that one nearer leaf hides.
+``[T, P, P]``, the share of target i's area inside target j's outline, at ``[t, i, j]``, and
+``overlap`` ``[T]``, the largest share of a leaf that a single nearer leaf occludes.
 """
 
 import dataclasses
@@ -22,33 +22,33 @@ from scenes.scene import Scene
 
 _PATHS, _BACKGROUND, _PIXELS = range(3)
 _POINTS = 60
-#: Where leaves come from, x and y in halves of their travel: those from above and below, for which
-#: there is less room, go less far.
+#: Start positions x and y in half travels; leaves from above and below travel less, because there
+#: is less space.
 _SIDES = ((-1.0, 0.0), (1.0, 0.0), (0.0, -0.8), (0.0, 0.8))
 
 
 @dataclasses.dataclass(frozen=True)
 class LeavesParameters:
-    """What the scene of leaves is made of; lengths in pixels, times in frames.
+    """Parameters of the leaves scene; lengths in pixels, times in frames.
 
     Attributes:
         leaves: their number, 2 to 4.
         num_frames: length of the sequence.
         frame_width: width of a frame.
         frame_height: height of a frame.
-        fps: frames per second; it only matters to a player.
+        fps: frames per second; it affects only playback.
         leaf_length: of a leaf, from stem to tip.
         leaf_width: across it.
-        travel: how far each leaf's middle moves towards the other's side and beyond.
-        separation: distance of two paths in opposite directions.
-        sway: standard deviation of each coordinate of a leaf's affine swaying: its corners move
-            so many pixels.
-        sway_period: of that swaying.
+        travel: distance that each leaf's centre moves, across the middle to the other side.
+        separation: distance between two paths in opposite directions.
+        sway: standard deviation of each coordinate of a leaf's affine sway, as displacement of its
+            corners in pixels.
+        sway_period: of that sway.
         leaf_grey: grey level of the leaves.
         leaf_texture: standard deviation within a leaf.
-        foliage: number of leaf-like blots in the background.
+        foliage: number of leaf-like blobs in the background.
         foliage_contrast: standard deviation of their grey levels.
-        foliage_sway: how far they move.
+        foliage_sway: standard deviation of their motion.
         noise: standard deviation of every pixel, in every frame.
     """
 
@@ -78,7 +78,7 @@ class LeavesParameters:
 
 
 def leaves_scene(parameters: LeavesParameters, seed: int) -> Scene:
-    """Draw the scene."""
+    """Generate the scene."""
     outlines = _draw_paths(parameters, np.random.default_rng([seed, _PATHS]))
     grounds = _draw_foliage(parameters, np.random.default_rng([seed, _BACKGROUND]))
     height, width = parameters.frame_height, parameters.frame_width
@@ -92,7 +92,7 @@ def leaves_scene(parameters: LeavesParameters, seed: int) -> Scene:
         picture = grounds[t]
         for target in reversed(order):
             drawn.paint_inside(picture, leaves[target], parameters.leaf_grey + veins)
-            # A dark seam: two leaves of one grey would have no edge between them.
+            # A dark seam, because two leaves of equal grey would have no edge between them.
             seam = np.concatenate([leaves[target], leaves[target][:1]])
             drawn.paint_line(picture, seam, parameters.leaf_grey - 60, 2)
         frame[...] = drawn.noisy(picture, parameters.noise, rng)
@@ -114,7 +114,7 @@ def leaves_scene(parameters: LeavesParameters, seed: int) -> Scene:
 
 
 def leaf_outline(length: float, width: float) -> np.ndarray:
-    """A leaf about the origin, ``[S, 2]``, clockwise, its tip upwards."""
+    """A leaf around the origin, ``[S, 2]``, clockwise, tip upwards."""
     angle = np.linspace(0, 2 * np.pi, _POINTS, endpoint=False)
     across = width / 2 * np.sin(angle) * (1 + 0.25 * np.cos(angle))
     return np.stack([across, -length / 2 * np.cos(angle)], axis=1)
@@ -129,7 +129,7 @@ def _draw_paths(parameters: LeavesParameters, rng: np.random.Generator) -> np.nd
         side = np.array(_SIDES[target])
         beside = (-1) ** target * parameters.separation / 2 * (side == 0)
         sway = drawn.wandering(rng, count, 6, parameters.sway_period) * parameters.sway
-        # The corners of a leaf lie about half its length from its middle.
+        # A leaf's corners lie about half its length from its centre.
         linear = np.eye(2) + sway[:, 2:].reshape(count, 2, 2) / (parameters.leaf_length / 2)
         path = -side * share[:, None] * parameters.travel + beside
         size = np.array([parameters.frame_width, parameters.frame_height])
@@ -139,7 +139,7 @@ def _draw_paths(parameters: LeavesParameters, rng: np.random.Generator) -> np.nd
 
 
 def _draw_foliage(parameters: LeavesParameters, rng: np.random.Generator) -> np.ndarray:
-    """``[T, H, W]``: blots that sway over a dark ground."""
+    """``[T, H, W]``: blobs that sway over a dark ground."""
     count, size = parameters.num_frames, (parameters.frame_width, parameters.frame_height)
     grounds = np.full((count, size[1], size[0]), 90.0)
     for _ in range(parameters.foliage):
@@ -156,7 +156,7 @@ def _draw_foliage(parameters: LeavesParameters, rng: np.random.Generator) -> np.
 
 
 def _overlaps(outlines: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """``[P, P]``: share of outline i's pixels that lie inside outline j."""
+    """``[P, P]``: share of outline i's pixels inside outline j."""
     masks = []
     for outline in outlines:
         mask = np.zeros(shape, np.uint8)

@@ -1,4 +1,4 @@
-"""Looks made of coloured cells, and the noise of a camera over them."""
+"""Mosaics of coloured cells, and camera noise."""
 
 import cv2
 import numpy as np
@@ -7,7 +7,7 @@ import numpy as np
 def scattered(
     share: float, height: int, width: int, cell_size: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """``[h, w]`` bool: that share of the square cells, anywhere."""
+    """``[h, w]`` bool: a random share of the square cells."""
     columns, rows = -(-width // cell_size), -(-height // cell_size)
     cells = np.arange(rows * columns) < round(share * rows * columns)
     grid = rng.permutation(cells).reshape(rows, columns)
@@ -16,7 +16,7 @@ def scattered(
 
 
 def coloured(hues: np.ndarray, saturation: float, brightness: float) -> np.ndarray:
-    """A picture ``[h, w, 3]``, float RGB of 0 to 255, of hues ``[h, w]``, counted in turns."""
+    """Picture ``[h, w, 3]``, float RGB from 0 to 255, of hues ``[h, w]`` in turns (period 1)."""
     hsv = np.empty((*hues.shape, 3), np.float32)
     hsv[..., 0] = 360 * (hues % 1)
     hsv[..., 1] = saturation
@@ -25,10 +25,10 @@ def coloured(hues: np.ndarray, saturation: float, brightness: float) -> np.ndarr
 
 
 def with_noise(picture: np.ndarray, scale: float, rng: np.random.Generator) -> np.ndarray:
-    """``picture`` with normal noise on every channel, rounded to uint8."""
+    """Add normal noise to every channel of ``picture`` and round to uint8."""
     return as_pixels(picture + scale * rng.standard_normal(picture.shape))
 
 
 def as_pixels(picture: np.ndarray) -> np.ndarray:
-    """Grey levels or colours, rounded to uint8."""
+    """Round grey levels or colours to uint8."""
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Whether a scene can be drawn with its parameters; where not, one sentence says which is wrong."""
+"""Checks the parameters of a scene; the error message names the wrong one."""
 
 import dataclasses
 import math
@@ -18,19 +18,19 @@ def check_parameters(
     signed: Collection[str] = (),
     **least: float,
 ) -> None:
-    """Refuse parameters that are not of their kind or out of range.
+    """Refuse parameters of a wrong type or out of range.
 
     Args:
         scene: its name.
-        parameters: its dataclass, of fields that are ``int``, ``float``, tuples of these, or a
+        parameters: its dataclass, with fields of type ``int``, ``float``, tuples of these, or a
             ``Literal`` of words; numbers must be finite and not negative.
         above_0: fields that must be above 0.
         shares: fields that must lie between 0 and 1.
         signed: fields that may be negative.
-        least: the least values of other fields.
+        least: minimum values of other fields.
 
     Raises:
-        SceneError: the sentence names the parameter.
+        SceneError: naming the parameter.
     """
     for field in dataclasses.fields(parameters):
         name, value = field.name, getattr(parameters, field.name)
@@ -60,10 +60,10 @@ def check_parameters(
 
 
 def require(scene: str, parameters: Any, name: str, holds: bool, remedy: str) -> None:
-    """Refuse the parameters unless what ``remedy`` says holds of one of them.
+    """Refuse the parameters unless ``holds``; ``remedy`` says what must hold of ``name``.
 
     Raises:
-        SceneError: it does not.
+        SceneError: ``holds`` is false.
     """
     if not holds:
         raise SceneError(f"scene {scene!r}: {name} = {getattr(parameters, name)!r} {remedy}")

@@ -1,12 +1,12 @@
 """The synthetic test of Rowe, Rius, Gonzalez and Villanueva (rowe2005, section 4): projectiles.
 
-Targets are shot into a place with gravity and air friction.  Their pixels are normal in
-intensity, and so are the background's; two vertical strips of the background have the targets'
-own statistics, so that a target in front of them looks like what is around it.  Strong noise of the
-camera lies over everything.  Boxes shrink during the first third and grow during the rest.
+Targets fly under gravity and air friction.  The intensities of targets and background are normally
+distributed; two vertical strips of the background have the targets' statistics, so that a target in
+front of them resembles its surroundings.  Strong camera noise covers everything.  Boxes shrink
+during the first third and grow during the rest.
 
-The paper fixes the number of frames and targets, the areas and the aspect ratios.  Everything
-else is a choice, made here once and documented in ``ProjectilesParameters``.
+The paper specifies the number of frames and targets, the areas and the aspect ratios.  Everything
+else is our choice, documented in ``ProjectilesParameters``.
 """
 
 import dataclasses
@@ -19,8 +19,8 @@ from scenes.mosaics import as_pixels
 from scenes.parameters import check_parameters, require
 from scenes.scene import Scene, SceneError
 
-# Every ingredient has its own random stream, so that, say, another noise level leaves the
-# trajectories of a seed as they are.
+# Every ingredient has its own random stream, so that changing, say, the noise level keeps the
+# trajectories of a seed.
 _LAYOUT, _TEXTURES, _BACKGROUND, _NOISE, _PATCHES = range(5)
 
 _TRIES = 20_000
@@ -28,40 +28,41 @@ _TRIES = 20_000
 
 @dataclasses.dataclass(frozen=True)
 class ProjectilesParameters:
-    """What the projectiles scene is made of; "paper" marks what rowe2005 fixes.
+    """Parameters of the projectiles scene; "paper" marks values from rowe2005.
 
-    Lengths are in pixels, times in frames, intensities in grey levels of 0 to 255.
+    Lengths are in pixels, times in frames, intensities in grey levels from 0 to 255.
 
     Attributes:
         num_frames: T (paper: 300).
         frame_width: width of a frame.
         frame_height: height of a frame.
-        fps: frames per second; it only matters to a player.
-        num_targets: L (paper: 2), shot from the left and from the right in turn.
-        paths: "apart" draws the shots again until no two boxes meet, "crossing" until each
-            target meets another one, "any" takes them as they come.  Later targets are in front.
-        separation: smallest gap between two boxes in every frame, with ``paths="apart"``.
+        fps: frames per second; it affects only playback.
+        num_targets: L (paper: 2), shot alternately from the left and from the right.
+        paths: "apart" redraws the shots until no two boxes meet, "crossing" until each target meets
+            another one, "any" accepts the first.  Later targets are in front.
+        separation: minimum gap between two boxes in every frame, with ``paths="apart"``.
         gravity: acceleration downwards, per frame squared.
-        friction: share of the speed that the air takes in every frame.
-        reach: shares of the frame's width, least and most, between a shot's start and its end.
-        frame_margin: smallest gap between a box and the border of the frame.
+        friction: fraction of the speed lost in every frame.
+        reach: minimum and maximum distance between a shot's start and end, as shares of the frame's
+            width.
+        frame_margin: minimum gap between a box and the border of the frame.
         area_small: area of a box when it is smallest, after the first third (paper: 209).
         area_large: area of a box in the first and in the last frame (paper: 1435).
         aspect_small: height over width of the smallest box (paper: 1.7).
         aspect_large: height over width of the largest box (paper: 1.3).  Width and height change
-            at a constant rate, so that the aspects between follow.
-        cell_columns: a target's look is a matrix of normal intensities, scaled to the box: this
-            many columns.
-        cell_rows: and this many rows.
+            at constant rates, which determines the aspect ratio in between.
+        cell_columns: number of columns of a target's appearance, a matrix of normal intensities
+            that is scaled to the box.
+        cell_rows: number of rows of that matrix.
         target_means: mean intensity of the first target and of the last; others lie between.
         target_deviation: standard deviation of a target's intensities.
         background_mean: mean of the background.
-        background_deviation: standard deviation of the background, which stands still.
-        background_grain: side of the squares that share one intensity, the strips' too.
+        background_deviation: standard deviation of the background, which is static.
+        background_grain: side of the squares of equal intensity, in the strips, too.
         strips: centres of the strips, as shares of the frame's width; strip k mimics target k,
-            counted round (paper: two strips).
+            modulo the number of targets (paper: two strips).
         strip_width: width of every strip.
-        noise: standard deviation of the camera's noise, drawn anew for every pixel and frame.
+        noise: standard deviation of the camera noise, independent for every pixel and frame.
     """
 
     num_frames: int = 300
@@ -111,11 +112,11 @@ class ProjectilesParameters:
 
 
 def projectiles_scene(parameters: ProjectilesParameters, seed: int = 0) -> Scene:
-    """Draw the scene; the same parameters and seed give the same scene, bit for bit.
+    """Generate the scene; the same parameters and seed give the same scene, bit for bit.
 
-    Patches are the targets' looks without the camera's noise, at their largest size.  ``extras``
+    Patches are the targets' appearance without camera noise, at the largest size.  ``extras``
     holds ``strips [S, 2]``, left and right end of every strip in pixels, and ``speeds [T, L, 2]``,
-    the true displacement of every centre since the frame before.  Boxes are continuous; a pixel
+    the true displacement of every centre since the previous frame.  Boxes are continuous; a pixel
     belongs to a target if its centre lies in the box.
     """
     sizes = _sizes(parameters)
@@ -168,7 +169,7 @@ def _sizes(parameters: ProjectilesParameters) -> np.ndarray:
 def _draw_centres(
     parameters: ProjectilesParameters, sizes: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """Centres ``[T, L, 2]``: shots drawn again until they are as asked for."""
+    """Centres ``[T, L, 2]``: shots, redrawn until they satisfy the parameters."""
     placed: list[np.ndarray] = []
     for _ in range(_TRIES):
         shot = _draw_shot(parameters, len(placed), rng)
@@ -192,7 +193,7 @@ def _draw_centres(
 def _draw_shot(
     parameters: ProjectilesParameters, number: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """``[T, 2]``: flight with friction in proportion to speed, in closed form."""
+    """``[T, 2]``: flight with friction proportional to speed, in closed form."""
     width, height = parameters.frame_width, parameters.frame_height
     times = np.arange(parameters.num_frames)
     decay = 1 - parameters.friction
@@ -222,7 +223,7 @@ def _in_view(parameters: ProjectilesParameters, centres: np.ndarray, sizes: np.n
 def _meet(
     parameters: ProjectilesParameters, one: np.ndarray, other: np.ndarray, sizes: np.ndarray
 ) -> bool:
-    """Whether two boxes ever meet; with paths apart, whether they come too near."""
+    """Whether two boxes ever meet; with paths "apart", whether they come closer than the gap."""
     gap = parameters.separation if parameters.paths == "apart" else 0.0
     return bool(np.any(np.all(np.abs(one - other) < sizes + gap, axis=-1)))
 
@@ -231,7 +232,7 @@ def _meet(
 
 
 def _draw_looks(parameters: ProjectilesParameters, rng: np.random.Generator) -> list[np.ndarray]:
-    """Every target's matrix of intensities."""
+    """Matrices of intensities, one per target."""
     shape = parameters.cell_rows, parameters.cell_columns
     return [
         mean + parameters.target_deviation * rng.standard_normal(shape)
@@ -268,7 +269,7 @@ def _draw_background(
 
 
 def _paste(picture: np.ndarray, look: np.ndarray, box: np.ndarray) -> None:
-    """Draw a look into a box, which lies within the frame: every pixel takes its cell's value."""
+    """Draw an appearance into a box inside the frame: every pixel takes its cell's value."""
     columns, rows = (
         np.arange(math.ceil(start - 0.5), math.ceil(start + extent - 0.5))
         for start, extent in zip(box[:2], box[2:], strict=True)

@@ -1,4 +1,4 @@
-"""A scene: frames, truth and reference patches, and nothing about trackers."""
+"""A scene: frames, ground truth and reference patches, independent of trackers."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -8,29 +8,29 @@ import numpy as np
 
 
 def shown(value: Any, most: int = 80) -> str:
-    """A value as Python writes it, cut where it is too long for a message."""
+    """Return the ``repr`` of a value, truncated for messages."""
     text = repr(value[: most + 1] if isinstance(value, str) else value)
     return text if len(text) <= most + 2 else f"{text[:most]}..."
 
 
 class SceneError(ValueError):
-    """A scene that cannot be made or read: one sentence with the value, the place, the remedy."""
+    """A scene that cannot be made or read; the message names the value, the place and a remedy."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
-    """A short sequence whose truth is known.
+    """A short sequence with ground truth.
 
     Attributes:
-        name: what the scene is called.
-        frames: ``[T, H, W, 3]`` uint8, RGB; an array, or of a long recording ``LazyFrames``.
+        name: of the scene.
+        frames: ``[T, H, W, 3]`` uint8, RGB; an array, or ``LazyFrames`` for a long recording.
         boxes: ``[T, P, 4]`` float, the true boxes (x, y, w, h) in pixels, (x, y) the top left
             corner.  A pixel in column c covers c <= x < c + 1.  NaN where an object is absent.
         patches: one reference patch ``[h, w, 3]`` per object, uint8, RGB, from which a tracker
             learns its templates.
         fps: frames per second.
-        parameters: everything that made the scene, the seed included.
-        extras: whatever else a scene has to tell; each scene's documentation lists its own.
+        parameters: everything that determines the scene, including the seed.
+        extras: further data; each scene's documentation lists its own.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""One door to every scene: a registered name, a folder with a real sequence, or a function."""
+"""Opens every kind of scene: a registered name, a folder with a real sequence, or a function."""
 
 import contextlib
 import functools
@@ -24,22 +24,22 @@ _FORMATS = (
     "groundtruth_rect.txt and img/ (OTB)"
 )
 
-#: Bytes of pictures that are read once and kept; those of a longer sequence are read as needed.
+#: Maximum size in bytes of pictures kept in memory; longer sequences are read on demand.
 MOST_KEPT = 512 * 2**20
 
-#: Letters of another's error message that ours repeat.
+#: Maximum length of a foreign error message that ours repeats.
 _LONGEST_CAUSE = 300
 
 
 def open_folder(folder: str | Path) -> Clip:
-    """Open an annotated sequence; which of the three formats it has is told by its files.
+    """Open an annotated sequence; its files determine which of the three formats it has.
 
     * ``meta.json`` or ``gt.csv``: see ``read_clip``.
     * ``seqinfo.ini``, ``gt/`` or ``img1/``: a MOTChallenge sequence, see ``read_mot``.
     * ``groundtruth_rect*.txt`` or ``img/``: an OTB sequence, see ``read_otb``.
 
     Raises:
-        SceneError: no such folder, an unknown format, or a fault that its reader found.
+        SceneError: no such folder, an unknown format, or an error of the reader.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -52,7 +52,7 @@ def open_folder(folder: str | Path) -> Clip:
 
 
 def sequences_in(folder: str | Path) -> list[Path]:
-    """The sequences that a folder holds, by name; none if it is a sequence itself, or no folder."""
+    """Return the sequences in a folder, by name; none if the folder itself is a sequence."""
     folder = Path(folder)
     if not folder.is_dir() or _reader(folder) is not None:
         return []
@@ -60,7 +60,7 @@ def sequences_in(folder: str | Path) -> list[Path]:
 
 
 def _reader(folder: Path) -> Callable[[Path], Clip] | None:
-    """What reads a folder of such files; None if nothing does."""
+    """Return the reader for a folder's format, or None if the format is unknown."""
     if any((folder / name).exists() for name in ("meta.json", "gt.csv")):
         return read_clip
     if any((folder / name).exists() for name in ("seqinfo.ini", "gt", "img1")):
@@ -76,31 +76,30 @@ def start_scene(
     start_frame: int | None = None,
     num_frames: int | None = None,
 ) -> Scene:
-    """A part of a clip that starts where all its objects are in view.
+    """Return the part of a clip that starts where all its objects are in view.
 
-    Its frames are an array where they take at most ``MOST_KEPT`` bytes, and else ``LazyFrames``,
-    which are decoded whenever they are gone through.
+    Its frames are an array if they take at most ``MOST_KEPT`` bytes, otherwise ``LazyFrames``,
+    which are decoded at every pass.
 
-    A box counts as in view when it covers at least one pixel of the picture.  Boxes are kept
-    whole even where they reach beyond the picture; of such a box the reference patch is the part
-    inside, so ``Scene.sizes`` is smaller there than ``boxes[0, :, 2:]``, the size a tracker
-    should start with.
+    A box counts as in view if it covers at least one pixel of the picture.  Boxes that extend
+    beyond the picture stay whole, but their reference patch is the part inside, so ``Scene.sizes``
+    is then smaller than ``boxes[0, :, 2:]``, the size a tracker should start with.
 
     Args:
         clip: an annotated sequence.
-        ids: the objects, in this order; by default all in view in the start frame or, without
-            one, in the first frame that has any.
+        ids: the objects, in this order; by default all objects in view in the start frame or, if
+            none is given, in the first frame with any object.
         start_frame: counting from 0; by default the first frame with all ``ids`` in view.
-        num_frames: how many frames from the start on; by default all.
+        num_frames: number of frames from the start; by default all.
 
     Returns:
-        A scene that begins with the start frame, its patches cut there.  ``extras`` holds
-        ``ids [P]``, ``start_frame``, ``source`` (the folder) and ``occlusion [T, P]`` (-1 where
-        it is not known).
+        A scene that begins with the start frame, with patches cut there.  ``extras`` holds
+        ``ids [P]``, ``start_frame``, ``source`` (the folder) and ``occlusion [T, P]`` (-1 if
+        unknown).
 
     Raises:
-        SceneError: unknown or repeated ids, objects that are not in view in the start frame
-            (with the frame in which they first are), or frames that the clip has not.
+        SceneError: unknown or repeated ids, objects that are not in view in the start frame (the
+            message gives the first frame in which they are), or frames that the clip lacks.
     """
     in_view = _in_view(clip)
     columns = None if ids is None else _columns(clip, ids)
@@ -159,19 +158,19 @@ def start_scene(
 
 
 def call_scene(function: str | Callable[..., Any], seed: int, parameters: Mapping) -> Scene:
-    """The scene that a user's function makes.
+    """Call a user's function that returns a scene.
 
     Args:
-        function: called with ``seed=...`` and the parameters by name; or where it is found,
-            ``path/to/file.py:function`` or ``package.module:function``.  The file's folder, or
-            for a module the current one, can be imported from while it loads.
+        function: called with ``seed=...`` and the parameters by name; or its location,
+            ``path/to/file.py:function`` or ``package.module:function``.  While it loads, it can
+            import from the file's folder, or for a module from the current folder.
         seed: a whole number, 0 or more.
-        parameters: handed on as they are.
+        parameters: passed unchanged.
 
     Raises:
-        SceneError: a function that cannot be imported, takes other arguments or fails, a result
-            that is no ``Scene``, or a scene without frames or objects, or with an object that is
-            absent in its first frame, where trackers start.
+        SceneError: the function cannot be imported, takes other arguments or fails; or its result
+            is not a ``Scene``, has no frames or objects, or lacks an object in the first frame,
+            where trackers start.
     """
     place = function if isinstance(function, str) else _name_of(function)
     call = _import_function(function) if isinstance(function, str) else function
@@ -181,7 +180,7 @@ def call_scene(function: str | Callable[..., Any], seed: int, parameters: Mappin
     except TypeError as error:
         raise SceneError(f"{place} cannot be called with ({shown}): {error}") from None
     except ValueError:
-        pass  # built-in functions may tell no signature; the call will show
+        pass  # some built-in functions have no signature; the call will show
     try:
         scene = call(seed=seed, **parameters)
     except SceneError:
@@ -205,15 +204,15 @@ def call_scene(function: str | Callable[..., Any], seed: int, parameters: Mappin
 
 
 def function_of_text(text: str, path: str, name: str) -> Callable[..., Any]:
-    """A function of a Python file, from the file's text, which is run once per process.
+    """Return a function from the text of a Python file, which runs once per process.
 
     Args:
         text: of the file, which need not exist here.
-        path: of the file, for messages, and for neighbours that it imports.
+        path: of the file, for messages, and for its imports of neighbouring files.
         name: of the function.
 
     Raises:
-        SceneError: the text cannot be run, or has no such function.
+        SceneError: the text fails to run, or has no such function.
     """
     return _function_in(f"{path}:{name}", path, lambda: _module_of_text(text, path), name)
 
@@ -225,11 +224,11 @@ def names_function(source: str) -> bool:
 
 
 def cause_of(error: BaseException, path: str = "") -> str:
-    """An error on one line, whatever its message has.
+    """Describe an error on one line, even if its message has several.
 
     Args:
         error: of a user's code.
-        path: of the user's file, of which the line is told where the error came from.
+        path: of the user's file; if the error passed through it, the line is included.
     """
     cause = " ".join(f"{type(error).__name__}: {error}".split())
     if len(cause) > _LONGEST_CAUSE:
@@ -246,7 +245,7 @@ def cause_of(error: BaseException, path: str = "") -> str:
 
 
 def _in_view(clip: Clip) -> np.ndarray:
-    """``[T, P]`` bool: whether a box covers at least one pixel, by the rule of ``cut_patch``."""
+    """``[T, P]`` bool: whether a box covers at least one pixel, rounded as in ``cut_patch``."""
     low, extent = clip.boxes[..., :2], clip.boxes[..., 2:]
     size = np.array([clip.width, clip.height])
     start, end = np.clip(np.rint(low), 0, size), np.clip(np.rint(low + extent), 0, size)
@@ -270,7 +269,7 @@ def _ids(clip: Clip) -> str:
 
 
 def _first_common_frame(clip: Clip, in_view: np.ndarray, columns: list[int] | None) -> int:
-    """The first frame with all ``columns`` in view, or, without any, with some object."""
+    """The first frame with all ``columns`` in view; if ``columns`` is None, with any object."""
     found = in_view.any(axis=1) if columns is None else in_view[:, columns].all(axis=1)
     if found.any():
         return int(np.argmax(found))
@@ -353,11 +352,11 @@ def _load_file(path: Path) -> ModuleType:
 
 @functools.cache
 def _module_of_text(text: str, path: str) -> ModuleType:
-    # By its full path, so that two files called scene.py do not take each other's place.
+    # By full path, so that two files named scene.py do not replace each other.
     name = f"user_file:{path}"
     module = ModuleType(name)
     module.__file__ = path
-    sys.modules[name] = module  # dataclasses look their module up there
+    sys.modules[name] = module  # dataclasses look up their module there
     try:
         with _importable(Path(path).parent):
             exec(compile(text, path, "exec"), module.__dict__)
@@ -374,7 +373,7 @@ def _load_module(name: str) -> ModuleType:
 
 @contextlib.contextmanager
 def _importable(folder: Path) -> Iterator[None]:
-    """As when Python runs a script there: its neighbours can be imported."""
+    """Make the modules of a folder importable, as when Python runs a script there."""
     sys.path.insert(0, str(folder))
     try:
         yield

@@ -1,9 +1,9 @@
 """One skydiver among others, after the second sequence of eskil2014 (section 4.1).
 
-Seven points on a body of some 75 pixels.  The other divers wear nearly the same suits and drift
+Seven points on a body of about 75 pixels.  The other divers wear nearly the same suits and drift
 close by; the background is crowded from frame 50 to 80, with a white cloud that the diver passes
-about frame 75; from frame 200 on he grows.  The paper's film (300 frames of 480 x 656) is not to be
-had; what it does not say is chosen here, once.
+around frame 75; from frame 200 on the diver grows.  The paper's film (300 frames of 480 x 656) is
+not available; details that the paper does not specify are our choices.
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ from scenes.scene import Scene
 
 LENGTH = 75.0  # of the body, pixels at scale 1
 
-#: In the body's coordinates, the head up.
+#: In body coordinates, the head up.
 POINTS = {
     "head": (0, -30),
     "left hand": (-34, -26),
@@ -31,17 +31,17 @@ POINTS = {
 
 @dataclasses.dataclass(frozen=True)
 class SkydiversParameters:
-    """What the scene is made of; lengths in pixels, colours in grey levels of 0 to 255.
+    """Parameters of the skydivers scene; lengths in pixels, colours in grey levels from 0 to 255.
 
     Attributes:
         num_frames: length (paper: 300).
         frame_width: of a frame (paper: 656).
         frame_height: of a frame (paper: 480).
-        fps: frames per second; it only matters to a player.
-        sway: how far hands and feet move.
-        growth: scale in the last frame, of the diver; it begins to change in frame 200.
-        suit_noise: standard deviation of the suits' markings, which alone tell divers apart.
-        pixel_noise: standard deviation of the camera's noise.
+        fps: frames per second; it affects only playback.
+        sway: amplitude of the motion of hands and feet.
+        growth: the diver's scale in the last frame; it changes from frame 200 on.
+        suit_noise: standard deviation of the suits' markings, the only difference between divers.
+        pixel_noise: standard deviation of the camera noise.
     """
 
     num_frames: int = 300
@@ -60,7 +60,7 @@ class SkydiversParameters:
 
 
 def skydivers_scene(parameters: SkydiversParameters, seed: int = 0) -> Scene:
-    """Draw the scene; ``extras`` are those of ``scenes.deforming.point_scene``."""
+    """Generate the scene; for ``extras`` see ``scenes.deforming.point_scene``."""
     look, path, camera = (np.random.default_rng([seed, stream]) for stream in range(3))
     width, height = parameters.frame_width, parameters.frame_height
     sky = noise(look, (height, width), 90.0) * 9 + noise(look, (height, width), 14.0) * 5
@@ -88,7 +88,7 @@ def skydivers_scene(parameters: SkydiversParameters, seed: int = 0) -> Scene:
             at = x + crowd * np.cos(turn), y + 0.8 * crowd * np.sin(turn)
             draw(frame, divers[number], _pose(*at, 0.97, t, phases[number], parameters.sway))
         draw(frame, divers[0], pose)
-        # One passes in front, from right to left.
+        # One diver passes in front, from right to left.
         before = _pose(x + 6.0 * (135 - t), y + 30, 1.0, t, phases[4], parameters.sway)
         draw(frame, divers[4], before)
         where = pose.to_image(places)
@@ -113,7 +113,7 @@ _SHAPE = (100, 100)
 
 
 def _diver(rng: np.random.Generator, suit_noise: float) -> Body:
-    """A body with arms and legs spread, in a suit with markings of its own."""
+    """A body with spread arms and legs, in a suit with individual markings."""
     middle = _SHAPE[0] // 2
     alpha = np.zeros(_SHAPE, np.uint8)
     suit = np.array([172.0, 44.0, 48.0]) + suit_noise * noise(rng, _SHAPE, 6.0)
@@ -139,7 +139,7 @@ def _diver(rng: np.random.Generator, suit_noise: float) -> Body:
 
 
 def _pose(x, y, scale, t, phases, sway) -> Pose:
-    """A diver's pose: turning a little, hands and feet swaying."""
+    """A diver's pose, slightly rotating, with swaying hands and feet."""
 
     def swing(number, rate):
         turn = rate * t + phases[number]

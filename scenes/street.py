@@ -1,7 +1,7 @@
-"""Pictures like those of a camera held by hand: people in a street, and a puppet before its wall.
+"""Pictures like those of a hand-held camera: people in a street, and a puppet before a wall.
 
-For trying things out; no paper has them.  Three people walk to and fro and pass each other, or five
-cross the picture, each coming and going.
+For experiments; no paper has these scenes.  Three people walk and pass each other, or five people
+cross the picture, entering and leaving.
 """
 
 import dataclasses
@@ -15,7 +15,7 @@ from scenes.deforming import Bend, Body, Film, Pose, bumps, draw, noise
 from scenes.scene import Scene
 
 WIDTH, HEIGHT = 480, 270
-#: Of a person at scale 1, pixels.
+#: Size of a person at scale 1, pixels.
 SIZE = np.array([40.0, 90.0])
 _PAVEMENT, _MARGIN, _SHAPE, _PIXEL_NOISE = 150, 16, (104, 64), 3.0
 
@@ -25,9 +25,9 @@ def street_scene(num_frames: int = 90, seed: int = 0, *, come_and_go: bool = Fal
 
     Args:
         num_frames: length of the sequence.
-        seed: of looks, steps and the camera's wandering.
-        come_and_go: five walk through the picture, instead of three who stay in it; their boxes
-            are NaN while less than half of them is to be seen.
+        seed: of appearance, steps and camera motion.
+        come_and_go: five people cross the picture, instead of three who stay in it; the box of a
+            person is NaN while the centre is outside the picture.
     """
     look, path, camera = (np.random.default_rng([seed, stream]) for stream in range(3))
     wall = _wall(look)
@@ -60,7 +60,7 @@ def street_scene(num_frames: int = 90, seed: int = 0, *, come_and_go: bool = Fal
 
 
 def puppet_scene(num_frames: int = 60, seed: int = 0) -> Scene:
-    """The seven parts of ``articulated_scene``, before the street's wall; ``extras`` are its."""
+    """The seven parts of ``articulated_scene`` before the street's wall; same ``extras``."""
     parameters = ArticulatedParameters(
         num_frames=num_frames, frame_width=WIDTH, frame_height=HEIGHT, background_noise=0.0
     )
@@ -74,7 +74,7 @@ def puppet_scene(num_frames: int = 60, seed: int = 0) -> Scene:
     ]
     for poses in parts.extras["poses"]:
         frame = wall.copy()
-        # The arms' ends lie behind, as the scene has it.
+        # From the arms' ends to the centre, as in ``articulated_scene``.
         for body, (x, y, angle) in reversed(list(zip(bodies, poses, strict=True))):
             draw(frame, body, Pose(x, y, 1.0, angle))
         film.add(frame)
@@ -82,7 +82,7 @@ def puppet_scene(num_frames: int = 60, seed: int = 0) -> Scene:
 
 
 def _walks(num_frames: int, come_and_go: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Scales ``[P]``, and the people's middles ``[T, P, 2]`` before a camera that stands still."""
+    """Scales ``[P]``, and the people's centres ``[T, P, 2]`` for a static camera."""
     times = np.arange(num_frames)
     if not come_and_go:
         scales = np.array([1.0, 1.1, 0.8])
@@ -93,7 +93,7 @@ def _walks(num_frames: int, come_and_go: bool) -> tuple[np.ndarray, np.ndarray]:
     began, speeds = 14.0 * np.arange(5), np.array([5.0, -4.5, 4.0, -5.5, -4.0])
     from_side = np.where(speeds > 0, -40.0, WIDTH + 40.0)
     across = from_side + (times[:, None] - began) * speeds
-    # Whoever is nearer is larger, and stands lower in the picture.
+    # Nearer people are larger and lower in the picture.
     down = np.broadcast_to(
         _PAVEMENT + 60 * (scales - 0.85) - SIZE[1] * scales / 2 + 12, across.shape
     )
@@ -101,7 +101,7 @@ def _walks(num_frames: int, come_and_go: bool) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _wall(rng: np.random.Generator) -> np.ndarray:
-    """Bricks, windows and a pavement, float32, wider than the picture by a margin on each side."""
+    """Bricks, windows and a pavement, float32, with a margin on each side of the picture."""
     height, width = HEIGHT + 2 * _MARGIN, WIDTH + 2 * _MARGIN
     shape = (height, width)
     wall = np.ascontiguousarray(
@@ -120,13 +120,13 @@ def _wall(rng: np.random.Generator) -> np.ndarray:
 
 
 def _shifted(wall: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """What the camera sees of the wall, ``[H, W, 3]``, moved by so many pixels."""
+    """The camera's view of the wall, ``[H, W, 3]``, shifted by ``by`` pixels."""
     matrix = np.array([[1, 0, by[0] - _MARGIN], [0, 1, by[1] - _MARGIN]])
     return cv2.warpAffine(wall, matrix, (WIDTH, HEIGHT), borderMode=cv2.BORDER_REPLICATE)
 
 
 def _person(rng: np.random.Generator) -> Body:
-    """Somebody of 40 x 90 pixels, in a shirt with markings of its own."""
+    """A person of 40 x 90 pixels, in a shirt with individual markings."""
     middle = np.array([_SHAPE[1] // 2, _SHAPE[0] // 2])
     alpha = np.zeros(_SHAPE, np.uint8)
     shirt, trousers = rng.uniform(40, 230, 3), rng.uniform(20, 110, 3)
@@ -154,7 +154,7 @@ def _person(rng: np.random.Generator) -> Body:
 
 
 def _step(phase: float) -> Bend:
-    """Legs and hands swing against each other."""
+    """Swing the legs and hands in opposite phase."""
     reach = 6 * np.sin(phase)
     return bumps(
         ((-7, 42), 14.0, (reach, 0)),
@@ -165,7 +165,7 @@ def _step(phase: float) -> Bend:
 
 
 def _seen(person: Body, scale: float) -> np.ndarray:
-    """The patch by which somebody is known, uint8, on grey ground."""
+    """A person's reference patch, uint8, on grey ground."""
     width, height = np.rint(SIZE * scale).astype(int)
     frame = np.full((height, width, 3), 128, np.float32)
     draw(frame, person, Pose(width / 2, height / 2, scale))

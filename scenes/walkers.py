@@ -1,12 +1,12 @@
 """Two people who pass each other, seen as heads and shoulders (maccormick1999, figures 1 and 6).
 
-The paper's sequence was never published: two walkers, one of whom hides the other for less than a
-second, tracked in 8 + 8 dimensions.  Here each outline is a closed curve that moves by two
-shifts and six modes of deformation.  All numbers are choices.
+The paper's sequence was never published: two walkers, one of whom occludes the other for less than
+a second, tracked in 8 + 8 dimensions.  Here each outline is a closed curve with two shifts and six
+modes of deformation.  All numbers are our choices.
 
-``extras``: ``outlines`` ``[T, 2, S, 2]``; ``closed``, true; ``front`` ``[T]``, which target is
-nearer the camera; ``examples`` ``[E, S, 2]``, outlines of the same kind from which a shape space
-can be learned, none of which is in the sequence.
+``extras``: ``outlines`` ``[T, 2, S, 2]``; ``closed``, true; ``front`` ``[T]``, the target nearer
+the camera; ``examples`` ``[E, S, 2]``, similar outlines from which a shape space can be learned,
+none of them from the sequence.
 """
 
 import dataclasses
@@ -24,22 +24,22 @@ _MODES = 6
 
 @dataclasses.dataclass(frozen=True)
 class WalkersParameters:
-    """What the scene of walkers is made of; lengths in pixels, times in frames.
+    """Parameters of the walkers scene; lengths in pixels, times in frames.
 
     Attributes:
         num_frames: length of the sequence.
         frame_width: width of a frame.
         frame_height: height of a frame.
-        fps: frames per second; it only matters to a player.
+        fps: frames per second; it affects only playback.
         body_height: of the outline, from the top of the head to the chest.
         body_width: across the shoulders.
-        travel: how far each walker goes, from one side to the other.
-        step_height: how far a walker bobs up and down.
+        travel: distance that each walker covers, from one side to the other.
+        step_height: amplitude of a walker's bobbing.
         step_period: of a step.
-        deformation: standard deviation of each of the six modes, pixels where it is largest.
+        deformation: standard deviation of each of the six modes, pixels at its largest point.
         body_grey: grey level of the walkers.
         clutter: standard deviation of the background.
-        clutter_grain: how fine it is.
+        clutter_grain: its smoothing scale.
         noise: standard deviation of every pixel, in every frame.
         num_examples: E, outlines to learn from.
     """
@@ -103,7 +103,7 @@ def walkers_scene(parameters: WalkersParameters, seed: int) -> Scene:
 
 def _body(parameters: WalkersParameters) -> np.ndarray:
     """Head and shoulders about the origin, ``[S, 2]``, clockwise from the top."""
-    # A radius by angle: a narrow head, a neck, broad shoulders, a flat chest.
+    # Radius by angle: a narrow head, a neck, broad shoulders, a flat chest.
     corners = np.array(
         [(0, -0.5), (0.13, -0.46), (0.19, -0.33), (0.13, -0.19), (0.2, -0.12), (0.42, -0.02),
          (0.5, 0.15), (0.48, 0.5), (0.2, 0.5)]
@@ -117,7 +117,7 @@ def _body(parameters: WalkersParameters) -> np.ndarray:
 
 
 def _modes(parameters: WalkersParameters) -> np.ndarray:
-    """Deformations ``[6, S, 2]``, each of ``deformation`` pixels where it is largest."""
+    """Deformations ``[6, S, 2]``, each ``deformation`` pixels at its largest point."""
     body = _body(parameters)
     x, y = (body / np.abs(body).max(axis=0)).T
     head, none = np.clip(-2 * y - 0.4, 0, 1), np.zeros_like(x)

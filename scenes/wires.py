@@ -1,9 +1,9 @@
-"""Two similar pieces of wire that come together and part (maccormick1999, figure 4).
+"""Two similar pieces of wire that come together and separate (maccormick1999, figure 4).
 
-The paper shows stills only: two wires of similar shape which, "for several frames in the middle
-of the sequence, have very similar configurations".  All numbers are choices.
+The paper shows only stills: two wires of similar shape which, "for several frames in the middle
+of the sequence, have very similar configurations".  All numbers are our choices.
 
-``extras``: ``outlines`` ``[T, 2, S, 2]``, the middle of each wire from end to end; ``closed``,
+``extras``: ``outlines`` ``[T, 2, S, 2]``, the centreline of each wire from end to end; ``closed``,
 false; ``meeting``, first and last frame of the meeting; ``background`` ``[H, W, 3]``, without
 wires.
 """
@@ -22,26 +22,26 @@ _POINTS = 60
 
 @dataclasses.dataclass(frozen=True)
 class WiresParameters:
-    """What the scene of wires is made of; lengths in pixels, times in frames.
+    """Parameters of the wires scene; lengths in pixels, times in frames.
 
     Attributes:
         num_frames: length of the sequence.
         frame_width: width of a frame.
         frame_height: height of a frame.
-        fps: frames per second; it only matters to a player.
+        fps: frames per second; it affects only playback.
         wire_length: height of a wire, from end to end.
         wire_width: thickness of the drawn line.
-        bend: how far a wire swings out to either side.
-        unlikeness: share of its bend by which the second wire's shape differs.
-        start_distance: between the wires' middles in the first and the last frame.
-        meeting_distance: between them while they are together.
-        meeting_frames: how long they stay together, in the middle of the sequence.
-        wander: standard deviation of each wire's own smooth wandering in x and y.
-        turning: the same of its angle, degrees.
-        wander_period: of that wandering.
-        contrast: by how many grey levels a wire is darker than the ground.
+        bend: amplitude of a wire's bend to either side.
+        unlikeness: relative difference in bend between the second wire and the first.
+        start_distance: distance between the wires' centres in the first and the last frame.
+        meeting_distance: distance between them while they are together.
+        meeting_frames: duration of the meeting, in the middle of the sequence.
+        wander: standard deviation of each wire's smooth random motion in x and y.
+        turning: the same for its angle, degrees.
+        wander_period: of that motion.
+        contrast: difference between the ground and the darker wire, grey levels.
         clutter: standard deviation of the ground's grey levels.
-        clutter_grain: how fine the ground is.
+        clutter_grain: smoothing scale of the ground.
         noise: standard deviation of every pixel, in every frame.
     """
 
@@ -70,7 +70,7 @@ class WiresParameters:
 
 
 def wires_scene(parameters: WiresParameters, seed: int) -> Scene:
-    """Draw the scene."""
+    """Generate the scene."""
     outlines, meeting = wires_paths(parameters, np.random.default_rng([seed, _PATHS]))
     height, width = parameters.frame_height, parameters.frame_width
     rng = np.random.default_rng([seed, _BACKGROUND])
@@ -97,10 +97,10 @@ def wires_scene(parameters: WiresParameters, seed: int) -> Scene:
 def wires_paths(
     parameters: WiresParameters, rng: np.random.Generator
 ) -> tuple[np.ndarray, tuple[int, int]]:
-    """Middles of the wires ``[T, 2, S, 2]``, and when they meet.
+    """Return the centrelines of the wires ``[T, 2, S, 2]``, and first and last meeting frame.
 
-    By default no point moves more than 4.8 pixels in a frame, and the second wire stays right of
-    the first.
+    With the defaults no point moves more than 4.8 pixels per frame, and the second wire stays right
+    of the first.
     """
     count = parameters.num_frames
     times, middle = np.arange(count), (count - 1) / 2
@@ -113,7 +113,7 @@ def wires_paths(
     meeting = (int(together[0]), int(together[-1])) if len(together) else (count // 2, count // 2)
     along = np.linspace(-0.5, 0.5, _POINTS)
     paths = drawn.wandering(rng, count, 6, parameters.wander_period)
-    # A quiet meeting keeps its distance: wandering dies down as the wires come near each other.
+    # Random motion decreases as the wires approach each other, to keep their distance.
     paths *= 0.2 + 0.8 * apart_smoothly[:, None]
     outlines = np.empty((count, 2, _POINTS, 2))
     for wire in range(2):
@@ -142,7 +142,7 @@ def wires_paths(
 
 
 def _eased(share: np.ndarray) -> np.ndarray:
-    """From 0 to 1 as ``share`` does: gathering speed for a quarter, steady, and coming to rest."""
+    """Ease from 0 to 1 with ``share``: accelerate for a quarter, move steadily, and decelerate."""
     ramp = 0.25
     begins, ends = share**2 / (2 * ramp), 1 - ramp - (1 - share) ** 2 / (2 * ramp)
     steady = share - ramp / 2

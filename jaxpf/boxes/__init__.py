@@ -1,4 +1,4 @@
-"""Boxes: upright rectangles, one for each object."""
+"""Boxes: one upright rectangle per object."""
 
 import lazy_loader
 

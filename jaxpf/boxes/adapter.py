@@ -1,4 +1,4 @@
-"""Boxes read from flags and MOT files, written and drawn."""
+"""Reads boxes from flags and MOT files; writes and draws them."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Boxes: upright rectangles, one for each object."""
+"""Builds trackers of boxes: one upright rectangle per object."""
 
 from typing import Any
 
@@ -24,26 +24,26 @@ def tracker(
     patches: Any = None,
     **options: Any,
 ) -> Any:
-    """The tracker of ``jaxpf track``: what it does by default, unless options say otherwise.
+    """Build the tracker of ``jaxpf track``, with its defaults unless options override them.
 
-    Appearance is learned in the start frame and motion is relative to the objects' size.
+    By default, appearance is learned from the start frame and motion is relative to object size.
 
     Args:
-        frame: uint8 RGB ``[H, W, 3]``, in which the boxes are; tracking goes on with the next one.
-            It may be None where the likelihood is one of your own.
+        frame: uint8 RGB ``[H, W, 3]`` that contains the boxes; tracking continues with the next
+            frame.  It may be None with a user-defined likelihood.
         boxes: x, y, w, h in pixels, ``[P, 4]``.
         method: ``"dps"`` (default), ``"sir"``, ``"ps"``, ``"sps"``, ``"labelled"``, ...
-        particles: their number; default 300.
-        likelihood: one of your own, of substates (u, v, a): the centre in pixels, and the size
-            relative to the start; or the name of the way to compute histograms.
+        particles: number of particles; default 300.
+        likelihood: a user-defined likelihood of substates (u, v, a), the centre in pixels and the
+            size relative to the start; or the name of a method to compute histograms.
         ordering: from ``jaxpf.ordering``, instead of a method.
         patches: P pictures, uint8 RGB ``[h, w, 3]``, from which colours are learned instead of
             from the frame.
-        options: named as the flags of ``jaxpf track``, which tells what they mean: ``appearance``,
-            ``motion``, ``relative_scale``, ``sharpness``, ``scale``, ``resampling``, ...
+        options: named and explained as the flags of ``jaxpf track``: ``appearance``, ``motion``,
+            ``relative_scale``, ``sharpness``, ``scale``, ``resampling``, ...
 
     Raises:
-        InputError: an option that there is not, or a value out of range; the sentence says which.
+        InputError: an unknown option or a value out of range; the message names it.
     """
     given = {"method": method, "particles": particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering, "patches": patches}
@@ -51,14 +51,14 @@ def tracker(
 
 
 def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
-    """Boxes x, y, w, h in pixels, ``[..., P, 4]``, of estimates ``[..., P, D]``.
+    """Convert estimates ``[..., P, D]`` to boxes x, y, w, h in pixels, ``[..., P, 4]``.
 
     Args:
         tracker: from ``tracker``.
         estimate: such as ``summary.estimate``.
 
     Raises:
-        InputError: a tracker that does not know the sizes.
+        InputError: the tracker's dynamics do not know the sizes.
     """
     sizes = getattr(tracker.dynamics, "sizes", None)
     if sizes is None:

@@ -1,4 +1,4 @@
-"""Models and trackers of boxes for any likelihood."""
+"""Models of boxes for any likelihood."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -12,27 +12,24 @@ from jaxpf.contract.model import Model
 from jaxpf.contract.options import plain
 from jaxpf.targets.appearance import RELATIVE
 
-#: Noise of centre (pixels) and scale per frame: wide enough for people walking in video.
+#: Noise of centre (pixels) and scale per frame: wide enough for walking people in video.
 DEFAULT_SCALE = (4.0, 2.0, 0.003)
-#: The same relative to the size: usual steps, long ones, and the logarithm of the size.
+#: The same relative to the size: usual steps, long steps, and the logarithm of the size.
 DEFAULT_STEPS = (0.045, 0.18, 0.02)
-#: The same for a single object.  Longer steps find an object that leaps; beside other objects they
-#: lead to those that look alike.
+#: The same for a single object.  Longer steps find an object that jumps; with several objects,
+#: they lead to look-alikes.
 LONE_STEPS = (0.045, 0.6, 0.02)
 #: Share of the last displacement that is repeated.
 DEFAULT_MOMENTUM = 0.3
 
 
 def box_model(likelihood: Any, boxes: ArrayLike, scale: ArrayLike = DEFAULT_SCALE) -> Model:
-    """Boxes that start where they are and move by smith2004's AR2 dynamics.
+    """Boxes that move from their start by smith2004's AR2 dynamics.
 
     Args:
         likelihood: of substates (u, v, a), such as ``jaxpf.likelihoods.histogram(...)``.
         boxes: x, y, w, h in pixels, ``[P, 4]``: where the objects are before the first frame.
         scale: noise of u, v (pixels) and a per frame, ``[3]`` or ``[P, 3]``.
-
-    Raises:
-        InputError: noise that is negative or not finite.
     """
     from jaxpf.dynamics.relative import PixelMotion
 
@@ -58,16 +55,13 @@ def relative_box_model(
     steps: ArrayLike = DEFAULT_STEPS,
     momentum: ArrayLike = DEFAULT_MOMENTUM,
 ) -> Model:
-    """Boxes that start where they are and move by steps relative to their size.
+    """Boxes that move from their start by steps relative to their size.
 
     Args:
-        likelihood: see ``box_model``, like the next one.
-        boxes: see there.
+        likelihood: see ``box_model``.
+        boxes: see ``box_model``.
         steps: see ``jaxpf.dynamics.RelativeMotion``, ``[3]`` or ``[P, 3]``.
-        momentum: see there, ``[]`` or ``[P]``.
-
-    Raises:
-        InputError: noise that is negative or not finite.
+        momentum: see ``jaxpf.dynamics.RelativeMotion``, ``[]`` or ``[P]``.
     """
     from jaxpf.dynamics.relative import RelativeMotion
 
@@ -85,7 +79,7 @@ def relative_box_model(
 
 
 def relative_steps(values: Sequence[float] | None, count: int) -> np.ndarray:
-    """Noise of relative motion as people give it: ``[3]`` for all objects, or ``[P, 3]``.
+    """Convert the option ``relative_scale`` to noise, ``[3]`` for all objects or ``[P, 3]``.
 
     Args:
         values: three numbers, or three for every object, one object after the other; None for the
@@ -93,7 +87,7 @@ def relative_steps(values: Sequence[float] | None, count: int) -> np.ndarray:
         count: P.
 
     Raises:
-        InputError: they are for another number of objects.
+        InputError: the values are for another number of objects.
     """
     if values is None:
         values = LONE_STEPS if count == 1 else DEFAULT_STEPS
@@ -107,14 +101,14 @@ def relative_steps(values: Sequence[float] | None, count: int) -> np.ndarray:
 
 
 def usual_noise(steps: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """What relative motion adds to u and v (pixels) and to log a per frame, all steps together.
+    """Return the total noise of relative motion per frame, of u and v (pixels) and of log a.
 
     Args:
         steps: ``[3]`` or ``[P, 3]``.
         sizes: ``[P, 2]``, width and height at the start, pixels.
 
     Returns:
-        Standard deviations ``[3]``, means over the objects.
+        Standard deviations ``[3]`` over usual and long steps, means over the objects.
     """
     from jaxpf.dynamics.relative import RelativeMotion
 
@@ -125,10 +119,10 @@ def usual_noise(steps: np.ndarray, sizes: np.ndarray) -> np.ndarray:
 
 
 def motion_candidates(options: Any) -> list[Any]:
-    """Options that differ in the motion: half and double steps, and, if relative, other momenta.
+    """Return options that vary the motion: half and double noise and, if relative, other momenta.
 
     Args:
-        options: of boxes, what depends on the pictures being settled; they are the first.
+        options: of boxes, with everything that depends on the pictures settled; returned first.
     """
     if options.motion == RELATIVE and options.relative_scale is None:
         options = dataclasses.replace(options, relative_scale=DEFAULT_STEPS)
@@ -146,8 +140,9 @@ def motion_candidates(options: Any) -> list[Any]:
 
 
 def boxes_at(estimate: Any, sizes: ArrayLike) -> np.ndarray:
-    """Boxes x, y, w, h ``[..., P, 4]`` of substates (u, v, a); in NumPy: one arithmetic wherever it
-    is done.
+    """Convert substates (u, v, a) to boxes x, y, w, h ``[..., P, 4]``.
+
+    It uses NumPy, so that every caller gets bitwise equal results.
 
     Args:
         estimate: ``[..., P, D]``.

@@ -1,4 +1,4 @@
-"""Reading boxes from MOT files and from ``gt.csv`` files into one table."""
+"""Reads boxes from MOT files and ``gt.csv`` files into a table."""
 
 import dataclasses
 import os
@@ -11,9 +11,9 @@ from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import parse_number, read_rows
 
 HEADERS = ("frame,id,x,y,w,h", "frame,id,x,y,w,h,occ")
-#: How the header of a tracks.csv of boxes begins; its frames and pixels count from 0.
+#: Beginning of the header of a tracks.csv of boxes; its frames and pixels count from 0.
 TRACKS_HEADER = "frame,time,id,x,y,w,h"
-#: A coordinate in pixels, and a frame or an id, beyond which numbers are no longer told apart.
+#: Limits of coordinates in pixels, and of frames and ids, beyond which floats lose precision.
 _FARTHEST, _LARGEST_WHOLE = 1e9, 2**53
 _FORMATS = (
     f"a header '{HEADERS[1]}' (occ may be absent; frames and pixels count from 0), or MOT lines "
@@ -31,8 +31,8 @@ class BoxTable:
         box: float64 [K, 4]: x, y (the top left corner), w, h in continuous pixels; pixel (0, 0)
             is the square [0, 1) x [0, 1).
         occlusion: int [K]: 0 visible, 1 partly hidden, 2 mostly or fully hidden, -1 unknown.
-        confidence: float64 [K]; 1 where the file has none.
-        source: where the rows come from, for messages.
+        confidence: float64 [K]; 1 if the file has none.
+        source: origin of the rows, for messages.
     """
 
     frame: np.ndarray
@@ -47,7 +47,7 @@ class BoxTable:
 
 
 def read_boxes(path: str | os.PathLike[str], empty_boxes: str = "error") -> BoxTable:
-    """Read a MOT file or a ``gt.csv``; which of them is told by the header.
+    """Read a MOT file or a ``gt.csv``, distinguished by the header.
 
     * MOT: no header, 6 to 10 columns ``frame,id,x,y,w,h,conf,...``; frames and x, y count from
       1 in the file and are converted (a ``gt.txt`` beside a ``labels.txt`` is CVAT's, whose
@@ -56,15 +56,15 @@ def read_boxes(path: str | os.PathLike[str], empty_boxes: str = "error") -> BoxT
 
     Args:
         path: the file; UTF-8, separated by commas, blank lines are skipped.
-        empty_boxes: what to do with a width or height of exactly 0.  ``"error"`` refuses it;
-            ``"absent"`` drops the row, since annotations mark absent objects so.  A negative
-            size is always an error.
+        empty_boxes: treatment of a width or height of exactly 0.  ``"error"`` refuses it;
+            ``"absent"`` drops the row, because some annotations mark absent objects this way.  A
+            negative size is always an error.
 
     Returns:
         The rows in the order of the file.
 
     Raises:
-        InputError: naming the line and its remedy.
+        InputError: a line is invalid; the message names it and a remedy.
     """
     if empty_boxes not in ("error", "absent"):
         raise ValueError(f"empty_boxes is 'error' or 'absent', not {empty_boxes!r}")
@@ -100,7 +100,7 @@ def read_boxes(path: str | os.PathLike[str], empty_boxes: str = "error") -> BoxT
 
 
 def table_of(rows: Sequence[tuple[float, ...]], path: str | os.PathLike[str]) -> BoxTable:
-    """The table of rows from ``parsed_lines``."""
+    """Convert rows from ``parsed_lines`` to a table."""
     columns = np.array(rows, np.float64).reshape(-1, 8)
     return BoxTable(
         frame=columns[:, 0].astype(np.int64),
@@ -201,7 +201,7 @@ def _parse_row(
 def _has_decimal_commas(fields: list[str]) -> bool:
     """Whether ``1,1,10,5,20,5,30,0,40,0`` was meant as frame, id and a box of 10.5, 20.5, 30, 40.
 
-    Ten columns of a MOT file end in -1,-1,-1, in zeros, or in a place with decimals.
+    Ten valid MOT columns end in -1,-1,-1, in zeros, or in a position with decimals.
     """
     if len(fields) != 10 or not all(field.isdecimal() for field in fields[6:]):
         return False
@@ -209,5 +209,5 @@ def _has_decimal_commas(fields: list[str]) -> bool:
 
 
 def _is_header(field: str) -> bool:
-    """A first field that is no number; ``nan`` and ``1x`` are bad numbers, not headers."""
+    """Whether a first field starts a header; ``nan`` and ``1x`` are bad numbers, not headers."""
     return field[:1].isalpha() and field.lower() not in ("nan", "inf", "infinity")

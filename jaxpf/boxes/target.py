@@ -1,4 +1,4 @@
-"""Boxes: upright rectangles of free size, known by their colours.
+"""The box target: upright rectangles of variable size, recognised by colour.
 
 A substate is (u, v, a): centre in pixels and scale relative to the start (smith2004, section 2).
 """
@@ -47,7 +47,7 @@ from jaxpf.targets.target import Looks, Start, Target
 
 @dataclasses.dataclass(frozen=True)
 class Options:
-    """Options of the model of boxes; see the help of each."""
+    """Options of the box model; see the help of each."""
 
     sharpness: float = sharpness_option(20.0, "likelihood.sharpness")
     scale: tuple[float, ...] = scale_option(DEFAULT_SCALE, tuned=("[0]", "[1]"))
@@ -73,13 +73,13 @@ class BoxTarget(Target):
     has_boxes = True
 
     def start(self, given: Any, names: Any = None) -> Start:
-        """See ``Target``: boxes ``[P, 4]``; by default they are numbered from 1."""
+        """See ``Target``: boxes ``[P, 4]``; default names are numbers from 1."""
         boxes = np.asarray(given, np.float64)
         ids = np.arange(1, len(boxes) + 1) if names is None else np.asarray(names)
         return Start(ids, boxes, boxes[:, 2:], (-1,) * len(boxes))
 
     def resolved(self, options: Options, is_filmed: bool) -> Options:
-        """See ``Target``: what is filmed has looks and surroundings worth learning."""
+        """See ``Target``: filmed clips use discriminative appearance and relative motion."""
         appearance, motion = options.appearance, options.motion
         if appearance == OPEN:
             appearance = DISCRIMINATIVE if is_filmed else COLOUR
@@ -108,7 +108,7 @@ class BoxTarget(Target):
             )
 
     def training_likelihood(self, options: Options, start: Start, looks: Looks, frames: Any) -> Any:
-        """See ``Target``: bilinear features, weighed against those of boxes anywhere."""
+        """See ``Target``: bilinear features, as a ratio to those of random background boxes."""
         from jaxpf.likelihoods.histogram import histogram_from_patches
 
         if len(options.relative_scale or ()) > 3:
@@ -178,7 +178,7 @@ class BoxTarget(Target):
         return jnp.stack([jnp.stack(corner, axis=-1) for corner in corners], axis=-2)
 
     def measures(self, start: Start, shapes: Any, truth: Any) -> dict[str, Any]:
-        """See ``Target``: those of boxes, which are exact."""
+        """See ``Target``: exact measures for boxes."""
         import jax.numpy as jnp
 
         from jaxpf.measures import metrics

@@ -1,8 +1,8 @@
 """Boxes and tracks: start boxes, checks, dense arrays, tables of tracks and MOT files.
 
-In memory and in tracks.csv frames count from 0 and boxes are x, y (top left), w, h in continuous
-pixels, with pixel (0, 0) the square [0, 1) x [0, 1).  MOT files count frames and pixels from 1; the
-shift happens where a file is read or written and nowhere else.
+In memory and in tracks.csv, frames count from 0 and boxes are x, y (top left), w, h in continuous
+pixels, with pixel (0, 0) the square [0, 1) x [0, 1).  MOT files count frames and pixels from 1;
+only the code that reads or writes a file converts them.
 """
 
 import csv
@@ -34,18 +34,18 @@ __all__ = [
 
 
 def read_tracks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """Columns of the tracks.csv of a run, of any kind of target.
+    """Read the columns of a run's tracks.csv, for any kind of target.
 
     One row per frame and object: frame (from 0), time (seconds), id, coordinates (pixels, angles in
     degrees), their quantiles ``x_2.5``, ``x_97.5``, ..., speed (pixels per second), confidence and
-    lost (1 or 0).  ``pandas.DataFrame(read_tracks(path))`` is a table of it.
+    lost (1 or 0).  ``pandas.DataFrame(read_tracks(path))`` turns it into a data frame.
 
     Returns:
-        name -> values ``[K]``: floats, NaN for an empty field; ``id`` holds whole numbers, or texts
-        if some id is not a number.
+        name -> values ``[K]``: floats, NaN for an empty field; ``id`` holds integers, or strings if
+        some id is not a number.
 
     Raises:
-        InputError: the file cannot be read or holds no tracks.
+        InputError: the file cannot be read or contains no tracks.
     """
     rows = list(csv.reader(read_text(Path(path), "tracks", "a tracks.csv of a run").splitlines()))
     if not rows or not {"frame", "time", "id"} <= set(rows[0]):
@@ -72,18 +72,18 @@ def read_tracks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
 def start_boxes(
     table: BoxTable, frame: int, ids: Sequence[int] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The boxes to start tracking from.
+    """Return the start boxes of the objects.
 
     Args:
         table: boxes of a file.
         frame: the start frame, counting from 0.
-        ids: the objects wanted; by default all in that frame, in the order of the file.
+        ids: the requested objects; by default all in that frame, in the order of the file.
 
     Returns:
-        ids int [P] and boxes float64 [P, 4], in the order asked.
+        ids int [P] and boxes float64 [P, 4], in the requested order.
 
     Raises:
-        InputError: no box in that frame, an id that is not there, or an id asked twice.
+        InputError: no box in that frame, an unknown id, or an id requested twice.
     """
     rows = np.flatnonzero(table.frame == frame)
     if len(rows) == 0:
@@ -111,7 +111,7 @@ def start_boxes(
 
 
 def dense(table: BoxTable, ids: Sequence[int], num_frames: int) -> np.ndarray:
-    """Boxes of ``ids`` in frames 0 to num_frames - 1; later frames of the table are left out.
+    """Return the boxes of ``ids`` in frames 0 to num_frames - 1; later frames are ignored.
 
     Returns:
         float64 [num_frames, len(ids), 4], NaN where an object has no box.
@@ -134,7 +134,7 @@ def dense(table: BoxTable, ids: Sequence[int], num_frames: int) -> np.ndarray:
 
 
 def parse_box(text: str) -> np.ndarray:
-    """Read a box typed as ``"x,y,w,h"``: float64 [4] in pixels.
+    """Parse a box typed as ``"x,y,w,h"``: float64 [4] in pixels.
 
     Raises:
         InputError: not four finite numbers, or no positive width and height.
@@ -155,13 +155,13 @@ def parse_box(text: str) -> np.ndarray:
 def check_boxes(
     boxes: ArrayLike, width: int, height: int, names: Sequence[object] | None = None
 ) -> None:
-    """Refuse boxes that nothing can be tracked from; partly outside the frame is fine.
+    """Refuse boxes that cannot be tracked; boxes partly outside the frame are accepted.
 
     Args:
         boxes: x, y, w, h [P, 4].
         width: of the frames, pixels.
         height: of the frames, pixels.
-        names: what messages call each box; by default its number, counting from 1.
+        names: of the boxes, for messages; by default numbers, counting from 1.
 
     Raises:
         InputError: a box that is not finite, has no area, or lies outside the frame.
@@ -193,12 +193,9 @@ def write_mot(
         path: the file to write or replace.
         frames: int [K], counting from 0 (1 in the file).
         ids: int [K].
-        boxes: x, y, w, h [K, 4], counting from 0 (x, y from 1 in the file), to 3 decimals; rows
-            that are not finite are left out.
+        boxes: x, y, w, h [K, 4], counting from 0 (x, y from 1 in the file), to 3 decimals;
+            non-finite rows are omitted.
         confidence: [K]; 1 tracked (the default), 0 lost.
-
-    Raises:
-        InputError: the file cannot be written.
     """
     frames = np.asarray(frames)
     confidence = np.ones(len(frames)) if confidence is None else np.asarray(confidence)
@@ -207,7 +204,7 @@ def write_mot(
 
 
 class TrackWriter(LineWriter):
-    """Append tracks to a MOT file, frame by frame; after every frame it holds whole lines only."""
+    """Appends tracks to a MOT file, which after every frame contains whole lines only."""
 
     def append(
         self,
@@ -221,12 +218,12 @@ class TrackWriter(LineWriter):
         Args:
             frame: counting from 0.
             ids: int [P].
-            boxes: x, y, w, h [P, 4], counting from 0; those that are not finite are left out.
+            boxes: x, y, w, h [P, 4], counting from 0; non-finite ones are omitted.
             confidence: [P]; 1 tracked (the default), 0 lost.
 
         Raises:
-            InputError: the disk is full or the file cannot be written; it then ends with the
-                last whole frame.
+            InputError: the disk is full or the file cannot be written; the file then ends with the
+                last complete frame.
         """
         ids = np.asarray(ids)
         confidence = np.ones(len(ids)) if confidence is None else np.asarray(confidence)
@@ -235,7 +232,7 @@ class TrackWriter(LineWriter):
 
 
 def _rows(frames: np.ndarray, ids: np.ndarray, boxes: np.ndarray, confidence: np.ndarray) -> str:
-    """MOT lines; the one place where memory's 0-based numbers become the file's 1-based."""
+    """Format MOT lines; the only place that converts 0-based numbers to the file's 1-based."""
     rows = []
     for frame, identity, (x, y, w, h), value in zip(frames, ids, boxes, confidence, strict=True):
         if np.isfinite((x, y, w, h)).all():
@@ -245,7 +242,7 @@ def _rows(frames: np.ndarray, ids: np.ndarray, boxes: np.ndarray, confidence: np
 
 
 def _listed(values: Iterable[object], most: int = 12) -> str:
-    """``1, 2, 3``; runs of whole numbers as ``0-70``; shortened when there are many."""
+    """Format ``1, 2, 3``, with runs of integers as ``0-70``; shortened if there are many."""
     numbers = [int(value) for value in values]  # type: ignore[call-overload]
     runs: list[list[int]] = []
     for number in numbers:
@@ -262,12 +259,12 @@ def _listed(values: Iterable[object], most: int = 12) -> str:
 def detections(
     boxes: ArrayLike, ids: ArrayLike | None = None, confidence: ArrayLike | None = None
 ) -> Any:
-    """Boxes of one frame as ``supervision.Detections``, to be drawn, filtered and counted there.
+    """Convert the boxes of one frame to ``supervision.Detections``.
 
     Args:
-        boxes: ``[P, 4]``, x, y, w, h in pixels; those that are not finite are left out.
+        boxes: ``[P, 4]``, x, y, w, h in pixels; non-finite ones are omitted.
         ids: ``[P]``; by default from 1.
-        confidence: ``[P]``; left out by default.
+        confidence: ``[P]``; omitted by default.
 
     Raises:
         InputError: supervision is missing.

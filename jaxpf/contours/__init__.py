@@ -1,4 +1,4 @@
-"""Contours: targets known by their outlines."""
+"""Contours: targets recognised by their outlines."""
 
 import lazy_loader
 

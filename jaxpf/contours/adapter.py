@@ -1,4 +1,4 @@
-"""Contours read from JSON, written and drawn."""
+"""Reads contours from JSON; writes and draws them."""
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
@@ -14,9 +14,9 @@ from jaxpf.shapes.splines import basis, even_places, fit_spline, resampled
 from jaxpf.targets.adapter import Adapter, Marks, TrackFile
 from jaxpf.targets.target import Start
 
-#: Control points of the contours of scenes, closed and open.
+#: Number of control points of a scene's contours, closed and open.
 _SCENE_POINTS = {True: 16, False: 8}
-#: Number of particles whose contours are drawn, the likeliest.
+#: Number of particles to draw, those with the largest weights.
 _DRAWN = 20
 
 
@@ -65,7 +65,7 @@ class ContourAdapter(Adapter):
         return start
 
     def fits_scene(self, scene: Any) -> bool:
-        """Whether the truth has outlines."""
+        """Whether the ground truth has outlines."""
         return {"outlines", "closed"} <= set(scene.extras)
 
     def scene_shapes(self, scene: Any) -> np.ndarray:
@@ -76,7 +76,7 @@ class ContourAdapter(Adapter):
         return np.reshape(lines, (*outlines.shape[:2], -1))
 
     def scene_start(self, scene: Any) -> Start:
-        """See ``Adapter``: splines nearest to the outlines of the first frame."""
+        """See ``Adapter``: splines fitted to the outlines of the first frame."""
         closed = bool(scene.extras["closed"])
         outlines = scene.extras["outlines"][0]
         points = [fit_spline(line, _SCENE_POINTS[closed], closed=closed) for line in outlines]
@@ -95,12 +95,12 @@ class ContourAdapter(Adapter):
         from jaxpf.contours.files import ContourTrackWriter
 
         writer = ContourTrackWriter(path)
-        inverse = np.zeros((0, PIECES + 1))  # without splines there is nothing to control
+        inverse = np.zeros((0, PIECES + 1))  # without splines there are no control points
         contours = getattr(start, "contours", None)
         if contours is not None:
             places = even_places(PIECES + 1, closed=False)
             kind: dict[str, Any] = {"closed": contours.closed, "degree": contours.degree}
-            # A spline's points tell its control points: there are more of them.
+            # The control points follow from the points on the spline, which are more.
             inverse = np.linalg.pinv(basis(places, contours.points.shape[1], **kind))
 
         def append(frame: int, shapes: Any, lost: Any) -> None:
@@ -120,7 +120,7 @@ class ContourAdapter(Adapter):
     def draw_particles(
         self, frame: Any, start: Start, tracker: Any, state: Any, colours: Any
     ) -> np.ndarray:
-        """See ``Adapter``: the likeliest particles' contours, what is hidden dark and dashed."""
+        """See ``Adapter``: contours of the likeliest particles, occluded parts dark and dashed."""
         from jaxpf.contours.drawing import draw_contour_particles
 
         log_weights = np.asarray(state.log_weights)

@@ -1,8 +1,9 @@
-"""Contours that somebody marked in the frames of a clip: masks, outlines or centrelines.
+"""Reads contours annotated in the frames of a clip: masks, outlines or centrelines.
 
 Outlines and centrelines are CSV with the header ``frame,id,k,x,y``: the k-th point of a target in
-a frame, in continuous pixels, the same spot of its body in every frame.  Masks are one picture per
-frame, with the number of the frame at the end of its name, or else in the order of their names.
+a frame, in continuous pixels; k marks the same spot of the body in every frame.  Masks are one
+picture per frame; the number at the end of the name is the frame's number, else the order of the
+names counts.
 """
 
 from pathlib import Path
@@ -26,19 +27,19 @@ def read_annotated(
     first: int = 0,
     last: int | None = None,
 ) -> Annotated:
-    """Read what a folder holds.
+    """Read the annotations in a folder.
 
     Args:
-        folder: with ``centrelines.csv`` or ``outlines.csv``, or with pictures, or with a folder
-            ``masks`` of pictures.
-        kind: of ``jaxpf.contract.names.ANNOTATIONS``; by default what is there.
-        value: of masks, the number of the object: its palette index or grey level.  It may be
-            left out where there is only one.
-        first: frame from which to read.
-        last: frame up to which to read; by default the last.
+        folder: contains ``centrelines.csv`` or ``outlines.csv``, or pictures, or a folder ``masks``
+            of pictures.
+        kind: of ``jaxpf.contract.names.ANNOTATIONS``; by default the kind found.
+        value: of masks, the number of the object: its palette index or grey level.  Optional if
+            there is only one object.
+        first: first frame to read.
+        last: last frame to read; by default the last one.
 
     Raises:
-        InputError: nothing of the kind is there, in these frames; or a line that is none.
+        InputError: no annotations of the kind in these frames, or an invalid line.
     """
     if not folder.is_dir():
         raise InputError(f"there is no folder at '{folder}'; check the path.")

@@ -1,6 +1,7 @@
-"""What is known of contours before they are tracked: where they start, what was marked or learned.
+"""Data of contours: start contours, annotations and learned models.
 
-``jaxpf.files`` reads and writes these.
+``jaxpf.contours.files``, ``jaxpf.contours.annotated_files`` and ``jaxpf.contours.learned_files``
+read and write them.
 """
 
 import dataclasses
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from jaxpf.dynamics.gaussian import LinearGaussian
     from jaxpf.shapes.spaces import ShapeSpace
 
-#: Noise of every coordinate per frame, pixels: the shift's, and that of the shape.
+#: Noise per frame of the shift and of the other coordinates, pixels.
 DEFAULT_SCALE = (3.0, 1.0)
 #: Arrays of learned dynamics.
 MATRICES = ("transition", "lag", "offset", "noise")
@@ -22,15 +23,15 @@ MATRICES = ("transition", "lag", "offset", "noise")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Contours:
-    """Contours to start from, cubic B-splines by default.
+    """Start contours, cubic B-splines by default.
 
     Attributes:
         names: of the P targets.
         points: float64 ``[P, K, 2]``, control points in pixels.
-        closed: whether they have no ends.
+        closed: whether they are closed curves.
         degree: of the splines.
-        width: of a wire with two edges, pixels; None for a contour that is one edge.
-        remarks: sentences on what was accepted but may be a mistake.
+        width: of a wire with two edges, pixels; None for a contour that is a single edge.
+        remarks: warnings about accepted but possibly wrong input.
     """
 
     names: tuple[str, ...]
@@ -42,12 +43,12 @@ class Contours:
 
 
 class Annotated(NamedTuple):
-    """Contours by frame and target.
+    """Annotated contours by frame and target.
 
     Attributes:
         kind: of ``jaxpf.contract.names.ANNOTATIONS``.
-        lines: (frame from 0, target) -> points ``[S, 2]``, or of masks a picture ``[H, W]`` that
-            is not 0 on the target.
+        lines: (frame from 0, target) -> points ``[S, 2]``, or for masks a picture ``[H, W]`` that
+            is nonzero on the target.
     """
 
     kind: str
@@ -55,7 +56,7 @@ class Annotated(NamedTuple):
 
 
 class Learned(NamedTuple):
-    """What was learned of one target, or of several like ones together.
+    """A model learned from one target, or from several targets of one kind.
 
     Attributes:
         space: with one template.
@@ -66,7 +67,7 @@ class Learned(NamedTuple):
     dynamics: "LinearGaussian | None"
 
     def dynamics_of(self, num_targets: int) -> "LinearGaussian | None":
-        """The same dynamics for each of a number of targets."""
+        """Repeat the dynamics for every target."""
         from jaxpf.dynamics.gaussian import LinearGaussian
 
         if self.dynamics is None:

@@ -1,4 +1,4 @@
-"""Drawing contours: where they are, and what particles believe, hidden parts dark and dashed."""
+"""Draws contours and their particles; occluded parts are dark and dashed."""
 
 import cv2
 import numpy as np
@@ -6,12 +6,12 @@ from numpy.typing import ArrayLike
 
 from jaxpf.media.overlay import DARK, label_at, line_thickness, object_colours
 
-_SHIFT = 4  # bits of a fraction of a pixel, for OpenCV
-#: Particles are this much of the picture where they are drawn.
+_SHIFT = 4  # fractional bits of OpenCV coordinates
+#: Opacity of particles.
 _OPACITY = 0.6
-#: Particles of a smaller share of the largest weight are not drawn.
+#: Minimum weight of a drawn particle, relative to the largest.
 _LEAST = 0.02
-#: Widest line of a particle, in widths of the thinnest.
+#: Maximum width of a particle's line, relative to the thinnest.
 _WIDEST = 4
 
 
@@ -22,15 +22,15 @@ def draw_contours(
     colours: np.ndarray | None = None,
     lost: ArrayLike | None = None,
 ) -> np.ndarray:
-    """A copy of a frame with labelled contours on it.
+    """Draw labelled contours on a copy of a frame.
 
     Args:
         frame: uint8 RGB ``[H, W, 3]``.
-        lines: ``[P, V, 2]``, points in pixels; a closed contour's last is its first.  A contour
-            that is not finite is skipped.
+        lines: ``[P, V, 2]``, points in pixels; a closed contour's last point equals its first.
+            Non-finite contours are skipped.
         names: ``[P]``.
         colours: uint8 RGB ``[P, 3]``; ``object_colours(P)`` by default.
-        lost: bool ``[P]``; a lost target's contour is dashed and its label says so.
+        lost: bool ``[P]``; a lost target's contour is dashed and its label says "lost".
     """
     frame = np.ascontiguousarray(frame).copy()
     lines = np.asarray(lines, float)
@@ -64,7 +64,7 @@ def draw_contour_particles(
     hidden: ArrayLike | None = None,
     colours: np.ndarray | None = None,
 ) -> np.ndarray:
-    """A copy of a frame with particles' contours, the likelier the wider.
+    """Draw the contours of particles on a copy of a frame; larger weights get wider lines.
 
     Args:
         frame: uint8 RGB ``[H, W, 3]``.
@@ -90,9 +90,9 @@ def draw_contour_particles(
 
 
 def _draw(picture, line, dashed, colour, thickness) -> None:
-    """Pieces of a line: whole where they are seen; else two of every four, in half the light."""
+    """Draw a line: solid where visible; else dashed (two of four pieces) and darker."""
     size = np.array(picture.shape[1::-1])
-    # OpenCV counts from the middle of a pixel; far outside it would overflow.
+    # OpenCV counts from a pixel's centre; clip, because it overflows far outside the frame.
     points = np.round((np.clip(line, -size, 2 * size) - 0.5) * 2**_SHIFT).astype(np.int32)
     dark = tuple(level // 2 for level in colour)
     apart = dashed[:-1] | dashed[1:]

@@ -1,4 +1,4 @@
-"""Contours: targets known by their outlines."""
+"""Builds trackers of contours: targets recognised by their outlines."""
 
 from typing import Any
 
@@ -22,22 +22,22 @@ def tracker(
     learned: Learned | None = None,
     **options: Any,
 ) -> Any:
-    """The tracker of contours that ``jaxpf track`` makes.
+    """Build the contour tracker of ``jaxpf track``.
 
     Args:
-        frame: uint8 RGB ``[H, W, 3]``, from which clutter is learned; tracking goes on with the
-            next one.  It may be None where the likelihood is one of your own.
-        contours: where they are.
+        frame: uint8 RGB ``[H, W, 3]``, from which clutter is learned; tracking continues with the
+            next frame.  It may be None with a user-defined likelihood.
+        contours: the start contours.
         method: ``"ps"`` (default) or ``"sir"``.
-        particles: their number; default 500.
-        likelihood: one of your own, of points of the shape space.
+        particles: number of particles; default 500.
+        likelihood: a user-defined likelihood of points of the shape space.
         ordering: from ``jaxpf.ordering``, instead of a method.
         learned: shape space and dynamics.
-        options: named as the flags of ``jaxpf track``, which tells what they mean:
-            ``shape_space``, ``exclusion``, ``clutter``, ``look_ahead``, ...
+        options: named and explained as the flags of ``jaxpf track``: ``shape_space``,
+            ``exclusion``, ``clutter``, ``look_ahead``, ...
 
     Raises:
-        InputError: an option that there is not, or a value out of range; the sentence says which.
+        InputError: an unknown option or a value out of range; the message names it.
     """
     if not isinstance(contours, Contours):
         raise InputError(
@@ -50,9 +50,9 @@ def tracker(
 
 
 def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
-    """Polylines ``[..., P, V, 2]``, pixels, of estimates ``[..., P, D]``.
+    """Convert estimates ``[..., P, D]`` to polylines ``[..., P, V, 2]``, pixels.
 
-    A closed contour's last point is its first.
+    A closed contour's last point equals its first.
 
     Args:
         tracker: from ``tracker``.

@@ -1,14 +1,14 @@
-"""Files of contours: where targets known by their outlines start, and their tracks.
+"""Files of contours: start contours and tracks.
 
 JSON, written by hand or from a mask::
 
     {"closed": true, "contours": {"left leaf": [[10, 20], [30, 18], ...], ...}}
 
 Points are control points of a cubic B-spline (or of another ``"degree"``) in continuous pixels,
-pixel (0, 0) being the square [0, 1) x [0, 1).  A closed contour's first point is not repeated.
-A spline passes near its control points, not through them; the drawing ``outline_points`` of a
-contour shows where.  ``"width"``, optional, makes an open contour the middle of a wire of so many
-pixels whose two edges are seen.
+with pixel (0, 0) the square [0, 1) x [0, 1).  A closed contour's first point is not repeated.
+A spline passes near its control points, not through them; the likelihood's ``outline_points``
+returns points on the curve.  The optional ``"width"`` makes an open contour the centreline of a
+wire of that width in pixels, with two visible edges.
 """
 
 import json
@@ -27,18 +27,18 @@ from jaxpf.shapes.splines import CUBIC, check_order, crosses_itself, points_on
 TRACK_HEADER = "frame,contour,kind,point,x,y"
 _KEYS = {"closed", "contours", "degree", "width"}
 _EXAMPLE = '{"closed": true, "contours": {"leaf": [[10, 20], [30, 18], [32, 40], [12, 38]]}}'
-#: Points at which a contour is looked at, to see whether it crosses itself.
+#: Number of points at which a contour is tested for self-intersection.
 _LOOKED_AT = 200
 
 
 def read_contours(path: str | os.PathLike[str]) -> Contours:
     """Read a file of contours.
 
-    A contour that crosses itself is accepted, and said in ``remarks``.
+    A contour that crosses itself is accepted and reported in ``remarks``.
 
     Raises:
-        InputError: no such file, no JSON, a key that is missing or unknown, too few control
-            points, contours of different lengths, something that is not a finite number.
+        InputError: no such file, invalid JSON, a missing or unknown key, too few control points,
+            contours of different lengths, or a value that is not a finite number.
     """
     path = Path(path)
     content = _content(path)
@@ -82,11 +82,7 @@ def read_contours(path: str | os.PathLike[str]) -> Contours:
 
 
 def write_contours(path: str | os.PathLike[str], contours: Contours) -> None:
-    """Write a file that ``read_contours`` reads.
-
-    Raises:
-        InputError: it cannot be written.
-    """
+    """Write a file that ``read_contours`` reads."""
     lines = [
         f"  {json.dumps(name)}: {json.dumps(np.round(rows, 3).tolist())}"
         for name, rows in zip(contours.names, np.asarray(contours.points, float), strict=True)
@@ -99,10 +95,10 @@ def write_contours(path: str | os.PathLike[str], contours: Contours) -> None:
 
 
 class ContourTrackWriter(LineWriter):
-    """Append tracks of contours, frame by frame; after every frame the file holds whole lines only.
+    """Appends tracks of contours to a file, which after every frame contains whole lines only.
 
-    CSV with the header ``frame,contour,kind,point,x,y``: of every contour the points of kind
-    ``control``, which a file of contours takes, and those of kind ``outline``, to draw.
+    CSV with the header ``frame,contour,kind,point,x,y``.  Every contour has points of kind
+    ``control``, usable as start contours, and of kind ``outline``, for drawing.
     """
 
     header = TRACK_HEADER
@@ -113,8 +109,8 @@ class ContourTrackWriter(LineWriter):
         Args:
             frame: counting from 0.
             names: ``[P]``.
-            control: control points ``[P, K, 2]``, pixels; K is 0 where there are none.
-            outlines: ``[P, V, 2]``; a target with a point that is not finite is left out.
+            control: control points ``[P, K, 2]``, pixels; K is 0 if there are none.
+            outlines: ``[P, V, 2]``; a target with a non-finite point is omitted.
 
         Raises:
             InputError: the disk is full or the file cannot be written.
@@ -146,7 +142,7 @@ def _content(path: Path) -> dict[str, Any]:
 
 
 def _unique(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A JSON object; of two entries of one name, JSON would drop the first without a word."""
+    """Build a JSON object; refuse duplicate names, of which JSON would silently drop the first."""
     names = [name for name, _ in pairs]
     for name in names:
         if names.count(name) > 1:

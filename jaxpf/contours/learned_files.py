@@ -1,8 +1,8 @@
-"""Files of what contours were seen to do: a shape space, and how its coordinates move.
+"""Files of learned contour models: a shape space and its dynamics.
 
 JSON, as ``jaxpf contour learn`` writes it and ``jaxpf track --learned`` reads it.  ``"space"``
-holds the arrays of ``jaxpf.shapes.ShapeSpace``, ``"dynamics"``, where it is not null, those
-of ``jaxpf.dynamics.LinearGaussian``, both for one target.  All targets of a run share them.
+holds the arrays of ``jaxpf.shapes.ShapeSpace``; ``"dynamics"``, unless null, those of
+``jaxpf.dynamics.LinearGaussian``; both for one target.  All targets of a run share them.
 """
 
 import json
@@ -22,11 +22,7 @@ from jaxpf.shapes.spaces import ShapeSpace
 
 
 def write_learned(path: str | os.PathLike[str], learned: Learned) -> None:
-    """Write a file that ``read_learned`` reads.
-
-    Raises:
-        InputError: it cannot be written.
-    """
+    """Write a file that ``read_learned`` reads."""
     space = learned.space
     about = {
         "closed": space.closed,
@@ -47,7 +43,7 @@ def read_learned(path: str | os.PathLike[str]) -> Learned:
     """Read a file that ``write_learned`` wrote.
 
     Raises:
-        InputError: no such file, or another content.
+        InputError: the file is missing or has other content.
     """
     path = Path(path)
     text = read_text(path, "a learned shape space", "one that `jaxpf contour learn` wrote")

@@ -1,4 +1,4 @@
-"""Shape space and dynamics of contours, learned from annotated frames."""
+"""Learns the shape space and dynamics of contours from annotated frames."""
 
 from typing import Any
 
@@ -11,9 +11,9 @@ from jaxpf.shapes.learning import learn_shape_space, varied
 from jaxpf.shapes.spaces import ShapeSpace, key_frame_space
 from jaxpf.shapes.splines import points_on
 
-#: Points at which contours are compared.
+#: Number of points at which contours are compared.
 _POINTS = 64
-#: Control points of a contour: memory and time grow with their square.
+#: Maximum number of control points: memory and time grow with its square.
 _MOST_POINTS = 500
 
 
@@ -26,7 +26,7 @@ def learn_contours(
     coefficients: str = "steps",
     turns: int = 0,
 ) -> tuple[Learned, list[str]]:
-    """What annotated contours look like and how they move, all targets together.
+    """Learn shapes and motion from annotated contours, pooled over all targets.
 
     Args:
         annotated: from ``jaxpf.contours.annotated_files``.
@@ -34,11 +34,11 @@ def learn_contours(
         num_points: K, control points of a contour.
         order: of the dynamics, 1 or 2; 0 learns none.
         coefficients: see ``jaxpf.dynamics.fit``.
-        turns: of centrelines, in how many directions they are shown, and in a mirror and from the
-            other end too (``jaxpf.shapes.varied``); 0 shows them as they are.
+        turns: of centrelines, number of directions for data augmentation by rotation, mirroring
+            and reversal (``jaxpf.shapes.varied``); 0 for no augmentation.
 
     Returns:
-        What was learned, and sentences on how well.
+        The learned model, and sentences on its fit.
 
     Raises:
         InputError: too few contours for the dimension, too few frames for the dynamics, too many

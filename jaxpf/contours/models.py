@@ -1,4 +1,4 @@
-"""Models of contours that start at given ones (maccormick1999)."""
+"""Models of contours with given start contours (maccormick1999)."""
 
 from typing import Any
 
@@ -24,23 +24,20 @@ def contours_model(
     scale: ArrayLike = DEFAULT_SCALE,
     flip: Any = None,
 ) -> Model:
-    """Contours that start at given ones.
+    """Contours that move from given start contours.
 
-    Opaque targets carry a label that says in which order they lie in depth, and partitioned
-    sampling is branched: a particle places the target first that it believes to be nearest.
+    Opaque targets carry a label for their order in depth, and partitioned sampling is branched:
+    each particle samples first the target that it believes to be nearest.
 
     Args:
         likelihood: of points of the space, such as ``jaxpf.likelihoods.contours``.
         start: control points just before the first frame.
         space: see ``start_space``.
         dynamics: such as ``jaxpf.dynamics.fit`` learns; default a random walk.
-        scale: of that walk: noise of the shift and of every other coordinate, ``[2]``, or of each
-            coordinate, ``[D]``; pixels.
-        flip: of opaque targets, probability per frame that two of them change places in depth, see
-            ``WithOcclusion``; None: they are not opaque.
-
-    Raises:
-        InputError: an argument is out of range; the sentence says which.
+        scale: noise of that random walk, pixels: of the shift and of the other coordinates,
+            ``[2]``, or of each coordinate, ``[D]``.
+        flip: of opaque targets, probability per frame that two neighbours in depth swap, see
+            ``WithOcclusion``; None if targets are not opaque.
     """
     space = start_space(start, space)
     if dynamics is None:
@@ -63,15 +60,15 @@ def contours_model(
 
 
 def start_space(start: Contours, space: Any = "similarity") -> Any:
-    """The shape space around contours.
+    """Return the shape space of contours.
 
     Args:
         start: control points.
-        space: ``"translation"``, ``"similarity"`` or ``"affine"``, of each contour's start; or a
-            space learned from key frames, which must hold the start.
+        space: ``"translation"``, ``"similarity"`` or ``"affine"``, relative to each start contour;
+            or a space learned from key frames, which must contain the start.
 
     Raises:
-        InputError: an unknown space, or one of other contours.
+        InputError: an unknown space, or one that does not match the contours.
     """
     if isinstance(space, str):
         return space_of(space, start.points, closed=start.closed, degree=start.degree)
@@ -85,7 +82,7 @@ def start_space(start: Contours, space: Any = "similarity") -> Any:
 
 
 def _noise(scale: ArrayLike, dimension: int) -> np.ndarray:
-    """``[D]``."""
+    """Expand and check the noise, ``[D]``."""
     values = np.asarray(scale, np.float32)
     if values.shape == (2,):
         values = np.concatenate([np.full(2, values[0]), np.full(dimension - 2, values[1])])

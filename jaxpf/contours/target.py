@@ -1,7 +1,7 @@
-"""Contours: targets known by their outlines, look-alikes among them (maccormick1999).
+"""The contour target: objects, including look-alikes, recognised by outline (maccormick1999).
 
-A contour is a partition whose substate is a point of a shape space, such as ``jaxpf.shapes.spaces``
-has; all coordinates are in pixels.
+A contour is a partition whose substate is a point of a shape space, such as those of
+``jaxpf.shapes.spaces``; all coordinates are in pixels.
 """
 
 import dataclasses
@@ -18,15 +18,15 @@ from jaxpf.contract.options import check_options, option, plain
 from jaxpf.shapes.splines import basis, even_places, points_on
 from jaxpf.targets.target import Looks, Start, Target
 
-#: Pieces of the polyline that a contour is reported as.
+#: Number of segments of a reported polyline.
 PIECES = 64
-#: The order of contours that are apart is unknown, and what few particles keep of it is chance.
+#: The depth order of separate contours is unknown; few particles would keep an arbitrary one.
 _FLIP = 0.5
 
 
 @dataclasses.dataclass(frozen=True)
 class Options:
-    """Options of the model of contours; see the help of each."""
+    """Options of the contour model; see the help of each."""
 
     shape_space: str | None = option(
         None,
@@ -131,13 +131,13 @@ class Options:
 
     @property
     def hides(self) -> bool:
-        """Whether contours hide one another."""
+        """Whether contours occlude one another."""
         return self.exclusion.startswith("opaque")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ContourStart(Start):
-    """Where contours are, and what is known of their kind.
+    """Start contours, with an optional learned model.
 
     Attributes:
         contours: their control points.
@@ -151,7 +151,7 @@ class ContourStart(Start):
 class ContourTarget(Target):
     """Contours as a target.
 
-    A shape is a polyline x, y, x, y, ... in pixels; a closed contour's last point is its first.
+    A shape is a polyline x, y, x, y, ... in pixels; a closed contour's last point equals its first.
     """
 
     name = "contours"
@@ -188,10 +188,10 @@ class ContourTarget(Target):
         )
 
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
-        """See ``Target``; substates are those of a shape space.
+        """See ``Target``; substates are points of a shape space.
 
         Raises:
-            InputError: options that do not go with what was learned.
+            InputError: options that conflict with the learned model.
         """
         from jaxpf.contours.models import contours_model
 
@@ -222,7 +222,7 @@ class ContourTarget(Target):
 
     @property
     def has_places(self) -> bool:
-        """See ``Target``: every shape space begins with the shift of the middle."""
+        """See ``Target``: every shape space begins with the shift of the centre."""
         return True
 
     def shapes(self, start: Start, estimate: Any, tracker: Any) -> np.ndarray:
@@ -230,9 +230,9 @@ class ContourTarget(Target):
         return shapes_of(tracker, estimate)
 
     def outlines(self, start: Start, shapes: Any) -> Any:
-        """See ``Target``: there and back again, so that what joins the ends is no line of its own.
+        """See ``Target``: polylines there and back, so that closing the polygon adds no line.
 
-        Not convex; ``measures`` knows.
+        These outlines are not convex; ``measures`` accounts for that.
         """
         import jax.numpy as jnp
 
@@ -252,7 +252,7 @@ CONTOURS = ContourTarget()
 
 
 def contour_start(contours: Contours, learned: Learned | None = None) -> ContourStart:
-    """Where contours start, and what was learned of their kind."""
+    """Build the start of contours from control points and an optional learned model."""
     kind: dict[str, Any] = {"closed": contours.closed, "degree": contours.degree}
     lines = points_on(contours.points, PIECES + (not contours.closed), **kind)
     if contours.closed:
@@ -271,10 +271,10 @@ def contour_start(contours: Contours, learned: Learned | None = None) -> Contour
 
 
 def shapes_of(tracker: Any, estimate: Any) -> np.ndarray:
-    """Shapes ``[..., P, S]`` of estimates, as the tracker's shape space draws them.
+    """Convert estimates to shapes ``[..., P, S]`` with the tracker's shape space.
 
     Raises:
-        InputError: a user's likelihood without a shape space.
+        InputError: a user-defined likelihood without a shape space.
     """
     space = getattr(tracker.likelihood, "space", None)
     if space is None:
@@ -291,7 +291,7 @@ def shapes_of(tracker: Any, estimate: Any) -> np.ndarray:
 
 
 def _space(options: Options, start: ContourStart) -> Any:
-    """The shape space that was learned, or the one that was asked for."""
+    """Return the learned shape space, or the requested one."""
     from jaxpf.contours.models import start_space
 
     if start.learned is not None and options.shape_space is not None:
@@ -304,5 +304,5 @@ def _space(options: Options, start: ContourStart) -> Any:
 
 
 def polylines(shapes: Any) -> Any:
-    """Shapes ``[..., P, 2 V]`` as polylines ``[..., P, V, 2]``."""
+    """Reshape shapes ``[..., P, 2 V]`` to polylines ``[..., P, V, 2]``."""
     return shapes.reshape(*shapes.shape[:-1], -1, 2)

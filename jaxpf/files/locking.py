@@ -8,31 +8,31 @@ from pathlib import Path
 from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import LOCK as LOCK, report_os_errors
 
-#: Seconds in which a lock that was just given back, and its file removed, is had in spite of it.
+#: Seconds to retry: acquiring fails briefly while another process removes the lock's file.
 _PATIENCE = 0.1
-#: What file systems without locks answer: there nothing is kept.
+#: Errors of file systems that do not support locks; there, folders are not locked.
 _NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP)
 
 
 @contextlib.contextmanager
 def locked(folder: Path, doing: str, *, keep: bool = True) -> Iterator[None]:
-    """Keep other processes from writing into the same folder at the same time.
+    """Lock a folder, so that no other process or thread writes into it at the same time.
 
-    The system drops the lock when the process ends, however it ends.
+    The system releases the lock when the process ends, even after a crash.
 
     Args:
-        folder: is created.
-        doing: what messages say of the other process, such as "evaluating".
-        keep: leave the lock's file behind, for the next process.
+        folder: created if missing.
+        doing: what the other process does, for messages, such as "evaluating".
+        keep: leave the lock's file behind for the next process.
 
     Raises:
-        InputError: another process holds the folder, or it cannot be written.
+        InputError: another process holds the lock, or the folder cannot be written.
     """
     from filelock import FileLock, Timeout
 
     with report_os_errors("write into the folder", folder):
         folder.mkdir(parents=True, exist_ok=True)
-        # Each call has a lock of its own: also two threads of a process keep each other out.
+        # Each call creates its own lock object, so that threads of one process exclude each other.
         lock = FileLock(folder / LOCK, timeout=_PATIENCE, poll_interval=_PATIENCE / 5)
         try:
             lock.acquire()
@@ -48,7 +48,7 @@ def locked(folder: Path, doing: str, *, keep: bool = True) -> Iterator[None]:
         yield
     finally:
         if not keep:
-            # Before it is given back, or it might be another process's already.
+            # Before the release: afterwards the file may already belong to another process.
             with contextlib.suppress(OSError):
                 (folder / LOCK).unlink()
         lock.release()

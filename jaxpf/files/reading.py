@@ -1,4 +1,4 @@
-"""Text and tables in, with one sentence for each way in which a file cannot be read."""
+"""Reads text files and tables, with a clear message for every way in which reading can fail."""
 
 import codecs
 import csv
@@ -12,15 +12,15 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 
 
 def read_text(path: Path, what: str, expected: str) -> str:
-    """The text of a file: UTF-8 with or without its mark, or UTF-16 with it.
+    """Read a text file: UTF-8 with or without a byte order mark, or UTF-16 with one.
 
     Args:
         path: the file.
-        what: it holds, such as ``"boxes"``.
-        expected: what to give, for messages.
+        what: the kind of content, for messages, such as ``"boxes"``.
+        expected: what to give instead, for messages.
 
     Raises:
-        InputError: no file, no text, or not to be read.
+        InputError: the file is missing, unreadable or not text.
     """
     if path.is_dir():
         raise InputError(f"'{path}' is a folder; give a file of {what}: {expected}")
@@ -38,18 +38,18 @@ def read_text(path: Path, what: str, expected: str) -> str:
 
 
 def parse_number(field: str, place: str, remedy: str) -> float:
-    """The finite number in a field.
+    """Parse a field as a finite number.
 
     Args:
         field: its text, such as ``"1"``, ``"1.0"`` or ``"1e2"``.
-        place: where it stands and what it is, for messages: ``"line 3 of 'a.csv' has x"``.
-        remedy: what to give instead.
+        place: where the field is and what it holds, for messages: ``"line 3 of 'a.csv' has x"``.
+        remedy: what to give instead, for messages.
 
     Raises:
-        InputError: it is not a finite number; one with a decimal comma is named as such.
+        InputError: not a finite number; the message points out a decimal comma.
     """
     try:
-        value = math.nan if "_" in field else float(field)  # Python alone writes 1_000
+        value = math.nan if "_" in field else float(field)  # only Python accepts 1_000
     except ValueError:
         value = math.nan
     if math.isfinite(value):
@@ -60,12 +60,12 @@ def parse_number(field: str, place: str, remedy: str) -> float:
 
 
 def read_rows(path: Path, what: str, expected: str) -> list[tuple[int, list[str]]]:
-    """Number and stripped fields of every line of a table that is not blank.
+    """Read a table; return line number and stripped fields of every non-blank line.
 
-    Commas separate the fields, or the semicolons or tabs of the first line.
+    The separator is a comma, unless the first line contains semicolons or tabs.
 
     Raises:
-        InputError: see ``read_text``; or a line that is no CSV.
+        InputError: as for ``read_text``, or a line is not valid CSV.
     """
     lines = read_text(path, what, expected).splitlines()
     first = next((line.strip() for line in lines if line.strip()), "")

@@ -1,4 +1,4 @@
-"""A filter's state on disk: saved after some frames, loaded to go on with more."""
+"""Saves a filter's state to disk and loads it to resume tracking."""
 
 import os
 from typing import Any
@@ -10,7 +10,7 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import atomic_write
 
-#: Of the file; another one is not read.
+#: Version of the file format; other versions are refused.
 _FORMAT = 1
 _STATE, _FORMAT_NAME, _TIME_NAME = "state", "format", "time"
 
@@ -18,16 +18,16 @@ _STATE, _FORMAT_NAME, _TIME_NAME = "state", "format", "time"
 def save(path: str | os.PathLike[str], state: Any, time: int = 0) -> None:
     """Write a tracker's state to a file, which appears under its name only when complete.
 
-    The file holds the arrays, as NumPy's ``.npz``, and neither code nor the tracker itself: who
-    goes on makes the same tracker again, of the same start frame.
+    The file is a NumPy ``.npz`` archive of arrays.  It contains neither code nor the tracker
+    itself: to resume, build the same tracker again from the same start frame.
 
     Args:
-        path: of the file.
+        path: the file.
         state: of any tracker, a pytree of arrays and random keys.
-        time: frames tracked so far, for ``saved_time``; ``jaxpf.run`` goes on with that number.
+        time: frames tracked so far, returned by ``saved_time``; ``jaxpf.run`` resumes there.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the file cannot be written.
     """
     arrays = {_STATE + place: _plain(leaf) for place, leaf in _leaves(state)}
     about = {_FORMAT_NAME: np.array(_FORMAT), _TIME_NAME: np.array(time)}
@@ -36,15 +36,15 @@ def save(path: str | os.PathLike[str], state: Any, time: int = 0) -> None:
 
 
 def load(path: str | os.PathLike[str], tracker: Any) -> Any:
-    """The state that ``save`` wrote.
+    """Load the state that ``save`` wrote.
 
     Args:
-        path: of the file.
-        tracker: which goes on with it; it must be such a tracker as that which was saved.
+        path: the file.
+        tracker: the tracker that resumes; it must match the saved one.
 
     Raises:
-        InputError: the file cannot be read, or holds the state of another tracker: of another
-            filter, or with another number of particles or objects.
+        InputError: the file cannot be read, or its state belongs to another filter or to another
+            number of particles or objects.
     """
     wanted = jax.eval_shape(tracker.init, jax.random.key(0))
     content = _content(path)
@@ -69,11 +69,7 @@ def load(path: str | os.PathLike[str], tracker: Any) -> Any:
 
 
 def saved_time(path: str | os.PathLike[str]) -> int:
-    """How many frames had been tracked when a state was saved.
-
-    Raises:
-        InputError: the file cannot be read.
-    """
+    """Return the number of frames tracked when the state was saved."""
     return int(_content(path)[_TIME_NAME])
 
 
@@ -85,7 +81,7 @@ def _content(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InputError(f"cannot read the state '{path}': {reason}; check the path.") from error
-    except Exception:  # there is no end to what a damaged archive raises
+    except Exception:  # a damaged archive can raise almost anything
         raise InputError(f"'{path}' holds no state; give a file that jaxpf.save wrote.") from None
     if number != _FORMAT:
         raise InputError(
@@ -96,7 +92,7 @@ def _content(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
 
 
 def _leaves(state: Any) -> list[tuple[str, Any]]:
-    """Arrays of a state, each with its place, such as ``.log_weights``."""
+    """Arrays of a state, each with its path in the pytree, such as ``.log_weights``."""
     leaves = jax.tree_util.tree_leaves_with_path(state)
     return [(jax.tree_util.keystr(path), leaf) for path, leaf in leaves]
 
@@ -110,7 +106,7 @@ def _data(leaf: Any) -> Any:
 
 
 def _restored(value: np.ndarray, leaf: Any) -> jax.Array:
-    """What was saved, of the kind of a leaf that is known by its shape alone."""
+    """Convert a saved array to the type of ``leaf`` (array or random key), known by shape only."""
     if not _is_key(leaf):
         return jnp.asarray(value)
     kinds: list[Any] = []

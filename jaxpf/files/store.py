@@ -1,6 +1,6 @@
-"""Work that goes on after a stop: what was asked, and what came of it so far, piece by piece.
+"""A resumable store: the settings of a job and the pieces of its results finished so far.
 
-Evaluations keep their batches of runs so, papers their parts, tuning its descents.
+Evaluations store batches of runs, papers parts of experiments, tuning its descents.
 """
 
 import contextlib
@@ -17,19 +17,19 @@ from jaxpf.contract.options import plain
 from jaxpf.files.writing import PARTIAL, atomic_write, report_os_errors, write_text
 
 SETTINGS = "settings.json"
-#: The array of a piece that holds what is said of it, as JSON.
+#: Name of the array that holds a piece's metadata as JSON.
 _ABOUT = "about"
 
 
 class Damaged(InputError):
-    """A piece that is missing, cut off or altered."""
+    """A piece is missing, truncated or altered."""
 
 
 class Store:
-    """Pieces by name, each a file of arrays that is complete or absent, in one folder.
+    """Named pieces in one folder, each a file of arrays that is either complete or absent.
 
     Attributes:
-        folder: of the pieces, ``NAME.npz``, and of ``settings.json``.
+        folder: holds the pieces, ``NAME.npz``, and ``settings.json``.
         remedy: what to do about a damaged piece, for messages.
     """
 
@@ -38,11 +38,7 @@ class Store:
         self.remedy = remedy
 
     def settings(self) -> Any:
-        """What was asked, as ``begin`` wrote it; None where nothing was begun.
-
-        Raises:
-            InputError: the file cannot be read.
-        """
+        """Return the settings that ``begin`` wrote, or None if no job was begun."""
         path = self.folder / SETTINGS
         try:
             return json.loads(path.read_text(encoding="utf-8"))
@@ -52,29 +48,25 @@ class Store:
             raise InputError(f"'{path}' cannot be read ({error}); {self.remedy}.") from None
 
     def begin(self, settings: Mapping[str, Any]) -> None:
-        """Create the folder, and write what is asked, fit for JSON.
-
-        Raises:
-            InputError: it cannot be written.
-        """
+        """Create the folder and write the settings, which must be JSON-serialisable."""
         with report_os_errors("create the folder", self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
         write_text(self.folder / SETTINGS, json.dumps(settings, indent=1))
 
     def path(self, name: str) -> Path:
-        """The file of a piece."""
+        """Return the path of a piece."""
         return self.folder / f"{name}.npz"
 
     def write(self, name: str, arrays: Mapping[str, Any], about: Any = None) -> Path:
-        """Write a piece; its file appears only once it is complete.
+        """Write a piece and return its path; the file appears only once it is complete.
 
         Args:
-            name: fit for a file.
+            name: valid as a file name.
             arrays: by name.
-            about: what else is to be known of it, fit for JSON.
+            about: metadata, JSON-serialisable.
 
         Raises:
-            InputError: it cannot be written, because the disk is full for example.
+            InputError: the file cannot be written, for example because the disk is full.
         """
         said = {} if about is None else {_ABOUT: np.array(json.dumps(about))}
         with atomic_write(self.path(name), "wb") as file:
@@ -83,42 +75,42 @@ class Store:
 
     @contextlib.contextmanager
     def opened(self, name: str) -> Iterator[Mapping[str, np.ndarray]]:
-        """The arrays of a piece, read as they are asked for, with checksums.
+        """Open a piece; its arrays are read on access, with checksums.
 
         Raises:
-            Damaged: the file is missing or damaged, or within the block an array is.
+            Damaged: the file is missing or damaged; an array read in the block may raise it, too.
         """
         path = self.path(name)
         try:
             with np.load(path, allow_pickle=False) as content:
                 yield content
-        except Exception as error:  # there is no end to what a damaged archive raises
+        except Exception as error:  # a damaged archive can raise almost anything
             cause = " ".join(str(error).split())[:100]
             raise Damaged(f"'{path}' is damaged ({cause}); {self.remedy}.") from None
 
     def read(self, name: str) -> dict[str, np.ndarray]:
-        """All arrays of a piece; errors as for ``opened``."""
+        """Read all arrays of a piece; errors as for ``opened``."""
         with self.opened(name) as content:
             return {key: content[key] for key in content}
 
     def remove_leavings(self) -> None:
-        """Remove what a killed process left half-written."""
+        """Remove incomplete files left by a killed process."""
         for path in self.folder.glob(f".*{PARTIAL}*"):
             with contextlib.suppress(OSError):
                 path.unlink()
 
     def remove(self) -> None:
-        """Remove the folder with all pieces, if it is there."""
+        """Remove the folder with all pieces, if it exists."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def about(arrays: Mapping[str, np.ndarray]) -> Any:
-    """What ``Store.write`` was told about a piece; to be asked within ``Store.opened``."""
+    """Return the metadata that ``Store.write`` stored; call it within ``Store.opened``."""
     return json.loads(str(arrays[_ABOUT]))
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterable[str]:
-    """What changed between two descriptions of what is asked, as "name = old, now new"."""
+    """Yield the differences between two settings, as "name = old, now new"."""
     for name in dict.fromkeys([*old, *new]):
         before, after = old.get(name), new.get(name)
         if before == after:

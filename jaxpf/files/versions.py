@@ -1,4 +1,4 @@
-"""Versions of what results depend on."""
+"""Versions of the software that results depend on."""
 
 import platform
 from importlib.metadata import PackageNotFoundError, version
@@ -7,7 +7,7 @@ _PACKAGES = ("jaxpf", "jax", "jaxlib", "optax", "chex", "numpy", "opencv-python-
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python, the platform and the packages that results depend on."""
+    """Return the versions of Python, the platform and the packages that results depend on."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
     for package in _PACKAGES:
         try:

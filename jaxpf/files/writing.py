@@ -1,4 +1,4 @@
-"""Output folders and files that are either complete or absent."""
+"""Writes output folders and files that are either complete or absent."""
 
 import csv
 import io
@@ -16,7 +16,7 @@ def report_os_errors(action: str, path: str | os.PathLike[str]) -> Iterator[None
     """Turn an ``OSError`` within the block into an ``InputError`` that names ``path``.
 
     Args:
-        action: what was tried, as a verb phrase: ``"write"``, ``"create the folder"``.
+        action: the attempted action, a verb phrase: ``"write"``, ``"create the folder"``.
         path: the file or folder concerned.
     """
     try:
@@ -29,29 +29,26 @@ def report_os_errors(action: str, path: str | os.PathLike[str]) -> Iterator[None
         ) from error
 
 
-#: In the names of files that are not complete.
+#: Part of the names of incomplete files.
 PARTIAL = ".partial"
-#: A folder's lock, see ``jaxpf.files.locking``.
+#: Name of a folder's lock file, see ``jaxpf.files.locking``.
 LOCK = ".lock"
 
 
 def temporary_sibling(path: Path) -> Path:
-    """A hidden name in the folder of ``path``, with its suffix and the process id.
+    """Return a hidden name in the folder of ``path``, with its suffix and the process id.
 
-    Only a rename within one folder is atomic, hence the same folder; libraries that choose
-    a format by the suffix see the right one; two processes never share a name.
+    The same folder, because a rename is atomic only within one folder; the same suffix, because
+    some libraries choose the format by it; the process id, so that processes never collide.
     """
     return path.with_name(f".{path.stem}.{os.getpid()}{PARTIAL}{path.suffix}")
 
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A name to write to, of a file that appears at ``path`` only once the block ends well.
+    """Yield a temporary name; the file is renamed to ``path`` if the block succeeds.
 
-    For libraries that open their files themselves; see ``atomic_write``.
-
-    Raises:
-        InputError: the file cannot be written.
+    For libraries that open files themselves; see ``atomic_write``.
     """
     temporary = temporary_sibling(path)
     try:
@@ -59,7 +56,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
             yield temporary
             os.replace(temporary, path)
     finally:
-        with suppress(OSError):  # gone already, or never there
+        with suppress(OSError):  # already renamed, or never created
             temporary.unlink()
 
 
@@ -69,17 +66,14 @@ def atomic_write(
 ) -> Iterator[IO[Any]]:
     """Open a file that appears under its name only once it is complete.
 
-    The text goes to a temporary file in the same folder, which is flushed to disk and
-    renamed at the end of the block.  If the block raises, whatever was at ``path`` stays as
-    it was and the temporary file is removed.
+    The content goes to a temporary file in the same folder, which is flushed to disk and
+    renamed at the end of the block.  If the block raises, the file at ``path`` stays unchanged
+    and the temporary file is removed.
 
     Args:
         path: the file to write or replace; its folder must exist.
         mode: ``"w"`` or ``"wb"``.
         encoding: of text; ignored with ``"wb"``.
-
-    Yields:
-        The open file.
 
     Raises:
         InputError: the file cannot be written (no such folder, no permission, disk full).
@@ -88,7 +82,7 @@ def atomic_write(
         raise ValueError(f"mode is 'w' or 'wb', not {mode!r}")
     path = Path(path)
     text = mode == "w"
-    # newline="" keeps "\n" on every platform: the same run gives the same bytes.
+    # newline="" keeps "\n" on every platform: the same run writes the same bytes.
     options: dict[str, Any] = {"encoding": encoding, "newline": ""} if text else {}
     with atomic_path(path) as temporary, open(temporary, mode, **options) as file:
         yield file
@@ -97,23 +91,23 @@ def atomic_write(
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write a text, completely or not at all; errors as for ``atomic_write``."""
+    """Write a text file, completely or not at all; errors as for ``atomic_write``."""
     with atomic_write(path) as file:
         file.write(text)
 
 
 def csv_text(rows: Iterable[Iterable[Any]]) -> str:
-    """Rows as lines of CSV."""
+    """Format rows as CSV lines."""
     buffer = io.StringIO()
     csv.writer(buffer, lineterminator="\n").writerows(rows)
     return buffer.getvalue()
 
 
 class LineWriter:
-    """Append whole lines to a file that has its final name from the start.
+    """Appends whole lines to a file that has its final name from the start.
 
-    After every call the file holds whole lines only: nothing is lost when the program is
-    interrupted or killed.  Use it as a context manager.
+    After every call the file holds whole lines only, so an interrupted or killed program loses
+    nothing.  Use it as a context manager.
 
     Attributes:
         path: the file.
@@ -123,25 +117,17 @@ class LineWriter:
     header: str = ""
 
     def __init__(self, path: str | os.PathLike[str]):
-        """Create or empty the file, and write its header.
-
-        Raises:
-            InputError: it cannot be written.
-        """
+        """Create or empty the file and write its header."""
         self.path = Path(path)
         with report_os_errors("write", self.path):
-            # Unbuffered: one call is one call to the operating system.
+            # Unbuffered: each write is one system call.
             self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115
         self._end = 0
         if self.header:
             self.write_lines(f"{self.header}\n")
 
     def write_rows(self, rows: Iterable[Iterable[Any]]) -> None:
-        """Append lines of CSV, all of them or none.
-
-        Raises:
-            InputError: see ``write_lines``.
-        """
+        """Append CSV lines, all of them or none; errors as for ``write_lines``."""
         self.write_lines(csv_text(rows))
 
     def write_lines(self, text: str) -> None:
@@ -174,11 +160,10 @@ class LineWriter:
 
 
 def check_output_file(path: str | os.PathLike[str], flag: str = "--output") -> None:
-    """Find out now, rather than after the work, whether a file can be written; ``flag`` names it.
+    """Check before the work whether a file can be written; ``flag`` names it in messages.
 
     Raises:
-        InputError: it is no file that may be replaced, or its folder is missing or cannot be
-            written.
+        InputError: the path is a folder, device or pipe, or its folder is missing or read-only.
     """
     path = Path(path)
     if path.exists() and not path.is_file():
@@ -191,25 +176,21 @@ def check_output_file(path: str | os.PathLike[str], flag: str = "--output") -> N
 
 
 def _is_left_over(name: str) -> bool:
-    """Whether a program that was killed left a file of that name: its lock, or half a file."""
+    """Whether a killed program left a file of that name: its lock, or an incomplete file."""
     return name == LOCK or (name.startswith(".") and PARTIAL in name)
 
 
 def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
-    """Create the folder for a run's results, or refuse to mix them with other files.
+    """Create the folder for a run's results; refuse to mix them with other files.
 
-    With ``overwrite`` nothing is deleted: files of the same names are replaced as the run
-    writes them, others stay.
+    ``overwrite`` deletes nothing: the run replaces files of the same names, others stay.
 
     Args:
-        path: the folder; parents are created too.
+        path: the folder; missing parents are created.
         overwrite: accept a folder that is not empty.
 
-    Returns:
-        The folder.
-
     Raises:
-        InputError: it is a file, it is not empty, or it cannot be created or written.
+        InputError: the path is a file, or the folder is not empty or cannot be written.
     """
     path = Path(path)
     with report_os_errors("create the output folder", path):
@@ -227,8 +208,8 @@ def prepare_output_folder(path: str | os.PathLike[str], overwrite: bool = False)
             f"output folder '{path}' is not empty (it holds '{first}'); choose another folder "
             "or add --overwrite"
         )
-    # Found out now rather than after an hour of tracking; permission bits alone do not tell
-    # (read-only mounts, quotas).
+    # Test now rather than after an hour of tracking; permission bits miss read-only mounts and
+    # quotas.
     with report_os_errors("write into the output folder", path):
         probe = path / f".write-test.{os.getpid()}"
         probe.touch()

@@ -1,4 +1,4 @@
-"""Video and images in and out, drawing and plotting."""
+"""Reads and writes video and images; draws and plots."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What every source of frames is, whether a file, a folder or a camera."""
+"""The interface of every source of frames: file, folder or camera."""
 
 from collections.abc import Generator
 from pathlib import Path
@@ -7,31 +7,31 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 
-#: Frames per second where nothing says.
+#: Frames per second if the source does not specify it.
 DEFAULT_FPS = 25.0
 
 
 class FrameSource:
-    """Frames of one video, read as they are asked for; any number of times, unless it is live.
+    """Frames of one video, read on demand; repeatedly, unless the source is live.
 
-    Iterating decodes from the beginning and keeps no frame: memory does not grow with the
+    Iterating decodes from the beginning and keeps no frame, so memory does not grow with the
     length.
 
     Attributes:
-        path: the file or folder; of a live source its address as text, without a password.
-        name: the file name without suffix, or the name of the folder; what results are called by.
-        is_live: whether frames come once, and nobody knows beforehand how many.
-        is_camera: whether, besides, they wait for nobody.
+        path: the file or folder; for a live source its address as text, without a password.
+        name: the file name without suffix, or the folder's name; results use it.
+        is_live: whether frames come only once and their number is unknown beforehand.
+        is_camera: whether, in addition, frames are dropped if they are not read in time.
         width: of every frame, pixels.
         height: of every frame, pixels.
-        fps: frames per second; 25 if the container does not say, and for folders.
-        frames_expected: how many frames the container announces.  An estimate: containers
-            round, guess and lie.  None if it does not say.
-        num_frames: the exact number of frames; None until it is known.  Folders know it at
-            once, videos after a pass to the end.
+        fps: frames per second; 25 for folders and if the container does not specify it.
+        frames_expected: number of frames according to the container, often inexact; None if it
+            gives none.
+        num_frames: exact number of frames; None until known.  Folders know it at once, videos
+            after a pass to the end.
         truncated: True once a pass has shown that the video is cut off or damaged: every
-            frame that decodes was yielded, and ``note`` says what is missing.
-        note: one sentence that is worth telling the user, or None.
+            decodable frame was yielded, and ``note`` describes the missing rest.
+        note: one sentence to show the user, or None.
     """
 
     is_live = False
@@ -51,14 +51,14 @@ class FrameSource:
     def frames(self, start: int = 0) -> Generator[np.ndarray]:
         """Yield the frames from number ``start`` (counting from 0) to the end.
 
-        Frames before ``start`` are decoded and dropped: jumping by time stamps lands on the
+        Frames before ``start`` are decoded and dropped, because seeking by timestamps lands on the
         wrong frame in many videos.
 
         Yields:
             uint8 RGB [H, W, 3]; each is a fresh array.
 
         Raises:
-            InputError: ``start`` is negative or past the end, or a frame cannot be used.
+            InputError: ``start`` is negative or past the end, or a frame is unusable.
         """
         if start < 0:
             raise InputError(
@@ -69,9 +69,9 @@ class FrameSource:
         return self._frames(start)
 
     def times(self, count: int) -> np.ndarray:
-        """Seconds ``[count]`` from the first frame at which each of the first frames is shown.
+        """Return the display times of the first frames, seconds after the first, ``[count]``.
 
-        The timestamps of a video, whose frame rate may vary; else index / fps.
+        Timestamps for a video, whose frame rate may vary; index / fps otherwise.
         """
         return np.arange(count) / self.fps
 

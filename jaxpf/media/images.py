@@ -1,4 +1,4 @@
-"""Single images as frames: finding their order, decoding them to RGB."""
+"""Single images as frames: sorts them by name and decodes them to RGB."""
 
 import re
 from collections.abc import Sequence
@@ -11,13 +11,13 @@ from jaxpf.contract.errors import InputError
 from jaxpf.media.quiet import quiet_opencv
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
-#: Values in a mask: one for each target, and some for soft edges.
+#: Maximum number of values in a mask, and the number above which grey levels are soft edges.
 _MOST_VALUES, _SOFT = 64, 16
 VIDEO_SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".webm", ".wmv")
 
 
 def frame_number(name: str) -> int | None:
-    """The number at the end of a file's stem, which is the number of its frame: 12 of ``a012.png``.
+    """Return the number at the end of a file's stem, its frame number: 12 for ``a012.png``.
 
     None if the stem does not end in digits.
     """
@@ -26,17 +26,17 @@ def frame_number(name: str) -> int | None:
 
 
 def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
-    """Check that numbered files leave no frame out, since frames are told apart by their number.
+    """Check that numbered files skip no frame, since the number identifies the frame.
 
     Args:
         folder: for messages.
         names: of the files, in order.
 
     Returns:
-        A remark where the numbers have a step other than 1.
+        A note if the numbers have a step other than 1.
 
     Raises:
-        InputError: the steps differ, so that frames are missing.
+        InputError: the steps differ, so frames are missing.
     """
     numbers = [frame_number(name) for name in names]
     if len(names) < 3 or None in numbers:
@@ -57,12 +57,12 @@ def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
 def read_mask(path: Path) -> np.ndarray:
     """Read the object numbers of a mask, int ``[H, W]``; 0 is the background.
 
-    The number of a pixel is its palette index or its grey level.  A grey mask with more than
-    ``_SOFT`` levels marks one object with soft edges, and a coloured one one object of any colour.
+    A pixel's number is its palette index or grey level.  A grey mask with more than ``_SOFT``
+    levels marks one object with soft edges; a colour mask marks one object in any colour.
 
     Raises:
-        InputError: Pillow is missing, the file is no picture, or it holds several colours, which
-            are no numbers.
+        InputError: Pillow is missing, the file is not a picture, or it holds several colours,
+            which do not number objects.
     """
     try:
         from PIL import Image, UnidentifiedImageError
@@ -93,7 +93,7 @@ def read_mask(path: Path) -> np.ndarray:
 
 
 def _check_mask(path: Path, values: np.ndarray) -> None:
-    """Refuse photographs: a mask has few values."""
+    """Refuse photographs: a mask has few distinct values."""
     count = len(np.unique(values.reshape(values.shape[0] * values.shape[1], -1), axis=0))
     if count > _MOST_VALUES:
         kind = "grey levels" if values.ndim == 2 else "colours"
@@ -104,14 +104,14 @@ def _check_mask(path: Path, values: np.ndarray) -> None:
 
 
 def natural_order(name: str) -> tuple[list[str | int], str]:
-    """Sort key that compares runs of digits as numbers: ``a2`` before ``a10``."""
+    """Return a sort key that compares runs of digits as numbers: ``a2`` before ``a10``."""
     parts = re.split(r"([0-9]+)", name.lower())
-    # Text and digits alternate, so that like is always compared with like.
+    # Text and digits alternate, so that only values of one type are compared.
     return [int(part) if index % 2 else part for index, part in enumerate(parts)], name
 
 
 def frames_inside(folder: Path) -> Path | None:
-    """A video or a folder of images inside ``folder``, if there is one."""
+    """Return a video or a folder of images inside ``folder``, or None."""
     for entry in sorted(folder.iterdir()):
         holds_images = entry.is_dir() and any(
             inner.suffix.lower() in IMAGE_SUFFIXES for inner in entry.iterdir()
@@ -122,9 +122,9 @@ def frames_inside(folder: Path) -> Path | None:
 
 
 def full_range(path: Path) -> int:
-    """The value of white in images of 16 bits like this one: 65535, or 4095 of 12 bits.
+    """Return the value of white in a 16-bit image: 65535, or 4095 for 12-bit data.
 
-    Cameras store 12 bits in images of 16; where no pixel is above 4095 they are taken for that.
+    Cameras store 12 bits in 16-bit images; an image with no pixel above 4095 counts as 12-bit.
     """
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if image is None or image.dtype != np.uint16:
@@ -137,11 +137,10 @@ def read_image(path: Path, most: int = 65535) -> np.ndarray:
 
     Args:
         path: the file.
-        most: value of white in an image of 16 bits, see ``full_range``.
+        most: value of white in a 16-bit image, see ``full_range``.
 
     Raises:
-        InputError: it cannot be read or decoded, has another depth than 8 or 16 bits, or holds
-            several pictures.
+        InputError: the image cannot be read or decoded, or its depth is not 8 or 16 bits.
     """
     try:
         data = path.read_bytes()
@@ -160,7 +159,7 @@ def read_image(path: Path, most: int = 65535) -> np.ndarray:
 
 
 def check_single(path: Path) -> None:
-    """Refuse a TIFF or WebP file with several pictures, of which only the first would be read."""
+    """Refuse a TIFF or WebP file with several pictures, of which OpenCV would read only one."""
     if path.suffix.lower() in (".tif", ".tiff", ".webp"):
         with quiet_opencv():
             count = cv2.imcount(str(path))
@@ -172,10 +171,9 @@ def check_single(path: Path) -> None:
 
 
 def to_rgb(image: np.ndarray, path: Path | str, most: int = 65535) -> np.ndarray:
-    """From OpenCV's BGR [H, W, 3] or grey [H, W], 8 or 16 bits, to uint8 RGB [H, W, 3].
+    """Convert OpenCV's BGR [H, W, 3] or grey [H, W], 8 or 16 bits, to uint8 RGB [H, W, 3].
 
-    Raises:
-        InputError: another depth; ``path`` is named.
+    ``path`` names the image in messages.
     """
     if image.dtype == np.uint16:
         scaled = (image.astype(np.uint32) * 255 + most // 2) // most

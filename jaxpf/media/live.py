@@ -1,4 +1,4 @@
-"""Frames as they come: cameras, streams and pipes, read once, by a thread of their own."""
+"""Live frames of cameras, streams and pipes, read once, in a separate thread."""
 
 import collections
 import math
@@ -19,18 +19,18 @@ from jaxpf.media.frame_source import FrameSource
 from jaxpf.media.images import to_rgb
 from jaxpf.media.quiet import quiet_opencv
 
-# Two letters at least, or it is a drive.
+# At least two letters: a single one is a Windows drive.
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
-#: How long a stream may be silent, milliseconds, while it is opened and afterwards.
+#: Timeout of a stream in milliseconds, for opening and for each frame.
 _PATIENCE = 10_000
-#: Frames of a stream that may wait for whoever reads: a thread's uneven pace, little memory.
+#: Maximum queue of a stream's frames: absorbs uneven pace, needs little memory.
 _WAITING = 4
-#: Seconds between two looks at whether Ctrl-C was pressed, where waiting cannot be interrupted.
+#: Polling interval for Ctrl-C in seconds, because waiting itself may not be interruptible.
 _LOOK = 0.2
 
 
 def live_address(source: str | os.PathLike[str] | int) -> str | int | None:
-    """A camera's index, or the address of a stream, a device or a pipe; None for anything else."""
+    """Return a camera's index, or the address of a stream, device or pipe; None for other paths."""
     if isinstance(source, int):
         return source
     text = os.fspath(source)
@@ -39,33 +39,33 @@ def live_address(source: str | os.PathLike[str] | int) -> str | int | None:
     path = Path(text)
     if path.is_fifo() or _is_camera(path):
         return text
-    # More digits than any index has are the name of a file that is missing.
+    # More digits than an index can have: probably a missing file.
     if text.isdecimal() and len(text) < 10 and not path.exists():
         return int(text)
     return None
 
 
 class LiveSource(FrameSource):
-    """Frames of a camera, a stream or a pipe, which come once.
+    """Frames of a camera, stream or pipe, which can be read only once.
 
-    A thread reads them, so that Ctrl-C is answered while nothing comes.  A stream's frames and a
-    pipe's wait to be read.  A camera's do not: whoever asks gets the latest one.
+    A thread reads them, so that Ctrl-C works while no frame arrives.  Frames of a stream or pipe
+    are queued; of a camera only the latest frame is kept.
 
     Attributes:
-        num_left_out: how many frames of a camera nobody asked for in time.
+        num_left_out: number of camera frames dropped because the reader was too slow.
     """
 
     is_live = True
 
     def __init__(self, address: str | int, fps: float | None):
-        """Open it, and wait for its first frame.
+        """Open the source and wait for its first frame.
 
         Args:
             address: see ``live_address``.
             fps: see ``jaxpf.media.open_frames``.
 
         Raises:
-            InputError: it does not open, or gives no picture.
+            InputError: the source does not open, or sends no picture.
         """
         shown, name = _names(address)
         super().__init__(shown, name, fps)
@@ -77,7 +77,7 @@ class LiveSource(FrameSource):
         self._news = threading.Condition()
         self._opened = self._ended = self._closed = self._begun = self._silent = False
         self._error: Exception | None = None
-        # A daemon: a source that has fallen silent must not keep the program from ending.
+        # A daemon thread, so that a silent source cannot keep the program from ending.
         threading.Thread(target=self._read_all, daemon=True).start()
         try:
             frame = self._next()
@@ -90,7 +90,7 @@ class LiveSource(FrameSource):
         self._first: np.ndarray | None = frame
 
     def close(self) -> None:
-        """Let go of it; further calls do nothing."""
+        """Stop reading; further calls do nothing."""
         with self._news:
             self._closed = True
             self._news.notify_all()
@@ -140,7 +140,7 @@ class LiveSource(FrameSource):
             )
 
     def _next(self) -> np.ndarray | None:
-        """The next frame, or None after the last one."""
+        """Return the next frame, or None after the last one."""
         with self._news:
             while not (self._waiting or self._ended):
                 self._news.wait(_LOOK)
@@ -153,7 +153,7 @@ class LiveSource(FrameSource):
             return frame
 
     def _read_all(self) -> None:
-        """The thread."""
+        """Read frames into the queue; runs in the thread."""
         try:
             with quiet_opencv():
                 capture = _capture(self._address)
@@ -164,7 +164,7 @@ class LiveSource(FrameSource):
                     self._read_frames(capture)
             finally:
                 capture.release()
-        except Exception as error:  # reaches whoever waits for a frame
+        except Exception as error:  # raised by ``_next``
             self._error = error
         finally:
             with self._news:
@@ -173,7 +173,7 @@ class LiveSource(FrameSource):
 
     def _describe(self, capture: Any) -> None:
         fps = capture.get(cv2.CAP_PROP_FPS)
-        # Above 1000 it is the clock rate of the container, not a frame rate.
+        # Above 1000 it is the container's clock rate, not a frame rate.
         if self._fps_given is None and math.isfinite(fps) and 0 < fps <= 1000:
             self.fps = fps
         count = capture.get(cv2.CAP_PROP_FRAME_COUNT)
@@ -186,7 +186,7 @@ class LiveSource(FrameSource):
             with quiet_opencv():
                 decoded, frame = capture.read()
             patient = time.monotonic() - asked > 0.9 * _PATIENCE / 1000
-            # A last frame that came in part is decoded when patience is over, and the end follows.
+            # An incomplete last frame is decoded only after the timeout; then the stream ends.
             self._silent = patient or (self._silent and not decoded)
             if not decoded:
                 return
@@ -222,18 +222,18 @@ def _capture(address: str | int) -> Any:
         patience += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, _PATIENCE]
         return cv2.VideoCapture(address, cv2.CAP_FFMPEG, patience)
     if isinstance(address, str) and Path(address).is_fifo():
-        # Another backend would open the pipe again, and wait for a writer who has come and gone.
+        # Other backends would reopen the pipe and wait for a writer that is already gone.
         return cv2.VideoCapture(address, cv2.CAP_FFMPEG)
     return cv2.VideoCapture(address)
 
 
 def _is_camera(path: Path) -> bool:
-    """Whether a path is a camera's device, as Linux names them."""
+    """Whether a path is a camera device, by Linux naming."""
     return path.is_char_device() and path.resolve().name.startswith("video")
 
 
 def _names(address: str | int) -> tuple[str, str]:
-    """An address without a password, and a name for results."""
+    """Return the address without a password, and a name for results."""
     if isinstance(address, int):
         return f"{address}", f"camera-{address}"
     if not _URL.match(address):

@@ -1,4 +1,4 @@
-"""Drawing on frames: boxes, particles and a grid to read coordinates from.
+"""Draws boxes, particles and a coordinate grid on frames.
 
 Every function takes a uint8 RGB frame [H, W, 3] and returns a new one.  Coordinates are
 continuous pixels: pixel (0, 0) is the square [0, 1) x [0, 1).
@@ -11,14 +11,14 @@ import cv2
 import numpy as np
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
-#: Of rims, which show lines on whatever is behind them.
+#: Colour of rims, which keep lines visible on any background.
 DARK = (20, 20, 20)
 _LIGHT = (255, 255, 255)
 #: Opacity of faint lines.
 _FAINT = 0.5
-#: Scale of letters below which they cannot be read.
+#: Smallest legible font scale.
 _SMALLEST_FONT = 0.33
-#: At most this many names of small objects are listed.
+#: Maximum number of small objects whose names are listed.
 _MOST_LISTED = 12
 
 # Okabe and Ito, "Color universal design" (2008), without black; the order keeps neighbours far
@@ -35,10 +35,10 @@ _PALETTE = (
 
 
 def object_colours(num_objects: int) -> np.ndarray:
-    """Colours that people with any common kind of colour vision can tell apart.
+    """Return colours that people with any common kind of colour vision can distinguish.
 
-    Seven are distinct; from the eighth object on they come again lighter, then darker, and the
-    labels tell the objects apart.
+    Seven are distinct; from the eighth object on they repeat, first lighter, then darker, and
+    only the labels distinguish the objects.
 
     Returns:
         uint8 RGB [num_objects, 3].
@@ -57,16 +57,16 @@ def draw_boxes(
     lost: np.ndarray | None = None,
     doubtful: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Draw labelled boxes.
+    """Draw labelled boxes on a copy of the frame.
 
     Args:
         frame: uint8 RGB [H, W, 3].
         boxes: x, y, w, h in pixels [P, 4]; a box that is not finite is skipped.
         ids: the labels [P]; by default numbers, from 1.
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
-        lost: bool [P]; a lost object's box is dashed and its label says so.
-        doubtful: bool [P]; the box of an object that is probably lost is dashed and faint, and its
-            label has a question mark.
+        lost: bool [P]; a lost object's box is dashed and its label says "lost".
+        doubtful: bool [P]; a probably lost object's box is dashed and faint, and its label has a
+            question mark.
     """
     frame = frame.copy()
     boxes = np.asarray(boxes, np.float64).reshape(-1, 4)
@@ -114,7 +114,7 @@ def draw_rectangles(
     lost: np.ndarray | None = None,
     doubtful: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Draw labelled rectangles at any angle.
+    """Draw labelled rectangles at any angle on a copy of the frame.
 
     Args:
         frame: uint8 RGB [H, W, 3].
@@ -122,9 +122,9 @@ def draw_rectangles(
             not finite is skipped.
         names: the labels [P].
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
-        lost: bool [P]; a lost part is drawn by its corners alone and its label says so.
-        doubtful: bool [P]; a part that is probably lost is drawn by its corners alone, and its
-            label has a question mark.
+        lost: bool [P]; a lost part is drawn as four corner dots and its label says "lost".
+        doubtful: bool [P]; a probably lost part is drawn as four corner dots, and its label has a
+            question mark.
     """
     frame = frame.copy()
     corners = np.asarray(corners, np.float64).reshape(-1, 4, 2)
@@ -139,7 +139,7 @@ def draw_rectangles(
     for index, quad in enumerate(corners):
         if not np.isfinite(quad).all():
             continue
-        # OpenCV counts from the middle of a pixel, here in 16ths; far outside it would overflow.
+        # OpenCV counts from a pixel's centre, here in 16ths; clip to avoid overflow far outside.
         quad = np.clip(quad, -size, 2 * size)
         points = ((quad - 0.5) * 16).round().astype(np.int32)
         colour = _as_colour(colours[index])
@@ -163,14 +163,14 @@ def draw_particles(
     colours: np.ndarray | None = None,
     max_per_object: int = 200,
 ) -> np.ndarray:
-    """Draw one dot per particle and object.
+    """Draw one dot per particle and object on a copy of the frame.
 
     Args:
         frame: uint8 RGB [H, W, 3].
-        centres: x, y in pixels [P, N, 2]; those that are not finite are skipped.
+        centres: x, y in pixels [P, N, 2]; non-finite ones are skipped.
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
-        max_per_object: the largest number of particles to draw, evenly spread over the particle
-            index, so that the picture does not depend on chance.
+        max_per_object: maximum number of particles to draw, evenly spaced in the particle index,
+            so that the picture does not depend on chance.
     """
     frame = frame.copy()
     centres = np.asarray(centres, np.float64)
@@ -184,7 +184,7 @@ def draw_particles(
     height, width = frame.shape[:2]
     pixels = frame.reshape(-1, 3)
     for points, colour in zip(centres[:, chosen], colours, strict=True):
-        # Far outside the frame, whole numbers would overflow.
+        # Only points near the frame: integers would overflow far outside.
         near = (points > -radius) & (points < (width + radius, height + radius))
         columns, rows = np.floor(points[near.all(axis=-1)]).astype(int).T[..., None] + dot
         inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
@@ -195,11 +195,11 @@ def draw_particles(
 def draw_spreads(
     frame: np.ndarray, centres: np.ndarray, spreads: np.ndarray, colours: np.ndarray | None = None
 ) -> np.ndarray:
-    """Draw how sure each place is: a faint ellipse of two standard deviations.
+    """Draw the uncertainty of each position: a faint ellipse of two standard deviations.
 
     Args:
         frame: uint8 RGB [H, W, 3].
-        centres: x, y in pixels [P, 2]; those that are not finite are skipped.
+        centres: x, y in pixels [P, 2]; non-finite ones are skipped.
         spreads: standard deviations of x and of y in pixels [P, 2].
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
     """
@@ -208,7 +208,7 @@ def draw_spreads(
     for centre, spread, colour in zip(centres, spreads, colours, strict=True):
         if not np.isfinite([*centre, *spread]).all() or (np.abs(centre) > 4 * size).any():
             continue
-        # OpenCV counts from the middle of a pixel, here in 16ths.
+        # OpenCV counts from a pixel's centre, here in 16ths.
         middle, axes = (centre - 0.5) * 16, np.minimum(2 * spread, 4 * size) * 16
         at, reach = (tuple(map(int, np.round(values))) for values in (middle, axes))
         for line, width in ((DARK, 2 * line_thickness(frame) + 1), (_as_colour(colour), 1)):
@@ -217,18 +217,17 @@ def draw_spreads(
 
 
 def draw_pixel_grid(frame: np.ndarray, step: int | None = None) -> np.ndarray:
-    """Draw a labelled grid, so that a user can read the coordinates of a box off the picture.
+    """Draw a labelled grid, for reading the coordinates of a box off the picture.
 
-    A frame whose longer side is under 480 pixels is enlarged by a whole factor, so that the
-    labels can be read; they count pixels of the original, and the picture says so.
+    A frame whose longer side is under 480 pixels is enlarged by a whole factor to make the
+    labels legible.  Labels count original pixels, and a note in the picture says so.
 
     Args:
         frame: uint8 RGB [H, W, 3].
-        step: distance of the lines in pixels of the original; by default about ten lines
-            along the longer side.
+        step: line spacing in original pixels; by default about ten lines along the longer side.
 
     Returns:
-        uint8 RGB [k H, k W, 3] with the enlargement k.
+        uint8 RGB [k H, k W, 3], enlarged by k.
     """
     height, width = frame.shape[:2]
     enlargement = 1 if max(width, height) >= 480 else -(-640 // max(width, height))
@@ -246,7 +245,7 @@ def draw_pixel_grid(frame: np.ndarray, step: int | None = None) -> np.ndarray:
     ):
         along = picture if draws_rows else picture.swapaxes(0, 1)
         for at in (value * enlargement for value in values):
-            # Dark beside light is visible on any background; the coordinate lies between them.
+            # Dark beside light is visible on any background; the coordinate is their border.
             _blend(along[max(at - line, 0) : at], 0)
             _blend(along[at : at + line], 255)
     for value in range(0, width, step):
@@ -265,7 +264,7 @@ def _blend(pixels: np.ndarray, grey: int) -> None:
 
 
 def line_thickness(frame: np.ndarray) -> int:
-    """Pixels of a line that is seen on a frame of this size."""
+    """Line thickness in pixels that is visible on a frame of this size."""
     return max(1, round(min(frame.shape[:2]) / 300))
 
 
@@ -274,7 +273,7 @@ def _font_scale(frame: np.ndarray) -> float:
 
 
 def _stroke(scale: float) -> int:
-    """Thickness of letters: thinner than lines, or the loops of an 8 close."""
+    """Thickness of letters: thinner than lines, so that the loops of an 8 stay open."""
     return max(1, int(2 * scale))
 
 
@@ -285,7 +284,7 @@ def _text_size(frame: np.ndarray, text: str) -> tuple[int, int]:
 
 
 def _dot(radius: int) -> np.ndarray:
-    """x, y [2, 1, K] of the pixels of a filled circle, from its middle."""
+    """Offsets x, y [2, 1, K] of the pixels of a filled circle from its centre."""
     stamp = np.zeros((2 * radius + 1, 2 * radius + 1), np.uint8)
     cv2.circle(stamp, (radius, radius), radius, 1, cv2.FILLED)
     return np.argwhere(stamp)[:, ::-1].T[:, None] - radius
@@ -296,7 +295,7 @@ def _as_colour(colour: np.ndarray) -> tuple[int, int, int]:
 
 
 def _corners(box: np.ndarray, frame: np.ndarray) -> tuple[int, int, int, int]:
-    """First and last column and row that a box covers, kept in the range of OpenCV."""
+    """First and last column and row that a box covers, clipped to OpenCV's range."""
     height, width = frame.shape[:2]
     x, y, w, h = box
     columns = np.clip([x, x + w], -width, 2 * width).round()
@@ -323,7 +322,7 @@ def _dashed_rectangle(
 
 
 class Label(NamedTuple):
-    """The name of an object, and the rectangle around the object in pixels."""
+    """An object's name and bounding rectangle in pixels."""
 
     text: str
     left: int
@@ -334,10 +333,10 @@ class Label(NamedTuple):
 
 
 def draw_labels(frame: np.ndarray, labels: Sequence[Label]) -> None:
-    """Draw names as tags that are no wider than their objects and do not cover one another.
+    """Draw names as tags that are no wider than their objects and avoid overlapping each other.
 
-    A tag stands above its object, below it or in it.  Names of objects that are too small for
-    letters that can be read are listed in the upper left corner instead.
+    A tag is placed above, below or inside its object.  Names of objects too small for legible
+    letters are listed in the upper left corner instead.
     """
     height, width = frame.shape[:2]
     taken: list[tuple[int, int, int, int]] = []
@@ -368,7 +367,7 @@ def draw_labels(frame: np.ndarray, labels: Sequence[Label]) -> None:
 
 
 def _overlap(one: tuple[int, int, int, int], other: tuple[int, int, int, int]) -> bool:
-    """Whether two rectangles x, y, width, height have pixels in common."""
+    """Whether two rectangles x, y, width, height overlap."""
     return all(
         one[axis] < other[axis] + other[axis + 2] and other[axis] < one[axis] + one[axis + 2]
         for axis in (0, 1)
@@ -387,7 +386,7 @@ def _tag_size(frame: np.ndarray, text: str, scale: float) -> tuple[int, int]:
 def _tag(
     frame: np.ndarray, text: str, x: int, y: int, colour: tuple[int, int, int], scale: float
 ) -> None:
-    """A filled tag whose upper left corner is (x, y)."""
+    """Draw a filled tag whose upper left corner is (x, y)."""
     width, height = _tag_size(frame, text, scale)
     cv2.rectangle(frame, (x, y), (x + width - 1, y + height - 1), colour, cv2.FILLED)
     luminance = 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]
@@ -399,7 +398,7 @@ def _tag(
 def label_at(
     frame: np.ndarray, text: str, left: int, top: int, colour: tuple[int, int, int]
 ) -> None:
-    """A filled tag above the corner (left, top), moved into the frame if it sticks out."""
+    """Draw a filled tag above the corner (left, top), moved into the frame if necessary."""
     height, width = frame.shape[:2]
     scale = _font_scale(frame)
     wide, high = _tag_size(frame, text, scale)
@@ -409,7 +408,7 @@ def label_at(
 
 
 def _text(frame: np.ndarray, text: str, left: int, top: int) -> None:
-    """White text on a dark plate; (left, top) is the plate's upper left corner."""
+    """Draw white text on a dark plate whose upper left corner is (left, top)."""
     width, height = _text_size(frame, text)
     pad = 1 + line_thickness(frame)
     last = (left + width + 2 * pad - 1, top + height + 2 * pad - 1)

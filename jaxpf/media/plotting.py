@@ -1,4 +1,4 @@
-"""Figures, drawn with matplotlib without a display."""
+"""Matplotlib figures, drawn without a display."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -10,17 +10,17 @@ from jaxpf.contract.names import PROBABLY_LOST
 from jaxpf.files.writing import atomic_write
 from jaxpf.media.overlay import object_colours
 
-#: Of sRGB, about; and how much each primary adds to the luminance, of which white has 1.
+#: Approximate gamma of sRGB, and the weights of its primaries in the luminance (white is 1).
 _GAMMA = 2.2
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-#: A luminance that lines on white paper need: a contrast of 2, (1 + .05) / (_LIGHTEST + .05).
+#: Maximum luminance of lines on white, for a contrast of 2: (1 + .05) / (_LIGHTEST + .05).
 _LIGHTEST = 0.475
 
 
 def new_figure(
     rows: int = 1, columns: int = 1, share_x: bool = False, **options: Any
 ) -> tuple[Any, Any]:
-    """A figure and its axes ``[rows, columns]``, for a file rather than a window."""
+    """Create a figure for a file, not a window; return it and its axes ``[rows, columns]``."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -30,15 +30,15 @@ def new_figure(
 
 
 def save_figure(figure: Any, path: str | os.PathLike[str], dpi: int = 120) -> None:
-    """Write a figure to a PNG file, completely or not at all."""
+    """Write a figure as a PNG file, completely or not at all."""
     with atomic_write(path, "wb") as file:
         figure.savefig(file, dpi=dpi, format="png")
 
 
 def colours(count: int) -> list[tuple[float, ...]]:
-    """The overlay's colours for matplotlib, so that pictures and plots agree.
+    """Return the overlay's colours for matplotlib, so that overlays and plots agree.
 
-    Those too light to be seen on white paper, such as yellow, are darkened.
+    Colours too light for white paper, such as yellow, are darkened.
     """
     linear = (object_colours(count) / 255.0) ** _GAMMA
     luminance = linear @ _LUMINANCE
@@ -55,7 +55,7 @@ def diagnostics(
     num_particles: int,
     confidence: np.ndarray | None = None,
 ) -> Any:
-    """Effective sample size, uniqueness and confidence per object, and evidence over time.
+    """Plot effective sample size, evidence, and each object's uniqueness and confidence over time.
 
     Args:
         frames: frame numbers ``[T]``.
@@ -95,7 +95,7 @@ def diagnostics(
     return figure
 
 
-#: At most this many objects are drawn in one figure of trajectories.
+#: Maximum number of objects in one figure of trajectories.
 _MOST_OBJECTS = 8
 
 
@@ -104,12 +104,12 @@ def trajectories(
     columns: Sequence[str],
     lost: Mapping[str, Sequence[Sequence[int]]],
 ) -> Any:
-    """Coordinates and speed over time with their 95 % intervals; lost stretches are shaded.
+    """Plot coordinates and speed over time with 95 % intervals; shade frames of lost objects.
 
     Args:
         table: columns of tracks.csv, see ``jaxpf.boxes.read_tracks``.
         columns: the coordinates to draw.
-        lost: id -> first and last frames of the stretches in which it was probably lost.
+        lost: id -> first and last frames of the intervals in which it was probably lost.
     """
     names = np.array([str(name) for name in table["id"].tolist()])
     shown = list(dict.fromkeys(names.tolist()))[:_MOST_OBJECTS]
@@ -139,12 +139,12 @@ def trajectories(
 def bars_with_intervals(
     axis: Any, values: Mapping[str, tuple[float, float, float]], ylabel: str
 ) -> None:
-    """Bars with asymmetric intervals: name -> (value, low, high)."""
+    """Draw bars with asymmetric intervals: name -> (value, low, high)."""
     names = list(values)
     heights = np.array([values[name][0] for name in names])
     low = np.array([values[name][1] for name in names])
     high = np.array([values[name][2] for name in names])
-    # Rounding may put a bound a hair on the wrong side of the value.
+    # Rounding may put a bound slightly on the wrong side of the value.
     errors = np.clip(np.stack([heights - low, high - heights]), 0, None)
     axis.bar(names, heights, yerr=errors, color=colours(len(names)), capsize=4)
     axis.set_ylabel(ylabel)

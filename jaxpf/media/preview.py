@@ -1,7 +1,7 @@
-"""A window that shows pictures while they are made, where there is a screen.
+"""A window that shows frames while they are processed, if there is a display.
 
-Tk draws it, which comes with Python: OpenCV's own windows are in another package than the headless
-one, and the two overwrite each other's files.
+It uses Tk, which comes with Python.  OpenCV's windows need a package other than the headless one,
+and the two packages overwrite each other's files.
 """
 
 import time
@@ -12,20 +12,20 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 
-#: Seconds between two pictures at least: more are not seen, and cost time.
+#: Minimum seconds between two pictures: a higher rate is not visible and costs time.
 _INTERVAL = 1 / 30
-#: Of the screen's width and height, what a window takes at most.
+#: Maximum size of the window as a share of the screen's width and height.
 _SHARE = 0.9
 
 
 class Preview:
-    """A window; closing it ends the showing, and nothing else."""
+    """A preview window; closing it stops the preview but not the work."""
 
     def __init__(self, title: str):
         """Open the window.
 
         Raises:
-            InputError: there is no screen, or no Tk.
+            InputError: there is no display, or Tk is missing.
         """
         try:
             import tkinter
@@ -52,11 +52,11 @@ class Preview:
 
     @property
     def is_due(self) -> bool:
-        """Whether the window is open, and the last picture has been there for long enough."""
+        """Whether the window is open and the last picture has been shown for long enough."""
         return self.is_open and time.monotonic() - self._shown_at >= _INTERVAL
 
     def show(self, picture: np.ndarray) -> None:
-        """Show a picture, uint8 RGB [H, W, 3], made smaller where the screen is."""
+        """Show a picture, uint8 RGB [H, W, 3], reduced if the screen is smaller."""
         if not self.is_open:
             return
         height, width = picture.shape[:2]

@@ -1,4 +1,4 @@
-"""Keep OpenCV and FFmpeg from printing: problems are reported in jaxpf's own sentences."""
+"""Keeps OpenCV and FFmpeg from printing: jaxpf reports problems in its own messages."""
 
 import os
 import threading
@@ -9,7 +9,7 @@ import cv2
 
 _FFMPEG_LEVEL = "OPENCV_FFMPEG_LOGLEVEL"
 _AV_LOG_QUIET = "-8"
-# OpenCV 5 moved the functions of OpenCV 4 that set the log level.
+# OpenCV 5 moved the log level functions of OpenCV 4.
 _logging = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging
 _SILENT = 0
 _lock = threading.Lock()
@@ -20,11 +20,11 @@ _environment_set = False
 
 @contextmanager
 def quiet_opencv() -> Iterator[None]:
-    """Silence OpenCV within the block; the log level and the environment are put back.
+    """Silence OpenCV within the block, then restore the log level and the environment.
 
     OpenCV reads FFmpeg's level from the environment once per process, at the first video it
-    opens.  A level that the user has set stays in force.  Blocks may nest and may overlap in
-    several threads: the first to enter saves, the last to leave restores.
+    opens.  A level set by the user stays in force.  Blocks may nest and overlap across threads:
+    the first to enter saves the settings, the last to leave restores them.
     """
     global _inside, _level_before, _environment_set
     with _lock:

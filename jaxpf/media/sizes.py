@@ -1,29 +1,29 @@
-"""Videos whose size changes on the way, which OpenCV brings to the first size without a word."""
+"""Detects videos that change size on the way, which OpenCV silently rescales to the first size."""
 
 import itertools
 import os
 from collections.abc import Iterator
 from typing import Any
 
-#: Frames from one look to the next at least, of videos that can be entered anywhere.
+#: Minimum frames between two checks, for videos in which every frame is a keyframe.
 _EVERY = 10
 
 
 class SizeWatch:
-    """The size in which a video is coded, frame by frame, beside whoever decodes it.
+    """Watches the coded size of a video frame by frame, alongside the decoder.
 
-    Only frames at which a size may change are decoded.  Without PyAV, and where FFmpeg cannot
-    read the file, nothing is found.
+    It decodes only frames at which the size may change.  Without PyAV, or if FFmpeg cannot read
+    the file, it detects no change.
     """
 
     def __init__(self, path: str | os.PathLike[str], start: int):
-        """Watch a file from frame ``start`` on."""
+        """Watch a file from frame ``start``."""
         self._all = _coded_sizes(path)
         self._sizes = itertools.islice(self._all, start, None)
         self._first: tuple[int, int] | None = None
 
     def change(self) -> str:
-        """``64x48 to 96x64`` where the next frame differs from the first one, else ``""``."""
+        """Return ``64x48 to 96x64`` if the size differs from the first frame's, else ``""``."""
         size = next(self._sizes, None)
         self._first = self._first or size
         if size is None or size == self._first:
@@ -31,12 +31,12 @@ class SizeWatch:
         return "{}x{} to {}x{}".format(*(self._first or size), *size)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Release the file."""
         self._all.close()
 
 
 def _coded_sizes(path: str | os.PathLike[str]) -> Any:
-    """Width and height of every frame."""
+    """Yield width and height of every frame."""
     try:
         import av
     except ModuleNotFoundError:
@@ -51,7 +51,7 @@ def _coded_sizes(path: str | os.PathLike[str]) -> Any:
 
 def _sizes_in(container: Any, stream: Any, damage: type[Exception]) -> Iterator[tuple[int, int]]:
     context = stream.codec_context
-    context.thread_count = 1  # several would put the answer off
+    context.thread_count = 1  # more threads would delay the size
     looked = -_EVERY
     packets = (packet for packet in container.demux(stream) if packet.size)
     for number, packet in enumerate(packets):

@@ -1,7 +1,6 @@
-"""Reading frames: video files, folders of images and live sources, one frame at a time.
+"""Reads video files, folders of images and live sources, one frame at a time.
 
-Frames are uint8 RGB arrays [H, W, 3].  Live sources are those of :mod:`jaxpf.media.live`;
-``VideoWriter`` lives in :mod:`jaxpf.media` and drawing in :mod:`jaxpf.media`.
+Frames are uint8 RGB arrays [H, W, 3].  See :mod:`jaxpf.media.live` for live sources.
 """
 
 import math
@@ -31,7 +30,7 @@ from jaxpf.media.video_writer import VideoWriter
 
 __all__ = ["DEFAULT_FPS", "FrameSource", "VideoWriter", "open_frames"]
 
-# How the commonest containers begin; used only to tell "damaged" from "not a video".
+# Signatures of common containers; used only to distinguish "damaged" from "not a video".
 _CONTAINERS = ((4, b"ftyp", "MP4"), (8, b"AVI ", "AVI"), (0, b"\x1a\x45\xdf\xa3", "WebM or MKV"))
 
 
@@ -39,24 +38,24 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
     """Open a video, a folder of images or a live source for reading.
 
     A folder's images (png, jpg, jpeg, bmp, tif, tiff, webp) are the frames, in natural order
-    (``img2.png`` before ``img10.png``); hidden files are skipped.  Grey becomes RGB with three
-    equal channels.  Alpha is dropped: the stored colours count, also where they are
-    transparent.  16 bits per channel are scaled to 8, full range to full range; where no value of
-    the first image is above 4095 that range is of 12 bits.  Rotation marks of cameras (EXIF, video
-    metadata) are applied.  Numbers at the end of the images' names must have one step.
+    (``img2.png`` before ``img10.png``); hidden files are skipped.  Numbers at the end of their
+    names must have a constant step.  Grey becomes RGB with three equal channels.  Alpha is
+    dropped and the stored colours are kept, even where transparent.  16 bits per channel are
+    scaled to 8, full range to full range; if no value of the first image is above 4095, the full
+    range is 12 bits.  Rotation marks of cameras (EXIF, video metadata) are applied.
 
-    Live are a camera by its index (from 0, unless a file has that name) or device, a stream by its
-    address (``http://``, ``rtsp://``, ...) and a pipe, where OpenCV opens them.
+    Live sources are a camera by index (from 0, unless a file has that name) or device, a stream
+    by address (``http://``, ``rtsp://``, ...) and a pipe, if OpenCV can open them.
 
     Args:
-        path: a video in any format that OpenCV decodes, a folder, or what is live.
-        fps: frames per second, in place of what the container says.
+        path: a video in any format that OpenCV decodes, a folder, or a live source.
+        fps: frames per second, overriding the container's value.
 
     Returns:
-        A source that is known to yield at least one frame.
+        A source that has at least one frame.
 
     Raises:
-        InputError: nothing is there, or it holds no frame that decodes.
+        InputError: the path does not exist, or no frame can be decoded.
     """
     if path == "":
         raise InputError("no video is named; give its path, or . for the images in this folder")
@@ -87,13 +86,13 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
             f"'{path}' is a single image; give the folder that holds the images, or a video"
         )
     if _is_text(beginning):
-        # FFmpeg would "decode" a text file into pictures of its letters.
+        # FFmpeg would render the text as pictures.
         raise InputError(f"'{path}' is a text file; give a video or a folder of images")
     return _VideoFile(path, fps, beginning)
 
 
 class _VideoFile(FrameSource):
-    """A file that OpenCV decodes."""
+    """A file decoded by OpenCV."""
 
     def __init__(self, path: Path, fps: float | None, beginning: bytes):
         super().__init__(path, path.stem, fps)
@@ -108,9 +107,9 @@ class _VideoFile(FrameSource):
             capture.release()
         if frame is None:
             raise _undecodable(path, beginning)
-        # Taken from a decoded frame: rotation can swap what the header says.
+        # From a decoded frame, because rotation can swap the header's width and height.
         self.height, self.width = frame.shape[:2]
-        # Above 1000 it is the clock rate of the container, not a frame rate.
+        # Above 1000 it is the container's clock rate, not a frame rate.
         fps_known = math.isfinite(announced_fps) and 0 < announced_fps <= 1000
         if fps is None and fps_known:
             self.fps = announced_fps
@@ -121,11 +120,11 @@ class _VideoFile(FrameSource):
 
     def _open(self) -> cv2.VideoCapture:
         with quiet_opencv():
-            # An absolute path: FFmpeg takes what stands before a colon for a protocol.
+            # An absolute path, because FFmpeg reads text before a colon as a protocol.
             return cv2.VideoCapture(str(Path(self.path).absolute()))
 
     def times(self, count: int) -> np.ndarray:
-        """See ``FrameSource``; an ``fps`` in place of the container's replaces its timestamps."""
+        """See ``FrameSource``; a given ``fps`` replaces the timestamps."""
         even = super().times(count)
         if not self._has_timestamps:
             return even
@@ -173,14 +172,14 @@ class _VideoFile(FrameSource):
             capture.release()
 
     def _reached_end(self, count: int, last_time: float) -> None:
-        """Compare the ``count`` frames that decoded with what the container announced."""
+        """Compare the number of decoded frames, ``count``, with the announced number."""
         self.num_frames = count
         expected = self.frames_expected
         if expected is None or count >= expected:
             return
         tolerance = max(2, expected // 100)
-        # Where the count is only a duration times a rate, a variable frame rate makes it
-        # wrong, but then the last time stamp still lies at the announced end.
+        # If the announced count is only duration times rate, a variable frame rate makes it wrong,
+        # but the last timestamp still lies at the announced end.
         end = (last_time * self._announced_fps) + 1
         what = f"'{self.path}' announces {expected} frames, and {count} can be decoded"
         if expected - count <= tolerance:
@@ -209,7 +208,7 @@ class _ImageFolder(FrameSource):
             if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".")
         ]
         self._files = sorted(files, key=lambda entry: natural_order(entry.name))
-        # One picture beside a video or a folder of frames is a preview, not the sequence.
+        # A single picture beside a video or a folder of frames is a preview, not the sequence.
         meant = frames_inside(path) if len(self._files) < 2 else None
         found = f"one image only, '{files[0].name}'" if files else "no images"
         if meant is not None:
@@ -255,7 +254,7 @@ def _is_text(beginning: bytes) -> bool:
     try:
         beginning.decode("utf-8")
     except UnicodeDecodeError as error:
-        # What was read may end within a character.
+        # The bytes read may end within a character.
         return error.start >= len(beginning) - 3
     return True
 

@@ -1,4 +1,4 @@
-"""Writing a playable video beside other work: H.264 in MP4, or VP9 in WebM."""
+"""Writes playable video in a background thread: H.264 in MP4, or VP9 in WebM."""
 
 import math
 import os
@@ -14,16 +14,16 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import report_os_errors, temporary_sibling
 
-#: Codecs, and how the name of their files ends.
+#: Codecs and their file name suffixes.
 SUFFIXES = {"h264": ".mp4", "vp9": ".webm"}
 
-# FFmpeg's encoder, its options, and those of the container.  The presets are those at which a
-# frame of 640x480 takes 2 to 4 ms of one core; "crf" is the quality, at any size of the file.
+# FFmpeg's encoder, its options, and the container's.  With these presets a 640x480 frame takes 2
+# to 4 ms on one core; "crf" fixes the quality whatever the file size.
 _ENCODERS = {
     "h264": (
         "libx264",
         {"preset": "superfast", "crf": "22"},
-        {"movflags": "+faststart"},  # the index comes first: browsers play it as it loads
+        {"movflags": "+faststart"},  # the index comes first: browsers play while loading
     ),
     "vp9": (
         "libvpx-vp9",
@@ -31,30 +31,28 @@ _ENCODERS = {
         {},
     ),
 }
-# Frames that may wait for the encoder: enough for its uneven pace, little memory.
+# Maximum queue for the encoder: absorbs its uneven pace, needs little memory.
 _WAITING = 8
-# Frames per second; containers cannot count much longer frames.
+# Lowest frame rate; containers cannot store much longer frame durations.
 _SLOWEST = 0.0001
-# ITU-T H.273: BT.601 with values from 16 to 235, which is what OpenCV converts to.
+# ITU-T H.273: BT.601 with values from 16 to 235, as OpenCV's conversion produces.
 _BT601, _LIMITED = 6, 1
 
 
 class VideoWriter:
-    """Write frames to a ``.mp4`` file (H.264) or a ``.webm`` file (VP9).
+    """Writes frames to a ``.mp4`` file (H.264) or a ``.webm`` file (VP9), by the file's suffix.
 
-    Every browser and player shows the first, every browser the second, which is free of
-    patents.  The name of the file chooses.
+    Every browser and player supports H.264; every browser supports VP9, which is patent-free.
 
-    Use it as a context manager.  Frames are encoded in a thread, beside whatever makes them;
-    where the encoder is slower, ``write`` waits for it.  The video grows under a temporary name
-    in the same folder and gets its own name when it is closed, also when Ctrl-C or an error
-    ends the block: the frames written so far are then a playable video.  Without any frame, or
-    where a frame cannot be encoded, no file is left.
+    Use it as a context manager.  A thread encodes the frames; if it falls behind, ``write``
+    waits.  The video is written under a temporary name in the same folder and renamed on close,
+    even if Ctrl-C or an error ends the block: the frames written up to then form a playable
+    video.  If there are no frames, or encoding fails, no file is left.
 
     Attributes:
         path: the final name.
         codec: one of ``SUFFIXES``.
-        num_frames: how many frames were written.
+        num_frames: number of frames written.
     """
 
     def __init__(self, path: str | os.PathLike[str], width: int, height: int, fps: float):
@@ -64,13 +62,12 @@ class VideoWriter:
             path: ends in ``.mp4`` or ``.webm``; its folder must exist; an existing file is
                 replaced.
             width: of the frames, pixels.  Odd sizes are padded to even ones by repeating the
-                last column or row, because these codecs cannot store them.
+                last column or row, because these codecs require even sizes.
             height: of the frames, pixels.
             fps: frames per second.
 
         Raises:
-            InputError: the name, the rate or the folder cannot be used, or the codec is not
-                there.
+            InputError: the name, rate or folder is unusable, or the codec is missing.
         """
         self.path = Path(path)
         codecs = {suffix: codec for codec, suffix in SUFFIXES.items()}
@@ -96,12 +93,12 @@ class VideoWriter:
         except BaseException:
             self._temporary.unlink(missing_ok=True)
             raise
-        # Simple queues, for an interruption may come anywhere: it leaves no lock of theirs held.
+        # Simple queues, because an interrupt at any point must not leave a queue's lock held.
         self._frames: queue.SimpleQueue[np.ndarray | None] = queue.SimpleQueue()
         self._places: queue.SimpleQueue[None] = queue.SimpleQueue()
         for _ in range(_WAITING):
             self._places.put(None)
-        # A daemon: a writer that nobody closes must not keep the program from ending.
+        # A daemon thread, so that an unclosed writer cannot keep the program from ending.
         self._thread = threading.Thread(target=self._encode_all, daemon=True)
         self._thread.start()
 
@@ -138,11 +135,11 @@ class VideoWriter:
         return container, stream
 
     def write(self, frame: np.ndarray) -> None:
-        """Append one frame, uint8 RGB [height, width, 3], which may be changed afterwards.
+        """Append one frame, uint8 RGB [height, width, 3]; the caller may change it afterwards.
 
         Raises:
             InputError: an earlier frame could not be encoded or written.
-            ValueError: a frame of another shape or type, or the video is closed.
+            ValueError: the frame has another shape or type, or the video is closed.
         """
         if self._closed:
             raise ValueError(f"video '{self.path}' is closed; write every frame before")
@@ -155,16 +152,15 @@ class VideoWriter:
             bottom, right = self._padding
             frame = cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
         self._places.get()
-        # Here rather than in the thread: a tenth of a millisecond, and it copies the frame.
+        # Here rather than in the thread: it takes 0.1 ms and also copies the frame.
         self._frames.put(cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420))
         self.num_frames += 1
 
     def close(self) -> None:
-        """Finish the file and give it its name; further calls do nothing.
+        """Finish the file and rename it to its final name; further calls do nothing.
 
         Raises:
-            InputError: the video cannot be encoded or written, as on a full disk; no file is
-                left.
+            InputError: encoding or writing failed, for example on a full disk; no file is left.
         """
         if self._closed:
             return
@@ -197,7 +193,7 @@ class VideoWriter:
             ) from self._error
 
     def _encode_all(self) -> None:
-        """The thread: after an error it only empties the queue, so that ``write`` never hangs."""
+        """Run the thread; after an error only empty the queue, so that ``write`` cannot hang."""
         while (picture := self._frames.get()) is not None:
             self._places.put(None)
             if self._error is None:
@@ -207,7 +203,7 @@ class VideoWriter:
         self._attempt(self._container.close)
 
     def _encode(self, picture: np.ndarray | None) -> None:
-        """Encode a picture, or what the encoder still holds."""
+        """Encode a picture, or flush the encoder if it is None."""
         import av
 
         frame = None if picture is None else av.VideoFrame.from_ndarray(picture, "yuv420p")
@@ -217,7 +213,7 @@ class VideoWriter:
     def _attempt(self, action: Any, *arguments: Any) -> None:
         try:
             action(*arguments)
-        except Exception as error:  # reaches the user by ``write`` or ``close``
+        except Exception as error:  # ``write`` or ``close`` reports it
             self._error = self._error or error
 
     def __enter__(self) -> "VideoWriter":

@@ -1,4 +1,4 @@
-"""Articulated objects: a tree of rectangles at any angle."""
+"""Articulated objects: trees of rectangles at any angle."""
 
 import lazy_loader
 

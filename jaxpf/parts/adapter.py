@@ -1,4 +1,4 @@
-"""Parts of articulated objects read from files, written and drawn."""
+"""Reads parts of articulated objects from files; writes and draws them."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -46,7 +46,7 @@ class PartAdapter(Adapter):
         return PARTS.start(parts)
 
     def fits_scene(self, scene: Any) -> bool:
-        """Whether the truth has poses and a part tree."""
+        """Whether the ground truth has poses and a part tree."""
         return {"poses", "parents"} <= set(scene.extras)
 
     def scene_shapes(self, scene: Any) -> np.ndarray:
@@ -67,7 +67,7 @@ class PartAdapter(Adapter):
         return dataclasses.replace(start, sizes=sizes), shapes * np.array([*factors, 1.0])
 
     def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
-        """See ``Adapter``: the centre, the size and the angle, clockwise."""
+        """See ``Adapter``: centre, size and clockwise angle in degrees."""
         sizes = np.broadcast_to(start.sizes, (*shapes.shape[:-1], 2))
         return np.concatenate([shapes[..., :2], sizes, np.rad2deg(shapes[..., 2:3])], axis=-1)
 

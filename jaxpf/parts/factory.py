@@ -1,4 +1,4 @@
-"""Articulated objects: a tree of rectangles at any angle."""
+"""Builds trackers of articulated objects: trees of rectangles at any angle."""
 
 from typing import Any
 
@@ -20,23 +20,24 @@ def tracker(
     patches: Any = None,
     **options: Any,
 ) -> Any:
-    """The tracker of parts that ``jaxpf track`` makes.
+    """Build the part tracker of ``jaxpf track``.
 
     Args:
-        frame: uint8 RGB ``[H, W, 3]``, in which the parts are; tracking goes on with the next one.
-            It may be None where the likelihood is one of your own.
+        frame: uint8 RGB ``[H, W, 3]`` that contains the parts; tracking continues with the next
+            frame.  It may be None with a user-defined likelihood.
         parts: tree, poses and sizes of the parts of one or several objects.
         method: ``"sps"`` (default), ``"ps"`` or ``"sir"``.
-        particles: their number; default 300.
-        likelihood: one of your own, of (u, v, scale, theta); or the name of the way to compute it.
+        particles: number of particles; default 300.
+        likelihood: a user-defined likelihood of (u, v, scale, theta), or the name of a method to
+            compute it.
         ordering: from ``jaxpf.ordering``, instead of a method.
-        patches: P pictures, uint8 RGB ``[h, w, 3]``, upright, from which looks are learned instead
-            of from the frame.
+        patches: P upright pictures, uint8 RGB ``[h, w, 3]``, from which appearance is learned
+            instead of from the frame.
         options: named and explained as the flags of ``jaxpf track``; angles are in
             degrees: ``sharpness``, ``scale``, ``joint_scale``, ``dynamics``, ...
 
     Raises:
-        InputError: an option that there is not, or a value out of range; the sentence says which.
+        InputError: an unknown option or a value out of range; the message names it.
     """
     given = {"method": method, "particles": particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering, "patches": patches}
@@ -44,5 +45,5 @@ def tracker(
 
 
 def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
-    """Poses x, y in pixels and theta in radians, ``[..., P, 3]``, of estimates ``[..., P, D]``."""
+    """Convert estimates ``[..., P, D]`` to poses x, y (pixels), theta (radians) ``[..., P, 3]``."""
     return np.asarray(estimate)[..., :3]

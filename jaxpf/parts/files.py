@@ -1,8 +1,8 @@
-"""Files of articulated objects: the parts to start from, and their tracks.
+"""Files of articulated objects: start poses and tracks of parts.
 
-A part is a rectangle at any angle.  In files, (x, y) is its centre in continuous pixels, pixel
-(0, 0) being the square [0, 1) x [0, 1), and the angle counts degrees clockwise in the image;
-frames count from 0.  In memory angles are radians.
+A part is a rectangle at any angle.  In files, (x, y) is its centre in continuous pixels, with
+pixel (0, 0) the square [0, 1) x [0, 1); the angle is in degrees, clockwise in the image; frames
+count from 0.  In memory angles are in radians.
 """
 
 import math
@@ -18,7 +18,7 @@ from jaxpf.files.writing import LineWriter
 from jaxpf.parts.target import Parts
 
 HEADER = "part,parent,x,y,w,h,angle"
-#: A number beyond which pixels are no longer told apart, and letters of a name.
+#: Limits of a coordinate in pixels, beyond which floats lose precision, and of a name's length.
 _FARTHEST, _LONGEST_NAME = 1e9, 200
 TRACK_HEADER = "frame,part,x,y,w,h,angle"
 
@@ -26,15 +26,15 @@ TRACK_HEADER = "frame,part,x,y,w,h,angle"
 def read_parts(path: str | os.PathLike[str]) -> Parts:
     """Read the parts of one or several articulated objects.
 
-    The file is CSV with the header ``part,parent,x,y,w,h,angle``: a name, its parent's name (empty
+    The file is CSV with the header ``part,parent,x,y,w,h,angle``: a name, the parent's name (empty
     for the root of an object), centre, width and height in pixels, and the angle in degrees,
-    clockwise.  Parts may come in any order.
+    clockwise.  The order of the parts is arbitrary.
 
     Args:
         path: the file; UTF-8, blank lines are skipped.
 
     Raises:
-        InputError: the file cannot be read, or a line cannot be used; the sentence says which.
+        InputError: the file cannot be read or a line is invalid; the message names it.
     """
     path = Path(path)
     lines: dict[str, int] = {}
@@ -81,7 +81,7 @@ def read_parts(path: str | os.PathLike[str]) -> Parts:
 
 
 class PartTrackWriter(LineWriter):
-    """Append tracks of parts, frame by frame; after every frame the file holds whole lines only.
+    """Appends tracks of parts to a file, which after every frame contains whole lines only.
 
     CSV with the header ``frame,part,x,y,w,h,angle``, in the units of ``read_parts``.
     """
@@ -94,12 +94,12 @@ class PartTrackWriter(LineWriter):
         Args:
             frame: counting from 0.
             names: [P].
-            poses: x, y, theta (radians) [P, 3]; those that are not finite are left out.
+            poses: x, y, theta (radians) [P, 3]; non-finite ones are omitted.
             sizes: width and height [P, 2].
 
         Raises:
-            InputError: the disk is full or the file cannot be written; it then ends with the
-                last whole frame.
+            InputError: the disk is full or the file cannot be written; the file then ends with the
+                last complete frame.
         """
         parts = zip(np.asarray(names), np.asarray(poses), np.asarray(sizes), strict=True)
         there = [(name, *pose, *size) for name, pose, size in parts if np.isfinite(pose).all()]
@@ -110,7 +110,7 @@ class PartTrackWriter(LineWriter):
 
 
 def _lines(path: Path) -> list[tuple[int, list[str]]]:
-    """Number and fields of every line after the header."""
+    """Return line number and fields of every line after the header."""
     rows = read_rows(path, "parts", f"CSV with the header {HEADER}")
     for line, fields in rows:
         for column, field in enumerate(fields, start=1):
@@ -152,4 +152,4 @@ def _check_no_circle(path: Path, names: list[str], parents: list[int]) -> None:
                     "object's root empty"
                 )
             if len(trail) > len(parents):
-                break  # it leads into a circle that does not hold this part
+                break  # it leads into a cycle that does not contain this part

@@ -1,4 +1,4 @@
-"""Trackers of articulated objects: rectangles of fixed size that hang on one another.
+"""Models of articulated objects: rectangles of fixed size, connected by joints.
 
 A part is a partition with substate (x, y, theta, ...): its centre in pixels and its angle in
 radians, clockwise in the image (gonzales2011, section 4).
@@ -26,7 +26,7 @@ from jaxpf.likelihoods.wrapped import WrappedLikelihood
 
 DYNAMICS = ("relative", "absolute")
 
-#: Noise of x, y (pixels) and theta (radians) per frame, of a root and of absolute parts.
+#: Noise of x, y (pixels) and theta (radians) per frame, for roots and absolute parts.
 DEFAULT_SCALE = (3.0, 3.0, 0.06)
 #: Noise of a joint's offset (pixels) and angle (radians) per frame.
 DEFAULT_JOINT_SCALE = (0.5, 0.5, 0.08)
@@ -34,7 +34,7 @@ DEFAULT_JOINT_SCALE = (0.5, 0.5, 0.08)
 
 @pytree_dataclass
 class OfFixedSize(WrappedLikelihood):
-    """A likelihood of (u, v, scale, theta), taken at (x, y, 1, theta) of a part's substate.
+    """Evaluates a likelihood of (u, v, scale, theta) at (x, y, 1, theta) of a part's substate.
 
     Attributes:
         likelihood: such as ``jaxpf.likelihoods.histogram(..., method="sampled")``.
@@ -43,7 +43,7 @@ class OfFixedSize(WrappedLikelihood):
     likelihood: Any
 
     def translated(self, substates):
-        """(u, v, scale, theta), ``[4, ...]``, of substates ``[D, ...]``."""
+        """Convert substates ``[D, ...]`` to (u, v, scale, theta), ``[4, ...]``."""
         x, y, theta = substates[:3]
         return jnp.stack([x, y, jnp.ones_like(x), theta])
 
@@ -69,18 +69,15 @@ def parts_model(
         sizes: width and height of the parts, pixels, ``[P, 2]``.
         parents: the part tree, -1 for a root.
         dynamics: ``"relative"``, parts follow their parents (``jaxpf.dynamics``); ``"absolute"``,
-            every part walks at random on its own, as in gonzales2011.
+            every part follows its own random walk, as in gonzales2011.
         scale: noise of x, y and theta per frame, ``[3]`` or ``[P, 3]``: of roots, and with
             absolute dynamics of all parts.
         joint_scale: noise of a joint's offset (x, y) and angle, ``[3]`` or ``[P, 3]``.
         anchors: each part's joint in its parent's coordinates and in its own, ``[P, 2]`` each;
             by default ``jaxpf.dynamics.joints_between``.
-        reach: particles start uniform around the poses, this far in x, y (pixels) and theta
-            (or, with relative dynamics, in the joint's offset and angle); ``[]``, ``[3]`` or
-            ``[P, 3]``.  0 starts all of them there.
-
-    Raises:
-        InputError: an argument is out of range.
+        reach: half-width of the uniform start distribution around the poses, in x, y (pixels) and
+            theta (or, with relative dynamics, in the joint's offset and angle); ``[]``, ``[3]``
+            or ``[P, 3]``.  0 starts all particles at the poses.
     """
     tree = check_tree(parents)
     poses, sizes = check_parts(poses, sizes, tree)
@@ -106,7 +103,7 @@ def parts_model(
 
 
 def cut_pictures(frame: Any, poses: ArrayLike, sizes: ArrayLike) -> list[np.ndarray]:
-    """Upright pictures of rectangles at any angle, from which likelihoods are learned.
+    """Cut upright pictures out of rectangles at any angle, for learning likelihoods.
 
     Args:
         frame: uint8 RGB ``[H, W, 3]``.
@@ -114,7 +111,7 @@ def cut_pictures(frame: Any, poses: ArrayLike, sizes: ArrayLike) -> list[np.ndar
         sizes: width and height, pixels, ``[P, 2]``; rounded, and at least 1.
 
     Returns:
-        P pictures, uint8 RGB ``[h, w, 3]``: each pixel the frame's nearest.
+        P pictures, uint8 RGB ``[h, w, 3]``, sampled from the nearest pixels of the frame.
     """
     frame = np.asarray(frame)
     pictures = []
@@ -132,16 +129,16 @@ def cut_pictures(frame: Any, poses: ArrayLike, sizes: ArrayLike) -> list[np.ndar
 def check_parts(
     poses: ArrayLike, sizes: ArrayLike, tree: Sequence[int], names: Sequence[str] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Poses ``[P, 3]`` and sizes ``[P, 2]`` in float32, fit to be tracked.
+    """Check poses ``[P, 3]`` and sizes ``[P, 2]`` and convert them to float32.
 
     Args:
         poses: x, y, theta.
         sizes: width and height, pixels.
         tree: the part tree.
-        names: what messages call the parts; by default their numbers.
+        names: of the parts, for messages; by default their numbers.
 
     Raises:
-        InputError: another shape, a pose that is not finite, a part without area.
+        InputError: a wrong shape, a non-finite pose, or a part without area.
     """
     poses, sizes = np.asarray(poses, np.float32), np.asarray(sizes, np.float32)
     for name, array, wanted in (("poses", poses, 3), ("sizes", sizes, 2)):
@@ -163,7 +160,7 @@ def check_parts(
 
 
 def _noise(name: str, values: ArrayLike, num_parts: int) -> np.ndarray:
-    """Standard deviations or ranges, of the shape in which they were given."""
+    """Check standard deviations or ranges and keep their shape."""
     values = np.asarray(values, np.float32)
     fits = values.shape in ((), (3,), (num_parts, 3))
     if not fits or not np.isfinite(values).all() or (values < 0).any():

@@ -1,9 +1,9 @@
-"""Parts: rectangles of fixed size at any angle that hang on one another (gonzales2011).
+"""The part target: rectangles of fixed size at any angle, connected by joints (gonzales2011).
 
-Several objects are one forest: each has a root.
+Several objects form a forest with one root each.
 
 A part is a partition with substate (x, y, theta, ...): its centre in pixels and its angle in
-radians, clockwise in the image.  Options and files count angles in degrees.
+radians, clockwise in the image.  Options and files use degrees.
 """
 
 import dataclasses
@@ -25,7 +25,7 @@ from jaxpf.targets.appearance import (
 )
 from jaxpf.targets.target import Looks, Start, Target
 
-# Samples per side of a part: its likelihood is then off by .017 sharpness, see
+# Samples per side of a part: the error of the likelihood is then .017 sharpness, see
 # jaxpf.likelihoods._sampled.
 _SAMPLES = 10
 _PATCH_WINDOW = (12, 12)
@@ -40,7 +40,7 @@ def _outlines(poses: Any, sizes: Any) -> Any:
 
 @dataclasses.dataclass(frozen=True)
 class Options:
-    """Options of the model of parts; see the help of each."""
+    """Options of the part model; see the help of each."""
 
     sharpness: float = sharpness_option(50.0, "likelihood.likelihood.sharpness")
     scale: tuple[float, ...] = scale_option((3.0, 3.0, 3.5), factors=tuple(_DEGREES), tuned=("",))
@@ -121,7 +121,7 @@ class PartTarget(Target):
             return patch_from_pictures(looks.patches, start.sizes, **settings)
 
     def training_likelihood(self, options: Options, start: Start, looks: Looks, frames: Any) -> Any:
-        """See ``Target``: bilinear histograms, weighed against those of boxes anywhere."""
+        """See ``Target``: bilinear histograms, as a ratio to those of random background boxes."""
         bilinear = {"interpolation": "bilinear", "form": "ratio", "background_frames": frames}
         return self._histogram(options, start, looks, **bilinear)
 
@@ -164,7 +164,7 @@ class PartTarget(Target):
         return dataclasses.replace(options, likelihood="sampled")
 
     def noise(self, options: Options, start: Start) -> np.ndarray:
-        """See ``Target``: of parts that move each on their own; joints have no noise in x, y."""
+        """See ``Target``; NaN for relative parts, because joints have no noise in x, y."""
         if options.dynamics == "absolute":
             return _DEGREES * options.scale
         return np.full(3, np.nan)

@@ -1,4 +1,4 @@
-"""Points read from flags, files and masks, written and drawn."""
+"""Reads points from flags, files and masks; writes and draws them."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +11,7 @@ from jaxpf.points.target import POINTS
 from jaxpf.targets.adapter import Adapter, Marks, TrackFile
 from jaxpf.targets.target import Start
 
-#: Pixels between the points of a grid.
+#: Default spacing of a grid of points, pixels.
 _MASK_STEP = 20.0
 
 
@@ -62,7 +62,7 @@ class PointAdapter(Adapter):
         return POINTS.start(found.places, found.names)
 
     def fits_scene(self, scene: Any) -> bool:
-        """Whether the truth has points."""
+        """Whether the ground truth has points."""
         return "points" in scene.extras
 
     def scene_shapes(self, scene: Any) -> np.ndarray:
@@ -97,7 +97,7 @@ class PointAdapter(Adapter):
         return TrackFile(writer, append)
 
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
-        """See ``Adapter``; points that are lost or probably lost are hollow."""
+        """See ``Adapter``; lost and probably lost points are hollow."""
         from jaxpf.points.drawing import draw_points
 
         return draw_points(
@@ -114,7 +114,7 @@ ADAPTER = PointAdapter()
 
 
 def _on_mask(path: Path, step: float, source: Any) -> Any:
-    """Points of a grid on a mask of the frame's size."""
+    """Return points on a grid within a mask of the frame's size."""
     from jaxpf.media.images import read_mask
     from jaxpf.points.files import grid_points
 

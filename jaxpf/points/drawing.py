@@ -1,4 +1,4 @@
-"""Drawing tracked points: where they are, where they came from, and their particles."""
+"""Draws tracked points, their trails and their particles."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.media.overlay import DARK, object_colours
 
-_SHIFT = 3  # bits of a fraction of a pixel, for OpenCV
+_SHIFT = 3  # fractional bits of OpenCV coordinates
 
 
 def draw_points(
@@ -22,12 +22,12 @@ def draw_points(
     names: Sequence[str] | None = None,
     radius: float | None = None,
 ) -> np.ndarray:
-    """A copy of a frame with points on it.
+    """Draw points on a copy of a frame.
 
     Args:
         frame: uint8 RGB [H, W, 3].
-        places: [P, 2], x and y in pixels; those that are not finite are not drawn.
-        trails: [L, P, 2], places of the frames before, the latest last.
+        places: [P, 2], x and y in pixels; non-finite ones are skipped.
+        trails: [L, P, 2], positions in the previous frames, the latest last.
         particles: [K, P, 2].
         hidden: bool [P]: these are drawn hollow.
         colours: uint8 RGB [P, 3]; by default ``jaxpf.media.object_colours``.
@@ -41,7 +41,7 @@ def draw_points(
     hollow = np.zeros(len(places), bool) if hidden is None else np.asarray(hidden, bool)
     radius = max(4.0, min(picture.shape[:2]) / 120) if radius is None else radius
     line = max(1, round(radius / 4))
-    # What is underneath first, so that no point's particles hide another point.
+    # Trails and particles first, so that they hide no point.
     for point, colour in enumerate(shades):
         if trails is not None:
             trail = np.asarray(trails, float)[:, point]
@@ -66,7 +66,7 @@ def draw_points(
 
 
 def _write(picture: np.ndarray, text: str, x: float, y: float, radius: float, colour) -> None:
-    """A name on a dark rim, its lower left corner at (x, y)."""
+    """Draw a name with a dark rim, its lower left corner at (x, y)."""
     at = (int(np.clip(x, -1e4, 1e4)), int(np.clip(y, -1e4, 1e4)))
     for shade, thickness in ((DARK, 2), (colour, 1)):
         cv2.putText(
@@ -75,6 +75,6 @@ def _write(picture: np.ndarray, text: str, x: float, y: float, radius: float, co
 
 
 def _centre(x: float, y: float) -> tuple[int, int]:
-    # A pixel's middle lies half a pixel from its number.
+    # OpenCV counts from a pixel's centre.
     x, y = np.clip([x, y], -1e4, 1e5)
     return round((x - 0.5) * 2**_SHIFT), round((y - 0.5) * 2**_SHIFT)

@@ -1,4 +1,4 @@
-"""Points on deforming bodies."""
+"""Builds trackers of points on deforming bodies."""
 
 from typing import Any
 
@@ -19,22 +19,22 @@ def tracker(
     ordering: Any = None,
     **options: Any,
 ) -> Any:
-    """The tracker of points that ``jaxpf track`` makes.
+    """Build the point tracker of ``jaxpf track``.
 
     Args:
-        frame: uint8 RGB ``[H, W, 3]``, in which the points are; tracking goes on with the next one.
-            It may be None where the likelihood is one of your own.
+        frame: uint8 RGB ``[H, W, 3]`` that contains the points; tracking continues with the next
+            frame.  It may be None with a user-defined likelihood.
         points: x and y in pixels, ``[P, 2]``.
         method: ``"eskil"`` (default), ``"pffl"``, ``"sir"``, ``"ps"``, ...
-        particles: their number; by default the method's.
-        likelihood: one of your own, of substates (u, v).
+        particles: number of particles; by default the method's.
+        likelihood: a user-defined likelihood of substates (u, v).
         ordering: from ``jaxpf.ordering``, instead of a method.
-        options: named as the flags of ``jaxpf track``, which tells what they mean: ``diffusion``,
-            ``sigma``, ``window_size``, ``drift``, ...
+        options: named and explained as the flags of ``jaxpf track``: ``diffusion``, ``sigma``,
+            ``window_size``, ``drift``, ...
 
     Raises:
-        InputError: an unknown option or a value out of range, a point outside the frame, two
-            points at one place or fewer than two for a drift; the sentence says which.
+        InputError: an unknown option or a value out of range, a point outside the frame, two points
+            at the same position, or fewer than two points with a drift; the message says which.
     """
     given = {"method": method, "particles": particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering}
@@ -42,5 +42,5 @@ def tracker(
 
 
 def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
-    """Points x, y in pixels, ``[..., P, 2]``, of estimates ``[..., P, D]``."""
+    """Convert estimates ``[..., P, D]`` to points x, y in pixels, ``[..., P, 2]``."""
     return np.asarray(estimate)[..., :2]

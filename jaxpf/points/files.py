@@ -1,7 +1,6 @@
-"""Files of points: where tracking starts, and tracks of points.
+"""Files of points: start points and tracks of points.
 
-(x, y) counts in continuous pixels, pixel (0, 0) being the square [0, 1) x [0, 1); frames count
-from 0.
+(x, y) are continuous pixels, with pixel (0, 0) the square [0, 1) x [0, 1); frames count from 0.
 """
 
 import dataclasses
@@ -24,7 +23,7 @@ _REMEDY = "write x,y or x,y,name in pixels, such as 120,80,nose"
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Points:
-    """Points to start from.
+    """Start points.
 
     Attributes:
         names: of the P points; by default their numbers, from 0.
@@ -36,13 +35,13 @@ class Points:
 
 
 def read_points(path: str | os.PathLike[str]) -> Points:
-    """Read points from CSV: lines ``x,y`` or ``x,y,name``, under a header of that kind or none.
+    """Read points from CSV: lines ``x,y`` or ``x,y,name``, with or without such a header.
 
     Args:
         path: the file; UTF-8, blank lines are skipped.
 
     Raises:
-        InputError: the file cannot be read or a line cannot be used; the sentence says which.
+        InputError: the file cannot be read or a line is invalid; the message names it.
     """
     path = Path(path)
     rows = read_rows(path, "points", "CSV lines x,y,name")
@@ -54,25 +53,21 @@ def read_points(path: str | os.PathLike[str]) -> Points:
 
 
 def parse_points(texts: Sequence[str]) -> Points:
-    """Points typed as ``"x,y"`` or ``"x,y,name"``.
-
-    Raises:
-        InputError: none is given, or one cannot be used.
-    """
+    """Parse points typed as ``"x,y"`` or ``"x,y,name"``."""
     if not texts:
         raise InputError(f"no point was given; {_REMEDY}")
     return _points([(f"point '{text}'", _fields(text)) for text in texts])
 
 
 def grid_points(mask: ArrayLike, step: float) -> Points:
-    """Points of a square grid that lie on a mask, row by row.
+    """Return the points of a square grid that lie on a mask, row by row.
 
     Args:
         mask: bool [H, W].
-        step: pixels from one to the next.
+        step: grid spacing, pixels.
 
     Raises:
-        InputError: the mask is no picture of one channel, the step below 1, or no point is on it.
+        InputError: the mask is not [H, W], the step is below 1, or no point lies on the mask.
     """
     mask = np.asarray(mask)
     if mask.ndim != 2:
@@ -89,10 +84,10 @@ def grid_points(mask: ArrayLike, step: float) -> Points:
 
 
 class PointTrackWriter(LineWriter):
-    """Append tracks of points, frame by frame; after every frame the file holds whole lines only.
+    """Appends tracks of points to a file, which after every frame contains whole lines only.
 
-    CSV with the header ``frame,point,x,y,lost``, in pixels; lost is 1 where nothing in the frame
-    spoke for any of the point's particles, else 0.
+    CSV with the header ``frame,point,x,y,lost``, in pixels; lost is 1 if none of the point's
+    particles had any likelihood in the frame, else 0.
     """
 
     header = TRACK_HEADER
@@ -103,12 +98,12 @@ class PointTrackWriter(LineWriter):
         Args:
             frame: counting from 0.
             names: [P].
-            places: x, y [P, 2]; those that are not finite are left out.
+            places: x, y [P, 2]; non-finite ones are omitted.
             lost: bool [P].
 
         Raises:
-            InputError: the disk is full or the file cannot be written; it then ends with the
-                last whole frame.
+            InputError: the disk is full or the file cannot be written; the file then ends with the
+                last complete frame.
         """
         points = zip(names, np.asarray(places), np.asarray(lost), strict=True)
         self.write_rows(

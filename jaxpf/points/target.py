@@ -1,4 +1,4 @@
-"""Points: landmarks on one deforming body, known by the pixels around them.
+"""The point target: landmarks on one deforming body, recognised by the pixels around them.
 
 A point is a partition with substate (u, v), pixels.
 """
@@ -14,13 +14,13 @@ from jaxpf.contract.model import Model
 from jaxpf.contract.options import check_options, option
 from jaxpf.targets.target import Looks, Start, Target
 
-#: Side in pixels of what stands for a point where something has to be an area.
+#: Side in pixels of the square that represents a point where an area is needed.
 _SIDE = 21.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Options:
-    """Options of the model of points; see the help of each."""
+    """Options of the point model; see the help of each."""
 
     sigma: float = option(
         0.1,
@@ -67,7 +67,7 @@ class PointTarget(Target):
     defaults: Mapping[str, Any] = {"method": "eskil"}
 
     def start(self, given: Any, names: Any = None) -> Start:
-        """See ``Target``: x and y ``[P, 2]``, pixels; by default they are numbered from 0."""
+        """See ``Target``: x and y ``[P, 2]``, pixels; default names are numbers from 0."""
         places = np.asarray(given, np.float64)
         if places.ndim != 2 or places.shape[1] != 2:
             raise InputError(f"points has shape {list(places.shape)}: give a row (x, y) per point.")
@@ -75,7 +75,7 @@ class PointTarget(Target):
         return Start(ids, places, np.full_like(places, _SIDE), (-1,) * len(places))
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
-        """See ``Target``: patches of the window's size, or else windows of the start frame."""
+        """See ``Target``: the patches if they have the window's size, else windows of the frame."""
         from jaxpf.likelihoods.windows import windows, windows_from_pictures
 
         side = (options.window_size, options.window_size)
@@ -105,7 +105,7 @@ class PointTarget(Target):
         return np.asarray(estimate)[..., :2]
 
     def outlines(self, start: Start, shapes: Any) -> Any:
-        """See ``Target``: windows around the points, where something has to be a polygon."""
+        """See ``Target``: squares around the points, where polygons are needed."""
         import jax.numpy as jnp
 
         half = jnp.asarray(start.sizes, jnp.asarray(shapes).dtype)[:, None] / 2

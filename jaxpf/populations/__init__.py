@@ -1,4 +1,4 @@
-"""Objects that come and go, by detections."""
+"""Tracks a varying number of objects, with births and deaths from detections."""
 
 import lazy_loader
 

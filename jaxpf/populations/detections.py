@@ -1,7 +1,7 @@
-"""Detections in and out: MOT ``det.txt`` files, and boxes with which a user starts an object.
+"""Reads and writes detections: MOT ``det.txt`` files, which may also contain start boxes.
 
-A row with the id -1 is what a detector found.  A row with an id from 1 on is a user's: the object
-of that id starts in that frame, at that box.
+A row with id -1 is a detection.  A row with an id of at least 1 comes from the user: that object
+starts in that frame, at that box.
 """
 
 import os
@@ -14,7 +14,7 @@ from jaxpf.boxes.tables import BoxTable, parsed_lines, table_of
 from jaxpf.boxes.tracks import write_mot
 from jaxpf.contract.errors import InputError
 
-#: The id of what nobody named.
+#: The id of a detection.
 DETECTED = -1
 
 
@@ -22,11 +22,11 @@ def read_detections(path: str | os.PathLike[str]) -> BoxTable:
     """Read a ``det.txt``: ``frame,-1,x,y,w,h,conf,...`` in MOT format, sorted by frame.
 
     Args:
-        path: see ``jaxpf.boxes.read_boxes``; a header is taken, too.
+        path: see ``jaxpf.boxes.read_boxes``; a header is accepted, too.
 
     Raises:
-        InputError: naming the line: one that cannot be read, that is in the wrong order, without
-            an area, with the id 0 or another below, or which starts an object a second time.
+        InputError: a line is unreadable or out of order, its box has no area, its id is 0 or below
+            -1, or it starts an object a second time; the message names the line.
     """
     rows: list[tuple[float, ...]] = []
     started: dict[int, int] = {}
@@ -62,11 +62,7 @@ def read_detections(path: str | os.PathLike[str]) -> BoxTable:
 
 
 def check_frames(table: BoxTable, num_frames: int) -> None:
-    """Refuse detections in frames that the video does not have.
-
-    Raises:
-        InputError: naming the first such frame.
-    """
+    """Refuse detections in frames beyond the end of the video."""
     beyond = table.frame[table.frame >= num_frames]
     if len(beyond):
         raise InputError(
@@ -76,11 +72,7 @@ def check_frames(table: BoxTable, num_frames: int) -> None:
 
 
 def write_detections(path: str | os.PathLike[str], detections: Sequence[np.ndarray]) -> None:
-    """Write boxes ``[M, 4]`` of every frame as a ``det.txt``.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the boxes ``[M, 4]`` of every frame as a ``det.txt``."""
     numbers = [len(boxes) for boxes in detections]
     boxes = np.concatenate([np.reshape(boxes, (-1, 4)) for boxes in detections])
     frames = np.repeat(np.arange(len(detections)), numbers)

@@ -1,9 +1,8 @@
-"""Boxes that come and go, tracked by labelled particles: births and deaths between the frames.
+"""Tracks a varying number of boxes with a labelled filter; births and deaths between frames.
 
-A number of slots is fixed, and nothing compiles anew whoever comes; see
-``jaxpf.filters.labelled.population`` for what the filter does and
-``jaxpf.populations.lifetimes`` for the rules.  How an object looks is learned from its box in the
-frame in which it starts.  In short::
+The number of slots is fixed, so that births need no recompilation.  See
+``jaxpf.filters.labelled.population`` for the filter and ``jaxpf.populations.lifetimes`` for the
+rules.  The appearance of an object is learned from its box in its first frame.  Example::
 
     tracker = open_box_tracker(frames[0].shape, capacity=16, num_particles=1600)
     for tracked in follow(tracker, jax.random.key(0), frames, detections):
@@ -37,17 +36,17 @@ from jaxpf.targets.appearance import DISCRIMINATIVE, RELATIVE
 
 
 class TrackedPopulation(NamedTuple):
-    """Who is where in a frame, in C slots; what changes a frame holds in it already.
+    """The objects in a frame, in C slots, including the births and deaths of that frame.
 
     Attributes:
         time: number of the frame, from 0.
-        frame: the picture, as it came.
+        frame: the picture, as read.
         ids: int ``[C]``, ``EMPTY`` (-1) for an empty slot.
-        boxes: ``[C, 4]``, x, y, w, h in pixels; NaN for an empty slot.  Who starts in the frame
-            is where it was said to be.
+        boxes: ``[C, 4]``, x, y, w, h in pixels; NaN for an empty slot.  An object that starts in
+            this frame has its start box.
         lost: ``[C]`` bool, no particle had any likelihood.
-        changes: births, deaths, and who was refused for want of a slot.
-        summary: what the filter reports; None of the first frame, in which nothing is filtered.
+        changes: births, deaths, and births refused for lack of a slot.
+        summary: the filter's report; None for the first frame, which is not filtered.
         state: the tracker's state, on the device.
     """
 
@@ -72,20 +71,17 @@ def open_box_model(
     likelihood: str = "auto",
     num_particles: int | None = None,
 ) -> Model:
-    """The model of as many boxes as there may be at once, of which none is there yet.
+    """Build a model with ``capacity`` empty slots for boxes.
 
     Args:
         frame_shape: of a frame, (height, width, ...).
         capacity: C.
         typical_size: see ``open_histogram``.
         scale: see ``jaxpf.boxes.box_model``.
-        sharpness: of the histograms, like the rest.
+        sharpness: of the histograms.
         bands: of a box.
         likelihood: ``"auto"``, ``"integral"`` or ``"sampled"``.
         num_particles: for ``"auto"``.
-
-    Raises:
-        InputError: an argument out of range.
     """
     if capacity < 1:
         raise InputError(f"capacity={capacity} must be at least 1.")
@@ -111,10 +107,10 @@ def open_model(
     typical_size: tuple[float, float],
     num_particles: int,
 ) -> Model:
-    """``open_box_model`` with the options of the model of boxes.
+    """Build ``open_box_model`` from the options of the box model.
 
     Raises:
-        InputError: options of objects that are there from the start.
+        InputError: options that require a start frame, which an empty population lacks.
     """
     if DISCRIMINATIVE in options.appearance or RELATIVE in options.motion:
         raise InputError(
@@ -144,16 +140,13 @@ def open_box_tracker(
     regularise: ArrayLike | None = None,
     **settings: Any,
 ) -> Labelled:
-    """A labelled tracker with that many slots, all of them empty; ``follow`` fills them.
+    """Build a labelled tracker with ``capacity`` empty slots; ``follow`` fills them.
 
     Args:
         frame_shape, capacity: as in ``open_box_model``.
-        num_particles: N, of all objects together; those that live share them.
+        num_particles: N, shared by all tracked objects.
         resampling, scope, feedback, regularise: as in ``Labelled``.
         settings: of ``open_box_model``.
-
-    Raises:
-        InputError: see both.
     """
     model = open_box_model(frame_shape, capacity, num_particles=num_particles, **settings)
     return Labelled(
@@ -178,20 +171,21 @@ def follow(
     named: Sequence[tuple[int, int, np.ndarray]] = (),
     rules: Rules | None = None,
 ) -> Iterator[TrackedPopulation]:
-    """Track whoever is detected, or named; frames are not kept.
+    """Track detected and named objects, one frame at a time; frames are not kept in memory.
 
     Args:
-        tracker: from ``open_box_tracker``; its capacity counts, not that of the rules.
+        tracker: from ``open_box_tracker``; its capacity overrides that of the rules.
         key: the run's random key.
         frames: uint8 RGB ``[H, W, 3]``, all of one size.
         detections: boxes ``[M, 4]`` of every frame, or None for a frame in which the detector did
-            not run.  Without detections only named objects start, and being undetected ends none.
-        named: time, id and box of objects that start when they are said to; ids from 0, each once.
+            not run.  Without detections only named objects start, and missing detections end none.
+        named: time, id and box of objects that start at that time; ids from 0, each once.
+        rules: of births and deaths; by default ``Rules()``.
 
     Raises:
-        InputError: more objects are named in the first frame than there are slots, or one of them
-            cannot be seen; one has no likelihood at all in the second; there are more frames than
-            detections; an id is given twice.
+        InputError: in the first frame, more objects are named than there are slots or a named
+            object is not visible; in the second, a named object has no likelihood; there are more
+            frames than detections; or an id is given twice.
     """
     rules = rules or Rules()
     starts: dict[int, list[tuple[int, np.ndarray]]] = {}
@@ -254,9 +248,9 @@ def _changed(
     frame: np.ndarray,
     named: Sequence[int],
 ) -> tuple[Labelled, Any, Living, Changes]:
-    """Tracker and state in which the deaths and births have happened, and who really came.
+    """Apply births and deaths to tracker and state; return them and the births that succeeded.
 
-    Who was not ``named`` may wait: the detector may see it again, and better.
+    A detected object that cannot start (not in ``named``) may start later, at a better detection.
     """
     ids, births, refused = living.ids.copy(), [], list(changes.refused)
     for death in changes.deaths:
@@ -265,7 +259,7 @@ def _changed(
         slot = jnp.int32(birth.slot)
         try:
             likelihood: Any = with_object(_of_pictures(tracker), slot, frame, birth.box)
-        except InputError as error:  # too small, or too much of it outside the picture
+        except InputError as error:  # too small, or too far outside the frame
             ids[birth.slot] = EMPTY
             identity = birth.id if birth.id in named else EMPTY
             refused.append(Refusal(identity, birth.box, str(error)))
@@ -282,7 +276,7 @@ def _changed(
 def _told(
     tracker: Labelled, boxes: np.ndarray, detections: np.ndarray | None, rules: Rules
 ) -> Labelled:
-    """The tracker, told where its objects were found: near where they were a frame ago."""
+    """Pass to the tracker the detections that match its objects' boxes in the previous frame."""
     if not isinstance(tracker.likelihood, Detected):
         return tracker
     if detections is None:
@@ -300,18 +294,18 @@ def _told(
 
 
 def _of_pictures(tracker: Labelled) -> Any:
-    """The likelihood of the picture, without what a detector says."""
+    """The likelihood of the picture, without the detection term."""
     likelihood = tracker.likelihood
     return likelihood.likelihood if isinstance(likelihood, Detected) else likelihood
 
 
 def _boxes(tracker: Labelled, estimate: np.ndarray) -> np.ndarray:
-    """``[C, 4]`` of (u, v, a) relative to the boxes in which the objects started."""
+    """Boxes ``[C, 4]`` of estimates (u, v, a), which are relative to the start boxes."""
     return boxes_at(estimate, _of_pictures(tracker).sizes).astype(float)
 
 
 def _check_named(changes: Changes) -> None:
-    """Refuse a start at which somebody who was named cannot start; detections may wait."""
+    """Refuse to begin if a named object cannot start; detected ones may start later."""
     for refusal in changes.refused:
         if refusal.id != EMPTY:
             x, y, w, h = refusal.box

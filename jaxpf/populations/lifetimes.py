@@ -1,7 +1,7 @@
-"""When an object that is detected starts to be tracked, and when one that is tracked ends.
+"""Rules for births and deaths: when to start tracking a detected object, and when to stop.
 
-Nothing here knows how objects are tracked: it takes the boxes that a tracker reports, and the
-detections of the frame.  Slots are used again, ids never.
+They do not depend on the tracker: they use only the boxes it reports and the detections of the
+frame.  Slots are reused, ids never.
 """
 
 import dataclasses
@@ -14,11 +14,11 @@ from jaxpf.contract.options import check_options, option
 from jaxpf.measures import association
 from jaxpf.measures.association import pairwise_overlap
 
-#: The id of an empty slot, and of who has none yet.
+#: The id of an empty slot, and of an object without an id.
 EMPTY = -1
-#: Frames in a row without a detection that somebody who may be born survives.
+#: Maximum number of consecutive frames without a detection that a birth candidate survives.
 _MOST_MISSED = 2
-#: Two who are ready and overlap more than that are one, found twice.
+#: Birth candidates with a larger overlap are duplicates of one object.
 _TWICE = 0.5
 
 
@@ -65,13 +65,13 @@ class Rules:
 
 
 class Living(NamedTuple):
-    """Who lives after a frame, in C slots.
+    """The tracked objects after a frame, in C slots.
 
     Attributes:
         ids: int ``[C]``, ``EMPTY`` for an empty slot.
-        unseen: int ``[C]``, frames in a row without a detection, or without likelihood.
-        candidates: detections that belong to nobody who lives.
-        last_id: the largest id that was given; the next object gets the next number.
+        unseen: int ``[C]``, consecutive frames without a detection, or without likelihood.
+        candidates: tracks of detections that belong to no tracked object.
+        last_id: the largest id assigned; the next object gets the next number.
     """
 
     ids: np.ndarray
@@ -81,7 +81,7 @@ class Living(NamedTuple):
 
 
 class Birth(NamedTuple):
-    """Somebody who starts."""
+    """An object that starts."""
 
     slot: int
     id: int
@@ -89,7 +89,7 @@ class Birth(NamedTuple):
 
 
 class Death(NamedTuple):
-    """Somebody who ended, and why."""
+    """An object that ended, and why."""
 
     slot: int
     id: int
@@ -97,7 +97,7 @@ class Death(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """Somebody who should have started, and why not; a detection's id is ``EMPTY``."""
+    """An object that could not start, and why; a detection's id is ``EMPTY``."""
 
     id: int
     box: np.ndarray
@@ -105,7 +105,7 @@ class Refusal(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """What a frame changed."""
+    """Births, deaths and refused births of a frame."""
 
     births: list[Birth]
     deaths: list[Death]
@@ -113,7 +113,7 @@ class Changes(NamedTuple):
 
 
 def nobody(capacity: int, last_id: int = 0) -> Living:
-    """Before the first frame; ids up to ``last_id`` are spoken for."""
+    """Return the state before the first frame; ids up to ``last_id`` are reserved."""
     return Living(
         np.full(capacity, EMPTY), np.zeros(capacity, int), association.no_tracks(), last_id
     )
@@ -128,17 +128,17 @@ def advance(
     frame_shape: Sequence[int],
     rules: Rules,
 ) -> tuple[Living, Changes]:
-    """Who ends and who starts, after a frame.
+    """Apply deaths and births after a frame.
 
     Args:
-        living: after the frame before.
-        boxes: ``[C, 4]``, where the tracker has them now; rows of empty slots are not looked at.
+        living: the state after the previous frame.
+        boxes: ``[C, 4]``, the tracker's current boxes; rows of empty slots are ignored.
         lost: ``[C]`` bool, without likelihood.
-        detections: ``[M, 4]`` of the frame; None where nobody detects anything, so that to be
-            undetected means nothing.
-        named: id and box of objects that a user starts in this frame, whatever is detected.
+        detections: ``[M, 4]`` of the frame; None if no detector ran, so that an object without a
+            detection does not count as unseen.
+        named: id and box of objects that the user starts in this frame, detected or not.
         frame_shape: height and width of the frame.
-        rules: see there.
+        rules: see ``Rules``.
     """
     unseen, deaths = _deaths(living, boxes, lost, detections, frame_shape, rules)
     ids, candidates, last_id = living.ids.copy(), living.candidates, living.last_id
@@ -157,7 +157,7 @@ def advance(
         ready &= _first_of_each(candidates.boxes, ready)
         born = np.flatnonzero(ready)[: max(room, 0)]
         wanted += [(EMPTY, candidates.boxes[place]) for place in born]
-        # Told once; who finds no slot is a candidate still, and starts as soon as one is free.
+        # Report a refusal once; the candidate stays and starts as soon as a slot is free.
         late = np.setdiff1d(np.flatnonzero(ready), born)
         first = late[candidates.hits[late] == rules.birth_frames]
         refused = [Refusal(EMPTY, candidates.boxes[place], full) for place in first]
@@ -183,7 +183,7 @@ def _deaths(
     frame_shape: Sequence[int],
     rules: Rules,
 ) -> tuple[np.ndarray, list[Death]]:
-    """For how long everybody was not seen ``[C]``, and who ends."""
+    """Return the number of consecutive unseen frames of each slot ``[C]``, and the deaths."""
     alive = living.ids != EMPTY
     seen = ~lost
     if detections is not None:
@@ -206,7 +206,7 @@ def _deaths(
 
 
 def _first_of_each(boxes: np.ndarray, ready: np.ndarray) -> np.ndarray:
-    """``[K]`` bool: ready, and no one before who is ready overlaps it so that they are one."""
+    """``[K]`` bool: ready, and not a duplicate of an earlier candidate that is ready."""
     first = np.zeros(len(boxes), bool)
     for place in np.flatnonzero(ready):
         apart = pairwise_overlap(boxes[[place]], boxes[first])
@@ -215,6 +215,6 @@ def _first_of_each(boxes: np.ndarray, ready: np.ndarray) -> np.ndarray:
 
 
 def _inside(boxes: np.ndarray, frame_shape: Sequence[int]) -> np.ndarray:
-    """``[K]`` bool: the middle of the box lies in the picture."""
+    """``[K]`` bool: the centre of the box lies in the frame."""
     middle = boxes[:, :2] + boxes[:, 2:] / 2
     return np.all((middle >= 0) & (middle < np.array(frame_shape[1::-1])), axis=1)

@@ -29,7 +29,7 @@ class NumberList(click.ParamType):
         self.name = "whole numbers" if kind is int else "numbers"
 
     def convert(self, value: Any, param: Any, ctx: Any) -> Any:
-        """Convert text or a TOML list to a list of numbers; keeps "auto" if the option allows it."""
+        """Convert text or a TOML list to numbers; keeps "auto" if the option allows it."""
         if self.opens and value == OPEN:
             return value
         parts = value.split(",") if isinstance(value, str) else list(value)

@@ -91,7 +91,7 @@ def detail(judged: Judged) -> str:
 
 
 def report(paper: str, judged: Sequence[Judged], details: bool = False) -> Iterator[str]:
-    """All lines about a paper: its own claims; with ``details`` also all others."""
+    """All lines about a paper: its own claims; with ``details`` all others, judged or not."""
     yield summary(paper, judged)
     if not judged:
         return

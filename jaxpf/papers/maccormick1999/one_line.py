@@ -24,7 +24,7 @@ def likelihood(boundaries: Any) -> np.ndarray:
 
 
 def peaks() -> tuple[np.ndarray, np.ndarray]:
-    """Two-target likelihood with both at one feature, ``[4]``, and at pairs of features, ``[6]``."""
+    """Two-target likelihood with both at one feature, ``[4]``, and at pairs of them, ``[6]``."""
     first, second = np.triu_indices(len(FEATURES), 1)
     places = np.array(FEATURES)
     together = likelihood(np.stack([places, places]))

@@ -129,7 +129,7 @@ class Passing(NamedTuple):
         return np.array([outcome.ess.mean(axis=0) for outcome in self.outcomes[method]])
 
     def widening(self, method: str) -> np.ndarray:
-        """``[cases]``: the farther contour's spread at the height of the occlusion over that before.
+        """``[cases]``: the farther contour's spread at the height of the occlusion over before.
 
         Only runs that keep both targets count: the spread of a lost target means something else.
         NaN if no run keeps both.

@@ -97,7 +97,7 @@ def _impoverishment(outcome: Outcome) -> Quantities:
     first_stage = [uniqueness[:, place, shift] for shift, place in enumerate(orders)]
 
     def evened(values: np.ndarray) -> list[Quantity]:
-        """Range over objects under PS minus under DPS, except object 1 (spread by the distracter)."""
+        """Range over objects 2 to P under PS minus under DPS; the distracter spreads object 1."""
         ps, other = (np.ptp(values[:, place, 1:], axis=1) for place in (orders[0], dps))
         return [mean_of(100 * (ps - other))]
 

@@ -1,4 +1,4 @@
-"""The command line.  Each command's module is imported only when it is used."""
+"""The command line.  The module of a command is imported only when it runs."""
 
 import contextlib
 import errno
@@ -11,15 +11,15 @@ try:
     import click
 
     from jaxpf import __version__
-except ModuleNotFoundError:  # pragma: no cover - depends on how jaxpf was installed
+except ModuleNotFoundError:  # pragma: no cover - depends on the installed extras
     sys.exit("the command line needs its extra packages: pip install 'jaxpf[cli]'")
-except KeyboardInterrupt:  # Ctrl-C before there is a handler
+except KeyboardInterrupt:  # Ctrl-C before a handler is installed
     if os.path.basename(sys.argv[0]) not in ("jaxpf", "jaxpf.exe", "-m"):
         raise  # another program imports this module
     os.write(2, b"Interrupted.\n")
     os._exit(130)
 
-# Name -> (module, one-line help).  Written out so that `jaxpf --help` imports no command.
+# Name -> (module, one-line help).  Stated here so that `jaxpf --help` imports no command.
 _COMMANDS = {
     "example": ("jaxpf.cli.example", "Write a small clip to try tracking on, and say how."),
     "track": (
@@ -77,8 +77,8 @@ def group() -> None:
 
 
 def main(arguments: list[str] | None = None) -> Any:
-    """Run the command line; a user's mistake is one sentence and exit code 2."""
-    InputError: Any = ()  # of a program interrupted before it is imported
+    """Run the command line; a user error prints one sentence and exits with code 2."""
+    InputError: Any = ()  # placeholder if interrupted before the import
     try:
         from jaxpf.contract.errors import InputError
 
@@ -96,12 +96,12 @@ def main(arguments: list[str] | None = None) -> Any:
         error.show()
         sys.exit(error.exit_code)
     except (KeyboardInterrupt, click.Abort) as stop:
-        # click wraps what interrupts it.
+        # click wraps KeyboardInterrupt.
         terminated = "Terminated" in (type(stop).__name__, type(stop.__cause__).__name__)
         click.echo("Terminated." if terminated else "Interrupted.", err=True)
         sys.exit(143 if terminated else 130)
     except BrokenPipeError:
-        # The reader of our output went away (`jaxpf ... | head`): nothing to complain about.
+        # The reader of the pipe has exited (`jaxpf ... | head`); this is not an error.
         sys.stderr.close()
         sys.exit(0)
     except OSError as error:
@@ -128,20 +128,20 @@ def main(arguments: list[str] | None = None) -> Any:
         sys.exit(2)
 
 
-#: What writing to a full or broken disk, or beyond a quota, raises.
+#: Errors of writing to a full or broken disk, or beyond a quota.
 _NOT_WRITTEN = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 
 
 def _discard_output() -> None:
-    """Send what is still buffered nowhere, or Python would fail again as it ends."""
-    with contextlib.suppress(OSError, ValueError):  # standard output may be no file
+    """Discard buffered output, or Python would fail again on exit."""
+    with contextlib.suppress(OSError, ValueError):  # standard output may not be a file
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-#: Letters of a message that somebody may read.
+#: Maximum number of characters of a printed message.
 _LONGEST_MESSAGE = 2000
 
 
 def _cut(text: str, most: int = 120) -> str:
-    """Texts that files or users give may be of any length; messages are not."""
+    """Shorten a text of arbitrary length for a message."""
     return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"

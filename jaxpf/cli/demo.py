@@ -18,7 +18,7 @@ from jaxpf.contract.options import OPEN, options_of
 from jaxpf.filters.partitioned.options import Options
 from jaxpf.running.memory import check_memory, needed_by
 
-#: The method that the video shows.
+#: Method shown in the video.
 _SHOWN = "DPS"
 _ALL = options_of(Options, boxes.Options)
 _DECLARED = {name: _ALL[name] for name in ("particles", "sharpness", "appearance")}
@@ -79,7 +79,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
         f"{runs} runs per method, {scene.num_objects} objects, {particles} particles, "
         f"{scene.num_frames} frames"
     )
-    results, began = {}, time.perf_counter()  # of each method on its own
+    results, began = {}, time.perf_counter()  # per method
     seeds = [1000 * (seed + 1) + run for run in range(runs)]
     for result in compare(scene, trackers, seeds):
         results[result.name] = result
@@ -176,7 +176,7 @@ def _plot(results: dict[str, Any], path: Path) -> None:
 
 
 def _overlay(scene: Any, tracker: Any, seeds: list[int], path: Path) -> None:
-    """Draw the first run again with its particles, enlarged; the method's name is in a corner."""
+    """Repeat the first run and draw its particles, enlarged, with the method's name in a corner."""
     import cv2
     import jax
 

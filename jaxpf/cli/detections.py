@@ -1,4 +1,4 @@
-"""``jaxpf detections``: a detector's file for a video whose truth is known."""
+"""``jaxpf detections``: simulate a detector's output for a video with ground truth."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""``jaxpf example``: a small clip to try the tracker on, with its start and its truth."""
+"""``jaxpf example``: a short clip for trying the tracker, with its start and ground truth."""
 
 import shlex
 from collections.abc import Callable, Iterable
@@ -13,7 +13,7 @@ _SEED = 1
 
 
 class _Example(NamedTuple):
-    """What is filmed, what is written beside the film, and what to run on it."""
+    """Contents of an example: the clip, its files, and the commands to run."""
 
     scene: Callable[[Any], Any]
     write: Callable[[Path, Any], None]

@@ -52,7 +52,7 @@ def command(video: str, number: int, step: int | None, output: Path | None) -> N
     try:
         frame = next(source.frames(number))
     except InputError as error:
-        # To the library it is where tracking starts.
+        # The library would call it the start frame.
         raise InputError(str(error).removeprefix("start ")) from None
     picture = draw_pixel_grid(frame, step)
     done, encoded = cv2.imencode(".png", picture[..., ::-1])

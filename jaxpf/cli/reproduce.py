@@ -1,4 +1,4 @@
-"""``jaxpf reproduce``: a paper's experiment, published and measured side by side."""
+"""``jaxpf reproduce``: a paper's experiment, with published and measured figures side by side."""
 
 import os
 import textwrap
@@ -15,7 +15,7 @@ from jaxpf.cli.shared.console import print_table
 from jaxpf.cli.shared.speaking import Speaking
 from jaxpf.cli.shared.startup import start_jax
 
-#: As ``jaxpf.papers.paper.PAPERS``, without importing it.
+#: Copy of ``jaxpf.papers.paper.PAPERS``, which avoids its import.
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
 
 
@@ -80,7 +80,7 @@ def command(
 
     began = time.perf_counter()
     chosen = paper_of(paper)
-    # Mistakes are reported before the folder is made.
+    # Report mistakes before the folder is created.
     request = chosen.request(scenes, seed, quick, data, click.echo)
     executor = None
     if dask:
@@ -108,7 +108,7 @@ def command(
 
 
 def _typed(options: Mapping[str, Any]) -> str:
-    """The command in words; a folder of clips by its name alone."""
+    """The command as text; a clip folder by its name only."""
     words = [f"jaxpf reproduce {options['paper']}"]
     for name, value in options.items():
         if value is True:
@@ -121,7 +121,7 @@ def _typed(options: Mapping[str, Any]) -> str:
 
 
 def _data_folder(given: Path | None) -> Path | None:
-    """The folder named by ``--data`` or ``JAXPF_DATA``; None if neither is."""
+    """The folder given by ``--data`` or ``JAXPF_DATA``, or None."""
     from jaxpf.contract.errors import InputError
 
     from_environment = os.environ.get("JAXPF_DATA", "")

@@ -1,5 +1,5 @@
-"""The papers' experiments repeated: published figures beside ours, and claims judged.
+"""Reproduction of published experiments: published and measured figures, and judged claims.
 
-``paper`` is the frame that all papers share, ``judging`` judges claims and gives figures their
-intervals, ``measuring`` keeps what was measured.  Each paper has a folder with the same files.
+``paper`` is the framework shared by all papers, ``judging`` judges claims and computes intervals,
+``measuring`` stores measurements.  Each paper has a folder with the same files.
 """

@@ -1,7 +1,7 @@
-"""A paper that is repeated: the frame that all papers share.
+"""The framework shared by all papers.
 
-Each paper has a folder with the same files: ``published`` (its figures, as data), ``scenes`` (what
-is drawn or read, and the runs on it), ``measure``, ``tables``, ``figures``, ``claims`` (key of a
+Each paper has a folder with the same files: ``published`` (its figures, as data), ``scenes`` (drawn
+or filmed scenes, and the runs on them), ``measure``, ``tables``, ``figures``, ``claims`` (key of a
 claim -> measured figures), ``claims.csv``, ``settings.csv`` (settings that the paper leaves open,
 and how they were chosen) and ``__init__`` with the ``PAPER``.
 """
@@ -17,25 +17,25 @@ from jaxpf.contract.errors import InputError
 from jaxpf.papers.judging.claims import Quantity, judge_all, read_rows
 from jaxpf.papers.judging.comparison_table import Comparison, Table
 
-#: Papers that can be repeated; each is a module here, with a ``PAPER``.
+#: Papers that can be repeated; each is a module here with a ``PAPER``.
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")
 
 
 def paper_of(name: str) -> "Paper":
-    """The paper of that name."""
+    """Import the paper of a name."""
     return importlib.import_module(f"jaxpf.papers.{name}").PAPER
 
 
 @dataclasses.dataclass(frozen=True)
 class Request:
-    """What of a paper is to be repeated.
+    """The part of a paper to repeat.
 
     Attributes:
-        seeds: of the scenes.
-        seed: the first of them.
+        seeds: seeds of the scenes.
+        seed: the first seed.
         quick: measure much less, as a preview.
-        clips: what ``Paper.read`` returned; None without real clips.
-        report: takes a line of progress.
+        clips: return value of ``Paper.read``; None without real clips.
+        report: receives lines of progress.
     """
 
     seeds: range
@@ -47,23 +47,24 @@ class Request:
 
 @dataclasses.dataclass(frozen=True)
 class Paper:
-    """How a paper is repeated.
+    """Describes how to repeat a paper.
 
     Attributes:
         name: such as "smith2004".
         title: one line.
-        scenes: their planned number, the units of the intervals; they are looked at once.
-        measure: measures everything behind tables, claims and figures.
-        tables: of what was measured, in the order in which they are shown.
+        scenes: planned number of scenes, over which intervals are computed; they are evaluated
+            once.
+        measure: runs all measurements for tables, claims and figures.
+        tables: tables of the measurements, in display order.
         quantities: key of a claim -> the figures that judge it.
-        figures: stem of the file -> matplotlib figure.
-        notes: sentences on what was done, and its limits.
+        figures: file-name stem -> matplotlib figure.
+        notes: sentences on the method and its limits.
         read: reads the clips of a folder before the work begins, ``read(data, quick)``; None if
             the paper needs none.
         without_clips: a note for a run without clips.
         with_clips: a note for a run with clips.
-        settings: JSON values that are needed to repeat the run, beside the request.
-        quick_scenes: their number in the quick version.
+        settings: further JSON values that are needed to repeat the run.
+        quick_scenes: number of scenes in the quick version.
     """
 
     name: str
@@ -88,14 +89,14 @@ class Paper:
         data: Path | None = None,
         report: Callable[[str], None] = print,
     ) -> Request:
-        """Read the clips and settle the number of scenes, before the work begins.
+        """Read the clips and choose the number of scenes before the work begins.
 
         Args:
-            scenes: None: the planned number, or ``quick_scenes``.
-            seed: of the first scene.
+            scenes: number of scenes; default the planned number, or ``quick_scenes``.
+            seed: seed of the first scene.
             quick: a much smaller version, as a preview.
             data: a folder with real clips.
-            report: takes a line of progress.
+            report: receives lines of progress.
 
         Raises:
             InputError: a clip is missing.
@@ -106,7 +107,7 @@ class Paper:
         return Request(range(seed, seed + scenes), seed, quick, clips, report)
 
     def compare(self, request: Request) -> Comparison:
-        """Measure what is asked, and put it beside what is published."""
+        """Run the measurements and compare them with the published figures."""
         measured = self.measure(request)
         about_clips = self.without_clips if request.clips is None else self.with_clips
         return Comparison(
@@ -126,12 +127,12 @@ class Paper:
         )
 
     def run(self, **asked: Any) -> Comparison:
-        """``compare`` what ``request`` is asked for, in one call."""
+        """``request`` and ``compare`` in one call."""
         return self.compare(self.request(**asked))
 
 
 def settings_tables(paper: str) -> list[Table]:
-    """The paper's ``settings.csv`` as a table; none without the file."""
+    """The paper's ``settings.csv`` as a table; an empty list if it does not exist."""
     settings = read_rows(paper, "settings.csv")
     rows = [(row["setting"], [row["value"], row["how"]]) for row in settings]
     title = "Settings that the paper leaves open, chosen on scenes that no report uses"
@@ -140,10 +141,10 @@ def settings_tables(paper: str) -> list[Table]:
 
 
 def clip_folder(data: Path, name: str, needed: str = ".") -> Path:
-    """The folder of a clip: ``data`` itself, or the one in it.
+    """The folder of a clip: ``data`` itself, or its subfolder ``name``.
 
     Raises:
-        InputError: it is not there, or holds no file ``needed``.
+        InputError: it does not exist, or lacks the file ``needed``.
     """
     folder = data if data.name == name else data / name
     if not (folder.is_dir() and (folder / needed).exists()):
@@ -156,7 +157,7 @@ def clip_folder(data: Path, name: str, needed: str = ".") -> Path:
 
 @contextlib.contextmanager
 def reading_clips() -> Iterator[None]:
-    """Raise an ``InputError`` for what is wrong with a clip that is read within the block."""
+    """Convert errors in a clip that is read within the block to ``InputError``."""
     from scenes import SceneError
 
     try:

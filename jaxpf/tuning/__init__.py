@@ -1,7 +1,7 @@
-"""Tuning parameters of trackers by gradient descent, instead of trial and error.
+"""Tune tracker parameters by gradient descent instead of trial and error.
 
-Name parameters by their path in the tracker, choose an objective, and get values, their
-uncertainty, and a comparison on sequences that tuning did not see.
+Parameters are named by their path in the tracker.  Choose an objective; the result holds tuned
+values, their uncertainty, and a comparison on held-out sequences.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Checkpoints: an interrupted descent resumes where it was and reaches the same values."""
+"""Checkpoints: an interrupted descent resumes and reaches the same values."""
 
 import dataclasses
 import hashlib
@@ -18,7 +18,7 @@ from jaxpf.tuning.problem import TrainingSequence
 from jaxpf.tuning.result import Descent
 from jaxpf.tuning.settings import Settings
 
-#: Piece of the folder's store.
+#: Name of the checkpoint in the folder's store.
 _PIECE = "checkpoint"
 NAME = f"{_PIECE}.npz"
 
@@ -31,7 +31,7 @@ def asked(
     sequences: Sequence[TrainingSequence],
     label: Any,
 ) -> dict[str, Any]:
-    """Everything that the tuned values depend on, fit for JSON."""
+    """Everything that determines the tuned values, as JSON values."""
     name = objective if isinstance(objective, str) else getattr(objective, "__qualname__", "own")
     description = {
         "jaxpf": __version__,
@@ -42,7 +42,7 @@ def asked(
         "label": label,
         **dataclasses.asdict(settings),
         "tracker": [_settings_of(sequence.tracker) for sequence in sequences],
-        # Digests, which ``_IN_WORDS`` names in messages.
+        # ``_IN_WORDS`` describes these digests in messages.
         "frames": [_digest(sequence.frames) for sequence in sequences],
         "labels": [_digest(sequence.truth) for sequence in sequences],
         "model": [_digest(sequence.tracker) for sequence in sequences],
@@ -50,7 +50,7 @@ def asked(
     return json.loads(json.dumps(description))
 
 
-#: What a message calls a digest that differs.
+#: Description of a digest that differs, for messages.
 _IN_WORDS = {
     "frames": "other frames",
     "labels": "other labels",
@@ -59,7 +59,7 @@ _IN_WORDS = {
 
 
 def _settings_of(tracker: Any) -> dict[str, Any]:
-    """The tracker's own settings, which have names: ``num_particles``, ``gradient``, ..."""
+    """The tracker's named settings: ``num_particles``, ``gradient``, ..."""
     if not dataclasses.is_dataclass(tracker):
         return {}
     fields = [field for field in dataclasses.fields(tracker) if field.metadata.get("static")]
@@ -77,7 +77,7 @@ def _digest(tree: Any) -> str:
 
 
 def _change(old: dict[str, Any], new: dict[str, Any]) -> str | None:
-    """The first difference of two ``asked``, in words."""
+    """Describe the first difference between two results of ``asked``."""
     for name in dict.fromkeys([*old, *new]):
         before, after = old.get(name), new.get(name)
         if before == after:
@@ -100,7 +100,7 @@ class Checkpoint:
         self.description = description
 
     def write(self, descents: Sequence[Descent]) -> None:
-        """Write the checkpoint, completely or not at all."""
+        """Write the checkpoint atomically."""
         arrays: dict[str, Any] = {}
         stored = []
         for place, descent in enumerate(descents):
@@ -112,7 +112,7 @@ class Checkpoint:
         self.store.write(_PIECE, arrays, {"asked": self.description, "descents": stored})
 
     def read(self) -> list[Descent]:
-        """The stored descents, if any; a damaged checkpoint or one of another call is refused."""
+        """Read the stored descents, if any; refuse a damaged checkpoint or one of another call."""
         if not self.store.path(_PIECE).exists():
             return []
         with self.store.opened(_PIECE) as arrays:

@@ -1,4 +1,4 @@
-"""The tracker before and after tuning, compared on sequences that tuning did not see."""
+"""Compare the tracker before and after tuning on held-out sequences."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -14,8 +14,8 @@ from jaxpf.running.blocks import monte_carlo
 from jaxpf.targets.target import Start, Target
 from jaxpf.tuning.objectives import keep_estimate
 
-#: Measures and whether more is better; "success" and "recovery" as in smith2004, the others
-#: over all frames with truth, whether tracked or not.
+#: Measure -> whether larger is better.  "success" and "recovery" as in smith2004; the others
+#: average over all frames with ground truth, tracked or not.
 MEASURES = {
     "overlap": True,
     "precision_all": True,
@@ -29,15 +29,15 @@ MEASURES = {
 
 @dataclasses.dataclass(frozen=True)
 class HeldOut:
-    """A sequence for the comparison.
+    """A held-out sequence for the comparison.
 
     Attributes:
         before: tracker with the values before tuning; starts just before the first frame.
-        after: the same with the tuned values.
-        frames: ``[T, H, W, 3]``, or lazy ones, see ``jaxpf.monte_carlo``.
-        truth: ``[T, P, S]`` shapes, NaN where there is none.
-        target: kind of the objects.
-        start: where they are just before the first frame.
+        after: the same tracker with the tuned values.
+        frames: ``[T, H, W, 3]``, or a lazy sequence, see ``jaxpf.monte_carlo``.
+        truth: ``[T, P, S]`` ground-truth shapes, NaN where missing.
+        target: kind of target.
+        start: start of the objects, just before the first frame.
     """
 
     before: Any
@@ -50,14 +50,14 @@ class HeldOut:
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """Means over units with Student's 95 % intervals, and the paired differences.
+    """Means over units with Student's 95 % intervals, and paired differences.
 
     Attributes:
-        unit: "sequences"; or "runs" of a single sequence, whose intervals hold for it alone.
+        unit: "sequences", or "runs" of a single sequence, whose intervals hold for it alone.
         count: number of units.
-        before: measure -> mean; shares in 0 to 1, pixels for errors; NaN for a measure that the
-            target does not have.
-        after: the same of the tuned values.
+        before: measure -> mean; shares in 0 to 1, errors in pixels; NaN for a measure that the
+            target does not define.
+        after: the same with the tuned values.
         difference: after minus before, paired by unit and seed.
     """
 
@@ -68,7 +68,7 @@ class Comparison:
     difference: dict[str, Interval]
 
     def verdict(self, measure: str) -> str:
-        """ "better", "worse", or "no clear difference" at 95 %."""
+        """ "better", "worse", or "no clear difference" at the 95 % level."""
         change = self.difference[measure]
         sign = 1 if MEASURES[measure] else -1
         low, high = sorted((sign * float(change.lower), sign * float(change.upper)))
@@ -80,13 +80,13 @@ class Comparison:
 def compare(sequences: Sequence[HeldOut], *, runs: int = 20, seed: int = 1) -> Comparison:
     """Run both trackers with the same seeds on every sequence.
 
-    All measures are means over objects; precision, recall and overlap also over all frames with
-    truth, 0 where an object is lost.
+    All measures are means over objects.  Precision, recall and overlap are also means over all
+    frames with ground truth, counting 0 where an object is lost.
 
     Args:
-        sequences: that tuning did not see.
-        runs: per sequence and tracker.
-        seed: of the runs; choose another than tuning's.
+        sequences: held-out sequences.
+        runs: number of runs per sequence and tracker.
+        seed: random seed of the runs; use a different one than for tuning.
     """
     if not sequences:
         raise InputError("there is no sequence to compare on; give at least one.")
@@ -115,7 +115,7 @@ def compare(sequences: Sequence[HeldOut], *, runs: int = 20, seed: int = 1) -> C
 
 
 def _measured(tracker: Any, keys: Any, held_out: HeldOut) -> np.ndarray:
-    """``[R, measures]``: means over frames and objects."""
+    """``[R, measures]``, means over frames and objects."""
     estimates = np.asarray(monte_carlo(tracker, keys, held_out.frames, keep_estimate))
     truth = np.asarray(held_out.truth)
     shapes = held_out.target.shapes(held_out.start, estimates, tracker)

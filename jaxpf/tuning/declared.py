@@ -1,4 +1,4 @@
-"""Tuned parameters of trackers as the options of the command line, and back."""
+"""Translate between tuned tracker parameters and command-line options."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from jaxpf.contract.options import Option, counting, options_of
 
 
 def tuned_by_default(options: Any) -> tuple[str, ...]:
-    """Tracker paths that are tuned by default."""
+    """Paths of the parameters that are tuned by default."""
     counts = counting(options)
     return tuple(
         option.path + ending
@@ -20,12 +20,12 @@ def tuned_by_default(options: Any) -> tuple[str, ...]:
 
 
 def with_tuned(options: Any, values: Mapping[str, Any], target: str) -> Any:
-    """A target's options with tuned values.
+    """Replace a target's options by tuned values.
 
     Args:
-        options: of the target.
-        values: tracker path -> value, such as ``dynamics.scale[0]`` or, for all numbers of the
-            option, ``dynamics.scale``.
+        options: options of the target.
+        values: tracker path -> value, such as ``dynamics.scale[0]``, or ``dynamics.scale`` for all
+            numbers of the option.
         target: name of the target.
     """
     by_path = {option.path: option for option in options_of(options).values() if option.path}
@@ -42,7 +42,7 @@ def with_tuned(options: Any, values: Mapping[str, Any], target: str) -> Any:
 
 
 def _value(option: Option, before: Any, index: str, value: Any) -> Any:
-    """A tracker's value in the option's own units; the other numbers stay as they are."""
+    """A tracker value in the option's units; the option's other numbers are unchanged."""
     if not option.length:
         return option.kind(value)
     numbers = list(before)

@@ -1,4 +1,4 @@
-"""Settings compared by the evidence that filters give them: no gradient, no truth."""
+"""Compare settings by their estimated evidence; needs neither gradients nor ground truth."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,16 +14,16 @@ from jaxpf.tuning.objectives import keep_log_evidence
 def log_evidences(
     trackers: Sequence[Any], key: jax.Array, frames: Any, num_runs: int = 4
 ) -> np.ndarray:
-    """Log of the mean estimate of ``p(frames | settings)`` over runs, float64 ``[K]``.
+    """Log of the mean over runs of the estimates of ``p(frames | settings)``, float64 ``[K]``.
 
-    All runs share their random numbers.  Trackers of one structure are compiled once.  Their
-    likelihoods must be the same, or normalised: otherwise evidences are not comparable.
+    All runs share their random numbers.  Trackers of equal structure are compiled once.  Evidences
+    are comparable only if the likelihoods are the same or normalised.
 
     Args:
-        trackers: K of them, whose summaries have ``log_evidence``.
-        key: a random key.
+        trackers: K trackers whose summaries have ``log_evidence``.
+        key: random key.
         frames: ``[T, ...]``.
-        num_runs: independent runs of each.
+        num_runs: independent runs per tracker.
     """
     keys = jax.random.split(key, num_runs)
     logs = []

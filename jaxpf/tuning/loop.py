@@ -1,4 +1,4 @@
-"""``tune``: descend a loss of the tracker's parameters with Adam."""
+"""``tune``: minimise a loss over tracker parameters with Adam."""
 
 import dataclasses
 import functools
@@ -25,7 +25,7 @@ _STEPS_PER_CHECKPOINT = 10
 
 
 class Diverged(InputError):
-    """The loss became infinite or NaN; ``result`` holds the values up to the step before."""
+    """The loss became infinite or NaN; ``result`` holds the values of the last finite step."""
 
     def __init__(self, sentence: str, result: Result):
         super().__init__(sentence)
@@ -42,10 +42,10 @@ def tune(
     label: Any = None,
     progress: Callable[[Descent], None] | None = None,
 ) -> Result:
-    """Find the values of parameters that fit sequences best.
+    """Find the parameter values that fit sequences best.
 
-    What the gradient means is decided by the trackers, see ``jaxpf.gradients``; a motion noise
-    needs a likelihood that is differentiable in the state (``interpolation="bilinear"``) or
+    The trackers determine what the gradient means, see ``jaxpf.gradients``.  Tuning a motion noise
+    requires a likelihood that is differentiable in the state (``interpolation="bilinear"``) or
     dynamics with ``log_density``.
 
     Args:
@@ -55,15 +55,15 @@ def tune(
         objective: "evidence", "position", "overlap", "crps", or a function
             ``(tracker, keys, frames) -> [R]`` to minimise; see ``loss_function``.
         settings: default ``Settings()``.
-        folder: existing folder for a checkpoint, from which the same call continues.
-        label: anything else that identifies this call in the checkpoint; fit for JSON.
+        folder: existing folder for a checkpoint; repeating the call resumes from it.
+        label: further JSON value that identifies this call in the checkpoint.
         progress: called with the descent after every step.
 
     Returns:
         Values, their uncertainty, and traces.
 
     Raises:
-        Diverged: the loss is not finite.  The last good values are kept, in ``folder`` too.
+        Diverged: the loss is not finite.  The last finite values are kept, also in ``folder``.
     """
     settings = settings or Settings()
     sequences = [sequences] if isinstance(sequences, TrainingSequence) else list(sequences)
@@ -112,7 +112,7 @@ def tune(
                 result,
             ) from None
         finally:
-            # Without a step there is nothing to resume, and another call may differ.
+            # Without a step there is nothing to resume, and the next call may have other settings.
             if store is not None and any(one.num_steps for one in descents):
                 store.write(descents)
     result = summarise(wanted, start, descents, settings)
@@ -134,7 +134,7 @@ def _shown(value: Any) -> str:
 
 
 def _check_gradients(tracker: Any, wanted: Sequence[Parameter]) -> None:
-    """Refuse a motion parameter whose gradient would be silently zero."""
+    """Refuse motion parameters whose gradient would silently be zero."""
     if not any(one.name.startswith("dynamics.") for one in wanted):
         return
     from jaxpf.gradients import check_motion_gradient
@@ -144,7 +144,7 @@ def _check_gradients(tracker: Any, wanted: Sequence[Parameter]) -> None:
 
 @functools.lru_cache(maxsize=8)
 def _optimiser(clip: float, learning_rate: float) -> tuple[Any, Callable]:
-    """Clipped Adam, and one step of it, compiled once."""
+    """Adam with gradient clipping, and its compiled update."""
     adam = optax.chain(optax.clip_by_global_norm(clip), optax.adam(learning_rate))
 
     @jax.jit
@@ -186,7 +186,7 @@ def _on_device(free: dict[str, np.ndarray]) -> dict[str, jax.Array]:
 
 
 def _descend(descent, wanted, sequences, value_and_gradient, settings):
-    """Yield the descent after every step, until it stops."""
+    """Yield the descent after every step until it stops."""
     optimiser, take_step = _optimiser(settings.clip, settings.learning_rate)
     free = _on_device({name: trace[-1] for name, trace in descent.free.items()})
     structure = jax.tree.structure(optimiser.init(free))
@@ -226,7 +226,7 @@ def _descend(descent, wanted, sequences, value_and_gradient, settings):
 
 
 def _of_step(step: int, count: int, settings: Settings) -> list[int]:
-    """Places of the sequences of a step: all, or as many as asked, in turn."""
+    """Indices of the sequences used in a step: all, or the requested number in rotation."""
     number = min(settings.sequences_per_step or count, count)
     return [(step * number + i) % count for i in range(number)]
 

@@ -1,8 +1,8 @@
 """Posterior of a model's parameters by particle marginal Metropolis-Hastings.
 
-A Metropolis chain whose likelihood is a particle filter's unbiased estimate of the evidence has the
-exact posterior as its law (Andrieu, Doucet & Holenstein 2010), whatever the number of particles.
-That number only decides how well it mixes: best where the log evidence has a variance of about 1
+The likelihood is a particle filter's unbiased estimate of the evidence.  The chain then targets the
+exact posterior for any number of particles (Andrieu, Doucet & Holenstein 2010).  The number of
+particles only affects mixing, which is best where the log evidence has a variance of about 1
 (Doucet, Pitt, Deligiannidis & Kohn 2015).
 """
 
@@ -24,24 +24,24 @@ from jaxpf.running import missing_frames
 from jaxpf.running.checks import check_run
 from jaxpf.tuning.objectives import keep_log_evidence
 
-#: Share of accepted moves that warm-up aims at; noise in the evidence alone rejects half of them.
+#: Acceptance rate that warm-up targets; noise in the evidence alone rejects half of the moves.
 _ACCEPTANCE = 0.2
-#: Steps of the walk at the start, as a share of the parameters.
+#: Initial step of the random walk, relative to the parameters.
 _FIRST_STEP = 0.1
-#: Runs from which the variance of the log evidence is measured.
+#: Number of pilot runs that estimate the variance of the log evidence.
 _PILOT_RUNS = 64
 
 
 @pytree_dataclass
 class Posterior:
-    """Draws of parameters from C chains of S draws, after warm-up.
+    """Draws of parameters from C chains, S draws each, after warm-up.
 
     Attributes:
-        parameters: the pytree of the parameters; leaves ``[C, S, ...]``.
-        log_evidence: ``[C, S]``, the estimate that each draw was accepted with.
+        parameters: pytree of the parameters; leaves ``[C, S, ...]``.
+        log_evidence: ``[C, S]``, the estimate with which each draw was accepted.
         log_prior: ``[C, S]``.
-        accepted: ``[C, S]`` bool, whether the chain moved.
-        num_particles: of the filters.
+        accepted: ``[C, S]`` bool, whether the move was accepted.
+        num_particles: number of particles of the filters.
     """
 
     parameters: Any
@@ -89,28 +89,29 @@ def pmmh(
 ) -> Posterior:
     """Draw parameters from their posterior given frames.
 
-    All chains advance together.  They share a Gaussian random walk, whose covariance and scale are
-    adapted during warm-up and fixed afterwards.  Pass named functions: new ones compile anew.
+    All chains advance together.  They share a Gaussian random walk whose covariance and scale are
+    adapted during warm-up and fixed afterwards.  Pass named functions: each new function
+    recompiles.
 
     Args:
         build: parameters -> tracker with an unbiased ``log_evidence``, such as
             ``jaxpf.state_space(..., parameters=p)``.
-        log_prior: parameters -> log prior density ``[]``, up to a constant; -inf outside of its
+        log_prior: parameters -> log prior density ``[]``, up to a constant; -inf outside its
             support, where no tracker is run.
-        key: a random key.
+        key: random key.
         frames: as for ``jaxpf.run``.
-        initial: parameters to start near, any pytree of floats.
-        num_draws: S, kept of each chain.
-        num_warmup: draws before, which are discarded.
+        initial: starting values, any pytree of floats; chains start near them.
+        num_draws: S, draws kept per chain.
+        num_warmup: warm-up draws per chain, which are discarded.
         num_chains: C.
-        num_particles: of the trackers; by default chosen twice, at the start and half-way through
-            warm-up, so that the log evidence has a variance of about 1.  Inside a user's ``jit``
-            the default is that of the trackers.
+        num_particles: number of particles of the trackers.  By default it is chosen at the start
+            and half-way through warm-up, for a log evidence with a variance of about 1.  Inside a
+            user's ``jit`` the default is the trackers' own number.
         observed: as for ``jaxpf.run``.
 
     Raises:
-        InputError: a number below 1; parameters that are no floats; a start that the prior excludes
-            or that cannot explain the frames.
+        InputError: a number is below 1, parameters are not floats, or the start is excluded by the
+            prior or cannot explain the frames.
     """
     counts = {"num_draws": num_draws, "num_warmup": num_warmup, "num_chains": num_chains}
     for name, value in counts.items():
@@ -132,7 +133,7 @@ def pmmh(
     spread = _FIRST_STEP * jnp.maximum(jnp.abs(start), _FIRST_STEP)
     place = start + spread * jax.random.normal(start_key, (num_chains, start.size))
     possible = ~jnp.isneginf(jax.vmap(lambda z: log_prior(unravel(z)))(place))
-    unknown = jnp.full(num_chains, -jnp.inf)  # so that the first move is accepted
+    unknown = jnp.full(num_chains, -jnp.inf)  # accepts the first move
     chains = _Chains(jnp.where(possible[:, None], place, start), unknown, unknown)
     walk = _Walk(start, jnp.diag(spread**2), jnp.log(2.38 / math.sqrt(start.size)))
     steps = np.arange(num_warmup + num_draws)
@@ -156,7 +157,7 @@ def pmmh(
 
 
 class _Model(NamedTuple):
-    """What a chain's target is made of; static."""
+    """Static definition of the chains' target distribution."""
 
     build: Callable
     log_prior: Callable
@@ -164,7 +165,7 @@ class _Model(NamedTuple):
     num_particles: int
 
     def log_evidence(self, parameters: Any, key: jax.Array, frames: Any) -> jax.Array:
-        """An estimate ``[]``; -inf where it is no number."""
+        """Estimate the log evidence ``[]``; -inf instead of NaN."""
         tracker = dataclasses.replace(self.build(parameters), num_particles=self.num_particles)
         if self.has_gaps:
             tracker = missing_frames.WithGaps(tracker)
@@ -181,7 +182,7 @@ class _Model(NamedTuple):
 
 
 class _Chains(NamedTuple):
-    """Where C chains stand, ``[C, d]``, and their log prior and log evidence, ``[C]``."""
+    """Current parameters of C chains, ``[C, d]``, their log prior and log evidence, ``[C]``."""
 
     place: jax.Array
     log_prior: jax.Array
@@ -189,7 +190,7 @@ class _Chains(NamedTuple):
 
 
 class _Walk(NamedTuple):
-    """The random walk that all chains share: moments of the places so far, and a factor."""
+    """The random walk shared by all chains: moments of past positions, and a scale factor."""
 
     mean: jax.Array
     covariance: jax.Array
@@ -202,7 +203,7 @@ def _pilot(model, keys, frames, parameters):
 
 
 def _with_chosen_number(model: _Model, key: jax.Array, frames: Any, parameters: Any) -> _Model:
-    """The number of particles for a variance of 1, which is about proportional to 1 / N."""
+    """Choose the number of particles for a variance of 1, which is about proportional to 1 / N."""
     for attempt in range(4):
         keys = jax.random.split(jax.random.fold_in(key, attempt), _PILOT_RUNS)
         log_evidences = np.asarray(_pilot(model, keys, frames, parameters))
@@ -210,23 +211,23 @@ def _with_chosen_number(model: _Model, key: jax.Array, frames: Any, parameters: 
         if 0.7 < variance < 1.4:
             return model
         wanted = math.log2(max(16, model.num_particles * min(variance, 16)))
-        number = round(2 ** (math.ceil(2 * wanted) / 2))  # few values: each compiles programs
+        number = round(2 ** (math.ceil(2 * wanted) / 2))  # few values: each needs compiling
         if np.isneginf(log_evidences).all() and attempt == 3:
             raise InputError(
                 f"the parameters {parameters!r:.200} cannot explain the frames with "
                 f"{model.num_particles} particles; start elsewhere, or give num_particles."
             )
         model = model._replace(num_particles=number)
-        if variance < 4:  # else the law is rough, and is measured again
+        if variance < 4:  # above it, 1 / N is too rough: measure again
             return model
     return model
 
 
 @partial(jax.jit, static_argnums=0)
 def _advance(model, key, frames, initial, chains, walk, rates):
-    """Chains and walk after S steps, which adapt the walk at ``rates`` ``[S]``, 0 for never.
+    """Advance the chains by S steps and adapt the walk at ``rates`` ``[S]``; 0 does not adapt.
 
-    Also returns the chains after each step and who moved, ``[S, C, ...]``.
+    Also returns the chains after each step and the accepted moves, ``[S, C, ...]``.
     """
     unravel = ravel_pytree(initial)[1]
     num_chains, size = chains.place.shape

@@ -1,22 +1,22 @@
-"""What tuning maximises or minimises: differentiable functions of a whole tracker.
+"""Tuning objectives: differentiable functions of a whole tracker.
 
-Every objective runs a tracker R times over a sequence and returns one number per run, ``[R]``, so
-that the spread over runs is visible.  Differentiate it in the tracker by ``jax.grad(...,
-allow_int=True)``; what the gradient means is decided by the tracker, see ``jaxpf.gradients``.
-Arguments that several objectives share:
+Every objective runs a tracker R times over a sequence and returns one number per run, ``[R]``,
+which shows the spread over runs.  Differentiate it in the tracker by ``jax.grad(...,
+allow_int=True)``; the tracker determines what the gradient means, see ``jaxpf.gradients``.
+Common arguments:
 
 ``tracker``, ``frames``
     As for ``jaxpf.run``.
 ``keys``
     ``[R]``, one per run; the same keys give the same random numbers.
 ``truth``
-    Labels, NaN where an object has none, which then does not count.
+    Labels; NaN marks missing labels, which are ignored.
 ``checkpoint``
-    What reverse-mode differentiation stores; it changes memory and time, not the result.  False:
-    everything that a frame computes.  True: only the particles between frames and their ancestors;
-    each frame is computed again on the way back, for about one more forward pass.  A number k:
-    only the particles of every k-th frame, for two more; with k near sqrt(T), memory grows with
-    the root of the number of frames.
+    What reverse-mode differentiation stores; it changes memory and time, not the result.  False
+    stores everything that a frame computes.  True stores only the particles between frames and
+    their ancestors, and recomputes each frame in the backward pass, which costs about one more
+    forward pass.  A number k stores only the particles of every k-th frame and costs two more; with
+    k near sqrt(T), memory grows with the square root of the number of frames.
 """
 
 from collections.abc import Callable
@@ -42,15 +42,15 @@ from jaxpf.shapes.rectangles import boxes_from_substates, is_proper
 def log_evidence(
     tracker: Any, keys: jax.Array, frames: Any, *, checkpoint: bool | int = True
 ) -> jax.Array:
-    """Log of each run's estimate of ``p(y_1:T)``; -inf if a frame was impossible everywhere.
+    """Log of each run's estimate of ``p(y_1:T)``; -inf if a frame was impossible for all particles.
 
-    ``exp`` of it is unbiased for the evidence where the tracker's is; the log of it is too low by
-    about half its variance.
+    Its ``exp`` is unbiased for the evidence if the tracker's estimate is.  The log itself is too
+    low by about half its variance.
 
-    It compares models of the *observations*, so it needs a likelihood that is a density of them.
-    ``exp(-lambda d^2)`` of a distance d (smith2004) is none: every factor is at most one and
-    lambda = 0 makes it one, so its evidence always prefers lambda = 0, whatever the frames show.
-    Tune such a sharpness by a supervised loss, or give the likelihood a normalised form.
+    The evidence compares models of the *observations*, so the likelihood must be a density of them.
+    ``exp(-lambda d^2)`` of a distance d (smith2004) is not: every factor is at most one and lambda
+    = 0 makes it one, so its evidence prefers lambda = 0 for any frames.  Tune such a sharpness by a
+    supervised loss, or normalise the likelihood.
     """
     return jnp.sum(_record(tracker, keys, frames, keep_log_evidence, checkpoint), axis=0)
 
@@ -58,13 +58,13 @@ def log_evidence(
 def log_mean_evidence(
     tracker: Any, keys: jax.Array, frames: Any, *, checkpoint: bool | int = True
 ) -> jax.Array:
-    """Log of the mean over runs of their estimates of ``p(y_1:T)``: ``[]``.
+    """Log of the mean over runs of the estimates of ``p(y_1:T)``, ``[]``.
 
-    Unlike the mean of the logs it approaches the log evidence as R grows, with few particles too;
-    so does its gradient with ``jaxpf.gradients.StopGradient``.
+    Unlike the mean of the logs it approaches the log evidence as R grows, even with few particles.
+    So does its gradient with ``jaxpf.gradients.StopGradient``.
     """
     every = log_evidence(tracker, keys, frames, checkpoint=checkpoint)
-    # Both branches stay finite: -inf - -inf in a gradient would make a NaN.
+    # Both branches stay finite: -inf - -inf would put NaN into the gradient.
     possible = jnp.any(~jnp.isneginf(every))
     mean = jax.nn.logsumexp(jnp.where(possible, every, 0.0)) - np.log(every.shape[0])
     return jnp.where(possible, mean, -jnp.inf)
@@ -91,8 +91,8 @@ def crps(
     """Mean continuous ranked probability score of labelled positions, in pixels.
 
     u and v are scored separately, as if the particles were normal with their mean and spread
-    (Gneiting and Raftery 2007, eq. 21).  The score is small where the estimate is near and the
-    spread as wide as estimates are wrong; without spread it is the distance.  ``truth`` as for
+    (Gneiting and Raftery 2007, eq. 21).  The score is small if the estimate is near and the spread
+    matches the estimation error; without spread it is the distance.  ``truth`` as for
     ``position_error``.
     """
     truth, labelled = _places(truth, tracker, frames)
@@ -118,21 +118,21 @@ def overlap_loss(
 ) -> jax.Array:
     """Mean of 1 - intersection over union of the estimated and the labelled boxes, 0 to 1.
 
-    Where boxes do not meet, the loss is 1 and its gradient zero: start from parameters that track,
-    or add ``position_error``.  Substates begin with (u, v, a), see ``jaxpf.shapes``.
+    Where boxes do not overlap, the loss is 1 and its gradient zero: start from parameters that
+    track, or add ``position_error``.  Substates begin with (u, v, a), see ``jaxpf.shapes``.
 
     Args:
         tracker: see above.
         keys: see above.
         frames: see above.
-        truth_boxes: ``[T, P, 4]``, x, y, w, h in pixels; a box without width or height is no label.
+        truth_boxes: ``[T, P, 4]``, x, y, w, h in pixels; a box of zero width or height is ignored.
         sizes: ``[P, 2]``, width and height at scale 1, in pixels.
         checkpoint: see above.
     """
     truth = _truth("truth_boxes", truth_boxes, tracker, frames, at_least=4)
     _check_labelled("truth_boxes", truth)
     labelled = is_proper(truth)
-    # A box in place of a missing one keeps 0/0, and so NaN, out of the gradient.
+    # Dummy boxes replace missing ones, since 0/0 would put NaN into the gradient.
     truth = jnp.where(labelled[..., None], truth, jnp.ones_like(truth))
     estimate = _record(tracker, keys, frames, keep_estimate, checkpoint)
     return _loss(metrics.overlap(boxes_from_substates(estimate, sizes), truth[:, None]), labelled)
@@ -147,7 +147,7 @@ def outline_loss(
     *,
     checkpoint: bool | int = True,
 ) -> jax.Array:
-    """``overlap_loss`` of convex outlines at any angle.
+    """``overlap_loss`` for convex outlines at any angle.
 
     Args:
         tracker: see above.
@@ -161,28 +161,28 @@ def outline_loss(
     _check_labelled("truth", truth.reshape(*truth.shape[:2], -1))
     labelled = jnp.all(jnp.isfinite(truth), axis=(-2, -1))
     estimate = outlines(_record(tracker, keys, frames, keep_estimate, checkpoint))
-    # An outline in place of a missing one keeps NaN out of the gradient.
+    # Dummy outlines replace missing ones and keep NaN out of the gradient.
     truth = jnp.where(labelled[..., None, None], truth, lax.stop_gradient(estimate[:, 0]))
     return _loss(overlap_of_outlines(estimate, truth[:, None]), labelled)
 
 
 def _loss(overlap: jax.Array, labelled: jax.Array) -> jax.Array:
-    """``[R]``, mean of 1 - overlap ``[T, R, P]`` over what is labelled ``[T, P]``."""
+    """``[R]``, mean of 1 - overlap ``[T, R, P]`` over the labels marked in ``[T, P]``."""
     return jnp.sum(jnp.where(labelled[:, None], 1 - overlap, 0.0), axis=(0, 2)) / jnp.sum(labelled)
 
 
 def keep_log_evidence(state: Any, summary: Any) -> jax.Array:
-    """For ``record``."""
+    """``record`` function for the log evidence."""
     return summary.log_evidence
 
 
 def keep_estimate(state: Any, summary: Any) -> jax.Array:
-    """For ``record``."""
+    """``record`` function for the estimate."""
     return summary.estimate
 
 
 def keep_moments(state: Any, summary: Any) -> tuple[jax.Array, jax.Array]:
-    """For ``record``."""
+    """``record`` function for the estimate and its spread."""
     return summary.estimate, summary.spread
 
 
@@ -193,9 +193,9 @@ def _record(
     record: Callable[[Any, Any], Any],
     checkpoint: bool | int,
 ) -> Any:
-    """``record(state, summary)`` of every frame of every run, leading axes ``[T, R]``.
+    """``record(state, summary)`` for every frame and run, leading axes ``[T, R]``.
 
-    All runs advance together, so that a frame is observed once for all of them.
+    All runs advance together, so each frame is observed once for all of them.
     """
     num_frames = running.num_frames(frames)
     keys = running.as_keys(keys)
@@ -210,7 +210,7 @@ def _record(
     items = (jnp.arange(num_frames), frames)
     if checkpoint is False:
         return lax.scan(frame_step, states, items)[1]
-    # A loop's body is compiled apart already: nothing to guard against merging it.
+    # A loop body is compiled separately: common-subexpression elimination cannot merge it.
     keep = jax.checkpoint_policies.save_only_these_names(ANCESTORS)
     frame_step = jax.checkpoint(frame_step, prevent_cse=False, policy=keep)
     window = min(int(checkpoint), num_frames)
@@ -235,7 +235,7 @@ def _record(
 
 
 def _truth(name: str, truth: ArrayLike, tracker: Any, frames: Any, at_least: int) -> jax.Array:
-    """Labels as floats, of the right shape."""
+    """Labels as floats, with a checked shape."""
     truth = jnp.asarray(truth)
     expected = (running.num_frames(frames), tracker.num_partitions)
     if truth.ndim != 3 or truth.shape[:2] != expected or truth.shape[2] < at_least:
@@ -247,7 +247,7 @@ def _truth(name: str, truth: ArrayLike, tracker: Any, frames: Any, at_least: int
 
 
 def _places(truth: ArrayLike, tracker: Any, frames: Any) -> tuple[jax.Array, jax.Array]:
-    """Labelled positions ``[T, P, 2]``, 0 where there is none, and where there is one."""
+    """Labelled positions ``[T, P, 2]``, 0 where missing, and a mask of the labels."""
     truth = _truth("truth", truth, tracker, frames, at_least=2)[..., :2]
     _check_labelled("truth", truth)
     labelled = jnp.all(jnp.isfinite(truth), axis=-1)

@@ -1,8 +1,8 @@
 """Choose the order of partitioned sampling by pilot runs.
 
-One order's errors, stage by stage, do not show which order is best: another order has other stages.
-So candidates are tried on the first frames, and compared by how much the estimates of independent
-runs differ.
+Stage-by-stage errors of one order do not reveal the best order, since another order has other
+stages.  Instead, candidate orders are run on the first frames and compared by the variance of the
+estimates over independent runs.
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ from jaxpf.ordering import named, ps
 from jaxpf.running.blocks import monte_carlo
 from jaxpf.tuning.objectives import keep_moments
 
-#: Most candidates by default.
+#: Default maximum number of candidates.
 CANDIDATES = 12
 
 
@@ -25,11 +25,11 @@ class Pilot(NamedTuple):
     """Results of pilot runs of K orders, best first.
 
     Attributes:
-        orders: each a permutation of the partitions, from 0.
-        variance: ``[K]``, variance of a run's estimates over runs, as a share of the posterior
-            variance: its inverse is a number of independent particles.  The best order's is
-            measured again on fresh keys, since the smallest of several is too small.
-        standard_error: ``[K]``, of ``variance``, over runs.
+        orders: permutations of the partitions, from 0.
+        variance: ``[K]``, variance of the estimates over runs, relative to the posterior variance;
+            its inverse is a number of independent particles.  The best order's variance is measured
+            again with fresh keys, since the minimum of several estimates is biased downwards.
+        standard_error: ``[K]``, standard error of ``variance`` over runs.
     """
 
     orders: list[tuple[int, ...]]
@@ -46,22 +46,23 @@ def best_order(
 ) -> Pilot:
     """Compare orders of partitioned sampling by the Monte-Carlo variance of pilot runs.
 
-    Use another key than the tracker will have: the choice then knows nothing of its random numbers,
-    and its evidence stays unbiased.  All orders share the pilot's keys, and one compiled kernel.
+    Use a different key than for tracking: the choice is then independent of the tracker's random
+    numbers, and its evidence stays unbiased.  All orders share the pilot keys and one compiled
+    kernel.
 
     Args:
-        tracker: a ``jaxpf.Partitioned``, whatever its ordering.
-        key: of the pilot runs.
-        frames: ``[T, ...]``, some of the first.
+        tracker: a ``jaxpf.Partitioned`` with any ordering.
+        key: random key of the pilot runs.
+        frames: ``[T, ...]``, the first frames of the sequence.
         orders: candidates; by default ``candidate_orders``.
-        num_runs: pilot runs of each, R.
+        num_runs: R, pilot runs per order.
 
     Returns:
         The orders, best first.
 
     Raises:
-        InputError: a tracker that has no order of its own (of another kind, branched, or of one
-            partition); fewer than two runs; an order that puts a child before its parent.
+        InputError: the tracker has no order to choose (it is of another kind, branched, or has one
+            partition), there are fewer than two runs, or an order puts a child before its parent.
     """
     ordering = getattr(tracker, "ordering", None)
     if ordering is None or ordering.keeps_components or ordering.num_partitions < 2:
@@ -84,8 +85,8 @@ def best_order(
         estimate, spread = moments(order, keys)
         estimates.append(estimate)
         variances.append(np.mean(spread**2, axis=(0, 1, 2)))
-    # Pixels and degrees do not add up: each coordinate in units of its own posterior variance, the
-    # same for all orders, lest one be preferred whose cloud is wide.
+    # Pixels and degrees cannot be added: scale each coordinate by its posterior variance.  All
+    # orders share this scale, or orders with a wide cloud would be preferred.
     posterior = np.mean(variances, axis=0)
     scores = np.array([_relative_variance(estimate, posterior) for estimate in estimates])
     by_variance = np.argsort(scores[:, 0], kind="stable")
@@ -97,7 +98,7 @@ def best_order(
 
 
 def _relative_variance(estimate: np.ndarray, posterior: np.ndarray) -> tuple[float, float]:
-    """Variance over runs of estimates ``[R, T, P, D]`` in units of ``[D]``, and its error."""
+    """Variance of estimates ``[R, T, P, D]`` over runs in units of ``[D]``; its standard error."""
     num_runs, varies = len(estimate), posterior > 0
     squares = (estimate - estimate.mean(axis=0)) ** 2 * num_runs / (num_runs - 1)
     of_runs = squares.mean(axis=(1, 2))[:, varies] / posterior[varies]
@@ -106,12 +107,12 @@ def _relative_variance(estimate: np.ndarray, posterior: np.ndarray) -> tuple[flo
 
 
 def candidate_orders(parents: Sequence[int], most: int = CANDIDATES) -> list[tuple[int, ...]]:
-    """Orders that are worth a try: the circular shifts, then random ones, ever the same.
+    """Orders worth trying: the circular shifts, then random permutations from a fixed seed.
 
     Args:
-        parents: the part tree; where parts hang from others the order level by level stands in for
-            the shifts, and every order puts parents first.
-        most: so many at most; fewer where there are fewer orders.
+        parents: the part tree.  If parts have parents, the level-by-level order replaces the
+            shifts, and every order puts parents first.
+        most: maximum number of orders.
     """
     count, base = len(parents), tuple(range(len(parents)))
     if any(parent >= 0 for parent in parents):
@@ -119,7 +120,7 @@ def candidate_orders(parents: Sequence[int], most: int = CANDIDATES) -> list[tup
     else:
         found = [base[shift:] + base[:shift] for shift in range(count)]
     rng = np.random.default_rng(0)
-    # Of few partitions there are few orders: tries that find none anew end it.
+    # Few partitions have few orders: stop when the tries find no new one.
     for _ in range(20 * most):
         if len(found) >= most:
             break

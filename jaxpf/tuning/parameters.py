@@ -13,7 +13,7 @@ import numpy as np
 from jaxpf.contract.errors import InputError
 
 _PATH = re.compile(r"(?P<name>[A-Za-z_][\w.]*)(?P<index>(\[\d+\])*)")
-#: Parts of a tracker whose floats are whole numbers in disguise.
+#: Fields of a tracker whose floats are whole numbers in disguise.
 _NO_PARAMETERS = ("ordering",)
 
 
@@ -22,7 +22,7 @@ class Parameter:
     """One parameter, or an array of them, and its bounds.
 
     Attributes:
-        path: names from the tracker down, joined by dots, and perhaps an index:
+        path: attribute names from the tracker down, joined by dots, with an optional index:
             ``dynamics.scale[0]`` of an array ``[3]`` or ``[P, 3]``.
         low: exclusive lower bound; -inf for none.
         high: exclusive upper bound; inf for none.
@@ -51,17 +51,18 @@ class Parameter:
 
     @property
     def index(self) -> tuple[int, ...]:
-        """The index, () without one."""
+        """The index; () if there is none."""
         return tuple(int(number) for number in re.findall(r"\[(\d+)\]", self.path))
 
     @property
     def _is_unbounded(self) -> bool:
         return math.isinf(self.low) and math.isinf(self.high)
 
-    # Values are optimised as free numbers z: x = low + e^z, or a logistic curve between bounds.
+    # The optimiser works on unconstrained numbers z: x = low + e^z, or a logistic curve between
+    # bounds.
 
     def to_free(self, value: Any) -> jax.Array:
-        """The free number z that stands for a value within the bounds."""
+        """Map a value within the bounds to its unconstrained number z."""
         value = jnp.asarray(value, float)
         if self._is_unbounded:
             return value
@@ -72,7 +73,7 @@ class Parameter:
         return jnp.log(value - self.low) - jnp.log(self.high - value)
 
     def to_value(self, free: Any) -> jax.Array:
-        """The value that a free number stands for."""
+        """Map an unconstrained number to its value."""
         free = jnp.asarray(free)
         if self._is_unbounded:
             return free
@@ -89,7 +90,7 @@ class Parameter:
         return derivative(free)
 
 
-#: Bounds of parameters that carry these names, where a user gives none.
+#: Default bounds by parameter name.
 DEFAULT_BOUNDS = {
     "sharpness": (0.0, math.inf),
     "sigma": (0.0, math.inf),
@@ -100,7 +101,7 @@ DEFAULT_BOUNDS = {
 
 
 def parameter(text: str) -> Parameter:
-    """A parameter from ``PATH`` or ``PATH=LOW:HIGH``; either bound may be left out."""
+    """Parse ``PATH`` or ``PATH=LOW:HIGH``; either bound may be omitted."""
     path, equals, bounds = (part.strip() for part in text.partition("="))
     if not equals:
         last = path.partition("[")[0].rpartition(".")[2]
@@ -120,12 +121,12 @@ def parameter(text: str) -> Parameter:
 
 
 def names(tracker: Any) -> list[str]:
-    """Paths of all parameters that can be tuned: the leaves of floats."""
+    """Paths of all tunable parameters: the float leaves of the tracker."""
     return [name for name, leaf in _leaves(tracker).items() if _is_tunable(name, leaf)]
 
 
 def read(tracker: Any, wanted: Parameter | str) -> jax.Array:
-    """The value of a parameter, or of its path; refused outside of its bounds."""
+    """Read a parameter's value from the tracker; refuse values outside its bounds."""
     wanted = parameter(wanted) if isinstance(wanted, str) else wanted
     leaves = _leaves(tracker)
     leaf = leaves.get(wanted.name)
@@ -153,7 +154,7 @@ def read(tracker: Any, wanted: Parameter | str) -> jax.Array:
 
 
 def replace(tracker: Any, values: Mapping[str, Any]) -> Any:
-    """The tracker with other values, path -> value, which may be traced."""
+    """Replace parameter values, path -> value; values may be traced."""
     wanted = [Parameter(path) for path in values]
     known = _leaves(tracker)
     for one in wanted:
@@ -173,7 +174,7 @@ def replace(tracker: Any, values: Mapping[str, Any]) -> Any:
 
 
 def check_apart(wanted: Sequence[Parameter]) -> None:
-    """Refuse parameters that are named twice, or an array and one of its entries."""
+    """Refuse parameters that are named twice, or an array together with one of its entries."""
     for place, one in enumerate(wanted):
         for other in wanted[:place]:
             shorter = min(len(one.index), len(other.index))
@@ -188,7 +189,7 @@ def _leaves(tracker: Any) -> dict[str, Any]:
 
 
 def _name(path: Any) -> str:
-    """Names joined by dots; ``parameters`` of a tracker's parts are the same, and its own."""
+    """Path joined by dots, without a leading ``parameters``."""
     names = [str(getattr(k, "name", getattr(k, "key", getattr(k, "idx", k)))) for k in path]
     return ".".join(names[1:] if names[1:2] == ["parameters"] else names)
 
@@ -213,7 +214,7 @@ def _why_not(tracker: Any, name: str, leaf: Any) -> str:
     if node is None:
         return f"the parameter {name} is not set in this tracker; {choices}"
     if isinstance(node, bool | int | str | tuple) or not jax.tree.leaves(node):
-        shown = getattr(node, "name", node)  # such as of a resampling scheme
+        shown = getattr(node, "name", node)  # for example of a resampling scheme
         return (
             f"the parameter {name} is a fixed setting ({shown!r}), not a number to tune; {choices}"
         )

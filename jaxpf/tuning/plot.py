@@ -1,4 +1,4 @@
-"""Traces of loss, gradient norm and parameters."""
+"""Plot traces of loss, gradient norm and parameters."""
 
 from typing import Any
 
@@ -9,9 +9,9 @@ from jaxpf.tuning.result import Result
 
 
 def traces(result: Result, loss_name: str = "loss") -> Any:
-    """A figure: loss and gradient norm over steps, and every parameter, one line per repeat.
+    """Plot loss, gradient norm and every parameter over the steps, one line per repeat.
 
-    The value found is a dashed line with its 95 % interval, if it is known.
+    A dashed line marks the tuned value, with its 95 % interval if known.
     """
     columns = []
     for one in result.parameters:

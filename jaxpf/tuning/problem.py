@@ -1,4 +1,4 @@
-"""What is tuned on: sequences with their trackers, and the loss of one of them."""
+"""The tuning problem: training sequences with their trackers, and the loss of a sequence."""
 
 import dataclasses
 import functools
@@ -17,23 +17,23 @@ from jaxpf.contract.pytree import described, pytree_dataclass
 from jaxpf.tuning import objectives
 from jaxpf.tuning.parameters import Parameter, replace
 
-#: Bytes that the observations of all frames may take to be kept rather than made at every step.
+#: Maximum bytes for precomputed observations; larger ones are recomputed at every step.
 _KEPT_OBSERVATIONS = 512 * 2**20
 
 
 @dataclasses.dataclass(frozen=True)
 class TrainingSequence:
-    """One sequence to tune on.
+    """A sequence to tune on.
 
     Attributes:
         tracker: starts just before the first frame.
         frames: array or pytree, leading axis T.
-        truth: labels of supervised objectives, NaN where an object has none: ``[T, P, 4]`` boxes
-            x, y, w, h for "overlap"; ``[T, P, >= 2]``, the centre first, for "position" and "crps".
+        truth: labels of supervised objectives, NaN where missing: ``[T, P, 4]`` boxes x, y, w, h
+            for "overlap"; ``[T, P, >= 2]``, the centre first, for "position" and "crps".
         sizes: ``[P, 2]``, width and height at scale 1, for "overlap".
-        name: for messages.
-        outlines: for "overlap" of other shapes than boxes: function of shapes ``[..., P, S]``, such
-            as ``truth``, and of ``sizes``; see ``Target.outlines_of_estimates``.
+        name: name in messages.
+        outlines: for "overlap" of shapes other than boxes: a function of shapes ``[..., P, S]``,
+            such as ``truth``, and of ``sizes``; see ``Target.outlines_of_estimates``.
     """
 
     tracker: Any
@@ -52,7 +52,7 @@ class TrainingSequence:
 
 
 def check_objective(objective: Any, sequences: Sequence[TrainingSequence]) -> None:
-    """Refuse an objective that is unknown or lacks its labels."""
+    """Refuse an unknown objective, or one whose labels are missing."""
     if not sequences:
         raise InputError("there is no sequence to tune on; give at least one.")
     if callable(objective):
@@ -81,15 +81,15 @@ def check_objective(objective: Any, sequences: Sequence[TrainingSequence]) -> No
 
 
 def loss_function(objective: str | Callable, outlines: Callable | None = None) -> Callable:
-    """The loss of a sequence: ``(tracker, keys, frames, truth, sizes) -> []``, smaller is better.
+    """The loss of a sequence, ``(tracker, keys, frames, truth, sizes) -> []``; smaller is better.
 
     * "evidence": minus the log evidence per frame, averaged over runs.  The mean of the logs lies
-      below the log evidence by about half its variance, so a low variance is rewarded too
+      below the log evidence by about half its variance, so this also rewards a low variance
       (Maddison et al., "Filtering variational objectives", NeurIPS 2017).
-    * "position": mean distance to the labelled positions, pixels.
-    * "crps": continuous ranked probability score of these, pixels.
+    * "position": mean distance from the labelled positions, pixels.
+    * "crps": continuous ranked probability score of the labelled positions, pixels.
     * "overlap": 1 - intersection over union with the labelled shapes.
-    * a function of ``(tracker, keys, frames)``: the mean of what it returns.
+    * a function of ``(tracker, keys, frames)``: the mean of its return value.
     """
 
     def loss(tracker, keys, frames, truth, sizes):
@@ -115,9 +115,9 @@ def loss_function(objective: str | Callable, outlines: Callable | None = None) -
 def free_loss(
     objective: str | Callable, wanted: tuple[Parameter, ...], outlines: Callable | None = None
 ) -> Callable:
-    """Value and gradient of the loss of free numbers z (path -> array), compiled once per shape.
+    """Value and gradient of the loss in unconstrained numbers z (path -> array).
 
-    A function of ``(z, tracker, keys, frames, truth, sizes)``.
+    Returns a function of ``(z, tracker, keys, frames, truth, sizes)``, compiled once per shape.
     """
     loss = loss_function(objective, outlines)
 
@@ -136,7 +136,7 @@ def _with(tracker: Any, values: Mapping[str, Any]) -> Any:
 
 @pytree_dataclass
 class Observed(contract.Tracker):
-    """A tracker whose frames are observations already."""
+    """A tracker whose frames are already observations."""
 
     tracker: Any
 
@@ -150,14 +150,14 @@ class Observed(contract.Tracker):
         return self.tracker.init(key)
 
     def step_observed(self, key, state, observation):
-        """See ``Partitioned``; ``observe`` is the contract's, which changes nothing."""
+        """See ``Partitioned``; the inherited ``observe`` returns its argument."""
         return self.tracker.step_observed(key, state, observation)
 
 
 def observed(sequence: TrainingSequence) -> TrainingSequence:
-    """The sequence with its frames observed in advance, where that is sound and fits the memory.
+    """Observe a sequence's frames in advance, if that is valid and fits in memory.
 
-    It is sound only for likelihoods whose observations depend on no parameter.
+    It is valid only for likelihoods whose observations do not depend on parameters.
     """
     tracker = sequence.tracker
     likelihood = getattr(tracker, "likelihood", None)

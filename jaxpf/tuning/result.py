@@ -1,4 +1,4 @@
-"""Results of tuning: values, their uncertainty, and how they were reached."""
+"""Results of tuning: values, their uncertainty, and traces."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -10,22 +10,22 @@ from jaxpf.contract.pytree import described
 from jaxpf.tuning.parameters import Parameter, replace
 from jaxpf.tuning.settings import Settings
 
-#: Half the width of a 95 % interval, in standard errors.
+#: Half-width of a 95 % interval in standard errors.
 _REACH = 1.96
-#: Numbers of an array that are printed.
+#: Maximum number of array entries that are printed.
 _SHOWN = 6
 
 
 @dataclasses.dataclass(frozen=True)
 class Descent:
-    """One repeat, finished or not.
+    """One repeat, possibly unfinished.
 
     Attributes:
-        repeat: its number, from 0.
-        free: path -> ``[S + 1, ...]``: the free numbers before the first step and after each.
+        repeat: number of the repeat, from 0.
+        free: path -> ``[S + 1, ...]``, unconstrained numbers before the first step and after each.
         loss: ``[S]``, before each step.
         gradient_norm: ``[S]``, before clipping.
-        moments: the optimiser's state.
+        moments: state of the optimiser.
         stopped: "" while running, "settled", or "all steps".
     """
 
@@ -40,7 +40,7 @@ class Descent:
 
     @property
     def num_steps(self) -> int:
-        """S, steps so far."""
+        """S, number of completed steps."""
         return len(self.loss)
 
 
@@ -49,13 +49,14 @@ class Result:
     """Tuned values.
 
     Attributes:
-        parameters: the tuned ones.
-        start: path -> value before.
-        free: path -> free numbers of ``values``.
-        spread_errors: path -> standard error of the free numbers from the spread over repeats
-            (sd / sqrt(repeats)): the effect of random numbers and starts.  NaN with one repeat.
-        curvature_errors: path -> standard error of the free numbers from the curvature of the
-            log evidence (inverse of the observed information): how well the frames determine
+        parameters: the tuned parameters.
+        start: path -> value before tuning.
+        free: path -> unconstrained numbers of ``values``.
+        spread_errors: path -> standard error of the unconstrained numbers from the spread over
+            repeats (sd / sqrt(repeats)): the effect of random numbers and starting values.  NaN
+            with one repeat.
+        curvature_errors: path -> standard error of the unconstrained numbers from the curvature of
+            the log evidence (inverse of the observed information): how well the frames determine
             them.  NaN for other objectives, and where the curvature is not that of a maximum.
         descents: traces of the repeats.
         no_curvature: why there are no ``curvature_errors``, or "".
@@ -83,12 +84,12 @@ class Result:
 
     @property
     def settled(self) -> bool:
-        """Whether every repeat stopped because its values had settled."""
+        """Whether the values settled in every repeat."""
         return all(descent.stopped == "settled" for descent in self.descents)
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Warnings that belong wherever the values and their errors are shown; often none."""
+        """Warnings to show wherever the values and their errors are shown; often none."""
         warnings = []
         if not self.settled:
             count = sum(descent.stopped != "settled" for descent in self.descents)
@@ -103,19 +104,19 @@ class Result:
 
     @property
     def values(self) -> dict[str, np.ndarray]:
-        """path -> tuned value: means of the free numbers over the last window, over repeats."""
+        """path -> tuned value, from the last window's mean over all repeats."""
         return self._values(self.free)
 
     @property
     def last_good(self) -> dict[str, np.ndarray]:
-        """path -> value of the last step whose loss was finite."""
+        """path -> value of the last step with a finite loss."""
         return self._values({name: z[-1] for name, z in self.descents[-1].free.items()})
 
     def _values(self, free: Mapping[str, Any]) -> dict[str, np.ndarray]:
         return {one.path: np.asarray(one.to_value(free[one.path])) for one in self.parameters}
 
     def total_errors(self) -> dict[str, np.ndarray]:
-        """path -> standard error of the free numbers from both sources; NaN if neither is known."""
+        """path -> standard error of the unconstrained numbers, both sources; NaN if unknown."""
 
         def total(name: str) -> np.ndarray:
             both = np.stack([self.spread_errors[name], self.curvature_errors[name]])
@@ -124,7 +125,7 @@ class Result:
         return {name: total(name) for name in self.free}
 
     def standard_errors(self) -> dict[str, np.ndarray]:
-        """path -> standard error of the value; for a value that settled, see ``remarks``."""
+        """path -> standard error of the value; valid for settled values only, see ``remarks``."""
         total = self.total_errors()
         return {
             one.path: np.abs(np.asarray(one.slope(self.free[one.path]))) * total[one.path]
@@ -132,7 +133,7 @@ class Result:
         }
 
     def intervals(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """path -> ends of the 95 % interval, which never leaves the bounds."""
+        """path -> ends of the 95 % interval, always within the bounds."""
         total = self.total_errors()
         low = self._values({name: z - _REACH * total[name] for name, z in self.free.items()})
         high = self._values({name: z + _REACH * total[name] for name, z in self.free.items()})
@@ -149,7 +150,7 @@ def summarise(
     descents: list[Descent],
     settings: Settings,
 ) -> Result:
-    """Combine repeats: the mean over repeats of each one's mean over its last window."""
+    """Combine repeats: the mean over repeats of each repeat's mean over its last window."""
     free, errors = {}, {}
     windows = [min(settings.window, max(1, descent.num_steps // 2)) for descent in descents]
     for path in (parameter.path for parameter in wanted):

@@ -1,4 +1,4 @@
-"""Scenes prepared for tuning, and for the comparison afterwards."""
+"""Prepare scenes for tuning and for the comparison afterwards."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -17,19 +17,19 @@ from jaxpf.tuning.comparison import HeldOut
 from jaxpf.tuning.declared import with_tuned
 from jaxpf.tuning.problem import TrainingSequence
 
-#: Frames of a sequence from which the background is learned.
+#: Number of frames from which the background is learned.
 _BACKGROUND_FRAMES = 3
 
 
 @dataclasses.dataclass(frozen=True)
 class Recipe:
-    """The options from which a tracker is built, tuned values included.
+    """The options from which a tracker is built, including tuned values.
 
     Attributes:
         target: name of a target, see ``jaxpf.targets``.
-        values: of options of the target and of the method's filter, ``method`` among them; others
+        values: options of the target and of the method's filter, including ``method``; the rest
             have their defaults.
-        gradient: through resampling, see ``jaxpf.gradients``.
+        gradient: gradient through resampling, see ``jaxpf.gradients``.
     """
 
     target: str
@@ -57,18 +57,18 @@ class Recipe:
 
     @property
     def adapter(self) -> Adapter:
-        """How scenes of it are read."""
+        """The adapter that reads scenes of the target."""
         return find_adapter(self.target)
 
     def with_values(self, values: Mapping[str, Any]) -> "Recipe":
-        """The recipe with tuned values, tracker path -> value."""
+        """Replace values by tuned ones, tracker path -> value."""
         tuned = with_tuned(chosen(self.of.options, self.values), values, self.target)
         return dataclasses.replace(self, values={**self.values, **_as_values(tuned)})
 
     def tracker(self, start: Start, looks: Looks, training_frames: Any = None) -> Any:
         """The tracker of ``jaxpf evaluate``; with ``training_frames``, a differentiable one.
 
-        These, ``[n, H, W, 3]``, show the background that its likelihood is normalised by.
+        ``training_frames``, ``[n, H, W, 3]``, show the background that normalises its likelihood.
         """
         of = self.of
         its = building.filter_for(of, self.values["method"])
@@ -84,17 +84,17 @@ class Recipe:
 def training_sequence(
     scene: Any, recipe: Recipe, objective: Any, labels: int | None = None
 ) -> TrainingSequence:
-    """A scene with a tracker that is differentiable in parameters and state.
+    """Build a sequence with a tracker that is differentiable in parameters and state.
 
-    Its likelihood is divided by that of objects anywhere in some frames, which leaves the weights
-    as they are: tuned values suit any other tracker of the target.
+    Its likelihood is divided by the likelihood of objects anywhere in a few frames.  This leaves
+    the weights unchanged: tuned values suit any other tracker of the target.
 
     Args:
         scene: see ``scenes.Scene``; trackers start in its first frame.
-        recipe: with the values to start from.
+        recipe: holds the starting values.
         objective: see ``tune``.
-        labels: number of frames that keep their truth, evenly spread and with the last one;
-            default all.
+        labels: number of frames that keep their ground truth, evenly spread and including the last
+            one; default all.
     """
     of = recipe.of
     start = recipe.adapter.scene_start(scene)
@@ -125,7 +125,7 @@ def training_sequence(
 
 
 def held_out(scene: Any, before: Recipe, after: Recipe) -> HeldOut:
-    """A scene with the trackers that ``jaxpf evaluate`` would run on it."""
+    """Pair a scene with the trackers that ``jaxpf evaluate`` would run on it."""
     of = before.of
     start = before.adapter.scene_start(scene)
 
@@ -145,7 +145,7 @@ def held_out(scene: Any, before: Recipe, after: Recipe) -> HeldOut:
 
 
 def _at_hand(frames: Any) -> Any:
-    """All frames, since a gradient goes back through them; lazy ones are read to the device."""
+    """Load all frames onto the device, since a gradient needs all of them."""
     return frames if isinstance(frames, np.ndarray) else jax.device_put(np.asarray(frames))
 
 
@@ -154,5 +154,5 @@ def _as_values(options: Any) -> dict[str, Any]:
 
 
 def _spread(count: int, wanted: int) -> np.ndarray:
-    """At most ``wanted`` of the numbers below ``count``, evenly spread, 0 included."""
+    """At most ``wanted`` of the numbers below ``count``, evenly spread, including 0."""
     return np.unique(np.rint(np.linspace(0, count - 1, min(wanted, count))).astype(int))

@@ -1,4 +1,4 @@
-"""How to tune: steps, random numbers, when to stop."""
+"""Settings of the descent: steps, random numbers, stopping rule."""
 
 import dataclasses
 import math
@@ -10,25 +10,25 @@ RANDOM_NUMBERS = ("fresh", "common")
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """How the loss is descended.
+    """Settings of the descent.
 
     Attributes:
-        steps: at most, per repeat.
-        learning_rate: of Adam on the free numbers; .1 changes a positive parameter by up to 10 %
-            per step.
-        runs: of the tracker per sequence and step.
-        sequences_per_step: number of sequences per step, in turn; None for all.
-        random_numbers: "fresh" draws new ones at every step, so that the loss is descended in
-            expectation; "common" keeps those of the first, so that the loss is a function without
-            noise, whose minimum belongs to these numbers.
-        clip: largest norm of a gradient; longer ones are shortened to it.
-        window: steps of a window; tuned values are means over the last one.
-        tolerance: stop when no free number's mean over the last window differs by more than this
-            from its mean over the window before: .02 is 2 % of a positive parameter.
+        steps: maximum number of steps per repeat.
+        learning_rate: Adam's, on the unconstrained numbers; .1 changes a positive parameter by up
+            to 10 % per step.
+        runs: tracker runs per sequence and step.
+        sequences_per_step: number of sequences per step, in rotation; None for all.
+        random_numbers: "fresh" draws new random numbers at every step and minimises the expected
+            loss.  "common" reuses those of the first step: the loss has no noise, but its minimum
+            depends on these numbers.
+        clip: maximum gradient norm; longer gradients are shortened to it.
+        window: number of steps in a window; tuned values are means over the last one.
+        tolerance: stop when the mean of every unconstrained number over the last window is within
+            this of its mean over the window before: .02 is 2 % of a positive parameter.
         repeats: independent descents, whose spread shows how far values depend on chance.
-        jitter: standard deviation of the noise on the free numbers with which every repeat but
-            the first starts.
-        seed: of all random numbers.
+        jitter: standard deviation of the noise added to the initial unconstrained numbers of every
+            repeat but the first.
+        seed: random seed.
     """
 
     steps: int = 150

@@ -12,11 +12,11 @@ from jaxpf.tuning.problem import TrainingSequence
 from jaxpf.tuning.result import Result
 from jaxpf.tuning.settings import Settings
 
-#: Step of the free numbers between the gradients that are compared.
+#: Difference in the unconstrained numbers between the gradients that are compared.
 _STEP = 0.15
-#: Runs per gradient, in terms of those of a step: differences are small beside their noise.
+#: Runs per gradient, as a multiple of those of a step: differences are small next to their noise.
 _RUNS = 4
-#: More numbers than this would cost more than the descent.
+#: Maximum number of parameters; more would cost more than the descent.
 _MOST = 12
 
 
@@ -27,12 +27,13 @@ def curvature(
     value_and_gradient: Callable,
     settings: Settings,
 ) -> tuple[dict[str, np.ndarray], str]:
-    """Standard errors of the free numbers from the observed information: path -> errors.
+    """Standard errors of the unconstrained numbers from the observed information: path -> errors.
 
-    The information is minus the second derivative of the log evidence of all sequences, by central
-    differences of its gradient on common random numbers, .15 on either side.  Its inverse is the
-    covariance of the maximum-likelihood estimate, if the model is right and there are many frames.
-    Errors are NaN where there are none; the second value says why, or is "".
+    The information is minus the second derivative of the log evidence of all sequences.  It is
+    estimated by central differences of the gradient, .15 on either side, with common random
+    numbers.  Its inverse is the covariance of the maximum-likelihood estimate, if the model is
+    right and there are many frames.  Unknown errors are NaN; the second return value says why, or
+    is "".
     """
     sizes = [np.size(result.free[one.path]) for one in wanted]
     none = {name: np.full(np.shape(z), np.nan) for name, z in result.free.items()}

@@ -1,6 +1,6 @@
-"""The cost of everything that matters, each beside a baseline measured in the same minute.
+"""Benchmarks, each with a baseline measured at the same time.
 
-The unit is nanoseconds per particle, partition and frame, compilation excluded.  Baseline and
+Times are in nanoseconds per particle, partition and frame, without compilation.  Baseline and
 candidate are timed alternately and the median of their ratios is reported: on a shared machine
-ratios can be trusted, figures hardly.
+ratios are reliable, absolute times are not.
 """

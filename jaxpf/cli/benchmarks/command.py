@@ -1,4 +1,4 @@
-"""``jaxpf bench``: the table of costs on the user's machine."""
+"""``jaxpf bench``: benchmarks on the user's machine."""
 
 import os
 import subprocess
@@ -100,7 +100,7 @@ def _show_memory() -> None:
 
 
 def _cold_reproduction() -> float:
-    """Seconds for smith2004's tables 1 and 2 in a new process without any compiled kernel.
+    """Seconds for smith2004's tables 1 and 2 in a new process without compiled kernels.
 
     4 values of sharpness x (50 runs of Non-PS, 7 x 50 of PS, 50 of DPS): 1800 runs.
     """

@@ -1,4 +1,4 @@
-"""The table of ``jaxpf bench``: every section is a list of things to time and their baselines."""
+"""Sections of ``jaxpf bench``; each lists cases to time and their baselines."""
 
 import dataclasses
 import time
@@ -27,16 +27,16 @@ RUNS, PARTICLES, OBJECTS = 50, 300, problems.OBJECTS
 
 
 class Case(NamedTuple):
-    """One thing to time.
+    """A case to time.
 
     Attributes:
-        what: its name.
-        run: computes it once.
-        units: particles times partitions times frames of one call, by which time is divided.
+        what: name.
+        run: computes the case once.
+        units: particles times partitions times frames of one call; times are divided by it.
         baseline: name of the case to compare with; "" for none.
-        of: what the ratio compares.
-        goal: the limit that this project sets itself.
-        inverse: whether the ratio is the baseline's time over this one's.
+        of: description of the ratio.
+        goal: this project's target for the ratio or the time.
+        inverse: whether the ratio is the baseline's time over this case's time.
     """
 
     what: str
@@ -49,15 +49,15 @@ class Case(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One line of the table.
+    """A row of the table.
 
     Attributes:
-        what: the thing measured.
+        what: name of the case.
         nanoseconds: median per unit.
         ratio: median ratio of interleaved pairs.
-        low, high: its 95 % interval (order statistics of the pairs).
-        of: what the ratio compares.
-        goal: the limit of the ratio or of the figure.
+        low, high: 95 % interval of the ratio (order statistics of the pairs).
+        of: description of the ratio.
+        goal: target for the ratio or the time.
     """
 
     what: str
@@ -70,14 +70,14 @@ class Row(NamedTuple):
 
 
 class Section(NamedTuple):
-    """Cases that are timed alternately; ``clock`` counts the seconds."""
+    """Cases that are timed alternately; ``clock`` returns the time in seconds."""
 
     title: str
     cases: list[Case]
     clock: Callable[[], float] = time.perf_counter
 
     def rows(self, repeats: int) -> Iterator[Row]:
-        """Time all cases, ``repeats`` times each."""
+        """Time every case ``repeats`` times."""
         runs = {case.what: case.run for case in self.cases}
         seconds = interleaved(runs, repeats, self.clock)
         each = {case.what: seconds[case.what] / case.units for case in self.cases}
@@ -86,7 +86,7 @@ class Section(NamedTuple):
 
 
 def row(case: Case, seconds: np.ndarray, baseline: np.ndarray) -> Row:
-    """The row of a case from seconds per unit, its own and its baseline's ``[repeats]``."""
+    """Build a case's row from seconds per unit ``[repeats]`` of the case and of its baseline."""
     ratios = baseline / seconds if case.inverse else seconds / baseline
     return Row(
         case.what, 1e9 * float(np.median(seconds)), *median_interval(ratios), case.of, case.goal
@@ -94,7 +94,7 @@ def row(case: Case, seconds: np.ndarray, baseline: np.ndarray) -> Row:
 
 
 def histograms(num_runs: int = RUNS, num_particles: int = PARTICLES) -> Section:
-    """Integral and sampled histograms against the usual loop with OpenCV."""
+    """Integral and sampled histograms against the usual OpenCV loop."""
     frame, boxes = problems.crowded_frame()
     centres = jnp.asarray([(x + w / 2, y + h / 2, 1.0) for x, y, w, h in boxes], jnp.float32)
     noise = np.random.default_rng(2).normal(size=(num_runs, 3, num_particles))
@@ -106,7 +106,7 @@ def histograms(num_runs: int = RUNS, num_particles: int = PARTICLES) -> Section:
 
         @jax.jit
         def stages(observation: Any, likelihood: Any = likelihood) -> Any:
-            # As in the filter: stage after stage, so that memory is reused.
+            # As in the filter: one stage after another, so that memory is reused.
             def stage(j, total):
                 partition = jnp.full(num_particles, j, jnp.int32)
                 every = jax.vmap(likelihood.log_prob_all, in_axes=(None, None, 0))
@@ -121,7 +121,7 @@ def histograms(num_runs: int = RUNS, num_particles: int = PARTICLES) -> Section:
 
 
 def contours() -> Section:
-    """One hypothesis of a contour, everything included but the frame's gradient."""
+    """One contour hypothesis, without the frame's gradient."""
     likelihood, frame, substates = rivals.contour_problem()
     hypothesis = rivals.opencv_hypothesis(likelihood, frame)
     looped = substates.T[:200]
@@ -146,7 +146,7 @@ def contours() -> Section:
 
 
 def kernel(num_frames: int = 24) -> Section:
-    """Every ordering beside PS, and the usual loop beside DPS, on all devices."""
+    """Every ordering against PS, and the usual OpenCV loop against DPS, on all devices."""
     frame, boxes = problems.crowded_frame()
     likelihood = histogram(frame, boxes, method="integral")
     frames, keys = jnp.stack([jnp.asarray(frame)] * num_frames), _keys(RUNS)
@@ -171,7 +171,7 @@ def kernel(num_frames: int = 24) -> Section:
     if len(devices) > 1:
         name = f"the same on one device of {len(devices)}"
         cases.append(Case(name, runs(chosen["DPS"][0], devices[:1]), units, dps, of, ">= 1.3"))
-    # The goal of 300 ns is for a machine where OpenCV takes 7100 ns: 24 times less on any machine.
+    # The goal is 300 ns where OpenCV takes 7100 ns, or 24 times less on any machine.
     loop = rivals.opencv_loop(frame, boxes[0])
     cases.append(Case("OpenCV, one likelihood alone", loop, rivals.LOOPED, dps, of, ">= 24"))
     return Section("Whole kernel: 50 runs, 300 particles, 7 objects, 360x288", cases)
@@ -180,7 +180,7 @@ def kernel(num_frames: int = 24) -> Section:
 def appearance(
     num_runs: int = RUNS, num_particles: int = PARTICLES, num_frames: int = 12
 ) -> Section:
-    """Learned appearance beside colour: many runs, and one run on larger frames."""
+    """Learned appearance against colour: many runs, and one run on larger frames."""
     cases = []
     for what, (frame, boxes), runs in (
         (f"{num_runs} runs, 7 objects, 360x288", problems.crowded_frame(), num_runs),
@@ -202,7 +202,7 @@ def appearance(
 
 
 def labelled(num_particles: int = 2100, num_runs: int = 10, num_frames: int = 8) -> Section:
-    """Seven labelled boxes against one box with as many particles and the same likelihood."""
+    """Seven labelled boxes against one box with the same likelihood and number of particles."""
     frame, boxes = problems.crowded_frame()
     frames, keys = jnp.stack([jnp.asarray(frame)] * num_frames), _keys(num_runs)
     likelihood = histogram(frame, boxes, method="integral")
@@ -234,7 +234,7 @@ def labelled(num_particles: int = 2100, num_runs: int = 10, num_frames: int = 8)
 
 @pytree_dataclass
 class _OneParticleDynamics:
-    """What a user would write for the 1-D model."""
+    """Dynamics of the 1-D model as a user would write them."""
 
     def propagate(self, key, partition, current, previous, parent):
         return 0.9 * current + jax.random.normal(key, current.shape, current.dtype)
@@ -242,7 +242,7 @@ class _OneParticleDynamics:
 
 @pytree_dataclass
 class _OneParticleLikelihood:
-    """What a user would write for the 1-D model."""
+    """Likelihood of the 1-D model as a user would write it."""
 
     def observe(self, frame):
         return frame
@@ -252,7 +252,7 @@ class _OneParticleLikelihood:
 
 
 def generic(num_particles: int = 1000, num_frames: int = 50) -> Section:
-    """The generic kernel, with built-in and with a user's parts, beside a minimal filter."""
+    """The generic kernel, with built-in and user-defined models, against a minimal filter."""
     frames, keys = _line(num_frames), _keys(RUNS)
     minimal = jax.jit(
         jax.vmap(lambda key: rivals.minimal_filter(key, frames[:, 0, 0], num_particles))
@@ -273,7 +273,7 @@ def generic(num_particles: int = 1000, num_frames: int = 50) -> Section:
 
 
 def points(height: int = 1080, width: int = 1920, num_frames: int = 8, count: int = 12) -> Section:
-    """One window, and a whole frame of each filter of points, decoding excluded."""
+    """A window and a whole frame of each point filter, without decoding."""
     rng = np.random.default_rng(0)
     stack = rng.integers(0, 256, (num_frames + 1, height, width, 3), dtype=np.uint8)
     middle, num_windows = np.array([width, height]) / 2, 480
@@ -298,7 +298,7 @@ def points(height: int = 1080, width: int = 1920, num_frames: int = 8, count: in
 
 
 def gradients(num_particles: int = 1000, num_frames: int = 50, num_runs: int = 10) -> Section:
-    """Value and gradient against the value alone, every frame computed again on the way back."""
+    """Value and gradient against the value alone; the backward pass recomputes every frame."""
     line, (frame, boxes) = _line(num_frames), problems.crowded_frame()
     boxes = boxes[:3]
     boxed = problems.box_tracker(
@@ -316,7 +316,7 @@ def gradients(num_particles: int = 1000, num_frames: int = 50, num_runs: int = 1
     keys, cases = _keys(num_runs), []
 
     def of_motion(tracker: Any, frames: Any) -> Any:
-        # Derivatives of integers are not arrays that can be waited for.
+        # Derivatives of integers cannot be waited for.
         evidence, gradient = both(tracker, keys, frames)
         return evidence, jax.tree.leaves(gradient.dynamics)[0]
 
@@ -333,12 +333,12 @@ def gradients(num_particles: int = 1000, num_frames: int = 50, num_runs: int = 1
     return Section(f"Gradient of the evidence: {num_runs} runs", cases)
 
 
-#: In the order in which they are measured.
+#: Sections in the order of measurement.
 SECTIONS = (histograms, contours, kernel, appearance, labelled, generic, points, gradients)
 
 
 def turned_parts(repeats: int) -> Iterator[Row]:
-    """PS and SPS on the largest articulated object of gonzales2011, all runs batched; CPU time."""
+    """CPU time of PS and SPS on gonzales2011's largest articulated object, all runs batched."""
     from jaxpf.papers.gonzales2011 import times
     from jaxpf.papers.gonzales2011.published import FRAMES, RUNS as PUBLISHED_RUNS
 

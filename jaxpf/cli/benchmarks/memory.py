@@ -1,4 +1,4 @@
-"""How much memory runs and gradients need over many frames, as compiled: nothing is run."""
+"""Memory of runs and gradients over many frames, from the compiler; nothing is executed."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -18,7 +18,7 @@ RUNS, PARTICLES, FRAMES, WINDOW = 10, 1000, (100, 1000), 32
 def of_runs(
     tracker: Any, num_partitions: int, frames: Sequence[int] = (10, 100, 1000)
 ) -> Iterator[tuple[int, int]]:
-    """Bytes that a run over T frames on a line needs beyond its input and output."""
+    """Bytes that a run of a 1-D model over T frames needs beyond its input and output."""
 
     def track(key, observed):
         def step(state, item):
@@ -38,10 +38,10 @@ def of_gradients(
     lengths: Sequence[int] = FRAMES,
     ways: Sequence[bool | int] = (False, True, WINDOW),
 ) -> Iterator[tuple[int, list[int]]]:
-    """Number of frames, and the bytes a gradient needs there in each way of ``checkpoint``.
+    """Number of frames -> bytes of a gradient for each setting of ``checkpoint``.
 
-    By default without, with every frame, and with windows of ``WINDOW`` frames; a 1-D model,
-    ``RUNS`` runs.
+    The defaults are none, every frame, and windows of ``WINDOW`` frames, for ``RUNS`` runs of a 1-D
+    model.
     """
     tracker = line_tracker(num_particles, gradient=StopGradient())
     keys = jax.random.split(jax.random.key(0), RUNS)

@@ -1,4 +1,4 @@
-"""What the benchmarks track: crowded frames, and a model of one dimension."""
+"""Benchmark problems: crowded frames, and a 1-D model."""
 
 from typing import Any
 
@@ -24,7 +24,7 @@ def crowded_frame() -> tuple[np.ndarray, np.ndarray]:
 
 
 def large_frame() -> tuple[np.ndarray, np.ndarray]:
-    """Noise of 640 x 480 with five objects of 60 x 120 pixels, and their boxes ``[P, 4]``."""
+    """640 x 480 noise with five objects of 60 x 120 pixels, and their boxes ``[P, 4]``."""
     return _colourful(480, 640, np.array([(40 + 110 * i, 60 + 50 * i, 60, 120) for i in range(5)]))
 
 
@@ -40,7 +40,7 @@ def _colourful(height: int, width: int, boxes: np.ndarray) -> tuple[np.ndarray, 
 def box_tracker(
     likelihood: Any, boxes: np.ndarray, ordering: Any, num_particles: int, **settings: Any
 ) -> jaxpf.Partitioned:
-    """Boxes ``[P, 4]`` that move by ``BOX_SCALE``."""
+    """A tracker of boxes ``[P, 4]`` that move by ``BOX_SCALE``."""
     return jaxpf.Partitioned(
         **box_model(likelihood, boxes, BOX_SCALE)._asdict(),
         ordering=ordering,
@@ -50,7 +50,7 @@ def box_tracker(
 
 
 def line_tracker(num_particles: int, num_partitions: int = 1, **settings: Any) -> jaxpf.Partitioned:
-    """``x_t = .9 x_{t-1} + n`` observed with unit noise, once for every partition."""
+    """``x_t = .9 x_{t-1} + n`` observed with unit noise, independently for every partition."""
     return jaxpf.Partitioned(
         **_line_model(num_partitions),
         ordering=orderings.ps(range(num_partitions)),
@@ -60,7 +60,7 @@ def line_tracker(num_particles: int, num_partitions: int = 1, **settings: Any) -
 
 
 def labelled_line_tracker(num_targets: int, num_particles: int) -> jaxpf.Labelled:
-    """The same model with a target for every partition."""
+    """The same model with one target per partition."""
     return jaxpf.Labelled(**_line_model(num_targets), num_particles=num_particles)
 
 
@@ -74,15 +74,15 @@ def _line_model(count: int) -> dict[str, Any]:
 
 
 def keep_estimate(state: Any, summary: Any) -> Any:
-    """What an evaluation needs of a frame."""
+    """Keep the statistics that an evaluation needs."""
     return summary.estimate, summary.log_evidence, summary.ess, summary.uniqueness
 
 
 def keep_report(state: Any, summary: Any) -> Any:
-    """What a filter of one dimension reports."""
+    """Keep the statistics that a 1-D filter reports."""
     return summary.log_evidence, summary.estimate, summary.ess
 
 
 def mean_evidence(tracker: Any, keys: Any, frames: Any, checkpoint: bool | int = True) -> Any:
-    """Mean log evidence of independent runs."""
+    """Mean log evidence over independent runs."""
     return jnp.mean(objectives.log_evidence(tracker, keys, frames, checkpoint=checkpoint))

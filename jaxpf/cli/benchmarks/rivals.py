@@ -1,4 +1,4 @@
-"""What the benchmarks compare with: the usual loops with OpenCV, and a filter for one model."""
+"""Baselines of the benchmarks: the usual OpenCV loops, and a filter for a single model."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,17 +14,17 @@ from jaxpf.likelihoods.contours.edges import brightness_gradient
 from jaxpf.shapes.spaces import space_of
 from jaxpf.shapes.splines import basis, fit_spline
 
-#: Particles of one pass of ``opencv_loop``.
+#: Particles per pass of ``opencv_loop``.
 LOOPED = 300
-#: Measurement lines and samples of a contour, and its hypotheses.
+#: Measurement lines and samples per contour, and number of hypotheses.
 LINES, SAMPLES, PARTICLES = 32, 41, 1000
 _CLUTTER, _SIGMA, _THRESHOLD = 0.7, 7.0, 10.0
 
 
 def opencv_loop(frame: np.ndarray, box: np.ndarray) -> Callable[[], None]:
-    """The usual way: calcHist and compareHist for one particle after the other.
+    """The usual loop: calcHist and compareHist, particle by particle.
 
-    One hue-saturation histogram of 110 bins and no parts: less work than ours does.
+    One hue-saturation histogram of 110 bins without body parts: less work than our likelihood does.
     """
     import cv2
 
@@ -65,9 +65,9 @@ def contour_problem() -> tuple[Any, Any, np.ndarray]:
 
 
 def opencv_hypothesis(likelihood: Any, frame: np.ndarray) -> Callable[[np.ndarray], float]:
-    """The log-likelihood ratio of one substate ``[6]``, as it is usually written.
+    """The log-likelihood ratio of one substate ``[6]``, as usually written.
 
-    Two calls of ``remap`` to the nearest pixel, and vectors along the lines.
+    Two nearest-pixel calls of ``remap``, and vectors along the lines.
     """
     import cv2
 
@@ -89,7 +89,7 @@ def opencv_hypothesis(likelihood: Any, frame: np.ndarray) -> Callable[[np.ndarra
         middle, slope = points @ control, slopes @ control
         slope /= np.linalg.norm(slope, axis=1, keepdims=True)
         across, down = slope[:, 1:], -slope[:, :1]
-        # OpenCV's pixels have their middles at whole numbers.
+        # OpenCV places pixel centres at integers.
         x = (middle[:, :1] + steps * across - 0.5).astype(np.float32)
         y = (middle[:, 1:] + steps * down - 0.5).astype(np.float32)
         in_x, in_y = (cv2.remap(g, x, y, cv2.INTER_NEAREST) for g in gradient)
@@ -102,7 +102,7 @@ def opencv_hypothesis(likelihood: Any, frame: np.ndarray) -> Callable[[np.ndarra
 
 
 def minimal_filter(key: jax.Array, frames: jax.Array, num_particles: int) -> Any:
-    """A bootstrap filter for one linear-Gaussian model, and nothing but that."""
+    """A bootstrap filter for a linear-Gaussian model only."""
 
     def step(carry, item):
         x, log_weights = carry

@@ -1,4 +1,4 @@
-"""``--dask ADDRESS``: work that the workers of a Dask scheduler share."""
+"""``--dask ADDRESS``: share work among the workers of a Dask scheduler."""
 
 import contextlib
 import logging
@@ -10,16 +10,16 @@ from typing import Any, NamedTuple
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.errors import InputError
 
-#: Seconds in which a scheduler must answer.
+#: Seconds within which a scheduler must answer.
 _PATIENCE = 5
 
 
 class Cluster(NamedTuple):
-    """Where pieces are computed.
+    """A connected Dask cluster.
 
     Attributes:
-        workers: how many there are.
-        executor: a new one, as ``jaxpf.evaluation.carry_out`` takes it.
+        workers: number of workers.
+        executor: factory of executors for ``jaxpf.evaluation.carry_out``.
     """
 
     workers: int
@@ -28,15 +28,15 @@ class Cluster(NamedTuple):
 
 @contextlib.contextmanager
 def cluster(address: str, devices: int | None = None) -> Iterator[Cluster]:
-    """The workers of the scheduler at an address, with JAX set up.
+    """Connect to the scheduler at an address and set up JAX on its workers.
 
     Args:
         address: such as ``tcp://127.0.0.1:8786``.
-        devices: host devices of each worker; all its cores by default.
+        devices: host devices per worker; by default one per core.
 
     Raises:
-        InputError: Dask is not installed, nobody answers, nobody works there, or workers have not
-            this version of jaxpf.
+        InputError: Dask is not installed, no scheduler answers, it has no workers, or its workers
+            have another version of jaxpf.
     """
     try:
         import distributed
@@ -44,10 +44,11 @@ def cluster(address: str, devices: int | None = None) -> Iterator[Cluster]:
         raise InputError(
             "--dask needs Dask, here and where the workers are: pip install 'jaxpf[cluster]'."
         ) from None
-    # It tells of every attempt in several lines.
+    # Dask logs every connection attempt on several lines.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
-        # Beforehand, since a client that reaches nobody complains again when it is thrown away.
+        # Test the address first, since a client that cannot connect logs an error again on
+        # deletion.
         there = distributed.comm.get_address_host_port(address)
         socket.create_connection(there, _PATIENCE).close()
         client = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
@@ -57,7 +58,7 @@ def cluster(address: str, devices: int | None = None) -> Iterator[Cluster]:
             "by `dask scheduler`, and give the address that it prints, such as tcp://127.0.0.1:8786."
         ) from None
     with client, warnings.catch_warnings():
-        # A piece that carries the frames of a scene is what is meant.
+        # Large pieces are intended: they carry the frames of a scene.
         warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
         workers = len(client.scheduler_info(n_workers=-1)["workers"])
         if not workers:
@@ -67,7 +68,7 @@ def cluster(address: str, devices: int | None = None) -> Iterator[Cluster]:
             )
         try:
             client.run(start_jax, devices)
-        except Exception as error:  # whatever goes wrong over there
+        except Exception as error:  # any error on a worker
             raise InputError(
                 f"--dask {address}: a worker cannot set jaxpf up ({type(error).__name__}: "
                 f"{error}); install the same version there."

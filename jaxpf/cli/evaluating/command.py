@@ -1,4 +1,4 @@
-"""``jaxpf evaluate``: methods, orderings and parameters compared on one scene, over many runs."""
+"""``jaxpf evaluate``: compare methods, orderings and parameters on a scene over many runs."""
 
 import dataclasses
 import functools
@@ -30,17 +30,17 @@ from jaxpf.files.locking import LOCK, locked
 from jaxpf.running.memory import check_memory
 from jaxpf.targets import adapters
 
-#: Options that say where results go or how they are computed, not what they are.
+#: Options that choose output or computing resources and do not affect results.
 _NOT_REPEATED = ("output", "dry_run", "dask", "speed")
-#: Options of a filter that have flags of their own here, for all their variants.
+#: Filter options with their own flags here, shared by all variants.
 _VARIED = ("method", "order", "swap")
-#: Processes, and host devices of each, which JAX sets up one by one.
+#: Maximum number of processes, and of host devices per process, which JAX sets up one by one.
 _MOST = 256
 
 
 @dataclasses.dataclass(frozen=True)
 class Compared:
-    """What is compared, beside the options of targets and filters; see the help of each."""
+    """Options that choose what to compare, except those of targets and filters."""
 
     methods: str | None = option(
         None,
@@ -74,7 +74,7 @@ class Compared:
 
 @dataclasses.dataclass(frozen=True)
 class Work:
-    """How often it is run, and where; see the help of each."""
+    """Options that choose the number of runs and where they run."""
 
     runs: int = option(50, "Runs per configuration.")
     seed: int = option(0, "Seed of all runs.")
@@ -103,7 +103,7 @@ class Work:
 
 @dataclasses.dataclass(frozen=True)
 class Options(Work, Compared, SceneOptions):
-    """Options of ``jaxpf evaluate`` whatever is compared."""
+    """Options of ``jaxpf evaluate`` for any target and filter."""
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -120,9 +120,9 @@ class Request:
     """A comparison.
 
     Attributes:
-        scene: of what, in full.
-        options: see there; files in full.
-        grid: options of targets and filters that were given -> what was typed.
+        scene: scene name or absolute path.
+        options: values of ``Options``, with absolute file paths.
+        grid: given options of targets and filters -> value on the command line.
     """
 
     scene: str
@@ -130,7 +130,7 @@ class Request:
     grid: Mapping[str, Any]
 
     def table(self) -> dict[str, Any]:
-        """What ``run.toml`` holds, as people write it."""
+        """Contents of ``run.toml``, in command-line notation."""
         kept = {n: v for n, v in as_typed(self.options).items() if n not in _NOT_REPEATED}
         return {"scene": self.scene, **kept, **self.grid}
 
@@ -170,7 +170,7 @@ def _evaluate_one(request: Request) -> None:
     options = request.options
     output = options.output or Path(f"jaxpf-{scene_name(request.scene)}")
     plan = _plan(request)
-    if (output / LOCK).exists():  # planning takes minutes, and somebody may be at work there
+    if (output / LOCK).exists():  # fail early: planning takes minutes
         with locked(output, "evaluating"):
             pass
     results = finished(plan, output)
@@ -243,7 +243,7 @@ command = SceneCommand(
 
 
 def _plan(request: Request) -> Any:
-    """The library's plan for what was typed."""
+    """Build the library's plan from the request."""
     from jaxpf.cli.tracking.user_tracker import OwnTracker
     from jaxpf.evaluation import Plan
     from jaxpf.evaluation.baselines.rivals import baselines
@@ -284,7 +284,7 @@ def _plan(request: Request) -> Any:
 
 
 def _values(typed: Any) -> list[Any]:
-    """The values of an option of a grid: names with commas, numbers, or lists of numbers."""
+    """Parse the values of a grid option: comma-separated names, numbers, or lists of numbers."""
     if isinstance(typed, str):
         return names_in(typed)
     entries = [typed] if isinstance(typed, bool) else typed
@@ -292,7 +292,7 @@ def _values(typed: Any) -> list[Any]:
 
 
 def _order(text: str) -> Any:
-    """Places from 1, as people count them, to places from 0."""
+    """Convert an order from 1-based to 0-based indices."""
     if text in ("given", "shifts"):
         return text
     entries = text.split(",")
@@ -305,7 +305,7 @@ def _order(text: str) -> Any:
 
 
 def _own(text: str) -> tuple[str, str]:
-    """Name and full place of a tracker; without a name, its function's."""
+    """Name and absolute path of a user-defined tracker; its name defaults to the function's."""
     name, equals, place = text.partition("=")
     if not equals:
         name, place = text.rpartition(":")[2], text
@@ -314,12 +314,12 @@ def _own(text: str) -> tuple[str, str]:
 
 
 def _carry_out(prepared: Any, executor: Any) -> Any:
-    """Do what is missing behind a progress bar; an interruption says how to go on."""
+    """Run the missing work behind a progress bar; on interruption, say how to resume."""
     from jaxpf.cli.evaluating.output import FINISHED
     from jaxpf.evaluation import carry_out
     from jaxpf.evaluation.speed import keep_speeds
 
-    (prepared.folder / FINISHED).unlink(missing_ok=True)  # it tells of fewer runs
+    (prepared.folder / FINISHED).unlink(missing_ok=True)  # it describes fewer runs
     try:
         with progress_bar("runs") as bar:
             name = prepared.settings["scene"]["name"]
@@ -340,7 +340,7 @@ def _carry_out(prepared: Any, executor: Any) -> Any:
 
 
 def _finish(results: Any, request: Request) -> None:
-    """Tables, report, and the file that repeats the evaluation; then say what was found."""
+    """Write tables, report and the file that repeats the evaluation; then print the results."""
     from jaxpf.cli.evaluating.output import print_results
     from jaxpf.evaluation.output.report import write_report
     from jaxpf.evaluation.output.tables import write_tables

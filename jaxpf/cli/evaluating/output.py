@@ -1,4 +1,4 @@
-"""What ``jaxpf evaluate`` says: its plan before, its tables after."""
+"""Printed output of ``jaxpf evaluate``: the plan before a run, and tables after it."""
 
 import json
 import math
@@ -13,9 +13,9 @@ from jaxpf.evaluation.results import OWN
 from jaxpf.files.writing import write_text
 from jaxpf.targets import find_adapter
 
-#: What a finished evaluation prints again; written last, once tables and report are.
+#: The printed output of a finished evaluation; written last, after tables and report.
 FINISHED = "finished.json"
-#: Files that people look for.
+#: Output files that the last line lists.
 _WRITTEN = (
     "report.html",
     "results.csv",
@@ -28,7 +28,7 @@ _WRITTEN = (
 
 
 def show_plan(prepared: Any, workers: int, devices: int) -> None:
-    """What is compared, and what it costs."""
+    """Print what is compared, and its cost."""
     scene = prepared.settings["scene"]
     count = len(scene["object_ids"])
     click.echo(
@@ -53,7 +53,7 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
 
 
 def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, str]]:
-    """One row per method; and the parameters that all configurations have in common."""
+    """A row per method, and the parameters that all configurations share."""
     of = find_adapter(prepared.settings["scene"]["target"]).target
     by_method: dict[str, list[int]] = {}
     values: dict[str, dict[str, None]] = {}
@@ -87,7 +87,7 @@ def _duration(seconds: float) -> str:
 
 
 def print_results(results: Any, tables: Any) -> None:
-    """Print the summary, and keep it for ``print_again``."""
+    """Print the summary and store it for ``print_again``."""
     printed = {
         "runs": results.runs,
         "tables": [table._asdict() for table in tables.printed],
@@ -99,7 +99,7 @@ def print_results(results: Any, tables: Any) -> None:
 
 
 def print_again(folder: Path, runs: int) -> bool:
-    """Print what the finished evaluation printed; false if a file is missing or of fewer runs."""
+    """Print a finished evaluation's output again; False if a file is missing or has fewer runs."""
     try:
         printed = json.loads((folder / FINISHED).read_text(encoding="utf-8"))
         whole = printed.keys() >= {"runs", "tables", "remarks", "conclusion"}

@@ -1,4 +1,4 @@
-"""``jaxpf evaluate`` of several sequences: one evaluation each, and a table over all."""
+"""``jaxpf evaluate`` on several sequences: one evaluation per sequence, and an overall table."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -13,12 +13,12 @@ from jaxpf.cli.shared.scene_options import resolved_scene, scene_name
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import read_text
 
-#: Options about what is in one sequence.
+#: Options that apply to a single sequence only.
 _OF_ONE = ("ids", "start_frame", "tracks")
 
 
 class OneOf(NamedTuple):
-    """One of several scenes: what its results are called, where it is, its seed, its frames."""
+    """One of several scenes: name of its results, source, seed and frames."""
 
     name: str
     source: str
@@ -27,14 +27,14 @@ class OneOf(NamedTuple):
 
 
 def scenes_of(source: str, seed: int) -> list[OneOf]:
-    """The scenes of a folder of sequences, or of a text file; none if it is a scene itself.
+    """List the scenes of a folder of sequences or of a text file; none if ``source`` is a scene.
 
     Args:
-        source: as it was typed.
-        seed: of scenes that name none.
+        source: as given on the command line.
+        seed: seed of scenes that specify none.
 
     Raises:
-        InputError: a line of the file is no scene and seed.
+        InputError: a line of the file is not a scene and a seed.
     """
     from scenes.sequences import sequences_in
 
@@ -72,16 +72,17 @@ def evaluate_each(
     varied: Sequence[str],
     evaluate: Callable[[Any], None],
 ) -> None:
-    """Evaluate one scene after another, then tell what holds over all of them.
+    """Evaluate scenes one after another, then print results over all of them.
 
     Args:
-        request: see ``jaxpf.cli.evaluating.command.Request``; of all of them.
+        request: common to all scenes, see ``jaxpf.cli.evaluating.command.Request``.
         each: the scenes.
-        varied: options of which several values were given.
-        evaluate: does one request.
+        varied: options with several values.
+        evaluate: runs one request.
 
     Raises:
-        InputError: options of one sequence; fewer than two scenes of one kind.
+        InputError: an option applies to a single sequence only, or fewer than two scenes are of one
+            kind.
     """
     options = request.options
     for name in _OF_ONE:
@@ -120,9 +121,9 @@ def evaluate_each(
 def _of_one_kind(
     each: Sequence[OneOf], kind: str | None, frames: int | None
 ) -> tuple[str | None, list[OneOf]]:
-    """Those whose truth is of that kind, by default the first one's, with at most so many frames.
+    """Select scenes with a given kind of truth (default: the first scene's) and at most N frames.
 
-    It says which are left out.
+    Prints which scenes are left out.
     """
     from jaxpf.evaluation.opening import load_scene
     from jaxpf.evaluation.work.scene import start_frame

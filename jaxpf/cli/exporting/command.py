@@ -1,4 +1,4 @@
-"""``jaxpf export``: results in the formats of other projects."""
+"""``jaxpf export``: write results in the formats of other projects."""
 
 from pathlib import Path
 

@@ -1,10 +1,10 @@
 """Tracks in the formats of other projects: COCO, CVAT and ``movement``.
 
-All read the folder that ``jaxpf track`` wrote, and keep the objects' ids.  In memory frames and
-pixels count from 0, and pixel (0, 0) is the square [0, 1) x [0, 1).  Conventions of the files:
+All read the output folder of ``jaxpf track`` and keep the objects' ids.  In memory, frames and
+pixels count from 0, and pixel (0, 0) is the square [0, 1) x [0, 1).  File conventions:
 
 =================  ============  ===========  ==================================
-format             first frame   first pixel  place
+format             first frame   first pixel  position
 =================  ============  ===========  ==================================
 MOT, tracks.csv    1             1            top left corner, width and height
 coco               image id 1    0            top left corner, width and height
@@ -12,7 +12,7 @@ cvat (MOT 1.1)     1             0            top left corner, width and height
 movement (netCDF)  seconds       0            centre, width and height
 =================  ============  ===========  ==================================
 
-Seconds are the frames' timestamps, which differ from index / fps where the frame rate varies.
+Seconds are frame timestamps, which differ from index / fps where the frame rate varies.
 """
 
 import csv
@@ -32,26 +32,26 @@ from jaxpf.files.reading import read_text
 from jaxpf.files.writing import atomic_path, atomic_write, report_os_errors, write_text
 from jaxpf.media.video import open_frames
 
-#: What all that is tracked is called.
+#: Category of all tracked objects.
 _LABEL = "object"
 _INTERVAL = ("2.5", "97.5")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Tracked:
-    """What a folder of results holds.
+    """The contents of a results folder.
 
     Attributes:
         target: boxes, parts, points or contours.
         names: ``[P]``.
-        lines: ``[T, P, S, 2]``, corners, outlines or points, pixels; NaN where there is none.
-        confidence: ``[T, P]``, that an object is where it is reported; 0 where it is lost.
-        intervals: ``[T, P, 2, 2]``, 2.5 and 97.5 % quantiles of x and y of the middle; None if the
+        lines: ``[T, P, S, 2]``, corners, outlines or points, pixels; NaN where missing.
+        confidence: ``[T, P]``, confidence in the reported position; 0 where an object is lost.
+        intervals: ``[T, P, 2, 2]``, 2.5 and 97.5 % quantiles of x and y of the centre; None if the
             folder has none.
-        video: what was tracked.
+        video: the tracked video.
         size: width and height of its frames.
         fps: its frames per second.
-        times: ``[T]``, when each frame is shown, seconds from the first.
+        times: ``[T]``, timestamp of each frame, seconds from the first.
     """
 
     target: str
@@ -66,20 +66,20 @@ class Tracked:
 
     @property
     def ids(self) -> list[int]:
-        """``[P]``: the names where they are whole numbers, else 1, 2, ..., P."""
+        """``[P]``: the names if they are whole numbers, else 1, 2, ..., P."""
         if all(name.isdecimal() for name in self.names):
             return [int(name) for name in self.names]
         return list(range(1, len(self.names) + 1))
 
     @property
     def boxes(self) -> np.ndarray:
-        """``[T, P, 4]``, x, y, w, h around the lines."""
+        """``[T, P, 4]``, bounding boxes x, y, w, h of the lines."""
         low, high = self.lines.min(axis=2), self.lines.max(axis=2)
         return np.concatenate([low, high - low], axis=-1)
 
     @property
     def there(self) -> np.ndarray:
-        """``[K, 2]``: frame and object, wherever there is one."""
+        """``[K, 2]``: frame and object of every reported position."""
         return np.argwhere(np.isfinite(self.lines).all(axis=(2, 3)))
 
 
@@ -87,7 +87,7 @@ def read_tracked(folder: Path) -> Tracked:
     """Read the results of ``jaxpf track``.
 
     Raises:
-        InputError: a file is missing or holds something else, or the video is gone.
+        InputError: a file is missing or invalid, or the video no longer exists.
     """
     text = read_text(folder / "summary.json", "results", "a folder that `jaxpf track` wrote")
     try:
@@ -124,7 +124,7 @@ def _read_boxes(folder: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
 
 
 def _read_lines(folder: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Tracks of parts, points or contours."""
+    """Read tracks of parts, points or contours."""
     table = read_tracks(folder / "tracks.csv")
     ids = [str(name) for name in table["id"].tolist()]
     names = tuple(dict.fromkeys(ids))
@@ -154,7 +154,7 @@ def _read_outlines(path: Path, names: tuple[str, ...], num_frames: int) -> np.nd
 
 
 def _corners(table: dict[str, np.ndarray]) -> np.ndarray:
-    """Corners ``[K, 4, 2]`` of turned rectangles."""
+    """Corners ``[K, 4, 2]`` of rotated rectangles."""
     angle = np.deg2rad(table["angle"])
     turn = np.stack([np.cos(angle), np.sin(angle), -np.sin(angle), np.cos(angle)], axis=-1)
     half = np.stack([table["w"], table["h"]], axis=-1)[:, None] / 2
@@ -165,7 +165,7 @@ def _corners(table: dict[str, np.ndarray]) -> np.ndarray:
 def _read_intervals(
     path: Path, names: tuple[str, ...], num_frames: int, are_boxes: bool
 ) -> np.ndarray | None:
-    """Of the middle; that of a box lies half its size from the corner, whose interval is known."""
+    """Intervals of the centre; a box's centre is half its size from the corner in the file."""
     table = read_tracks(path)
     if "x_2.5" not in table:
         return None
@@ -187,10 +187,10 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 
 def write_coco(path: Path, tracked: Tracked) -> None:
-    """COCO's JSON: an image per frame; boxes, polygons, or a skeleton of all points.
+    """Write COCO JSON: an image per frame; boxes, polygons, or a skeleton of all points.
 
-    ``track_id``, ``score`` (the confidence) and ``time`` (of an image, in seconds) stand beside
-    COCO's own keys, as usual for tracks.
+    ``track_id``, ``score`` (the confidence) and ``time`` (of an image, in seconds) extend COCO's
+    keys, as is usual for tracks.
     """
     width, height = tracked.size
     name = Path(tracked.video).stem
@@ -223,7 +223,7 @@ def _shapes(tracked: Tracked) -> Any:
     boxes = tracked.boxes
     for t, p in tracked.there:
         line = tracked.lines[t, p]
-        # A contour that does not end where it begins is no polygon.
+        # An open contour is not a polygon.
         closed = tracked.target != "contours" or np.allclose(line[0], line[-1], atol=0.01)
         x, y = line.T
         area = abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2
@@ -257,10 +257,10 @@ def _skeletons(tracked: Tracked) -> Any:
 
 
 def write_cvat(path: Path, tracked: Tracked) -> None:
-    """CVAT's "MOT 1.1" archive.
+    """Write CVAT's "MOT 1.1" archive.
 
     Raises:
-        InputError: points, which have no box; or the file cannot be written.
+        InputError: the target is points, which have no box, or the file cannot be written.
     """
     if tracked.target == "points":
         raise InputError("CVAT's MOT archive holds boxes, and points have none; choose coco.")
@@ -275,10 +275,10 @@ def write_cvat(path: Path, tracked: Tracked) -> None:
 
 
 def write_motchallenge(path: Path, tracked: Tracked) -> None:
-    """MOT lines ``frame,id,x,y,w,h,confidence,-1,-1,-1``; frames and x, y count from 1.
+    """Write MOT lines ``frame,id,x,y,w,h,confidence,-1,-1,-1``; frames and x, y count from 1.
 
     Raises:
-        InputError: points, which have no box; or the file cannot be written.
+        InputError: the target is points, which have no box, or the file cannot be written.
     """
     if tracked.target == "points":
         raise InputError("MOT files hold boxes, and points have none; choose coco.")
@@ -290,10 +290,10 @@ def write_motchallenge(path: Path, tracked: Tracked) -> None:
 
 
 def write_movement(path: Path, tracked: Tracked) -> None:
-    """A netCDF file in ``movement``'s layout: poses for points, bounding boxes for all else.
+    """Write netCDF in ``movement``'s layout: poses for points, bounding boxes for other targets.
 
-    ``position``, ``shape`` (of boxes) and ``confidence`` are ``movement``'s own; ``interval``
-    ``[time, space, level, ...]``, of the position, in percent of the particles, is added.
+    ``position``, ``shape`` (of boxes) and ``confidence`` follow ``movement``.  We add ``interval``
+    ``[time, space, level, ...]``, quantiles of the position, in percent of the particles.
 
     Raises:
         InputError: xarray is missing, or the file cannot be written.
@@ -343,7 +343,7 @@ def _rounded(values: Any) -> list[float]:
     return [round(float(value), 3) for value in values]
 
 
-#: Format -> how its file is called at the end, and what writes it.
+#: Format -> file-name suffix and writer.
 FORMATS: dict[str, tuple[str, Callable[[Path, Tracked], None]]] = {
     "coco": (".json", write_coco),
     "cvat": (".zip", write_cvat),

@@ -1,1 +1,1 @@
-"""What the commands have in common."""
+"""Code shared by the commands."""

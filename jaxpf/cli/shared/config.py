@@ -1,4 +1,4 @@
-"""Configuration files: TOML tables that hold a command's options, read and written."""
+"""Configuration files: read and write TOML tables of a command's options."""
 
 import tomllib
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.files.writing import atomic_write
 from jaxpf.targets import find_adapter
 
-#: From here on, floats do not represent every whole number.
+#: Beyond this, floats do not represent every whole number.
 _LARGEST_WHOLE = 2**53
 
 
@@ -32,17 +32,17 @@ _ABOUT: dict[str, Any] = {
 
 
 def config_flag(section: str = "Options") -> Flag:
-    """``--config FILE``: defaults for the options from the command's table in a TOML file."""
+    """``--config FILE``: read option defaults from the command's table in a TOML file."""
     return Flag(["--config"], section=section, **_ABOUT)
 
 
 def config_option() -> Callable:
-    """The same as a decorator."""
+    """The same flag as a decorator."""
     return click.option("--config", cls=Flag, **_ABOUT)
 
 
 def target_in(arguments: Sequence[str]) -> str | None:
-    """The kind of target that the file of ``--config`` names; None if there is none."""
+    """The kind of target named in the ``--config`` file, or None."""
     for index, argument in enumerate(arguments):
         flag, equals, path = argument.partition("=")
         if flag == "--config" and (equals or index + 1 < len(arguments)):
@@ -65,7 +65,7 @@ def _table(path: Path, name: str) -> dict[str, Any]:
         raise InputError(
             f"the configuration '{path}' is nested too deeply; write a table [{name}] of options."
         ) from None
-    except ValueError as error:  # of TOML, of UTF-8, of a number with thousands of digits
+    except ValueError as error:  # bad TOML, bad UTF-8, or a huge number
         cause = str(error).partition(";")[0]
         raise InputError(f"the configuration '{path}' is not valid TOML: {cause}.") from None
     table = content.get(name)
@@ -108,7 +108,7 @@ def _read_config(path: Path, ctx: click.Context) -> dict[str, Any]:
 
 
 def _suits(param: click.Parameter, value: Any) -> tuple[bool, str]:
-    """Whether a TOML value has the option's type, without conversion; and that type in words."""
+    """Whether a TOML value has the option's type without conversion, and the type in words."""
     kind = param.type
     if isinstance(param, click.Option) and param.multiple:
         suits = isinstance(value, list) and all(
@@ -137,7 +137,7 @@ def _are_numbers(values: Any, kind: type) -> bool:
 
 
 def _shown(value: Any) -> str:
-    """A value as TOML spells it, shortened for a message."""
+    """A value in TOML notation, shortened for a message."""
     if isinstance(value, int) and abs(value) >= _LARGEST_WHOLE:
         return f"a number beyond {_LARGEST_WHOLE}"
     text = str(value).lower() if isinstance(value, bool) else repr(value)
@@ -145,7 +145,7 @@ def _shown(value: Any) -> str:
 
 
 def write_config(path: Path, command: str, options: dict[str, Any]) -> None:
-    """Write the TOML file that repeats a run; options that are None are left out."""
+    """Write the TOML file that repeats a run; options that are None are omitted."""
     import tomli_w
 
     kept = {key: _plain(value) for key, value in options.items() if value is not None}

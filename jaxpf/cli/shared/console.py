@@ -1,4 +1,4 @@
-"""Tables that explain their terms, and progress bars."""
+"""Tables with an explanation of their terms, and progress bars."""
 
 import sys
 from collections.abc import Iterable, Sequence
@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 _TRACKED = "overlapping the truth at all"
-#: Terms of tables, by how they begin; a line under each table explains those it uses.
+#: Prefix of a term -> explanation; a line under each table explains the terms it uses.
 _TERMS = {
     "success at": "frames whose overlap is above that",
     "success area": "area under the curve of such frames over every overlap",
@@ -47,9 +47,9 @@ _TERMS = {
 
 
 def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table, and what its terms mean.
+    """Print a table and an explanation of its terms.
 
-    The first column is left-aligned, numbers right.  Nothing in the texts is markup.
+    The first column is left-aligned, numbers right-aligned.  Texts are printed without markup.
     """
     from rich.console import Console
     from rich.table import Table
@@ -60,14 +60,14 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
     rows = list(rows)
     for row in rows:
         table.add_row(*row)
-    # A pipe or a file has no width: do not cut what is printed there.
+    # A pipe or a file has no width: do not truncate the table.
     Console(width=None if sys.stdout.isatty() else 120, markup=False, emoji=False).print(table)
     if terms := _terms([*columns, *(row[0] for row in rows if row)]):
         click.echo(terms)
 
 
 def _terms(names: Iterable[str]) -> str:
-    """A line that explains the terms among a table's columns and rows; "" if there is none."""
+    """A line that explains the terms in a table's columns and rows; "" if there are none."""
     used: dict[str, str] = {}
     for name in names:
         word = name.partition(",")[0].partition(" (")[0]
@@ -85,7 +85,7 @@ def _terms(names: Iterable[str]) -> str:
 
 
 def progress_bar(unit: str) -> Any:
-    """A progress bar on standard error, with ``unit`` per second and the time left."""
+    """A progress bar on standard error, with ``unit`` per second and the remaining time."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,

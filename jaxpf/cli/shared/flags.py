@@ -1,8 +1,8 @@
 """Flags of declared options, and help that fits on a screen.
 
-The classes of options (``jaxpf.contract.options``) say all there is to say of an option; one loop
-makes its flag.  Help shows the common options section by section, and of the others the names
-alone, which ``--help-all`` explains.
+Option classes (``jaxpf.contract.options``) fully describe each option; one loop makes its flag.
+Help explains the common options by section and lists only the names of the rest, which
+``--help-all`` explains.
 """
 
 import dataclasses
@@ -29,7 +29,7 @@ class NumberList(click.ParamType):
         self.name = "whole numbers" if kind is int else "numbers"
 
     def convert(self, value: Any, param: Any, ctx: Any) -> Any:
-        """Text or a list (from a TOML file) to a list of numbers; "auto" where that is a value."""
+        """Convert text or a TOML list to numbers; keeps "auto" if the option allows it."""
         if self.opens and value == OPEN:
             return value
         parts = value.split(",") if isinstance(value, str) else list(value)
@@ -48,9 +48,9 @@ class Flag(click.Option):
     """An option with its place in the help.
 
     Attributes:
-        section: its section of the help.
-        common: whether ``--help`` explains it, or only names it.
-        is_named: whether ``--help`` names it at all.
+        section: help section.
+        common: whether ``--help`` explains it or only lists its name.
+        is_named: whether ``--help`` lists it at all.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Flag(click.Option):
         self.section, self.common, self.is_named = section, common, True
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        """Spellings and help: its first sentence and the default, unless all is asked for."""
+        """Spellings and help: first sentence and default only, unless ``--help-all`` is given."""
         record = super().get_help_record(ctx)
         if record is None or ctx.meta.get(ALL):
             return record
@@ -70,10 +70,10 @@ class Flag(click.Option):
 
 
 class Command(Speaking):
-    """A command whose help has sections, see ``Flag``.
+    """A command with help in sections, see ``Flag``.
 
-    ``--help`` explains the common options in a sentence each and names the others; ``--help-all``
-    explains every option.
+    ``--help`` explains each common option in a sentence and lists the names of the rest;
+    ``--help-all`` explains every option.
     """
 
     def __init__(self, *arguments: Any, more: str = "", **settings: Any):
@@ -81,7 +81,7 @@ class Command(Speaking):
 
         Args:
             arguments: see ``click.Command``.
-            more: a text that only ``--help-all`` shows.
+            more: text shown by ``--help-all`` only.
             settings: see ``click.Command``.
         """
         super().__init__(*arguments, **settings)
@@ -89,7 +89,7 @@ class Command(Speaking):
         self.params.append(_help_all())
 
     def shown(self, ctx: click.Context) -> list[click.Parameter]:
-        """The parameters that help shows, in order."""
+        """The parameters to show in the help, in order."""
         return self.get_params(ctx)
 
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -101,7 +101,7 @@ class Command(Speaking):
                 formatter.write_text(self.more)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the sections, then the names of the options that they leave out."""
+        """Write the sections, then the names of the omitted options."""
         explained: dict[str, list[tuple[str, str]]] = {}
         left_out: dict[str, list[str]] = {}
         unnamed: list[str] = []
@@ -161,15 +161,15 @@ def declared_flags(
     grid: bool = False,
     rare: Sequence[str] | None = None,
 ) -> list[Flag]:
-    """The flags of declared options.
+    """Make the flags of declared options.
 
     Args:
         declared: name -> option, see ``jaxpf.contract.options.options_of``.
-        section: of the help.
+        section: help section.
         defaults: defaults that differ from the declared ones.
-        grid: whether each flag takes several values, separated by commas; an option of several
-            numbers is repeated instead.
-        rare: for a command's own options, those that only ``--help-all`` explains; booleans are
+        grid: whether each flag takes several comma-separated values; an option of several numbers
+            is repeated instead.
+        rare: for a command's own options: those explained by ``--help-all`` only.  Booleans become
             flags without a value.
     """
     found = []
@@ -221,15 +221,15 @@ def filter_flags(
     methods: Sequence[str] = (),
     family: Any = None,
 ) -> list[Flag]:
-    """The flags of all filters: first those that several filters have, then those of each.
+    """Make the flags of all filters: first those shared by several filters, then those of each.
 
     Args:
-        defaults: defaults of a target that differ from the filters'.
+        defaults: target defaults that differ from the filters'.
         grid: see ``declared_flags``.
-        without: names to leave out.
-        methods: methods whose filters have flags; all by default.
-        family: the filter whose methods and options ``--help`` shows; those of the others are left
-            to ``--help-all``.  All by default.
+        without: names to omit.
+        methods: methods whose filters have flags; default all.
+        family: filter whose methods and options ``--help`` shows; ``--help-all`` shows the rest.
+            Default all.
     """
     every = list(filters.all_filters().values())
     meant = options_of(
@@ -262,12 +262,12 @@ def filter_flags(
 
 
 def _section(family: Any) -> str:
-    """The title of a filter's own options in the help."""
+    """Title of the help section for a filter's own options."""
     return "Of " + ", ".join(family.methods)
 
 
 def start_flags(flags: Mapping[str, Mapping[str, Any]], section: str) -> list[Flag]:
-    """The flags that say where a target starts."""
+    """Make the flags that define where a target starts."""
     found = []
     for name, about in flags.items():
         kind = about.get("type", str)
@@ -281,12 +281,12 @@ def start_flags(flags: Mapping[str, Mapping[str, Any]], section: str) -> list[Fl
 
 
 def given_in(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of flags that were given."""
+    """Select the values of flags that were given."""
     return {name: value for name, value in values.items() if value not in (None, ())}
 
 
 def as_typed(options: Any) -> dict[str, Any]:
-    """Options that apply, by name, as they are typed; None for the others."""
+    """Applicable options in command-line notation, by name; None for the rest."""
     counts, found = counting(options), {}
     for name, one in options_of(options).items():
         value = getattr(options, name) if counts[name] else None
@@ -299,10 +299,10 @@ def as_typed(options: Any) -> dict[str, Any]:
 def picked(
     values: Mapping[str, Any], owner: type, defaults: Mapping[str, Any] | None = None
 ) -> Any:
-    """An instance of a class of options from flags; those that were not given have defaults.
+    """Build an instance of an option class from flags; missing ones keep their defaults.
 
     Raises:
-        InputError: a value out of range; the sentence names the flag.
+        InputError: a value is out of range; the message names the flag.
     """
     given = {
         name: one.checked(_from_people(one, values[name]), one.flag)
@@ -313,7 +313,7 @@ def picked(
 
 
 def _from_people(one: Option, value: Any) -> Any:
-    """Places, typed counting from 1, counted from 0."""
+    """Convert indices from 1-based to 0-based."""
     if not one.places or value == OPEN:
         return value
     if any(place < 1 for place in value):
@@ -322,15 +322,15 @@ def _from_people(one: Option, value: Any) -> Any:
 
 
 def refuse_others(values: Mapping[str, Any], target: Any, its: Any) -> None:
-    """Refuse options of another target, or of another filter.
+    """Refuse options of another target or another filter.
 
     Args:
-        values: of flags.
-        target: what is tracked.
+        values: values of flags.
+        target: the target.
         its: the filter that tracks it.
 
     Raises:
-        InputError: the option, and where it works.
+        InputError: names the option and where it works.
     """
     own = options_of(target.options, its.options)
     every: dict[str, Any] = {name: one.target for name, one in adapters().items()}

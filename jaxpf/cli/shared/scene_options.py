@@ -1,4 +1,4 @@
-"""What `jaxpf evaluate` and `jaxpf tune` share: a scene, and options of its kind of target."""
+"""Options shared by `jaxpf evaluate` and `jaxpf tune`: a scene, and options of its target."""
 
 import contextlib
 import dataclasses
@@ -21,7 +21,7 @@ _TARGET, _METHODS = "jaxpf.cli.target", "jaxpf.cli.methods"
 
 @dataclasses.dataclass(frozen=True)
 class SceneOptions:
-    """The scene and the part of it to use; see the help of each option."""
+    """The scene and the part of it to use."""
 
     target: str | None = option(
         None, f"Kind of target: {', '.join(adapters())}; by default that of the truth."
@@ -40,10 +40,10 @@ class SceneOptions:
 
 
 class SceneCommand(Command):
-    """A command on a scene, with the options of the scene's target and of the methods.
+    """A command on a scene, with options of the scene's target and of the methods.
 
-    The target is known once the scene is open: the options of all targets are parsed, those of
-    others are refused then, and ``COMMAND SCENE --help`` explains those of this one.
+    The target is known only once the scene is open.  Options of all targets are parsed first and
+    those of other targets refused later; ``COMMAND SCENE --help`` explains this target's options.
     """
 
     def __init__(
@@ -61,13 +61,13 @@ class SceneCommand(Command):
         """Make the command.
 
         Args:
-            name: by which it is called.
-            options: section of the help -> class of options of its own.
+            name: name of the command.
+            options: help section -> class of the command's own options.
             callback: function of all values by name.
             rare: see ``declared_flags``.
-            grid: see there.
-            without: names of filters' options to leave out.
-            defaults: where the command's differ.
+            grid: see ``declared_flags``.
+            without: names of filter options to omit.
+            defaults: defaults that differ from the declared ones.
             settings: see ``Command``.
         """
         own = [
@@ -93,8 +93,8 @@ class SceneCommand(Command):
         return filter_flags(defaults, grid=grid, without=without, methods=methods)
 
     def shown(self, ctx: click.Context) -> list[click.Parameter]:
-        """Explain the options of the scene's target and of the methods that are named; without a
-        scene those of all targets, on request.
+        """Show the options of the scene's target and of the named methods; without a scene,
+        ``--help-all`` shows those of all targets.
         """
         named, methods = ctx.meta.get(_TARGET), ctx.meta.get(_METHODS, ())
         names = [named] if named else adapters()
@@ -106,7 +106,7 @@ class SceneCommand(Command):
         return [*own, *of] if named or ctx.meta.get(ALL) else own
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """As click does; help is about the scene, if one is named."""
+        """Parse as click does; help refers to the scene, if one is given."""
         wanted = {"-h", "--help", "--help-all"} & set(args)
         if wanted and not ctx.resilient_parsing:
             others = [text for text in args if text not in wanted]
@@ -118,7 +118,7 @@ class SceneCommand(Command):
 
 
 def _target_of(values: Mapping[str, Any]) -> str | None:
-    """The target of the scene; None without a scene."""
+    """The target of the scene, or None without a scene."""
     from jaxpf.evaluation.opening import load_scene
 
     if values["target"] or not values["scene"]:
@@ -127,7 +127,7 @@ def _target_of(values: Mapping[str, Any]) -> str | None:
 
 
 def _methods_of(values: Mapping[str, Any]) -> list[str]:
-    """The methods of ``evaluate`` or ``tune``; none means all."""
+    """The methods given to ``evaluate`` or ``tune``; an empty list means all."""
     named = names_in(values.get("methods") or values.get("method") or "")
     for method in named:
         filters.filter_of(method)
@@ -135,7 +135,7 @@ def _methods_of(values: Mapping[str, Any]) -> list[str]:
 
 
 def resolved_scene(source: str) -> str:
-    """A scene with its folder or file in full, so that run.toml works from anywhere."""
+    """A scene with an absolute path, so that run.toml works from anywhere."""
     import scenes
 
     place, colon, function = source.rpartition(":")
@@ -147,20 +147,20 @@ def resolved_scene(source: str) -> str:
 
 
 def scene_name(source: str) -> str:
-    """The name of a scene, for its output folder."""
+    """Name of a scene for its output folder."""
     return Path(source.rpartition(":")[2] or source).name
 
 
 def names_in(text: str) -> list[str]:
-    """Names separated by commas."""
+    """Split comma-separated names."""
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def pair(option: str, text: str, convert: Callable[[str], Any]) -> tuple[str, Any]:
-    """Name and value of ``NAME=VALUE``.
+    """Parse ``NAME=VALUE``.
 
     Raises:
-        InputError: it has another form.
+        InputError: the text has another form.
     """
     name, equals, value = text.partition("=")
     if not (equals and name.strip() and value.strip()):
@@ -169,10 +169,10 @@ def pair(option: str, text: str, convert: Callable[[str], Any]) -> tuple[str, An
 
 
 def scene_parameters(texts: Sequence[str]) -> dict[str, Any]:
-    """Parameters from ``--set``; a value is a number, true, false, none, or else a text.
+    """Parse the parameters of ``--set``; a value is a number, true, false, none, or text.
 
     Raises:
-        InputError: one has another form than NAME=VALUE.
+        InputError: an entry is not NAME=VALUE.
     """
     return dict(pair("--set", text, _value) for text in texts)
 

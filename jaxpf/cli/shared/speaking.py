@@ -1,4 +1,4 @@
-"""Commands that refuse in terms of what was typed: ``--frames 0``, not ``num_frames = 0``."""
+"""Commands whose errors use command-line notation: ``--frames 0``, not ``num_frames = 0``."""
 
 import re
 from collections.abc import Mapping
@@ -10,10 +10,10 @@ from jaxpf.contract.errors import InputError
 
 
 class Speaking(click.Command):
-    """A command whose refusals begin with the flag that was typed."""
+    """A command whose error messages begin with the flag that was given."""
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run it."""
+        """Run the command and translate its errors."""
         try:
             return super().invoke(ctx)
         except InputError as error:
@@ -24,7 +24,7 @@ class Speaking(click.Command):
 
 
 def _values_as_typed(text: str, flags: Mapping[str, str]) -> str:
-    """Options and their values: ``--swap none`` and not ``swap='none'``."""
+    """Write values of options as flags: ``--swap none`` instead of ``swap='none'``."""
     return re.sub(
         r"\b(\w+)='(\w+)'",
         lambda found: f"{flags[found[1]]} {found[2]}" if found[1] in flags else found[0],
@@ -33,7 +33,7 @@ def _values_as_typed(text: str, flags: Mapping[str, str]) -> str:
 
 
 def _in_flags(text: str, flags: Mapping[str, str]) -> str:
-    """The library names its arguments; those that were given as flags are named as flags."""
+    """Replace argument names by flags, for arguments that were given as flags."""
     found = re.match(r"([a-z]\w*)(?: ?=|:| (?=is empty|names)) ?", text)
     if found is None:
         return text

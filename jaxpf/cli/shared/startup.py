@@ -1,4 +1,4 @@
-"""JAX, set up before it is first used."""
+"""Set up JAX before its first use."""
 
 import contextlib
 import os
@@ -6,21 +6,21 @@ from pathlib import Path
 
 
 def start_jax(devices: int | None = None) -> None:
-    """Set JAX up before it is first used: a host device for every core, and the compile cache.
+    """Set up JAX before its first use: one host device per core, and the compile cache.
 
-    ``devices`` is their number; by default all cores that this process may use.
+    ``devices`` is the number of devices; by default all cores available to this process.
     """
     import jax
 
     from jaxpf.evaluation.work.execution import num_cores
 
-    with contextlib.suppress(RuntimeError):  # in use already, by a program that called us
+    with contextlib.suppress(RuntimeError):  # a calling program already uses JAX
         jax.config.update("jax_num_cpu_devices", devices or num_cores())
     use_compile_cache()
 
 
 def use_compile_cache() -> None:
-    """Keep compiled kernels between runs, in ``JAXPF_CACHE_DIR`` or the user's cache folder."""
+    """Keep compiled kernels between runs in ``JAXPF_CACHE_DIR`` or the user's cache folder."""
     import jax
 
     base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
@@ -28,7 +28,7 @@ def use_compile_cache() -> None:
     try:
         os.makedirs(folder, exist_ok=True)
     except OSError:
-        return  # no home, a read-only disk: compiling anew is slower, not wrong
+        return  # no home or a read-only disk: recompiling is only slower
     jax.config.update("jax_compilation_cache_dir", folder)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

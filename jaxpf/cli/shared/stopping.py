@@ -1,4 +1,4 @@
-"""Ctrl-C and the request to end: said at once, and answered by what can still be written."""
+"""Handle Ctrl-C and SIGTERM: acknowledge at once, then write the results that are complete."""
 
 import _thread
 import contextlib
@@ -13,23 +13,23 @@ from typing import Any
 
 import click
 
-#: Seconds after which a second Ctrl-C is meant, and the first one had no effect yet.
+#: A second Ctrl-C ends the program only after these seconds, if the first had no effect yet.
 _MEANT = 1.0
 
 
 class Terminated(KeyboardInterrupt):
-    """The system asked the program to end (SIGTERM), which ends as by Ctrl-C."""
+    """The system asked the program to end (SIGTERM); handled like Ctrl-C."""
 
 
 def heed_ctrl_c() -> None:
-    """See to it that Ctrl-C ends this program, whatever it is about; for its main thread.
+    """Make Ctrl-C end this program at any time; call it in the main thread.
 
-    An interruption that meets a callback, such as those of JAX on garbage, is lost to it: Python
-    says that it ignored it, and goes on.  It comes again then.  While JAX compiles, Python hears of
-    nothing: a second Ctrl-C ends the program at once, leaving what the next run clears away.
+    Python drops an interrupt that arrives inside a callback, such as JAX's on garbage collection;
+    this raises it again.  Python handles no signals while JAX compiles: a second Ctrl-C then ends
+    the program at once, and the next run removes its leftovers.
     """
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        return  # started to ignore it, or a part of another program
+        return  # SIGINT is ignored, or another program handles it
     usual = sys.unraisablehook
 
     def lost(unraisable: Any) -> None:
@@ -46,7 +46,7 @@ def heed_ctrl_c() -> None:
 
 
 def _end_at_second(read: socket.socket, written: socket.socket) -> None:
-    """Listen to the signals of this process; ``written`` is kept open with the thread."""
+    """Watch this process's signals; the thread keeps ``written`` open."""
     first = None
     while numbers := read.recv(1):
         if numbers[0] != signal.SIGINT:
@@ -60,13 +60,13 @@ def _end_at_second(read: socket.socket, written: socket.socket) -> None:
 
 @contextlib.contextmanager
 def announced_stop(saying: str) -> Iterator[None]:
-    """Say at once what happens when the program is asked to stop, then raise.
+    """Print at once what happens when the program is asked to stop, then raise.
 
-    Ctrl-C raises ``KeyboardInterrupt``, SIGTERM ``Terminated``.  What the program was started to
-    ignore it goes on ignoring.
+    Ctrl-C raises ``KeyboardInterrupt``, SIGTERM ``Terminated``.  Signals that the program was
+    started to ignore stay ignored.
 
     Args:
-        saying: the line that is printed on standard error.
+        saying: the line to print on standard error.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -1,4 +1,4 @@
-"""What ``jaxpf track --truth`` prints and writes: how close tracks are to the truth."""
+"""``jaxpf track --truth``: print and write how close tracks are to the ground truth."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,13 +16,13 @@ _COUNTS = ("FP", "FN", "IDSW", "Frag")
 
 
 def report_truth(output: Path, ids: Sequence[Any], first: int, truth: Any, which: str = "") -> None:
-    """Metrics over the frames that have truth, as a table and as metrics.csv.
+    """Report metrics over the frames with ground truth, as a table and as metrics.csv.
 
     Args:
-        output: the folder of the run, which holds its tracks.
-        ids: of the objects.
-        first: the frame after which tracks are judged.
-        truth: boxes, as ``read_boxes`` gives them.
+        output: folder of the run, which holds its tracks.
+        ids: ids of the objects.
+        first: start frame; metrics cover the frames after it.
+        truth: boxes, as returned by ``read_boxes``.
         which: "smoothed" for smoothed.csv; "" for tracks.csv.
     """
     estimated = tracks.read_boxes(output / f"{which or 'tracks'}.csv", empty_boxes="absent")
@@ -52,13 +52,13 @@ def report_truth(output: Path, ids: Sequence[Any], first: int, truth: Any, which
 
 
 def report_identities(output: Path, start: int, num_frames: int, truth: Any) -> None:
-    """Scores that judge identities, of objects that come and go, as a table and as metrics.csv.
+    """Report identity scores of objects that come and go, as a table and as metrics.csv.
 
     Args:
-        output: the folder of the run, which holds its tracks.
-        start: the start frame; scores are of those after it.
-        num_frames: the number of those.
-        truth: boxes, as ``read_boxes`` gives them.
+        output: folder of the run, which holds its tracks.
+        start: start frame; scores cover the frames after it.
+        num_frames: number of frames after the start frame.
+        truth: boxes, as returned by ``read_boxes``.
     """
     estimated = tracks.read_boxes(output / "tracks.csv", empty_boxes="absent")
     first = start + 1

@@ -1,4 +1,4 @@
-"""``jaxpf track --births``: objects that come and go by a file of detections."""
+"""``jaxpf track --births``: objects that come and go, from a file of detections."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -15,9 +15,9 @@ from jaxpf.populations.detections import DETECTED, check_frames, read_detections
 from jaxpf.populations.lifetimes import Rules
 from jaxpf.targets.target import Start
 
-#: Particles for each place by default.
+#: Default number of particles per place.
 PARTICLES_EACH = 100
-#: Options of the model with a detector, which finds the objects: the picture only refines them.
+#: Model options with a detector.  It finds the objects; the image only refines their positions.
 _GUIDED: Mapping[str, Any] = {"sharpness": 1.0, "scale": (6.0, 4.0, 0.02)}
 
 
@@ -25,8 +25,8 @@ class Births(NamedTuple):
     """Detections and rules for objects that come and go.
 
     Attributes:
-        table: the file's rows.
-        rules: of births and deaths.
+        table: rows of the file.
+        rules: rules of births and deaths.
     """
 
     table: BoxTable
@@ -34,21 +34,22 @@ class Births(NamedTuple):
 
     @property
     def watched(self) -> bool:
-        """Whether the file has detections, not only boxes with ids."""
+        """Whether the file has detections besides boxes with ids."""
         return bool((self.table.id == DETECTED).any())
 
     @property
     def typical_size(self) -> tuple[float, float]:
-        """Width and height of an object, pixels."""
+        """Width and height of a typical object, pixels."""
         width, height = np.median(self.table.box[:, 2:], axis=0)
         return float(width), float(height)
 
 
 def read_births(options: Mapping[str, Any]) -> Births | None:
-    """The file of ``--births`` and its rules; None without it.
+    """Read the file of ``--births`` and its rules; None without ``--births``.
 
     Raises:
-        InputError: a file that cannot be read, a rule without it, or a truth without TrackEval.
+        InputError: the file cannot be read, a rule is given without the file, or ground truth is
+            given without TrackEval.
     """
     rules = options_of(Rules)
     if options.get("births") is None:
@@ -74,7 +75,7 @@ def read_births(options: Mapping[str, Any]) -> Births | None:
 
 
 def _check_confidence(births: Births) -> None:
-    """Refuse a --birth-confidence that leaves out every detection."""
+    """Refuse a --birth-confidence that excludes every detection."""
     least = births.rules.birth_confidence
     known = births.table.confidence[births.table.id == DETECTED]
     if least is not None and len(known) and known.max() < least:
@@ -86,7 +87,7 @@ def _check_confidence(births: Births) -> None:
 
 
 def defaults_of(births: Births | None) -> tuple[dict, Mapping[str, Any]]:
-    """Defaults of the filter's and the target's options that differ with --births."""
+    """Defaults of filter and target options that differ with --births."""
     if births is None:
         return {}, {}
     guided = births.watched and births.rules.detection_scale > 0
@@ -98,14 +99,14 @@ def check_births(births: Births, start: Start, number: int, source: Any) -> None
     """Check detections and start boxes against the video.
 
     Raises:
-        InputError: a detection in a frame that the video does not have, or outside the picture; an
-            object that starts before the start frame, or twice; more start boxes than places.
+        InputError: a detection is in a frame that the video lacks or outside the image, an object
+            starts before the start frame or twice, or there are more start boxes than places.
     """
     table, capacity = births.table, births.rules.capacity
     if not source.is_live and table.frame.max() >= (
         source.num_frames or source.frames_expected or 0
     ):
-        # The length that a container states may be wrong.
+        # The length in the container may be wrong.
         check_frames(table, source.num_frames or sum(1 for _ in source))
     named = table.id != DETECTED
     names = [f"the object that starts in frame {frame}" for frame in table.frame[named]]
@@ -140,7 +141,7 @@ def check_births(births: Births, start: Start, number: int, source: Any) -> None
 def by_frame(
     births: Births, start: Start, number: int
 ) -> tuple["Detections | None", list[tuple[int, int, np.ndarray]]]:
-    """Detections from the start frame on, and the objects with ids: see ``follow``."""
+    """Detections from the start frame on, and the objects with ids; see ``follow``."""
     table, least = births.table, births.rules.birth_confidence
     named = [(0, int(name), box) for name, box in zip(start.ids, start.shapes, strict=True)]
     rows = zip(table.frame - number, table.id, table.box, strict=True)
@@ -155,22 +156,22 @@ def by_frame(
 
 
 def detection_step(frames: np.ndarray) -> int:
-    """On every how many frames the detector ran: the largest step that all of them share.
+    """The detector's frame step: the largest step shared by all frames with detections.
 
-    1 where there are fewer than three frames with detections, which tell nothing.
+    1 if fewer than three frames have detections, which determine no step.
     """
     steps = np.diff(np.unique(frames))
     return int(np.gcd.reduce(steps)) if len(steps) > 1 else 1
 
 
 def _outside(boxes: np.ndarray, width: int, height: int) -> np.ndarray:
-    """``[M]`` bool: no part of the box lies in the picture."""
+    """``[M]`` bool: the box lies entirely outside the image."""
     low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
     return np.any((low >= [width, height]) | (high <= 0), axis=1)
 
 
 def nobody_came(births: Births, start: int) -> str:
-    """Why no object started, as far as the detections of the file say."""
+    """Explain from the detections why no object started."""
     table, rules = births.table, births.rules
     least = -np.inf if rules.birth_confidence is None else rules.birth_confidence
     counts = (table.id == DETECTED) & (table.confidence >= least) & (table.frame >= start)
@@ -191,7 +192,7 @@ def nobody_came(births: Births, start: int) -> str:
 
 
 class Detections(Sequence):
-    """Boxes ``[M, 4]`` of every frame; a video may be longer than its file says.
+    """Boxes ``[M, 4]`` of every frame; the video may be longer than the file.
 
     None for frames in which the detector did not run.
     """

@@ -1,4 +1,4 @@
-"""``jaxpf track``: one command for each kind of target, with the options of that kind."""
+"""``jaxpf track``: one command per kind of target, with that target's options."""
 
 import functools
 from typing import Any
@@ -38,7 +38,7 @@ class TrackCommand(Command):
         self.adapter, self.table = adapter, "track"
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """As click does, with a hint for an option of another kind of target."""
+        """Parse as click does, with a hint for an option of another kind of target."""
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
@@ -47,7 +47,7 @@ class TrackCommand(Command):
             raise
 
     def hint(self, flag: str) -> str:
-        """What to write for a flag of another kind of target; "" if no kind has it."""
+        """Suggest a command for a flag of another kind of target; "" if no kind has it."""
         others = [name for name in adapters() if name != self.adapter.name]
         if flag == "--target":
             return (
@@ -117,7 +117,7 @@ def _params(adapter: Adapter) -> list[click.Parameter]:
 
 
 class _Targets(click.Group):
-    """The commands of all kinds of target; boxes if none is named."""
+    """Commands of all kinds of target; defaults to boxes."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(adapters())

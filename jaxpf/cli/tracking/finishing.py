@@ -18,9 +18,9 @@ from jaxpf.files.versions import versions
 
 
 def finish(recording: Recording, truth: Any) -> None:
-    """Write the summary and the plots, print the verdicts, and raise what ended the run early."""
+    """Write summary and plots, print the verdicts, and raise the error that ended the run early."""
     if recording.is_kept:
-        # What was tracked stays; the first error matters more than one at the end.
+        # The tracks so far are kept; an error here must not hide the first one.
         with contextlib.suppress(*([] if recording.stopped is None else [InputError])):
             _finish(recording, truth)
     if recording.stopped is not None:
@@ -117,7 +117,7 @@ def _summary(
 
 
 def _mean_errors(table: Any, names: list[Any]) -> dict[str, float | None] | None:
-    """Mean Monte-Carlo error of x and y in pixels, by object; None unless requested."""
+    """Mean Monte-Carlo error of x and y in pixels by object; None unless requested."""
     if "x_error" not in table:
         return None
     ids = np.array([str(name) for name in table["id"].tolist()])
@@ -131,7 +131,7 @@ def _mean_errors(table: Any, names: list[Any]) -> dict[str, float | None] | None
 
 
 def _likelihood_method(recording: Recording) -> Any:
-    """How the likelihood is computed, if it says so; else what was asked for."""
+    """Method of the likelihood, if it reports one; else the requested method."""
     if recording.request.run.tracker:
         return None
     likelihood = recording.built.filter.likelihood

@@ -1,4 +1,4 @@
-"""What `jaxpf track` does for cameras and streams, and for those who watch."""
+"""``jaxpf track`` on cameras and streams, and the preview window."""
 
 import collections
 import time
@@ -13,17 +13,17 @@ from jaxpf.contract.errors import InputError
 if TYPE_CHECKING:
     from jaxpf.cli.tracking.request import Request
 
-#: Seconds for which a camera's pictures are passed over.
+#: Seconds of camera frames to skip.
 _FIRST_SECOND = 1.0
-#: Start frames that are tried; two views of one scene hardly ever differ in what is compiled.
+#: Maximum number of start frames to try; two views of a scene rarely differ in compiled shapes.
 _ATTEMPTS = 3
 
 
 def check_live(request: "Request", source: Any) -> None:
-    """Refuse what must be known beforehand, and of a camera's frames cannot be.
+    """Refuse options that a camera's frames cannot support.
 
     Raises:
-        InputError: which option.
+        InputError: names the option.
     """
     if source.is_live and request.run.resume is not None:
         raise InputError(
@@ -44,7 +44,7 @@ def check_live(request: "Request", source: Any) -> None:
 
 
 def open_window(source: Any) -> Any:
-    """The window of --preview, which closes when the command ends.
+    """The window of --preview; it closes when the command ends.
 
     Raises:
         InputError: there is no screen.
@@ -57,7 +57,7 @@ def open_window(source: Any) -> Any:
 
 
 def used_to_the_light(frames: Iterator[np.ndarray]) -> np.ndarray:
-    """A picture after a camera's first second: earlier ones may be dark."""
+    """The first frame after a camera's first second, since earlier ones may be dark."""
     until = time.monotonic() + _FIRST_SECOND
     return next(frame for frame in frames if time.monotonic() > until)
 
@@ -69,19 +69,19 @@ def start_when_compiled(
     frames: Iterator[np.ndarray],
     source: Any,
 ) -> tuple[Any, np.ndarray]:
-    """A camera's tracker and start frame, taken when nothing is left to compile.
+    """Take a camera's start frame and its tracker once compilation is done.
 
-    Objects do not wait, and compiling takes seconds.
+    Compilation takes seconds, in which the objects move on.
 
     Args:
-        make: gives the tracker that starts at a frame.
-        tracker: made of an earlier frame.
-        frame: that frame.
-        frames: of the camera.
+        make: function from a frame to the tracker that starts there.
+        tracker: tracker built from an earlier frame.
+        frame: the earlier frame.
+        frames: frames of the camera.
         source: the camera.
 
     Raises:
-        InputError: no frame comes.
+        InputError: the camera delivers no frame.
     """
     import jax
 
@@ -102,7 +102,7 @@ def start_when_compiled(
 
 
 def _kind(tracker: Any) -> Any:
-    """What a tracker is compiled for: what it learned may be of another length."""
+    """Structure and shapes for which a tracker is compiled; learned arrays may vary in length."""
     import jax
 
     leaves, structure = jax.tree.flatten(tracker)

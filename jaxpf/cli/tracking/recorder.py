@@ -1,4 +1,4 @@
-"""The run of ``jaxpf track``: frames through the tracker into a list of writers."""
+"""The run of ``jaxpf track``: passes frames through the tracker to a list of writers."""
 
 import contextlib
 import dataclasses
@@ -29,7 +29,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.files import writing
 from jaxpf.files.locking import locked
 
-#: Everything that a run may leave in its output folder.
+#: All files that a run may leave in its output folder.
 OUTPUTS = (
     "tracks.csv",
     "outlines.csv",
@@ -49,17 +49,17 @@ OUTPUTS = (
 
 @dataclasses.dataclass
 class Recording:
-    """A run while it is recorded, and what ``finish`` needs of it.
+    """State of a run while it is recorded, which ``finish`` reads.
 
     Attributes:
         request: the request.
-        opened, settled, built: the steps before.
-        table: what run.toml holds.
-        tracker: that ran.
-        counts: of frames and failures.
+        opened, settled, built: results of the previous steps.
+        table: contents of run.toml.
+        tracker: the tracker that ran.
+        counts: numbers of frames and failures.
         population: births and deaths; None for a fixed population.
-        stopped: what ended the run early, or None.
-        seconds: of the first frame, which compiles, and of all others.
+        stopped: the exception that ended the run early, or None.
+        seconds: time of the first frame, which includes compilation, and of all others.
     """
 
     request: Request
@@ -80,7 +80,7 @@ class Recording:
 
     @property
     def is_kept(self) -> bool:
-        """Whether there is something to keep."""
+        """Whether there are results to keep."""
         return self.stopped is None or self.counts.tracked > 0
 
 
@@ -92,12 +92,12 @@ def record_run(
     table: dict[str, Any],
     restart: Callable[[], tuple[Any, np.ndarray]] | None,
 ) -> Recording:
-    """Track every frame into the writers.
+    """Track every frame and pass it to the writers.
 
     Args:
-        request, opened, settled, built: the steps before.
-        table: what run.toml holds.
-        restart: for a camera, gives the tracker and the start frame once everything is compiled.
+        request, opened, settled, built: results of the previous steps.
+        table: contents of run.toml.
+        restart: for a camera, returns the tracker and the start frame after compilation.
     """
     births = request.births
     recording = Recording(
@@ -172,7 +172,7 @@ def _record_frames(recording: Recording, first: np.ndarray, stack: contextlib.Ex
                     recording.seconds = recording.seconds[0], recording.seconds[1] + elapsed
                     progress.advance(task)
         finally:
-            # Also after Ctrl-C: the frames so far are smoothed and their state is kept.
+            # Also after Ctrl-C: smooth the frames tracked so far and keep their state.
             if smoothed is not None and counts.tracked:
                 progress.update(task, description="smoothing")
                 smoothed.finish()
@@ -184,7 +184,7 @@ def _record_frames(recording: Recording, first: np.ndarray, stack: contextlib.Ex
 
 
 def _expected_frames(source: Any, run: Any) -> int | None:
-    """Frames after the start frame, as far as the video says."""
+    """Number of frames after the start frame according to the video, or None."""
     expected = source.num_frames or source.frames_expected
     total = None if expected is None else max(expected - run.start - 1, 0)
     if run.frames is None:
@@ -234,7 +234,7 @@ def _writers(
 
 
 def remove_outputs(output: Path) -> None:
-    """Remove the files of an earlier run, also unfinished ones, and no others."""
+    """Remove the files of an earlier run, including unfinished ones, and no others."""
     for name in map(Path, OUTPUTS):
         unfinished = output.glob(f".{name.stem}.*.partial{name.suffix}")
         for path in (output / name, *unfinished):
@@ -243,7 +243,7 @@ def remove_outputs(output: Path) -> None:
 
 
 def nothing_follows(source: Any, start: int) -> InputError:
-    """The refusal of a video that ends with its start frame."""
+    """The error for a video that ends with its start frame."""
     return InputError(
         f"no frame of '{source.path}' follows the start frame {start}, so there is nothing to "
         "track; give a longer video, or an earlier --start."

@@ -1,4 +1,4 @@
-"""What is tracked in each frame, for fixed and for changing populations alike."""
+"""Per-frame records, shared by fixed and changing populations."""
 
 import dataclasses
 import itertools
@@ -17,18 +17,18 @@ class Record(NamedTuple):
     """One frame, ready for the writers.
 
     Attributes:
-        number: of the frame in the video, from 0.
+        number: frame number in the video, from 0.
         frame: uint8 RGB ``[H, W, 3]``.
-        start: of the P objects in this frame, with their ids.
+        start: the P objects in this frame, with their ids.
         colours: uint8 RGB ``[P, 3]``.
         shapes: ``[P, S]``.
-        places: the same in columns of tracks.csv, with intervals.
-        outside: bool ``[P]``, outside the picture.
-        lost: bool ``[P]``, outside the picture or without likelihood.
-        confidence: ``[P]``; None if the likelihood has none.
-        summary: of all partitions; None in a frame that is not filtered.
-        state: holds the particles; None likewise.
-        slots: the partitions that the objects have.
+        places: the shapes in columns of tracks.csv, with intervals.
+        outside: bool ``[P]``, outside the image.
+        lost: bool ``[P]``, outside the image or without likelihood.
+        confidence: ``[P]``; None if the likelihood defines none.
+        summary: summary of all partitions; None in a frame that is not filtered.
+        state: holds the particles; None in a frame that is not filtered.
+        slots: partitions occupied by the objects.
         changes: births and deaths; None for a fixed population.
     """
 
@@ -49,17 +49,17 @@ class Record(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """What is the same in all frames of a run.
+    """Settings shared by all frames of a run.
 
     Attributes:
-        adapter: of the kind of target.
-        tracker: the filter itself, without what repeats it.
+        adapter: adapter of the kind of target.
+        tracker: the filter itself, without the wrapper that repeats it.
         start: where objects start.
         size: width and height of the frames, pixels.
         fps: frames per second.
         first: number of the start frame.
-        cloud: function from a state of the run to what holds the particles.
-        check_first: refuses objects that cannot be seen in the first frame.
+        cloud: function from a state of the run to the state that holds the particles.
+        check_first: refuses objects that are not visible in the first frame.
     """
 
     adapter: Adapter
@@ -73,11 +73,11 @@ class Scene:
 
     @property
     def has_own_boxes(self) -> bool:
-        """Whether a user's tracker turns estimates into boxes itself."""
+        """Whether a user-defined tracker converts estimates to boxes itself."""
         return self.adapter.target.has_boxes and hasattr(self.tracker, "boxes")
 
     def outside(self, start: Start, shapes: np.ndarray) -> np.ndarray:
-        """Which shapes lie outside the picture, or are not finite."""
+        """Which shapes lie outside the image or are not finite."""
         corners = np.asarray(self.adapter.target.outlines(start, shapes), float)
         lowest, highest = corners.min(axis=1), corners.max(axis=1)
         return ~np.all((lowest < np.array(self.size)) & (highest > 0), axis=1)
@@ -92,15 +92,15 @@ class Scene:
 def fixed_population(
     scene: Scene, tracker: Any, key: Any, frame: Any, frames: Any, before: tuple[Any, int]
 ) -> Iterator[Record]:
-    """Records of objects that are there from the start.
+    """Records of objects that exist from the start.
 
     Args:
-        scene: what is the same in all frames.
+        scene: settings shared by all frames.
         tracker: the tracker to run.
         key: random key.
-        frame: the start frame, whose record says where the user put the objects.
-        frames: those after it, or after the frames of a run that is resumed.
-        before: state of a run that is resumed and its number of frames; else None and 0.
+        frame: the start frame; its record holds the user's start positions.
+        frames: frames after the start frame, or after those of a resumed run.
+        before: state of a resumed run and its number of frames; else None and 0.
     """
     from jaxpf.media.overlay import object_colours
     from jaxpf.running.streaming import stream
@@ -152,7 +152,7 @@ def fixed_population(
 def changing_population(
     scene: Scene, tracker: Any, key: Any, frame: Any, frames: Any, births: Births
 ) -> Iterator[Record]:
-    """Records of objects that come and go; a row exists only while its object does.
+    """Records of objects that come and go; an object has rows only while it exists.
 
     Args:
         scene, tracker, key, frame, frames: see ``fixed_population``.
@@ -170,7 +170,7 @@ def changing_population(
         # Sizes at which a scale of 1 gives these boxes.
         scales = np.ones(len(tracked.ids))
         if tracked.summary is not None:
-            # An object that was just born has no estimate, and a scale of 1.
+            # A newborn object has no estimate yet, and a scale of 1.
             scales = np.maximum(np.nan_to_num(tracked.summary.estimate[:, 2], nan=1.0), 1e-9)
         all_ = dataclasses.replace(
             scene.start, ids=tracked.ids, sizes=tracked.boxes[:, 2:] / scales[:, None]

@@ -1,4 +1,4 @@
-"""The request of ``jaxpf track``: parsed and checked, with everything that repeats the run."""
+"""The parsed and checked request of ``jaxpf track``, including everything that repeats the run."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -18,20 +18,21 @@ from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.appearance import COLOUR
 from jaxpf.targets.target import Target
 
-#: Frames that a video may have.
+#: Maximum number of frames in a video.
 _MOST_FRAMES = 2**31 - 1
-#: Least frames for --fit-motion: they show a walk or a throw; fewer leave the evidence undecided.
+#: Minimum frames for --fit-motion: enough to show a walk or a throw; fewer leave the evidence
+#: undecided.
 LEAST_FITTED = 5
-#: Options of a run that do not shape its results; the motion of --fit-motion stands in the options
-#: of the model.
+#: Run options left out of run.toml because they do not affect results.  The motion found by
+#: --fit-motion is stored in the model's options.
 _NOT_REPEATED = ("output", "overwrite", "preview", "fit_motion", "save_state")
-#: Start flags that, when typed, add to the start of a configuration; others replace it.
+#: Start flags that extend the start of a configuration file; other start flags replace it.
 _ADDS_TO_START = ("ids", "mask_step", "learned")
 
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """Options of ``jaxpf track`` for every kind of target; see the help of each."""
+    """Options of ``jaxpf track`` shared by all kinds of target."""
 
     start: int = option(0, "Start frame, counting from 0.", least=0, most=_MOST_FRAMES)
     frames: int | None = option(
@@ -106,11 +107,11 @@ class Run:
 
     @property
     def smooths(self) -> bool:
-        """Whether tracks are smoothed, whole or with a lag."""
+        """Whether tracks are smoothed, over all frames or with a fixed lag."""
         return self.smooth or self.smooth_lag is not None
 
 
-#: Options of a ``Run`` that only boxes have.
+#: Options of ``Run`` that apply to boxes only.
 OF_BOXES = ("truth", "tracker")
 
 
@@ -120,9 +121,9 @@ class Request:
 
     Attributes:
         video: a file, a folder, or a live source.
-        adapter: of the kind of target.
+        adapter: adapter of the kind of target.
         starts: values of its ``start_flags``.
-        run: options that every kind of target has.
+        run: options shared by all kinds of target.
         model: options of the target.
         filter: the filter family.
         filter_options: options of the filter.
@@ -149,12 +150,12 @@ class Request:
         return getattr(self.filter_options, "order", None) == OPEN
 
     def table(self, video: Any, model: Any, filter_options: Any) -> dict[str, Any]:
-        """What run.toml holds: everything that repeats the run, as it is typed.
+        """Contents of run.toml: everything that repeats the run, in command-line notation.
 
         Args:
-            video: without a password.
-            model: options of the target, with nothing left open.
-            filter_options: options of the filter, likewise.
+            video: video address without a password.
+            model: fully resolved options of the target.
+            filter_options: fully resolved options of the filter.
         """
         values = {"target": self.target.name, "video": video, **self.starts}
         values |= {n: v for n, v in as_typed(self.run).items() if n not in _NOT_REPEATED}
@@ -169,10 +170,10 @@ class Request:
 
 
 def request_of(ctx: click.Context, adapter: Adapter) -> Request:
-    """The request from the command line and a configuration file.
+    """Build the request from the command line and a configuration file.
 
     Raises:
-        InputError: a value out of range, or options that do not go with each other.
+        InputError: a value is out of range, or options exclude each other.
     """
     values, target = _given(ctx, adapter), adapter.target
     run = picked(values, Run)
@@ -183,7 +184,7 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     defaults = {**target.defaults, **particles}
     defaults.pop("method", None)
     filter_options = picked(values, its.options, defaults | ({"method": method} if method else {}))
-    # Objects that come later are not in the start frame: nothing can be learned from it.
+    # Objects that appear later are not in the start frame, so nothing can be learned from it.
     model = target.resolved(picked(values, target.options, of_target), is_filmed=births is None)
     _report_implied(values, model, target.resolved(target.options(), is_filmed=births is None))
     starts = {name: values[name] for name in adapter.start_flags}
@@ -195,7 +196,7 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
 
 
 def _report_implied(values: Mapping[str, Any], model: Any, usual: Any) -> None:
-    """Say which options, such as --sharpness, change others that were left at ``auto``."""
+    """Report options, such as --sharpness, that change other options left at ``auto``."""
     declared, given = options_of(type(model)), given_in(values)
     flags: dict[tuple[str, Any], list[str]] = {}
     for name in given:
@@ -215,10 +216,10 @@ def _report_implied(values: Mapping[str, Any], model: Any, usual: Any) -> None:
 
 
 def _check_fit(request: Request) -> None:
-    """Refuse to fit the motion, or to choose an order, where there is none.
+    """Refuse to fit the motion or to choose an order where the run has none.
 
     Raises:
-        InputError: the sentence says why.
+        InputError: gives the reason.
     """
     if request.chooses_order and request.run.tracker:
         raise InputError(
@@ -237,10 +238,10 @@ def _check_fit(request: Request) -> None:
 
 
 def _check_uncertainty(request: Request) -> None:
-    """Refuse errors and smoothing of what has none, or what is asked for twice.
+    """Refuse errors and smoothing where undefined or requested twice.
 
     Raises:
-        InputError: the sentence says why.
+        InputError: gives the reason.
     """
     asked = {"--runs": request.run.runs, "--error-bars": request.run.error_bars}
     asked = {flag: value for flag, value in asked.items() if value is not None}
@@ -268,10 +269,10 @@ def _check_uncertainty(request: Request) -> None:
 
 
 def _check_states(request: Request) -> None:
-    """Refuse to save what a filter's state does not hold.
+    """Refuse to save a state that the filter does not hold.
 
     Raises:
-        InputError: the sentence says why.
+        InputError: gives the reason.
     """
     run = request.run
     for flag, value in (("--save-state", run.save_state), ("--resume", run.resume)):
@@ -285,7 +286,7 @@ def _check_states(request: Request) -> None:
 
 
 def _given(ctx: click.Context, adapter: Adapter) -> dict[str, Any]:
-    """Typed values, and those of the configuration that do not contradict them."""
+    """Command-line values, and values of the configuration file that do not contradict them."""
     values = dict(ctx.params)
     source = {name: ctx.get_parameter_source(name) for name in values}
     typed = {n for n in values if source[n] is click.core.ParameterSource.COMMANDLINE}
@@ -311,7 +312,7 @@ def _of_filters() -> dict[str, Any]:
 
 
 def _filter_of(values: Mapping[str, Any], target: Target, opens: bool) -> tuple[Any, str | None]:
-    """The filter that --filter or --method names, and the method if one is named."""
+    """The filter that --filter or --method selects, and the method if one is given."""
     known = filters.all_filters()
     name, method = values["filter"], values["method"]
     if name:

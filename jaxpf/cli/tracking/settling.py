@@ -1,4 +1,4 @@
-"""What a request leaves open ("auto", --fit-motion), settled before the tracker is built."""
+"""Resolve the open options of a request ("auto", --fit-motion) before building the tracker."""
 
 import dataclasses
 import itertools
@@ -13,22 +13,22 @@ from jaxpf.running.memory import check_memory, needed_by
 from jaxpf.targets.building import looks_of_frame
 from jaxpf.targets.target import Start
 
-#: Frames that pilot runs follow to choose an order, and the number of runs of each order.
+#: Number of frames of pilot runs that choose an order, and of runs per order.
 PILOT_FRAMES, PILOT_RUNS = 20, 16
-#: Advice where memory does not suffice.
+#: Advice when memory is insufficient.
 LESS_MEMORY = "ask for fewer particles (-n)"
 
 
 @dataclasses.dataclass(frozen=True)
 class Settled:
-    """Options with nothing left open.
+    """Fully resolved options.
 
     Attributes:
         model: options of the target.
         filter_options: options of the filter.
-        likelihood: learned from the start frame; None for births and for a user's tracker.
-        remarks: sentences on what was chosen and why.
-        frames: those after the start frame, all of them.
+        likelihood: learned from the start frame; None for births and for a user-defined tracker.
+        remarks: sentences that explain the choices.
+        frames: all frames after the start frame.
     """
 
     model: Any
@@ -41,13 +41,13 @@ class Settled:
 def settle(
     request: Request, start: Start, first: np.ndarray, frames: Generator[np.ndarray, None, None]
 ) -> Settled:
-    """Choose the motion and the order, where the request asks for it.
+    """Choose the motion and the order, if requested.
 
     Args:
         request: the request.
         start: where objects start.
         first: the start frame.
-        frames: those after it.
+        frames: frames after the start frame.
 
     Raises:
         InputError: the filter or the likelihood refuses the request.
@@ -90,7 +90,7 @@ def settle(
 def chain(
     head: list[np.ndarray], frames: Iterator[np.ndarray]
 ) -> Generator[np.ndarray, None, None]:
-    """All frames from the first; a generator, which closes the source with it."""
+    """A generator over all frames including the first; closing it closes the source."""
     yield from head
     yield from frames
 
@@ -98,7 +98,7 @@ def chain(
 def _fit_motion(
     seed: int, candidates: Sequence[Any], trackers: Sequence[Any], head: np.ndarray
 ) -> tuple[Any, str]:
-    """The candidate whose motion has the largest evidence, and a sentence on it."""
+    """The motion candidate with the largest evidence, and a sentence about it."""
     import jax
 
     from jaxpf.tuning.evidence import log_evidences
@@ -122,7 +122,7 @@ def _fit_motion(
 
 
 def _choose_order(seed: int, tracker: Any, head: np.ndarray) -> tuple[tuple[int, ...], str]:
-    """The order whose pilot runs differ least, and a sentence on it."""
+    """The order with the least variance over pilot runs, and a sentence about it."""
     import jax
 
     from jaxpf.filters.partitioned.options import order_label

@@ -9,12 +9,12 @@ from jaxpf.files.writing import LineWriter
 
 #: Percentages of the quantiles that bound a 95 % interval.
 LEVELS = (2.5, 97.5)
-#: At most this many particles and objects are sorted per frame; of more, an even selection.
+#: Maximum number of particles times objects sorted per frame; larger sets are thinned evenly.
 _MOST_SORTED = 200_000
 
 
 class Places(NamedTuple):
-    """Where P objects are in one frame, in the C columns of their kind.
+    """Positions of P objects in one frame, in the C columns of their kind.
 
     Attributes:
         values: ``[P, C]``, pixels and degrees.
@@ -32,7 +32,7 @@ class Places(NamedTuple):
 
 
 class TrackTable(LineWriter):
-    """Writes tracks.csv; its header follows from the first frame that is filtered."""
+    """Write tracks.csv; the first filtered frame determines its header."""
 
     def __init__(self, path: Path, adapter: Any, fps: float):
         """Create the file for a kind of target."""
@@ -44,14 +44,14 @@ class TrackTable(LineWriter):
     def write(
         self, number: int, ids: Any, places: Places, lost: Any, confidence: Any = None
     ) -> None:
-        """Append the rows of one frame; the start frame waits for the one after it.
+        """Append the rows of one frame; rows of the start frame are delayed until the next frame.
 
         Args:
-            number: of the frame, from 0.
+            number: frame number, from 0.
             ids: ``[P]``.
-            places: where the objects are.
+            places: positions of the objects.
             lost: bool ``[P]``.
-            confidence: ``[P]``, or None if the likelihood has none.
+            confidence: ``[P]``, or None if the likelihood defines none.
         """
         self._waiting.append((number, ids, places, lost, confidence))
         if not self._columns and places.speed is None:
@@ -119,14 +119,14 @@ def places_of(
     """Values, intervals and speeds of one frame, and the centres ``[P, 2]`` for the next.
 
     Args:
-        adapter: of the kind of target.
-        start: of all partitions.
+        adapter: adapter of the kind of target.
+        start: start of all partitions.
         to_shapes: function from substates ``[N, P, D]`` to shapes ``[N, P, S]``.
-        shapes: the estimate's ``[P, S]``, NaN for a partition without an object.
-        state: holds the weighted particles; one without ``substates`` has no intervals.
-        slots: the partitions to report.
+        shapes: ``[P, S]``, the estimate, NaN for a partition without an object.
+        state: holds the weighted particles; a state without ``substates`` has no intervals.
+        slots: partitions to report.
         fps: frames per second.
-        before: ``[P, 2]``, centres one frame earlier; None if unknown.
+        before: ``[P, 2]``, centres in the previous frame; None if unknown.
     """
     values = adapter.column_values(start, shapes)
     before = np.full((len(shapes), 2), np.nan) if before is None else before
@@ -140,7 +140,7 @@ def places_of(
     kept, weights = _kept(state)
     particles = adapter.column_values(start, to_shapes(np.asarray(substates)[kept]))
     levels = [level / 100 for level in LEVELS]
-    # Only what is reported is sorted.
+    # Sort only the reported partitions.
     shown = weights if weights.ndim == 1 else weights[slots]
     interval = quantiles(particles[:, slots], shown, levels)
     middles = _centres(adapter, particles)
@@ -153,14 +153,14 @@ def places_of(
         return places, centres
     earlier = adapter.column_values(start, to_shapes(np.asarray(previous)[kept]))
     steps = fps * (middles - _centres(adapter, earlier))
-    # How far each particle's step, along the estimate's, differs from the mean step.
+    # Deviation of each particle's step from the mean step, along the estimate's direction.
     along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)
     ends = speed[slots] + quantiles(along[:, slots, None], shown, levels)[..., 0]
     return places._replace(speed_interval=np.maximum(ends, 0)), centres
 
 
 def mean_centres(adapter: Any, start: Any, to_shapes: Any, state: Any) -> np.ndarray | None:
-    """Centres ``[P, 2]`` of the particles of a state, see ``places_of``; None without particles."""
+    """Particle mean centres ``[P, 2]`` of a state, see ``places_of``; None without particles."""
     if not hasattr(state, "substates"):
         return None
     kept, weights = _kept(state)
@@ -177,7 +177,7 @@ def _kept(state: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _mean(values: np.ndarray, log_weights: np.ndarray) -> np.ndarray:
-    """Weighted means ``[P, C]`` of ``[N, P, C]``; NaN for a partition that no particle holds."""
+    """Weighted means ``[P, C]`` of ``[N, P, C]``; NaN for a partition without particles."""
     weights = np.exp(np.asarray(log_weights, np.float64))
     weights = weights[:, None] if weights.ndim == 1 else weights.T
     held = np.isfinite(values).all(axis=-1)
@@ -188,11 +188,11 @@ def _mean(values: np.ndarray, log_weights: np.ndarray) -> np.ndarray:
 
 
 def _centres(adapter: Any, values: np.ndarray) -> np.ndarray:
-    """x and y of the middle: ``[..., 2]``."""
+    """x and y of the centre: ``[..., 2]``."""
     corner = values[..., :2]
     return corner + values[..., 2:4] / 2 if adapter.target.has_boxes else corner
 
 
 def centres_of(adapter: Any, start: Any, shapes: np.ndarray) -> np.ndarray:
-    """x and y of the middle of shapes ``[P, S]``: ``[P, 2]``."""
+    """x and y of the centres of shapes ``[P, S]``: ``[P, 2]``."""
     return _centres(adapter, adapter.column_values(start, shapes))

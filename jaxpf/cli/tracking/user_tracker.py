@@ -1,4 +1,4 @@
-"""A user's own tracker, from a file that is named on the command line."""
+"""A user-defined tracker from a file named on the command line."""
 
 import hashlib
 import re
@@ -12,10 +12,10 @@ from jaxpf.files.reading import read_text
 
 
 class OwnTracker:
-    """A user's function of the scene, from a file: its text travels, and is read once.
+    """A user-defined function of the scene; the file is read once; pickling carries its text.
 
     Attributes:
-        place: ``FILE.py:FUNCTION``, the file in full.
+        place: ``FILE.py:FUNCTION`` with an absolute path.
         sha256: digest of the file's text.
     """
 
@@ -23,7 +23,7 @@ class OwnTracker:
         """Read the file.
 
         Raises:
-            InputError: there is no such file.
+            InputError: the file does not exist.
         """
         path, colon, self.function = place.rpartition(":")
         if not colon or not path.endswith(".py") or not self.function.isidentifier():
@@ -58,11 +58,11 @@ class OwnTracker:
 
 
 def own_tracker_of(place: str, scene: scenes.Scene) -> Any:
-    """The tracker that a user's function makes of a scene.
+    """Build the tracker of a scene with a user-defined function.
 
     Raises:
-        InputError: see ``OwnTracker`` and ``jaxpf.evaluation.trackers.own_tracker``; a function
-            that returns boxes, which a video without truth has no use for.
+        InputError: see ``OwnTracker`` and ``jaxpf.evaluation.trackers.own_tracker``; also if the
+            function returns boxes, which is useless for a video without ground truth.
     """
     from jaxpf.evaluation.trackers import own_tracker
 
@@ -73,7 +73,7 @@ def own_tracker_of(place: str, scene: scenes.Scene) -> Any:
 
 
 def start_scene(name: str, frame: Any, boxes: Any, fps: float) -> scenes.Scene:
-    """A scene of one frame: the start of a video."""
+    """A scene that consists of the start frame of a video."""
     return scenes.Scene(
         name=name,
         frames=frame[None],

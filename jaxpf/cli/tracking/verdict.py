@@ -1,4 +1,4 @@
-"""What a run's tables say about each object: where to trust its track, and what to try."""
+"""A verdict on each object of a run: where to trust its track, and what to try."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,30 +8,30 @@ import numpy as np
 from jaxpf.cli.tracking.writers import CONFIRMED_AFTER
 from jaxpf.contract.names import PROBABLY_LOST
 
-#: An effective sample size below this is close to a single particle.
+#: Below this effective sample size the filter relies on about a single particle.
 _NEAR_ONE = 2.0
 
 
 def object_verdicts(table: Mapping[str, np.ndarray], ids: Any) -> dict[str, dict[str, Any]]:
-    """A verdict for each object of tracks.csv.
+    """Judge each object of tracks.csv.
 
     Args:
         table: columns, see ``read_tracks``.
-        ids: of the objects.
+        ids: ids of the objects.
 
     Returns:
         id -> ``frames``, their number; ``followed_until``, the last frame before the object was
-        lost or probably lost for the first time (None if it was from the beginning);
-        ``probably_lost``, pairs of first and last frames; ``interval_width``, the median width in
-        pixels of the 95 % intervals of x and y while followed (None if unknown);
-        ``mean_confidence`` (None if the likelihood has none).
+        first lost or probably lost (None if lost from the beginning); ``probably_lost``, pairs of
+        first and last frames; ``interval_width``, the median width in pixels of the 95 % intervals
+        of x and y while followed (None if unknown); ``mean_confidence`` (None if the likelihood
+        defines none).
     """
     names = np.array([str(name) for name in table["id"].tolist()])
     confidence, lost = table.get("confidence"), table["lost"] == 1
     unsure = lost if confidence is None else lost | (confidence < PROBABLY_LOST)
     verdicts = {}
     for name in map(str, ids):
-        # The start frame holds what the user said, and has no speed.
+        # The start frame holds the user's input and has no speed.
         rows = np.flatnonzero((names == name) & np.isfinite(table["speed"]))
         frames = table["frame"][rows].astype(int)
         stretches = _stretches(frames[unsure[rows]])
@@ -53,7 +53,7 @@ def object_verdicts(table: Mapping[str, np.ndarray], ids: Any) -> dict[str, dict
 
 
 def _stretches(frames: np.ndarray) -> list[list[int]]:
-    """First and last frames of stretches; those that are a few frames apart are one."""
+    """First and last frames of stretches; stretches a few frames apart are merged."""
     pieces: list[list[int]] = []
     for frame in frames.tolist():
         if pieces and frame - pieces[-1][1] <= CONFIRMED_AFTER:
@@ -74,7 +74,7 @@ def _width(table: Mapping[str, np.ndarray], rows: list[int]) -> float | None:
 def sentences(
     verdicts: Mapping[str, Mapping[str, Any]], ess: float | None, num_particles: int
 ) -> list[str]:
-    """The verdicts in words, and what to try.
+    """The verdicts as sentences, with advice.
 
     Args:
         verdicts: see ``object_verdicts``.
@@ -114,7 +114,7 @@ def sentences(
 
 
 def is_degenerate(ess: float | None, num_particles: int) -> bool:
-    """Whether so few particles carry weight that intervals say little."""
+    """Whether the effective sample size is too small for meaningful intervals."""
     return ess is not None and num_particles > _NEAR_ONE and ess < _NEAR_ONE
 
 

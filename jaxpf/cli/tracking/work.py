@@ -27,16 +27,16 @@ from jaxpf.targets.target import Start
 
 @dataclasses.dataclass(frozen=True)
 class Opened:
-    """What a request names, opened and checked.
+    """The opened and checked inputs of a request.
 
     Attributes:
         source: the video.
         first: the start frame.
-        frames: those after it.
+        frames: frames after the start frame.
         start: where objects start.
         truth: boxes of --truth, or None.
         output: folder for the results.
-        window: of --preview, or None.
+        window: window of --preview, or None.
     """
 
     source: Any
@@ -53,8 +53,8 @@ class Built:
     """The tracker to run.
 
     Attributes:
-        tracker: it, perhaps repeated side by side.
-        filter: what is repeated; else the tracker.
+        tracker: the tracker to run, possibly a wrapper that repeats a filter side by side.
+        filter: the repeated filter; else the tracker.
         before: state of --resume and its number of frames; else None and 0.
     """
 
@@ -67,7 +67,7 @@ def track(request: Request) -> None:
     """Track, and write everything into the output folder.
 
     Raises:
-        InputError: what cannot be tracked; before anything is written, if that can be known.
+        InputError: the request cannot be tracked; raised before anything is written if possible.
     """
     opened = open_input(request)
     use_compile_cache()
@@ -78,7 +78,7 @@ def track(request: Request) -> None:
 
 
 def open_input(request: Request) -> Opened:
-    """Open the video, read where objects start, and check what was asked for against it."""
+    """Open the video, read where objects start, and check the request against both."""
     run_options = request.run
     source = open_frames(request.video)
     frames = source.frames(run_options.start)
@@ -96,7 +96,7 @@ def open_input(request: Request) -> Opened:
     if isinstance(source.path, Path):
         _check_output(output, source.path)
     if not source.is_camera:
-        second = next(frames, None)  # before anything is compiled
+        second = next(frames, None)  # fails before compilation
         if second is None:
             raise nothing_follows(source, run_options.start)
         frames = chain([second], frames)
@@ -112,7 +112,8 @@ def build_tracker(request: Request, opened: Opened, settled: Settled) -> Built:
     """Build the tracker, and read the state from which it resumes.
 
     Raises:
-        InputError: too little memory; a filter that cannot be smoothed; a state that does not fit.
+        InputError: memory is insufficient, the filter cannot be smoothed, or the state does not
+        fit.
     """
     from jaxpf import smoothing
 
@@ -131,12 +132,12 @@ def build_tracker(request: Request, opened: Opened, settled: Settled) -> Built:
 def tracker_at(
     frame: np.ndarray, request: Request, opened: Opened, settled: Settled, likelihood: Any = None
 ) -> Any:
-    """The tracker that starts at a frame.
+    """Build the tracker that starts at a frame.
 
     Args:
         frame: uint8 RGB ``[H, W, 3]``.
-        request, opened, settled: of the run.
-        likelihood: learned from that frame; by default it is learned now.
+        request, opened, settled: results of the previous steps.
+        likelihood: learned from that frame; learned now by default.
     """
     options, start = settled.filter_options, opened.start
     if request.run.tracker:
@@ -170,17 +171,17 @@ def tracker_at(
 
 
 def run(request: Request, opened: Opened, settled: Settled, built: Built) -> Recording:
-    """Track the frames and write each as it is tracked.
+    """Track the frames and write each one immediately.
 
-    What was tracked before an interruption or an error stays, and ``finish`` reports it; a run
-    without a single tracked frame leaves nothing behind.
+    After an interruption or an error the tracked frames are kept, and ``finish`` reports them; a
+    run without any tracked frame leaves no files.
     """
     existed = opened.output.is_dir()
     writing.prepare_output_folder(opened.output, request.run.overwrite)
     table = request.table(opened.source.path, settled.model, settled.filter_options)
     remake = None
     if opened.source.is_camera:
-        # The objects may have moved while everything was compiled: start at a later frame.
+        # Objects may have moved during compilation: start at a later frame.
         remake = functools.partial(_restart, request, opened, settled, built)
     recording = record_run(request, opened, settled, built, table, remake)
     if not recording.is_kept and not existed:
@@ -199,7 +200,7 @@ def _restart(
 
 
 def _state_before(request: Request, tracker: Any) -> tuple[Any, int]:
-    """The state of --resume and its number of frames; else None and 0."""
+    """State of --resume and its number of frames; else None and 0."""
     if request.run.resume is None:
         return None, 0
     from jaxpf.files import states
@@ -215,7 +216,7 @@ def _state_before(request: Request, tracker: Any) -> tuple[Any, int]:
 
 
 def _read_truth(request: Request, start: Start) -> Any:
-    """The boxes of --truth, which must cover some object and frame of this run."""
+    """Read the boxes of --truth, which must cover some object and frame of this run."""
     if request.run.truth is None:
         return None
     from jaxpf.boxes.tracks import read_boxes
@@ -243,7 +244,7 @@ def _read_truth(request: Request, start: Start) -> Any:
 
 
 def _check_output(output: Path, video: Path) -> None:
-    """Refuse to write among the frames, or over the video, that the run reads."""
+    """Refuse to write into the folder of frames, or over the video, that the run reads."""
     from jaxpf.cli.tracking.recorder import OUTPUTS
 
     folder, video = output.resolve(), video.resolve()

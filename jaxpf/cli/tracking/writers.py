@@ -1,4 +1,4 @@
-"""Writers of a run: each takes the record of a frame and keeps one part of it."""
+"""Writers of a run: each receives every frame's record and keeps part of it."""
 
 import collections
 import contextlib
@@ -14,23 +14,23 @@ from jaxpf.contract.names import PROBABLY_LOST
 from jaxpf.files.writing import LineWriter
 from jaxpf.targets.adapter import Marks
 
-#: Frames that a trail reaches back.
+#: Length of a trail in frames.
 _TRAIL = 20
-#: Frames in a row that confirm an object that was found again.
+#: Consecutive frames that confirm a recovered object.
 CONFIRMED_AFTER = 5
-#: Normal draws that give smoothed coordinates their intervals.
+#: Number of normal draws from which smoothed coordinates get their intervals.
 _DRAWS = 400
 
 
 class Writer(Protocol):
-    """Takes the records of a run in turn."""
+    """Receives the records of a run in order."""
 
     def write(self, record: Record) -> None:
-        """Keep what belongs to this writer."""
+        """Keep this writer's part of the record."""
 
 
 class Tracks:
-    """Writes tracks.csv, and outlines.csv for kinds of target that have outlines."""
+    """Writes tracks.csv, and outlines.csv for targets with outlines."""
 
     def __init__(self, output: Path, scene: Scene, stack: contextlib.ExitStack):
         self._table = stack.enter_context(
@@ -58,7 +58,7 @@ class Diagnostics:
         self._names, self._is_new = names, True
 
     def write(self, record: Record) -> None:
-        """See ``Writer``; a user's tracker may report less than the built-in ones."""
+        """See ``Writer``; a user-defined tracker may report less than the built-in ones."""
         summary = record.summary
         if summary is None:
             return
@@ -76,9 +76,10 @@ class Diagnostics:
 
 
 class Overlay:
-    """Draws the overlay, into a video and into the window of --preview.
+    """Draws the overlay into a video and into the window of --preview.
 
-    An object that was lost is drawn as doubtful until it has been followed for some frames.
+    A recovered object is drawn as doubtful until it has been followed for ``CONFIRMED_AFTER``
+    frames.
     """
 
     def __init__(self, scene: Scene, video: Any, window: Any):
@@ -101,7 +102,7 @@ class Overlay:
             self._window.show(picture)
 
     def _doubtful(self, record: Record) -> np.ndarray:
-        """Which objects are probably lost, or found again and not yet confirmed: ``[P]``."""
+        """``[P]`` bool: the object is probably lost, or recovered and not yet confirmed."""
         unsure = record.lost.copy()
         if record.confidence is not None:
             unsure |= record.confidence < PROBABLY_LOST
@@ -132,7 +133,7 @@ class Overlay:
 
 
 class Smoothed:
-    """Writes smoothed.csv, the tracks given all frames or those up to a lag."""
+    """Writes smoothed.csv: the tracks given all frames, or the frames up to a lag."""
 
     def __init__(self, output: Path, scene: Scene, look_back: Any, stack: contextlib.ExitStack):
         table = TrackTable(output / "smoothed.csv", scene.adapter, scene.fps)
@@ -156,7 +157,7 @@ class Smoothed:
         self._append(self._look_back.add(self._scene.cloud(record.state)))
 
     def finish(self) -> None:
-        """Smooth the frames that are left."""
+        """Smooth the remaining frames."""
         self._append(self._look_back.finish())
         if self._look_back.broken:
             click.echo(
@@ -187,7 +188,7 @@ class Smoothed:
 
 
 class _NormalDraws:
-    """Equally weighted draws from independent normal distributions, the same for every frame."""
+    """Equally weighted draws from independent normal distributions, identical for every frame."""
 
     def __init__(self, mean: np.ndarray, spread: np.ndarray):
         half = np.random.default_rng(0).standard_normal((_DRAWS // 2, 1, mean.shape[-1]))
@@ -196,7 +197,7 @@ class _NormalDraws:
 
 
 class Population:
-    """Keeps births, deaths and refusals for the summary."""
+    """Collects births, deaths and refusals for the summary."""
 
     def __init__(self) -> None:
         self.births: list[dict] = []
@@ -219,7 +220,7 @@ class Population:
 
 
 class Counts:
-    """Counts frames, failures of the likelihood, and frames in which objects were lost."""
+    """Counts frames, likelihood failures, and frames with lost objects."""
 
     def __init__(self, ids: Any):
         self.tracked = self.invalid = self.impossible = 0
@@ -242,7 +243,7 @@ class Counts:
 
 
 def overlay_video(output: Path, codec: str, source: Any) -> Any:
-    """The video that the overlay is written to."""
+    """Open the video for the overlay."""
     from jaxpf.media.video_writer import SUFFIXES, VideoWriter
 
     path = output / f"overlay{SUFFIXES[codec]}"

@@ -27,16 +27,16 @@ from jaxpf.running.memory import check_memory, needed_by
 from jaxpf.targets import adapter_of_scene
 from jaxpf.targets.adapter import is_filmed
 
-#: Particles of a run by default: a gradient costs more than a run.
+#: Default number of particles: a gradient costs more than a run.
 _PARTICLES = 100
 _LESS_MEMORY = "ask for fewer particles (-n), --runs or --frames"
-#: Without a terminal, progress is reported after this many steps.
+#: Steps per progress line if there is no terminal.
 _STEPS_PER_LINE = 10
 
 
 @dataclasses.dataclass(frozen=True)
 class Scenes(SceneOptions):
-    """The scenes; see the help of each option."""
+    """Options that choose scenes."""
 
     train_scenes: int = option(3, "Synthetic scenes to tune on.", least=1)
     held_out: int = option(10, "Further synthetic scenes to compare on.", least=1)
@@ -49,7 +49,7 @@ class Scenes(SceneOptions):
 
 @dataclasses.dataclass(frozen=True)
 class Tuned:
-    """The parameters and the objective; see the help of each option."""
+    """Options that choose parameters and objective."""
 
     parameters: str | None = option(
         None,
@@ -71,7 +71,7 @@ class Tuned:
 
 @dataclasses.dataclass(frozen=True)
 class Descent:
-    """The descent; see the help of each option."""
+    """Options of the descent."""
 
     gradient: str = option(
         "stop_gradient",
@@ -94,7 +94,7 @@ class Descent:
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """The comparison and the output; see the help of each option."""
+    """Options of the comparison and the output."""
 
     compare_runs: int = option(20, "Runs of the comparison.", least=2)
     compare_particles: int = option(300, "Particles of the comparison.", least=1)
@@ -107,7 +107,7 @@ class Outcome:
 
 @dataclasses.dataclass(frozen=True)
 class Options(Outcome, Descent, Tuned, Scenes):
-    """All options of ``jaxpf tune`` itself."""
+    """All of ``jaxpf tune``'s own options."""
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -119,7 +119,7 @@ class Options(Outcome, Descent, Tuned, Scenes):
 
 
 class _Request(NamedTuple):
-    """What was typed: options, the scene in full, and the values of all flags."""
+    """The command line: options, the absolute scene, and the values of all flags."""
 
     options: Options
     source: str
@@ -132,7 +132,7 @@ class _Request(NamedTuple):
 
 
 class _Opened(NamedTuple):
-    """Scenes to tune on and scenes to compare on, and whether the folder holds a checkpoint."""
+    """Scenes for tuning and for the comparison, and whether the folder holds a checkpoint."""
 
     train: list[Any]
     unseen: list[Any]
@@ -140,12 +140,12 @@ class _Opened(NamedTuple):
 
     @property
     def bytes(self) -> int:
-        """A gradient goes back through all frames: they are in memory and on the device."""
+        """Bytes of all frames: a gradient needs them both in memory and on the device."""
         return 2 * sum(scene.frames.nbytes for scene in self.train)
 
 
 class _Settled(NamedTuple):
-    """The recipe before tuning, the options with nothing left open, and run.toml's table."""
+    """The recipe before tuning, fully resolved options, and the contents of run.toml."""
 
     before: Any
     options: Options
@@ -153,7 +153,7 @@ class _Settled(NamedTuple):
 
 
 class _Built(NamedTuple):
-    """Sequences to tune on, parameters, and settings of the descents."""
+    """Training sequences, parameters, and settings of the descents."""
 
     sequences: list[Any]
     parameters: list[Any]
@@ -174,7 +174,7 @@ def _open(request: _Request) -> _Opened:
     """Load the scenes.
 
     Raises:
-        InputError: they cannot be loaded or divided, or do not fit into memory.
+        InputError: the scenes cannot be loaded or divided, or do not fit in memory.
     """
     from jaxpf.cli.tuning.scenes import divided_scenes
     from jaxpf.files.writing import report_os_errors
@@ -201,7 +201,7 @@ def _settle(request: _Request, opened: _Opened) -> _Settled:
 
 
 def _build(opened: _Opened, settled: _Settled) -> _Built:
-    """Build the trackers and check that they have the parameters and fit into memory."""
+    """Build the trackers; check that they have the parameters and fit in memory."""
     from jaxpf import tuning
     from jaxpf.tuning.sequences import training_sequence
 
@@ -222,7 +222,7 @@ def _build(opened: _Opened, settled: _Settled) -> _Built:
 
 
 def _run(request: _Request, opened: _Opened, settled: _Settled, built: _Built) -> Any:
-    """Tune; an interrupted descent leaves a checkpoint, one that diverged its last good values."""
+    """Tune; an interruption leaves a checkpoint, divergence the last finite values."""
     from jaxpf import tuning
     from jaxpf.cli.tuning.output import TUNED, write_tuned
     from jaxpf.files.writing import prepare_output_folder
@@ -245,7 +245,7 @@ def _run(request: _Request, opened: _Opened, settled: _Settled, built: _Built) -
 
 
 def _finish(request: _Request, opened: _Opened, settled: _Settled, result: Any) -> None:
-    """Write the results, and compare before and after on what was not seen."""
+    """Write the results, and compare before and after on held-out frames."""
     from jaxpf.cli.tuning import output as outputs
 
     folder, before = request.output, settled.before
@@ -301,7 +301,7 @@ command = SceneCommand(
 def _tune(
     sequences: list[Any], wanted: list[Any], settings: Any, objective: str, output: Path
 ) -> Any:
-    """Tune with a progress bar, or with a line now and then if there is no terminal."""
+    """Tune with a progress bar, or with occasional lines if there is no terminal."""
     from jaxpf.tuning import loop
 
     shows_bars = sys.stderr.isatty()
@@ -335,7 +335,7 @@ def _tune(
 
 
 def _check_parameters(tracker: Any, target: Any, wanted: list[Any]) -> None:
-    """Refuse parameters that `jaxpf track` and `jaxpf evaluate` have no option for."""
+    """Refuse parameters without an option of `jaxpf track` and `jaxpf evaluate`."""
     from jaxpf import tuning
     from jaxpf.tuning.parameters import check_apart
 
@@ -355,7 +355,7 @@ def _check_parameters(tracker: Any, target: Any, wanted: list[Any]) -> None:
 
 
 def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[Any, dict[str, Any]]:
-    """The recipe of the tracker before tuning, and its options as they are typed."""
+    """The recipe of the tracker before tuning, and its options in command-line notation."""
     from jaxpf.tuning.sequences import Recipe
 
     target = adapter_of_scene(scene, options.target).target
@@ -367,7 +367,7 @@ def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[An
         text.partition("=")[0].partition("[")[0] for text in names_in(options.parameters or "")
     }
     for one in options_of(target.options).values():
-        # Who names a parameter says of what kind the tracker is.
+        # A named parameter may imply the kind of tracker.
         if one.path in named and one.implies and own.get(one.implies[0]) in (None, OPEN):
             own[one.implies[0]] = one.implies[1]
     model = target.resolved(picked(own, target.options), is_filmed(scene))

@@ -1,4 +1,4 @@
-"""What `jaxpf tune` leaves behind: values, traces, and the comparison on unseen frames."""
+"""Output of `jaxpf tune`: values, traces, and the comparison on held-out frames."""
 
 import dataclasses
 from pathlib import Path
@@ -16,12 +16,12 @@ TUNED, TRACES, COMPARISON = "tuned.toml", "tuning.png", "comparison.csv"
 
 
 def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) -> None:
-    """The values, as the options of `track` and `evaluate`, and how sure they are."""
+    """Write the values as options of `track` and `evaluate`, with their uncertainty."""
     import tomli_w
 
     after = before.with_values(values)
     named = {path.partition("[")[0] for path in values}
-    track: dict[str, Any] = {}  # `jaxpf track` is of boxes, unless the file says otherwise
+    track: dict[str, Any] = {}  # `jaxpf track` defaults to boxes
     for name, option in options_of(after.of.options).items():
         if option.path in named:
             track[name] = _numbers(after.values[name])
@@ -33,7 +33,7 @@ def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) ->
         for name, value in values.items()
     }
     for name, error in result.standard_errors().items():
-        if np.all(np.isfinite(error)):  # one repeat without the frames' error knows nothing
+        if np.all(np.isfinite(error)):  # NaN for one repeat without curvature
             tuned[name]["standard_error"] = _numbers(error)
     with atomic_write(path, "wb") as file:
         tomli_w.dump({"track": track, "evaluate": evaluate, "tuned": tuned}, file)
@@ -42,12 +42,12 @@ def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) ->
 
 
 def _numbers(value: Any) -> Any:
-    """Six digits of each, as TOML takes them."""
+    """Round to six digits, for TOML."""
     return np.vectorize(lambda x: float(f"{x:.6g}"))(np.asarray(value, float)).tolist()
 
 
 def write_traces(path: Path, result: Any, objective: str) -> None:
-    """The figure of the descents."""
+    """Write the figure of the descents."""
     from jaxpf.media.plotting import save_figure
     from jaxpf.tuning.plot import traces
 
@@ -61,7 +61,7 @@ def write_traces(path: Path, result: Any, objective: str) -> None:
 
 
 def show(result: Any) -> None:
-    """The table of values, and how the descents ended."""
+    """Print the table of values, and how the descents ended."""
     values, intervals = result.values, result.intervals()
     rows = []
     for one in result.parameters:
@@ -95,7 +95,7 @@ def show(result: Any) -> None:
 def compare_before_and_after(
     output: Path, unseen: list[Any], before: Any, after: Any, options: Any
 ) -> None:
-    """Before and after, printed and written."""
+    """Print and write the comparison before and after tuning."""
     from jaxpf.tuning.comparison import MEASURES, compare
     from jaxpf.tuning.sequences import held_out
 
@@ -137,7 +137,7 @@ def compare_before_and_after(
     print_table(
         f"On {what}, not seen in tuning: {runs} runs each, {particles} particles, 95 % over "
         f"{comparison.count} {comparison.unit}",
-        # Runs of one sequence say nothing of others.
+        # Runs on one sequence do not generalise to others.
         ["", "before", "after", "paired difference", "here" if one else "for such scenes"],
         rows,
     )

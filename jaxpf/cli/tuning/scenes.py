@@ -1,4 +1,4 @@
-"""Which frames `jaxpf tune` learns from, and which it never sees."""
+"""Divide scenes into frames for tuning and held-out frames."""
 
 import dataclasses
 from typing import Any
@@ -8,7 +8,7 @@ from jaxpf.contract.errors import InputError
 
 
 def divided_scenes(source: str, options: Any) -> tuple[list[Any], list[Any]]:
-    """Scenes to tune on, and scenes to compare on."""
+    """Scenes for tuning, and scenes for the comparison."""
     from jaxpf.evaluation.opening import load_scene
     from jaxpf.evaluation.work.scene import check_scene
 
@@ -44,7 +44,7 @@ def divided_scenes(source: str, options: Any) -> tuple[list[Any], list[Any]]:
 
 
 def _divide(scene: Any, count: int | None) -> tuple[Any, Any]:
-    """The first frames of a sequence, and the rest with the objects in view at its beginning."""
+    """Split a sequence into its first frames and the rest, with the objects in view there."""
     import numpy as np
 
     from scenes.clips import cut_patch

@@ -1,7 +1,7 @@
 """eskil2014 repeated: factored particles with dependent and constrained dynamics.
 
-The three sequences on scenes made after them, with ablations and the baselines a user would take
-today, and frames per second.
+The three sequences on synthetic scenes modelled on them, with ablations, common baselines, and
+frames per second.
 """
 
 from jaxpf.papers.eskil2014 import claims, figures, measure, methods, tables

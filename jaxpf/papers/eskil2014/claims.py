@@ -14,17 +14,17 @@ from jaxpf.papers.judging.claims import Quantity
 from jaxpf.papers.judging.estimates import gap_of, mean_of, rate_of, ratio_of
 
 Quantities = dict[str, list[Quantity]]
-#: Frames after a blink's middle in which the eye is open again.
+#: Frames after the middle of a blink in which the eye is open again.
 _OPEN = range(5, 11)
 
 
 def quantities(measured: Measurement) -> Quantities:
-    """Key of a claim -> its figures; those of sequences that were not run are left out."""
+    """Key of a claim -> its figures; sequences that were not run are omitted."""
     return {**of_scenes(measured.outcomes), **of_speed(measured.rates)}
 
 
 def of_scenes(outcomes: Mapping[str, Outcome]) -> Quantities:
-    """Those of the three sequences."""
+    """Figures of the three sequences."""
     figures: dict[str, Quantity] = {}
     for scene, measure in {"fish": _fish, "skydivers": _skydivers, "face": _face}.items():
         if scene in outcomes:
@@ -33,7 +33,7 @@ def of_scenes(outcomes: Mapping[str, Outcome]) -> Quantities:
 
 
 def of_speed(rates: speed.Rates) -> Quantities:
-    """Ratios of frames per second; the timings are the units of the intervals."""
+    """Ratios of frames per second; intervals are over the timings."""
 
     def ratios(other: str) -> list[Quantity]:
         return [
@@ -46,12 +46,12 @@ def of_speed(rates: speed.Rates) -> Quantities:
 
 
 def _errors(outcome: Outcome, method: str, frames: slice = slice(None)) -> np.ndarray:
-    """Mean errors ``[S]`` in a stretch of frames, in % of the length."""
+    """Mean errors ``[S]`` over a range of frames, in % of the length."""
     return 100 * by_scene(outcome, method, lambda e, v: measures.mean_error(e[:, frames]))
 
 
 def _gap(outcome: Outcome, other: str, frames: slice = slice(None)) -> Quantity:
-    """How much larger another method's error is than the proposed method's."""
+    """Error of another method minus the error of the proposed method."""
     return mean_of(_errors(outcome, other, frames) - _errors(outcome, methods.PROPOSED, frames))
 
 
@@ -90,7 +90,7 @@ def _skydivers(outcome: Outcome) -> dict[str, Quantity]:
         near = errors[..., chosen] <= published.SKYDIVER_MOSTLY
         return near.all(axis=-1).mean(axis=-1)
 
-    # The peak of each run, for the mean over runs would hide a lost one.
+    # The peak of each run, since the mean over runs would hide a lost run.
     peak = by_scene(outcome, methods.PROPOSED, lambda e, v: e.mean(axis=2).max(axis=1))
     figures = {
         "skydivers_peak": mean_of(peak),

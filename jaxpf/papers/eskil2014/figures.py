@@ -20,7 +20,7 @@ _COMPARED = (methods.PROPOSED, methods.PFFL, methods.FLOW, "PS", "SPS")
 
 
 def figures(measured: Measurement) -> dict[str, Any]:
-    """All figures by the stem of their files."""
+    """File-name stem -> figure."""
     return curves(measured.outcomes)
 
 
@@ -59,7 +59,7 @@ def _curves(series: Mapping[str, np.ndarray], title: str, yscale: str = "linear"
 
 
 def _potential() -> Any:
-    """Figure 1: the shape function of one point of the fish, over the picture's plane."""
+    """Figure 1: the shape function of one point of the fish, over the image plane."""
     from jaxpf.filters.factored.shape import log_shape, reference_distances
     from scenes.fish import POINTS
 

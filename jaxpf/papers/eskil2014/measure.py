@@ -1,4 +1,4 @@
-"""Everything that is measured for the paper."""
+"""All measurements for the paper."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -14,11 +14,11 @@ _REPEATS, _QUICK_REPEATS = 5, 3
 
 
 class Measurement(NamedTuple):
-    """Everything that was measured.
+    """All measurements.
 
     Attributes:
-        outcomes: on every kind of scene.
-        rates: sequence -> method -> frames per second, one for each timing.
+        outcomes: one for each kind of scene.
+        rates: sequence -> method -> frames per second, one value per timing.
     """
 
     outcomes: Mapping[str, Outcome]
@@ -26,7 +26,7 @@ class Measurement(NamedTuple):
 
 
 def measure(request: Request) -> Measurement:
-    """Measure all of it."""
+    """Run all measurements."""
     quick, seeds, report = request.quick, request.seeds, request.report
     names = ["platty"] if quick else list(published.SEQUENCES)
     filters = methods.QUICK if quick else methods.FILTERS

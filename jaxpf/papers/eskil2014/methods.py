@@ -1,4 +1,4 @@
-"""The methods compared, by name: trackers of points from a frame and where they start."""
+"""The compared methods by name: point trackers built from a frame and initial points."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ from jaxpf.papers.eskil2014.published import PFFL_PARTICLES, SHAPE_SCALE, SIGMA
 
 PROPOSED, PFFL, SPOT, FLOW = "eskil2014", "PFFL", "SPOT", "Lucas-Kanade"
 PRINTED, WITH_DRIFT = "eskil2014 as printed", "PFFL with drift"
-#: Share of its last displacement that a particle of "PFFL with drift" repeats: not published.
+#: Share of the last displacement that a particle of "PFFL with drift" repeats; not published.
 MOMENTUM = 0.25
 
 #: Options of ``jaxpf.points.tracker`` that differ from their defaults.
@@ -37,9 +37,9 @@ _OPTIONS: Mapping[str, dict[str, Any]] = {
         "norm": "sum",
         "sigma": SIGMA,
     },
-    # The paper's sketch of it moves particles by drift and diffusion, and defines no drift.
+    # The paper's sketch moves particles by drift and diffusion but defines no drift.
     WITH_DRIFT: {"method": "pffl", "particles": PFFL_PARTICLES},
-    # As many likelihoods for every point as PFFL.
+    # The same number of likelihood evaluations per point as PFFL.
     "SIR": {"method": "sir", "particles": 2 * PFFL_PARTICLES},
     "PS": {"method": "ps", "particles": 2 * PFFL_PARTICLES},
     "SPS": {"method": "sps", "particles": 2 * PFFL_PARTICLES},
@@ -56,11 +56,11 @@ def tracker(
     points: np.ndarray,
     scale: float,
 ) -> Any:
-    """The tracker of a method.
+    """Build the tracker of a method.
 
     Args:
-        name: of ``FILTERS``.
-        frame: uint8 RGB [H, W, 3], with the points in it.
+        name: a name in ``FILTERS``.
+        frame: uint8 RGB [H, W, 3], which shows the points.
         points: [P, 2], pixels.
         scale: sigma_t, pixels.
     """
@@ -74,5 +74,5 @@ def tracker(
 def trackers(
     frame: np.ndarray, points: np.ndarray, scale: float, names: Sequence[str] = FILTERS
 ) -> dict[str, Any]:
-    """Method -> its ``tracker``, of the names."""
+    """Method -> its ``tracker``, for the given names."""
     return {name: tracker(name, frame, points, scale) for name in names}

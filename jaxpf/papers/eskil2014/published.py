@@ -11,13 +11,13 @@ class Sequence(NamedTuple):
     """One of the paper's three sequences.
 
     Attributes:
-        scene: our stand-in.
-        frames: its length.
+        scene: our synthetic substitute.
+        frames: its number of frames.
         scale: sigma_t, pixels of the paper's film.
         proposed: frames per second of the proposed method, table 3.
-        pffl: of PFFL.
-        spot: of SPOT.
-        size: width of our film over that of the paper's.
+        pffl: frames per second of PFFL.
+        spot: frames per second of SPOT.
+        size: width of our film divided by the width of the paper's.
     """
 
     scene: str
@@ -43,16 +43,16 @@ SEQUENCES = {
 PARTICLES, PFFL_PARTICLES = 10, 50
 SIGMA, SHAPE_SCALE = 0.1, 0.01
 
-#: Points of the fish near their places at the end, of 12 (section 4.1).
+#: Points of the fish near their true positions at the end, out of 12 (section 4.1).
 KEPT_PFFL, KEPT_PROPOSED = 7, 12
-#: Largest mean error of the skydiver over his length, and the share most errors stay below.
+#: Largest mean error of the skydiver relative to his length, and the bound on most errors.
 SKYDIVER_LARGEST, SKYDIVER_MOSTLY = 0.25, 0.2
 #: Frames after which PFFL's curve parts from the proposed method's (figures 7 and 10).
 PARTING = {"skydivers": 50, "face": 85}
 #: Frames of the fish before PFFL's points drift ("as early as frame 15"), and after its curve parts
 #: ("from frame 20"); errors begin with frame 1.
 FISH_TOGETHER, FISH_PARTED = slice(0, 14), slice(19, 30)
-#: Frames of the face in whose middle the eyes are closed: three blinks, ours (scenes.face).
+#: Middle frames of the three blinks in our synthetic face (scenes.face).
 BLINKS = (22, 68, 108)
 #: Frames in which the mouth smiles.
 SMILE = (56, 95)

@@ -1,4 +1,4 @@
-"""The runs behind the tables: all methods on a set of scenes."""
+"""Run all methods on a set of scenes; the tables are computed from these runs."""
 
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,17 +15,17 @@ from jaxpf.papers.eskil2014 import methods
 from jaxpf.papers.measuring.checkpoints import Measure, each
 from jaxpf.running.blocks import monte_carlo
 
-#: Runs on each scene; the paper has one film of each kind.
+#: Runs per scene; the paper has one film of each kind.
 RUNS_PER_SCENE = 1
 
 
 class Outcome(NamedTuple):
-    """S scenes of one kind, R runs on each (1 of a deterministic method), T frames, P points.
+    """S scenes of one kind, R runs per scene (1 for a deterministic method), T frames, P points.
 
     Attributes:
         scene: name of the kind.
-        names: of the points.
-        errors: method -> ``[S, R, T, P]``, distances over the body's length.
+        names: names of the points.
+        errors: method -> ``[S, R, T, P]``, distances divided by the body's length.
         visible: ``[S, T, P]`` bool.
     """
 
@@ -44,16 +44,16 @@ def measure(
     report: Callable[[str], None] = print,
     **parameters: Any,
 ) -> Outcome:
-    """Track the scenes of the seeds by all methods.
+    """Track scenes by all methods, one scene per seed.
 
     Args:
         scene: name of a scene of points.
         scale: sigma_t, pixels.
-        seeds: of the scenes, S.
-        filters: of ``methods.FILTERS``.
-        others: of ``methods.OTHERS``.
-        report: takes a line of progress.
-        parameters: of the scene, where they differ from its defaults.
+        seeds: S seeds of the scenes.
+        filters: names in ``methods.FILTERS``.
+        others: names in ``methods.OTHERS``.
+        report: receives lines of progress.
+        parameters: scene parameters that differ from their defaults.
     """
     errors: dict[str, list[np.ndarray]] = {}
     visible, names = [], ()
@@ -76,7 +76,7 @@ def measure(
     return Outcome(scene, tuple(names), stacked, np.stack(visible))
 
 
-@functools.lru_cache(maxsize=1)  # used to track and then to judge
+@functools.lru_cache(maxsize=1)  # used for tracking, then for the errors
 def _drawn(scene: str, seed: int, **parameters: Any) -> scenes.Scene:
     return scenes.make(scene, seed=seed, **parameters)
 
@@ -89,7 +89,7 @@ def _on_scene(
     filters: Sequence[str],
     others: Sequence[str],
 ) -> dict[str, np.ndarray]:
-    """``track`` on a scene that is drawn where the work is done."""
+    """``track`` on a scene; the worker draws it itself."""
     drawn = _drawn(scene, seed, **parameters)
     return track(drawn.frames, drawn.extras["points"][0], scale, filters, others, seed)
 
@@ -102,7 +102,7 @@ def track(
     others: Sequence[str],
     seed: int,
 ) -> dict[str, np.ndarray]:
-    """Method -> places ``[R, T, P, 2]`` in the frames after the first, in which points start."""
+    """Method -> positions ``[R, T, P, 2]`` after the first frame, in which the points start."""
     later = jnp.asarray(frames[1:])
     places = {
         name: places_of(tracker, later, RUNS_PER_SCENE, seed)
@@ -116,7 +116,7 @@ def track(
 
 
 def places_of(tracker: Any, later: Any, runs: int, seed: int) -> np.ndarray:
-    """Places ``[R, T, P, 2]`` that a tracker finds in the frames after the first."""
+    """Positions ``[R, T, P, 2]`` estimated by a tracker in the frames after the first."""
     keys = jax.random.split(jax.random.key(seed), runs)
     return np.asarray(monte_carlo(tracker, keys, later, _estimate, batch_size=runs))
 

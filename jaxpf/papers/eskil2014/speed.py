@@ -1,4 +1,4 @@
-"""Frames per second of the three systems the paper compares (table 3)."""
+"""Frames per second of the three systems that the paper compares (table 3)."""
 
 import time
 from collections.abc import Sequence
@@ -13,21 +13,21 @@ from jaxpf.evaluation.baselines.spot import spot
 from jaxpf.measures.timing import interleaved, seconds_of
 from jaxpf.papers.eskil2014 import methods, published
 
-#: Frames over which filters are timed, and SPOT.
+#: Number of frames for timing filters, and for timing SPOT.
 FRAMES, SPOT_FRAMES = 40, 4
 
 Rates = dict[str, dict[str, np.ndarray]]
 
 
 def measure(names: Sequence[str], repeats: int, with_spot: bool = True) -> Rates:
-    """Sequence -> method -> frames per second ``[repeats]``, in time of the processor.
+    """Sequence -> method -> frames per second ``[repeats]``, in processor time.
 
-    One run at a time, decoding left out.
+    One run at a time, without decoding.
 
     Args:
-        names: of the paper's sequences.
-        repeats: timings of each, the filters in turn.
-        with_spot: time SPOT, too.
+        names: names of the paper's sequences.
+        repeats: timings per method, interleaved.
+        with_spot: also time SPOT.
     """
     rates = {}
     key = jax.random.key(0)
@@ -53,7 +53,7 @@ def measure(names: Sequence[str], repeats: int, with_spot: bool = True) -> Rates
 
 def _spot_rates(frames: np.ndarray, points: np.ndarray, repeats: int) -> np.ndarray:
     spot(frames[:1], points)  # fills OpenCV's caches
-    # By the processor's time: a difference of times by the clock is nothing on a busy machine.
+    # Processor time: on a busy machine, differences of wall-clock times are meaningless.
     spent = [
         seconds_of(lambda: spot(frames, points)) - seconds_of(lambda: spot(frames[:1], points))
         for _ in range(repeats)

@@ -11,16 +11,16 @@ from jaxpf.papers.eskil2014.scenes import Outcome
 from jaxpf.papers.judging.comparison_table import Cell, Rows, Table
 from jaxpf.papers.judging.estimates import mean_cell, only
 
-#: A point is kept, or found again, within this share of the body's length.
+#: A point counts as kept or recovered within this distance, relative to the body's length.
 NEAR = 0.1
-#: Frames after an occlusion in which a point is to be found again.
+#: Number of frames after an occlusion within which a point must be recovered.
 WITHIN = 30
-#: The last frames of these, in which its median distance must be small.
+#: Number of final frames of ``WITHIN`` in which the median distance must be small.
 _STAYS = 10
 
 
 def tables(measured: Measurement) -> list[Table]:
-    """All of them, in the order in which they are shown."""
+    """All tables, in display order."""
     return [
         *map(scene_table, measured.outcomes.values()),
         speed_table(measured.rates),
@@ -28,7 +28,7 @@ def tables(measured: Measurement) -> list[Table]:
 
 
 def by_scene(outcome: Outcome, method: str, measure: Any) -> np.ndarray:
-    """``measure(errors [R, T, P], visible [T, P]) -> [R]``, averaged over the runs: ``[S]``."""
+    """``measure(errors [R, T, P], visible [T, P]) -> [R]``, averaged over runs: ``[S]``."""
     return np.array(
         [
             float(np.mean(measure(errors, visible)))
@@ -38,15 +38,15 @@ def by_scene(outcome: Outcome, method: str, measure: Any) -> np.ndarray:
 
 
 def kept(errors: np.ndarray, visible: np.ndarray) -> np.ndarray:
-    """Points near their places at the end, of every run."""
+    """Number of points near their true positions at the end, per run."""
     return measures.points_kept(errors, NEAR)
 
 
 def found_again(errors: np.ndarray, visible: np.ndarray) -> np.ndarray:
-    """Share of the ``ended_occlusions`` after which a point was found again; NaN without any.
+    """Share of the ``ended_occlusions`` after which a point was recovered; NaN without any.
 
-    It is if its median distance in the last ten of ``WITHIN`` frames is small: one frame in which
-    it happens to pass by is not enough.
+    A point is recovered if its median distance in the last ten of ``WITHIN`` frames is small; being
+    near in a single frame is not enough.
     """
     again = [
         np.median(errors[:, back + WITHIN - _STAYS : back + WITHIN, point], axis=1) <= NEAR
@@ -56,7 +56,7 @@ def found_again(errors: np.ndarray, visible: np.ndarray) -> np.ndarray:
 
 
 def ended_occlusions(visible: np.ndarray) -> list[tuple[int, int]]:
-    """Points that come back into view and stay there for ``WITHIN`` frames, and when they do."""
+    """Points that reappear and stay visible for ``WITHIN`` frames, with the frame."""
     return [
         (point, back)
         for point, _, back in measures.recoveries(visible)
@@ -65,7 +65,7 @@ def ended_occlusions(visible: np.ndarray) -> list[tuple[int, int]]:
 
 
 def scene_table(outcome: Outcome) -> Table:
-    """Every method's errors on one kind of scene."""
+    """Errors of every method on one kind of scene."""
     num_points = len(outcome.names)
     rows: Rows = []
     for method in outcome.errors:
@@ -106,7 +106,7 @@ def scene_table(outcome: Outcome) -> Table:
 
 
 def speed_table(rates: speed.Rates) -> Table:
-    """Table 3: published beside ours."""
+    """Table 3: published and measured."""
     rows: Rows = []
     for name, by_method in rates.items():
         sequence = published.SEQUENCES[name]

@@ -2,8 +2,8 @@
 articulated object tracking", ACIVS 2011.
 
 Figures 8 to 11 and table 1 on the scene ``articulated``, for PS and for SPS with the paper's swap,
-with the unbiased one and without, under the paper's dynamics and under dynamics that couple the
-parts.
+with the unbiased swap and without a swap, under the paper's dynamics and under dynamics that couple
+the parts.
 """
 
 from jaxpf.papers.gonzales2011 import claims, figures, measure, tables

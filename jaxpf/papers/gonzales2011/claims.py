@@ -1,8 +1,8 @@
 """The figures that judge the paper's claims, by the claims' keys.
 
-Keys without a prefix are of the paper's own swap and dynamics.  "combinatorial" is the unbiased
-swap; under "relative" dynamics parts follow their parents.  At equal time SPS has as many particles
-as take the time of PS.
+Keys without a prefix refer to the paper's own swap and dynamics.  "combinatorial" is the unbiased
+swap; under "relative" dynamics parts follow their parents.  At equal time, SPS has the number of
+particles that takes as long as PS.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ _SWAPS = ("sorted", "combinatorial")
 
 
 def quantities(measured: Measurement) -> Quantities:
-    """Key of a claim -> its figures; claims without a measured cell are left out."""
+    """Key of a claim -> its figures; claims without a measured cell are omitted."""
     figures: Quantities = {"resamplings": resamplings()}
     times = {**measured.times, **measured.others}
     for dynamics in DYNAMICS:
@@ -51,7 +51,7 @@ def quantities(measured: Measurement) -> Quantities:
 
 
 def of_curves(outcomes: Outcomes, dynamics: str, swap: str) -> Quantities:
-    """Figures 8 to 11: per cent by which SPS is below PS."""
+    """Figures 8 to 11: percentage by which SPS is below PS."""
     own = (dynamics, swap) == (DYNAMICS[0], _SWAPS[0])
     prefix = "" if own else f"{swap}_{dynamics}_"
 
@@ -78,7 +78,7 @@ def of_curves(outcomes: Outcomes, dynamics: str, swap: str) -> Quantities:
 
 
 def resamplings() -> list[Quantity]:
-    """How many times as often PS resamples in a frame as SPS."""
+    """Ratio of PS's to SPS's number of resamplings per frame."""
     figures = []
     for num_parts in FIGURE_8_PARTS:
         tree = [-1 if part == 0 else max(part - 2, 0) for part in range(num_parts)]
@@ -91,7 +91,7 @@ def resamplings() -> list[Quantity]:
 
 
 def of_times(times: Times) -> Quantities:
-    """Table 1: cells in which SPS is at most 4 % slower than PS; each has a kernel of its own."""
+    """Table 1: cells in which SPS is at most 4 % slower than PS; each has its own kernel."""
     figures = {}
     for method in METHODS[1:]:
         slower = [np.median(cell[method] / cell["PS"]) for cell in times.values()]
@@ -105,9 +105,9 @@ def at_equal_time(
 ) -> list[Quantity]:
     """Figure 8 for every N of PS whose time lies between those of two N of SPS.
 
-    The number of particles of SPS that takes PS's time, and its error there, are read off straight
-    lines over logarithms, as in ``jaxpf.evaluation.equal_time``, the error scene by scene.
-    Intervals cover what is read off at either end of the interval of the times' ratio.
+    The number of particles with which SPS takes as long as PS is interpolated on log scales, as in
+    ``jaxpf.evaluation.equal_time``, and so is the error there, scene by scene.  Intervals cover the
+    values at both ends of the interval of the time ratio.
     """
     tracked = sorted(
         number for motion, parts, number in outcomes if (motion, parts) == ("smooth", num_parts)
@@ -144,6 +144,6 @@ def at_equal_time(
 
 
 def _widest(parts: Sequence[Quantity], level: float) -> tuple[float, float]:
-    """From the lowest end of the parts' intervals to the highest."""
+    """The lowest and the highest end of the parts' intervals."""
     lows, highs = zip(*(part.interval(level) for part in parts), strict=True)
     return min(lows), max(highs)

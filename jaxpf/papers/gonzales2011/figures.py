@@ -11,12 +11,12 @@ from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, Outcomes
 
 
 def figures(measured: Measurement) -> dict[str, Any]:
-    """All figures by the stem of their files."""
+    """File-name stem -> figure."""
     return curves(measured.outcomes)
 
 
 def curves(outcomes: Outcomes) -> dict[str, Any]:
-    """Curves over time, as in the paper: a column per panel, a row per dynamics."""
+    """Curves over time, as in the paper: one column per panel, one row per dynamics."""
     smooth = [key for key in outcomes if key[0] == "smooth"]
     drawn = {}
     for parts in sorted({key[1] for key in smooth}):

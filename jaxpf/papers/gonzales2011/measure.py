@@ -1,4 +1,4 @@
-"""Everything that is measured for the paper."""
+"""All measurements for the paper."""
 
 from typing import NamedTuple
 
@@ -12,12 +12,12 @@ _QUICK_FRAMES, _QUICK_PARTS, _QUICK_PARTICLES = 40, 5, (5, 10)
 
 
 class Measurement(NamedTuple):
-    """Everything that was measured.
+    """All measurements.
 
     Attributes:
-        outcomes: of every cell of figures 8 to 11.
-        times: of table 1.
-        others: of the numbers of particles that figure 8 has and table 1 lacks.
+        outcomes: results of every cell of figures 8 to 11.
+        times: times of table 1.
+        others: times for the numbers of particles in figure 8 that table 1 lacks.
     """
 
     outcomes: Outcomes
@@ -26,7 +26,7 @@ class Measurement(NamedTuple):
 
 
 def measure(request: Request) -> Measurement:
-    """Measure all of it."""
+    """Run all measurements."""
     quick, report = request.quick, request.report
     report(f"Figures 8 to 11: {len(request.seeds)} sequences, one run of 8 trackers on each")
     frames = _QUICK_FRAMES if quick else published.FRAMES
@@ -49,7 +49,7 @@ def measure(request: Request) -> Measurement:
 
 
 def _cells(quick: bool) -> list[Cell]:
-    """Of every figure."""
+    """Cells of all figures."""
     erratic = Cell("erratic", published.FIGURE_11_PARTS, (published.FIGURE_11_PARTICLES,))
     if quick:
         return [Cell("smooth", _QUICK_PARTS, _QUICK_PARTICLES), erratic]

@@ -1,28 +1,28 @@
-"""What gonzales2011 publishes as figures: Gonzales, Dubuisson and Nguyen, 2011.
+"""Figures published in gonzales2011: Gonzales, Dubuisson and Nguyen, 2011.
 
-Figures 8 to 11 are curves without numbers; their captions and the text say which is lower.
+Figures 8 to 11 are curves without numbers; the captions and the text say which curve is lower.
 """
 
-#: Parts of the objects.
+#: Numbers of parts of the objects.
 PARTS = (3, 5, 7, 9, 11)
-#: Runs that are averaged in figures 8 to 11, and in table 1.
+#: Number of averaged runs in figures 8 to 11, and in table 1.
 RUNS, TIMED_RUNS = 50, 20
 FRAMES = 300
 #: Lambda of the likelihood exp(-lambda d^2).
 SHARPNESS = 50.0
 
-#: Figure 8: numbers of particles, for objects of these parts.
+#: Figure 8: numbers of particles, and numbers of parts of the objects.
 FIGURE_8_PARTICLES, FIGURE_8_PARTS = (2, 5, 10, 20, 30, 40), (7, 9)
-#: Figure 9: variance of the particle set, for the parts of figure 8.
+#: Figure 9: variance of the particle set, for the numbers of parts in figure 8.
 FIGURE_9_PARTICLES = 10
-#: Figure 10: strong motion in the beginning, for all parts.
+#: Figure 10: strong motion at the beginning, for all numbers of parts.
 FIGURE_10_PARTICLES = 20
 #: Figure 11: strong and erratic motion throughout.
 FIGURE_11_PARTICLES, FIGURE_11_PARTS = 10, 5
 
-#: Table 1: numbers of particles, the columns.
+#: Table 1: numbers of particles (columns).
 TABLE_1_PARTICLES = (10, 20, 40, 60, 80, 100, 200)
-#: Table 1: parts -> seconds for the 300 frames, one run, for PS and for SPS.
+#: Table 1: parts -> seconds for the 300 frames of one run, for PS and for SPS.
 TABLE_1 = {
     3: {
         "PS": (0.54, 0.88, 1.58, 2.99, 2.82, 3.45, 6.80),
@@ -45,5 +45,5 @@ TABLE_1 = {
         "SPS": (1.46, 2.77, 5.11, 7.61, 10.33, 13.01, 27.18),
     },
 }
-#: Probably a slip for 2.29: at 60 particles PS would be slower than at 80, and than SPS.
+#: Probably a misprint of 2.29: at 60 particles PS would be slower than at 80, and than SPS.
 SLIP = (3, "PS", 60)

@@ -23,33 +23,33 @@ from jaxpf.parts.models import OfFixedSize, parts_model
 from jaxpf.running import run
 from jaxpf.shapes.rectangles import corners_from_poses
 
-#: Runs on each sequence; sequences are the units of the intervals.
+#: Runs per sequence; intervals are over sequences.
 RUNS_PER_SCENE = 1
-#: Sequences that are tracked together.
+#: Number of sequences tracked together.
 _TOGETHER = 10
-#: Samples per side of a part: d^2 is off by .017 (standard deviation), the log-likelihood by .8.
+#: Samples per side of a part: d^2 has an error of .017 (standard deviation), the log-likelihood .8.
 SAMPLES = 10
 
 DYNAMICS = ("absolute", "relative")
-#: The paper's tracker, its method with the paper's swap, and what it can be compared with.
+#: The paper's baseline, its method with the paper's swap, and two variants for comparison.
 METHODS = ("PS", "SPS sorted", "SPS combinatorial", "SPS without swap")
 SWAPS = dict(zip(METHODS[1:], ("sorted", "combinatorial", "none"), strict=True))
 
 _SCENES = "scenes"
-#: How far around the object the particles start: pixels, pixels, radians (a choice).
+#: Range of the initial particles around the object: pixels, pixels, radians (our choice).
 REACH = (5.0, 5.0, 0.1)
 
 
 class Noise(NamedTuple):
     """Process noise per frame: pixels and radians.
 
-    The paper's "has been manually chosen".  Ours gave PS its least error for 7 parts and 20
-    particles on a sequence with another seed (1000) than are reported on.
+    The paper's noise "has been manually chosen".  Ours minimises the error of PS for 7 parts and 20
+    particles on a sequence with another seed (1000) than the reported ones.
 
     Attributes:
-        absolute: of x, y and of theta, for every part of the absolute random walk.
-        root: of x, y and of theta, for the root of the relative dynamics.
-        joint: of a joint's offset (x and y) and of its angle.
+        absolute: for x, y and for theta, for every part of the absolute random walk.
+        root: for x, y and for theta, for the root of the relative dynamics.
+        joint: for a joint's offset (x and y) and for its angle.
     """
 
     absolute: tuple[float, float]
@@ -66,16 +66,16 @@ NOISE = {
 
 @pytree_dataclass
 class Observed(WrappedLikelihood):
-    """A likelihood whose frames were observed beforehand, once for all trackers.
+    """A likelihood whose frames were observed in advance, once for all trackers.
 
     Attributes:
-        likelihood: the one that observed them.
+        likelihood: the likelihood that observed them.
     """
 
     likelihood: Any
 
     def observe(self, frame):
-        """The frame is the observation."""
+        """Return the frame, which is already an observation."""
         return frame
 
 
@@ -84,7 +84,7 @@ class Outcome(NamedTuple):
 
     Attributes:
         error: (dynamics, method) -> sum of corner distances, pixels, ``[S, R, T]``.
-        variance: (dynamics, method) -> of the particle set, pixels^2, ``[S, R, T]``.
+        variance: (dynamics, method) -> variance of the particle set, pixels^2, ``[S, R, T]``.
     """
 
     error: dict[tuple[str, str], np.ndarray]
@@ -96,12 +96,12 @@ Outcomes = Mapping[tuple[str, int, int], Outcome]
 
 
 class Cell(NamedTuple):
-    """What is tracked with how many particles.
+    """One experiment: a motion, a number of parts, and numbers of particles.
 
     Attributes:
-        motion: of the scene ``articulated``.
+        motion: motion of the scene ``articulated``.
         num_parts: P.
-        particles: numbers of particles N.
+        particles: values of N.
     """
 
     motion: str
@@ -119,18 +119,18 @@ def measure(
     """Track the sequences of every cell with every method.
 
     Args:
-        cells: each with sequences of its own.
-        seeds: of the sequences; run r on sequence s has the seed ``s * RUNS_PER_SCENE + r``, the
-            same for all methods.
-        num_frames: of a sequence; the trackers start at the first.
-        dynamics: which of ``DYNAMICS``.
-        progress: takes a line per cell and block of sequences.
+        cells: each has its own sequences.
+        seeds: seeds of the sequences; run r on sequence s has the seed ``s * RUNS_PER_SCENE + r``
+            for all methods.
+        num_frames: frames per sequence; the trackers start at the first.
+        dynamics: a selection of ``DYNAMICS``.
+        progress: receives a line per cell and block of sequences.
     """
 
     def by_method(values: Mapping[str, Mapping[str, np.ndarray]]) -> dict:
         return {(kind, method): values[kind][method] for kind in dynamics for method in METHODS}
 
-    # Blocks outside: those of one cell share a kernel, which is compiled once.
+    # Blocks are the outer loop: blocks of one cell share a kernel, which is compiled once.
     blocks = [seeds[first : first + _TOGETHER] for first in range(0, len(seeds), _TOGETHER)]
     parts = [
         (
@@ -140,7 +140,7 @@ def measure(
         for block in blocks
         for cell in cells
     ]
-    # Two at a time: one compiles while the other tracks.
+    # Two threads: one compiles while the other tracks.
     measured = each(parts, threads=2)
     by_cell: dict[Cell, list[Any]] = {cell: [] for cell in cells}
     for block in blocks:
@@ -172,7 +172,7 @@ def _measured(
         )
         likelihoods.append(learn(scene))
         observed.append(np.asarray(_observe(likelihoods[-1], scene.frames[1:])))
-        # The pictures are the bulk of a scene, and done with.
+        # The images take most of a scene's memory and are no longer needed.
         rest = dataclasses.replace(scene, frames=scene.frames[:1].copy(), boxes=scene.boxes[:1])
         sequences.append(rest)
     mesh = _mesh(len(sequences))
@@ -209,8 +209,8 @@ def _measured(
                 ]
             )
             base = by_scene[0][dynamics[0], method]
-            # Off the devices: what they did together would wait for another thread's program,
-            # which holds one of them and waits for the other.
+            # Move results off the devices: a joint operation on device arrays would wait for
+            # another thread's program, which holds one device and waits for the other (a deadlock).
             poses, spread = jax.device_get(
                 _track(base, moves, starts, OfFixedSize(Observed(likelihood)), keys, frames, mesh)
             )
@@ -226,7 +226,7 @@ def _measured(
 def trackers(
     scene: Any, likelihood: Any, motion: str, num_particles: int, dynamics: Sequence[str] = DYNAMICS
 ) -> dict[tuple[str, str], Partitioned]:
-    """(dynamics, method) -> tracker; all of them share one compiled kernel."""
+    """(dynamics, method) -> tracker; all trackers share one compiled kernel."""
     parents, noise = scene.extras["parents"], NOISE[motion]
     model = parts_model(
         likelihood,
@@ -270,7 +270,7 @@ def trackers(
 
 
 def learn(scene: Any, samples: int = SAMPLES) -> HistogramLikelihood:
-    """The likelihood of the scene's parts: one histogram each, as in the paper."""
+    """Learn the likelihood of the scene's parts: one histogram per part, as in the paper."""
     likelihood = histogram_from_patches(
         scene.patches,
         scene.sizes,
@@ -279,7 +279,7 @@ def learn(scene: Any, samples: int = SAMPLES) -> HistogramLikelihood:
         method="sampled",
         samples=samples,
     )
-    # Textures differ from scene to scene, and with them the numbers of bins that are used.
+    # Scenes have different textures, and so different numbers of occupied bins.
     return _padded(likelihood, num_bins=112, num_levels=16)
 
 
@@ -288,7 +288,7 @@ def _both(noise: tuple[float, float]) -> tuple[float, float, float]:
 
 
 def _padded(likelihood: HistogramLikelihood, num_bins: int, num_levels: int) -> HistogramLikelihood:
-    """The same likelihood in arrays of one shape, so that all scenes share a kernel."""
+    """The same likelihood in arrays of a fixed shape, so that all scenes share a kernel."""
     used = likelihood.references.shape[-1]
     more_levels = max(num_levels - likelihood.levels.shape[-1], 0)
     levels = jnp.pad(likelihood.levels, ((0, 0), (0, 0), (0, more_levels)), constant_values=used)
@@ -305,7 +305,7 @@ def _keep_poses(state: Any, summary: Any) -> Any:
 
 
 def _mesh(num_scenes: int) -> Mesh:
-    """As many devices as can share the sequences evenly."""
+    """Mesh of the largest number of devices that divides the sequences evenly."""
     devices = jax.local_devices()
     used = max(n for n in range(1, len(devices) + 1) if num_scenes % n == 0)
     return Mesh(np.asarray(devices[:used]), (_SCENES,))
@@ -315,22 +315,22 @@ def _stacked(trees: Sequence[Any]) -> Any:
     return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *trees)
 
 
-# Eighteen kernels are compiled for few particles each: here the time to compile counts more than
-# the speed of the code, which table 1 measures apart.
+# Eighteen kernels are compiled for few particles each: here compile time matters more than the
+# speed of the code, which table 1 measures separately.
 @partial(jax.jit, static_argnames="mesh", compiler_options={"xla_backend_optimization_level": 1})
 def _track(base, dynamics, initial, likelihood, keys, frames, mesh):
-    """All runs on all sequences under all dynamics, together.
+    """Track all runs on all sequences under all dynamics together.
 
-    Few particles leave a processor idle between one small operation and the next; runs that go
-    side by side fill it.  Sequences are dealt out to the devices.
+    With few particles a processor idles between small operations; running side by side fills the
+    gaps.  Sequences are distributed over the devices.
 
     Args:
-        base: tracker whose ordering, traced but not batched, all runs share.
+        base: tracker whose ordering, traced but not batched, is shared by all runs.
         dynamics: stacked ``[K, S, ...]``: kinds of dynamics, sequences.
-        initial: stacked likewise.
+        initial: stacked ``[K, S, ...]``.
         likelihood: stacked ``[S, ...]``.
         keys: ``[S, R]``.
-        frames: observed, ``[S, T, ...]``.
+        frames: observations, ``[S, T, ...]``.
         mesh: devices that share the sequences.
 
     Returns:

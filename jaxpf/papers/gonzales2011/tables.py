@@ -1,4 +1,4 @@
-"""What figures 8 to 11 show as tables, table 1, and what they rest on."""
+"""Figures 8 to 11 as tables, table 1, and our settings."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from jaxpf.papers.judging.estimates import mean_cell, ratio_of
 
 
 def tables(measured: Measurement) -> list[Table]:
-    """All of them, in the order in which they are shown."""
+    """All tables, in display order."""
     return [
         *error_tables(measured.outcomes),
         *time_tables(measured.times),
@@ -28,19 +28,19 @@ def tables(measured: Measurement) -> list[Table]:
 
 
 def by_scene(values: np.ndarray) -> np.ndarray:
-    """Means ``[S]`` of ``[S, R, T]``; what is NaN is left out."""
+    """Means ``[S]`` of ``[S, R, T]``, ignoring NaN."""
     return np.nanmean(values, axis=(1, 2))
 
 
 def gain(ours: np.ndarray, base: np.ndarray, what: str = "") -> Quantity:
-    """How much less a method has than PS, in per cent of PS: 1 less the geometric mean of ratios.
+    """Reduction relative to PS in per cent: 1 minus the geometric mean of ratios.
 
-    The plain mean of ratios can be above 1 whichever method is divided by the other.
+    The arithmetic mean of ratios can exceed 1 in either direction of the division.
 
     Args:
-        ours: of each sequence, ``[S]``.
-        base: of PS.
-        what: for reports.
+        ours: value per sequence, ``[S]``.
+        base: the same for PS.
+        what: description for reports.
     """
     ratio = ratio_of(ours, base)
 
@@ -52,7 +52,7 @@ def gain(ours: np.ndarray, base: np.ndarray, what: str = "") -> Quantity:
 
 
 def error_tables(outcomes: Outcomes) -> list[Table]:
-    """Errors and variances of every cell, and what SPS gains on PS."""
+    """Errors and variances of every cell, and the reduction of SPS relative to PS."""
     tables = []
     for dynamics in DYNAMICS:
         rows: dict[str, Rows] = {name: [] for name in ("error", "variance", "gain")}
@@ -96,7 +96,7 @@ def error_tables(outcomes: Outcomes) -> list[Table]:
 
 
 def time_tables(timed: Times) -> list[Table]:
-    """Seconds, nanoseconds and ratios, the published ones beside ours."""
+    """Seconds, nanoseconds and ratios, published and measured."""
     parts, particles = (sorted({key[k] for key in timed}) for k in (0, 1))
     columns = ["", *(f"N = {n}" for n in particles)]
     seconds: Rows = []
@@ -163,7 +163,7 @@ def _time_cell(timed: Times, method: str, cell: tuple[int, int], unit: float, di
 
 
 def _published(method: str, cell: tuple[int, int]) -> float | None:
-    """Seconds of table 1 for (parts, particles), if it has them."""
+    """Seconds in table 1 for (parts, particles), or None."""
     if cell[0] not in TABLE_1 or cell[1] not in TABLE_1_PARTICLES:
         return None
     row = TABLE_1[cell[0]]["PS" if method == "PS" else "SPS"]

@@ -1,4 +1,4 @@
-"""Table 1: what PS and SPS cost."""
+"""Table 1: the cost of PS and SPS."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ from jaxpf.running.blocks import WIDE, monte_carlo
 METHODS = ("PS", "SPS sorted", "SPS combinatorial")
 #: "SPS is usually not more than 4% slower than PS".
 AT_MOST = 1.04
-#: Parts and particles of table 1's largest cell, and our goal there: nanoseconds per particle,
+#: Parts and particles of table 1's largest cell, and our target there in nanoseconds per particle,
 #: part and frame (the published time is 41 000).
 LARGEST, GOAL = (11, 200), 700
 
@@ -40,9 +40,9 @@ def measure_times(
 ) -> Times:
     """(parts, particles) -> method -> CPU seconds per run of 300 frames, ``[repeats]``.
 
-    The runs go through the filter together, on one device, and share the work on a frame; the
-    methods take turns.  CPU time of the process, not time on the wall: other programs on the
-    machine disturb it less.
+    The runs are filtered together on one device and share the work on a frame; the methods
+    alternate.  Measures the process's CPU time rather than wall-clock time, because other programs
+    disturb it less.
     """
     cells = [(p, n) for p in parts for n in particles]
     timed = part(
@@ -60,7 +60,7 @@ def _timed(
     report: Callable[[str], None],
 ) -> dict[str, dict[str, np.ndarray]]:
     with ThreadPoolExecutor(len(jax.local_devices())) as pool:
-        # Compilation is most of the work, and may go on in several threads.
+        # Compilation is most of the work and can run in several threads.
         compiled = list(
             pool.map(lambda cell: _compiled(cell[0], cell[1], num_frames, num_runs), cells)
         )
@@ -77,7 +77,7 @@ def _timed(
 def _compiled(
     num_parts: int, num_particles: int, num_frames: int, num_runs: int
 ) -> dict[str, Callable[[], Any]]:
-    """Method -> runs on a sequence; all methods share one compiled kernel."""
+    """Method -> function that runs it on a sequence; all methods share one compiled kernel."""
     scene = scenes.make("articulated", 0, num_parts=num_parts, num_frames=num_frames + 1)
     likelihood, parents = learn(scene), scene.extras["parents"]
     frames = jnp.asarray(scene.frames[1:])

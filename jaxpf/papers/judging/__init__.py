@@ -1,1 +1,1 @@
-"""Claims of the papers, and how they are judged."""
+"""Published claims and how they are judged."""

@@ -1,15 +1,15 @@
-"""Published claims, and the rule by which measured figures judge them.
+"""Published claims, and the rule that judges them by measured figures.
 
-Each paper's ``claims.csv`` holds one row per claim: the range in which it says that its figures
-lie, and the margin, which is ours, within which a figure counts as equal to an end of that range.
-The papers' ``SCENES`` stand in their modules.  Both are written before anything is measured, and
-the scenes are looked at once.
+Each paper's ``claims.csv`` holds one row per claim: the range that the paper claims for its
+figures, and our margin, within which a figure counts as equal to an end of that range.  The papers'
+``SCENES`` are defined in their modules.  Both are fixed before measuring, and the scenes are
+evaluated once.
 
 * *supported*: the 95 % interval of every figure lies in the claimed range.  A false claim is false
   in some figure, which passes in at most 2.5 % of the replications on either side.
 * *contradicted*: the interval of some figure, at the level 1 - .05 / k for k figures (Bonferroni),
   lies outside the range by more than the margin.
-* *open*: all else, and every interval without a width, but for figures that are computed.
+* *open*: everything else, and all intervals of zero width except for computed figures.
 """
 
 import csv
@@ -21,9 +21,9 @@ from typing import NamedTuple
 from jaxpf.measures.scene_intervals import has_width
 
 SUPPORTED, CONTRADICTED, OPEN = "supported", "contradicted", "open"
-#: In place of ``CONTRADICTED`` where the paper shows one film: other scenes do not contradict it.
+#: Replaces ``CONTRADICTED`` where the paper shows one film: other scenes do not contradict it.
 NOT_SEEN = "not seen"
-#: Kinds of claims, in the order in which they are shown; the summaries count the first alone.
+#: Kinds of claims, in display order; summaries count only the first.
 GROUPS: Mapping[str, str] = {
     "paper": "claims of the paper, by its own method",
     "variant": "our corrected methods, and other readings of the paper",
@@ -37,7 +37,7 @@ RULE = (
     "contradicted if that of one (Bonferroni-corrected) lies outside by more than our margin, and "
     "otherwise open.  The number of scenes is planned, and they are looked at once."
 )
-#: The largest number of scenes that a remark proposes.
+#: Maximum number of scenes that a remark suggests.
 _MOST_SCENES = 100_000
 
 
@@ -54,11 +54,11 @@ class Quantity(NamedTuple):
 
     Attributes:
         value: the estimate.
-        interval: level -> its confidence interval (low, high).
-        units: number of scenes, or of other units; 0 if it is computed and has no chance in it.
-        what: for reports, such as "sharpness 20".
-        chosen_among: number of figures of which this one was chosen by its value; the interval is
-            Bonferroni-corrected for them.
+        interval: level -> confidence interval (low, high).
+        units: number of scenes, or of other units; 0 for a computed, deterministic figure.
+        what: description for reports, such as "sharpness 20".
+        chosen_among: number of figures from which this one was selected by its value; the interval
+            is Bonferroni-corrected for the selection.
     """
 
     value: float
@@ -68,7 +68,7 @@ class Quantity(NamedTuple):
     chosen_among: int = 1
 
     def at(self, level: float) -> tuple[float, float]:
-        """The interval at a level, corrected for the choice."""
+        """The interval at a level, corrected for the selection."""
         return self.interval(1 - (1 - level) / self.chosen_among)
 
     def measured(self, level: float = 0.95) -> Measured:
@@ -77,7 +77,7 @@ class Quantity(NamedTuple):
 
 
 def computed(value: float, what: str = "") -> Quantity:
-    """A figure that is computed."""
+    """A computed, deterministic figure."""
     return Quantity(value, lambda level: (value, value), 0, what)
 
 
@@ -85,17 +85,17 @@ class Claim(NamedTuple):
     """A published claim: a row of ``claims.csv``.
 
     Attributes:
-        key: its name in the program.
-        group: of ``GROUPS``.
+        key: identifier in the code.
+        group: a key of ``GROUPS``.
         claim: at most eight words.
-        published: the paper's figures, in short.
-        sentence: the claim in full, with the figures behind it and whose its range is.
-        source: where the paper makes it.
-        at_least: lower end of the claimed range, -inf without one.
-        at_most: upper end, inf without one.
-        margin: ours.
+        published: the paper's figures, abbreviated.
+        sentence: the full claim, with its figures and the origin of its range.
+        source: place in the paper.
+        at_least: lower end of the claimed range, or -inf.
+        at_most: upper end, or inf.
+        margin: our margin.
         digits: decimal places to show.
-        unit: what was counted, such as "scenes".
+        unit: unit of counting, such as "scenes".
     """
 
     key: str
@@ -112,20 +112,20 @@ class Claim(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """A claim with its verdict, in words: a row of ``verdicts.csv`` beside the claim's.
+    """A claim with its verdict as text: a row of ``verdicts.csv`` in addition to the claim's.
 
     Attributes:
-        claim: which.
-        ours: figure and interval, those of several figures from the least to the largest.
+        claim: the claim.
+        ours: figure and interval; several figures are shown from smallest to largest.
         verdict: ``SUPPORTED``, ``CONTRADICTED``, ``OPEN`` or ``NOT_SEEN``.
         figures: every figure with its interval.
-        level: of the intervals, in per cent.
+        level: level of the intervals in per cent.
         units: such as "50 scenes".
-        remark: what would resolve it, for example.
-        rule: by which it was judged.
-        command: repeats the measurement.
-        version: of this library.
-        date: of the measurement.
+        remark: for example, what would resolve the claim.
+        rule: rule that judged it.
+        command: command that repeats the measurement.
+        version: version of this library.
+        date: date of the measurement.
     """
 
     claim: Claim
@@ -142,12 +142,12 @@ class Judged(NamedTuple):
 
 
 def claims_of(paper: str) -> dict[str, Claim]:
-    """Key -> claim of a paper, in the order in which they are shown."""
+    """Key -> claim of a paper, in display order."""
     return {row["key"]: _read(row) for row in read_rows(paper, "claims.csv")}
 
 
 def read_rows(paper: str, name: str) -> Iterator[dict[str, str]]:
-    """Rows of a CSV file in a paper's folder; none without the file."""
+    """Read a CSV file in a paper's folder; yields nothing if it does not exist."""
     path = Path(__file__).parents[1] / paper / name
     if path.exists():
         with path.open(newline="", encoding="utf-8") as file:
@@ -166,7 +166,7 @@ def _read(row: Mapping[str, str]) -> Claim:
 
 
 def judge(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> Judged:
-    """Judge a claim by what was measured; see the module's docstring."""
+    """Judge a claim by measured figures; see the module's docstring."""
     count = min((each.units for each in figures), default=0)
     verdict = _verdict(claim, figures, level)
     if verdict == CONTRADICTED and claim.group == "once":
@@ -183,7 +183,7 @@ def judge(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> Jud
 
 
 def judge_all(paper: str, measured: Mapping[str, Sequence[Quantity]]) -> list[Judged]:
-    """Judge those claims of a paper for which figures were measured."""
+    """Judge all claims of a paper for which figures were measured."""
     return [
         judge(claim, measured[key]) for key, claim in claims_of(paper).items() if measured.get(key)
     ]
@@ -201,7 +201,7 @@ def _verdict(claim: Claim, figures: Sequence[Quantity], level: float) -> str:
 
 
 def _clearly(holds: Callable[..., bool], claim: Claim, figure: Quantity, level: float) -> bool:
-    """Whether it holds of the whole interval; scenes that all agree are not certainty."""
+    """Whether ``holds`` is true of the interval; scenes that all agree do not give certainty."""
     low, high = figure.at(level)
     return (figure.units == 0 or has_width(low, high)) and holds(claim, low, high)
 
@@ -215,7 +215,7 @@ def _is_beyond(claim: Claim, low: float, high: float) -> bool:
 
 
 def _is_near(claim: Claim, low: float, high: float) -> bool:
-    """Whether an interval lies in the range, or within the margin about one end of it."""
+    """Whether an interval lies in the range, or within the margin around one of its ends."""
     ends = (end for end in (claim.at_least, claim.at_most) if math.isfinite(end))
     return _is_inside(claim, low, high) or any(
         end - claim.margin < low and high < end + claim.margin for end in ends
@@ -223,7 +223,7 @@ def _is_near(claim: Claim, low: float, high: float) -> bool:
 
 
 def _remark(claim: Claim, figures: Sequence[Quantity], level: float, count: int) -> str:
-    """What may be said of an open claim."""
+    """A remark on an open claim."""
     if figures and all(_clearly(_is_near, claim, each, level) for each in figures):
         return f"equal within our margin of {claim.margin:g}"
     times = growth(claim, figures, level)
@@ -235,10 +235,10 @@ def _remark(claim: Claim, figures: Sequence[Quantity], level: float, count: int)
 
 
 def growth(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> float:
-    """How many times as many scenes would resolve a claim, if figures stay where they are.
+    """Factor on the number of scenes that would resolve a claim, if figures stay the same.
 
-    Intervals shrink with the root of the number of scenes.  NaN without intervals; infinite where
-    a figure lies at an end of the range, or outside of it within the margin.
+    Intervals shrink with the square root of the number of scenes.  NaN without intervals; infinite
+    if a figure lies at an end of the range, or outside it within the margin.
     """
     corrected = 1 - (1 - level) / len(figures)
     inside, beyond = [], []
@@ -255,7 +255,7 @@ def growth(claim: Claim, figures: Sequence[Quantity], level: float = 0.95) -> fl
 
 
 def _square(reach: float, distance: float) -> float:
-    """How many times as many scenes bring a reach down to a distance; never, if that is not > 0."""
+    """Factor on scenes that shrinks ``reach`` to ``distance``; infinite unless ``distance`` > 0."""
     return (reach / distance) ** 2 if distance > 0 else math.inf
 
 
@@ -268,7 +268,7 @@ def _shown(figure: Quantity, digits: int, level: float) -> str:
 
 
 def _hull(figures: Sequence[Quantity], digits: int, level: float) -> str:
-    """All figures in short."""
+    """All figures, abbreviated."""
     values, lows, highs = zip(*(each.measured(level) for each in figures), strict=True)
     if not any(each.units for each in figures):
         return _span(values, digits)
@@ -278,7 +278,7 @@ def _hull(figures: Sequence[Quantity], digits: int, level: float) -> str:
 def hull(
     values: Sequence[float], lows: Sequence[float], highs: Sequence[float], digits: int
 ) -> str:
-    """``least to largest [lowest end, highest end]``."""
+    """``smallest to largest [lowest end, highest end]``."""
     return f"{_span(values, digits)} [{min(lows):.{digits}f}, {max(highs):.{digits}f}]"
 
 

@@ -1,4 +1,4 @@
-"""The result of repeating a paper: published figures beside ours, claims with verdicts, plots.
+"""The result of repeating a paper: published and measured figures, judged claims, plots.
 
 A ``Comparison`` is written as Markdown, CSV, JSON and PNG.
 """
@@ -20,10 +20,10 @@ from jaxpf.papers.judging.claims import GROUPS, RULE, Judged, Measured
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """A published figure and ours; either may be missing.
+    """A published and a measured figure; either may be missing.
 
     Attributes:
-        published: the paper's figure, or None where it has none.
+        published: the paper's figure, or None.
         measured: ours with its 95 % interval, or None.
         digits: decimal places to show.
     """
@@ -33,7 +33,7 @@ class Cell:
     digits: int = 0
 
     def text(self) -> str:
-        """``published | measured [low, high]``, with a dash for what is missing."""
+        """``published | measured [low, high]``, with a dash for a missing value."""
         left = "–" if self.published is None else f"{self.published:.{self.digits}f}"
         if self.measured is None or math.isnan(self.measured.value):
             return f"{left} | –"
@@ -42,20 +42,20 @@ class Cell:
         return f"{left} | {value}{interval}"
 
 
-#: A label and a cell, or a text, per column.
+#: Label and one cell or text per column.
 Rows = list[tuple[str, Sequence[Cell | str]]]
 
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """One table; every row has a label, and a cell or a text per column.
+    """A table; every row has a label, and a cell or a text per column.
 
     Attributes:
         name: stem of its CSV file.
-        title: one line above it, with the units.
-        columns: header, the label's column first.
+        title: one line above the table, with units.
+        columns: header, starting with the label's column.
         rows: ``(label, cells)``.
-        note: what a reader must know; may be empty.
+        note: remark for the reader; may be empty.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Table:
     note: str = ""
 
     def texts(self) -> list[list[str]]:
-        """Rows of text, to print."""
+        """Rows of text for printing."""
         return [
             [label, *(cell if isinstance(cell, str) else cell.text() for cell in cells)]
             for label, cells in self.rows
@@ -74,16 +74,16 @@ class Table:
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """A paper's figures beside ours.
+    """Published and measured figures of a paper.
 
     Attributes:
         paper: key of the paper, such as "smith2004".
         title: one line.
-        tables: in the order in which they are shown.
+        tables: in display order.
         claims: with their verdicts.
-        figures: stem of the file -> matplotlib figure.
-        notes: sentences on what was done, and its limits.
-        settings: all that is needed to repeat the run; JSON values.
+        figures: file-name stem -> matplotlib figure.
+        notes: sentences on the method and its limits.
+        settings: everything needed to repeat the run; JSON values.
     """
 
     paper: str
@@ -100,7 +100,7 @@ VERDICT_FIELDS = ("key", *Judged._fields[1:])
 
 
 def markdown(comparison: Comparison) -> str:
-    """The whole comparison as one Markdown text; figures are linked by their file names."""
+    """The whole comparison as one Markdown text; figures are linked by file name."""
     lines = [f"# {comparison.title}", ""]
     if comparison.tables:
         lines += ["Cells read: published | measured [95 % interval].", ""]
@@ -118,7 +118,7 @@ def markdown(comparison: Comparison) -> str:
 
 
 def claims_markdown(claims: Sequence[Judged], level: int = 3) -> list[str]:
-    """A table of the claims of every group under a heading of a level, as lines of Markdown."""
+    """A table of claims for every group, under a heading of the given level, as Markdown lines."""
     lines = []
     for group, title in GROUPS.items():
         rows = [
@@ -133,7 +133,7 @@ def claims_markdown(claims: Sequence[Judged], level: int = 3) -> list[str]:
 
 
 def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """A table as lines of Markdown."""
+    """A table as Markdown lines."""
 
     def line(cells: Sequence[str]) -> str:
         return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
@@ -145,9 +145,9 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
     """Write ``PAPER.md``, ``PAPER.json``, ``verdicts.csv``, a CSV per table and the figures.
 
     Args:
-        comparison: what is written.
-        folder: where to; it exists.
-        command: repeats the measurement; ``verdicts.csv`` has it, with version and date.
+        comparison: what to write.
+        folder: existing output folder.
+        command: repeats the measurement; stored in ``verdicts.csv`` with version and date.
 
     Returns:
         The names of the files, in the order written.
@@ -186,7 +186,7 @@ def _verdict_rows(comparison: Comparison, command: str) -> list[list[str]]:
 
 
 def table_csv(table: Table) -> str:
-    """Long form: a line per cell, with its published and measured figures in columns."""
+    """Long format: one line per cell, with columns for the published and the measured figure."""
     header = ("row", "column", "published", "measured", "low", "high", "text")
     lines: list[Sequence[Any]] = [header]
     for label, cells in table.rows:
@@ -201,7 +201,7 @@ def table_csv(table: Table) -> str:
 
 
 def as_json(comparison: Comparison) -> dict[str, Any]:
-    """Everything but the figures, as JSON values; NaN becomes null."""
+    """Everything except the figures, as JSON values; NaN becomes null."""
     content = {
         "paper": comparison.paper,
         "title": comparison.title,

@@ -1,6 +1,6 @@
-"""Figures with their intervals from what scenes gave: means, rates, ratios and differences.
+"""Estimates with intervals over scenes: means, rates, ratios and differences.
 
-Scenes are the units of all intervals; on one clip alone its runs are (``trials [1, R]``).
+Intervals are over scenes; with a single clip they are over its runs (``trials [1, R]``).
 """
 
 import math
@@ -18,7 +18,7 @@ def mean_of(
     what: str = "",
     bounds: tuple[float, float] | None = None,
 ) -> Quantity:
-    """The mean of the scenes' figures ``[S]``; NaN is left out.  See ``scene_interval``."""
+    """The mean of the scenes' values ``[S]``, ignoring NaN.  See ``scene_interval``."""
     values = np.asarray(values, float)
     values = values[np.isfinite(values)]
 
@@ -33,8 +33,8 @@ def mean_of(
 def ratio_of(first: Any, second: Any, what: str = "") -> Quantity:
     """The geometric mean of the scenes' ratios ``[S]``, first over second.
 
-    Their plain mean is above 1 whichever figure is divided by the other.  Scenes in which one is
-    not finite or not above 0 are left out.
+    The arithmetic mean can exceed 1 in either direction of the division.  Scenes with a value that
+    is not finite or not positive are excluded.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         logarithms = mean_of(np.log(np.asarray(first, float) / np.asarray(second, float)))
@@ -47,17 +47,17 @@ def ratio_of(first: Any, second: Any, what: str = "") -> Quantity:
 
 
 def rate_of(rates: Any, what: str = "") -> Quantity:
-    """The mean of the scenes' rates ``[S]``, 0 to 1, in per cent."""
+    """The mean of the scenes' rates ``[S]``, given in 0 to 1, in per cent."""
     return mean_of(100 * np.asarray(rates, float), what, (0.0, 100.0))
 
 
 def share_of(trials: Any, what: str = "") -> Quantity:
-    """The percentage of trials ``[S, trials]`` bool that succeeded."""
+    """The percentage of successful trials ``[S, trials]`` bool."""
     return rate_of(_by_unit(trials), what)
 
 
 def gap_of(first: Any, second: Any, what: str = "", chosen_among: int = 1) -> Quantity:
-    """The difference of two percentages of trials ``[S, trials]`` on the same scenes, in points."""
+    """Difference of two success percentages, ``[S, trials]`` on the same scenes, in points."""
     rates = _by_unit(first), _by_unit(second)
 
     def interval(level: float) -> tuple[float, float]:
@@ -69,26 +69,26 @@ def gap_of(first: Any, second: Any, what: str = "", chosen_among: int = 1) -> Qu
 
 
 def _by_unit(trials: Any) -> np.ndarray:
-    """The scenes' rates ``[S]``; of a single scene, its runs."""
+    """The scenes' rates ``[S]``; for a single scene, the results of its runs."""
     trials = np.asarray(trials, float)
     return trials[0] if len(trials) == 1 else trials.mean(axis=1)
 
 
 def mean_cell(values: Any, digits: int = 0, published: float | None = None) -> Cell:
-    """The mean of the scenes' figures ``[S]`` beside the published one."""
+    """The mean of the scenes' values ``[S]``, with the published value."""
     return Cell(published, mean_of(values).measured(), digits)
 
 
 def rate_cell(rates: Any, published: float | None = None) -> Cell:
-    """A percentage from the scenes' rates ``[S]``, 0 to 1, beside the published one."""
+    """A percentage from the scenes' rates ``[S]``, in 0 to 1, with the published value."""
     return Cell(published, rate_of(rates).measured())
 
 
 def share_cell(trials: Any, published: float | None = None) -> Cell:
-    """The percentage of trials ``[S, trials]`` bool beside the published one."""
+    """The percentage of successful trials ``[S, trials]`` bool, with the published value."""
     return Cell(published, share_of(trials).measured())
 
 
 def only(value: float) -> Measured:
-    """A figure without an interval."""
+    """A value without an interval."""
     return Measured(float(value), math.nan, math.nan)

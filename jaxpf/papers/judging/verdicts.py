@@ -1,7 +1,7 @@
-"""The stored verdicts on the papers' claims, and how verdicts are printed.
+"""The stored verdicts on the papers' claims, and their printed form.
 
-Each paper's folder holds ``verdicts.csv``, which ``jaxpf reproduce`` writes, beside ``claims.csv``,
-and ``not_judged.csv``: what else the paper claims, and why it has no verdict.
+Each paper's folder holds ``claims.csv``, ``verdicts.csv``, which ``jaxpf reproduce`` writes, and
+``not_judged.csv``: the paper's other claims, and why they have no verdict.
 """
 
 import textwrap
@@ -18,7 +18,7 @@ from jaxpf.papers.judging.claims import (
 )
 
 COLUMNS = ("claim", "published", "ours", "verdict")
-#: Characters of each column; with a space between them at most 100 in all.
+#: Width of each column in characters; at most 100 in total, including spaces between columns.
 _WIDTHS = (44, 16, 25, 12)
 
 
@@ -37,12 +37,12 @@ def not_judged(paper: str) -> list[dict[str, str]]:
 
 
 def of_group(judged: Iterable[Judged], group: str) -> list[Judged]:
-    """The claims of one of ``GROUPS``."""
+    """The claims of one group of ``GROUPS``."""
     return [each for each in judged if each.claim.group == group]
 
 
 def summary(paper: str, judged: Sequence[Judged]) -> str:
-    """How many of the paper's own claims hold: "smith2004: 10 of 13 hold, 1 does not, 2 open"."""
+    """Count the paper's own claims that hold: "smith2004: 10 of 13 hold, 1 does not, 2 open"."""
     own = [each.verdict for each in of_group(judged, "paper")]
     hold, not_, open_ = (own.count(verdict) for verdict in (SUPPORTED, CONTRADICTED, OPEN))
     negation = "does" if not_ == 1 else "do"
@@ -50,7 +50,7 @@ def summary(paper: str, judged: Sequence[Judged]) -> str:
 
 
 def origin(judged: Sequence[Judged]) -> str:
-    """What most of the paper's own claims rest on: scenes, level, date and rule."""
+    """The basis of most of the paper's own claims: scenes, level, date and rule."""
     texts = [
         ", ".join(filter(None, (each.units, f"{each.level} % intervals", each.date, each.rule)))
         for each in of_group(judged, "paper")
@@ -65,8 +65,8 @@ def lines(judged: Sequence[Judged], details: bool = False) -> Iterator[str]:
     """The claims as lines of at most 100 characters.
 
     Args:
-        judged: with their verdicts.
-        details: under each line the whole sentence, its source and all figures.
+        judged: claims with their verdicts.
+        details: add the full sentence, its source and all figures under each line.
     """
     for each in judged:
         cells = each.claim.claim, each.claim.published, each.ours, each.verdict
@@ -81,7 +81,7 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def detail(judged: Judged) -> str:
-    """The sentence behind a line: the claim, its source, every figure, and what to beware of."""
+    """The full text behind a line: claim, source, every figure, and caveats."""
     claim, units = judged.claim, judged.units
     if units != "computed":
         units += f", {judged.level} %"
@@ -91,7 +91,7 @@ def detail(judged: Judged) -> str:
 
 
 def report(paper: str, judged: Sequence[Judged], details: bool = False) -> Iterator[str]:
-    """All lines on a paper: its own claims; with ``details`` all others and those not judged."""
+    """All lines about a paper: its own claims; with ``details`` all others, judged or not."""
     yield summary(paper, judged)
     if not judged:
         return

@@ -44,7 +44,7 @@ NOTES = (
 
 
 def _clips(data: Path) -> list[Path]:
-    """Folders of the filmed worms; the longer contact is read where it is there."""
+    """Folders of the filmed worms; the longer contact is optional."""
     first = clip_folder(data, scenes.CLIP, needed="centrelines.csv")
     other = first.parent / scenes.OTHER_CLIP
     return [first, other] if (other / "centrelines.csv").is_file() else [first]

@@ -27,7 +27,7 @@ Quantities = dict[str, Quantity]
 
 
 def quantities(measured: Measurement) -> dict[str, list[Quantity]]:
-    """Key of a claim -> its figures; those of methods that were not run are left out."""
+    """Key of a claim -> its figures; methods that were not run are omitted."""
     figures = {"line": of_line(), "toy": of_toy(measured.toy)}
     for meeting in measured.meetings:
         figures |= of_meeting(meeting)
@@ -37,7 +37,7 @@ def quantities(measured: Measurement) -> dict[str, list[Quantity]]:
 
 
 def of_line() -> Quantity:
-    """Figure 3, which has no chance in it: the peaks on the diagonal over those beside it."""
+    """Figure 3, which is deterministic: ratio of the peaks on the diagonal to those beside it."""
     together, apart = one_line.peaks()
     return computed(float(together.max() / apart.min()))
 
@@ -49,7 +49,7 @@ def of_toy(steps: Mapping[str, Sequence[toy.Step]]) -> Quantity:
 
 
 def of_meeting(meeting: Passing) -> Quantities:
-    """Figure 4: exclusion keeps the targets apart, and its absence does not."""
+    """Figure 4: exclusion keeps the targets apart; without it they coalesce."""
     name = meeting.name
     figures = {
         f"{name}_kept": share_of(meeting.kept(EXCLUSIVE)),
@@ -80,7 +80,7 @@ def of_leaves(passing: Passing) -> Quantities:
 
 
 def of_figure_11(passing: Passing) -> Quantity:
-    """The ratio of effective sample sizes, mean over the first frames."""
+    """Ratio of effective sample sizes, averaged over the first frames."""
     return ratio_of(passing.ess(PARTITIONED), passing.ess(AS_MANY))
 
 
@@ -100,6 +100,6 @@ def of_walkers(passing: Passing) -> Quantities:
 
 
 def _gap(first: np.ndarray, second: np.ndarray) -> Quantity:
-    """Points by which the first rate is above the second, on the sequences that both have."""
+    """First rate minus second rate in points, on the sequences that both have."""
     number = min(len(first), len(second))
     return gap_of(first[:number], second[:number])

@@ -16,7 +16,7 @@ from jaxpf.papers.maccormick1999.tracking import REDRAWN
 
 
 def figures(measured: Measurement) -> dict[str, Any]:
-    """All figures by the stem of their files."""
+    """File-name stem -> figure."""
     return {
         "figure_3": line_figure(),
         "figures_9_10": toy_figure(measured.toy),
@@ -29,7 +29,7 @@ def figures(measured: Measurement) -> dict[str, Any]:
 
 
 def line_figure() -> Any:
-    """One target above, two below, as the paper draws them."""
+    """Figure 3 as drawn in the paper: one target above, two below."""
     grid = np.linspace(-80, 80, 161)
     drawing, axes = plotting.new_figure(1, 2, figsize=(11, 4.6))
     one, two = axes[0]
@@ -46,7 +46,7 @@ def line_figure() -> Any:
 
 
 def toy_figure(steps: Mapping[str, Sequence[toy.Step]]) -> Any:
-    """All steps of both figures, of one run, y in black and grey."""
+    """All steps of both figures for one run, with y in black and grey."""
     drawing, axes = plotting.new_figure(2, 4, figsize=(16, 8.4))
     for row, (method, shown) in zip(axes, steps.items(), strict=True):
         for axis, step in zip(row, shown, strict=True):
@@ -70,7 +70,7 @@ def toy_figure(steps: Mapping[str, Sequence[toy.Step]]) -> Any:
 
 
 def ess_figure(leaves: Passing) -> Any:
-    """Effective sample size over the frames, mean and 95 % interval over sequences."""
+    """Effective sample size over the frames: mean and 95 % interval over sequences."""
     drawing, axes = plotting.new_figure(1, 1, figsize=(8, 4.6))
     (axis,) = axes[0]
     for name, colour in zip((PARTITIONED, AS_MANY), plotting.colours(2), strict=True):
@@ -86,7 +86,7 @@ def ess_figure(leaves: Passing) -> Any:
 
 
 def success_figure(leaves: Passing) -> Any:
-    """Share of the sequences on which both are kept, over N, with 95 % intervals."""
+    """Share of sequences on which both targets are kept, over N, with 95 % intervals."""
     drawing, axes = plotting.new_figure(1, 1, figsize=(8, 4.6))
     (axis,) = axes[0]
     ways = ("ps", "PS"), ("sir", "SIR, ordinary Condensation")
@@ -120,16 +120,16 @@ def _sequences(passing: Passing, method: str) -> str:
 
 
 def meeting_figure(meeting: Passing, num_runs: int = 5) -> Any:
-    """Three frames of the first case with the contours of several runs, by each likelihood."""
+    """Three frames of the first case with the contours of several runs, for each likelihood."""
     times = [round(time) for time in np.linspace(0, len(meeting.cases[0].frames) - 1, 3)]
     title = f"Figure 4 repeated on {meeting.name}: {num_runs} runs, A and B by colour"
     return _frames_figure(meeting, times, title, 3.2 * len(meeting.methods), num_runs)
 
 
 def passing_figure(passing: Passing, methods: Sequence[str] = (), num_runs: int = 5) -> Any:
-    """The first sequence before, in and after the occlusion, with contours of several runs.
+    """The first sequence before, during and after the occlusion, with contours of several runs.
 
-    Of all methods, or of those that are named and were measured.
+    Shows all methods, or the named ones that were measured.
     """
     case = passing.cases[0]
     times = 0, int(case.hidden.argmax()), len(case.frames) - 1
@@ -156,7 +156,7 @@ def _frames_figure(
 
 
 def draw_contours(axis: Any, frame: np.ndarray, outlines: np.ndarray, closed: bool) -> None:
-    """A frame with contours ``[R, 2, M, 2]`` of several runs."""
+    """Draw contours ``[R, 2, M, 2]`` of several runs on a frame."""
     axis.imshow(frame, extent=(0, frame.shape[1], frame.shape[0], 0))
     for pair in outlines:
         for outline, colour in zip(pair, plotting.colours(2), strict=True):

@@ -1,4 +1,4 @@
-"""Everything that is measured for the paper."""
+"""All measurements for the paper."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
@@ -15,14 +15,15 @@ _QUICK_WALKERS = passing.OCCLUSION, passing.INDEPENDENT
 
 
 class Measurement(NamedTuple):
-    """Everything that was measured.
+    """All measurements.
 
     Attributes:
         toy: method -> steps of one frame.
-        meetings: of drawn wires, and of filmed worms if there are any, with exclusion and without.
-        leaves: that pass each other.
-        walkers: likewise.
-        figure_11: leaves again, before they overlap, with the paper's lines, which count in full.
+        meetings: drawn wires, and filmed worms if available, with and without exclusion.
+        leaves: leaves that pass each other.
+        walkers: walkers that pass each other.
+        figure_11: leaves before they overlap, with all measurement lines independent as in the
+            paper.
     """
 
     toy: Mapping[str, Sequence[Step]]
@@ -33,7 +34,7 @@ class Measurement(NamedTuple):
 
 
 def measure(request: Request) -> Measurement:
-    """Measure all of it."""
+    """Run all measurements."""
     seeds, seed, report = request.seeds, request.seed, request.report
 
     def passed(

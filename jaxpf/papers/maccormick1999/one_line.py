@@ -1,4 +1,4 @@
-"""Figure 3: the likelihoods of one and of two targets on one measurement line."""
+"""Figure 3: the one-target and two-target likelihoods on one measurement line."""
 
 from typing import Any
 
@@ -24,7 +24,7 @@ def likelihood(boundaries: Any) -> np.ndarray:
 
 
 def peaks() -> tuple[np.ndarray, np.ndarray]:
-    """The two-target likelihood at one feature twice, ``[4]``, and at pairs of them, ``[6]``."""
+    """Two-target likelihood with both at one feature, ``[4]``, and at pairs of them, ``[6]``."""
     first, second = np.triu_indices(len(FEATURES), 1)
     places = np.array(FEATURES)
     together = likelihood(np.stack([places, places]))
@@ -37,7 +37,8 @@ def _likelihood(boundaries: jax.Array) -> jax.Array:
     places = jnp.broadcast_to(jnp.array(FEATURES).reshape(-1, *[1] * len(shape)), (count, *shape))
     features = Features(places, jnp.ones(places.shape, bool))
     weights = line_weights(
-        # A longer law than there are features: a full line may have shown more.
+        # The distribution extends past the number of features, because a full line may have had
+        # more.
         poisson_clutter(_CLUTTER, 3 * count),
         detection_probabilities(len(boundaries)),
         _LENGTH,

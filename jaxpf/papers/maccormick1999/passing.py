@@ -1,4 +1,4 @@
-"""Targets that meet or pass each other, tracked by several methods: figures 1, 4, 6, 7, 11, 12."""
+"""Targets that meet or pass, tracked by several methods: figures 1, 4, 6, 7, 11, 12."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
@@ -11,9 +11,9 @@ from jaxpf.papers.maccormick1999.scenes import Case
 from jaxpf.papers.maccormick1999.tracking import REDRAWN, Outcome, track, tracker_of
 from jaxpf.papers.measuring.checkpoints import Measure, each
 
-#: Labels are judged where a larger share of the farther target is hidden.
+#: Labels are judged where more than this share of the farther target is hidden.
 MUCH_HIDDEN = 0.2
-#: Frames just before an occlusion, and some frames after it, in which spreads are compared.
+#: Number of frames just before an occlusion, and frames after it, for comparing spreads.
 _BEFORE, _AFTER = 5, slice(5, 10)
 
 
@@ -21,10 +21,10 @@ class Method(NamedTuple):
     """A filter to compare.
 
     Attributes:
-        exclusion: of its likelihood.
-        ordering: ``"ps"``, or ``"sir"``: ordinary Condensation.
+        exclusion: exclusion of its likelihood.
+        ordering: ``"ps"``, or ``"sir"`` for ordinary Condensation.
         num_particles: N.
-        one_in: it tracks the first 1 / one_in of the sequences; slow filters track fewer.
+        one_in: tracks only the first 1 / one_in of the sequences, since slow filters take long.
         flip: see ``tracker_of``.
     """
 
@@ -37,9 +37,9 @@ class Method(NamedTuple):
 
 EXCLUSIVE, NAIVE = "P, exclusion", "P', none"
 LIKELIHOODS = {EXCLUSIVE: "wires", NAIVE: "none"}
-#: The paper's section 3 has ordinary Condensation.
+#: Suffix for ordinary Condensation, as in the paper's section 3.
 CONDENSATION = ", Condensation"
-#: The paper's probability that labels change.
+#: Suffix for the paper's probability that labels change.
 PUBLISHED_FLIP = f", delta {published.DELTA:g}".replace("0.", ".")
 PARTITIONED, AS_MANY = f"PS, {published.LEAF_PARTICLES}", f"SIR, {published.LEAF_PARTICLES}"
 FAILING, ENOUGH = (
@@ -73,7 +73,7 @@ WALKERS = {
 
 
 def likelihoods(num_particles: int, condensation: bool = False) -> dict[str, Method]:
-    """With exclusion and without, by partitioned sampling, and by Condensation if asked for."""
+    """Partitioned sampling with and without exclusion, and optionally Condensation."""
     methods = {name: Method(kind, "ps", num_particles) for name, kind in LIKELIHOODS.items()}
     if condensation:
         for name, kind in LIKELIHOODS.items():
@@ -85,9 +85,9 @@ class Passing(NamedTuple):
     """Targets that met or passed each other.
 
     Attributes:
-        cases: one or several sequences; of opaque targets only the first keeps its frames.
-        outcomes: method -> an outcome for each case, or for the first ones.
-        methods: those of the outcomes.
+        cases: one or more sequences; with opaque targets only the first keeps its frames.
+        outcomes: method -> one outcome per case, or for the first cases only.
+        methods: the methods of the outcomes.
     """
 
     cases: Sequence[Case]
@@ -96,7 +96,7 @@ class Passing(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Of the sequences."""
+        """Name of the sequences."""
         return self.cases[0].name
 
     def kept(self, method: str) -> np.ndarray:
@@ -104,7 +104,7 @@ class Passing(NamedTuple):
         return np.array([outcome.kept for outcome in self.outcomes[method]])
 
     def coalesced(self, method: str) -> np.ndarray:
-        """``[cases, runs]`` bool: both end on one."""
+        """``[cases, runs]`` bool: both contours end on one target."""
         return np.array([outcome.coalesced for outcome in self.outcomes[method]])
 
     def swapped(self, method: str) -> np.ndarray:
@@ -112,7 +112,7 @@ class Passing(NamedTuple):
         return np.array([outcome.swapped for outcome in self.outcomes[method]])
 
     def labels_right(self, method: str) -> np.ndarray:
-        """``[cases]``: share of the frames with much overlap in which the label is likely right."""
+        """``[cases]``: share of frames with strong overlap whose more likely label is right."""
         shares = []
         for case, outcome in self._of(method):
             of_front = outcome.in_front if case.farther == 1 else 1 - outcome.in_front
@@ -121,26 +121,26 @@ class Passing(NamedTuple):
         return np.array(shares)
 
     def ess(self, method: str) -> np.ndarray:
-        """``[cases]``, mean over the runs and the first frames."""
+        """``[cases]``, mean over runs and over the first frames."""
         return self.ess_by_frame(method)[:, : published.FIRST_FRAMES].mean(axis=1)
 
     def ess_by_frame(self, method: str) -> np.ndarray:
-        """``[cases, T]``, mean over the runs."""
+        """``[cases, T]``, mean over runs."""
         return np.array([outcome.ess.mean(axis=0) for outcome in self.outcomes[method]])
 
     def widening(self, method: str) -> np.ndarray:
-        """``[cases]``: spread of the farther contour where most is hidden over that just before.
+        """``[cases]``: the farther contour's spread at the height of the occlusion over before.
 
-        Of the runs that keep both: where a target is lost, the spread is not that of waiting for
-        it.  NaN where none does.
+        Only runs that keep both targets count: the spread of a lost target means something else.
+        NaN if no run keeps both.
         """
         before, hidden, _ = self._spreads(method)
         return hidden / before
 
     def narrowing(self, method: str) -> np.ndarray:
-        """``[cases]``: its spread some frames after the occlusion over that where most is hidden.
+        """``[cases]``: its spread some frames after the occlusion over that at the height.
 
-        Of the runs that keep both, likewise.
+        Only runs that keep both targets count; see ``widening``.
         """
         _, hidden, after = self._spreads(method)
         return after / hidden
@@ -172,7 +172,7 @@ def measure(
     runs: int,
     report: Callable[[str], None],
 ) -> Passing:
-    """Track cases ``runs`` times by each method; their runs follow their seeds."""
+    """Track cases ``runs`` times by each method; a case's seed determines its runs."""
     kept: list[Case] = []
     # At least two, for an interval.
     least = min(len(seeds), 2)
@@ -182,7 +182,7 @@ def measure(
 
     def parts() -> Iterator[tuple[str, Measure]]:
         for case, seed, names in zip(cases, seeds, tracked, strict=True):
-            # Figures show the first; many sequences of opaque targets would fill the memory.
+            # Figures show the first case; many sequences of opaque targets would fill the memory.
             is_shown = not kept or case.hidden is None
             kept.append(case if is_shown else case._replace(frames=case.frames[:0]))
             for method in map(methods.__getitem__, names):

@@ -1,17 +1,17 @@
-"""What maccormick1999 fixes: MacCormick and Blake, ICCV 1999.
+"""Settings given in maccormick1999: MacCormick and Blake, ICCV 1999.
 
-The paper prints no figures but pictures and curves.  Detection probabilities stand with the
+The paper prints images and curves but no numbers.  Detection probabilities are defined with the
 likelihood (``jaxpf.likelihoods``), dimensions of the shape spaces with the scenes.
 """
 
-#: N with partitioned sampling in figures 7 and 12, and unpartitioned, where tracking fails and
-#: where it succeeds.
+#: N in figures 7 and 12: with partitioned sampling, and without it, where tracking fails and where
+#: it succeeds.
 LEAF_PARTICLES, LEAF_PARTICLES_FAILING, LEAF_PARTICLES_ENOUGH = 750, 3000, 4000
-#: Probability per frame that the order in depth changes where targets do not overlap.
+#: Probability per frame that the depth order changes while targets do not overlap.
 DELTA = 0.01
-#: N of figure 6, and ours of figure 1.
+#: N of figure 6, and our N for figure 1.
 WALKER_PARTICLES = 2000
-#: Frames over which figure 11 averages.
+#: Number of frames over which figure 11 averages.
 FIRST_FRAMES = 10
-#: Places of four features on the line of figure 3, read off it roughly, pixels from its middle.
+#: Positions of four features in figure 3, read off approximately, pixels from the line's middle.
 FEATURES = (-50.0, -15.0, 20.0, 55.0)

@@ -1,8 +1,7 @@
-"""What is tracked: wires, leaves and walkers that are drawn, and filmed worms.
+"""Scenes to track: drawn wires, leaves and walkers, and filmed worms.
 
-Every case learns its shape space and its dynamics from other seeds, or from the frames before
-tracking begins, and its clutter from the frames themselves, as the paper learns from "typical
-images".
+Every case learns its shape space and dynamics from other seeds, or from the frames before tracking
+begins, and its clutter from the frames themselves, as the paper learns from "typical images".
 """
 
 import functools
@@ -23,45 +22,45 @@ from jaxpf.shapes.bending import bending_space
 from jaxpf.shapes.spaces import key_frame_space, space_of
 from jaxpf.shapes.splines import fit_spline, points_on, resampled
 
-#: Filmed worms: one pair on which the settings below were chosen, and one on which nothing was.
+#: Filmed worms: the pair on which the settings below were chosen, and an unused one.
 CLIP, OTHER_CLIP = "worm_crossing", "worm_crossing_long"
-#: Frames of the clip from which shapes and motion are learned; tracking starts in the last one.
+#: Number of frames from which shapes and motion are learned; tracking starts in the last one.
 LEARNED_FRAMES = 41
-#: Frames of the clip that are tracked: the worms meet, cross and are clear of each other again.
+#: Number of tracked frames: the worms meet, cross and separate again.
 TRACKED_FRAMES = 70
-#: ``settings.csv`` says how the following were chosen.  Independent lines that each line across a
-#: wire or leaf counts as, of 32, and each of 16 across a worm.
+#: See ``settings.csv`` for how the following were chosen.  Number of independent lines per
+#: measurement line: for 32 lines across a wire or leaf, and for 16 across a worm.
 _INDEPENDENCE, _INDEPENDENCE_OF_WORMS = 0.3, 0.2
-#: Exclusion of the likelihood -> factor on the noise with which other sequences' motion fits the
-#: truth.  Wires and leaves start without a known speed, which takes more noise to find.
+#: Exclusion of the likelihood -> factor on the noise learned from other sequences.  Wires and
+#: leaves start without a known speed, and finding it takes more noise.
 NOISE_OF_WIRES: Mapping[str, float] = {"wires": 4.0, "none": 3.0}
 NOISE_OF_LEAVES: Mapping[str, float] = {"opaque": 3.0}
 NOISE_OF_WORMS: Mapping[str, float] = {"wires": 3.0, "none": 4.0}
 #: Noise of a walker's shape per frame, in standard deviations of the examples.
 _SHAPE_NOISE = 0.2
-#: Share of its motion and of its bending that a worm keeps from frame to frame, and the number of
-#: frames over which its jittering marks are smoothed before the rest is learned as noise.
+#: Share of motion and bending that a worm keeps from frame to frame, and the number of frames over
+#: which its jittering annotations are smoothed before the residual is learned as noise.
 _MOMENTUM_OF_WORMS, _SMOOTHED_OVER = 0.9, 9
-#: Points at which outlines are compared.
+#: Number of points at which outlines are compared.
 _POINTS = 32
 _SEED_TO_LEARN_FROM = 10_000
 
 
 class Case(NamedTuple):
-    """A sequence with two targets, and the model by which it is tracked.
+    """A sequence with two targets, and the model that tracks it.
 
     Attributes:
-        name: for tables.
-        frames: uint8 RGB ``[T, H, W, 3]``, after the one in which tracking starts.
+        name: name in tables.
+        frames: uint8 RGB ``[T, H, W, 3]``, after the start frame.
         truth: ``[T, 2, S, 2]``, outlines in pixels.
         start: ``[2, D]``, substates just before the first frame.
-        space: of the substates.
-        dynamics: how they move.
-        options: of ``jaxpf.likelihoods.contours``, exclusion apart.
-        on_target: largest mean distance in pixels at which a contour is on its target.
-        hidden: ``[T]``, share of the farther of two opaque targets that is hidden.
-        farther: which of the two that is.
-        noise: exclusion -> how many times the noise of the dynamics is taken, where not once.
+        space: shape space of the substates.
+        dynamics: dynamics of the substates.
+        options: options of ``jaxpf.likelihoods.contours``, except exclusion.
+        on_target: maximum mean distance in pixels at which a contour counts as on its target.
+        hidden: ``[T]``, hidden share of the farther of two opaque targets.
+        farther: index of the farther target.
+        noise: exclusion -> factor on the noise of the dynamics; default 1.
     """
 
     name: str
@@ -78,7 +77,7 @@ class Case(NamedTuple):
 
 
 def wires(seed: int, num_frames: int = 60) -> Case:
-    """Two wires that come together and part, in Euclidean similarities of their start."""
+    """Two wires that come together and separate, in Euclidean similarities of their start."""
     scene = load_scene("wires", seed, parameters={"num_frames": num_frames})
     detector = EdgeDetector(threshold=10.0, length=41, smoothing=1.0)
     options = {"detector": detector, "width": 4.0, "sigma": 2.0, "independence": _INDEPENDENCE}
@@ -89,9 +88,9 @@ def wires(seed: int, num_frames: int = 60) -> Case:
 def leaves(seed: int, num_frames: int = 60) -> Case:
     """Two leaves that pass each other, in affine maps of their start.
 
-    What is hidden goes on at the speed it had, and its shape returns to what leaves are: where
-    every coordinate repeats a share of its step alone, learned shares are nearly 1, shapes drift
-    off, and of 8 sequences that are not reported 1 is kept, for 8 of 8.
+    A hidden leaf keeps its speed, and its shape returns to that of a typical leaf.  If every
+    coordinate instead repeats a share of its own last step, the learned shares are nearly 1 and
+    shapes drift away: on 8 unreported sequences 1 is kept instead of 8.
     """
     scene = load_scene("leaves", seed, parameters={"num_frames": num_frames})
     detector = EdgeDetector(threshold=10.0, length=41, smoothing=1.5)
@@ -101,7 +100,7 @@ def leaves(seed: int, num_frames: int = 60) -> Case:
 
 
 def leaves_of_figure_11(seed: int) -> Case:
-    """The frames of ``leaves`` that figure 11 averages; every line counts in full, as there."""
+    """The frames of ``leaves`` that figure 11 averages; lines are independent, as in the paper."""
     case, frames = leaves(seed), slice(published.FIRST_FRAMES)
     return case._replace(
         name="leaves-figure-11",
@@ -119,7 +118,8 @@ def walkers(seed: int, num_frames: int = 60) -> Case:
     control = [fit_spline(outline, num_points, closed=True) for outline in scene.extras["examples"]]
     space = key_frame_space(np.array(control), 8, closed=True)
     detector = EdgeDetector(threshold=10.0, length=41, smoothing=1.5)
-    # Brownian motion "with an amplitude matched to the speed of a walking person": of others.
+    # Brownian motion "with an amplitude matched to the speed of a walking person", from other
+    # seeds.
     middles = [other.mean(axis=2) for other in _other_outlines(scene)]
     speed = np.mean([np.abs(np.diff(middle, axis=0)) for middle in middles], axis=(0, 1, 2))
     shapes = space.project(np.array(control)[:, None])[:, 0, 2:].std(axis=0)
@@ -129,10 +129,10 @@ def walkers(seed: int, num_frames: int = 60) -> Case:
 
 
 def worms(data: Path, clip: str = CLIP) -> Case:
-    """Two filmed worms that cross, as wires both of whose edges are seen.
+    """Two filmed worms that cross, modelled as wires with both edges visible.
 
-    Shapes, motion and clutter are learned from the first frames.  A worm bends, to either side and
-    whichever way it lies, and keeps its length.
+    Shapes, motion and clutter are learned from the first frames.  A worm bends to either side in
+    any orientation, and keeps its length.
 
     Raises:
         InputError: the clip is missing.
@@ -141,7 +141,7 @@ def worms(data: Path, clip: str = CLIP) -> Case:
 
 
 def _read_worms(data: Path, clip: str, num_frames: int) -> tuple[np.ndarray, np.ndarray]:
-    """A clip's first frames ``[T, H, W, 3]`` and the worms' middle lines ``[T, 2, S, 2]`` in them.
+    """A clip's first frames ``[T, H, W, 3]``, and the worms' centrelines ``[T, 2, S, 2]``.
 
     Raises:
         InputError: the clip is missing.
@@ -194,8 +194,9 @@ def _case_of_worms(name: str, frames: np.ndarray, lines: np.ndarray) -> Case:
 def distances(case: Case, outlines: Any) -> np.ndarray:
     """Distance ``[..., T, i, j]`` between estimate i and the outline of target j, pixels.
 
-    The mean distance of the estimate's points from the outline, or of the outline's from the
-    estimate, whichever is larger: a strip along one side of a target is not on it.
+    The larger of two mean distances: from the estimate's points to the outline, and from the
+    outline's points to the estimate.  A strip along one side of a target therefore does not count
+    as on it.
 
     Args:
         case: with T frames.
@@ -215,7 +216,7 @@ def _drawn(
     on_target: float,
     coefficients: str = "steps",
 ) -> Case:
-    """A drawn case, whose dynamics, of the second order, are those of other seeds' truth."""
+    """A drawn case with second-order dynamics learned from the ground truth of other seeds."""
     closed = scene.extras["closed"]
     control = _control(scene.extras["outlines"][:1], num_points, closed)[0]
     shape_space = space_of(space, control, closed=closed)
@@ -228,7 +229,7 @@ def _drawn(
 
 
 def _other_outlines(scene: scenes.Scene) -> tuple[np.ndarray, ...]:
-    """Outlines ``[T, 2, S, 2]`` of two scenes of the same kind that are not tracked."""
+    """Outlines ``[T, 2, S, 2]`` of two other scenes of the same kind, which are not tracked."""
     parameters = {key: value for key, value in scene.parameters.items() if key != "seed"}
     return _outlines_to_learn_from(scene.name, tuple(sorted(parameters.items())))
 
@@ -260,7 +261,7 @@ def _case(name, scene, space, dynamics, options, on_target) -> Case:
 
 
 def _hidden(outlines: np.ndarray, front: int) -> np.ndarray:
-    """Share of the farther outline's points that lie inside the nearer one, ``[T]``."""
+    """Share of the farther outline's points inside the nearer one, ``[T]``."""
     import cv2
 
     shares = []

@@ -1,4 +1,4 @@
-"""Where contours end, and how large the effective samples are."""
+"""Final positions of contours, and effective sample sizes."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from jaxpf.papers.maccormick1999.passing import EXCLUSIVE, MUCH_HIDDEN, Passing
 
 
 def tables(measured: Measurement) -> list[Table]:
-    """All of them, in the order in which they are shown."""
+    """All tables, in display order."""
     return [
         *map(meeting_table, measured.meetings),
         passing_table(measured.leaves),
@@ -22,12 +22,12 @@ def tables(measured: Measurement) -> list[Table]:
 
 
 def rate_of_labels(passing: Passing, method: str) -> Quantity:
-    """Percentage of the frames with much overlap in which the label says who is in front."""
+    """Percentage of frames with strong overlap in which the label has the depth order right."""
     return estimates.rate_of(passing.labels_right(method))
 
 
 def meeting_table(meeting: Passing) -> Table:
-    """Where the contours of look-alikes end."""
+    """Final positions of the contours of look-alikes."""
     cases, runs = meeting.kept(EXCLUSIVE).shape
     particles = meeting.methods[EXCLUSIVE].num_particles
     return Table(

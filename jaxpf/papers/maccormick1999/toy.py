@@ -1,6 +1,6 @@
-"""Figures 9 and 10: two targets of one dimension each, sampled together and one after another.
+"""Figures 9 and 10: two 1-D targets, sampled jointly and one after the other.
 
-The steps that are shown are the filter's own: ``jaxpf.filters.partitioned.kernel``, stage by stage.
+The steps shown are the filter's own: ``jaxpf.filters.partitioned.kernel``, stage by stage.
 """
 
 from functools import partial
@@ -17,15 +17,15 @@ from jaxpf.filters.partitioned.carry import Shared
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods import Gaussian
 
-#: The posterior is this much narrower than the spread of the dynamics.
+#: Ratio of the spread of the dynamics to the width of the posterior.
 _NARROWER = 8.0
 PARTICLES, _RUNS = 150, 40
 TARGET = (1.2, -0.8)
 #: Standard deviation of the prior.
 _PRIOR = 0.5
-#: The paper's filters: conventional, and with an order for each value of y, figure 8.
+#: The paper's filters: conventional, and with an order for each value of y (figure 8).
 CONVENTIONAL, BRANCHED = "SIR", "branched PS"
-#: What was just done at each step that is shown.
+#: Operations that lead to the steps shown.
 STEPS = {
     CONVENTIONAL: ("the prior", "A moved", "A weighed", "B moved, both weighed"),
     BRANCHED: ("the prior", "first moved", "weighted resampling", "both moved and weighed"),
@@ -36,10 +36,10 @@ class Step(NamedTuple):
     """The particles at one step of a frame, in R runs.
 
     Attributes:
-        name: what was just done.
+        name: the operation just done.
         substates: ``[R, N, 2]``.
         weights: ``[R, N]``, sum 1.
-        labels: ``[R, N]``, y: which target is searched first; 0 throughout for ``CONVENTIONAL``.
+        labels: ``[R, N]``, y, the target that is searched first; 0 throughout for ``CONVENTIONAL``.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Step(NamedTuple):
 
 
 def tracker_of(method: str) -> Partitioned:
-    """The filter by its name."""
+    """Build a filter by name."""
     is_branched = method == BRANCHED
     return Partitioned(
         dynamics=RandomWalk(scale=1.0),
@@ -80,7 +80,7 @@ def steps(seed: int) -> dict[str, list[Step]]:
 def frame(tracker: Partitioned, key: jax.Array) -> list[tuple[jax.Array, ...]]:
     """Substates ``[2, N]``, log-weights and labels ``[N]`` at each of ``STEPS``.
 
-    What ``tracker.step`` does, and the particles in between.
+    Does what ``tracker.step`` does, and records the intermediate particles.
     """
     init_key, step_key = jax.random.split(key)
     prior = tracker.init(init_key)
@@ -100,7 +100,7 @@ def frame(tracker: Partitioned, key: jax.Array) -> list[tuple[jax.Array, ...]]:
         before, drawn = carry, kernel.move(shared, move, stage, carry)
         carry = kernel.weigh(shared, weigh, stage, carry, drawn)
         if is_first:
-            # As it moved, with the weight it had.
+            # The moved particles with the weights from before the move.
             moved = carry._replace(log_weights=before.log_weights)
             recorded.append(_whole(shared, stage, moved))
         chosen = partial(kernel.select, shared, select, stage, before.log_weights)
@@ -113,7 +113,7 @@ def frame(tracker: Partitioned, key: jax.Array) -> list[tuple[jax.Array, ...]]:
 
 
 def _whole(shared: Shared, stage: jax.Array, carry: Any) -> tuple[jax.Array, ...]:
-    """All targets after a stage: who has not moved yet is where it was."""
+    """All targets after a stage; targets that have not moved yet keep their last position."""
     ordering, last = shared.tracker.ordering, shared.state.lagged[0, 0]  # [P, N]
     partition = ordering.order[shared.components.index].T  # [P, N], of every row
     rows = jnp.where(

@@ -1,4 +1,4 @@
-"""Tracking a case many times, and judging who ended where."""
+"""Track a case many times, and judge where the contours end."""
 
 import dataclasses
 from typing import Any, NamedTuple
@@ -14,11 +14,11 @@ from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.contours import contours
 from jaxpf.papers.maccormick1999.scenes import Case, distances
 
-#: Runs that are vectorised together.
+#: Number of runs vectorised together.
 _BATCH = 5
-#: Probability per frame with which targets that do not overlap change their order in depth; see
-#: ``settings.csv``.  While they are apart nothing shows the order, and at the paper's .01 few
-#: particles forget one of the two orders before the targets meet.
+#: Probability per frame that the depth order of non-overlapping targets is redrawn; see
+#: ``settings.csv``.  While the targets are apart nothing reveals the order, and at the paper's .01
+#: a filter with few particles loses one of the two orders before they meet.
 REDRAWN = 0.5
 
 
@@ -30,8 +30,8 @@ class Outcome(NamedTuple):
         ess: ``[R, T]``.
         spread: ``[R, T, 2]``, of each target's contour, pixels, root mean square.
         kept: ``[R]`` bool, both contours end on their own targets.
-        coalesced: ``[R]`` bool, both end on one.
-        swapped: ``[R]`` bool, each ends on the other's.
+        coalesced: ``[R]`` bool, both end on one target.
+        swapped: ``[R]`` bool, each ends on the other's target.
         log_evidence: ``[R]``, of all frames.
         in_front: ``[R, T]``, probability that the first target is in front; NaN without labels.
     """
@@ -49,16 +49,16 @@ class Outcome(NamedTuple):
 def tracker_of(
     case: Case, exclusion: str, num_particles: int, method: str = "ps", flip: float = REDRAWN
 ) -> Partitioned:
-    """A tracker of both targets of a case.
+    """Build a tracker of both targets of a case.
 
     Args:
-        case: what is tracked.
+        case: the case.
         exclusion: see ``jaxpf.likelihoods.contours``; ``"none"`` is the paper's control.
         num_particles: N.
-        method: ``"ps"``, or ``"sir"`` for the unpartitioned filter; with opaque targets, particles
-            of ``"ps"`` place the target first that they believe to be in front (figure 8).
-        flip: of opaque targets, probability per frame that they change their order in depth while
-            they do not overlap.
+        method: ``"ps"``, or ``"sir"`` for the unpartitioned filter.  With opaque targets, particles
+            of ``"ps"`` place the target first that their label puts in front (figure 8).
+        flip: for opaque targets, probability per frame that their depth order changes while they do
+            not overlap.
     """
     likelihood = contours(case.space, 2, exclusion=exclusion, **case.options)
     dynamics, label = case.dynamics, None
@@ -96,7 +96,7 @@ def track(case: Case, tracker: Partitioned, runs: int, seed: int) -> Outcome:
 def judged(case: Case, outlines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Whether runs end with both contours on their own targets, on one, or on each other's.
 
-    None of these is a run of which a contour ends on no target.
+    All three are False for a run in which a contour ends on no target.
 
     Args:
         case: with T frames.

@@ -1,1 +1,1 @@
-"""Measuring what the papers measure, in pieces that are kept."""
+"""Run measurements in parts that are stored on disk."""

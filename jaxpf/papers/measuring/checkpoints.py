@@ -1,9 +1,9 @@
-"""Parts of a long experiment, which are kept on disk so that it can resume.
+"""Parts of a long experiment, stored on disk so that it can resume.
 
-An experiment names each part, ``part("fish-3", measure)``; the command line says where they are
-kept, ``with keeping(folder, settings)``.  Outside of such a block nothing is kept.  Parts that do
-not depend on one another are measured by ``each``, which shares them among the workers of an
-executor (``with sharing(executor)``) and yields them in order.
+An experiment names each part, ``part("fish-3", measure)``; the command line sets the folder,
+``with keeping(folder, settings)``.  Outside such a block nothing is stored.  ``each`` measures
+independent parts: it distributes them over the workers of an executor (``with sharing(executor)``)
+and yields them in order.
 """
 
 import contextlib
@@ -23,7 +23,7 @@ from jaxpf.evaluation.work.schedule import double_precision
 from jaxpf.files.store import Damaged, Store
 from jaxpf.files.writing import report_os_errors
 
-#: Folder of parts within the output folder; removed when all is written.
+#: Subfolder of the output folder for parts; removed once all output is written.
 NAME = "parts"
 
 #: Function that measures a part: arrays by name, or nested mappings of them.
@@ -34,10 +34,10 @@ _executor: contextvars.ContextVar[Factory | None] = contextvars.ContextVar("work
 
 
 def part(name: str, measure: Measure) -> dict[str, Any]:
-    """Read a part that was measured before, or measure it now.
+    """Read a stored part, or measure it now.
 
     Args:
-        name: fit for a file; one for each part of an experiment.
+        name: valid file name, unique within the experiment.
         measure: see ``Measure``.
 
     Raises:
@@ -48,15 +48,15 @@ def part(name: str, measure: Measure) -> dict[str, Any]:
 
 
 def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[dict[str, Any]]:
-    """``part`` for each of them, in their order.
+    """Yield ``part`` for each of them in order.
 
     Args:
-        parts: name and function; a function of a module and what it is called with, see
-            ``functools.partial``, so that it can be sent to another process.
-        threads: that share the work without an executor.
+        parts: name and function.  Use ``functools.partial`` of a module-level function, so that it
+            can be sent to another process.
+        threads: number of threads if there is no executor.
 
     Raises:
-        InputError: a part cannot be written, or a worker died once too often.
+        InputError: a part cannot be written, or a worker died too often.
     """
     executor = _executor.get()
     if executor is None and threads == 1:
@@ -77,7 +77,7 @@ def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[dic
 
 @contextlib.contextmanager
 def sharing(executor: Factory | None) -> Iterator[None]:
-    """Within the block, ``each`` gives parts to the workers of new executors; None for none."""
+    """Within the block, ``each`` sends parts to workers of new executors; None for none."""
     token = _executor.set(executor)
     try:
         yield
@@ -86,7 +86,7 @@ def sharing(executor: Factory | None) -> Iterator[None]:
 
 
 class _Piece(NamedTuple):
-    """A part to be measured, perhaps by another process, in this one's precision."""
+    """A part to measure, possibly in another process, with this process's precision."""
 
     name: str
     measure: Measure
@@ -104,7 +104,7 @@ def _measure(piece: _Piece, attempt: int) -> dict[str, np.ndarray]:
 
 
 def _known(name: str) -> dict[str, Any] | None:
-    """A part that was measured before; None if it was not, or is damaged."""
+    """A stored part; None if it is missing or damaged."""
     store = _store.get()
     if store is not None:
         with contextlib.suppress(Damaged):
@@ -119,7 +119,7 @@ def _kept(name: str, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
     return _nested(arrays)
 
 
-#: Between the names of nested mappings.
+#: Separator between the names of nested mappings.
 _WITHIN = " > "
 
 
@@ -151,11 +151,11 @@ def can_resume(output: Path, settings: Mapping[str, Any]) -> bool:
 
 @contextlib.contextmanager
 def keeping(output: Path, settings: Mapping[str, Any]) -> Iterator[None]:
-    """Keep parts in an output folder until the block ends without an error.
+    """Store parts in an output folder until the block ends without an error.
 
     Args:
         output: an existing folder.
-        settings: everything that parts depend on, as JSON values; parts of other settings are
+        settings: everything that parts depend on, as JSON values; parts with other settings are
             removed.
 
     Raises:
@@ -177,7 +177,7 @@ def keeping(output: Path, settings: Mapping[str, Any]) -> Iterator[None]:
 
 
 def _described(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings, with a digest of the program, whose changes may change results."""
+    """The settings with a digest of the program, since code changes may change results."""
     import jaxpf
     import scenes
 

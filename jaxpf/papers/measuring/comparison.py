@@ -1,4 +1,4 @@
-"""Several orderings on one scene, with common seeds and honest intervals."""
+"""Compare orderings on one scene with common seeds."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
@@ -21,14 +21,14 @@ SMITH2004_PARTICLES = 300
 
 
 class Result(NamedTuple):
-    """Many runs of one ordering on one scene, in NumPy arrays.
+    """Many runs of one ordering on one scene, as NumPy arrays.
 
-    The first frame of the scene is where the tracker starts; T counts the frames after it.
+    The tracker starts in the first frame of the scene; T counts the frames after it.
 
     Attributes:
-        name: of the ordering.
+        name: name of the ordering.
         boxes: estimated boxes x, y, w, h, ``[R, T, P, 4]``.
-        summary: of every run and frame, leading axes ``[R, T]``.
+        summary: summary of every run and frame, leading axes ``[R, T]``.
         measures: see ``jaxpf.measures.summarise``.
     """
 
@@ -48,7 +48,7 @@ def scene_tracker(
     resampling: str = "multinomial",
     appearance: str = "colour",
 ) -> Partitioned:
-    """A tracker that knows a scene's patches, with smith2004's settings as defaults."""
+    """A tracker built from a scene's patches, with smith2004's settings as defaults."""
     return box_tracker(
         scene.frames[0],
         scene.boxes[0],
@@ -68,11 +68,11 @@ def compare(
     seeds: Iterable[int],
     batch_size: int | None = None,
 ) -> Iterator[Result]:
-    """Run every tracker with the same seeds; yields each result as it is done.
+    """Run every tracker with the same seeds; yields each result when it is ready.
 
     Args:
         scene: see ``scenes.Scene``.
-        trackers: name -> tracker; those of one shape share one compiled kernel.
+        trackers: name -> tracker; trackers of equal shape share one compiled kernel.
         seeds: one per run.
         batch_size: see ``jaxpf.monte_carlo``.
     """

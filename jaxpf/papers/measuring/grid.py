@@ -1,8 +1,8 @@
 """Many orderings x sharpness values x runs on many scenes, in one compiled kernel.
 
 All orderings, sharpness values and runs share a frame's histogram table, which is computed once.
-Orderings come one after another, because a branch that they do not take costs nothing only if all
-runs agree; sharpness values and runs are vectorised together.  Each device takes its own scenes.
+Orderings run one after another, because skipping a branch saves time only if all runs in a batch
+skip it.  Sharpness values and runs are vectorised together.  Each device processes its own scenes.
 """
 
 import dataclasses
@@ -33,7 +33,7 @@ class GridResult(NamedTuple):
 
     Attributes:
         boxes: estimated boxes x, y, w, h, ``[O, L, R, T, P, 4]``.
-        uniqueness: distinct draws over particles, ``[O, L, R, T, P]``.
+        uniqueness: number of distinct draws divided by N, ``[O, L, R, T, P]``.
         spread: standard deviation of the particle set, ``[O, L, R, T, P, 3]``.
     """
 
@@ -43,12 +43,12 @@ class GridResult(NamedTuple):
 
 
 class Work(NamedTuple):
-    """What one scene's runs need, all arrays; scenes of one shape share the kernel.
+    """Arrays that one scene's runs need; scenes of equal shape share the kernel.
 
     Attributes:
-        frames: ``[T, H, W, 3]`` uint8, those after the start.
+        frames: ``[T, H, W, 3]`` uint8, after the start frame.
         initial: ``[P, 3]``, substates before the first frame.
-        likelihood: of the scene's objects.
+        likelihood: likelihood of the scene's objects.
         keys: ``[R, ...]`` key data, one per run.
     """
 
@@ -72,20 +72,19 @@ def run_grid(
 ) -> Iterator[GridResult]:
     """Track every scene with every ordering and sharpness; yields scene by scene.
 
-    A run's random numbers depend on its key alone, which is common to all orderings and
-    sharpness values.
+    A run's random numbers depend only on its key, which all orderings and sharpness values share.
 
     Args:
-        scenes: of one shape, see ``scenes.Scene``; the trackers start at the true boxes of
-            the first frame and know the scene's patches.
-        keys: for each scene its runs' keys ``[R]``, equally many; see ``run_keys``.
-        orderings: of one shape (name -> ordering).
+        scenes: scenes of equal shape, see ``scenes.Scene``; the trackers start at the true boxes of
+            the first frame and use the scene's patches.
+        keys: keys ``[R]`` of the runs for each scene, with equal R; see ``run_keys``.
+        orderings: name -> ordering, all of equal shape.
         sharpness: values of lambda.
         num_particles: N.
         scale: noise of u, v (pixels) and of the box's scale.
-        resampling: scheme; smith2004 names none.
-        name: under which scenes are kept; see ``jaxpf.papers.measuring.checkpoints``.
-        wrap: makes another tracker of each one, of the same likelihood.
+        resampling: resampling scheme; smith2004 does not name one.
+        name: name under which scenes are stored; see ``jaxpf.papers.measuring.checkpoints``.
+        wrap: optional wrapper of each tracker, with the same likelihood.
     """
     learned = [
         histogram_from_patches(
@@ -106,7 +105,7 @@ def run_grid(
 
     def works(places: Sequence[int]) -> list[Work]:
         works = [_work(scenes[i], with_bins(learned[i], num_bins), keys[i]) for i in places]
-        # The last batch is padded: another width would compile anew.
+        # Pad the last batch: another width would recompile.
         return (works + works[-1:] * batch)[:batch]
 
     tracked = each(
@@ -121,8 +120,8 @@ def run_grid(
 
 
 def _track(settings: Any, static: tuple, works: Sequence[Work]) -> dict[str, Any]:
-    """What ``_run_scene`` reports of each work, by its name."""
-    # Elsewhere there may be fewer devices.
+    """Results of ``_run_scene`` for every work item, by name."""
+    # Another process may have fewer devices.
     most = min(jax.local_device_count(), len(works))
     devices = max(n for n in range(1, most + 1) if len(works) % n == 0)
     kernel = _sharded(devices, *static)
@@ -146,7 +145,7 @@ def _work(scene: Any, likelihood: HistogramLikelihood, keys: jax.Array) -> Work:
 
 
 def with_bins(likelihood: HistogramLikelihood, num_bins: int) -> HistogramLikelihood:
-    """The same likelihood with a longer table of bins; what it adds is never counted."""
+    """The same likelihood with a longer table of bins; the added bins stay empty."""
     references, lookup = likelihood.references, likelihood.bin_lookup
     missing = num_bins - references.shape[-1]
     assert missing % LANES == 0
@@ -161,7 +160,7 @@ def with_bins(likelihood: HistogramLikelihood, num_bins: int) -> HistogramLikeli
 def _sharded(
     num_devices: int, num_particles: int, resampling: str, wrap: Callable | None
 ) -> Callable:
-    """The compiled kernel for scenes that ``num_devices`` devices share."""
+    """The compiled kernel for scenes distributed over ``num_devices`` devices."""
     run_scene = partial(_run_scene, num_particles=num_particles, resampling=resampling, wrap=wrap)
 
     def rows(works: Work, *settings: Any) -> Any:
@@ -190,7 +189,7 @@ def _run_scene(
     resampling: str,
     wrap: Callable | None,
 ) -> Any:
-    """Leading axes ``[O, L, R, T]`` of what a frame reports."""
+    """Results of every frame, leading axes ``[O, L, R, T]``."""
     num_runs, num_values = work.keys.shape[0], sharpness.shape[0]
     keys = jnp.tile(jax.random.wrap_key_data(jnp.asarray(work.keys)), num_values)
     values = jnp.repeat(sharpness, num_runs)
@@ -232,7 +231,7 @@ def _run_scene(
     return jax.tree.map(arranged, recorded)
 
 
-#: All but the boxes as ``GridResult`` has it, and the estimate first.
+#: Recorded fields: the estimate, then those of ``GridResult`` after the boxes.
 _RECORDED = ("estimate", "uniqueness", "spread")
 
 

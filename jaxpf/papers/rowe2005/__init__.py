@@ -1,8 +1,8 @@
 """rowe2005 repeated: Rowe, Rius, Gonzalez and Villanueva, a particle filter with per-target weight
 normalisation and speed feedback.
 
-Its synthetic test, two projectiles before strips that mimic them: figures 2 to 4 and table 1, and
-its arguments without a table.
+Its synthetic test, two projectiles in front of strips that look like them: figures 2 to 4 and table
+1, and its arguments that have no table.
 """
 
 from jaxpf.papers.paper import Paper
@@ -29,7 +29,7 @@ NOTES = (
 PAPER = Paper(
     name="rowe2005",
     title="rowe2005 repeated: labelled particles with equal shares and speed feedback",
-    scenes=75,  # "never" in at most 5 % of cases takes 72 without one
+    scenes=75,  # 72 scenes without an event bound its rate by 5 %
     measure=measure.measure,
     tables=tables.tables,
     quantities=claims.quantities,

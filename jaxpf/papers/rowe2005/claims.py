@@ -13,14 +13,14 @@ def quantities(measured: Measurement) -> dict[str, list[Quantity]]:
 
 
 def of_scenes(outcome: Outcome, crossing: Outcome) -> dict[str, list[Quantity]]:
-    """The same; ``crossing`` are the runs on targets that cross."""
+    """Key of a claim -> its figures; ``crossing`` holds the runs on targets that cross."""
 
     def less(measure) -> Quantity:
-        """How much less the whole filter has than the one with neither, scene by scene."""
+        """Measure of the filter with neither minus that of the full filter, scene by scene."""
         return mean_of(measure(outcome, "neither") - measure(outcome, "both"))
 
     def fewer_lost(variant: str, runs: Outcome = outcome) -> Quantity:
-        """How many more targets a variant loses than the whole filter, in points."""
+        """Targets lost by a variant minus those lost by the full filter, in points."""
         return gap_of(tables.lost(runs, variant), tables.lost(runs, "both"))
 
     low, high = published.SHARE_BAND

@@ -10,7 +10,7 @@ from jaxpf.papers.rowe2005.scenes import Outcome
 
 
 def figures(measured: Measurement) -> dict[str, Any]:
-    """All figures by the stem of their files."""
+    """File-name stem -> figure."""
     return {
         "figure_2": figure_2(measured.outcome),
         "figure_3": figure_3(measured.outcome),
@@ -19,7 +19,7 @@ def figures(measured: Measurement) -> dict[str, Any]:
 
 
 def figure_2(outcome: Outcome) -> Any:
-    """Share of the samples on target 1, frame by frame: every scene's first run."""
+    """Share of samples on target 1 per frame: the first run of every scene."""
     figure, axes = plotting.new_figure(1, 2, figsize=(10, 3.6))
     for axis, variant, title in zip(
         axes[0], ("without eq. 4", "both"), ("without eq. 4", "with eq. 4"), strict=True
@@ -31,7 +31,7 @@ def figure_2(outcome: Outcome) -> Any:
 
 
 def figure_3(outcome: Outcome) -> Any:
-    """Share of lost samples, frame by frame, mean over the runs."""
+    """Share of lost samples per frame, mean over runs."""
     figure, axes = plotting.new_figure(figsize=(7, 3.6))
     axis = axes[0, 0]
     for variant, colour in zip(("neither", "both"), plotting.colours(2), strict=True):

@@ -1,4 +1,4 @@
-"""Everything that is measured for the paper."""
+"""All measurements for the paper."""
 
 from typing import NamedTuple
 
@@ -12,11 +12,11 @@ from jaxpf.papers.rowe2005.scenes import (
 
 
 class Measurement(NamedTuple):
-    """Everything that was measured.
+    """All measurements.
 
     Attributes:
-        outcome: of all variants.
-        crossing: of the mean and the product, on targets that cross.
+        outcome: runs of all variants.
+        crossing: runs of the mean and of the product on targets that cross.
     """
 
     outcome: Outcome
@@ -24,7 +24,7 @@ class Measurement(NamedTuple):
 
 
 def measure(request: Request) -> Measurement:
-    """Measure all of it."""
+    """Run all measurements."""
     seeds, report = request.seeds, request.report
     report(f"{len(seeds)} scenes with {RUNS_PER_SCENE} runs of every variant each")
     outcome = measure_scenes(

@@ -1,4 +1,4 @@
-"""The runs behind all tables: every variant of the labelled filter on projectile scenes."""
+"""Run every variant of the labelled filter on projectile scenes, for all tables."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -17,19 +17,19 @@ from jaxpf.papers.measuring.grid import run_keys
 from jaxpf.papers.rowe2005.published import PARTICLES
 from jaxpf.shapes.rectangles import area, intersection_area
 
-#: Runs on each scene: claims about the variance from run to run need several.
+#: Runs per scene: claims about the variance between runs need several.
 RUNS_PER_SCENE = 4
 
 
 class Settings(NamedTuple):
-    """What the paper leaves open about the tracker.
+    """Tracker settings that the paper leaves open.
 
     Attributes:
         position_scale: noise xi_x, pixels per frame.
         speed_scale: noise xi_u, pixels per frame squared.
         size_scale: noise xi_w of width and height, pixels per frame.
-        sigma: of the pixels' Gaussians, grey levels.
-        min_slope: of the overlap's power, per pixel.
+        sigma: width of the pixels' Gaussians, grey levels.
+        min_slope: minimum slope of the overlap's power, per pixel.
         size_term: exponent of the size term.
         rates: a_x and a_u.
     """
@@ -43,7 +43,7 @@ class Settings(NamedTuple):
     rates: tuple[float, float]
 
 
-#: Chosen for each variant by itself; ``settings.csv`` says how.
+#: Chosen separately for each variant; see ``settings.csv``.
 TUNED = {
     "both": Settings(1.5, 0.02, 1.2, 50.0, 1.0, 0.5, (0.7, 0.2)),
     "neither": Settings(2.5, 0.02, 1.2, 40.0, 1.0, 0.5, (0.9, 0.4)),
@@ -54,7 +54,7 @@ TUNED = {
 }
 SETTINGS = TUNED["both"]
 
-#: Variant -> what differs from the paper's filter: eq. 4, feedback and regularising on.
+#: Variant -> differences from the paper's filter, which has eq. 4, feedback and regularisation.
 VARIANTS: dict[str, dict[str, Any]] = {
     "both": {},
     "neither": {"feedback": "none", "rates": (1.0, 1.0)},
@@ -64,7 +64,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "Condensation": {"weights": "plain", "feedback": "none", "rates": (1.0, 1.0)},
     "eq. 4 corrected": {"weights": "corrected"},
     "systematic": {"resampling": "systematic"},
-    # It takes no power: it is sharp enough.
+    # Needs no power: the product is sharp enough.
     "product": {"pool": "product", "min_slope": 0.0},
     "without size term": {"size_term": 0.0},
     "without power": {"min_slope": 0.0},
@@ -72,12 +72,12 @@ VARIANTS: dict[str, dict[str, Any]] = {
 
 
 def settings_of(variant: str) -> Settings:
-    """What a variant is run with: its own settings, or those of the filter it is a form of.
+    """The settings of a variant: its own, or those of the filter that it modifies.
 
-    Without feedback regularising changes what is reported and nothing else, so that "regularising
-    only" has the settings of "neither".  How weights are corrected and particles drawn asks for no
-    other noise than the whole filter's; what becomes of sizes without their term is seen at the
-    noise that it has; and without power all targets were lost with every setting that was tried.
+    Without feedback, regularisation only changes the reported values, so "regularising only" has
+    the settings of "neither".  Weight correction and resampling need no other noise than the full
+    filter.  The effect of the size term is measured at the noise of the full filter.  Without
+    power, all targets were lost with every setting tried.
     """
     if variant == "regularising only":
         return TUNED["neither"]._replace(rates=SETTINGS.rates)
@@ -85,14 +85,14 @@ def settings_of(variant: str) -> Settings:
 
 
 def tracker(scene: Any, settings: Settings = SETTINGS, **changes: Any) -> jaxpf.Labelled:
-    """The paper's tracker on a scene, or a variant.
+    """Build the paper's tracker on a scene, or a variant of it.
 
     A substate is (u, v, w, h, du, dv): centre and sides of a box in pixels, and speed in pixels
     per frame.  Targets start at their true boxes of the first frame, at rest.
 
     Args:
-        scene: with targets that have patches.
-        settings: what the paper leaves open.
+        scene: scene whose targets have patches.
+        settings: settings that the paper leaves open.
         changes: ``weights``, ``feedback``, ``resampling``, ``pool``, or a field of ``Settings``.
     """
     own = {name: changes.pop(name) for name in Settings._fields if name in changes}
@@ -128,18 +128,18 @@ def tracker(scene: Any, settings: Settings = SETTINGS, **changes: Any) -> jaxpf.
 
 
 class Outcome(NamedTuple):
-    """V variants, S scenes, R runs on each, T frames, L targets.
+    """V variants, S scenes, R runs per scene, T frames, L targets.
 
     Attributes:
-        names: of the variants.
-        error: ``[V, S, R, T, L]``, distance of the centres over the root of the true area.
+        names: names of the variants.
+        error: ``[V, S, R, T, L]``, distance of the centres divided by the root of the true area.
         area_ratio: ``[V, S, R, T, L]``, estimated over true area.
         share: ``[V, S, R, T, L]``, the target's share of the particles.
-        astray: ``[V, S, R, T]``, share of the particles whose box misses their target's.
-        between: ``[V, S]``, how far the runs' estimates lie from their mean, over the root of the
-            true area: root of the mean square over runs, frames and targets.
-        within: ``[V, S]``, the same of a run's own particles, of targets that have some.
-        in_strip: ``[S, T, L]`` bool, the true box meets a strip.
+        astray: ``[V, S, R, T]``, share of particles whose box misses their target's true box.
+        between: ``[V, S]``, deviation of the runs' estimates from their mean, divided by the root
+            of the true area: root mean square over runs, frames and targets.
+        within: ``[V, S]``, the same for particles within a run, for targets that have some.
+        in_strip: ``[S, T, L]`` bool, the true box overlaps a strip.
     """
 
     names: tuple[str, ...]
@@ -152,7 +152,7 @@ class Outcome(NamedTuple):
     in_strip: np.ndarray
 
     def of(self, variant: str) -> int:
-        """Place of a variant."""
+        """Index of a variant."""
         return self.names.index(variant)
 
 
@@ -163,11 +163,11 @@ def measure(
     name: str = "scene",
     **parameters: Any,
 ) -> Outcome:
-    """Run every variant on the scenes of the seeds, ``RUNS_PER_SCENE`` times, see ``settings_of``.
+    """Run every variant ``RUNS_PER_SCENE`` times on the scene of each seed; see ``settings_of``.
 
-    ``parameters`` are the scene's, where they differ from its defaults.  A run's random numbers
-    depend on its seed and number alone, which are common to all variants.  ``name`` is that under
-    which scenes are kept (``jaxpf.papers.measuring.checkpoints``).
+    ``parameters`` are scene parameters that differ from their defaults.  A run's random numbers
+    depend only on its seed and number, which all variants share.  Scenes are stored under ``name``
+    (``jaxpf.papers.measuring.checkpoints``).
     """
     measured = []
     for outcome in each(
@@ -187,7 +187,7 @@ def _on_scene(
     variants: Mapping[str, Mapping[str, Any]],
     parameters: Mapping[str, Any],
 ) -> dict[str, np.ndarray]:
-    """Fields of an ``Outcome`` of one scene, without the axis of the scenes."""
+    """Fields of an ``Outcome`` for one scene, without the scene axis."""
     scene = scenes.make("projectiles", seed=seed, **parameters)
     measured = [
         run_on(scene, seed, changes, settings_of(name)) for name, changes in variants.items()
@@ -200,7 +200,7 @@ def _on_scene(
 def run_on(
     scene: Any, seed: int, changes: Mapping[str, Any], settings: Settings
 ) -> list[np.ndarray]:
-    """What ``RUNS_PER_SCENE`` runs on a scene give: fields of an ``Outcome``, one variant's."""
+    """Fields of an ``Outcome`` for ``RUNS_PER_SCENE`` runs of one variant on a scene."""
     keys = run_keys(seed, np.arange(RUNS_PER_SCENE))
     frames, truth = jnp.asarray(scene.frames[1:]), np.asarray(scene.boxes[1:], np.float32)
     return _measured(tracker(scene, settings, **changes), keys, frames, truth)
@@ -217,7 +217,7 @@ def _measured(tracker: Any, keys: Any, frames: Any, truth: np.ndarray) -> list[n
 
 
 def _record(state: Any, summary: Any) -> Any:
-    """What is reported, and every particle's box and label."""
+    """Reported values, and every particle's box and label."""
     reported = summary.estimate, summary.uniqueness, summary.spread[..., :2]
     return *reported, state.lagged[0, :4], state.labels
 

@@ -1,4 +1,4 @@
-"""The paper's figures beside ours; the scenes are the units of all intervals."""
+"""Published and measured figures; intervals are over scenes."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ COMBINATIONS = ("neither", "regularising only", "feedback only", "both")
 
 
 def tables(measured: Measurement) -> list[Table]:
-    """All of them, in the order in which they are shown."""
+    """All tables, in display order."""
     return [
         share_table(measured.outcome),
         error_table(measured.outcome),
@@ -23,7 +23,7 @@ def tables(measured: Measurement) -> list[Table]:
 
 
 def run_share(outcome: Outcome, variant: str) -> np.ndarray:
-    """``[S, R]``: the first target's share of the particles, mean over the frames, percent."""
+    """``[S, R]``: the first target's share of the particles, mean over frames, per cent."""
     return 100 * outcome.share[outcome.of(variant), ..., 0].mean(axis=-1)
 
 
@@ -39,7 +39,7 @@ def lost(outcome: Outcome, variant: str) -> np.ndarray:
 
 
 def tracked_error(outcome: Outcome, variant: str) -> np.ndarray:
-    """``[S]``: mean error of a scene's targets that were not lost; NaN if all were."""
+    """``[S]``: mean error of a scene's targets that were not lost; NaN if all were lost."""
     error = outcome.error[outcome.of(variant)].mean(axis=2).reshape(len(outcome.in_strip), -1)
     kept = error <= published.LOST
     total = np.where(kept, error, 0.0).sum(axis=1)
@@ -47,12 +47,12 @@ def tracked_error(outcome: Outcome, variant: str) -> np.ndarray:
 
 
 def astray(outcome: Outcome, variant: str) -> np.ndarray:
-    """``[S]``: percentage of particles whose box misses their target's."""
+    """``[S]``: percentage of particles whose box misses their target's true box."""
     return 100 * outcome.astray[outcome.of(variant)].mean(axis=(1, 2))
 
 
 def error_by_place(outcome: Outcome, variant: str, strip: bool) -> np.ndarray:
-    """``[S]``: mean error over the frames with the true box at a strip, or at none."""
+    """``[S]``: mean error over frames whose true box overlaps a strip, or over the others."""
     counts = (outcome.in_strip == strip)[:, None]
     error = outcome.error[outcome.of(variant)]
     total = np.where(counts, error, 0.0).sum(axis=(1, 2, 3))
@@ -63,7 +63,7 @@ def error_by_place(outcome: Outcome, variant: str, strip: bool) -> np.ndarray:
 def last_ratio(outcome: Outcome, variant: str) -> np.ndarray:
     """``[S]``: root of estimated over true area in the last tenth of the frames, lost or not.
 
-    The geometric mean over runs, targets and frames.
+    Geometric mean over runs, targets and frames.
     """
     ratio = outcome.area_ratio[outcome.of(variant)]
     late = ratio[:, :, -max(ratio.shape[2] // 10, 1) :]
@@ -162,7 +162,7 @@ def likelihood_table(outcome: Outcome, crossing: Outcome) -> Table:
 
 
 def size_table(outcome: Outcome) -> Table:
-    """Figure 4: sizes, with and without the size term and the power."""
+    """Figure 4: sizes with and without the size term and the power."""
     rows: Rows = [
         (
             label,
@@ -186,7 +186,7 @@ def size_table(outcome: Outcome) -> Table:
 
 
 def variance_table(outcome: Outcome) -> Table:
-    """How far estimates vary from run to run, and what a run shows of it."""
+    """Variance of estimates between runs, and the spread within a run."""
     rows: Rows = [
         (
             variant,

@@ -31,7 +31,7 @@ def quantities(measured: Measurement) -> Quantities:
 
 
 def of_scenes(outcome: Outcome) -> Quantities:
-    """Tables 1 and 2, and figure 4."""
+    """Figures of tables 1 and 2, and of figure 4."""
     recovered = outcome.recovered.mean(axis=-1)
     dps, ps = _averages(outcome, recovered)
     return {
@@ -50,19 +50,19 @@ def of_scenes(outcome: Outcome) -> Quantities:
 
 
 def _pairs(outcome: Outcome, values: np.ndarray, *methods: str) -> Iterator[tuple[Any, ...]]:
-    """Two methods' values ``[S, 1]`` and the name of the sharpness; ``values`` ``[S, O, L]``."""
+    """Two methods' values ``[S, 1]`` and the sharpness as text; ``values`` are ``[S, O, L]``."""
     first, second = (values[:, outcome.of(method)].mean(axis=1).T for method in methods)
     for one, other, sharpness in zip(first, second, SHARPNESS, strict=True):
         yield one[:, None], other[:, None], f"{sharpness:g}"
 
 
 def _rates(outcome: Outcome, values: np.ndarray, *methods: str) -> list[Quantity]:
-    """``first - second`` at every sharpness, in points, of rates."""
+    """``first - second`` of rates at every sharpness, in points."""
     return [gap_of(*pair) for pair in _pairs(outcome, values, *methods)]
 
 
 def _differences(outcome: Outcome, values: np.ndarray, *methods: str) -> list[Quantity]:
-    """The same of mean shares, which hardly differ between scenes."""
+    """``first - second`` of mean shares, which hardly differ between scenes."""
     return [
         mean_of(100 * (one - other)[:, 0], name)
         for one, other, name in _pairs(outcome, values, *methods)
@@ -70,7 +70,7 @@ def _differences(outcome: Outcome, values: np.ndarray, *methods: str) -> list[Qu
 
 
 def _averages(outcome: Outcome, values: np.ndarray) -> list[np.ndarray]:
-    """DPS and the mean of PS's orders ``[S, 1]``, over all sharpness values."""
+    """DPS and the mean over PS's orders, ``[S, 1]`` each, over all sharpness values."""
     places = outcome.of("DPS"), outcome.orders()
     return [np.nanmean(values[:, place], axis=(1, 2))[:, None] for place in places]
 
@@ -81,7 +81,7 @@ def _averaged(outcome: Outcome, values: np.ndarray) -> np.ndarray:
 
 
 def _orders(outcome: Outcome) -> list[Quantity]:
-    """Half of the scenes choose the best and the worst order of PS, the others compare them."""
+    """Best minus worst order of PS, chosen on half of the scenes and compared on the other half."""
     best, worst = best_and_worst(outcome.recovered[:, outcome.orders()].mean(axis=-1))
     return [
         gap_of(best[:, [column]], worst[:, [column]], f"{sharpness:g}")
@@ -90,14 +90,14 @@ def _orders(outcome: Outcome) -> list[Quantity]:
 
 
 def _impoverishment(outcome: Outcome) -> Quantities:
-    """At the first sharpness, as in figure 4."""
+    """Impoverishment at the first sharpness, as in figure 4."""
     uniqueness = outcome.uniqueness[:, :, 0]  # [S, O, P]
     dynamics = outcome.dynamics[:, :, 0].mean(axis=-1)  # of u and v
     orders, dps, last = outcome.orders(), outcome.of("DPS")[0], NUM_OBJECTS - 1
     first_stage = [uniqueness[:, place, shift] for shift, place in enumerate(orders)]
 
     def evened(values: np.ndarray) -> list[Quantity]:
-        """How much farther apart the objects are under PS; object 1 is spread by the distracter."""
+        """Range over objects 2 to P under PS minus under DPS; the distracter spreads object 1."""
         ps, other = (np.ptp(values[:, place, 1:], axis=1) for place in (orders[0], dps))
         return [mean_of(100 * (ps - other))]
 
@@ -111,7 +111,7 @@ def _impoverishment(outcome: Outcome) -> Quantities:
 
 
 def of_occlusions(outcomes: Sequence[Tracked]) -> Quantities:
-    """Section 5.2 on the hidden objects of another clip, at the largest N and at the least."""
+    """Section 5.2 on the hidden objects of another clip, at the largest and at the smallest N."""
     hidden = [outcome for outcome in outcomes if outcome.hidden]
     if not hidden:
         return {}
@@ -139,14 +139,14 @@ def _object(outcome: Tracked) -> str:
 
 
 def _best_less_worst(outcome: Tracked) -> Quantity:
-    """Corrected for the choice among all pairs of orders."""
+    """Best minus worst order, corrected for the selection among all pairs of orders."""
     *_, best = ordered = sorted(outcome.orders(), key=np.mean)
     pairs = len(ordered) * (len(ordered) - 1)
     return gap_of(best[None], ordered[0][None], _object(outcome), chosen_among=pairs)
 
 
 def _over(outcome: Tracked, best: bool) -> list[Quantity]:
-    """DPS less PS's best or worst order, and less the plain filter."""
+    """DPS minus PS's best or worst order, and minus the plain filter."""
     ordered = sorted(outcome.orders(), key=np.mean)
     what, order = ("best order", ordered[-1]) if best else ("worst order", ordered[0])
     dps, plain = (outcome.recovered[method][None] for method in ("DPS", "Non-PS"))
@@ -158,7 +158,7 @@ def _over(outcome: Tracked, best: bool) -> list[Quantity]:
 
 
 def at_equal_time(spent: costs.Costs, conditions: Sequence[Condition]) -> Quantities:
-    """DPS in the time of PS; the times count as known, for each is a median."""
+    """DPS in the time of PS; the times are medians and treated as known."""
     here = [each for each in conditions if each.ending == next(iter(ENDINGS))]
     gap = costs.dps_over_ps(spent, here)
     return {} if gap is None else {"equal_time": [mean_of(gap)]}

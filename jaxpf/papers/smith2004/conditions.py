@@ -1,17 +1,17 @@
 """Under which conditions does the order of the objects matter as much as smith2004 publishes?
 
-The paper's best order of PS recovers object 1 in 38 % of the runs and its worst in 8 % (sharpness
-30), and DPS in 13 to 23 points more than PS on average.  With the paper's settings neither is seen
-here.  What the paper leaves open is varied, to see whether such an effect appears:
+In the paper, the best order of PS recovers object 1 in 38 % of the runs and the worst in 8 %
+(sharpness 30), and DPS in 13 to 23 points more than PS on average.  With the paper's settings we
+observe neither.  We vary settings that the paper leaves open to see whether such an effect appears:
 
-- the number of particles, for a first stage with few may lose the last good copy;
-- resampling twice: figure 1 of the paper draws particles by their weights when a frame begins and
-  after every stage, the last one as well, where this library does both at once;
-- estimates that are read after that last resampling;
-- stages that are not divided out: then the joint likelihood at the end of the frame counts every
-  object but the last of the order twice, and the last one is the only one seen as it should be.
+- the number of particles, since a first stage with few may lose the last good copy;
+- resampling twice: figure 1 of the paper resamples at the start of a frame and after every stage,
+  including the last, where this library does both at once;
+- estimates computed after that last resampling;
+- weights that are not corrected for earlier stages: the joint likelihood at the end of the frame
+  then counts every object twice except the last of the order, which alone is weighted correctly.
 
-All of it is in wrappers here: the library resamples once and corrects for every stage.
+All of this is in wrappers here: the library resamples once and corrects for every stage.
 """
 
 import dataclasses
@@ -30,20 +30,20 @@ from jaxpf.papers.smith2004.orders import best_and_worst
 from jaxpf.papers.smith2004.scenes import SCENE, all_orderings, measure
 from jaxpf.resampling.weighted import ancestors
 
-#: N as in the paper, and so few that DPS loses what it gains.
+#: N as in the paper, and an N small enough that DPS loses its advantage.
 PARTICLES = (300, 50)
 
 
 @pytree_dataclass
 class OtherEnding(contract.Tracker):
-    """A ``Partitioned`` whose frames end otherwise than the library's.
+    """A ``Partitioned`` whose frames end differently from the library's.
 
     Attributes:
         tracker: the ``Partitioned``, PS or DPS.
-        counts_twice: static, the weights are multiplied by the likelihoods of all partitions but
-            the last of the order, which have been resampled by already.
-        draws_again: static, particles are drawn once more by their weights.
-        reads_late: static, the estimate is that of the drawn particles.
+        counts_twice: static; multiply the weights by the likelihoods of all partitions but the last
+            of the order, although resampling has used them already.
+        draws_again: static; resample once more by the weights.
+        reads_late: static; compute the estimate from the resampled particles.
     """
 
     tracker: Any
@@ -83,7 +83,7 @@ class OtherEnding(contract.Tracker):
         return state, dataclasses.replace(summary, estimate=estimate)
 
     def _before_the_last(self, state: Any, observation: Any) -> jax.Array:
-        """Log-likelihoods ``[N]`` of each particle's partitions but the last of its order."""
+        """Log-likelihoods ``[N]`` of each particle's partitions, except the last of its order."""
         last = self.tracker.ordering.order[state.component, -1]
 
         def of_partition(partition: jax.Array) -> jax.Array:
@@ -95,7 +95,7 @@ class OtherEnding(contract.Tracker):
         return jax.lax.map(of_partition, jnp.arange(self.tracker.num_partitions)).sum(axis=0)
 
 
-#: How frames end: the library's way, then what is varied, all else alike.
+#: How frames end: the library's way, then variants that change nothing else.
 ENDINGS: Mapping[str, Callable[[Any], Any] | None] = {
     "as here": None,
     "drawn twice": partial(OtherEnding, draws_again=True),
@@ -109,11 +109,11 @@ class Condition(NamedTuple):
 
     Attributes:
         particles: N.
-        ending: of ``ENDINGS``.
+        ending: a key of ``ENDINGS``.
         ps: ``[S]``, mean over the orders of PS, per cent.
         best_over_worst: ``[S / 2]``, the best order of PS minus the worst, in points.
         dps_over_ps: ``[S]``, DPS minus the mean of PS, in points.
-        by_stage: ``[S, P]``, PS by the stage at which it comes to object 1, per cent.
+        by_stage: ``[S, P]``, PS by the stage at which it processes object 1, per cent.
     """
 
     particles: int
@@ -133,10 +133,10 @@ def measure_conditions(
     """Recovery of object 1 by the orders of PS and by DPS, under every condition.
 
     Args:
-        seeds: of the scenes, at least two.
-        particles: numbers of particles.
-        endings: of ``ENDINGS``.
-        report: takes a line per condition.
+        seeds: seeds of the scenes, at least two.
+        particles: values of N.
+        endings: keys of ``ENDINGS``.
+        report: receives a line per condition.
     """
     chosen = {n: o for n, o in all_orderings().items() if n.startswith("PS ") or n == "DPS"}
     conditions = []
@@ -153,7 +153,7 @@ def measure_conditions(
             rates = 100 * outcome.recovered.mean(axis=(2, 3))  # [S, O]
             orders = rates[:, outcome.orders()]
             ps, dps = orders.mean(axis=1), rates[:, outcome.of("DPS")[0]]
-            # The shift by k comes to object 1 at stage -k.
+            # The shift by k processes object 1 at stage -k.
             by_stage = orders[:, -np.arange(orders.shape[1])]
             best, worst = best_and_worst(orders)
             conditions.append(Condition(count, ending, ps, best - worst, dps - ps, by_stage))

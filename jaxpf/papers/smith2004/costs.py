@@ -1,7 +1,7 @@
-"""What the methods cost, and how DPS does in the time of PS.
+"""Costs of the methods, and the performance of DPS in the time of PS.
 
-The paper compares at equal N.  Processor time of a frame is measured on its scene, and DPS's
-recovery, which is known at two N, is read off where DPS takes the time of PS.
+The paper compares at equal N.  We measure processor time per frame on its scene.  DPS's recovery is
+known at two N and interpolated to the N at which DPS takes the time of PS.
 """
 
 import time
@@ -21,15 +21,15 @@ from jaxpf.papers.measuring.comparison import scene_tracker
 from jaxpf.papers.smith2004.conditions import Condition
 from jaxpf.papers.smith2004.scenes import METHODS, SCENE, all_orderings
 
-#: Frames and runs that are timed together, and how often.
+#: Number of frames and of runs timed together, and number of timings.
 FRAMES, RUNS, REPEATS = 6, 10, 10
 
-#: N -> method -> seconds of a frame of one run, ``[REPEATS]``.
+#: N -> method -> seconds per frame of one run, ``[REPEATS]``.
 Costs = Mapping[int, Mapping[str, np.ndarray]]
 
 
 def measure(particles: Sequence[int]) -> dict[str, dict[str, np.ndarray]]:
-    """Seconds as in ``Costs``, by the text of N, of one device's processor time."""
+    """Seconds as in ``Costs``, with N as text; processor time of one device."""
     scene = scenes.make("distracter", seed=0, **SCENE)
     frames = jnp.asarray(scene.frames[1 : 1 + FRAMES])
     keys = jax.random.split(jax.random.key(0), RUNS)
@@ -58,9 +58,9 @@ def measure(particles: Sequence[int]) -> dict[str, dict[str, np.ndarray]]:
 
 
 def dps_over_ps(costs: Costs, conditions: Sequence[Condition]) -> np.ndarray | None:
-    """DPS's recovery less PS's at the largest N, where DPS takes PS's time: ``[S]``, in points.
+    """DPS's recovery minus PS's at the largest N, where DPS takes PS's time: ``[S]``, in points.
 
-    DPS's recovery is read off a straight line over the logarithm of time between its two N, as in
+    DPS's recovery is interpolated linearly in the logarithm of time between its two N, as in
     ``jaxpf.evaluation.equal_time``.
 
     Args:
@@ -68,7 +68,7 @@ def dps_over_ps(costs: Costs, conditions: Sequence[Condition]) -> np.ndarray | N
         conditions: those that end as the library's trackers do, one for every N.
 
     Returns:
-        None where DPS's times do not reach to both sides of PS's.
+        None if PS's time lies outside the range of DPS's times.
     """
     ordered = sorted(conditions, key=lambda each: each.particles)
     medians = {

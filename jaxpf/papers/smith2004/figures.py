@@ -14,7 +14,7 @@ from jaxpf.papers.smith2004.scenes import METHODS, NUM_OBJECTS, Outcome, order_n
 
 
 def figures(measured: Measurement) -> dict[str, Any]:
-    """All figures by the stem of their files."""
+    """File-name stem -> figure."""
     return {
         "figure_4": figure_4(measured.outcome),
         "recovery": figure_recovery(measured.outcome),
@@ -53,7 +53,7 @@ def figure_4(outcome: Outcome) -> Any:
 
 
 def figure_recovery(outcome: Outcome) -> Any:
-    """Recovery of object 1: rates, differences to PS scene by scene, and PS's orders."""
+    """Recovery of object 1: rates, differences from PS scene by scene, and PS's orders."""
     figure, axes = plotting.new_figure(1, 3, figsize=(15, 4.8))
     rates, differences, orders = axes[0]
     recovered = outcome.recovered.mean(axis=-1)

@@ -1,4 +1,4 @@
-"""Everything that is measured for the paper."""
+"""All measurements for the paper."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,13 +14,13 @@ _FEW, _QUICK_ENDINGS = min(PARTICLES), (next(iter(ENDINGS)), "stages counted twi
 
 
 class Measurement(NamedTuple):
-    """Everything that was measured.
+    """All measurements.
 
     Attributes:
-        outcome: on the paper's scene.
-        tracked: on the real clip; empty without it.
-        conditions: under which the order of objects may matter more.
-        costs: of every method.
+        outcome: runs on the paper's scene.
+        tracked: runs on the real clip; empty without it.
+        conditions: conditions under which the order of objects may matter more.
+        costs: costs of every method.
     """
 
     outcome: Outcome
@@ -30,7 +30,7 @@ class Measurement(NamedTuple):
 
 
 def measure(request: Request) -> Measurement:
-    """Measure all of it."""
+    """Run all measurements."""
     seeds, quick, report = request.seeds, request.quick, request.report
     report(f"Tables 1 and 2: {len(seeds)} scenes")
     outcome = measure_scenes(

@@ -2,7 +2,7 @@
 
 The paper's real sequences are not available.  This clip has five people, three of whom are fully
 hidden for a while.  The tracker is the paper's with more process noise, because people walk faster
-here, at two numbers of particles: with the smaller one DPS may starve, as in table 4.
+here.  It runs at two numbers of particles; with the smaller one DPS may starve, as in table 4.
 """
 
 import csv
@@ -23,23 +23,23 @@ CLIP = "tud_campus"
 IDS = (1, 2, 3, 4, 5)
 SHARPNESS = 20.0
 SCALE = (4.0, 2.0, 0.003)
-#: N: enough for all methods, and so few that a component of DPS has 12 particles.
+#: N: enough for all methods, and so small that a component of DPS has 12 particles.
 PARTICLES = (300, 60)
 
 MEASURES = ("success", "recovery", "precision", "recall")
 
 
 class Tracked(NamedTuple):
-    """What happened to one object at one N.
+    """Results for one object at one N.
 
     Attributes:
         particles: N.
-        identity: the annotation's number of the object.
+        identity: number of the object in the annotation.
         hidden: whether it is fully hidden for a while.
         success: method -> ``[R]`` bool, the run tracked it throughout.
         recovered: method -> ``[R]`` bool, the run tracked it in the last annotated frame.
-        precision: method -> ``[R]``, over the frames with T = 1, percent; NaN without any.
-        recall: likewise.
+        precision: method -> ``[R]``, over the frames with T = 1, per cent; NaN if there are none.
+        recall: as ``precision``.
     """
 
     particles: int
@@ -67,14 +67,14 @@ def measure(
 
     Args:
         data: a folder that holds ``tud_campus``, or ``tud_campus`` itself.
-        runs: of each method.
-        seed: of the runs.
+        runs: number of runs per method.
+        seed: seed of the runs.
         particles: values of N.
-        name: under which results are kept; see ``jaxpf.papers.measuring.checkpoints``.
-        settings: further ones of ``run_grid``.
+        name: name under which results are stored; see ``jaxpf.papers.measuring.checkpoints``.
+        settings: further arguments of ``run_grid``.
 
     Raises:
-        InputError: the clip is not there or cannot be read.
+        InputError: the clip does not exist or cannot be read.
     """
     import jax
 
@@ -82,7 +82,7 @@ def measure(
     scene = load_scene(str(folder), ids=IDS, start_frame=0)
     hidden = hidden_objects(folder)
     orderings = all_orderings(len(IDS))
-    # Every device takes its share of the runs, as if on a scene of its own.
+    # Divide the runs among the devices, as if each had its own scene.
     shares = max(min(jax.local_device_count(), runs), 1)
     width = -(-runs // shares)
     numbers = np.minimum(np.arange(shares * width), runs - 1).reshape(shares, width)
@@ -110,12 +110,12 @@ def measure(
 
 
 def clip_folder(data: Path) -> Path:
-    """The clip's folder; ``InputError`` if it is not there."""
+    """The clip's folder; raises ``InputError`` if it does not exist."""
     return paper.clip_folder(data, CLIP)
 
 
 def hidden_objects(folder: Path) -> list[int]:
-    """Tracked objects that are fully hidden for a while, by the clip's ``events.csv``."""
+    """Tracked objects that are fully hidden for a while, according to the clip's ``events.csv``."""
     path = folder / "events.csv"
     try:
         with open(path, newline="", encoding="utf-8") as file:
@@ -137,7 +137,7 @@ def _tracked(
     identity: int,
     hidden: bool,
 ) -> Tracked:
-    """``boxes`` ``[O, R, T, P, 4]``."""
+    """Results for one object from ``boxes`` ``[O, R, T, P, 4]``."""
     place = IDS.index(identity)
     estimate, true = boxes[..., place : place + 1, :], truth[:, place : place + 1]
     tracked = np.asarray(metrics.track_state(estimate, true))

@@ -1,8 +1,8 @@
-"""Whether the order of the objects matters: best against worst, and equal orders by chance."""
+"""Does the order of the objects matter?  Best against worst, and a permutation test."""
 
 import numpy as np
 
-_CHUNK = 100  # permutations at a time, for memory
+_CHUNK = 100  # permutations at a time, to limit memory
 
 
 def shuffled_orders(recovered: np.ndarray, count: int = 2000, seed: int = 0) -> np.ndarray:
@@ -11,8 +11,8 @@ def shuffled_orders(recovered: np.ndarray, count: int = 2000, seed: int = 0) -> 
     Args:
         recovered: ``[S, K, R]`` bool, by scene, order and run.  Within a run on a scene the
             orders' outcomes are exchangeable if the order does not matter.
-        count: permutations.
-        seed: of the permutations.
+        count: number of permutations.
+        seed: seed of the permutations.
     """
     blocks = np.moveaxis(np.asarray(recovered, float), 1, -1).reshape(-1, recovered.shape[1])
     rng = np.random.default_rng(seed)
@@ -26,7 +26,7 @@ def shuffled_orders(recovered: np.ndarray, count: int = 2000, seed: int = 0) -> 
 def best_and_worst(rates: np.ndarray) -> list[np.ndarray]:
     """Rates of the best and the worst order on half of the scenes, chosen on the other half.
 
-    So the luck of having been selected does not count.
+    This avoids selection bias.
 
     Args:
         rates: ``[S, K, ...]``, by scene and order.

@@ -1,6 +1,6 @@
 """The figures that smith2004 publishes, as data: Smith and Gatica-Perez, BMVC 2004.
 
-Percentages.  A table maps a measure to the methods' cells, one for each sharpness (tables 1
+All are percentages.  A table maps a measure to the methods' cells, one for each sharpness (tables 1
 and 2) or one for each measure (tables 3 and 4).
 """
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 #: Lambda of the likelihood exp(-lambda d^2), the rows of tables 1 and 2.
 SHARPNESS = (20.0, 30.0, 40.0, 50.0)
-#: N of the synthetic test; of the real sequences it is 200.
+#: N of the synthetic test; the real sequences use 200.
 PARTICLES = 300
 RUNS = 50
 

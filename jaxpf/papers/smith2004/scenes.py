@@ -1,4 +1,4 @@
-"""The runs behind tables 1 and 2 and figure 4: all methods on a set of distracter scenes."""
+"""Run all methods on a set of distracter scenes, for tables 1 and 2 and figure 4."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from jaxpf.papers.smith2004.published import SHARPNESS
 
 NUM_OBJECTS = 7
 
-#: The scene's parameters that the paper does not give; ``settings.csv`` says how they were chosen.
+#: Scene parameters that the paper does not give; see ``settings.csv`` for how they were chosen.
 SCENE: dict[str, Any] = {
     "object_width": 24,
     "object_height": 30,
@@ -27,7 +27,7 @@ SCENE: dict[str, Any] = {
     "departure": 55.0,
 }
 
-#: The paper has 50 runs on one scene.  Here each scene has one run: scenes differ more than runs.
+#: The paper has 50 runs on one scene.  We run once per scene: scenes differ more than runs.
 RUNS_PER_SCENE = 1
 
 METHODS = ("Non-PS", "PS", "DPS", "DPS evidence", "SPS")
@@ -39,7 +39,7 @@ def shifted(shift: int, num_objects: int = NUM_OBJECTS) -> list[int]:
 
 
 def all_orderings(num_objects: int = NUM_OBJECTS) -> dict[str, Ordering]:
-    """Non-PS, PS in all circular shifts, DPS by both reassemblies, SPS: name -> ordering."""
+    """Non-PS, PS in all circular shifts, DPS with both reassemblies, SPS: name -> ordering."""
     orders = [shifted(shift, num_objects) for shift in range(num_objects)]
     return {
         "Non-PS": ordering.sir(num_objects),
@@ -51,7 +51,7 @@ def all_orderings(num_objects: int = NUM_OBJECTS) -> dict[str, Ordering]:
 
 
 def order_name(order: Sequence[int]) -> str:
-    """``PS 2,3,1`` for the order 1, 2, 0: objects are counted from 1."""
+    """``PS 2,3,1`` for the order 1, 2, 0; objects are counted from 1."""
     return "PS " + ",".join(str(partition + 1) for partition in order)
 
 
@@ -59,12 +59,12 @@ class Outcome(NamedTuple):
     """S scenes, O orderings, L sharpness values, R runs per scene, P objects.
 
     Attributes:
-        names: the orderings' names, O.
+        names: names of the O orderings.
         recovered: ``[S, O, L, R]`` bool, object 1 was tracked in the last frame.
         success: ``[S, O, L]``, share of the runs and of objects 2 to P tracked throughout.
         precision: ``[S, O, L]``, mean over objects 2 to P and all frames.
         recall: as ``precision``.
-        leader_precision: ``[S, O, L]``, object 1's, over the frames with T = 1.
+        leader_precision: ``[S, O, L]``, for object 1, over the frames with T = 1.
         leader_recall: as ``leader_precision``.
         uniqueness: ``[S, O, L, P]``, mean over runs and frames.
         dynamics: ``[S, O, L, P, 2]``, effective dynamics in u and v: standard deviation of
@@ -82,11 +82,11 @@ class Outcome(NamedTuple):
     dynamics: np.ndarray
 
     def orders(self) -> list[int]:
-        """Places of the PS orders."""
+        """Indices of the PS orders."""
         return [place for place, name in enumerate(self.names) if name.startswith("PS ")]
 
     def of(self, method: str) -> list[int]:
-        """Places of a method of ``METHODS``: all orders for "PS", one for the others."""
+        """Indices of a method of ``METHODS``: all orders for "PS", one for the others."""
         return self.orders() if method == "PS" else [self.names.index(method)]
 
 
@@ -100,17 +100,17 @@ def measure(
     name: str = "scenes",
     **settings: Any,
 ) -> Outcome:
-    """Run every ordering and sharpness on the scenes of the seeds, ``RUNS_PER_SCENE`` times.
+    """Run every ordering and sharpness ``RUNS_PER_SCENE`` times on the scene of each seed.
 
     Args:
-        seeds: of the scenes, S; the runs on a scene follow its seed.
-        parameters: of the distracter scene, where they differ from its defaults.
+        seeds: S seeds of the scenes; a scene's seed also determines its runs.
+        parameters: parameters of the distracter scene that differ from their defaults.
         orderings: name -> ordering; default ``all_orderings()``.
-        sharpness: lambda's values, L.
+        sharpness: L values of lambda.
         num_particles: N.
-        progress: called with the number of scenes done.
-        name: under which scenes are kept; see ``jaxpf.papers.measuring.checkpoints``.
-        settings: further ones of ``run_grid``.
+        progress: called with the number of finished scenes.
+        name: name under which scenes are stored; see ``jaxpf.papers.measuring.checkpoints``.
+        settings: further arguments of ``run_grid``.
     """
     orderings = all_orderings() if orderings is None else orderings
     drawn = [scenes.make("distracter", seed=seed, **parameters) for seed in seeds]
@@ -131,9 +131,9 @@ def _measured(scene: scenes.Scene, result: GridResult) -> tuple[np.ndarray, ...]
 
 @jax.jit
 def _measures(result: GridResult, truth: jax.Array) -> tuple[jax.Array, ...]:
-    """Everything of an ``Outcome`` but the names, for one scene.
+    """All fields of an ``Outcome`` except the names, for one scene.
 
-    Compiled as one: a cold start would otherwise compile every operation on its own.
+    Compiled as a whole: a cold start would otherwise compile every operation separately.
     """
     leader, others = result.boxes[..., :1, :], result.boxes[..., 1:, :]
     quality = (metrics.mean_precision, metrics.mean_recall)

@@ -1,4 +1,4 @@
-"""Tables 1 to 4: published figures beside ours."""
+"""Tables 1 to 4: published and measured figures."""
 
 from collections.abc import Sequence
 
@@ -24,7 +24,7 @@ from jaxpf.papers.smith2004.scenes import METHODS, NUM_OBJECTS, Outcome
 
 
 def tables(measured: Measurement) -> list[Table]:
-    """All of them, in the order in which they are shown."""
+    """All tables, in display order."""
     return [
         *table_1(measured.outcome),
         *table_2(measured.outcome),
@@ -98,7 +98,7 @@ def table_2(outcome: Outcome) -> list[Table]:
 
 
 def _row_2(outcome: Outcome, measure: str, values: np.ndarray, column: int) -> list[Cell | str]:
-    """The cells of a row; worst and best order are those of the *recovery* rate."""
+    """The cells of a row; worst and best order are judged by the *recovery* rate."""
     orders = outcome.orders()
     recovery = outcome.recovered[:, orders, column].mean(axis=(0, 2))
     places = {
@@ -134,7 +134,7 @@ def _extremes(outcome: Outcome) -> str:
 
 
 def uniqueness_table(outcome: Outcome) -> Table:
-    """Uniqueness by stage of PS, over all orders, at the first sharpness; and DPS's range."""
+    """Uniqueness by stage of PS over all orders, and by object of DPS, at the first sharpness."""
     stages = []
     for stage in range(NUM_OBJECTS):
         by_scene = [
@@ -159,7 +159,7 @@ def uniqueness_table(outcome: Outcome) -> Table:
 
 
 def conditions_table(conditions: Sequence[Condition]) -> Table:
-    """A row for every condition under which the order of objects may matter more."""
+    """One row per condition under which the order of objects may matter more."""
     recovery = TABLE_2["recovery"]
     gap = BEST_ORDER_RECOVERY[30.0] - recovery["PS worst"][SHARPNESS.index(30.0)]
     gain = float(np.mean(recovery["DPS"]) - np.mean(recovery["PS mean"]))
@@ -189,7 +189,7 @@ def conditions_table(conditions: Sequence[Condition]) -> Table:
 
 
 def cost_table(measured: costs.Costs) -> Table:
-    """Processor time of every method, and over that of PS."""
+    """Processor time of every method, and its ratio to that of PS."""
     rows: Rows = []
     for number, by_method in measured.items():
         for method, seconds in by_method.items():
@@ -207,7 +207,7 @@ def cost_table(measured: costs.Costs) -> Table:
 
 
 def occlusion_tables(outcomes: Sequence[Tracked]) -> list[Table]:
-    """As tables 3 and 4 for each hidden object and N, then all objects in short."""
+    """Tables like 3 and 4 for each hidden object and N, then an overview of all objects."""
     return [
         *(_occlusion_table(outcome) for outcome in outcomes if outcome.hidden),
         *(
@@ -241,7 +241,7 @@ def _overview(outcomes: Sequence[Tracked]) -> Table:
 
 
 def _occlusion_table(outcome: Tracked) -> Table:
-    """A row for every method."""
+    """One row per method."""
     rows: Rows = [
         (
             name,

@@ -1,40 +1,41 @@
-"""Gradients through resampling: what ``jax.grad`` of a particle filter means.
+"""Gradients through resampling: strategies for ``jax.grad`` of a particle filter.
 
-A resampling draws integers, which have no derivative.  ``Partitioned(gradient=...)`` says
-what stands in for it; all four compose with every scheme and component, and the first two
-with every swap: ``Soft`` runs it as none, and ``Transport`` refuses it.  x is a particle, w its
-weight, g a likelihood, n a component's size.
+Resampling draws integers, which have no derivative.  ``Partitioned(gradient=...)`` chooses a
+strategy.  All four work with every scheme and with components.  ``NoGradient`` and
+``StopGradient`` work with every swap; ``Soft`` treats every swap as ``"none"``, and ``Transport``
+refuses swaps.  x is a particle, w its weight, rho its normalised weight, g a likelihood, n a
+component's size.
 
 ``NoGradient()``
-    Weights are differentiated, ancestors are not: the derivative of the weights is forgotten
-    at every resampling.  Cheap, low variance, biased; the bias does not vanish with N.
+    Differentiates weights but not ancestors: every resampling drops the derivative of the
+    weights.  Cheap, low variance, biased; the bias does not vanish with N.
 ``StopGradient()``
-    After a resampling every weight is divided by its own stopped value: ancestor k gets
-    ``w_k / (n stop(rho_k))``, so that the draw's score enters (Scibior & Wood 2021).  The
-    forward pass is the same bit for bit, and the expected gradient of the *evidence* is exact
-    wherever the evidence is unbiased.  The ratios telescope: a weight's derivative is that of
-    ``log g`` summed along the particle's own past, which Fisher's identity asks for, too.
-    So the kernel keeps that sum, one row per partition beside the lineage, and an exchanged
-    part brings its own past's derivative along; this contains the ratios
-    ``log g_k - log(n_g a_g)`` of the draws within groups (combinatorial resampling).  The
-    variance grows with the number of frames: prefer short sequences and many runs.
+    Divides every weight by its own stopped value after resampling: ancestor k gets
+    ``w_k / (n stop(rho_k))``, which adds the score of the draw (Scibior & Wood 2021).  The forward
+    pass is unchanged bit for bit, and the expected gradient of the *evidence* is exact wherever
+    the evidence is unbiased.  The ratios telescope: a weight's derivative is that of ``log g``
+    summed along the particle's own past, as in Fisher's identity.  The kernel therefore keeps
+    that sum, one row per partition beside the lineage, and an exchanged part brings the derivative
+    of its own past; the sum contains the ratios ``log g_k - log(n_g a_g)`` of draws within groups
+    (combinatorial resampling).  The variance grows with the number of frames: prefer short
+    sequences and many runs.
 ``Soft(share=0.5)``
-    Ancestors are drawn from ``share * rho + (1 - share) / n`` and weighted by the ratio, which
-    is differentiable (Karkus, Hsu & Lee 2018).  The filter stays properly weighted; the
-    derivative is that of the normalised weights, times the total before.  Some particles are
-    wasted, and the bias shrinks with the share.  Weights are then never equal, so that the
-    exchanges of ``sps`` are left out: it runs as with ``swap="none"``.
+    Draws ancestors from ``share * rho + (1 - share) / n`` and weights them by the ratio, which is
+    differentiable (Karkus, Hsu & Lee 2018).  The filter stays properly weighted.  The derivative
+    is that of the normalised weights, times the total before.  Some particles are wasted; the bias
+    shrinks with the share.  Weights are never equal, so ``sps`` runs without exchange, as with
+    ``swap="none"``.
 ``Transport(epsilon=0.5)``
-    No draw: each particle becomes a mixture of all, by entropy-regularised optimal transport
-    (Corenflos et al. 2021).  Differentiable, biased, O(N^2), and nobody descends from one
-    particle: refused with any swap.
+    Does not draw: each particle becomes a mixture of all particles, by entropy-regularised optimal
+    transport (Corenflos et al. 2021).  Differentiable, biased, O(N^2).  Particles have no single
+    ancestor, so it refuses every swap.
 
-The *motion* of the particles is differentiated along their paths (``motion_gradient=
-"pathwise"``), which needs a likelihood that is differentiable in the state.  One that looks
-at whole pixels has a zero derivative almost everywhere, and noise scales then get a gradient
-of zero that looks like a result.  ``motion_gradient="score"`` stops the drawn substates and
-gives the weights the derivative of ``dynamics.log_density`` at them instead; together with
-``StopGradient`` it is exact in expectation for any likelihood.
+``motion_gradient="pathwise"`` differentiates the *motion* along the particles' paths.  It needs a
+likelihood that is differentiable in the state.  A likelihood that reads whole pixels has zero
+derivative almost everywhere, so the gradient of noise scales is wrongly zero.
+``motion_gradient="score"`` stops the drawn substates and gives the weights the derivative of
+``dynamics.log_density`` at them instead; with ``StopGradient`` it is exact in expectation for any
+likelihood.
 """
 
 import importlib.util
@@ -54,30 +55,30 @@ from jaxpf.resampling.components import Components
 
 
 class Gradient:
-    """What filters ask of a strategy; a strategy overrides what it does otherwise."""
+    """Interface of a gradient strategy; the defaults change nothing."""
 
-    #: The derivative of a weight is kept along its particle's past, in ``path_scores``.
+    #: Whether ``path_scores`` keeps the derivative of the weights along each particle's past.
     keeps_scores = False
-    #: A selection moves substates instead of drawing ancestors.
+    #: Whether a selection blends substates instead of drawing ancestors.
     blends = False
-    #: A selection leaves equal weights, without which no parts are exchanged.
+    #: Whether weights are equal after a selection, which exchange requires.
     equalises = True
 
     def selection(self, log_weights: jax.Array, components: Components) -> jax.Array:
-        """By what ancestors are drawn, ``[N]``, given by what they would be."""
+        """Return the log-weights ``[N]`` by which to draw ancestors."""
         return log_weights
 
     def selected(
         self, log_weights: jax.Array, before: jax.Array, components: Components
     ) -> jax.Array:
-        """The weights ``[N]`` after a selection, given those ``before`` it."""
+        """Return the log-weights ``[N]`` after a selection, given those ``before`` it."""
         return log_weights
 
     def check(self, tracker: Any) -> None:
-        """Refuse what the strategy does not go with.
+        """Refuse settings that are incompatible with the strategy.
 
         Raises:
-            InputError: the sentence says what.
+            InputError: names the setting.
         """
         for name in ("relocation", "look_ahead"):
             if getattr(tracker, name, None):
@@ -89,25 +90,25 @@ class Gradient:
 
 @pytree_dataclass
 class NoGradient(Gradient):
-    """Weights are differentiated, ancestors are not."""
+    """Differentiates weights but not ancestors."""
 
     def check(self, tracker: Any) -> None:
-        """See ``Gradient``: it goes with everything."""
+        """See ``Gradient``: compatible with all settings."""
 
 
 @pytree_dataclass
 class StopGradient(Gradient):
-    """After a resampling every weight is divided by its own stopped value."""
+    """Divides every weight by its own stopped value after resampling."""
 
     keeps_scores = True
 
 
 @pytree_dataclass
 class Soft(Gradient):
-    """Ancestors are drawn from a mixture of the weights and equal ones.
+    """Draws ancestors from a mixture of the weights and the uniform distribution.
 
     Attributes:
-        share: of the weights in the mixture, above 0 and at most 1.
+        share: share of the weights in the mixture, above 0 and at most 1.
     """
 
     share: Any = 0.5
@@ -115,13 +116,13 @@ class Soft(Gradient):
     equalises = False
 
     def selection(self, log_weights: jax.Array, components: Components) -> jax.Array:
-        """See ``Gradient``: the mixture."""
+        """See ``Gradient``: returns the mixture."""
         return weighted.soft_selection(log_weights, self.share, components)
 
     def selected(
         self, log_weights: jax.Array, before: jax.Array, components: Components
     ) -> jax.Array:
-        """See ``Gradient``: with the derivative of their total before."""
+        """See ``Gradient``: adds the derivative of the total before the selection."""
         return weighted.keep_total(log_weights, before, components)
 
     def check(self, tracker: Any) -> None:
@@ -134,10 +135,10 @@ class Soft(Gradient):
 
 @pytree_dataclass
 class Transport(Gradient):
-    """Each particle becomes a mixture of all, by optimal transport; see ``filters.transport``.
+    """Turns each particle into a mixture of all; see ``jaxpf.resampling.transport``.
 
     Attributes:
-        epsilon: strength of the regularisation, above 0.
+        epsilon: strength of the entropy regularisation, above 0.
     """
 
     epsilon: Any = 0.5
@@ -159,7 +160,7 @@ class Transport(Gradient):
         return transport.blend_state(self.epsilon, state, ess_threshold)
 
     def check(self, tracker: Any) -> None:
-        """See ``Gradient``: nothing that needs ancestors, or weights that stay with a particle."""
+        """See ``Gradient``: refuses settings that need ancestors or weights of single particles."""
         super().check(tracker)
         if importlib.util.find_spec("ott") is None:
             raise InputError(transport.MISSING)
@@ -198,15 +199,15 @@ _NAMED = {
 
 
 def named(name: str) -> Gradient:
-    """The strategy of a name of ``jaxpf.contract.names.GRADIENTS``, with its default parameters."""
+    """Return the strategy named in ``jaxpf.contract.names.GRADIENTS``, with default parameters."""
     return _NAMED[name]()
 
 
 def check_gradients(tracker: Any) -> None:
-    """Refuse strategies that do not go with the rest of a tracker.
+    """Refuse gradient settings that are incompatible with the rest of a tracker.
 
     Raises:
-        InputError: no strategy, an unknown name, ``score`` without ``log_density``; see also
+        InputError: not a strategy, an unknown name, ``score`` without ``log_density``; see also
             ``Gradient.check``.
     """
     if not isinstance(tracker.gradient, Gradient):
@@ -227,13 +228,13 @@ def check_gradients(tracker: Any) -> None:
 
 
 def check_motion_gradient(tracker: Any) -> None:
-    """Refuse a gradient of the motion's parameters that would be zero whatever they are.
+    """Refuse a gradient of the motion's parameters that would always be zero.
 
-    For whoever differentiates with respect to the dynamics or the initial state.
+    Call it before differentiating with respect to the dynamics or the initial state.
 
     Raises:
-        InputError: the likelihood is piecewise constant in the state (its ``state_gradient``
-            is false) and the motion is differentiated along the particles' paths.
+        InputError: the likelihood is piecewise constant in the state (its ``state_gradient`` is
+            false) and the motion is differentiated along the particles' paths.
     """
     if tracker.motion_gradient == "pathwise" and not contract.has_state_gradient(
         tracker.likelihood

@@ -1,11 +1,11 @@
 """Orderings as data: SIR, PS, DPS, SPS and branched partitioned sampling.
 
-A frame of partitioned sampling is P stages of the same operation, and the methods differ
-only in small integer arrays: which partition a particle's component processes at each
-stage, after which stages to resample, and which parts may be exchanged.  All of them are
-traced, so one compiled kernel serves every ordering of the same number of partitions.
+A frame of partitioned sampling consists of P stages of the same operation.  The methods differ
+only in small arrays: which partition a component processes at each stage, after which stages to
+resample, and which parts to exchange.  These arrays are traced, so one compiled kernel serves
+every ordering of the same number of partitions.
 
-The tables always have room for C = P components; what a method does not use is empty.
+The tables are padded to at least C = P components; unused components are empty.
 """
 
 import operator
@@ -24,26 +24,26 @@ from jaxpf.contract.pytree import as_array, pytree_dataclass, static_field
 
 @pytree_dataclass
 class Ordering:
-    """In which order, and in which groups, a frame's partitions are processed.
+    """The order in which, and the components by which, a frame's partitions are processed.
 
     Build one with ``sir``, ``ps``, ``dps``, ``sps`` or ``branched``.
 
     Attributes:
         order: ``[C, P]`` int32, the partition that component c processes at stage j.
-        rank: ``[C, P]`` int32, its inverse: the stage at which c processes partition p.
-        fractions: ``[C]``, share of the particles that a random split gives component c.
-        resample_after: ``[P]`` bool, resample (within components) after stage j.
-        exchange_after: ``[P]`` bool, stage j ends a level whose parts are exchanged, or which
-            a later level of exchanged parts hangs from.
-        exchanged: ``[P]`` bool, stage j belongs to a level whose parts are exchanged.
+        rank: ``[C, P]`` int32, inverse of ``order``: the stage at which c processes partition p.
+        fractions: ``[C]``, share of the particles that component c gets in a random split.
+        resample_after: ``[P]`` bool, whether to resample within components after stage j.
+        exchange_after: ``[P]`` bool, whether stage j ends a level that exchanges parts, or a level
+            above one that does.
+        exchanged: ``[P]`` bool, whether stage j belongs to a level that exchanges parts.
         level: ``[P]`` int32, the level of stage j in the part tree.
-        carrier: ``[P, P]`` int32, ``carrier[j, r]`` is the stage, in the level of stage j,
-            of the part that stage r's part is or hangs from; -1 if it is carried by none.
+        carrier: ``[P, P]`` int32, ``carrier[j, r]`` is the stage, in the level of stage j, of the
+            part that is stage r's part or its ancestor in the part tree; -1 if there is none.
         swap: ``[]`` int32, index into ``SWAPS``.
-        literal: ``[]`` bool, smith2004's literal reassembly.
+        literal: ``[]`` bool, whether to use smith2004's literal reassembly.
         tree: ``[P]`` int32, parents of the part tree of ``sps``; -1 for a root.
-        keeps_components: static, particles keep their component from frame to frame (branched);
-            else they are split anew.
+        keeps_components: static, whether particles keep their component from frame to frame
+            (branched) instead of being split again in every frame.
     """
 
     order: jax.Array
@@ -66,12 +66,12 @@ class Ordering:
 
     @property
     def is_split(self) -> jax.Array:
-        """``[]`` bool: particles divide into components, or may do so; the same for all runs."""
+        """``[]`` bool: whether particles may divide into components; the same for all runs."""
         return jnp.asarray(self.keeps_components) | (self.fractions[0] < 1.0)
 
 
 def sir(num_partitions: int) -> Ordering:
-    """Condensation: no resampling inside the frame ("Non-PS" in smith2004)."""
+    """SIR, or Condensation: no resampling inside the frame ("Non-PS" in smith2004)."""
     _check_count(num_partitions)
     return _ordering([range(num_partitions)], np.zeros(num_partitions, bool))
 
@@ -89,20 +89,20 @@ def dps(
     orders: Sequence[Sequence[int]] | None = None,
     reassembly: str = "evidence",
 ) -> Ordering:
-    """Distributed partitioned sampling: PS in another order in each component.
+    """Distributed partitioned sampling: PS with a different order in each component.
 
     The particles are split at random, without replacement, into components whose sizes
     differ by at most one.  Source: smith2004, section 4 and figure 5.
 
     Args:
-        num_partitions: P; the orders are then the P circular shifts of 0..P-1.
-        orders: instead, one permutation per component.  On a part tree, none may put a
-            child before its parent.
-        reassembly: ``"evidence"`` weighs each component by its prior mass times its
-            evidence, which keeps the set properly weighted; ``"literal"`` renormalises
-            each component to its prior mass, as the paper does.  The literal rule drops
-            the components' evidence and biases the estimates at finite N (measured at
-            N = 300: mean bias .083 against .021 on the hardest part).
+        num_partitions: P; the orders are the P circular shifts of 0..P-1.
+        orders: alternatively, one permutation per component.  On a part tree, no child may precede
+            its parent.
+        reassembly: ``"evidence"`` weights each component by its prior mass times its evidence,
+            which keeps the set properly weighted.  ``"literal"`` renormalises each component to its
+            prior mass, as the paper does; this drops the components' evidence and biases the
+            estimates at finite N (measured at N = 300: mean bias .083 against .021 on the hardest
+            part).
     """
     if orders is None:
         if num_partitions is None:
@@ -124,9 +124,9 @@ def dps(
 def branched(orders: Sequence[Sequence[int]]) -> Ordering:
     """Branched partitioned sampling: the component of a particle is its discrete label.
 
-    Particles follow ``orders[label]`` (``Partitioned.initial_label``), or without labels
-    ``orders[state.component]``, which they keep through resampling;
-    branches have run-time sizes and may be empty (maccormick1999, figure 8).
+    Particles follow ``orders[label]`` (``Partitioned.initial_label``).  Without labels they follow
+    ``orders[state.component]`` and keep their component through resampling.  Branch sizes vary at
+    run time and may be 0 (maccormick1999, figure 8).
     """
     if not orders:
         raise InputError("orders is empty; give at least one permutation of the partitions.")
@@ -142,27 +142,26 @@ def sps(
 ) -> Ordering:
     """Simultaneous partitioned sampling: level by level down the part tree.
 
-    The parts of one level are propagated and weighed together, parts of particles that
-    share their parent's draw are exchanged, then the set is resampled once, but not after the
-    last level.  Source: gonzales2011, figures 3 to 6.
+    Each level's parts are propagated and weighted together.  Particles that share the draw of the
+    parent then exchange these parts, and the set is resampled once, except after the last level.
+    Source: gonzales2011, figures 3 to 6.
 
-    Exchange is right only where a part's motion and likelihood depend on nothing but its own past
-    and its parent, as ``jaxpf.contract.Dynamics`` requires.  If one object follows another by
-    other means, exchange is silently wrong: use ``swap="none"``, or make it a child in the tree.
+    Exchange is correct only if a part's motion and likelihood depend only on its own past and its
+    parent, as ``jaxpf.contract.Dynamics`` requires.  Any other dependence between objects makes
+    exchange silently wrong: use ``swap="none"``, or make the dependent object a child in the tree.
 
     Args:
         parents: the part tree, ``parents[p]`` the parent of part p and -1 for a root.
-        swap: ``"combinatorial"`` resamples from the implicit set of all pairings
-            (Dubuisson, Gonzales & Nguyen 2012): unbiased.  ``"sorted"`` pairs best with
-            best, as gonzales2011 does; that biases the evidence, whatever N, by an amount that
-            depends on the model:
-            E[Z^]/Z = 52 and a posterior variance of .59 of the exact one on a linear-Gaussian
-            tree of three parts (a = .9, coupling .5, process noise 1, observation noise .3,
-            T = 5, N = 30), 1.72 on the model of the notebook ``swap_bias``.
-            ``"random"`` pairs at random; ``"none"`` leaves particles whole.
-        num_partitions: instead of ``parents``, that many independent objects (all roots).
-        exchange_roots: with several roots, exchange them too.  Exact for objects without
-            parts; for roots with parts of their own it costs O(1/N), and ``False`` is exact.
+        swap: ``"combinatorial"`` resamples from the implicit set of all pairings (Dubuisson,
+            Gonzales & Nguyen 2012) and is unbiased.  ``"sorted"`` pairs best with best, as
+            gonzales2011 does.  It biases the evidence at any N, by an amount that depends on the
+            model: E[Z^]/Z = 52 and a posterior variance of .59 of the exact one on a
+            linear-Gaussian tree of three parts (a = .9, coupling .5, process noise 1, observation
+            noise .3, T = 5, N = 30); E[Z^]/Z = 1.72 on the model of the notebook ``swap_bias``.
+            ``"random"`` pairs at random; ``"none"`` does not exchange.
+        num_partitions: instead of ``parents``, the number of independent objects (all roots).
+        exchange_roots: whether to exchange roots, if there are several.  This is exact for objects
+            without parts.  For roots with parts it adds an O(1/N) bias; ``False`` is exact.
     """
     if parents is None:
         if num_partitions is None:
@@ -187,7 +186,7 @@ def sps(
         resample_after,
         level=level,
         exchanged=exchanged,
-        # A level without exchange also records shared draws where a later level needs them.
+        # A level without exchange still records shared draws if a later level needs them.
         exchange_after=level_end & np.maximum.accumulate(exchanged[::-1])[::-1],
         swap=SWAPS.index(swap),
         tree=tree,
@@ -202,14 +201,14 @@ def named(
     swap: str = "combinatorial",
     reassembly: str = "evidence",
 ) -> Ordering:
-    """The ordering that a method's name stands for.
+    """Build the ordering of a named method.
 
     Args:
         method: "sir", "ps", "dps" or "sps".
-        parents: the part tree, -1 for a root; all of them for independent objects.
-        order: for "ps", all partitions, each after its parent; by default level by level, which
-            for objects is 0, 1, ..., P-1.
-        swap: for "sps"; roots are exchanged only if no part hangs on them.
+        parents: the part tree, -1 for a root; all -1 for independent objects.
+        order: for "ps", all partitions, each after its parent.  Default: level by level, which for
+            independent objects is 0, 1, ..., P-1.
+        swap: for "sps"; roots are exchanged only if no root has parts.
         reassembly: for "dps".
     """
     tree = check_tree(parents)
@@ -222,7 +221,7 @@ def named(
             "object once."
         )
     if method == "sps":
-        # Exact: roots that carry parts keep their pasts.
+        # Keeps the exchange exact: roots with parts are not exchanged.
         return sps(tree, swap, exchange_roots=all(parent < 0 for parent in tree))
     if method == "dps":
         if any(parent >= 0 for parent in tree):
@@ -234,7 +233,7 @@ def named(
     depth = tree_levels(tree)
     downwards = sorted(range(len(tree)), key=lambda part: (depth[part], part))
     if method == "sir":
-        # Parents first, without resampling in between.
+        # Parents first, without resampling between stages.
         return _ordering([downwards], np.zeros(len(tree), bool))
     return ps(downwards if order is None else order)
 
@@ -270,7 +269,7 @@ def _check_permutation(order: Sequence[int], num_partitions: int, component: int
 
 
 def _entries(order: Any) -> list[int]:
-    """An order's whole numbers; a text of digits is refused."""
+    """Return an order's integers; refuse a string of digits."""
     try:
         if isinstance(order, str | bytes):
             raise TypeError
@@ -294,7 +293,7 @@ def _ordering(
     tree: Sequence[int] | None = None,
     keeps_components: bool = False,
 ) -> Ordering:
-    """Fill the tables, padded to at least P components."""
+    """Build an ordering, with tables padded to at least P components."""
     num_partitions = len(_entries(orders[0]))
     table = np.array(
         [_check_permutation(order, num_partitions, c) for c, order in enumerate(orders)], np.int32
@@ -323,7 +322,7 @@ def _ordering(
 
 
 def carriers(order: np.ndarray, level: np.ndarray, tree: Sequence[int]) -> np.ndarray:
-    """``[P, P]``: at stage j's level, the stage of the part that carries stage r's part."""
+    """``[P, P]``: in stage j's level, the stage of stage r's part or of its ancestor; else -1."""
     num_partitions = len(order)
     stage_of = {int(part): stage for stage, part in enumerate(order)}
     carrier = np.full((num_partitions, num_partitions), -1, np.int32)

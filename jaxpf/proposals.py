@@ -1,13 +1,13 @@
 """Proposals: substates drawn given the frame, for ``jaxpf.Partitioned(proposal=...)``.
 
-The dynamics alone propose blindly: where observations are precise, few of their draws fit.  A
-proposal draws where the frame says, and a stage's weight is likelihood times transition density
-over proposal density, so that the evidence stays unbiased::
+The dynamics ignore the frame: if observations are precise, few of their draws fit.  A proposal
+uses the frame, and a stage's weight is likelihood times transition density over proposal density,
+so the evidence stays unbiased::
 
     jaxpf.Partitioned(..., proposal=jaxpf.proposals.Mixture(jaxpf.proposals.LocallyOptimal()))
 
-To write your own, see ``jaxpf.contract.Proposal``.  What a frame does not show moves by the
-dynamics.
+To write a proposal, see ``jaxpf.contract.Proposal``.  Partitions that are missing in a frame move
+by the dynamics.
 """
 
 from collections.abc import Callable
@@ -27,14 +27,14 @@ from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 
 @pytree_dataclass
 class Mixture(Proposal):
-    """A mixture of another proposal and the dynamics, weighed by the density of both.
+    """A mixture of another proposal and the dynamics, weighted by the density of the mixture.
 
-    Weights are then at most the likelihood over ``1 - share``, whatever the other proposal does
-    (deterministic mixture; Owen & Zhou 2000).
+    Weights are at most the likelihood over ``1 - share`` for any other proposal (deterministic
+    mixture; Owen & Zhou 2000).
 
     Attributes:
-        proposal: the other one.
-        share: probability of drawing from it, at least 0 and below 1.
+        proposal: the other proposal.
+        share: probability of drawing from ``proposal``, at least 0 and below 1.
         dynamics: filled in by the filter.
     """
 
@@ -53,7 +53,7 @@ class Mixture(Proposal):
         )
 
     def propose_all(self, key, observation, partition, current, previous, parent):
-        """Substates ``[D, N]``, each from the other proposal or from the dynamics."""
+        """Draw substates ``[D, N]``, each from the other proposal or from the dynamics."""
         proposal_key, dynamics_key, choice_key = jax.random.split(key, 3)
         past = partition, current, previous, parent
         proposed = contract.propose_all(self.proposal, proposal_key, observation, *past)
@@ -74,12 +74,12 @@ class Mixture(Proposal):
 class _Normal(Proposal):
     """A normal density for each particle, given by ``_moments``; its parameters are constants.
 
-    So a derivative of the evidence goes through the transition density and the likelihood, which
-    is exact, and not through a proposal's own mean and covariance.
+    Derivatives of the evidence therefore flow only through the transition density and the
+    likelihood, which is exact, and not through the proposal's mean and covariance.
     """
 
     def propose_all(self, key, observation, partition, current, previous, parent):
-        """Normal substates, ``[D, N]``."""
+        """Draw normal substates, ``[D, N]``."""
         mean, root, index = self._at(observation, partition, current, previous, parent)
         noise = jax.random.normal(key, current.shape, current.dtype)
         # With the precision C C^T, C^-T is a root of the covariance.
@@ -97,15 +97,15 @@ class _Normal(Proposal):
         return lax.stop_gradient(self._moments(observation, *past))
 
     def _moments(self, observation, partition, current, previous, parent):
-        """Means ``[D, N]``, roots C ``[K, D, D]`` of precisions, each particle's row of these."""
+        """Means ``[D, N]``, roots C ``[K, D, D]`` of precisions, and each particle's row in C."""
         raise NotImplementedError
 
 
 @pytree_dataclass
 class LocallyOptimal(_Normal):
-    """``p(x_t | x_{t-1}, y_t)`` of linear-Gaussian dynamics seen by ``jaxpf.likelihoods.Gaussian``.
+    """``p(x_t | x_{t-1}, y_t)`` for linear-Gaussian dynamics and ``jaxpf.likelihoods.Gaussian``.
 
-    A stage's weight is then ``p(y_t | x_{t-1})``, the same wherever the particle moves (Doucet,
+    A stage's weight is ``p(y_t | x_{t-1})``, independent of the particle's new substate (Doucet,
     Godsill & Andrieu 2000, section II.D).  The dynamics' noise must have full rank.
 
     Attributes:
@@ -143,15 +143,15 @@ class LocallyOptimal(_Normal):
 
 @pytree_dataclass
 class Linearised(_Normal):
-    """A normal density fitted where a substate is expected, as in an extended Kalman filter.
+    """A normal density from an observation linearised at the predicted substate, as in an EKF.
 
-    The observation is linearised there (Doucet, Godsill & Andrieu 2000, section II.D); for a linear
-    one with normal noise this is ``LocallyOptimal``.  The dynamics' noise must be normal and have
-    full rank.  Put it into a ``Mixture`` where the linearisation may be poor.
+    Source: Doucet, Godsill & Andrieu 2000, section II.D.  For a linear observation with normal
+    noise this is ``LocallyOptimal``.  The dynamics' noise must be normal and have full rank.  Use
+    it within a ``Mixture`` if the linearisation may be poor.
 
     Attributes:
-        residual: ``(observation, partition [], substate [D]) -> [E]``, the difference between what
-            is seen and what the substate predicts, in units of its noise (whitened).
+        residual: ``(observation, partition [], substate [D]) -> [E]``, the observation minus its
+            prediction from the substate, in units of its noise (whitened).
         dynamics: filled in by the filter.
     """
 
@@ -181,24 +181,24 @@ class Linearised(_Normal):
 
 
 def _transition(dynamics, partition, current, previous, parent) -> Callable:
-    """The log-density of moves ``[N]`` as a function of where they lead, ``[D, N]``."""
+    """Transition log-density ``[N]`` as a function of the new substates ``[D, N]``."""
     past = current, previous, parent
     return lambda new: contract.log_density_all(dynamics, partition, new, *past)
 
 
 def _evidence(likelihood, observation, partition) -> Callable:
-    """The log-likelihood ``[N]`` as a function of substates ``[D, N]``."""
+    """Log-likelihood ``[N]`` as a function of the substates ``[D, N]``."""
     return lambda new: contract.log_prob_all(likelihood, observation, partition, new)
 
 
 def _slope(log_density: Callable, places: jax.Array) -> jax.Array:
-    """Gradients ``[D, N]`` at ``places`` ``[D, N]``; 0 where there is none."""
+    """Gradients ``[D, N]`` at ``places`` ``[D, N]``; 0 where not finite."""
     slope = jax.grad(lambda x: jnp.sum(log_density(x)))(places)
     return jnp.where(jnp.isfinite(slope), slope, 0.0)
 
 
 def _curvature(log_density: Callable, places: jax.Array) -> jax.Array:
-    """Negative second derivatives ``[N, D, D]`` at ``places`` ``[D, N]``; 0 where there is none."""
+    """Negative second derivatives ``[N, D, D]`` at ``places`` ``[D, N]``; 0 where not finite."""
     gradient = jax.grad(lambda x: jnp.sum(log_density(x)))
 
     def along(direction):
@@ -211,7 +211,7 @@ def _curvature(log_density: Callable, places: jax.Array) -> jax.Array:
 
 
 def _solve(precision: jax.Array, index: jax.Array, vectors: jax.Array) -> jax.Array:
-    """Covariance of each particle's row, of ``precision`` ``[K, D, D]``, times ``[D, N]``."""
+    """Inverse of each particle's row of ``precision`` ``[K, D, D]``, times its vector: ``[D, N]``."""
     return _times(jnp.linalg.inv(precision), index, vectors)
 
 

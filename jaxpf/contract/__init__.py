@@ -1,4 +1,4 @@
-"""What users write, and what the library may ask of it."""
+"""The interface between user classes and the library."""
 
 import lazy_loader
 

@@ -1,11 +1,11 @@
-"""What a tracker, a dynamics and a likelihood are: what each must offer, and what it may.
+"""The interface of trackers, dynamics, likelihoods and proposals: required and optional methods.
 
-All are registered pytrees (``jaxpf.pytree_dataclass`` makes one of a class).  A class need
-not inherit anything: one with the documented methods will do, about ten lines, written for one
-particle.  Who inherits is given what follows from the rest.
+All are registered pytrees; ``jaxpf.pytree_dataclass`` registers a class.  Inheritance is optional:
+a class only needs the documented methods, about ten lines written for one particle.  The base
+classes derive the remaining methods.
 
 ============  ===========================================================  =====================
-              must offer                                                   may offer
+              required                                                     optional
 ============  ===========================================================  =====================
 tracker       ``init``, ``step`` (or ``observe`` with ``step_observed``)   ``num_partitions``
 dynamics      ``propagate`` or ``propagate_all``                           ``log_density``,
@@ -29,7 +29,7 @@ observation   any pytree                                                   ``tak
 sampler       ``__call__(key) -> [P, D]``                                  ``independent``
 ============  ===========================================================  =====================
 
-Whatever is optional is asked for by the functions at the end, and nowhere else.
+Only the functions at the end of this module look up optional methods.
 """
 
 import copy
@@ -45,55 +45,56 @@ from jaxpf.contract.errors import InputError
 
 
 class Tracker:
-    """Follows P targets from frame to frame; a filter on a model of them.
+    """Tracks P targets from frame to frame.
 
-    The state is any pytree.  The summary is best a ``jaxpf.Summary``, whose optional fields
-    are None where a filter has no such thing.  Evaluation and tuning ask for ``num_partitions``,
-    P, and read ``summary.estimate``, ``[P, D]``.
+    The state is any pytree.  The summary should be a ``jaxpf.Summary``; optional fields that the
+    filter does not compute are None.  Evaluation and tuning read ``num_partitions``, P, and
+    ``summary.estimate``, ``[P, D]``.
 
-    Define ``init`` and ``step_observed``, and ``observe`` if runs can share work; or, where they
-    have nothing to share, ``step`` alone.
+    Define ``init`` and ``step_observed``, plus ``observe`` if runs can share work.  If they
+    cannot, define ``init`` and ``step``.
     """
 
     def init(self, key: jax.Array) -> Any:
-        """The state just before the first frame."""
+        """Return the state just before the first frame."""
         raise TypeError(f"{type(self).__name__} must define init")
 
     def observe(self, frame: Any) -> Any:
-        """Work that depends on the frame alone: done once, however many runs there are."""
+        """Do the work that depends on the frame alone, once per frame for all runs."""
         return frame
 
     def step_observed(self, key: jax.Array, state: Any, observation: Any) -> tuple[Any, Any]:
-        """The next state and the frame's summary, of a frame that was observed already."""
+        """Return the next state and the frame's summary, given the result of ``observe``."""
         if type(self).observe is not Tracker.observe:
             raise TypeError(f"{type(self).__name__} must define step_observed, as it has observe")
         _check_defined(self, Tracker, "step", "step_observed")
-        return self.step(key, state, observation)  # which is the frame itself
+        return self.step(key, state, observation)  # the observation is the frame itself
 
     def step(self, key: jax.Array, state: Any, frame: Any) -> tuple[Any, Any]:
-        """The next state and the frame's summary.
+        """Return the next state and the frame's summary.
 
         Args:
             key: this frame's random key; ``jaxpf.run`` uses ``fold_in(key, t)``, t from 1.
-            state: of the frame before.
-            frame: whatever ``observe`` takes.
+            state: state after the previous frame.
+            frame: the argument of ``observe``.
         """
         return self.step_observed(key, state, self.observe(frame))
 
 
 class Dynamics:
-    """How a substate moves.  Define ``propagate``, or ``propagate_all``, which is faster.
+    """The motion model of a substate.  Define ``propagate``, or ``propagate_all``.
 
-    The latter draws noise for all particles at once, where each else has a key of its own.
+    ``propagate_all`` is faster: it draws the noise of all particles from one key, while
+    ``propagate`` gets a key per particle.
 
-    A part moves given its own past and its parent, and nothing else.  The exchanges of
-    ``jaxpf.ordering.sps`` rest on that: a part is traded together with what hangs from it, and
-    whatever else it depended on would stay behind.  What moves by all that was before says so, see
-    ``CoupledDynamics``.
+    A part's motion must depend only on its own past and on its parent.  The exchanges of
+    ``jaxpf.ordering.sps`` rely on this: they trade a part together with its descendants, but not
+    with any other part that it depends on.  For motion that depends on all partitions of the
+    previous frame, see ``CoupledDynamics``.
 
-    Where the motion changes with time, the method ``at_frame(time []) -> dynamics`` gives the one
-    that leads to a frame, counted from 0: for a camera whose path is known, or frames that are not
-    evenly spaced, it looks into an array ``[T, ...]`` of its own.  There is no default.
+    For motion that changes with time, define ``at_frame(time []) -> dynamics``, which returns the
+    dynamics leading to frame ``time``, counted from 0.  It can index an array ``[T, ...]`` of
+    known camera positions or of uneven frame intervals, for example.  There is no default.
     """
 
     def propagate(
@@ -104,7 +105,7 @@ class Dynamics:
         previous: jax.Array,
         parent: jax.Array,
     ) -> jax.Array:
-        """The new substate ``[D]``; ``parent`` ``[D]`` is already moved, zeros for a root."""
+        """Draw the new substate ``[D]``; ``parent`` ``[D]`` is already moved, zeros for a root."""
         _check_defined(self, Dynamics, "propagate", "propagate_all")
         columns = (x[:, None] for x in (current, previous, parent))
         return self.propagate_all(key, jnp.asarray(partition)[None], *columns)[:, 0]
@@ -117,7 +118,7 @@ class Dynamics:
         previous: jax.Array,
         parent: jax.Array,
     ) -> jax.Array:
-        """The same for N particles: ``partition`` ``[N]``, substates ``[D, N]``."""
+        """``propagate`` for N particles: ``partition`` ``[N]``, substates ``[D, N]``."""
         _check_defined(self, Dynamics, "propagate", "propagate_all")
         keys = jax.random.split(key, partition.shape[0])
         return jax.vmap(self.propagate, in_axes=(0, 0, 1, 1, 1), out_axes=1)(
@@ -126,12 +127,12 @@ class Dynamics:
 
 
 class CoupledDynamics:
-    """Dynamics in which a partition moves by all partitions of the frame before.
+    """Dynamics in which a partition's motion depends on all partitions of the previous frame.
 
-    People who keep apart, or a chaotic system on a grid.  Define ``propagate`` or
-    ``propagate_all``, as of ``Dynamics``, with one argument more: ``others``, the particle's whole
-    state in the frame before, of which ``current`` is the partition's own.  For
-    ``jaxpf.Partitioned`` without exchange, whose particles hold whole states.
+    Examples are pedestrians avoiding each other, or a chaotic system on a grid.  Define
+    ``propagate`` or ``propagate_all`` as for ``Dynamics``, with one more argument: ``others``, the
+    particle's whole state in the previous frame; ``current`` is the partition's own entry.
+    Requires ``jaxpf.Partitioned`` without exchange, whose particles hold whole states.
     """
 
     coupled = True
@@ -145,7 +146,7 @@ class CoupledDynamics:
         parent: jax.Array,
         others: jax.Array,
     ) -> jax.Array:
-        """The new substate ``[D]``, given ``others`` ``[P, D]``."""
+        """Draw the new substate ``[D]``, given ``others`` ``[P, D]``."""
         _check_defined(self, CoupledDynamics, "propagate", "propagate_all")
         columns = (x[..., None] for x in (current, previous, parent, others))
         return self.propagate_all(key, jnp.asarray(partition)[None], *columns)[:, 0]
@@ -159,7 +160,7 @@ class CoupledDynamics:
         parent: jax.Array,
         others: jax.Array,
     ) -> jax.Array:
-        """The same for N particles, ``[D, N]``, given ``others`` ``[P, D, N]``."""
+        """``propagate`` for N particles, ``[D, N]``, given ``others`` ``[P, D, N]``."""
         _check_defined(self, CoupledDynamics, "propagate", "propagate_all")
         keys = jax.random.split(key, partition.shape[0])
         return jax.vmap(self.propagate, in_axes=(0, 0, 1, 1, 1, 2), out_axes=1)(
@@ -168,9 +169,9 @@ class CoupledDynamics:
 
 
 class DynamicsWithDensity(Dynamics):
-    """Dynamics whose density is known, for ``jaxpf.smooth`` and ``motion_gradient="score"``.
+    """Dynamics with a known density, for ``jaxpf.smooth`` and ``motion_gradient="score"``.
 
-    Define ``log_density`` or ``log_density_all``, whose default the other is.
+    Define ``log_density`` or ``log_density_all``; each defaults to the other.
     """
 
     def log_density(
@@ -183,7 +184,8 @@ class DynamicsWithDensity(Dynamics):
     ) -> jax.Array:
         """Log of the density ``[]`` from which ``propagate`` draws ``new`` ``[D]``.
 
-        A dimension without noise is left out: it is no density, and ``new`` is taken for right.
+        Leave out dimensions without noise: they have no density, and ``new`` is assumed to follow
+        the deterministic motion there.
         """
         _check_defined(self, DynamicsWithDensity, "log_density", "log_density_all")
         columns = (x[:, None] for x in (new, current, previous, parent))
@@ -197,7 +199,7 @@ class DynamicsWithDensity(Dynamics):
         previous: jax.Array,
         parent: jax.Array,
     ) -> jax.Array:
-        """The same for N particles, ``[N]``: substates ``[D, N]``."""
+        """``log_density`` for N particles, ``[N]``: substates ``[D, N]``."""
         _check_defined(self, DynamicsWithDensity, "log_density", "log_density_all")
         return jax.vmap(self.log_density, in_axes=(0, 1, 1, 1, 1))(
             partition, new, current, previous, parent
@@ -205,13 +207,13 @@ class DynamicsWithDensity(Dynamics):
 
 
 class DynamicsWithPrediction(Dynamics):
-    """Dynamics that say where a root is expected, for ``Partitioned(look_ahead=True)``.
+    """Dynamics that predict a root's substate, for ``Partitioned(look_ahead=True)``.
 
-    Define ``predict`` or ``predict_all``, whose default the other is.
+    Define ``predict`` or ``predict_all``; each defaults to the other.
     """
 
     def predict(self, partition: jax.Array, current: jax.Array, previous: jax.Array) -> jax.Array:
-        """The new substate ``[D]`` without noise."""
+        """Return the new substate ``[D]`` without noise."""
         _check_defined(self, DynamicsWithPrediction, "predict", "predict_all")
         return self.predict_all(jnp.asarray(partition)[None], current[:, None], previous[:, None])[
             :, 0
@@ -220,36 +222,39 @@ class DynamicsWithPrediction(Dynamics):
     def predict_all(
         self, partition: jax.Array, current: jax.Array, previous: jax.Array
     ) -> jax.Array:
-        """The same for N particles: ``partition`` ``[N]``, substates ``[D, N]``."""
+        """``predict`` for N particles: ``partition`` ``[N]``, substates ``[D, N]``."""
         _check_defined(self, DynamicsWithPrediction, "predict", "predict_all")
         return jax.vmap(self.predict, in_axes=(0, 1, 1), out_axes=1)(partition, current, previous)
 
 
 class Likelihood:
-    """How well a substate explains a frame.  Define ``log_prob`` or ``log_prob_all``.
+    """The observation model.  Define ``log_prob`` or ``log_prob_all``.
 
-    A likelihood that does not factor over partitions also defines ``log_joint(observation,
-    substates [P, D], log_probs [P]) -> []``, the true log-likelihood of all of them; ``log_prob``
-    is then the weighting function of each stage.  There is no default: to have it is to not
-    factor.  Where it also depends on the particle's label, it defines ``log_joint_labelled(
-    observation, substates [P, D], log_probs [P], label []) -> []``, which is used where particles
-    carry labels.  Either may be had for all particles at once, with ``_all`` behind its name:
-    ``substates [P, D, N]``, ``log_probs [P, N]``, ``label [N]``, result ``[N]``.  Nor is there a
-    default of ``estimated_nanoseconds(frame_shape) -> (float, float)``, the time of ``observe``
-    and of one particle's part, by which evaluations plan their work.
+    These methods are optional and have no default:
+
+    * ``log_joint(observation, substates [P, D], log_probs [P]) -> []``: the log-likelihood of all
+      partitions together.  Define it only if the likelihood does not factor over partitions;
+      ``log_prob`` is then the weighting function of each stage.
+    * ``log_joint_labelled(observation, substates [P, D], log_probs [P], label []) -> []``: the
+      same, if it also depends on the particle's label.  Used when particles carry labels.
+    * ``log_joint_all`` and ``log_joint_labelled_all``: the same for all particles at once, with
+      ``substates [P, D, N]``, ``log_probs [P, N]``, ``label [N]`` and result ``[N]``.
+    * ``estimated_nanoseconds(frame_shape) -> (float, float)``: the time of ``observe``, and of
+      one ``log_prob``.  Evaluations plan their work by it.
     """
 
-    #: Whether ``log_prob`` has a derivative in the substate; one of whole pixels has none but 0.
+    #: Whether ``log_prob`` has a useful derivative in the substate.  A likelihood that reads whole
+    #: pixels has derivative 0 almost everywhere.
     state_gradient: Any = True
-    #: Whether the observation depends on the frame alone, and on no parameter.
+    #: Whether the observation depends on the frame alone, not on any parameter.
     fixed_observation: Any = False
-    #: The form of a likelihood of distances, ``jaxpf.likelihoods.log_density``; None of others.
+    #: For likelihoods of a distance, its form (``jaxpf.likelihoods.log_density``); else None.
     form: Any = None
 
     def observe(self, frame: Any) -> Any:
-        """What the likelihood needs of a frame, computed once for all runs and particles.
+        """Return what ``log_prob`` needs of a frame, computed once for all runs and particles.
 
-        Any pytree.  A large node of it may have a method ``take_frame(index)``, see
+        The result is any pytree.  A large node may have a method ``take_frame(index)``, see
         ``frame_of``.
         """
         return frame
@@ -262,29 +267,29 @@ class Likelihood:
     def log_prob_all(
         self, observation: Any, partition: jax.Array, substates: jax.Array
     ) -> jax.Array:
-        """The same for N particles, ``[N]``: ``partition`` ``[N]``, ``substates`` ``[D, N]``."""
+        """``log_prob`` for N particles, ``[N]``: ``partition`` ``[N]``, substates ``[D, N]``."""
         _check_defined(self, Likelihood, "log_prob", "log_prob_all")
         return jax.vmap(self.log_prob, in_axes=(None, 0, 1))(observation, partition, substates)
 
 
 class Proposal:
-    """What draws a substate in place of the dynamics, given the frame.
+    """Draws substates given the frame, in place of the dynamics.
 
-    For ``jaxpf.Partitioned(proposal=...)``, on dynamics with ``log_density``.  Define ``propose``
-    or ``propose_all``, and ``log_density`` or ``log_density_all``; ``log_density`` must be positive
-    wherever the transition density is.  A proposal that needs the model's own dynamics and
-    likelihood also defines ``of_model(dynamics, likelihood) -> proposal``, called in every frame;
-    there is no default.
+    Used by ``jaxpf.Partitioned(proposal=...)``; the dynamics need ``log_density``.  Define
+    ``propose`` or ``propose_all``, and ``log_density`` or ``log_density_all``.  The proposal
+    density must be positive wherever the transition density is.  If the proposal needs the model's
+    dynamics or likelihood, also define ``of_model(dynamics, likelihood) -> proposal``, called in
+    every frame; there is no default.
     """
 
     def propose(self, key, observation, partition, current, previous, parent) -> jax.Array:
-        """The new substate ``[D]``; ``parent`` ``[D]`` is already moved, zeros for a root."""
+        """Draw the new substate ``[D]``; ``parent`` ``[D]`` is already moved, zeros for a root."""
         _check_defined(self, Proposal, "propose", "propose_all")
         columns = (x[:, None] for x in (current, previous, parent))
         return self.propose_all(key, observation, jnp.asarray(partition)[None], *columns)[:, 0]
 
     def propose_all(self, key, observation, partition, current, previous, parent) -> jax.Array:
-        """The same for N particles, ``[D, N]``: ``partition`` ``[N]``, substates ``[D, N]``."""
+        """``propose`` for N particles, ``[D, N]``: ``partition`` ``[N]``, substates ``[D, N]``."""
         _check_defined(self, Proposal, "propose", "propose_all")
         keys = jax.random.split(key, partition.shape[0])
         return jax.vmap(self.propose, in_axes=(0, None, 0, 1, 1, 1), out_axes=1)(
@@ -298,27 +303,27 @@ class Proposal:
         return self.log_density_all(observation, jnp.asarray(partition)[None], *columns)[0]
 
     def log_density_all(self, observation, partition, new, current, previous, parent) -> jax.Array:
-        """The same for N particles, ``[N]``: substates ``[D, N]``."""
+        """``log_density`` for N particles, ``[N]``: substates ``[D, N]``."""
         _check_defined(self, Proposal, "log_density", "log_density_all")
         return jax.vmap(self.log_density, in_axes=(None, 0, 1, 1, 1, 1))(
             observation, partition, new, current, previous, parent
         )
 
 
-# --- What is optional, asked for -----------------------------------------------------------
+# --- Access to optional methods ------------------------------------------------------------
 
 
 def observed_apart(tracker: Any) -> tuple[Callable, Callable]:
-    """The part of a step that depends on the frame alone, and the rest."""
+    """Split a step into the work that depends on the frame alone, and the rest."""
     if hasattr(tracker, "observe") and hasattr(tracker, "step_observed"):
         return tracker.observe, tracker.step_observed
     return (lambda frame: frame), tracker.step
 
 
 def frame_of(observations: Any, place: jax.Array) -> Any:
-    """One frame's observation of a stack of them.
+    """Take one frame's observation from a stack of observations.
 
-    A node of it that has ``take_frame`` finds its frame itself: a large table would be copied.
+    Nodes with a method ``take_frame`` index themselves, which avoids copying a large table.
     """
 
     def finds_itself(x):
@@ -333,21 +338,21 @@ def frame_of(observations: Any, place: jax.Array) -> Any:
 
 
 def propagate_all(dynamics, key, partition, current, previous, parent, *others) -> jax.Array:
-    """All particles moved, ``[D, N]``, by the batched method if there is one."""
+    """Move all particles, ``[D, N]``, with the batched method if defined."""
     base = CoupledDynamics if is_coupled(dynamics) else Dynamics
     method = method_of(dynamics, base, "propagate_all")
     return method(key, partition, current, previous, parent, *others)
 
 
 def is_coupled(dynamics: Any) -> bool:
-    """Whether moves ask for the whole state of the frame before, see ``CoupledDynamics``."""
+    """Whether motion depends on the whole previous state, see ``CoupledDynamics``."""
     return getattr(dynamics, "coupled", False)
 
 
 def at_frame(tracker: Any, time: Any) -> Any:
-    """The tracker that leads to frame ``time``, counted from 0: with the dynamics of that frame.
+    """Return the tracker with the dynamics leading to frame ``time``, counted from 0.
 
-    Itself, where its dynamics do not change with time (they have no ``at_frame``).
+    Returns the tracker unchanged if its dynamics have no ``at_frame``.
     """
     inner = tracker
     while not hasattr(inner, "dynamics") and hasattr(inner, "tracker"):
@@ -358,14 +363,14 @@ def at_frame(tracker: Any, time: Any) -> Any:
 
 
 def first_motion(dynamics: Any) -> Any:
-    """The dynamics that lead to frame 0: themselves, unless they change with time."""
+    """Return the dynamics leading to frame 0; unchanged if they have no ``at_frame``."""
     return dynamics.at_frame(0) if hasattr(dynamics, "at_frame") else dynamics
 
 
 def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any:
-    """A tracker, or the one that it wraps as its ``tracker``, with one field changed.
+    """Return a copy with one field changed, of the tracker or of the tracker that it wraps.
 
-    Without its constructor, which would check it again, traced as it is.
+    Bypasses the constructor, which would repeat its checks on traced values.
     """
     changed = copy.copy(tracker)
     if hasattr(tracker, name):
@@ -376,10 +381,10 @@ def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any
 
 
 def check_uncoupled(dynamics: Any, what: str) -> None:
-    """Refuse coupled dynamics where a particle holds no whole state, or is to be taken apart.
+    """Refuse coupled dynamics if ``what`` splits particles or does not keep whole states.
 
     Raises:
-        InputError: ``what`` does not go with them.
+        InputError: the dynamics are coupled; the message names ``what``.
     """
     if is_coupled(first_motion(dynamics)):
         raise InputError(
@@ -390,36 +395,36 @@ def check_uncoupled(dynamics: Any, what: str) -> None:
 
 
 def has_log_density(dynamics: Any) -> bool:
-    """Whether the density of a move is known."""
+    """Whether the dynamics define their transition density."""
     dynamics = first_motion(dynamics)
     return hasattr(dynamics, "log_density") or hasattr(dynamics, "log_density_all")
 
 
 def log_density_all(dynamics, partition, new, current, previous, parent) -> jax.Array:
-    """Log-densities ``[N]`` of moves to ``new`` ``[D, N]``, by the batched method if any."""
+    """Log-densities ``[N]`` of moves to ``new`` ``[D, N]``, from the batched method if defined."""
     method = method_of(dynamics, DynamicsWithDensity, "log_density_all")
     return method(partition, new, current, previous, parent)
 
 
 def has_prediction(dynamics: Any) -> bool:
-    """Whether the dynamics say where a substate is expected."""
+    """Whether the dynamics define a noise-free prediction."""
     dynamics = first_motion(dynamics)
     return hasattr(dynamics, "predict") or hasattr(dynamics, "predict_all")
 
 
 def predict_all(dynamics, partition, current, previous) -> jax.Array:
-    """Substates ``[D, N]`` moved without noise, by the batched method if there is one."""
+    """Substates ``[D, N]`` moved without noise, by the batched method if defined."""
     method = method_of(dynamics, DynamicsWithPrediction, "predict_all")
     return method(partition, current, previous)
 
 
 def proposal_of(proposal: Any, dynamics: Any, likelihood: Any) -> Any:
-    """A proposal that knows the model, if it asks for it (``of_model``)."""
+    """Give the proposal its model if it defines ``of_model``."""
     return proposal.of_model(dynamics, likelihood) if hasattr(proposal, "of_model") else proposal
 
 
 def propose_all(proposal, key, observation, partition, current, previous, parent) -> jax.Array:
-    """Proposed substates ``[D, N]``, by the batched method if there is one."""
+    """Draw substates ``[D, N]`` from the proposal, with the batched method if defined."""
     method = method_of(proposal, Proposal, "propose_all")
     return method(key, observation, partition, current, previous, parent)
 
@@ -427,15 +432,16 @@ def propose_all(proposal, key, observation, partition, current, previous, parent
 def proposal_log_density_all(
     proposal, observation, partition, new, current, previous, parent
 ) -> jax.Array:
-    """Log-densities ``[N]`` of proposing ``new`` ``[D, N]``, by the batched method if any."""
+    """Log-densities ``[N]`` of proposing ``new`` ``[D, N]``, from the batched method if defined."""
     method = method_of(proposal, Proposal, "log_density_all")
     return method(observation, partition, new, current, previous, parent)
 
 
 def as_seen(likelihood: Any, observation: Any) -> tuple[Any, Any, Any]:
-    """The model's likelihood, its observation, and whether that was seen, ``[]`` or ``[P]``.
+    """Unwrap a likelihood for missing frames: inner likelihood, inner observation, seen mask.
 
-    None: all was.  A likelihood that wraps another for missing frames has ``as_seen(observation)``.
+    The mask is bool, ``[]`` or ``[P]``; None means that everything was seen.  Wrappers for missing
+    frames define ``as_seen(observation)``.
     """
     if hasattr(likelihood, "as_seen"):
         return likelihood.as_seen(observation)
@@ -443,7 +449,7 @@ def as_seen(likelihood: Any, observation: Any) -> tuple[Any, Any, Any]:
 
 
 def log_prob_all(likelihood, observation, partition, substates) -> jax.Array:
-    """Log-likelihoods ``[N]`` of substates ``[D, N]``, by the batched method if there is one."""
+    """Log-likelihoods ``[N]`` of substates ``[D, N]``, from the batched method if defined."""
     method = method_of(likelihood, Likelihood, "log_prob_all")
     return method(observation, partition, substates)
 
@@ -456,8 +462,8 @@ def has_log_joint(likelihood: Any) -> bool:
 def log_joint_all(likelihood, observation, substates, log_probs, label=None) -> jax.Array:
     """Joint log-likelihoods ``[N]`` of substates ``[D, P, N]``, given ``log_probs`` ``[P, N]``.
 
-    And given labels ``[N]``, if particles carry any and the likelihood asks for them; by the
-    batched method if there is one.
+    Passes labels ``[N]`` if particles carry them and the likelihood defines
+    ``log_joint_labelled``.  Uses the batched method if defined.
     """
     arguments = [observation, jnp.swapaxes(substates, 0, 1), log_probs]
     name = "log_joint"
@@ -470,7 +476,10 @@ def log_joint_all(likelihood, observation, substates, log_probs, label=None) -> 
 
 
 def propagate_label_all(dynamics, key, label, substates) -> jax.Array:
-    """Labels ``[N]`` of the next frame, given substates ``[D, P, N]``; the same if none moves."""
+    """Labels ``[N]`` of the next frame, given substates ``[D, P, N]``.
+
+    Labels stay the same without ``propagate_label``.
+    """
     if not hasattr(dynamics, "propagate_label"):
         return label
     keys = jax.random.split(key, label.shape[0])
@@ -481,82 +490,82 @@ def propagate_label_all(dynamics, key, label, substates) -> jax.Array:
 
 
 def has_log_label(dynamics: Any) -> bool:
-    """Whether the probability of a label's move is known.
+    """Whether the dynamics define the transition probabilities of labels.
 
-    The method ``log_label(new [], label [], substates [P, D]) -> []`` gives the log-probability
-    with which ``propagate_label`` draws; ``jaxpf.smooth`` asks for it.  There is no default.
+    The method ``log_label(new [], label [], substates [P, D]) -> []`` returns the log-probability
+    with which ``propagate_label`` draws ``new``.  ``jaxpf.smooth`` needs it; there is no default.
     """
     return hasattr(first_motion(dynamics), "log_label")
 
 
 def log_label(dynamics, new, label, substates) -> jax.Array:
-    """Log-probability ``[]`` of a label's move; without ``propagate_label`` labels stay."""
+    """Log-probability ``[]`` of a label's transition; labels stay without ``propagate_label``."""
     if not hasattr(dynamics, "propagate_label"):
         return jnp.where(new == label, 0.0, -jnp.inf)
     return dynamics.log_label(new, label, substates)
 
 
 def expecting(likelihood: Any, estimates: jax.Array) -> Any:
-    """The likelihood, given the filter's last estimates ``[P, D]`` if it asks for them.
+    """Pass the filter's last estimates ``[P, D]`` to the likelihood if it defines ``expecting``.
 
-    Its method ``expecting(estimates [P, D]) -> likelihood`` is asked once a frame, by filters that
-    keep an estimate; there is no default.
+    Filters that keep an estimate call ``expecting(estimates [P, D]) -> likelihood`` once per frame;
+    there is no default.
     """
     return likelihood.expecting(estimates) if hasattr(likelihood, "expecting") else likelihood
 
 
 def has_log_odds(likelihood: Any) -> bool:
-    """Whether a likelihood knows the odds that an object is where it is reported.
+    """Whether a likelihood defines the log odds that an object is at its estimate.
 
-    Its method ``log_odds(observation, partition [], substate [D]) -> []``, or ``log_odds_all`` of
-    ``partition`` ``[N]`` and ``substates`` ``[D, N]``, is asked once a frame, of the estimates, by
-    filters that report a confidence; there is no default.
+    Filters that report a confidence evaluate ``log_odds(observation, partition [], substate [D])
+    -> []`` at the estimates once per frame, or ``log_odds_all`` with ``partition`` ``[N]`` and
+    ``substates`` ``[D, N]``.  There is no default.
     """
     return hasattr(likelihood, "log_odds") or hasattr(likelihood, "log_odds_all")
 
 
 def log_odds_all(likelihood, observation, partition, substates) -> jax.Array:
-    """Log odds ``[N]`` that objects are where ``[D, N]`` says, by the batched method if any."""
+    """Log odds ``[N]`` of objects being at ``[D, N]``, from the batched method if defined."""
     if hasattr(likelihood, "log_odds_all"):
         return likelihood.log_odds_all(observation, partition, substates)
     return jax.vmap(likelihood.log_odds, in_axes=(None, 0, 1))(observation, partition, substates)
 
 
 def was_observed(likelihood: Any, observation: Any) -> Any:
-    """Whether a frame was observed: ``[]`` or ``[P]`` bool, or true of every frame.
+    """Whether a frame was observed: ``[]`` or ``[P]`` bool, or True for all frames.
 
-    Its method ``was_observed(observation)`` is defined by ``jaxpf.running``'s wrapper for missing
-    frames; a confidence does not change in a frame that was not observed.
+    Only the wrapper for missing frames in ``jaxpf.running`` defines ``was_observed(observation)``.
+    Confidence does not change in a frame that was not observed.
     """
     method = getattr(likelihood, "was_observed", None)
     return True if method is None else method(observation)
 
 
 def has_state_gradient(likelihood: Any) -> bool:
-    """Whether ``log_prob`` changes with the substate otherwise than in steps."""
+    """Whether ``log_prob`` is more than piecewise constant in the substate."""
     return getattr(likelihood, "state_gradient", True)
 
 
 def draws_independently(sampler: Any) -> bool:
-    """Whether an initial sampler says that it draws partitions independently of one another."""
+    """Whether an initial sampler declares that it draws partitions independently."""
     return getattr(sampler, "independent", False)
 
 
 def of_partition(values: jax.Array, partition: jax.Array) -> jax.Array:
     """Each particle's row of ``values`` ``[P, ...]``: ``[N, ...]``, or ``[1, ...]`` if P is 1.
 
-    The derivative of a look-up is a sum over the runs for each particle, and then over the
-    particles; with one partition all is one sum, at a fraction of the time.
+    With one partition, broadcasting replaces the look-up because its derivative is much faster:
+    one sum instead of a sum over runs for each particle and then a sum over particles.
     """
     return values if values.shape[0] == 1 else values[partition]
 
 
 def method_of(part: Any, base: type, name: str) -> Callable:
-    """A part's own method, or the default of the base class, lent to it."""
+    """Return the object's own method, or the base class's default bound to the object."""
     return getattr(part, name, None) or partial(getattr(base, name), part)
 
 
 def _check_defined(part: Any, base: type, one: str, every: str) -> None:
-    """Refuse a class that leaves both of two methods to each other."""
+    """Refuse a class that defines neither of two methods that default to each other."""
     if all(getattr(type(part), name, None) is getattr(base, name) for name in (one, every)):
         raise TypeError(f"{type(part).__name__} must define {one} or {every}")

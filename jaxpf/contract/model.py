@@ -1,4 +1,4 @@
-"""What a target hands to a filter."""
+"""The model that a target passes to a filter."""
 
 import operator
 from collections.abc import Sequence
@@ -10,16 +10,17 @@ from jaxpf.contract.errors import InputError
 
 
 class Model(NamedTuple):
-    """How substates move, how they explain a frame, and where they start.
+    """Dynamics, likelihood and initial state of P partitions.
 
     Attributes:
         dynamics: see ``jaxpf.contract``.
         likelihood: see ``jaxpf.contract``.
-        initial: ``[P, D]`` array, or a sampler ``key -> [P, D]`` registered as a pytree.  A row of
-            NaN is an empty place: partitions come and go, and P is how many there can be at once.
+        initial: ``[P, D]`` array, or a sampler ``key -> [P, D]`` registered as a pytree.  In an
+            open population a row of NaN is an empty slot, and P is the maximum number of partitions
+            at once.
         parents: the part tree, -1 for a root.
-        initial_label: ``[L]``, probabilities of a particle's discrete label at the start, for
-            filters whose particles carry one; None: there is none.
+        initial_label: ``[L]``, initial probabilities of a particle's discrete label; None if
+            particles carry no labels.
     """
 
     dynamics: Any
@@ -30,20 +31,20 @@ class Model(NamedTuple):
 
     @property
     def num_partitions(self) -> int:
-        """P."""
+        """Number of partitions, P."""
         return len(self.parents)
 
     @property
     def is_open(self) -> bool:
-        """Whether partitions come and go."""
+        """Whether the population is open: partitions may appear and disappear."""
         return not callable(self.initial) and bool(np.isnan(self.initial).any())
 
 
 def check_tree(parents: Sequence[int]) -> tuple[int, ...]:
-    """The part tree as a tuple of ints.
+    """Return the part tree as a tuple of ints.
 
     Raises:
-        InputError: no list of whole numbers, a parent that does not exist, or a cycle.
+        InputError: not a list of integers, a parent that does not exist, or a cycle.
     """
     try:
         tree = tuple(operator.index(parent) for parent in parents)

@@ -1,36 +1,36 @@
-"""Names that people choose by, and a level that several rooms speak of.  Imports no JAX."""
+"""Names of choices, and a threshold that several packages share.  Imports no JAX."""
 
-#: Orderings of the partitioned filter that have a name on the command line.
+#: Named orderings of the partitioned filter on the command line.
 METHODS = ("sir", "ps", "dps", "sps")
 #: Methods of the factored filter.
 FACTORED_METHODS = ("eskil", "pffl")
-#: How partitions of eskil2014 carry one another along, and how they hold one another in place.
+#: eskil2014: rules of the drift between partitions, and of the shape constraint.
 DRIFTS = ("clip", "signed", "literal", "ridge", "none")
 SHAPES = ("relative", "pixels", "none")
-#: How PFFL weighs its particles.
+#: Weighting rules of PFFL.
 FORMS = ("auxiliary", "literal")
 #: Exchange rules of simultaneous partitioned sampling, in the order of their codes.
 SWAPS = ("none", "random", "sorted", "combinatorial")
-#: How the components of DPS are put together again at the end of a frame.
+#: Rules that reassemble the components of DPS at the end of a frame.
 REASSEMBLIES = ("evidence", "literal")
 #: Resampling schemes.
 SCHEMES = ("systematic", "stratified", "multinomial", "residual")
-#: What resampling passes on to a derivative.
+#: Gradient strategies for resampling.
 GRADIENTS = ("none", "stop_gradient", "soft", "transport")
-#: How the motion is differentiated.
+#: Gradient strategies for the motion.
 MOTION_GRADIENTS = ("pathwise", "score")
-#: What tuning makes large or small.
+#: Objectives of tuning.
 OBJECTIVES = ("evidence", "position", "overlap", "crps")
-#: Shape spaces of contours that need no examples.
+#: Shape spaces of contours that need no training examples.
 SHAPE_SPACES = ("translation", "similarity", "affine")
-#: How contours exclude one another: as wire frames, as opaque bodies, or not at all; and the first
-#: two as maccormick1999 prints them.
+#: Exclusion between contours: as wire frames, as opaque bodies, or none; the ``-literal`` variants
+#: follow maccormick1999 as printed.
 EXCLUSIONS = ("wires", "opaque", "none", "wires-literal", "opaque-literal", "none-literal")
-#: What an annotator marks of a contour.
+#: Annotation formats of contours.
 ANNOTATIONS = ("masks", "outlines", "centrelines")
-#: What of the past may act on a coordinate, in dynamics that are learned: its own last steps; its
-#: own past, with a place to which it returns; or every coordinate's past.
+#: Structure of learned dynamics: what a coordinate depends on.  Its own last steps; its own past,
+#: with a mean to which it returns; or the past of all coordinates.
 COEFFICIENTS = ("steps", "own", "all")
 
-#: An object whose confidence (``jaxpf.Summary``) is below this is probably lost.
+#: Objects with confidence (``jaxpf.Summary``) below this level are probably lost.
 PROBABLY_LOST = 0.5

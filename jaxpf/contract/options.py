@@ -1,7 +1,7 @@
 """Options, declared once as fields of frozen dataclasses.
 
 Filters and targets declare their options in modules that import no JAX.  Flags, help, TOML keys,
-grids of an evaluation and refusals follow from the fields.
+evaluation grids and error messages are derived from the fields.
 """
 
 import dataclasses
@@ -14,7 +14,7 @@ from typing import Any
 from jaxpf.contract.errors import InputError
 
 _KEY = "option"
-#: The value of an option that is left open.
+#: The value of an option that is settled automatically.
 OPEN = "auto"
 _NOUNS = {int: "a whole number", float: "a finite number", str: "a name", Path: "a path"}
 
@@ -24,27 +24,28 @@ class Option:
     """The declaration of an option.
 
     Attributes:
-        name: of the field; a flag has hyphens for its underscores.
-        default: the value unless another is given; None leaves it open.
-        kind: type of the value, or of each of its numbers: ``int``, ``float``, ``str``, ``bool`` or
-            ``Path``.
+        name: name of the field; the flag replaces underscores by hyphens.
+        default: default value; None means unset.
+        kind: type of the value, or of each entry of a tuple: ``int``, ``float``, ``str``, ``bool``
+            or ``Path``.
         help: one sentence.
-        length: 0 for a single value, n for a tuple of n numbers, -1 for one of any length.
-        per_object: the tuple may be n numbers for every object, one object after the other.
-        choices: the names that are allowed; () for any value.
-        least: smallest value that is allowed.
-        above: value that must be exceeded.
-        most: largest value that is allowed.
+        length: 0 for a single value, n for a tuple of n values, -1 for a tuple of any length.
+        per_object: whether the tuple may hold n values per object, object after object.
+        choices: allowed names; () allows any value.
+        least: smallest allowed value.
+        above: exclusive lower bound.
+        most: largest allowed value.
         flags: further flags, such as ``-n``.
         common: whether ``--help`` explains it.
         path: the value's pytree path in a tracker, if it can be tuned.
-        factors: factors of its numbers there, such as degrees to radians; () for 1.
+        factors: factors from the option's values to those in the tracker, such as degrees to
+            radians; () for 1.
         tuned: endings of the path, such as "[0]", that are tuned by default.
-        compiles: whether another value compiles another kernel.
-        places: whether the numbers are places of objects, typed from 1 and counted from 0.
-        implies: (name, value) of another option of the same owner: this option applies only with
-            that value, and giving this one chooses that value if the other is left open ("auto").
-        opens: whether "auto" is a value, too, which is settled later.
+        compiles: whether a new value compiles a new kernel.
+        places: whether the values are indices of objects, typed from 1 and stored from 0.
+        implies: (name, value) of another option of the same owner.  This option applies only with
+            that value; giving it selects that value if the other option is "auto".
+        opens: whether "auto" is also allowed; it is settled later.
     """
 
     name: str
@@ -73,14 +74,14 @@ class Option:
         return f"--{self.name.replace('_', '-')}"
 
     def checked(self, value: Any, shown: str = "") -> Any:
-        """The value in its own type.
+        """Return the value converted to the option's type.
 
         Args:
             value: the value; a list becomes a tuple.
-            shown: the option as messages show it; by default its name and an equals sign.
+            shown: how messages show the option; default its name and an equals sign.
 
         Raises:
-            InputError: the type is wrong or the value out of range.
+            InputError: the type is wrong or the value is out of range.
         """
         if (value is None and self.default is None) or (self.opens and value == OPEN):
             return value
@@ -135,14 +136,14 @@ class Option:
 
 
 def option(default: Any, help: str, **about: Any) -> Any:
-    """A field of a class of options; ``about`` are attributes of ``Option``."""
+    """Declare a field of an options class; ``about`` are attributes of ``Option``."""
     length = {"length": len(default)} if isinstance(default, tuple) and default else {}
     declared = {"help": help, **length, **about}
     return dataclasses.field(default=default, metadata={_KEY: declared})
 
 
 def _kind_and_length(annotation: Any) -> tuple[type, int]:
-    """The type of a value, and 0 for one or -1 for many: ``tuple[float, ...]``."""
+    """Return a value's type, and 0 for a single value or -1 for a tuple."""
     inner = typing.get_args(annotation)
     if not inner:
         return annotation, 0
@@ -151,7 +152,7 @@ def _kind_and_length(annotation: Any) -> tuple[type, int]:
 
 
 def options_of(*owners: Any) -> dict[str, Option]:
-    """Name -> option, of several classes of options; the first declaration of a name counts."""
+    """Map name to option for several options classes; the first declaration of a name wins."""
     found: dict[str, Option] = {}
     for owner in owners:
         for field in dataclasses.fields(owner):
@@ -164,7 +165,7 @@ def options_of(*owners: Any) -> dict[str, Option]:
 
 
 def check_options(options: Any) -> None:
-    """For ``__post_init__``: convert every field to its type, or refuse it.
+    """Convert every field to its type, or refuse it; for ``__post_init__``.
 
     Raises:
         InputError: see ``Option.checked``.
@@ -174,10 +175,10 @@ def check_options(options: Any) -> None:
 
 
 def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
-    """Values that given options imply for others that were left open: name -> value.
+    """Return the values that given options imply for others: name -> value.
 
     Args:
-        owner: a class of options.
+        owner: an options class.
         given: name -> all values given for it.
 
     Raises:
@@ -201,7 +202,7 @@ def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
 
 
 def counting(options: Any) -> dict[str, bool]:
-    """Name -> whether an option applies, given the values of the others."""
+    """Map each name to whether the option applies, given the values of the others."""
     known = options_of(options)
     return {
         name: one.implies is None
@@ -212,12 +213,12 @@ def counting(options: Any) -> dict[str, bool]:
 
 
 def chosen(owner: type, values: Mapping[str, Any]) -> Any:
-    """An instance of a class of options, from those of the values that it declares."""
+    """Construct an options class from the values that it declares; ignore the others."""
     return owner(**{name: values[name] for name in options_of(owner) if name in values})
 
 
 def plain(value: Any) -> str:
-    """A value as it is typed: numbers without a needless ".0", lists with commas."""
+    """Format a value as a user types it: no trailing ".0", lists with commas."""
     if isinstance(value, list | tuple):
         return ",".join(map(plain, value)) or "none"
     if isinstance(value, Mapping):
@@ -229,10 +230,10 @@ def plain(value: Any) -> str:
 
 
 def check_distinct(name: str, values: Iterable[Any]) -> tuple[Any, ...]:
-    """The values as a tuple.
+    """Return the values as a tuple.
 
     Raises:
-        InputError: there is none, or one is named twice.
+        InputError: no values, or a duplicate.
     """
     values = tuple(values)
     if not values:

@@ -1,9 +1,9 @@
 """Frozen dataclasses that JAX sees as pytrees.
 
-Unflattening happens inside transformations, with tracers, ``None`` or plain objects in
-place of arrays.  It therefore bypasses ``__init__`` and ``__post_init__``: a class may
-validate its arguments in ``__post_init__`` and the check runs once, when a user
-constructs the object, never inside a transformation.
+JAX unflattens inside transformations, with tracers, ``None`` or plain objects in place of
+arrays.  Unflattening therefore bypasses ``__init__`` and ``__post_init__``.  A class can
+validate its arguments in ``__post_init__``: the check runs once, when a user constructs the
+object, never inside a transformation.
 """
 
 import dataclasses
@@ -17,13 +17,13 @@ from jaxpf.contract.errors import InputError
 
 T = TypeVar("T")
 
-#: Of ``described``: characters of a line, sizes of arrays that are read and shown, dtypes.
+#: Limits of ``described``: line length; largest array whose range, and whose values, are shown.
 _LINE, _READ, _SHOWN = 96, 10_000, 6
 _SHORT_KINDS = (("uint", "u"), ("int", "i"), ("bfloat", "bf"), ("float", "f"), ("complex", "c"))
 
 
 def static_field(**kwargs: Any) -> Any:
-    """A field that is part of the pytree's structure: hashable, and a change recompiles."""
+    """A field that is part of the pytree's structure: hashable; a new value recompiles."""
     return dataclasses.field(metadata={"static": True}, **kwargs)
 
 
@@ -31,8 +31,7 @@ def static_field(**kwargs: Any) -> Any:
 def pytree_dataclass(cls: type[T]) -> type[T]:
     """Make ``cls`` a frozen dataclass and register it as a pytree with named keys.
 
-    Objects are equal if they are the same: arrays are not compared.  They print as a few lines, see
-    ``described``.
+    Equality is identity: arrays are not compared.  ``repr`` gives a few lines, see ``described``.
     """
     if "__repr__" not in vars(cls):
         cls.__repr__ = described  # type: ignore[method-assign]
@@ -62,13 +61,13 @@ def pytree_dataclass(cls: type[T]) -> type[T]:
 
 
 def is_concrete(*values: Any) -> bool:
-    """True if no leaf is a tracer, so that values (not only shapes) can be checked."""
+    """Whether no leaf is a tracer, so that values can be checked, not only shapes."""
     leaves = jax.tree_util.tree_leaves(values)
     return not any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
 
 
 def check_not_traced(what: str, remedy: str, *values: Any) -> None:
-    """Refuse tracers where a Python loop gives NumPy arrays frame by frame.
+    """Refuse tracers for a function that loops over frames in Python and yields NumPy arrays.
 
     Raises:
         InputError: a value is traced.
@@ -81,9 +80,9 @@ def check_not_traced(what: str, remedy: str, *values: Any) -> None:
 
 
 def as_array(value: Any, dtype: Any = None) -> jax.Array:
-    """``jnp.asarray(value, dtype)``, where NumPy converts what is not JAX's yet.
+    """``jnp.asarray(value, dtype)``, but NumPy converts values that are not JAX arrays.
 
-    JAX would compile a program for every new shape and type: some 20 ms each, at every start.
+    JAX would compile a conversion for every new shape and dtype, about 20 ms each in every process.
     """
     if isinstance(value, jax.Array) or not is_concrete(value):
         return jnp.asarray(value, dtype)
@@ -93,15 +92,16 @@ def as_array(value: Any, dtype: Any = None) -> jax.Array:
 
 
 def described(value: Any, first: str = "", nested: bool = False) -> str:
-    """A value in a few lines: arrays by dtype, shape and values, or the range of many.
+    """Describe a value in a few lines.
 
-    Only the values of small arrays are read, and of none that is traced.  Fields that are None, and
-    settings that are the default, are left out.
+    Arrays show their dtype and shape, and their values, or for longer arrays the range.  Values of
+    large or traced arrays are not read.  Fields that are None and static settings at their defaults
+    are omitted.
 
     Args:
         value: a pytree, or a part of one.
-        first: what stands before it in its line.
-        nested: whether it must fit a line.
+        first: text before the value on its line.
+        nested: whether the result must fit on one line.
     """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = [f for f in dataclasses.fields(value) if not _is_default(value, f)]

@@ -1,6 +1,6 @@
-"""What a tracker carries from frame to frame, and what a frame reports.
+"""State and summary, which every tracker's ``step`` returns.
 
-The state is carried, the summary is reported: every tracker's ``step`` returns both.
+The state is carried to the next frame; the summary reports this frame.
 """
 
 from collections.abc import Callable
@@ -12,38 +12,38 @@ from jaxpf.contract.pytree import pytree_dataclass
 
 #: Bits of ``Summary.status``.
 STATUS_OK = 0
-STATUS_INVALID_LIKELIHOOD = 1  # some log-likelihoods were NaN or +inf: taken as -inf and counted
-STATUS_IMPOSSIBLE = 2  # an observation was impossible for every particle: it was left out
-STATUS_LOST = 4  # some partition had zero likelihood in every particle (see ``Summary.lost``)
+STATUS_INVALID_LIKELIHOOD = 1  # some log-likelihoods were NaN or +inf; treated as -inf and counted
+STATUS_IMPOSSIBLE = 2  # the observation was impossible for every particle; it was skipped
+STATUS_LOST = 4  # a partition had zero likelihood in every particle (see ``Summary.lost``)
 
 
 @pytree_dataclass
 class ParticleState:
     """A weighted set of N particles over P partitions of D dimensions.
 
-    Inside, particles stand on the last axis, which lets XLA vectorise small substates;
-    the properties ``substates`` and ``previous_substates`` give the public layout
-    ``[..., N, P, D]`` whatever axes ``vmap`` or ``scan`` put in front.
+    Arrays keep particles on the last axis, so that XLA vectorises small substates.  The
+    properties ``substates`` and ``previous_substates`` return the public layout
+    ``[..., N, P, D]``, with any axes that ``vmap`` or ``scan`` put in front.
 
     Attributes:
-        lagged: ``[2, D, P, N]``, the substates of the current frame and of the one before.
+        lagged: ``[2, D, P, N]``, the substates of the current and the previous frame.
         log_weights: ``[N]``, normalised: their exponentials sum to one.
-        lineage: ``[P, N]`` int32.  Two particles share a partition's id exactly when they
-            carry the same draw of it; ids are renewed when the partition is propagated and
-            copied by resampling and exchange.
+        lineage: ``[P, N]`` int32.  Two particles share a partition's id exactly if they carry the
+            same draw of it.  Propagation assigns new ids; resampling and exchange copy them.
         component: ``[N]`` int32, the component of the ordering that each particle belongs to.
-        weighted: ``[]`` bool, false only for a set that was drawn and never weighed, which
-            must not be resampled.
-        path_scores: ``[P, N]`` zeros with a derivative: that of the log-weights, by
-            partition, each along its own lineage (``jaxpf.gradients.StopGradient``); else None.
-        label: ``[N]`` int32, each particle's discrete label, whatever the ordering; None where
-            particles carry none.
-        log_odds: ``[P]``, that each object is where it is reported, smoothed over the frames so
-            far; None if the likelihood has no ``log_odds``.
-        sources: ``[P, N]`` int32, which particle of the frame before each draw continues, for
-            ``jaxpf.filters``; None unless asked for.
-        selections: ``[]``, how many selections this frame made, the draws of the first frame being
-            one; a selection of some components counts as their share.  None unless asked for.
+        weighted: ``[]`` bool, false for an initial set that has not been weighted yet and must not
+            be resampled.
+        path_scores: ``[P, N]`` zeros that carry the derivative of the log-weights, by partition
+            along its own lineage (``jaxpf.gradients.StopGradient``); else None.
+        label: ``[N]`` int32, each particle's discrete label, with any ordering; None if particles
+            carry no labels.
+        log_odds: ``[P]``, log odds that each object is at its estimate, smoothed over past frames;
+            None if the likelihood has no ``log_odds``.
+        sources: ``[P, N]`` int32, the particle of the previous frame that each draw continues, for
+            ``jaxpf.filters``; None unless requested.
+        selections: ``[]``, number of selections in this frame; the initial draws count as one.  A
+            selection in some components counts as their share of the particles.  None unless
+            requested.
     """
 
     lagged: jax.Array
@@ -64,35 +64,34 @@ class ParticleState:
 
     @property
     def previous_substates(self) -> jax.Array:
-        """Substates one frame earlier, ``[..., N, P, D]``."""
+        """Substates of the previous frame, ``[..., N, P, D]``."""
         return jnp.moveaxis(self.lagged[..., 1, :, :, :], (-1, -2, -3), (-3, -2, -1))
 
 
 @pytree_dataclass
 class Summary:
-    """What one frame reports: the weighted set after its last weighing.
+    """One frame's report on the weighted set, after the final weighting and before resampling.
 
-    The next frame begins by resampling it.
-
-    A filter with more to report adds a field at the end whose default is None.  None is no leaf
-    of a pytree: all that maps over summaries, batches and devices passes it by.
+    A filter that reports more adds a field at the end with default None.  None is not a pytree
+    leaf, so code that maps over summaries, batches or devices skips it.
 
     Attributes:
         estimate: ``[P, D]``, weighted mean of the substates.
         log_evidence: ``[]``, log of the frame's factor in an unbiased estimate of
             ``p(y_1:T)``; ``-inf`` if the frame was impossible for every particle.
         ess: ``[]``, effective sample size ``1 / sum(w^2)`` (maccormick1999, eq. 6).
-        uniqueness: ``[P]``, distinct draws of a partition over N (smith2004, section 3.1).
+        uniqueness: ``[P]``, number of distinct draws of a partition, divided by N (smith2004,
+            section 3.1).
         spread: ``[P, D]``, weighted standard deviation of the substates.
         status: ``[]`` int32, a sum of the ``STATUS_*`` bits.
-        lost: ``[P]`` bool, partitions whose likelihood was zero in every particle that still
-            had weight.
-        num_invalid: ``[]`` int32, log-likelihoods that were NaN or +inf.
-        ess_parts: ``[P]``, every partition's effective sample size, where each has weights of
-            its own (``ess`` is then the smallest); else None.
-        label_probabilities: ``[L]``, weight of the particles with each label; None without labels.
-        confidence: ``[P]``, 0 to 1, how sure it is that each object is still there, near its
-            estimate; None if the likelihood has no ``log_odds``.
+        lost: ``[P]`` bool, partitions with zero likelihood in every particle of nonzero weight.
+        num_invalid: ``[]`` int32, number of log-likelihoods that were NaN or +inf.
+        ess_parts: ``[P]``, effective sample size per partition if partitions have separate
+            weights (``ess`` is then the smallest); else None.
+        label_probabilities: ``[L]``, total weight of the particles with each label; None without
+            labels.
+        confidence: ``[P]``, 0 to 1, confidence that each object is present near its estimate; None
+            if the likelihood has no ``log_odds``.
     """
 
     estimate: jax.Array
@@ -109,9 +108,9 @@ class Summary:
 
 
 def summarise(state, log_evidence, status, lost, num_invalid, num_unique) -> Summary:
-    """Estimate, effective sample size and spread of a weighted set, and what is known of it."""
+    """Build a summary: estimate, spread and effective sample size of the set, and the arguments."""
     weights = jnp.exp(state.log_weights)
-    # Products with a matrix: a sum over the last axis is ten times slower on CPU.
+    # Matrix products: on a CPU, a sum over the last axis is ten times slower.
     estimate, spread = moments(state.lagged[0], weights, jnp.matmul)
     return Summary(
         estimate=estimate.T,
@@ -126,7 +125,7 @@ def summarise(state, log_evidence, status, lost, num_invalid, num_unique) -> Sum
 
 
 def sanitised(log_values: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Log-likelihoods of which NaN and +inf are taken as -inf, and how many were so, ``[]``."""
+    """Replace NaN and +inf log-likelihoods by -inf, and count them, ``[]``."""
     invalid = jnp.isnan(log_values) | jnp.isposinf(log_values)
     return jnp.where(invalid, -jnp.inf, log_values), jnp.sum(invalid, dtype=jnp.int32)
 
@@ -137,13 +136,13 @@ def moments(
     weighted_sum: Callable[[jax.Array, jax.Array], jax.Array],
     spread: Callable[[jax.Array], jax.Array] = lambda mean: mean[..., None],
 ) -> tuple[jax.Array, jax.Array]:
-    """Mean and standard deviation of weighted particles; one without weight may hold NaN.
+    """Mean and standard deviation of weighted particles; particles of zero weight may hold NaN.
 
     Args:
         values: ``[..., N]``.
-        weights: ``[N]`` or more axes, summing to one in whatever is summed.
-        weighted_sum: of values and weights, over the particles of a set.
-        spread: gives every particle its set's mean.
+        weights: ``[N]`` or with more axes, summing to one over each set.
+        weighted_sum: sums ``values * weights`` over the particles of each set.
+        spread: broadcasts each set's mean to its particles.
     """
     alive = weights > 0
     values = jnp.where(alive, values, 0.0)
@@ -154,7 +153,7 @@ def moments(
 
 
 def count_unique(lineage: jax.Array) -> jax.Array:
-    """``[P]``: the number of distinct ids, each in 0..N-1, in every row of ``[P, N]``."""
+    """Count the distinct ids in every row of ``lineage`` ``[P, N]``, ids 0..N-1: ``[P]``."""
     rows = jnp.arange(lineage.shape[0])[:, None]
     present = jnp.zeros(lineage.shape, jnp.int32).at[rows, lineage].set(1)
     return jnp.sum(present, axis=-1, dtype=jnp.int32)

@@ -1,12 +1,14 @@
-"""Confidence that an object is still there, for likelihoods with ``log_odds``.
+"""Confidence that an object is still present, for likelihoods with ``log_odds``.
 
-The log odds of a frame's estimate are smoothed over time: this frame counts half, the one before a
-quarter, and so on.  It needs no future frames, and a blink is not a loss.
+The log odds at a frame's estimate are smoothed over time with weights 1/2 for this frame, 1/4 for
+the previous one, and so on.  This needs no future frames, and a short drop is not reported as a
+loss.
 
-Learned appearance can tell.  From the start frames of nine annotated clips, four of which its
-level was calibrated on (8 runs), the area under the ROC curve for "overlap below .1" is .84; of the
-boxes with a confidence below .2 12 % are on their object, from .2 to .8 some 60 %, above .8 88 %.
-It is no certificate: who is taken for a look-alike looks sure.
+Measured with learned appearance, from the start frames of nine annotated clips, four of which were
+used for calibration (8 runs): the area under the ROC curve for "overlap below .1" is .84.  Boxes
+with a confidence below .2 are on their object in 12 % of the cases, from .2 to .8 in about 60 %,
+above .8 in 88 %.  High confidence is no guarantee: a track on a look-alike also has high
+confidence.
 """
 
 import dataclasses
@@ -19,11 +21,11 @@ from jax import lax
 from jaxpf import contract
 from jaxpf.contract.state import Summary
 
-#: Share of the frames before.
+#: Weight of the previous frames' smoothed log odds.
 _MEMORY = 0.5
-#: Log odds at the start: the user says that the object is there.
+#: Initial log odds: the user marked the object, so it is present.
 _AT_START = 3.0
-#: Bound of a single frame's log odds, so that a few more frames outweigh it.
+#: Bound of a single frame's log odds, so that a few further frames can outweigh it.
 _MOST = 6.0
 
 
@@ -37,18 +39,18 @@ def at_start(likelihood: Any, num_partitions: int, dtype: Any) -> jax.Array | No
 def reported(
     likelihood: Any, before: Any, state: Any, summary: Summary, observation: Any
 ) -> tuple[Any, Any]:
-    """A frame's state and summary, with the confidence in its estimate.
+    """Add the confidence in the estimate to a frame's state and summary.
 
     Args:
-        likelihood: which is asked.
-        before: the state of the frame before; states have ``log_odds``.
-        state: of this frame.
-        summary: of this frame.
-        observation: of this frame.
+        likelihood: defines ``log_odds``.
+        before: state after the previous frame, with ``log_odds``.
+        state: state after this frame.
+        summary: this frame's summary.
+        observation: this frame's observation.
     """
     if before.log_odds is None:
         return state, summary
-    # Reported and looked at, but nothing to learn from: it has no derivative.
+    # Confidence is for reporting only, so it has no derivative.
     estimate = lax.stop_gradient(summary.estimate)
     partitions = jnp.arange(estimate.shape[0])
     now = contract.log_odds_all(likelihood, observation, partitions, estimate.T)

@@ -1,4 +1,4 @@
-"""What a filter offers to commands and evaluations, which need not know it by name."""
+"""Interface of a filter family for commands and evaluations."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -7,11 +7,11 @@ from jaxpf.contract.model import Model
 
 
 class Variant(NamedTuple):
-    """One way to run a method, in an evaluation.
+    """One variant of a method in an evaluation.
 
     Attributes:
-        label: for tables, such as "312" for an order; may be "".
-        values: of the filter's options.
+        label: label in tables, such as "312" for an order; may be "".
+        values: values of the filter's options.
     """
 
     label: str
@@ -26,10 +26,10 @@ class Filter:
         methods: names of its methods; the option ``method`` chooses one.
         options: class of its options (``jaxpf.contract.options``), including ``method`` and
             ``particles``.
-        varied: names of its options that ``variants`` varies, and that no grid has.
-        by_default: whether an evaluation that names no methods compares them.
-        opens: whether partitions may come and go while it runs, see ``Model.is_open``.
-        nanoseconds: of one core per particle, partition and frame, without the likelihood.
+        varied: options that ``variants`` varies and that are therefore not in an evaluation's grid.
+        by_default: whether evaluations include its methods by default.
+        opens: whether it supports open populations, see ``Model.is_open``.
+        nanoseconds: time on one core per particle, partition and frame, without the likelihood.
     """
 
     name: str
@@ -41,18 +41,18 @@ class Filter:
     nanoseconds: float = 160.0
 
     def tracker(self, model: Model, options: Any) -> Any:
-        """The tracker of a model."""
+        """Build the tracker for a model."""
         raise TypeError(f"{type(self).__name__} must define tracker")
 
     def admits(self, method: str, parents: Sequence[int]) -> bool:
-        """Whether a method can follow a part tree."""
+        """Whether a method supports a part tree."""
         return True
 
     def check(self, options: Any, parents: Sequence[int]) -> None:
-        """Refuse options that do not fit a part tree, before anything is compiled."""
+        """Refuse options that do not fit a part tree, before compilation."""
 
     def check_first(self, summary: Any, ids: Sequence[Any]) -> None:
-        """Refuse a start that the first frame's summary shows to be hopeless.
+        """Refuse an initial state that does not fit the first frame, judged by its summary.
 
         ``ids`` are the partitions' names.
         """
@@ -60,8 +60,8 @@ class Filter:
     def variants(
         self, method: str, parents: Sequence[int], asked: Mapping[str, Sequence[Any]]
     ) -> list[Variant]:
-        """The ways in which an evaluation runs a method on a part tree.
+        """Return the variants of a method that an evaluation runs on a part tree.
 
-        ``asked`` holds the values requested for each of ``varied``.
+        ``asked`` holds the values requested for each option in ``varied``.
         """
         return [Variant("", {"method": method})]

@@ -14,7 +14,7 @@ from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.ordering import sir
 
-#: Fields of ``Partitioned`` that a model with one state has not.
+#: Fields of ``Partitioned`` that do not apply to a model with a single state.
 _NO_OPTIONS = {
     *("dynamics", "likelihood", "ordering", "initial", "initial_label", "parents", "num_particles"),
     *("look_ahead", "relocation"),
@@ -31,10 +31,10 @@ def state_space(
     num_particles: int = 1000,
     **options: Any,
 ) -> Partitioned:
-    """A particle filter for a state-space model that is given by plain functions.
+    """Build a particle filter for a state-space model from plain functions.
 
-    The functions speak of one particle.  A state x is an array of any shape, ``[]`` included;
-    reports hold it flattened, such as ``summary.estimate`` ``[1, D]``::
+    The functions handle one particle.  A state x is an array of any shape, including ``[]``;
+    summaries hold it flattened, such as ``summary.estimate`` ``[1, D]``::
 
         tracker = jaxpf.state_space(
             initial=lambda key, p: p["s"] * jax.random.normal(key),
@@ -44,31 +44,34 @@ def state_space(
         )
         state, summaries = jaxpf.run(tracker, jax.random.key(0), y)
 
-    The tracker is a ``Partitioned`` with one partition and works wherever one of those does.
-    ``parameters`` are traced: a sweep is a ``vmap`` over calls of ``state_space``, a gradient a
-    ``grad``, and new values compile nothing; ``jaxpf.tune`` calls them ``parameters.a``.  A new
-    function recompiles, and every evaluation of a lambda makes one: outside of a ``jit`` call
-    ``state_space`` once and change values by ``jaxpf.tuning.replace(tracker, {"parameters.a":
-    0.5})``, or pass named functions.  Functions should read what varies from ``parameters``.
+    The tracker is a ``Partitioned`` with one partition and works wherever those do.
+    ``parameters`` are traced: ``vmap`` over calls of ``state_space`` to sweep them, use ``grad`` to
+    differentiate; new values do not recompile.  ``jaxpf.tune`` names them ``parameters.a``.
+
+    A new function object recompiles, and every evaluation of a lambda creates one.  Outside
+    ``jit``, pass named functions, or call ``state_space`` once and change values with
+    ``jaxpf.tuning.replace(tracker, {"parameters.a": 0.5})``.  Functions should read all varying
+    values from ``parameters``.
 
     Args:
-        initial: ``(key, parameters) -> x``, a draw of the state just before the first frame; or
-            that state itself, an array.
-        transition: ``(key, x, parameters) -> x``, a draw of the next state.  With an argument
-            ``previous`` it also gets the state before x, with ``time`` the number of the frame
-            that it leads to, from 0.
-        log_likelihood: ``(y, x, parameters) -> []``, log-density of a frame y, any pytree.  With an
-            argument ``previous`` it also gets the state before x; reports then hold ``[x,
+        initial: ``(key, parameters) -> x``, draws the state just before the first frame; or that
+            state itself, an array.
+        transition: ``(key, x, parameters) -> x``, draws the next state.  An argument named
+            ``previous`` receives the state before x; one named ``time`` receives the number of the
+            frame that the transition leads to, from 0.
+        log_likelihood: ``(y, x, parameters) -> []``, log-density of a frame y, any pytree.  An
+            argument named ``previous`` receives the state before x; summaries then hold ``[x,
             previous]``, 2 D numbers, and smoothing is not available.
         parameters: pytree of numbers and arrays, the last positional argument of every function.
         transition_log_density: ``(new, x, parameters) -> []``, the log-density of ``transition``,
-            for ``jaxpf.smooth`` and ``motion_gradient="score"``; may ask for ``previous`` and
+            for ``jaxpf.smooth`` and ``motion_gradient="score"``; may take ``previous`` and
             ``time``.
         num_particles: N.
-        options: of ``Partitioned``, such as ``resampling``, ``ess_threshold`` or ``gradient``.
+        options: further fields of ``Partitioned``, such as ``resampling``, ``ess_threshold`` or
+            ``gradient``.
 
     Raises:
-        InputError: a function that takes or returns something else, or an unknown option.
+        InputError: a function with other arguments or results, or an unknown option.
     """
     _check_arguments("transition", transition)
     _check_arguments("log_likelihood", log_likelihood)
@@ -104,7 +107,7 @@ def state_space(
 
 @pytree_dataclass
 class FunctionSampler:
-    """Initial states ``[1, D]``, drawn by a plain function."""
+    """Draws initial states ``[1, D]`` with a plain function."""
 
     parameters: Any
     function: Callable = static_field()
@@ -113,15 +116,15 @@ class FunctionSampler:
     independent = True
 
     def __call__(self, key: jax.Array) -> jax.Array:
-        """A draw."""
+        """Draw an initial state."""
         return jnp.tile(jnp.ravel(self.function(key, self.parameters)), self.copies)[None]
 
 
 @pytree_dataclass
 class FunctionDynamics(contract.Dynamics):
-    """Dynamics by plain functions; a substate is the state, flattened, or two copies of it.
+    """Dynamics from plain functions; a substate is the flattened state, or state and predecessor.
 
-    The methods ``log_density`` and ``at_frame`` exist only if the functions call for them.
+    The methods ``log_density`` and ``at_frame`` exist only if the functions need them.
     """
 
     parameters: Any
@@ -132,7 +135,7 @@ class FunctionDynamics(contract.Dynamics):
     time: Any = None
 
     def propagate(self, key, partition, current, previous, parent):
-        """The new substate ``[D]``."""
+        """Draw the new substate ``[D]``."""
         extras = self._extras(self.transition, previous)
         x = _state(current, self.shape)
         new = jnp.ravel(self.transition(key, x, self.parameters, **extras))
@@ -153,7 +156,7 @@ class FunctionDynamics(contract.Dynamics):
 
     @property
     def at_frame(self):
-        """The dynamics that lead to a frame."""
+        """Return the dynamics that lead to a frame."""
         if not any(f and _asks_for(f, "time") for f in (self.transition, self.density)):
             raise AttributeError("at_frame")
         fixed = self.transition, self.density, self.shape, self.copies
@@ -175,7 +178,7 @@ class FunctionDynamics(contract.Dynamics):
 
 @pytree_dataclass
 class FunctionLikelihood(contract.Likelihood):
-    """A likelihood by a plain function."""
+    """A likelihood from a plain function."""
 
     parameters: Any
     function: Callable = static_field()
@@ -197,11 +200,11 @@ def _state(substate: jax.Array, shape: tuple[int, ...]) -> jax.Array:
 def _asks_for(function: Callable, name: str) -> bool:
     try:
         return name in inspect.signature(function).parameters
-    except (TypeError, ValueError):  # a function of C, which says nothing
+    except (TypeError, ValueError):  # some C functions have no signature
         return False
 
 
-#: What every function takes, and what it may ask for by name.
+#: Positional arguments of each function, and optional arguments by name.
 _ARGUMENTS = {
     "initial": (("key", "parameters"), ()),
     "transition": (("key", "x", "parameters"), ("previous", "time")),
@@ -211,7 +214,7 @@ _ARGUMENTS = {
 
 
 def _check_arguments(name: str, function: Any) -> None:
-    """Refuse what is no function, or takes other arguments."""
+    """Refuse a value that is not a function, or a function with other arguments."""
     arguments, extras = _ARGUMENTS[name]
     if not callable(function):
         raise InputError(f"{name} is {function!r:.40}, which is no function.")
@@ -229,7 +232,7 @@ def _check_arguments(name: str, function: Any) -> None:
 
 
 def _state_shape(initial, transition, log_density, parameters) -> tuple[int, ...]:
-    """The shape of a state; refuses functions that return something else.  None is run."""
+    """Return the shape of a state; refuse other return values.  Only traces the functions."""
     key = jax.eval_shape(lambda: jax.random.key(0))
 
     def returned(name, function, *arguments):

@@ -10,9 +10,9 @@ from jaxpf.contract.pytree import as_array, is_concrete
 
 
 def checked_initial(initial: Any, may_be_empty: bool = False) -> Any:
-    """A user's initial state as an array of floats; a sampler is returned as it is.
+    """Convert a user's initial state to an array of floats; return a sampler unchanged.
 
-    If it ``may_be_empty``, a row of NaN stands for an empty slot.
+    With ``may_be_empty``, a row of NaN is an empty slot.
     """
     if callable(initial):
         return initial
@@ -21,7 +21,7 @@ def checked_initial(initial: Any, may_be_empty: bool = False) -> Any:
     initial = as_array(initial)
     if not jnp.issubdtype(initial.dtype, jnp.floating):
         return initial.astype(jnp.result_type(float))
-    # Half precision cannot tell particles apart.
+    # Half precision cannot separate particles.
     return initial.astype(jnp.promote_types(initial.dtype, jnp.float32))
 
 

@@ -1,6 +1,6 @@
-"""Particle filters: one folder or file for each family, and what they share.
+"""Registry of particle filters.
 
-To add a filter, write a ``Filter`` and enter it in ``_FILTERS``.
+To add a filter, write a ``Filter`` and add it to ``_FILTERS``.
 """
 
 import importlib
@@ -29,12 +29,12 @@ def all_filters() -> "dict[str, Filter]":
 
 
 def methods() -> tuple[str, ...]:
-    """The methods of all filters."""
+    """Names of the methods of all filters."""
     return tuple(method for filter_ in all_filters().values() for method in filter_.methods)
 
 
 def filter_of(method: str) -> "Filter":
-    """The filter that a method belongs to."""
+    """Return the filter that a method belongs to."""
     for filter_ in all_filters().values():
         if method in filter_.methods:
             return filter_

@@ -1,15 +1,16 @@
-"""Relocation: an object that is probably lost may be anywhere in the frame.
+"""Relocation: search the whole frame for objects that are probably lost.
 
-A partition with low confidence moves by a mixture: with probability 1 - epsilon by its dynamics,
-and with probability epsilon its centre, the substate's first two coordinates, is uniform over the
-frame and at rest, while its other coordinates move by the dynamics.  Epsilon depends on the
-confidence before the frame alone.
+A partition with low confidence moves by a mixture.  With probability 1 - epsilon it moves by its
+dynamics.  With probability epsilon its centre, the substate's first two coordinates, is uniform
+over the frame and at rest, while the other coordinates move by the dynamics.  Epsilon depends only
+on the confidence before the frame.
 
-Uniform places would hit nothing.  Jumps are drawn from a density that is constant in each cell of a
-coarse grid, there in proportion to the tempered likelihood at the cell's centre, mixed with the
-uniform density.  Each jump has the weight uniform / drawn density.  Given its epsilons, every
-weight of the mixture is proper and the evidence unbiased; that is the evidence of a fixed model
-where the log odds depend on the frames alone, and not on the filter's own estimates.
+Uniform draws would almost never hit the object.  Jumps are therefore drawn from a density that is
+constant in each cell of a coarse grid, proportional to the tempered likelihood at the cell's
+centre, and mixed with the uniform density.  Each jump has the weight uniform density over drawn
+density.  Given its epsilons, every weight of the mixture is proper and the evidence unbiased.  It
+is the evidence of a fixed model if the log odds depend only on the frames, not on the filter's
+estimates.
 
 Relocation is not a ``jaxpf.contract.Proposal``: it changes the model, needs no density of the
 dynamics, and also sets the substate before the jump.
@@ -31,7 +32,7 @@ from jaxpf.lowering.prefix import running_sum
 
 #: Approximate number of cells of the grid.
 _CELLS = 800
-#: Power of the likelihood by which cells are drawn: their centres miss its peaks.
+#: Exponent of the likelihood in the cells' probabilities, since cell centres miss its peaks.
 _TEMPER = 0.5
 #: Share of the uniform density in the jumps' density, which bounds the weights.
 _UNIFORM = 0.1
@@ -39,13 +40,13 @@ _UNIFORM = 0.1
 
 @pytree_dataclass
 class Relocation:
-    """Where objects that are probably lost may be, and how likely that is.
+    """Settings of the search for lost objects.
 
     Attributes:
-        epsilon: probability per frame that a particle of a certainly lost object jumps, ``[]`` or
-            ``[P]``; it falls to 0 as the confidence rises to one half.
+        epsilon: probability per frame that a particle of a lost object jumps at confidence 0,
+            ``[]`` or ``[P]``; falls to 0 as the confidence rises to one half.
         extent: width and height of the frame, ``[2]``, pixels.
-        grid: static, rows and columns of cells.
+        grid: static, numbers of rows and columns of cells.
     """
 
     epsilon: Any
@@ -53,13 +54,13 @@ class Relocation:
     grid: tuple[int, int] = static_field(default=(24, 32))
 
     def epsilon_at(self, confidence: jax.Array) -> jax.Array:
-        """Epsilon of every partition, ``[P]``, given the confidence before the frame."""
+        """Epsilon per partition, ``[P]``, given the confidence before the frame."""
         doubt = jnp.clip(1 - confidence / PROBABLY_LOST, 0, 1)
         return jnp.asarray(self.epsilon, confidence.dtype) * doubt
 
 
 def relocation_in(frame_shape: tuple[int, int], epsilon: Any) -> Relocation:
-    """Relocation in a frame ``(height, width)``, on some 800 cells that are about square."""
+    """Relocation in a frame ``(height, width)``, on about 800 roughly square cells."""
     height, width = frame_shape
     rows = max(round(np.sqrt(_CELLS * height / width)), 1)
     extent = np.array([width, height], np.float32)
@@ -67,7 +68,7 @@ def relocation_in(frame_shape: tuple[int, int], epsilon: Any) -> Relocation:
 
 
 def check_relocation(tracker: Any) -> None:
-    """Refuse to relocate where no confidence is reported, or where it would be wrong."""
+    """Refuse relocation if no confidence is reported, or if it would be wrong."""
     relocation, likelihood = tracker.relocation, tracker.likelihood
     if relocation is None:
         return
@@ -95,12 +96,12 @@ def check_relocation(tracker: Any) -> None:
 
 
 class Jumps(NamedTuple):
-    """Jumps of all partitions and particles in a frame, needed or not.
+    """Candidate jumps of all partitions and particles in a frame.
 
     Attributes:
-        happens: bool ``[P, N]``.
-        position: ``[2, P, N]``.
-        log_weight: ``[P, N]``, log of uniform over drawn density.
+        happens: bool ``[P, N]``, whether the particle jumps.
+        position: ``[2, P, N]``, the new centre.
+        log_weight: ``[P, N]``, log of uniform density over drawn density.
     """
 
     happens: jax.Array
@@ -114,11 +115,11 @@ def draw_jumps(
     """Draw a frame's jumps; partitions that do not jump cost nothing.
 
     Args:
-        tracker: with ``relocation``.
+        tracker: has ``relocation``.
         uniform: random numbers in [0, 1), ``[P, 4, N]``.
-        log_odds: ``[P]``, that objects were at their estimates in the frame before.
-        estimate: ``[D, P]``, of the frame before, for the other coordinates (a size, say).
-        observation: of this frame.
+        log_odds: ``[P]``, log odds that objects were at their estimates in the previous frame.
+        estimate: ``[D, P]`` of the previous frame; supplies the other coordinates, such as size.
+        observation: this frame's observation.
     """
     dtype = estimate.dtype
     epsilon = tracker.relocation.epsilon_at(jax.nn.sigmoid(log_odds)).astype(dtype)
@@ -143,13 +144,13 @@ def draw_jumps(
 def apply_jumps(
     jumps: Jumps, partition: jax.Array, substates: jax.Array, left: jax.Array
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Substates ``[D, N]`` of which some have jumped, those that they left, and log-weights.
+    """Apply jumps: new substates and previous substates ``[D, N]``, and log-weights.
 
     Args:
-        jumps: of the frame.
+        jumps: the frame's jumps.
         partition: int ``[N]``, the partition that each particle processes.
-        substates: ``[D, N]``, moved.
-        left: ``[D, N]``, the places they left; a jump overwrites these, too, so that it is at rest.
+        substates: ``[D, N]``, moved substates.
+        left: ``[D, N]``, previous substates.  A jump overwrites these too, so that it is at rest.
     """
     slot = jnp.arange(partition.shape[0])
     happens, position = jumps.happens[partition, slot], jumps.position[:, partition, slot]
@@ -162,7 +163,7 @@ def apply_jumps(
 
 
 def _draw_for_one(tracker, partition, epsilon, estimate, uniform, observation) -> Jumps:
-    """The jumps of one partition: entries ``[N]``, positions ``[2, N]``, of ``uniform [4, N]``."""
+    """Jumps of one partition: entries ``[N]``, positions ``[2, N]``, from ``uniform [4, N]``."""
     relocation, dtype = tracker.relocation, estimate.dtype
     rows, columns = relocation.grid
     extent = jnp.asarray(relocation.extent, dtype)

@@ -1,4 +1,4 @@
-"""The option ``relocate``, which several filters have."""
+"""The option ``relocate``, shared by several filters."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ def relocate_option() -> Any:
 
 
 def relocation_of(likelihood: Any, epsilon: float) -> Any:
-    """The relocation in a likelihood's frames; None where ``epsilon`` is 0."""
+    """Build the relocation for a likelihood's frames; None if ``epsilon`` is 0."""
     if epsilon == 0:
         return None
     from jaxpf.contract import has_log_odds

@@ -1,1 +1,1 @@
-"""Labelled particles (rowe2005): one sample set for many targets, each particle holds one."""
+"""Labelled particles (rowe2005): one particle set for many targets; each particle holds one."""

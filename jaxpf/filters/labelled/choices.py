@@ -1,10 +1,10 @@
 """Names of the labelled filter's choices.  Imports no JAX."""
 
-#: How particles are weighed when they are resampled (rowe2005, eq. 4, and without it).
+#: Weighting rules for resampling: rowe2005's eq. 4, none, or eq. 4 with corrected weights.
 WEIGHTS = ("equal_share", "plain", "corrected")
-#: What is resampled together.
+#: Whether resampling mixes labels.
 SCOPES = ("across", "within")
-#: The speed that moves the particles: their own, or the estimate's (rowe2005, eq. 5).
+#: The speed that moves particles: their own, or the estimate's (rowe2005, eq. 5).
 FEEDBACKS = ("none", "estimate")
-#: Whether targets come and go.
+#: Whether targets may appear and disappear.
 POPULATIONS = ("fixed", "open")

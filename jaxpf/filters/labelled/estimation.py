@@ -5,8 +5,8 @@ With x and u a target's estimated position and speed, and a_x, a_u the rates of 
     x_t = (1 - a_x) (x_{t-1} + u_{t-1}) + a_x sum(w x^) / sum(w)
     u_t = (1 - a_u) u_{t-1} + a_u (x_t - x_{t-1})
 
-Time is counted in frames.  As printed, eq. 6 divides the sum of eq. 4's weights by N_l, which
-is off by a factor 1 / (L N_l), and leaves out the division of the speed by the time step.
+Time is counted in frames.  As printed, eq. 6 divides the sum of eq. 4's weights by N_l, which is
+off by a factor 1 / (L N_l), and omits the division of the speed by the time step.
 """
 
 from collections.abc import Sequence
@@ -27,19 +27,19 @@ def regularised(
     speed: Sequence[int] | None,
     rates: Any,
 ) -> tuple[jax.Array, jax.Array]:
-    """Estimates and speeds of this frame from those of the last.
+    """Update the regularised estimates and speeds from the last frame's (rowe2005, eq. 6).
 
     Args:
-        mean: ``[D, L]``, weighted means of this frame.
-        estimate: ``[D, L]``, of the last frame.
-        velocity: ``[E, L]``, speeds of the last frame, per frame.
-        present: ``[L]`` bool; a label without weight coasts: it is moved on at its speed.
-        position: the E coordinates of a position.
-        speed: the E coordinates of a speed, which are reported as estimated; or None.
+        mean: ``[D, L]``, this frame's weighted means.
+        estimate: ``[D, L]``, last frame's estimates.
+        velocity: ``[E, L]``, last frame's speeds, per frame.
+        present: ``[L]`` bool; a label without weight coasts at its speed.
+        position: indices of the E position coordinates.
+        speed: indices of the E speed coordinates, which then report the estimated speed; or None.
         rates: a_x and a_u, ``[2]``; None is 1 and 1.
 
     Returns:
-        ``[D, L]`` and ``[E, L]``.
+        Estimates ``[D, L]`` and speeds ``[E, L]``.
     """
     rows = jnp.asarray(position)
     along, change = (1.0, 1.0) if rates is None else jnp.asarray(rates, mean.dtype)
@@ -58,9 +58,9 @@ def regularised(
 def before_moving(
     lagged: jax.Array, velocity: jax.Array, labels: jax.Array, position: Sequence[int]
 ) -> jax.Array:
-    """Lags ``[2, D, N]`` whose last displacement is the label's estimated speed.
+    """Replace the last displacement in ``lagged`` ``[2, D, N]`` by the label's estimated speed.
 
-    How speed is fed back to a dynamics that takes it from ``current - previous``.
+    Feeds speed back to dynamics that take it from ``current - previous``.
     """
     rows = jnp.asarray(position)
     return lagged.at[1, rows].set(lagged[0, rows] - by_label.spread(velocity, labels))
@@ -73,10 +73,10 @@ def after_moving(
     labels: jax.Array,
     speed: Sequence[int],
 ) -> jax.Array:
-    """Particles ``[D, N]`` whose new speed starts from the label's, not from their own (eq. 5).
+    """Base the new speed of particles ``[D, N]`` on the label's speed, not their own (eq. 5).
 
-    The dynamics' change of speed, its noise above all, is kept; a particle's own last speed
-    has moved its position already.
+    Keeps the change of speed from the dynamics, mainly its noise.  A particle's own last speed has
+    already moved its position.
     """
     rows = jnp.asarray(speed)
     return moved.at[rows].add(by_label.spread(velocity, labels) - current[rows])

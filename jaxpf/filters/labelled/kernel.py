@@ -1,27 +1,28 @@
-"""One frame of the labelled filter: resample, move, weigh, and share out (rowe2005).
+"""One frame of the labelled filter: resample, move, weight, and normalise by label (rowe2005).
 
 The set is a particle filter for a *mixture*: each particle draws a label once, with equal
 probability, and then follows that target.  Its evidence is ``(1/L) sum_l Z_l``, and a label keeps
-particles only by its share of that sum.  Unbiased at any number of particles (E is over runs; W_l
-is label l's weight, N_l the number of its particles, Z^ the product of the frames'
-``exp(log_evidence)``):
+particles in proportion to its share of that sum.  The rules for ``weights`` are unbiased at any
+number of particles in the following sense.  E is over runs, W_l is label l's weight, N_l the number
+of its particles, Z^ the product of the frames' ``exp(log_evidence)``.
 
 ``plain``
     ``E[L Z^ W_l] = Z_l``, and the same with any function of the substates.  A label can lose all
-    its particles for good: in 1.2 % of the runs of the table of biases (3 frames, 16 particles, 2
-    targets), in every run on rowe2005's scene (300 frames, 100 particles).
+    its particles permanently: in 1.2 % of the runs of the table of biases (3 frames, 16 particles,
+    2 targets), in every run on rowe2005's scene (300 frames, 100 particles).
 ``corrected``
-    Selected by eq. 4, weights divided by it: the same expectations, and fair shares.
+    Selects by eq. 4 and divides the weights by it: the same expectations, and each label gets a
+    fair share of the particles.
 ``equal_share``
-    Eq. 4 as printed: every label's weights sum to 1/L.  Then N_l does not depend on the
-    particles' weights, and given the N_l each label is an ordinary filter of its own: with
-    ``M_l`` the product over frames of the mean of its likelihoods, ``E[M_l] = Z_l`` as long
-    as no label is empty.  With multinomial resampling labels are independent given the N_l, so
-    that products over labels are unbiased, too.  A target's mass in the mixture is kept apart
-    from the weights, as ``M_l / sum(M)``.
+    Eq. 4 as printed: every label's weights sum to 1/L.  N_l then does not depend on the
+    particles' weights, and given the N_l each label is a separate ordinary filter.  With ``M_l``
+    the product over frames of the mean of its likelihoods, ``E[M_l] = Z_l`` as long as no label
+    is empty.  With multinomial resampling, labels are independent given the N_l, so products over
+    labels are unbiased too.  A target's mass in the mixture is stored separately from the
+    weights, as ``M_l / sum(M)``.
 
-A label without any likelihood is reported as lost.  With equal shares the frame is left out for it
-and its particles go on; else its weight is zero for good.
+A label whose particles all have zero likelihood is reported as lost.  With equal shares, the frame
+is skipped for that label and its particles continue; otherwise its weight stays zero.
 """
 
 import dataclasses
@@ -50,12 +51,12 @@ from jaxpf.resampling.components import components_of_sizes, one_component
 
 
 def first_labels(num_particles: int, num_targets: int) -> np.ndarray:
-    """``[N]``: labels in contiguous runs whose lengths differ by at most one."""
+    """Initial labels ``[N]``: contiguous runs whose lengths differ by at most one."""
     return (np.arange(num_particles) * num_targets // num_particles).astype(np.int32)
 
 
 def select(tracker: Any, key: jax.Array, state: LabelledState) -> LabelledState:
-    """Resample, across labels or within each: the particles that enter the frame."""
+    """Resample across labels or within each label, at the start of the frame."""
     num_particles = tracker.num_particles
     incoming = state.log_weights
     selection = incoming
@@ -72,7 +73,7 @@ def select(tracker: Any, key: jax.Array, state: LabelledState) -> LabelledState:
     chosen, log_weights = weighted.weighted_resample(
         key, incoming, selection, tracker.resampling, components
     )
-    # A set that was only drawn has equal weights already: resampling it would lose particles.
+    # The initial set has equal weights: resampling it would only lose particles.
     chosen = jnp.where(state.weighted, chosen, jnp.arange(num_particles, dtype=jnp.int32))
     log_weights = jnp.where(state.weighted, log_weights, incoming)
     if tracker.gradient.keeps_scores:
@@ -86,13 +87,13 @@ def select(tracker: Any, key: jax.Array, state: LabelledState) -> LabelledState:
 def reseeded(
     state: LabelledState, key: jax.Array, which: jax.Array, homes: jax.Array, scale: jax.Array
 ) -> LabelledState:
-    """Give labels particles around their last estimate, in place of others.
+    """Draw new particles for labels around their last estimate, replacing other particles.
 
     Args:
         state: after ``select``; weights must be equal within a label.
         key: a random key.
-        which: ``[L]`` bool.
-        homes: ``[N]``, the label that may take each slot.
+        which: ``[L]`` bool, the labels that get new particles.
+        homes: ``[N]``, the label that may take over each slot.
         scale: ``[D]`` or ``[L, D]``, standard deviations around the estimate.
     """
     centre = by_label.spread(state.estimate, homes)
@@ -111,11 +112,11 @@ def reseeded(
 
 
 def move(tracker: Any, key: jax.Array, state: LabelledState) -> tuple[LabelledState, jax.Array]:
-    """Propagate all particles; gives the moved state and the lags they left, ``[2, D, N]``."""
+    """Propagate all particles; return the new state and the previous lags ``[2, D, N]``."""
     left, fed_back = state.lagged, tracker.feedback == "estimate"
     if fed_back and tracker.speed is None:
         left = estimation.before_moving(left, state.velocity, state.labels, tracker.position)
-    # Inside labels a target has no parent.
+    # Targets have no parents.
     moved = contract.propagate_all(
         tracker.dynamics, key, state.labels, left[0], left[1], jnp.zeros_like(left[0])
     ).astype(left.dtype)
@@ -129,11 +130,11 @@ def move(tracker: Any, key: jax.Array, state: LabelledState) -> tuple[LabelledSt
 def relocated(
     tracker: Any, key: jax.Array, state: LabelledState, observation: Any
 ) -> tuple[LabelledState, jax.Array]:
-    """Relocate particles of probably lost targets; the state and log-weights ``[N]``.
+    """Relocate particles of probably lost targets; return the state and log-weights ``[N]``.
 
     See ``jaxpf.filters.relocation``.
     """
-    # A particle holds one target, and needs no numbers for others.
+    # A particle holds one target and needs random numbers for that one only.
     uniform = jax.random.uniform(key, (4, tracker.num_particles), state.lagged.dtype)
     uniform = jnp.broadcast_to(uniform, (tracker.num_targets, *uniform.shape))
     jumps = relocation.draw_jumps(tracker, uniform, state.log_odds, state.estimate, observation)
@@ -144,7 +145,7 @@ def relocated(
 def weigh(
     tracker: Any, state: LabelledState, left: jax.Array, observation: Any
 ) -> tuple[jax.Array, jax.Array]:
-    """Log-likelihoods ``[N]`` of ``state.lagged[0]``, and how many were invalid ``[]``."""
+    """Log-likelihoods ``[N]`` of ``state.lagged[0]``, and the number of invalid ones, ``[]``."""
     moved = state.lagged[0]
     likelihood = contract.expecting(tracker.likelihood, state.estimate.T)
     log_prob = contract.log_prob_all(likelihood, observation, state.labels, moved)
@@ -161,11 +162,11 @@ def weigh(
 def share_out(
     tracker: Any, state: LabelledState, log_prob: jax.Array
 ) -> tuple[LabelledState, jax.Array, jax.Array]:
-    """Multiply by the likelihood and normalise, with or without eq. 4.
+    """Multiply the weights by the likelihood and normalise, with or without eq. 4.
 
     Returns:
-        The state with its new weights and masses, and the frame's factors in the evidence: of
-        the mixture ``[]`` and of every label ``[L]``.
+        The state with new weights and masses, and the log of the frame's evidence factors: of the
+        mixture ``[]`` and of each label ``[L]``.
     """
     labels, num_targets = state.labels, tracker.num_targets
     entering = state.log_weights
@@ -176,7 +177,7 @@ def share_out(
         held = by_label.log_sums(lax.stop_gradient(entering), labels, num_targets)
         factor = jnp.where(seen, total - jnp.where(seen, held, 0.0), -jnp.inf)
         present = ~jnp.isneginf(held)
-        # A label without likelihood keeps its weights: the frame is left out for it.
+        # A label with zero likelihood keeps its weights: the frame is skipped for it.
         kept = by_label.spread(seen, labels)
         norm = jnp.where(seen, total, jnp.where(present, held, 0.0))
         num_present = jnp.maximum(jnp.sum(present), 1).astype(norm.dtype)
@@ -187,7 +188,7 @@ def share_out(
         possible = ~jnp.isneginf(log_total)
         log_mass = jnp.where(possible, mass - jnp.where(possible, log_total, 0.0), state.log_mass)
         if state.alive is not None:
-            # Left out for it here, too: it must count again when the others have gone.
+            # Skip the frame for its mass too: it must count again once the others have ended.
             unseen = state.alive & ~seen
             share = jnp.sum(jnp.where(unseen, jnp.exp(state.log_mass), 0.0))
             rest = jnp.log1p(-jnp.minimum(share, 1 - jnp.finfo(share.dtype).eps))
@@ -199,7 +200,7 @@ def share_out(
         alive = seen & ~jnp.isneginf(before)
         factor = jnp.where(alive, total - jnp.where(alive, before, 0.0), -jnp.inf)
         norm = jnp.where(possible, log_total, 0.0)
-        # An observation that is impossible for all labels is left out.
+        # Skip an observation that is impossible for all labels.
         held = by_label.log_sums(entering, labels, num_targets)
         log_weights = jnp.where(possible, weighed - norm, entering - _log_sum(held))
         log_mass = jnp.where(possible, total - norm, held - _log_sum(held))
@@ -276,7 +277,7 @@ def report(
 
 
 def _of_living(alive: Any, summary: Any) -> LabelledSummary:
-    """The summary of an open population, without its empty slots."""
+    """Mask the empty slots in the summary of an open population."""
     smallest = jnp.min(jnp.where(alive, summary.ess_parts, jnp.inf))
     return dataclasses.replace(
         summary,
@@ -289,7 +290,7 @@ def _of_living(alive: Any, summary: Any) -> LabelledSummary:
 
 
 def _log_sum(values: jax.Array) -> jax.Array:
-    """``logsumexp`` ``[]`` of ``[L]`` with a finite derivative where all are -inf."""
+    """``logsumexp`` ``[]`` of ``[L]``, with a finite derivative if all are -inf."""
     possible = jnp.any(~jnp.isneginf(values))
     total = jax.nn.logsumexp(jnp.where(possible, values, 0.0))
     return jnp.where(possible, total, -jnp.inf)

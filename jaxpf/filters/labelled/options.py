@@ -19,7 +19,7 @@ METHODS = ("labelled",)
 class Options:
     """Options of the labelled filter; see the help of each.
 
-    The defaults track best; those of ``Labelled`` leave out all but the equal shares.
+    These defaults track best.  Those of ``Labelled`` enable only the equal shares.
     """
 
     method: str = option("labelled", "labelled (each particle holds one object).", choices=METHODS)
@@ -63,7 +63,7 @@ class Options:
 
 
 class LabelledFilter(Filter):
-    """rowe2005."""
+    """The labelled filter (rowe2005)."""
 
     name = "labelled"
     methods = METHODS
@@ -94,7 +94,7 @@ class LabelledFilter(Filter):
         )
 
     def admits(self, method: str, parents: Sequence[int]) -> bool:
-        """See ``Filter``: a particle holds one object and knows no parent."""
+        """See ``Filter``: objects have no parents, as each particle holds one object."""
         return all(parent < 0 for parent in parents)
 
     def check(self, options: Options, parents: Sequence[int]) -> None:

@@ -1,17 +1,17 @@
-"""Targets that come and go: the slots of an open population, filled and emptied between frames.
+"""Open populations: add and remove targets between frames.
 
-A tracker with ``population="open"`` has a fixed number L of slots, so that nothing is recompiled
-when targets come and go.  ``LabelledState.alive`` marks the slots that hold a target; an empty slot
-has no weight, no share of eq. 4, no part in the mixture, and after the next resampling no
+A tracker with ``population="open"`` has a fixed number L of slots, so adding or removing targets
+does not recompile.  ``LabelledState.alive`` marks the slots that hold a target.  An empty slot has
+no weight, no share in eq. 4 and no part in the mixture, and after the next resampling it has no
 particles: the living targets share all N.
 
-A new target gets its particles in the next frame, after the resampling, when weights within a label
-are equal and every other label gives as many: ``N / living``, its fair share.  They start where it
-was born, like those of ``initial``.
+A new target gets its particles in the next frame, after resampling, when weights are equal within
+each label.  It gets its fair share ``N / living``, taken evenly from the other labels.  The
+particles start at its birth place, like those of ``initial``.
 
-Its mass in the mixture is 1 / living, and the others' shrink in proportion, because it has no
-evidence of its own yet.  A frame in which a target has no likelihood at all is left out for its
-mass as for its particles: both stay as they were, and the others share the rest.
+A new target has no evidence yet, so its mass in the mixture is 1 / living and the others' masses
+shrink in proportion.  If all particles of a target have zero likelihood in a frame, the frame is
+skipped for its mass and its particles: both stay unchanged, and the others share the rest.
 """
 
 import dataclasses
@@ -26,12 +26,12 @@ from jaxpf.filters.labelled.state import LabelledState
 
 
 def born(state: LabelledState, slot: jax.Array, substate: jax.Array) -> LabelledState:
-    """Add a target to an open population between two frames; its particles follow in the next.
+    """Add a target to an open population between two frames; it gets particles in the next frame.
 
     Args:
-        state: after the last frame.
-        slot: ``[]`` int, an empty slot; the target of an occupied one is moved to the new place.
-        substate: ``[D]``, where it is in the last frame.
+        state: state after the last frame.
+        slot: ``[]`` int, an empty slot.  If it is occupied, its target moves to the new place.
+        substate: ``[D]``, the target's substate in the last frame.
     """
     _check_open(state)
     return _born(state, slot, substate)
@@ -76,7 +76,7 @@ def _ended(state, slot):
 
 
 def first_state(tracker: Any) -> LabelledState:
-    """The state just before the first frame; a row of NaN in ``initial`` is an empty slot."""
+    """Build the state just before the first frame; a row of NaN in ``initial`` is an empty slot."""
     initial, num_particles = tracker.initial.T, tracker.num_particles
     alive = jnp.all(jnp.isfinite(initial), axis=0)
     place = jnp.where(alive, initial, 0.0)
@@ -105,14 +105,14 @@ def first_state(tracker: Any) -> LabelledState:
 
 
 def homes(alive: jax.Array, num_particles: int) -> jax.Array:
-    """``[N]`` int32: the living labels in turn, one for each slot of the set."""
+    """Assign the living labels to the N slots in turn: ``[N]`` int32."""
     living_first = jnp.argsort(~alive).astype(jnp.int32)
     number = jnp.maximum(jnp.sum(alive), 1)
     return living_first[jnp.arange(num_particles, dtype=jnp.int32) % number]
 
 
 def _normalised(log_values: jax.Array) -> jax.Array:
-    """Shifted so that the exponentials sum to one; left alone where all are -inf."""
+    """Shift the values so that their exponentials sum to one; unchanged if all are -inf."""
     total = jax.nn.logsumexp(log_values)
     return log_values - jnp.where(jnp.isneginf(total), 0.0, total)
 

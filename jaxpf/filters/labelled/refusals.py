@@ -1,4 +1,4 @@
-"""Checks of a labelled tracker when it is made."""
+"""Checks of a labelled tracker at construction."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from jaxpf.gradients import check_gradients
 
 
 def check_tracker(tracker: Any) -> None:
-    """Refuse what cannot work, or would be silently wrong."""
+    """Refuse settings that cannot work or would be silently wrong."""
     check_count("num_particles", tracker.num_particles)
     for name, known in (
         ("scope", SCOPES),
@@ -132,9 +132,9 @@ def _check_rates(tracker: Any) -> None:
 
 
 def check_started(summary: Any, ids: Any = None) -> None:
-    """Refuse a first frame's summary in which some target has no weight.
+    """Refuse the summary of a first frame in which a target has no weight.
 
-    ``ids`` are the targets' names; by default their numbers.
+    ``ids`` are the targets' names; default their numbers.
     """
     lost = np.flatnonzero(np.asarray(summary.lost)).tolist()
     if lost:

@@ -14,20 +14,21 @@ class LabelledState:
     """A weighted set of N particles, each of which holds one of L targets.
 
     Attributes:
-        lagged: ``[2, D, N]``, substates of the current frame and of the one before.
+        lagged: ``[2, D, N]``, substates of the current and the previous frame.
         labels: ``[N]`` int32, the target each particle holds.
         log_weights: ``[N]``, normalised: their exponentials sum to one.
-        log_mass: ``[L]``, log-probability of each label in the mixture of all targets, from
-            its evidence so far; the exponentials sum to one.
-        estimate: ``[D, L]``, last reported (rowe2005, eq. 6).
-        velocity: ``[E, L]``, the targets' estimated speed per frame, of E position coordinates.
-        lost: ``[L]`` bool, as last reported; ``reseed`` gives these labels particles again.
-        weighted: ``[]`` bool, false only for a set that was drawn and never weighed.
-        alive: ``[L]`` bool, slots of an open population that hold a target; None in a fixed one.
+        log_mass: ``[L]``, log-probability of each label in the mixture of all targets, from the
+            evidence of past frames; the exponentials sum to one.
+        estimate: ``[D, L]``, last reported estimates (rowe2005, eq. 6).
+        velocity: ``[E, L]``, estimated speeds per frame, of E position coordinates.
+        lost: ``[L]`` bool, last reported; ``reseed`` gives these labels new particles.
+        weighted: ``[]`` bool, false only for an initial set that has not been weighted.
+        alive: ``[L]`` bool, slots of an open population that hold a target; None in a fixed
+            population.
         newborn: ``[L]`` bool, targets that get their first particles in the next frame; None in a
             fixed population.
-        log_odds: ``[L]``, that the targets are at their estimates, smoothed over the past; None
-            for likelihoods without ``log_odds``, and in an open population.
+        log_odds: ``[L]``, log odds that the targets are at their estimates, smoothed over past
+            frames; None for likelihoods without ``log_odds``, and in an open population.
     """
 
     lagged: jax.Array
@@ -44,7 +45,7 @@ class LabelledState:
 
     @property
     def substates(self) -> jax.Array:
-        """``[..., N, L, D]``: each particle's substate in its label's place, NaN elsewhere."""
+        """``[..., N, L, D]``: each particle's substate at its label, NaN elsewhere."""
         values = jnp.moveaxis(self.lagged[..., 0, :, :], -1, -2)[..., :, None, :]
         places = jnp.arange(self.log_mass.shape[-1], dtype=self.labels.dtype)
         holds = self.labels[..., :, None] == places
@@ -55,16 +56,16 @@ class LabelledState:
 class LabelledSummary(Summary):
     """A ``Summary`` whose partitions are the targets, P = L.
 
-    ``uniqueness`` is the share of particles that hold the target, all of them distinct draws.
+    ``uniqueness`` is the share of particles that hold the target; all of these are distinct draws.
     ``ess`` is the smallest of ``ess_parts``.
 
     Attributes:
         ess_parts: ``[L]``, effective sample size of each label's particles; 0 without weight.
-        label_log_evidence: ``[L]``, log of the frame's factor in an estimate of each target's
-            own ``p(y_1:T)``; ``log_evidence`` is that of the mixture ``(1/L) sum_l``.
-        alive: ``[L]`` bool, slots of an open population that hold a target; an empty slot's
-            estimate and spread are NaN; if all are empty, ``log_evidence`` is 0.  None in a fixed
-            population.
+        label_log_evidence: ``[L]``, log of the frame's factor in an estimate of each target's own
+            ``p(y_1:T)``; ``log_evidence`` is for the mixture ``(1/L) sum_l``.
+        alive: ``[L]`` bool, slots of an open population that hold a target.  Estimate and spread
+            of an empty slot are NaN; if all slots are empty, ``log_evidence`` is 0.  None in a
+            fixed population.
     """
 
     ess_parts: jax.Array | None = None

@@ -28,39 +28,40 @@ __all__ = ["Labelled", "LabelledState", "LabelledSummary", "born", "ended"]
 class Labelled(Tracker):
     """Labelled particle filter: N particles for L targets, each particle holds one (rowe2005).
 
-    Cost grows with the number of particles alone, however many targets share them; targets do
-    not interact.  For what is unbiased, see ``jaxpf.filters.labelled.kernel``.
+    Cost grows with the number of particles only, not with the number of targets.  Targets do not
+    interact.  For unbiasedness, see ``jaxpf.filters.labelled.kernel``.
 
     Attributes:
         dynamics: see ``jaxpf.contract.Dynamics``; a partition is a target, without parents.
-        likelihood: see ``jaxpf.contract.Likelihood``; ``log_joint`` is refused.  If it has
-            ``expecting(estimates [L, D]) -> likelihood``, that is called with the last estimates
-            in every frame.
+        likelihood: see ``jaxpf.contract.Likelihood``; must not define ``log_joint``.  If it defines
+            ``expecting(estimates [L, D]) -> likelihood``, every frame passes it the last estimates.
         initial: state just before the first frame: ``[L, D]`` array, or a sampler
-            ``key -> [L, D]`` registered as a pytree, of which a particle takes its own target's
-            row.  In an open population an array, in which a row of NaN is an empty slot.
+            ``key -> [L, D]`` registered as a pytree, from which a particle takes its own target's
+            row.  In an open population, an array in which a row of NaN is an empty slot.
         regularise: rates (a_x, a_u) in (0, 1] of position and speed in eq. 6; None does not
-            regularise.  It changes what is reported and, with feedback, how particles move.
-        relocation: where targets that are probably lost may be, a
-            ``jaxpf.filters.Relocation``; None: they move by the dynamics alone.
-        reseed: standard deviations ``[D]`` or ``[L, D]``; a lost target gets its share of the
-            particles again in the next frame, around its last estimate.  None (default): never.
-        resampling: a name of ``jaxpf.resampling.SCHEMES``, or your own scheme, see there.
+            regularise.  It changes the reported estimates and, with feedback, the particles'
+            motion.
+        relocation: a ``jaxpf.filters.Relocation``, the search for targets that are probably lost;
+            None moves all targets by the dynamics.
+        reseed: standard deviations ``[D]`` or ``[L, D]``.  In the next frame a lost target gets its
+            share of the particles again, drawn around its last estimate.  None (default) does not
+            reseed.
+        resampling: a name in ``jaxpf.resampling.SCHEMES``, or a custom scheme, see there.
         gradient: ``NoGradient()`` or ``StopGradient()`` of ``jaxpf.gradients``.
-        num_targets: static, L; only needed where ``initial`` is a sampler.
-        num_particles: static, N, of all targets together.
-        scope: static, one of ``choices.SCOPES``: one resampling ``"across"`` all labels, or one
-            ``"within"`` each, which makes L independent filters of fixed sizes.
+        num_targets: static, L; required only if ``initial`` is a sampler.
+        num_particles: static, N, for all targets together.
+        scope: static, one of ``choices.SCOPES``: resample ``"across"`` all labels, or ``"within"``
+            each label, which gives L independent filters of fixed sizes.
         weights: static, one of ``choices.WEIGHTS``: ``"equal_share"`` (eq. 4), ``"plain"``, or
             ``"corrected"``, which selects by eq. 4 and keeps the weights.
-        feedback: static, one of ``choices.FEEDBACKS``: ``"estimate"`` moves the particles at the
-            speed of the regularised estimate (eq. 5), ``"none"`` at their own.
-        population: static, one of ``choices.POPULATIONS``: in an ``"open"`` one targets come and
-            go between frames by ``jaxpf.filters.born`` and ``ended``; ``num_targets`` is then the
-            largest number at once.
-        position: static, the coordinates of a position.
-        speed: static, the coordinates of the speed per frame, one for each of ``position``;
-            None for dynamics that take it from ``current - previous``.
+        feedback: static, one of ``choices.FEEDBACKS``: ``"estimate"`` moves particles at the speed
+            of the regularised estimate (eq. 5), ``"none"`` at their own speed.
+        population: static, one of ``choices.POPULATIONS``: in an ``"open"`` population,
+            ``jaxpf.filters.born`` and ``ended`` add and remove targets between frames;
+            ``num_targets`` is then the maximum number at once.
+        position: static, indices of the position coordinates.
+        speed: static, indices of the coordinates that hold the speed per frame, one for each of
+            ``position``; None for dynamics that take it from ``current - previous``.
         motion_gradient: static, one of ``jaxpf.gradients.MOTION_GRADIENTS``.
     """
 
@@ -95,7 +96,7 @@ class Labelled(Tracker):
 
     @property
     def num_partitions(self) -> int:
-        """Number of targets, L: what a summary has one row for."""
+        """Number of targets, L, which are the rows of a summary."""
         return self.num_targets
 
     def init(self, key: jax.Array) -> LabelledState:
@@ -129,7 +130,7 @@ class Labelled(Tracker):
         )
 
     def observe(self, frame: Any) -> Any:
-        """Work that depends on the frame alone; stays unbatched when runs are vmapped."""
+        """Do the work that depends on the frame alone; unbatched when runs are vmapped."""
         return self.likelihood.observe(frame)
 
     def step_observed(
@@ -159,7 +160,7 @@ class Labelled(Tracker):
         return confidence.reported(self.likelihood, before, *after, observation)
 
     def _given_particles(self, key: jax.Array, state: LabelledState) -> LabelledState:
-        """Give newborn targets their first particles, and lost ones new ones if asked."""
+        """Give newborn targets their first particles, and reseed lost targets if enabled."""
         which, scale = state.lost, self.reseed
         if self.population == "open":
             which = state.newborn if scale is None else state.newborn | state.lost
@@ -175,7 +176,10 @@ class Labelled(Tracker):
         return kernel.reseeded(state, key, which, self._homes(state), scale)
 
     def _homes(self, state: LabelledState) -> jax.Array:
-        """``[N]``: the label that may take each slot; across labels in turn, so that all give."""
+        """``[N]``: the label that may take each slot.
+
+        Across labels the slots are assigned in turn, so that all labels give up particles evenly.
+        """
         if self.scope == "within":
             return jnp.asarray(kernel.first_labels(self.num_particles, self.num_targets))
         if self.population == "open":

@@ -1,1 +1,1 @@
-"""How much another run would differ: runs side by side, or the ancestors of a single run."""
+"""Monte-Carlo error, from parallel runs or from the ancestors of a single run."""

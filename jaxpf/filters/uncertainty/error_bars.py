@@ -1,36 +1,37 @@
 """Monte-Carlo error from one run: the genealogical variance estimator, and its fixed-lag form.
 
-Two particles that descend from one draw share its luck.  So what another run would report differs
-by how much of the answer hangs on single ancestors (Chan & Lai 2013; Lee & Whiteley 2018).  With
-weights w, an answer ``sum_i w_i f_i``, and S_e the part of ``sum_i w_i (f_i - answer)`` that is
-due to the descendants of ancestor e ::
+Particles that descend from the same draw have correlated errors, so the variance between runs
+depends on each ancestor's contribution to the answer (Chan & Lai 2013; Lee & Whiteley 2018).  Let w
+be the weights, ``sum_i w_i f_i`` the answer, and S_e the part of ``sum_i w_i (f_i - answer)`` from
+the descendants of ancestor e.  Then ::
 
     variance = (N / (N - 1))^G  sum_e S_e^2
 
-over G generations of particles.  For the evidence f is 1 and nothing is subtracted; its relative
-variance is ``1 - (N / (N - 1))^G (1 - sum_e S_e^2)``, without bias.
+over G generations of particles.  For the evidence, f is 1 and nothing is subtracted; its relative
+variance ``1 - (N / (N - 1))^G (1 - sum_e S_e^2)`` is unbiased.
 
-*The clock.*  A frame of partitioned sampling is as many generations as it has selections, so the
-estimator holds on the clock of (frame, stage).  Grouped by the ancestor at each tick in turn, the
-sums of squares fall from the last tick to the first; what each of them adds is the variance that
-was made at that tick: by the partition whose turn it was.
+*Time steps.*  A frame of partitioned sampling has one generation per selection, so the estimator
+counts time in ticks of (frame, stage).  Grouped by the ancestors at each tick, the sums of squares
+fall from the last tick to the first.  The difference between neighbouring ticks is the variance
+that arose at that tick, from the partition processed at that stage.
 
-*How far back.*  In long clips all particles soon descend from one ancestor, and the sum says
-nothing more.  Ancestors a fixed number of frames back keep the estimate alive, at the price of what
-is older (Olsson & Douc 2019).  Where fewer than sqrt(N) ancestors are left, the answer is NaN.  The
-runs that still have enough are the lucky ones: where most runs give NaN, the others give too small
-a variance (measured: .84 to .89 of the true one).
+*Lag.*  In long clips all particles soon descend from one ancestor, and the sum carries no
+information.  Using ancestors a fixed number of frames back avoids this, but ignores older variance
+(Olsson & Douc 2019).  With fewer than sqrt(N) ancestors the variance is NaN.  If most runs give
+NaN, the variance from the others is too small, because they are the lucky ones (measured: .84 to
+.89 of the true variance).
 
-*Adaptive resampling.*  With ``ess_threshold`` G counts the selections that happen.
+*Adaptive resampling.*  With ``ess_threshold``, G counts only the selections that happen.
 
-*What theory covers*: multinomial resampling at every selection, without exchange.  The rest is
-measured: a single run's estimate over the variance of 1000 runs, N = 1000, four objects or a tree
-of three parts, 5 frames, standard errors .05.  Estimates: systematic resampling .92 to 1.05, DPS
-.88 to 1.08, SPS .90 to 1.13; looking ahead, of three objects that are seen jointly, .65 to .69, and
-two of three runs did not know.  The evidence under systematic resampling .24 to .33, far too small:
-what is subtracted is the chance of multinomial draws.  It is reported with those alone; otherwise
-compare runs.  Where parts are exchanged, each partition has ancestors of its own, and the evidence
-has no error bar.
+*Validity.*  Theory covers multinomial resampling at every selection, without exchange.  Everything
+else is measured: the estimate from a single run over the variance of 1000 runs, N = 1000, four
+objects or a tree of three parts, 5 frames, standard errors .05.  For estimates the ratio is .92 to
+1.05 with systematic resampling, .88 to 1.08 with DPS and .90 to 1.13 with SPS.  With look-ahead,
+for three objects with a joint likelihood, it is .65 to .69, and two of three runs gave NaN.  For
+the evidence under systematic resampling the ratio is .24 to .33, far too small, because the
+estimator subtracts the variance of multinomial draws.  The evidence variance is therefore reported
+only with multinomial resampling; otherwise compare runs.  With exchange, each partition has its own
+ancestors, and the evidence has no error bar.
 """
 
 import dataclasses
@@ -50,16 +51,16 @@ from jaxpf.filters.partitioned.tracker import Partitioned
 
 @pytree_dataclass
 class Ancestry:
-    """A filter's state, and from whom its particles descend.
+    """A filter's state, and the ancestors of its particles.
 
     Attributes:
-        state: of the filter.
-        families: ``[K, S, Q, N]`` int32, the slot in which the ancestor of each particle was drawn:
-            k frames ago, at stage s; or at the start of the clip, with K and S 1.  Q is P where
-            each partition has ancestors of its own, else 1.
-        time: ``[]`` int32, frames so far.
-        selections: ``[K]``, selections of each frame, the latest first, or with K = 1 of all
-            frames; None where every selection happens.
+        state: the filter's state.
+        families: ``[K, S, Q, N]`` int32, the slot in which each particle's ancestor was drawn, k
+            frames ago at stage s; without a lag, at the start of the clip, with K = S = 1.  Q is P
+            if each partition has its own ancestors, else 1.
+        time: ``[]`` int32, number of frames processed.
+        selections: ``[K]``, number of selections per frame, latest frame first, or with K = 1 over
+            all frames; None if no selection is skipped.
     """
 
     state: ParticleState
@@ -70,18 +71,18 @@ class Ancestry:
 
 @pytree_dataclass
 class ErrorBars(Summary):
-    """A ``Summary`` with the variance that its answers would have over many runs.
+    """A ``Summary`` with the Monte-Carlo variance of its estimate and evidence.
 
     Attributes:
-        estimate_variance: ``[P, D]``, of ``estimate``; NaN where it is not known.
-        evidence_variance: ``[]``, relative variance of the evidence of all frames so far, which
-            is about the variance of its logarithm; NaN where it is not known, with a lag from the
-            frame after it on, where parts are exchanged, and unless resampling is multinomial.
-        num_ancestors: ``[P]`` int32, from how many each partition's draws descend.
-        unknown: ``[P]`` bool, these were fewer than sqrt(N), and nothing can be said.
-        estimate_terms: ``[S, P, D]``, what each stage of the frames looked back over adds to
-            ``estimate_variance``; None unless asked for.
-        evidence_terms: ``[S]``, the same of ``evidence_variance``, to first order.
+        estimate_variance: ``[P, D]``, variance of ``estimate`` over runs; NaN if unknown.
+        evidence_variance: ``[]``, relative variance of the evidence of all frames processed, about
+            the variance of its logarithm.  NaN if unknown; in particular with exchange, unless
+            resampling is multinomial, and after the first ``lag`` frames.
+        num_ancestors: ``[P]`` int32, number of distinct ancestors per partition.
+        unknown: ``[P]`` bool, fewer than sqrt(N) ancestors, too few for a variance.
+        estimate_terms: ``[S, P, D]``, contribution of each stage within the lag to
+            ``estimate_variance``; None unless requested.
+        evidence_terms: ``[S]``, the same for ``evidence_variance``, to first order.
     """
 
     estimate_variance: jax.Array | None = None
@@ -93,25 +94,25 @@ class ErrorBars(Summary):
 
     @property
     def estimate_error(self) -> jax.Array:
-        """``[P, D]``, standard error of ``estimate``."""
+        """Standard error of ``estimate``, ``[P, D]``."""
         return jnp.sqrt(jnp.asarray(self.estimate_variance))
 
 
 @pytree_dataclass
 class WithErrorBars(contract.Tracker):
-    """A filter that reports how much another run of it would differ; its answers are the same.
+    """A filter that also reports its Monte-Carlo variance; estimates and evidence are unchanged.
 
     Attributes:
         tracker: a ``jaxpf.Partitioned``.
-        lag: static, how many frames to look back; None: to the start of the clip.
-        stages: static, whether to report what each stage adds (``estimate_terms``,
-            ``evidence_terms``); with ``lag`` alone.  Stage j is the turn of partition
+        lag: static, number of frames to look back; None looks back to the start of the clip.
+        stages: static, whether to report each stage's contribution (``estimate_terms``,
+            ``evidence_terms``); requires ``lag``.  Stage j processes partition
             ``tracker.ordering.order[0, j]``.
-        by_partition: static, whether each partition has its own ancestors; found from the ordering.
+        by_partition: static, whether each partition has its own ancestors; set from the ordering.
 
     Raises:
-        InputError: another filter; transport, which has no ancestors; a lag below 0; stages without
-            a lag, or where parts are exchanged.
+        InputError: another filter; transport, which has no ancestors; a lag below 0; ``stages``
+            without a lag or with exchange.
     """
 
     tracker: Partitioned
@@ -154,7 +155,7 @@ class WithErrorBars(contract.Tracker):
         return self.tracker.num_partitions
 
     def init(self, key: jax.Array) -> Ancestry:
-        """The filter's first state, in which everyone is an ancestor."""
+        """Return the filter's initial state, in which every particle is its own ancestor."""
         state = self.tracker.init(key)
         shape = (self.num_partitions, self.tracker.num_particles)
         rows = (
@@ -177,13 +178,13 @@ class WithErrorBars(contract.Tracker):
         )
 
     def observe(self, frame: Any) -> Any:
-        """What the filter needs of a frame."""
+        """Return what the filter needs of a frame."""
         return self.tracker.observe(frame)
 
     def step_observed(
         self, key: jax.Array, state: Ancestry, observation: Any
     ) -> tuple[Ancestry, ErrorBars]:
-        """One frame of the filter, and whose children its particles are."""
+        """Advance the filter by one frame and trace the particles' ancestors."""
         inner, summary = self.tracker.step_observed(key, state.state, observation)
         families = self._families(inner, state.families)
         selections = state.selections
@@ -194,10 +195,10 @@ class WithErrorBars(contract.Tracker):
         return state, self._report(state, summary)
 
     def _families(self, state: ParticleState, before: jax.Array) -> jax.Array:
-        """``families`` one frame on."""
+        """Return ``families`` after this frame."""
         ordering, sources = self.tracker.ordering, jnp.asarray(state.sources)
         num_rows = before.shape[2]
-        # Without exchange all partitions of a particle come from one: that of the first stage.
+        # Without exchange a particle has one ancestor for all partitions, as of the first stage.
         order = ordering.order[state.component]  # [N, P]
         particles = jnp.arange(sources.shape[1])
         by_stage = state.lineage[order.T, particles]  # [P, N]
@@ -217,7 +218,7 @@ class WithErrorBars(contract.Tracker):
         parts = jnp.where(weights > 0, values, 0.0) * weights  # [D, P, N]
 
         def squares(of_one: jax.Array) -> tuple[jax.Array, jax.Array]:
-            """Sums of squares ``[P, D]`` and ``[]`` over the families ``[Q, N]`` of one tick."""
+            """Sums of squares, ``[P, D]`` and ``[]``, over one tick's families ``[Q, N]``."""
             of_parts = jnp.broadcast_to(of_one, (self.num_partitions, num_particles))
 
             def of_partition(family: jax.Array, part: jax.Array) -> jax.Array:
@@ -233,7 +234,7 @@ class WithErrorBars(contract.Tracker):
 
         selections = jnp.sum(tracker.ordering.resample_after, dtype=jnp.int32) + 1
         looked_back = state.time if self.lag is None else jnp.minimum(state.time, self.lag + 1)
-        # (N / (N - 1))^G, infinite where N is 1 and nothing can be known.
+        # (N / (N - 1))^G; infinite for N = 1, which has no variance estimate.
         rate = -jnp.log1p(-1.0 / num_particles)
         if state.selections is None:
             growth = jnp.exp(rate * looked_back * selections)
@@ -246,7 +247,7 @@ class WithErrorBars(contract.Tracker):
         unknown = (num_ancestors < np.sqrt(num_particles)) | (num_particles == 1)
         estimate_variance = growth * of_values[0]
         evidence_variance = 1 - growth * (1 - of_weights[0])
-        # A negative variance is an unlucky estimate of a small one.
+        # A negative value is a noisy estimate of a small variance.
         is_told = ~unknown[0] & (looked_back == state.time) & (evidence_variance > 0)
         is_multinomial = getattr(tracker.resampling, "name", "") == "multinomial"
         is_told &= is_multinomial and not self.by_partition
@@ -265,10 +266,10 @@ class WithErrorBars(contract.Tracker):
         )
 
     def _terms(self, of_values, of_weights, growth, time) -> dict[str, Any]:
-        """What every stage adds: how the sums of squares fall from one tick to the next."""
+        """Each stage's contribution: differences of the sums of squares between ticks."""
         num_stages = self.num_partitions
         selects = jnp.append(self.tracker.ordering.resample_after[:-1], True)
-        # Frames before the first have no ticks of their own: their rows are all alike.
+        # Frames before the first have no ticks: their rows are identical.
         num_frames = len(of_weights) // num_stages
         is_tick = np.repeat(np.arange(num_frames)[::-1], num_stages) < time
 

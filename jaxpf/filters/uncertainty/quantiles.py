@@ -7,16 +7,16 @@ import numpy as np
 
 
 def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndarray:
-    """Quantiles of weighted particles: the smallest values that reach those shares of weight.
+    """Quantiles of weighted particles: the smallest values that reach each share of the weight.
 
     Args:
-        values: ``[N, P, C]``, such as coordinates of ``state.substates``; NaN, of a particle that
-            holds another target, has no weight.
-        log_weights: ``[N]``, or ``[P, N]`` where each partition has weights of its own.
-        levels: L of them, from 0 to 1.
+        values: ``[N, P, C]``, such as coordinates of ``state.substates``; NaN (a particle that
+            holds another target) counts as zero weight.
+        log_weights: ``[N]``, or ``[P, N]`` if partitions have separate weights.
+        levels: L levels from 0 to 1.
 
     Returns:
-        ``[L, P, C]``; NaN of a partition that no particle holds.
+        ``[L, P, C]``; NaN for a partition without particles.
     """
     values = np.moveaxis(np.asarray(values), 0, -1)
     weights = np.exp(np.asarray(log_weights, np.float64))

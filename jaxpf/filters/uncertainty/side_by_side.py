@@ -1,8 +1,8 @@
-"""Several runs of one filter side by side: their mean, and how much they differ.
+"""Parallel runs of one filter: their mean and its standard error.
 
-Runs share what is observed of a frame and differ in their random numbers, so ten of them cost a
-few times as much as one.  What they report differs by the Monte-Carlo error and by nothing else:
-the standard deviation of R estimates over sqrt(R) is the standard error of their mean.
+Runs share each frame's observation and differ only in their random numbers, so ten runs cost a few
+times as much as one.  Their results differ only by the Monte-Carlo error: the standard deviation of
+R estimates over sqrt(R) is the standard error of their mean.
 """
 
 import functools
@@ -24,8 +24,8 @@ class RunsState:
     """The states of R runs, and their particles pooled.
 
     Attributes:
-        runs: of the filter, with a leading axis R.
-        log_evidence: ``[R]``, of all frames so far; -inf of a run that met an impossible frame.
+        runs: the filter's states, with a leading axis R.
+        log_evidence: ``[R]``, of all frames processed; -inf for a run with an impossible frame.
     """
 
     runs: Any
@@ -33,18 +33,18 @@ class RunsState:
 
     @property
     def substates(self) -> jax.Array:
-        """All runs' particles, ``[R N, P, D]``."""
+        """Particles of all runs, ``[R N, P, D]``."""
         return jnp.concatenate(list(self.runs.substates))
 
     @property
     def log_weights(self) -> jax.Array:
-        """Theirs, ``[R N]``, or ``[P, R K]`` where each partition has weights of its own."""
+        """Log-weights of all runs, ``[R N]``, or ``[P, R K]`` if partitions have own weights."""
         weights = self.runs.log_weights
         return jnp.concatenate(list(weights), axis=-1) - np.log(len(weights)).astype(weights.dtype)
 
     @property
     def label(self) -> jax.Array | None:
-        """Theirs, ``[R N]``; None where particles carry none."""
+        """Labels of all runs, ``[R N]``; None if particles carry no labels."""
         label = getattr(self.runs, "label", None)
         return None if label is None else label.reshape(-1)
 
@@ -53,15 +53,15 @@ class RunsState:
 class SideBySide(contract.Tracker):
     """R runs of a tracker as one tracker, whose estimate is their mean.
 
-    Run r draws with the key of a frame folded with r, so that more runs leave the others as they
-    are, up to rounding.  A frame reports ``ErrorBars`` of the pooled particles: their mean is that
-    of the runs, and ``estimate_variance`` is its own, a quarter for four times as many runs.
-    ``log_evidence`` sums to the log of the runs' mean evidence, which is as unbiased as theirs: a
-    run that met an impossible frame counts as zero from then on.
+    Run r uses the frame's key folded with r, so adding runs does not change the others, up to
+    rounding.  A frame reports ``ErrorBars`` of the pooled particles.  ``estimate`` is the mean over
+    runs and ``estimate_variance`` the variance of this mean: a quarter for four times as many runs.
+    ``log_evidence`` sums over frames to the log of the runs' mean evidence, which is unbiased if
+    each run's evidence is.  A run with an impossible frame counts as zero from then on.
 
     Attributes:
-        tracker: whose frames report a ``jaxpf.Summary``.
-        num_runs: R, static.
+        tracker: a tracker that reports a ``jaxpf.Summary``.
+        num_runs: static, R.
 
     Raises:
         InputError: fewer than two runs.
@@ -83,28 +83,28 @@ class SideBySide(contract.Tracker):
 
     @property
     def num_particles(self) -> int:
-        """Of all runs."""
+        """Number of particles of all runs."""
         return self.tracker.num_particles * self.num_runs
 
     def init(self, key: jax.Array) -> RunsState:
-        """The runs' first states."""
+        """Return the runs' initial states."""
         runs = jax.vmap(self.tracker.init)(self._keys(key))
         dtype = jax.tree.leaves(getattr(runs, "log_weights", jnp.zeros(())))[0].dtype
         return RunsState(runs, jnp.zeros(self.num_runs, dtype))
 
     def observe(self, frame: Any) -> Any:
-        """What the filter needs of a frame, once for all runs."""
+        """Return what the filter needs of a frame, computed once for all runs."""
         return contract.observed_apart(self.tracker)[0](frame)
 
     def step_observed(
         self, key: jax.Array, state: RunsState, observation: Any
     ) -> tuple[RunsState, ErrorBars]:
-        """One frame of every run."""
+        """Advance every run by one frame."""
         step = contract.observed_apart(self.tracker)[1]
         runs, summaries = jax.vmap(lambda key, run: step(key, run, observation))(
             self._keys(key), state.runs
         )
-        # Once all runs are dead their mean stays zero, and frames are counted anew.
+        # Once all runs have zero evidence, restart the sum: later increments stay defined.
         all_dead = jnp.all(jnp.isneginf(state.log_evidence))
         before = jnp.where(all_dead, 0.0, state.log_evidence)
         so_far = before + summaries.log_evidence
@@ -116,20 +116,20 @@ class SideBySide(contract.Tracker):
 
 
 def _log_sum(values: jax.Array) -> jax.Array:
-    """``logsumexp`` ``[]`` of ``[R]``, with a finite derivative where all are -inf."""
+    """``logsumexp`` ``[]`` of ``[R]``, with a finite derivative if all are -inf."""
     possible = ~jnp.all(jnp.isneginf(values))
     return jnp.where(possible, jax.nn.logsumexp(jnp.where(possible, values, 0.0)), -jnp.inf)
 
 
 def _relative_variance(log_evidence: jax.Array) -> jax.Array:
-    """Relative variance ``[]`` of the mean of ``exp(log_evidence [R])``; NaN where that is 0."""
+    """Relative variance ``[]`` of the mean of ``exp(log_evidence [R])``; NaN if the mean is 0."""
     num_runs, dead = len(log_evidence), jnp.all(jnp.isneginf(log_evidence))
     shares = jax.nn.softmax(jnp.where(dead, 0.0, log_evidence))
     return jnp.where(dead, jnp.nan, jnp.var(num_runs * shares) / (num_runs - 1))
 
 
 def _pooled(runs: Summary, log_evidence: jax.Array, so_far: jax.Array) -> ErrorBars:
-    """What R runs say together, of their summaries and log-evidences ``[R, ...]``."""
+    """Combine the summaries and log-evidences ``[R, ...]`` of R runs."""
 
     def mean(values: Any) -> Any:
         return None if values is None else jnp.mean(values, axis=0)
@@ -145,7 +145,7 @@ def _pooled(runs: Summary, log_evidence: jax.Array, so_far: jax.Array) -> ErrorB
         log_evidence=log_evidence,
         ess=pooled_size(runs.ess),
         uniqueness=mean(runs.uniqueness),
-        # As of one run's: no derivative where nothing spreads.
+        # As in a single run: zero derivative where the spread is 0.
         spread=jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1.0)), 0.0),
         status=jnp.bitwise_or.reduce(runs.status),
         lost=jnp.all(runs.lost, axis=0),

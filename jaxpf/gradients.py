@@ -83,7 +83,7 @@ class Gradient:
         for name in ("relocation", "look_ahead"):
             if getattr(tracker, name, None):
                 raise InputError(
-                    f"{name} does not go with gradient {type(self).__name__}; leave one of them "
+                    f"{name} does not work with gradient {type(self).__name__}; leave one of them "
                     "out."
                 )
 
@@ -185,7 +185,7 @@ class Transport(Gradient):
         ):
             if used:
                 raise InputError(
-                    f"gradient Transport blends particles and does not go with {what}; use "
+                    f"gradient Transport blends particles and does not work with {what}; use "
                     f"{remedy} or gradient=jaxpf.gradients.StopGradient()."
                 )
 

@@ -176,7 +176,7 @@ def _parse_row(
             field = fields[("frame", "id").index(name)]
             raise InputError(
                 f"{place} has the {name} {field[:40]}; give one below {_LARGEST_WHOLE}, up to "
-                "which whole numbers are told apart"
+                "which whole numbers are exact"
             )
     first = 0 if header is not None else 1
     if values[0] < first:

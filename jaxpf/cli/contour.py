@@ -37,7 +37,7 @@ def command() -> None:
     type=click.IntRange(0, 360),
     default=0,
     show_default=True,
-    help="Of centrelines, show them in so many directions, in a mirror and from the other end too: "
+    help="Of centrelines, show them turned to N directions, mirrored and reversed: "
     "for bodies that bend to either side, whichever way they lie.",
 )
 @click.option(

@@ -85,7 +85,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
         results[result.name] = result
         recovery = result.measures["recovery_rate"]
         click.echo(
-            f"{result.name:>4}: object 1 found again in {_percent(recovery, 0)} of the runs "
+            f"{result.name:>4}: object 1 recovered in {_percent(recovery, 0)} of the runs "
             f"({time.perf_counter() - began:.1f} s)"
         )
         began = time.perf_counter()
@@ -104,7 +104,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
         },
     )
     click.echo(
-        "This scene is made to tell the methods apart by a single distracter; results vary with "
+        "This scene is made to separate the methods by a single distracter; results vary with "
         "--seed.  `jaxpf evaluate` compares the methods on a clip of your own."
     )
     click.echo(
@@ -162,7 +162,7 @@ def _plot(results: dict[str, Any], path: Path) -> None:
         rate = result.measures["recovery_rate"]
         value, low, high = (100 * float(x[0]) for x in (rate.value, rate.lower, rate.upper))
         recovery[name] = (value, low, high)
-    plotting.bars_with_intervals(axes[0, 0], recovery, "object 1 found again (% of runs)")
+    plotting.bars_with_intervals(axes[0, 0], recovery, "object 1 recovered (% of runs)")
     for (name, result), colour in zip(results.items(), plotting.colours(len(results)), strict=True):
         unique = 100 * result.summary.uniqueness.mean(axis=(0, 1))
         objects = np.arange(1, len(unique) + 1)

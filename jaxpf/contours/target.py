@@ -279,7 +279,7 @@ def shapes_of(tracker: Any, estimate: Any) -> np.ndarray:
     space = getattr(tracker.likelihood, "space", None)
     if space is None:
         raise InputError(
-            "this tracker's likelihood does not tell the shape space; give it an attribute "
+            "this tracker's likelihood does not define the shape space; give it an attribute "
             "`space`, such as jaxpf.shapes.space_of makes."
         )
     kind: dict[str, Any] = {"closed": space.closed, "degree": space.degree}

@@ -53,7 +53,7 @@ def load(path: str | os.PathLike[str], tracker: Any) -> Any:
     if found != {name for name, _ in places}:
         raise InputError(
             f"'{path}' holds the state of another kind of tracker than {type(tracker).__name__}; "
-            "load it with one made just as that which was saved."
+            "load it with a tracker made exactly like the saved one."
         )
     leaves = []
     for name, leaf in places:

@@ -88,8 +88,8 @@ def state_space(
     keeps_previous = _asks_for(log_likelihood, "previous")
     if keeps_previous and transition_log_density is not None:
         raise InputError(
-            "transition_log_density serves smoothing, which does not go with a log_likelihood that "
-            "asks for the previous state; leave one of them out."
+            "transition_log_density serves smoothing, which does not work with a log_likelihood "
+            "that asks for the previous state; leave one of them out."
         )
     shape = _state_shape(initial, transition, transition_log_density, parameters)
     copies = 2 if keeps_previous else 1

@@ -86,7 +86,7 @@ def check_relocation(tracker: Any) -> None:
         (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
     ):
         if used:
-            raise InputError(f"relocation does not go with {what}; leave one of them out.")
+            raise InputError(f"relocation does not work with {what}; leave one of them out.")
     for name, least, most in (("epsilon", 0, 1), ("extent", 1, np.inf)):
         value = getattr(relocation, name)
         if is_concrete(value) and not np.all(

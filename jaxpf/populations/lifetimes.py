@@ -50,7 +50,7 @@ class Rules:
         least=1,
     )
     death_frames: int = option(
-        6, "With --births: an object ends after so many frames in a row undetected.", least=1
+        6, "With --births: an object ends after N frames in a row without a detection.", least=1
     )
 
     detection_scale: float = option(

@@ -24,8 +24,8 @@ def appearance_option() -> Any:
     return option(
         OPEN,
         "How objects are known: colour (histograms), discriminative or auto.  Discriminative "
-        "learns in the start frame to tell each object from what is around it, by colours and "
-        "gradients; auto is that in video, and colour in synthetic scenes.",
+        "learns in the start frame to distinguish each object from its surroundings, by colours "
+        "and gradients; auto is that in video, and colour in synthetic scenes.",
         choices=(OPEN, COLOUR, DISCRIMINATIVE),
         common=True,
         compiles=True,
@@ -163,7 +163,7 @@ def check_contrast(frame: Any, boxes: np.ndarray) -> None:
         if around.size and np.ptp(around, axis=(0, 1)).max() <= _ONE_COLOUR:
             raise InputError(
                 f"boxes[{index}] lies on one colour, and so does what is around it, so that "
-                "nothing tells where it is; give a box whose edges show, or another start frame."
+                "it cannot be located; give a box whose edges show, or another start frame."
             )
 
 

@@ -268,7 +268,7 @@ def test_a_likelihood_of_many_numbers_is_refused():
 
 def test_smoothing_is_refused_where_the_likelihood_sees_the_state_before():
     with pytest.raises(
-        InputError, match="does not go with a log_likelihood that asks for the prev"
+        InputError, match="does not work with a log_likelihood that asks for the prev"
     ):
         build(
             VALUES,

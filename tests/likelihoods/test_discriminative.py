@@ -401,5 +401,5 @@ def test_refusals_say_what_and_where(frame, box, settings, sentence):
 
 
 def test_a_frame_of_another_size_is_refused(learned):
-    with pytest.raises(InputError, match="90 x 70 pixels does not go with the start frame of 91"):
+    with pytest.raises(InputError, match="90 x 70 pixels does not match the start frame of 91"):
         learned.observe(FRAME[:, :90])

@@ -261,8 +261,8 @@ class Blind:
     ("changes", "message"),
     [
         ({"dynamics": Blind()}, "needs the method predict of the dynamics, and Blind has none"),
-        ({"parents": (-1, 0, 0)}, "look_ahead does not go with a part tree"),
-        ({"gradient": jaxpf.gradients.Soft()}, "look_ahead does not go with gradient Soft"),
+        ({"parents": (-1, 0, 0)}, "look_ahead does not work with a part tree"),
+        ({"gradient": jaxpf.gradients.Soft()}, "look_ahead does not work with gradient Soft"),
         ({"likelihood": jaxpf.likelihoods.Gaussian(np.ones((3, 1, 1)))}, "no log_joint"),
     ],
 )

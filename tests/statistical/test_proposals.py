@@ -178,7 +178,7 @@ class Coupled(jaxpf.contract.CoupledDynamics):
     ("settings", "message"),
     [
         ({"dynamics": Blind()}, "Blind has none; add the method log_density"),
-        ({"dynamics": Coupled()}, "does not go with a proposal"),
+        ({"dynamics": Coupled()}, "does not work with a proposal"),
         ({"likelihood": Bearing()}, "the likelihood is a Bearing; use Linearised"),
         ({"relocation": 1.0}, "leave out one"),
     ],

@@ -234,8 +234,8 @@ class Sure:
     [
         ({"likelihood": Sure()}, "Sure has no log_odds"),
         ({"dynamics": Coupled()}, "Coupled moves a partition by all the others"),
-        ({"parents": (-1, 0)}, "relocation does not go with a part tree"),
-        ({"gradient": jaxpf.gradients.Soft()}, "relocation does not go with gradient Soft"),
+        ({"parents": (-1, 0)}, "relocation does not work with a part tree"),
+        ({"gradient": jaxpf.gradients.Soft()}, "relocation does not work with gradient Soft"),
         ({"relocation": Relocation(1.5, np.ones(2))}, "epsilon 1.5 must be from 0 to 1"),
     ],
 )

@@ -121,7 +121,7 @@ def _plans(results: Results, tables: Tables) -> list[_Plan]:
                 "Each method less the first one of equal parameters, on common seeds; that one "
                 "itself, where parameters vary, less its first setting. Bars: 95 % "
                 "intervals of the difference, not corrected for the number of comparisons. Where a "
-                "bar crosses the line at 0, these runs do not tell the two apart.",
+                "bar crosses the line at 0, these runs do not distinguish the two.",
                 lambda: charts.differences(results, tables, places),
             )
         )

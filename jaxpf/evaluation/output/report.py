@@ -139,7 +139,7 @@ def _finding(results: Results, tables: Tables) -> str:
         f"Over the configurations, the overlap of {which} exceeded .5 in "
         f"{100 * shares[low]:.0f}\u00a0% ({ours[low].name}) to "
         f"{100 * shares[high]:.0f}\u00a0% ({ours[high].name}) of the frames. The "
-        "paired differences below tell which of such differences chance explains."
+        "paired differences below show which of these chance explains."
     )
 
 

@@ -68,7 +68,7 @@ class LookAhead(Weighing):
             (tracker.motion_gradient != "pathwise", f"motion_gradient={tracker.motion_gradient!r}"),
         ):
             if used:
-                raise InputError(f"look_ahead does not go with {what}; leave one of them out.")
+                raise InputError(f"look_ahead does not work with {what}; leave one of them out.")
 
     def log_factor(self, shared: Shared, stage: jax.Array, carry: Carry, drawn: Drawn) -> jax.Array:
         """See ``Weighing``: ``log L_j - log L_{j-1}``."""

@@ -132,7 +132,7 @@ def _check(
         depth_orders(num_targets)
         if not space.closed:
             raise InputError(
-                f"{num_targets} opaque target(s) with open contours: what is hidden is told by "
+                f"{num_targets} opaque target(s) with open contours: what is hidden follows from "
                 "what lies inside a nearer target's closed contour; give closed contours, or treat "
                 "the targets as wires."
             )

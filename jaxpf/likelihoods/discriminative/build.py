@@ -178,7 +178,7 @@ def _check_learned(residuals: np.ndarray) -> None:
     spread = training_boxes()[1].std()
     for i in np.flatnonzero(~(residuals < _MOST_UNEXPLAINED * spread)):
         raise InputError(
-            f"boxes[{i}] looks like what is around it, so that nothing tells where it is; give a "
+            f"boxes[{i}] looks like what is around it, so that it cannot be located; give a "
             "box whose edges show, or another start frame."
         )
 
@@ -203,7 +203,7 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
         if inside > _MOST_OF_FRAME * width * height:
             raise InputError(
                 f"boxes[{i}] is {box.tolist()}: it fills the frame of {width} x {height} pixels, "
-                "so that nothing is left to tell it from; choose the appearance colour."
+                "so that nothing is left to distinguish it from; choose the appearance colour."
             )
         if inside < 0.25 * w * h:
             raise InputError(

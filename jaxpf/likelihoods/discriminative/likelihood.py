@@ -129,7 +129,7 @@ class DiscriminativeLikelihood(Likelihood):
         if tuple(frame.shape[:2]) != self.frame_shape:
             (height, width), (rows, columns) = frame.shape[:2], self.frame_shape
             raise InputError(
-                f"a frame of {width} x {height} pixels does not go with the start frame of "
+                f"a frame of {width} x {height} pixels does not match the start frame of "
                 f"{columns} x {rows}, from which appearance was learned; bring all to one size."
             )
         return self.seen_in([shrunk(jnp.asarray(frame), factor) for factor in self.factors])

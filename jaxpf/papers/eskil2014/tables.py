@@ -97,10 +97,10 @@ def scene_table(outcome: Outcome) -> Table:
         f"errors_{outcome.scene}",
         f"{outcome.scene}: mean distance over the body's length (%), {num_points} points; "
         "published | measured",
-        ["", "all frames", "while hidden", "last 10 frames", "points kept", "found again (%)"],
+        ["", "all frames", "while hidden", "last 10 frames", "points kept", "recovered (%)"],
         rows,
         f"{scenes} scenes.  A point is kept if its median distance in the last 10 frames is at "
-        f"most {NEAR:g} of the body's length, and found again if it comes that near within "
+        f"most {NEAR:g} of the body's length, and recovered if it comes that near within "
         f"{WITHIN} frames of its return, and stays.",
     )
 

@@ -196,10 +196,10 @@ class Unknown:
             {"dynamics": Unknown(jnp.ones(())), "motion_gradient": "score"},
             "needs the method log_density of the dynamics, and Unknown has none",
         ),
-        ({"gradient": Transport()}, "does not go with a swap, which needs lineages"),
+        ({"gradient": Transport()}, "does not work with a swap, which needs lineages"),
         (
             {"gradient": Transport(), "ordering": ordering.dps(P), "tempering": 0.5},
-            "does not go with tempering",
+            "does not work with tempering",
         ),
         (
             {
@@ -207,7 +207,7 @@ class Unknown:
                 "ordering": ordering.dps(P),
                 "likelihood": CorrelatedGaussian(jnp.eye(P)),
             },
-            "does not go with log_joint",
+            "does not work with log_joint",
         ),
         (
             {"gradient": Transport(), "ordering": ordering.branched([[0, 1]])},

@@ -75,6 +75,10 @@ class FrameSource:
         """
         return np.arange(count) / self.fps
 
+    def shown_at(self, number: int) -> float:
+        """Seconds from the start at which a frame that has been read is shown, see ``times``."""
+        return number / self.fps
+
     def __iter__(self) -> Generator[np.ndarray]:
         return self.frames()
 

@@ -114,6 +114,7 @@ class _VideoFile(FrameSource):
         if fps is None and fps_known:
             self.fps = announced_fps
         self._has_timestamps = fps is None
+        self._seconds: list[float] = []  # timestamps of the frames read in the latest pass
         self._announced_fps = announced_fps if fps_known else DEFAULT_FPS
         if math.isfinite(announced_count) and 1 <= announced_count < 1e9:
             self.frames_expected = int(announced_count)
@@ -140,12 +141,22 @@ class _VideoFile(FrameSource):
         is_whole = len(shown) == count and np.isfinite(shown).all() and np.all(np.diff(shown) > 0)
         return shown - shown[0] if is_whole and count else even
 
+    def shown_at(self, number: int) -> float:
+        """See ``FrameSource``."""
+        if not self._has_timestamps or not 0 < number < len(self._seconds):
+            return super().shown_at(number)
+        shown = self._seconds[number] - self._seconds[0]
+        is_later = math.isfinite(shown) and self._seconds[number] > self._seconds[number - 1]
+        return shown if is_later else super().shown_at(number)
+
     def _frames(self, start: int) -> Generator[np.ndarray]:
         capture, watch = self._open(), SizeWatch(self.path, start)
+        self._seconds = seconds = []
         try:
             for skipped in range(start):
                 with quiet_opencv():
                     decoded = capture.grab()
+                seconds.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1000)
                 if not decoded:
                     self._reached_end(skipped, last_time=0.0)
                     raise self._past_the_end(start, skipped)
@@ -161,6 +172,7 @@ class _VideoFile(FrameSource):
                         "convert it to one size"
                     )
                 last_time = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
+                seconds.append(last_time)
                 count += 1
                 yield to_rgb(frame, self.path)
             if count == start:

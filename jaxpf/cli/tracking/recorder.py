@@ -202,6 +202,7 @@ def _scene(recording: Recording) -> Scene:
         start=recording.opened.start,
         size=(source.width, source.height),
         fps=source.fps,
+        shown_at=source.shown_at,
         first=request.run.start,
         cloud=lambda state: state.state if has_errors else state,
         check_first=(lambda summary, ids: None) if is_own else request.filter.check_first,

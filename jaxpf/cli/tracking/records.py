@@ -57,6 +57,7 @@ class Scene:
         start: where objects start.
         size: width and height of the frames, pixels.
         fps: frames per second.
+        shown_at: function from a frame's number to the seconds at which it is shown.
         first: number of the start frame.
         cloud: function from a state of the run to the state that holds the particles.
         check_first: refuses objects that are not visible in the first frame.
@@ -67,6 +68,7 @@ class Scene:
     start: Start
     size: tuple[int, int]
     fps: float
+    shown_at: Callable[[int], float]
     first: int
     cloud: Callable[[Any], Any]
     check_first: Callable[[Any, Any], None]

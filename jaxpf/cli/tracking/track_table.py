@@ -1,5 +1,6 @@
 """tracks.csv: one row per frame and object, for every kind of target."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,10 +35,10 @@ class Places(NamedTuple):
 class TrackTable(LineWriter):
     """Write tracks.csv; the first filtered frame determines its header."""
 
-    def __init__(self, path: Path, adapter: Any, fps: float):
-        """Create the file for a kind of target."""
+    def __init__(self, path: Path, adapter: Any, shown_at: Callable[[int], float]):
+        """Create the file for a kind of target; ``shown_at`` gives a frame's time in seconds."""
         super().__init__(path)
-        self._adapter, self._fps = adapter, fps
+        self._adapter, self._shown_at = adapter, shown_at
         self._waiting: list[tuple[int, Any, Places, Any, Any]] = []
         self._columns: list[str] = []
 
@@ -97,7 +98,7 @@ class TrackTable(LineWriter):
                 str(int(lost[place])) if name == "lost" else _cell(name, values[place])
                 for name, values in zip(self._columns, table, strict=True)
             ]
-            yield [number, f"{number / self._fps:.4f}", ids[place], *row]
+            yield [number, f"{self._shown_at(number):.4f}", ids[place], *row]
 
 
 def _cell(name: str, value: float) -> str:

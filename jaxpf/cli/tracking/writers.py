@@ -34,7 +34,7 @@ class Tracks:
 
     def __init__(self, output: Path, scene: Scene, stack: contextlib.ExitStack):
         self._table = stack.enter_context(
-            TrackTable(output / "tracks.csv", scene.adapter, scene.fps)
+            TrackTable(output / "tracks.csv", scene.adapter, scene.shown_at)
         )
         self._outlines: Any = None
         if scene.adapter.writes_outlines:
@@ -136,7 +136,7 @@ class Smoothed:
     """Writes smoothed.csv: the tracks given all frames, or the frames up to a lag."""
 
     def __init__(self, output: Path, scene: Scene, look_back: Any, stack: contextlib.ExitStack):
-        table = TrackTable(output / "smoothed.csv", scene.adapter, scene.fps)
+        table = TrackTable(output / "smoothed.csv", scene.adapter, scene.shown_at)
         self._table = stack.enter_context(table)
         self._outlines: Any = None
         if scene.adapter.writes_outlines:

@@ -211,7 +211,7 @@ def _curvature(log_density: Callable, places: jax.Array) -> jax.Array:
 
 
 def _solve(precision: jax.Array, index: jax.Array, vectors: jax.Array) -> jax.Array:
-    """Inverse of each particle's row of ``precision [K, D, D]`` times its vector, ``[D, N]``."""
+    """Inverse of each particle's row of ``precision`` ``[K, D, D]``, times ``vectors``."""
     return _times(jnp.linalg.inv(precision), index, vectors)
 
 

@@ -1,1 +1,1 @@
-"""Factored filters: every partition has a weighted set of its own (PFFL, eskil2014)."""
+"""Factored filters: each partition has its own weighted set (PFFL, eskil2014)."""

@@ -1,7 +1,7 @@
-"""Weighted sets of particles, one for each partition, and the operations of both factored filters.
+"""Weighted sets of particles, one per partition, and the operations of both factored filters.
 
-Values are ``[D, P, K]`` and weights ``[P, K]``: particles on the last axis.  Every partition draws
-from its own keys, so that partitions do not affect each other.
+Values are ``[D, P, K]`` and weights ``[P, K]``, with particles on the last axis.  Each partition
+has its own random keys, so partitions do not affect each other.
 """
 
 from typing import Any
@@ -32,10 +32,10 @@ class FactoredState:
     """P weighted sets of K particles of D dimensions.
 
     Attributes:
-        lagged: ``[2, D, P, K]``, the substates of the current frame and of the one before.
+        lagged: ``[2, D, P, K]``, the substates of the current and the previous frame.
         log_weights: ``[P, K]``, normalised for each partition.
-        weighted: ``[]`` bool, false for sets that were drawn and never weighed.
-        history: of earlier frames, for trackers that need it; else None.
+        weighted: ``[]`` bool, false for initial sets that have not been weighted.
+        history: data from earlier frames, for trackers that need it; else None.
     """
 
     lagged: jax.Array
@@ -45,20 +45,20 @@ class FactoredState:
 
     @property
     def substates(self) -> jax.Array:
-        """Current substates, ``[..., K, P, D]``; the k-th particles of two partitions are no pair.
+        """Current substates, ``[..., K, P, D]``, with weights ``log_weights``, ``[..., P, K]``.
 
-        Their weights are ``log_weights``, ``[..., P, K]``.
+        Particles with the same index in two partitions are unrelated.
         """
         return jnp.moveaxis(self.lagged[..., 0, :, :, :], (-1, -2, -3), (-3, -2, -1))
 
     @property
     def previous_substates(self) -> jax.Array:
-        """Substates one frame earlier, ``[..., K, P, D]``."""
+        """Substates of the previous frame, ``[..., K, P, D]``."""
         return jnp.moveaxis(self.lagged[..., 1, :, :, :], (-1, -2, -3), (-3, -2, -1))
 
 
 def checked_initial(initial: Any) -> Any:
-    """``initial`` as an array of floats ``[P, D]``; a sampler is returned as it is."""
+    """Convert ``initial`` to an array of floats ``[P, D]``; return a sampler unchanged."""
     initial = filters_initial.checked_initial(initial)
     if not callable(initial) and (initial.ndim != 2 or 0 in initial.shape):
         raise InputError(
@@ -80,14 +80,14 @@ def check_factors(dynamics: Any, likelihood: Any) -> None:
 
 
 def count_partitions(initial: Any) -> int:
-    """P, from the start."""
+    """Number of partitions, P, of an initial state."""
     if not callable(initial):
         return initial.shape[0]
     return jax.eval_shape(initial, jax.random.key(0)).shape[0]
 
 
 def start(key: jax.Array, initial: Any, num: int, history: Any = None) -> FactoredState:
-    """``num`` particles for every partition, drawn from the start, with equal weights."""
+    """Draw ``num`` particles per partition from the initial state, with equal weights."""
     if callable(initial):
         drawn = jax.vmap(initial)(jax.random.split(key, num))
         chex.assert_rank(drawn, 3)
@@ -103,12 +103,12 @@ def start(key: jax.Array, initial: Any, num: int, history: Any = None) -> Factor
 
 
 def keys_of(key: jax.Array, num_partitions: int) -> jax.Array:
-    """One key for every partition; a partition's key does not depend on how many there are."""
+    """Derive one key per partition, independent of the number of partitions."""
     return jax.vmap(lambda p: jax.random.fold_in(key, p))(jnp.arange(num_partitions))
 
 
 def survivors(tracker, key, state: FactoredState) -> tuple[jax.Array, jax.Array]:
-    """Draw M of the K = M * upsampling particles of each partition by their weights.
+    """Resample M of the K = M * upsampling particles of each partition by their weights.
 
     Returns:
         Lagged substates ``[2, D, P, M]`` and equal log-weights ``[P, M]``.
@@ -116,11 +116,11 @@ def survivors(tracker, key, state: FactoredState) -> tuple[jax.Array, jax.Array]
     num, factor = tracker.num_particles, tracker.upsampling
     resample_key, offset_key = jax.random.split(key)
     chosen, log_weights = choose(tracker, resample_key, state.log_weights, state.log_weights)
-    # Every factor-th of K slots, from a random start, which keeps every scheme unbiased.
+    # Every factor-th of the K slots from a random start, which keeps every scheme unbiased.
     keys = keys_of(offset_key, chosen.shape[0])
     begin = jax.vmap(lambda k: jax.random.randint(k, (), 0, factor))(keys)
     slots = begin[:, None] + factor * jnp.arange(num)
-    # Resampling a set that was never weighed would only lose particles.
+    # The initial set has equal weights: resampling it would only lose particles.
     ancestors = jnp.where(state.weighted, jnp.take_along_axis(chosen, slots, axis=1), slots)
     log_weights = jnp.take_along_axis(log_weights, slots, axis=1) + np.log(factor)
     uniform = jnp.full_like(log_weights, -np.log(num))
@@ -128,7 +128,7 @@ def survivors(tracker, key, state: FactoredState) -> tuple[jax.Array, jax.Array]
 
 
 def choose(tracker, key, log_weights, log_selection) -> tuple[jax.Array, jax.Array]:
-    """Weighted resampling within every partition: ancestors and log-weights ``[P, N]``."""
+    """Weighted resampling within each partition: ancestors and log-weights ``[P, N]``."""
     weights = (log_weights,) if log_weights is log_selection else (log_weights, log_selection)
 
     def choose_in_one(key, *weights):
@@ -138,13 +138,13 @@ def choose(tracker, key, log_weights, log_selection) -> tuple[jax.Array, jax.Arr
 
 
 def taken(lagged: jax.Array, ancestors: jax.Array) -> jax.Array:
-    """Particles ``[..., P, M]`` of ``[..., P, N]`` by their places ``[P, M]``."""
+    """Gather particles ``[..., P, M]`` from ``[..., P, N]`` by ancestors ``[P, M]``."""
     rows = jnp.arange(ancestors.shape[0])[:, None]
     return lagged[..., rows, ancestors]
 
 
 def upsampled(lagged, log_weights, factor: int) -> tuple[jax.Array, jax.Array]:
-    """Every particle ``factor`` times, each with its share of the weight."""
+    """Repeat every particle ``factor`` times and divide its weight evenly."""
     if factor == 1:
         return lagged, log_weights
     return (
@@ -154,7 +154,7 @@ def upsampled(lagged, log_weights, factor: int) -> tuple[jax.Array, jax.Array]:
 
 
 def moved(tracker, key, lagged: jax.Array) -> jax.Array:
-    """Every particle moved by the dynamics: ``[D, P, N]`` of ``[2, D, P, N]``."""
+    """Move every particle by the dynamics: ``[2, D, P, N]`` to ``[D, P, N]``."""
     num_partitions, num = lagged.shape[-2:]
     parent = jnp.zeros((lagged.shape[1], num), lagged.dtype)
 
@@ -169,7 +169,7 @@ def moved(tracker, key, lagged: jax.Array) -> jax.Array:
 
 
 def weighed(tracker, observation, values: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Log-likelihoods ``[P, N]`` of ``[D, P, N]``, and the number of NaN or +inf, now -inf."""
+    """Log-likelihoods ``[P, N]`` of ``[D, P, N]``; NaN and +inf are set to -inf and counted."""
     dimension, num_partitions, num = values.shape
     partition = jnp.repeat(jnp.arange(num_partitions, dtype=jnp.int32), num)
     log_prob = contract.log_prob_all(
@@ -181,9 +181,9 @@ def weighed(tracker, observation, values: jax.Array) -> tuple[jax.Array, jax.Arr
 
 
 def normalised(log_weights: jax.Array, fallback: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Log-weights ``[P, N]`` that sum to one, and their log totals ``[P]`` before.
+    """Normalise log-weights ``[P, N]``; also return the log totals ``[P]`` before.
 
-    A partition whose weights are all zero keeps ``fallback``: the frame is left out.
+    A partition whose weights are all zero keeps ``fallback``: the frame is skipped for it.
     """
     possible = jnp.any(~jnp.isneginf(log_weights), axis=1, keepdims=True)
     kept = jnp.where(possible, log_weights, fallback)
@@ -192,7 +192,7 @@ def normalised(log_weights: jax.Array, fallback: jax.Array) -> tuple[jax.Array, 
 
 
 def means(log_weights: jax.Array, values: jax.Array) -> jax.Array:
-    """Weighted means ``[D, P]`` of ``[D, P, N]``; a particle without weight may hold NaN."""
+    """Weighted means ``[D, P]`` of ``[D, P, N]``; particles of zero weight may hold NaN."""
     return moments(values, jnp.exp(log_weights), _weighted_sum)[0]
 
 
@@ -201,13 +201,13 @@ def _weighted_sum(values: jax.Array, weights: jax.Array) -> jax.Array:
 
 
 def summarise(state: FactoredState, log_totals, num_invalid, log_evidence=None) -> Summary:
-    """The frame's summary of the weighted sets.
+    """Summarise the weighted sets of a frame.
 
     Args:
-        state: the sets, normalised.
-        log_totals: ``[P]``, the log of every set's weight before; -inf for one that is lost.
-        num_invalid: ``[]`` int32.
-        log_evidence: ``[]``; by default the sum of ``log_totals``.
+        state: the normalised sets.
+        log_totals: ``[P]``, log total weight of each set before normalising; -inf for a lost one.
+        num_invalid: ``[]`` int32, number of invalid log-likelihoods.
+        log_evidence: ``[]``; default the sum of ``log_totals``.
     """
     weights = jnp.exp(state.log_weights)
     estimate, spread = moments(state.lagged[0], weights, _weighted_sum)
@@ -218,7 +218,7 @@ def summarise(state: FactoredState, log_totals, num_invalid, log_evidence=None) 
         estimate=estimate.T,
         log_evidence=jnp.sum(log_totals) if log_evidence is None else log_evidence,
         ess=jnp.min(ess),
-        uniqueness=jnp.ones_like(ess),  # every particle of a weighted set is a draw of its own
+        uniqueness=jnp.ones_like(ess),  # every particle is a distinct draw
         spread=spread.T,
         status=(
             STATUS_INVALID_LIKELIHOOD * (num_invalid > 0)

@@ -1,7 +1,7 @@
 """Drift: partitions move together, by correlations of their velocities (eskil2014, eq. 8 to 10).
 
-A partition's drift combines the velocities that the other partitions seem to have in this frame,
-weighted by how similarly they moved in the last frames.
+A partition's drift is a weighted sum of the other partitions' apparent velocities in this frame,
+with weights from the correlations of their motion over the last frames.
 """
 
 import jax
@@ -9,18 +9,18 @@ import jax.numpy as jnp
 
 from jaxpf.contract.pytree import pytree_dataclass
 
-#: The ridge's strength, as a share of the partitions' mean squared velocity.
+#: Strength of the ridge penalty, as a share of the partitions' mean squared velocity.
 _RIDGE = 0.1
 
 
 @pytree_dataclass
 class Motion:
-    """Places and velocities of the partitions.
+    """Positions and past velocities of the partitions.
 
     Attributes:
         place: ``[P, E]``, the last estimates.
-        velocities: ``[memory, P, E]``, displacements per frame, the latest first.
-        known: ``[]`` int32, number of velocities known yet.
+        velocities: ``[memory, P, E]``, displacements per frame, latest first.
+        known: ``[]`` int32, number of velocities recorded.
     """
 
     place: jax.Array
@@ -28,7 +28,7 @@ class Motion:
     known: jax.Array
 
     def after(self, place: jax.Array) -> "Motion":
-        """The same with a new estimate ``[P, E]``."""
+        """Add a new estimate ``[P, E]``."""
         latest = (place - self.place)[None]
         return Motion(
             place=place,
@@ -38,7 +38,7 @@ class Motion:
 
 
 def at_rest(place: jax.Array, memory: int) -> Motion:
-    """Partitions at ``place`` ``[P, E]`` of unknown motion."""
+    """Partitions at ``place`` ``[P, E]`` with no recorded velocities."""
     return Motion(
         place=place,
         velocities=jnp.zeros((memory, *place.shape), place.dtype),
@@ -50,15 +50,14 @@ def drift(motion: Motion, seen: jax.Array, rule: str) -> jax.Array:
     """Each partition's drift, ``[P, E]`` (eskil2014, eq. 10).
 
     Args:
-        motion: of the frames before.
-        seen: ``[P, E]``, the velocities that the partitions seem to have now.
-        rule: ``"clip"``: correlations below 0 count as 0, and weights sum to one; ``"signed"``:
-            weights are divided by the sum of their sizes, so that opposite motion pushes back;
-            ``"literal"``: by their plain sum, as eq. 9 has it, which explodes where correlations
-            cancel;
-            ``"ridge"``: the best linear prediction of a partition's velocity by the others'
-            (ridge regression on the frames remembered).  Where a partition's motion is unknown,
-            the others count equally.
+        motion: motion in the previous frames.
+        seen: ``[P, E]``, the partitions' apparent velocities in this frame.
+        rule: ``"clip"`` sets correlations below 0 to 0 and normalises weights to sum to one.
+            ``"signed"`` divides weights by the sum of their absolute values, so opposite motion
+            pushes back.  ``"literal"`` divides by their plain sum, as in eq. 9, which explodes if
+            correlations cancel.  ``"ridge"`` is the best linear prediction of a partition's
+            velocity from the others' (ridge regression on the remembered frames).  If a partition's
+            motion is unknown, the others count equally.
     """
     if rule == "none":
         return jnp.zeros_like(seen)
@@ -69,7 +68,7 @@ def drift(motion: Motion, seen: jax.Array, rule: str) -> jax.Array:
 
 
 def weights(motion: Motion, rule: str) -> jax.Array:
-    """rho ``[P, P]`` of all rules but ``"ridge"``, zero on the diagonal (eq. 8 and 9)."""
+    """rho ``[P, P]`` for all rules except ``"ridge"``, zero on the diagonal (eq. 8 and 9)."""
     related = correlations(motion)
     num_partitions = related.shape[0]
     if rule == "clip":
@@ -82,11 +81,11 @@ def weights(motion: Motion, rule: str) -> jax.Array:
 
 
 def correlations(motion: Motion) -> jax.Array:
-    """Correlations ``[P, P]`` of the velocities; 0 on the diagonal, and where nothing moved."""
+    """Correlations ``[P, P]`` of the velocities; 0 on the diagonal and without motion."""
     _, centred = _centred(motion)
     products = jnp.einsum("tie,tje->ij", centred, centred)
     squares = jnp.diagonal(products)
-    # An exact zero, and what rounding makes of one.
+    # Treat rounding errors of zero as zero.
     moves = squares > 1e-12 * (1.0 + jnp.max(squares))
     scale = jnp.where(moves, jax.lax.rsqrt(jnp.where(moves, squares, 1.0)), 0.0)
     related = products * scale[:, None] * scale[None, :]
@@ -94,7 +93,7 @@ def correlations(motion: Motion) -> jax.Array:
 
 
 def _centred(motion: Motion) -> tuple[jax.Array, jax.Array]:
-    """Mean velocity ``[P, E]`` of the frames known, and what differs from it; else zeros."""
+    """Mean velocity ``[P, E]`` over the recorded frames, and deviations from it, else zeros."""
     steps = jnp.arange(motion.velocities.shape[0])[:, None, None]
     known = steps < motion.known
     number = jnp.maximum(motion.known, 1).astype(motion.velocities.dtype)
@@ -103,13 +102,13 @@ def _centred(motion: Motion) -> tuple[jax.Array, jax.Array]:
 
 
 def _predicted(motion, mean, centred, seen):
-    """Ridge regression of every partition's velocity on the others', all P at once.
+    """Ridge regression of each partition's velocity on the others', all P at once.
 
-    The coefficients of row i are ``-A_ij / A_ii``, A the inverse of the regularised products.
+    The coefficients of row i are ``-A_ij / A_ii``, with A the inverse of the regularised products.
     """
     products = jnp.einsum("tie,tje->ij", centred, centred)
     num_partitions = products.shape[0]
-    # Without any motion yet, all are regularised alike and predict nothing.
+    # The constant keeps the matrix invertible before any motion; coefficients are then 0.
     strength = _RIDGE * jnp.trace(products) / num_partitions + 1e-6
     inverse = jnp.linalg.inv(products + strength * jnp.eye(num_partitions, dtype=products.dtype))
     share = -inverse / jnp.diagonal(inverse)[:, None] * _others(num_partitions, inverse.dtype)

@@ -1,7 +1,7 @@
 """Factored particles with dependent and constrained dynamics.
 
 Source: eskil2014 (Eskil, "Factored particle filtering with dependent and constrained partition
-dynamics for tracking deformable objects"), section 3.  Every partition has its own few particles;
+dynamics for tracking deformable objects"), section 3.  Each partition has a few particles;
 partitions move together (``drift``) and keep their distances (``shape``).
 """
 
@@ -28,42 +28,42 @@ from jaxpf.resampling.schemes import scheme_of
 class Eskil(contract.Tracker):
     """Factored particles that drift together and keep a shape (eskil2014, section 3.4).
 
-    The first two dimensions of a substate (or its only one) are its position: drift and shape act
-    on these.  In every frame, for all partitions at once:
+    The first two dimensions of a substate (or its only one) are its position; drift and shape act
+    on the position.  In every frame, for all partitions at once:
 
-    1. draw M particles by their weights (the paper's step 7, of the frame before) and simulate
-       their moves;
-    2. weigh them;
-    3. their weighted means less the last estimates are velocities v';
-    4. move the particles anew, each ``upsampling`` times, and add the drift ``sum_j rho_ij v'_j``;
-    5. weigh them;
-    6. multiply by the shape function around step 5's means;
-    7. the estimate is the weighted mean (the paper's 8);
-    8. remember its velocity (its 9).
+    1. resample M particles by their weights (the paper's step 7, of the previous frame) and
+       simulate their moves;
+    2. weight them;
+    3. compute velocities v' as their weighted means minus the last estimates;
+    4. move each particle again, ``upsampling`` times, and add the drift ``sum_j rho_ij v'_j``;
+    5. weight them;
+    6. multiply the weights by the shape function around step 5's means;
+    7. estimate by the weighted mean (the paper's step 8);
+    8. store the estimate's velocity (the paper's step 9).
 
-    The drift looks at the frame.  By default it counts as part of the dynamics.  With ``proper``
-    it is a proposal, and weights are multiplied by the ratio of the dynamics' density to it; this
+    The drift depends on the frame.  By default it counts as part of the dynamics.  With ``proper``
+    it is a proposal, and weights are multiplied by the dynamics' density over the proposal's.  This
     needs ``log_density`` of the dynamics, and degenerates once drifts exceed twice their noise.
 
-    ``log_evidence`` is that of an unbiased estimate with ``shape="none"`` and either
+    ``log_evidence`` belongs to an unbiased estimate with ``shape="none"`` and either
     ``drift="none"`` or ``proper=True``; otherwise it is NaN.
 
     Attributes:
         dynamics: diffusion, see ``jaxpf.contract.Dynamics``; a random walk in eskil2014, with
             sigma_t 10, 5 and 5 pixels.
-        likelihood: see ``jaxpf.contract.Likelihood``; it must factor over partitions.
+        likelihood: see ``jaxpf.contract.Likelihood``; must factor over partitions.
         initial: ``[P, D]``, or a sampler ``key -> [P, D]``, just before the first frame.
-        reference: ``[P, 2]`` (or ``[P, 1]``), places whose distances are the shape; by default
+        reference: ``[P, 2]`` (or ``[P, 1]``), positions whose distances define the shape; default
             ``initial``.
-        shape_scale: sigma_p: for ``shape="relative"`` a share of each distance, for ``"pixels"``
+        shape_scale: sigma_p, for ``shape="relative"`` a share of each distance, for ``"pixels"`` in
             pixels.
-        num_particles: static, M of every partition.
-        upsampling: static, how many times a particle is moved; not published.
-        memory: static, tau, the frames over which velocities are compared; not published.
+        num_particles: static, M per partition.
+        upsampling: static, number of moves per particle; not published.
+        memory: static, tau, number of frames over which velocities are compared; not published.
         drift: static, one of ``jaxpf.contract.names.DRIFTS``.
         shape: static, one of ``jaxpf.contract.names.SHAPES``.
-        proper: static, see above.
-        resampling: a name of ``jaxpf.resampling.SCHEMES``, or your own scheme, see there.
+        proper: static, whether the drift is a proposal, see above.
+        resampling: a name in ``jaxpf.resampling.SCHEMES``, or a custom scheme, see there.
     """
 
     dynamics: Any
@@ -107,13 +107,13 @@ class Eskil(contract.Tracker):
         )
 
     def observe(self, frame: Any) -> Any:
-        """Work that depends on the frame alone."""
+        """Do the work that depends on the frame alone."""
         return self.likelihood.observe(frame)
 
     def step_observed(
         self, key: jax.Array, state: FactoredState, observation: Any
     ) -> tuple[FactoredState, Summary]:
-        """One frame, already observed; see the class."""
+        """Advance by one observed frame; see the class."""
         chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
         motion = state.history
         sample_key, simulate_key, move_key = jax.random.split(written_out(key), 3)
@@ -140,7 +140,7 @@ class Eskil(contract.Tracker):
             centres = cloud.means(posterior, new)[:2]
             reference = shape.reference_distances(self.reference).astype(new.dtype)
             held = shape.log_shape(new[:2], centres, reference, self.shape_scale, self.shape)
-            held = jnp.where(jnp.isneginf(posterior), 0.0, held)  # without weight: NaN
+            held = jnp.where(jnp.isneginf(posterior), 0.0, held)  # may be NaN at zero weight
             posterior, _ = cloud.normalised(posterior + held, posterior)
 
         exact = self.shape == "none" and (self.drift == "none" or self.proper)
@@ -155,7 +155,7 @@ class Eskil(contract.Tracker):
 
 
 def _log_ratio(dynamics, new, diffused, lagged):
-    """Log ratio ``[P, N]`` of the dynamics' density to that of ``diffused`` plus the drift."""
+    """Log ratio ``[P, N]`` of the dynamics' density to that of the drifted proposal."""
     dimension, num_partitions, num = new.shape
     partition = jnp.repeat(jnp.arange(num_partitions, dtype=jnp.int32), num)
     current, previous = (x.reshape(dimension, -1) for x in lagged)

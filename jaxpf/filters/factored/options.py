@@ -10,7 +10,7 @@ from jaxpf.contract.names import DRIFTS, FACTORED_METHODS, FORMS, SCHEMES, SHAPE
 from jaxpf.contract.options import check_options, option
 from jaxpf.filters.filter import Filter
 
-#: Of every partition, as published.
+#: Published numbers of particles per partition.
 _PARTICLES = {"eskil": 10, "pffl": 50}
 _UPSAMPLING = {"eskil": 3, "pffl": 1}
 _ESKIL = ("method", "eskil")
@@ -92,7 +92,7 @@ class Options:
 
 
 class FactoredFilter(Filter):
-    """Every partition has particles of its own: PFFL and eskil2014."""
+    """The factored filters, with separate particles per partition: PFFL and eskil2014."""
 
     name = "factored"
     methods = FACTORED_METHODS
@@ -126,7 +126,7 @@ class FactoredFilter(Filter):
         )
 
     def admits(self, method: str, parents: Sequence[int]) -> bool:
-        """See ``Filter``: partitions have no common particles in which a part could hang."""
+        """See ``Filter``: no part trees, as partitions share no particles."""
         return all(parent < 0 for parent in parents)
 
     def check(self, options: Options, parents: Sequence[int]) -> None:

@@ -1,8 +1,8 @@
-"""Particle filtering with factorised likelihoods: many partitions, each tracked alone.
+"""Particle filtering with factorised likelihoods: partitions are tracked independently.
 
-Source: Patras and Pantic 2004, as described by eskil2014, section 2.2.  In every frame and for
-every partition: simulate a move of all particles, weigh the simulated moves, choose ancestors by
-these weights, move them anew, and weigh.
+Source: Patras and Pantic 2004, as described by eskil2014, section 2.2.  In every frame and for each
+partition: simulate a move of all particles, weight the simulated moves, choose ancestors by these
+weights, move the ancestors again, and weight.
 """
 
 from typing import Any
@@ -27,27 +27,26 @@ from jaxpf.resampling.schemes import scheme_of
 class PFFL(Tracker):
     """Particle filter with factorised likelihoods over P partitions, M particles for each.
 
-    With pi the weights, lambda the likelihoods of the simulated moves and g those of the real
-    ones, the forms are
+    Let pi be the weights, lambda the likelihoods of the simulated moves and g those of the actual
+    moves.  The forms are
 
-    * ``"auxiliary"`` (default): ancestors by ``b = (1 - safety) lambda pi / sum(lambda pi) +
-      safety pi``, weights ``g pi / b``.  ``log_evidence`` is that of an unbiased estimate at any
-      number of particles.  Without the second term the weights' variance is infinite as soon as
-      moves are wider than the likelihood.
-    * ``"literal"``: sample by pi, choose by lambda, weigh by g (eskil2014, steps 1 to 6, eq. 5):
-      the evidence of a frame counts twice for where its particles came from.  Estimates are drawn
-      to the latest observation, and ``log_evidence`` is too large on average.
+    * ``"auxiliary"`` (default): draw ancestors by ``b = (1 - safety) lambda pi / sum(lambda pi) +
+      safety pi``, with weights ``g pi / b``.  ``log_evidence`` belongs to an unbiased estimate at
+      any number of particles.  Without the second term, the weights have infinite variance as soon
+      as moves are wider than the likelihood.
+    * ``"literal"``: sample by pi, choose by lambda, weight by g (eskil2014, steps 1 to 6, eq. 5).
+      This uses the frame's evidence twice, in choosing ancestors and in weighting.  Estimates are
+      biased towards the latest observation, and ``log_evidence`` is too large on average.
 
     Attributes:
         dynamics: see ``jaxpf.contract.Dynamics``; there are no parents.
-        likelihood: see ``jaxpf.contract.Likelihood``; it must factor over partitions.
+        likelihood: see ``jaxpf.contract.Likelihood``; must factor over partitions.
         initial: ``[P, D]``, or a sampler ``key -> [P, D]``, just before the first frame.
-        safety: share of the ancestors that are drawn by their weights alone, in (0, 1].
-        num_particles: static, M of every partition; 50 in eskil2014.
-        upsampling: static, every ancestor moves this many times; the set is thinned to M when
-            the next frame comes.
+        safety: share of the ancestors drawn by their weights alone, in (0, 1].
+        num_particles: static, M per partition; 50 in eskil2014.
+        upsampling: static, number of moves per ancestor; the next frame thins the set to M.
         form: static, one of ``jaxpf.contract.names.FORMS``.
-        resampling: a name of ``jaxpf.resampling.SCHEMES``, or your own scheme, see there.
+        resampling: a name in ``jaxpf.resampling.SCHEMES``, or a custom scheme, see there.
     """
 
     dynamics: Any
@@ -79,13 +78,13 @@ class PFFL(Tracker):
         return cloud.start(written_out(key), self.initial, self.num_particles * self.upsampling)
 
     def observe(self, frame: Any) -> Any:
-        """Work that depends on the frame alone."""
+        """Do the work that depends on the frame alone."""
         return self.likelihood.observe(frame)
 
     def step_observed(
         self, key: jax.Array, state: FactoredState, observation: Any
     ) -> tuple[FactoredState, Summary]:
-        """One frame that was observed already; see the class."""
+        """Advance by one observed frame; see the class."""
         chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
         sample_key, simulate_key, choose_key, move_key = jax.random.split(written_out(key), 4)
         lagged, log_weights = state.lagged, state.log_weights

@@ -1,7 +1,7 @@
 """Shape: a potential on the distances between partitions (eskil2014, eq. 11).
 
-The paper calls it a proposal function, but particles are weighted by it: it is the product of
-springs between a particle and this frame's estimates of the other partitions.
+The paper calls it a proposal function, but uses it as a weight: a product of spring potentials
+between a particle and this frame's estimates of the other partitions.
 """
 
 import jax
@@ -13,7 +13,7 @@ from jaxpf.contract.pytree import is_concrete
 
 
 def distances(first: jax.Array, second: jax.Array) -> jax.Array:
-    """Distances ``[P, Q, ...]`` of ``[E, P, ...]`` from ``[E, Q]``, gradients finite at zero."""
+    """Distances ``[P, Q, ...]`` of ``[E, P, ...]`` from ``[E, Q]``; finite gradients at zero."""
     apart = first[:, :, None] - second.reshape(*second.shape, *(1,) * (first.ndim - 2))[:, None]
     squares = jnp.sum(apart**2, axis=0)
     positive = squares > 0
@@ -24,13 +24,13 @@ def log_shape(places, centres, reference, scale, shape: str) -> jax.Array:
     """Log of the shape function, ``[P, N]`` (eskil2014, eq. 11).
 
     Args:
-        places: ``[E, P, N]``, the particles.
-        centres: ``[E, P]``, estimated places of the partitions, x_j.
-        reference: ``[P, P]``, their distances at the start, d_ij.
-        scale: sigma_p: a share of each distance, or pixels.
+        places: ``[E, P, N]``, positions of the particles.
+        centres: ``[E, P]``, estimated positions of the partitions, x_j.
+        reference: ``[P, P]``, initial distances of the partitions, d_ij.
+        scale: sigma_p, a share of each distance or in pixels.
         shape: ``"relative"``: ``(|x_i - x_j| / d_ij - 1) / sigma_p``; ``"pixels"``, the literal
-            rule: ``(|x_i - x_j| - d_ij) / sigma_p``, with which the published sigma_p = .01
-            leaves one particle per partition.
+            rule: ``(|x_i - x_j| - d_ij) / sigma_p``.  With the published sigma_p = .01 the literal
+            rule leaves one particle per partition.
     """
     away = distances(places, centres) - reference[..., None]
     others = 1.0 - jnp.eye(reference.shape[0], dtype=places.dtype)

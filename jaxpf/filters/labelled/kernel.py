@@ -221,7 +221,7 @@ def report(
     label_log_evidence: jax.Array,
     num_invalid: jax.Array,
 ) -> tuple[LabelledState, LabelledSummary]:
-    """Estimates, spreads and effective sample sizes of the labels."""
+    """Report the labels' estimates, spreads and effective sample sizes."""
     labels, num_targets = state.labels, tracker.num_targets
     log_weights = state.log_weights
     held = by_label.log_sums(log_weights, labels, num_targets)
@@ -229,7 +229,7 @@ def report(
     alive = ~jnp.isneginf(log_weights)
     reference = by_label.spread(jnp.where(present, held, 0.0), labels)
     share = jnp.where(alive, jnp.exp(jnp.where(alive, log_weights - reference, 0.0)), 0.0)
-    # The mean of the weights themselves is the sum of their squares.
+    # The weighted mean of the weights is the sum of their squares.
     mean, spread = moments(
         jnp.concatenate([state.lagged[0], share[None]]),
         share,

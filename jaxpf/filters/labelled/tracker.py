@@ -136,10 +136,10 @@ class Labelled(Tracker):
     def step_observed(
         self, key: jax.Array, state: LabelledState, observation: Any
     ) -> tuple[LabelledState, LabelledSummary]:
-        """One frame: resample, then propagate and weigh every particle."""
+        """Advance one frame: resample, then propagate and weight every particle."""
         chex.assert_shape(state.log_weights, (self.num_particles,))
         chex.assert_shape(state.lagged, (2, None, self.num_particles))
-        # The keys of Partitioned with one partition: one target gives the same particles.
+        # Same keys as Partitioned with one partition: one target gives the same particles.
         begin_key, stages_key = jax.random.split(written_out(key))
         resample_key, reseed_key = jax.random.split(begin_key)
         propagate_key = jax.random.split(jax.random.fold_in(stages_key, 0), 4)[0]

@@ -1,4 +1,4 @@
-"""What the stages of a frame share, draw, and carry from one to the next."""
+"""Data that the stages of a frame share, draw, and carry from one to the next."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 class Shared(NamedTuple):
-    """What all stages of a frame have in common.
+    """Data common to all stages of a frame.
 
     Attributes:
         tracker: the model and the settings.
-        state: the weighted set of the frame before.
+        state: the weighted set of the previous frame.
         observation: from the likelihood's ``observe``.
-        components: how the particles divide in this frame.
-        motion: how each stage draws.
+        components: the division of the particles into components in this frame.
+        motion: the strategy that draws substates.
     """
 
     tracker: "Partitioned"
@@ -35,7 +35,7 @@ class Shared(NamedTuple):
 
 
 class Keys(NamedTuple):
-    """Random keys of a stage, one for each verb."""
+    """Random keys of a stage, one per operation."""
 
     move: jax.Array
     select: jax.Array
@@ -44,14 +44,15 @@ class Keys(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """What a stage draws from.
+    """Conditions for a stage's draws.
 
     Attributes:
         partition: ``[N]`` int32, the partition that each particle processes.
-        source: ``[N]`` int32, its place among the P * N substates of the frame before.
-        conditions: three of ``[D, N]``: the substates of the two frames before, and the parent's
-            of this one.
-        others: for coupled dynamics ``[P, D, N]``, all of the frame before; else empty.
+        source: ``[N]`` int32, its index among the P * N substates of the previous frame.
+        conditions: three arrays ``[D, N]``: the substates of the two previous frames, and the
+            parent's substate of this frame.
+        others: for coupled dynamics, all substates of the previous frame, ``[P, D, N]``; else
+            empty.
     """
 
     partition: jax.Array
@@ -61,13 +62,13 @@ class Turn(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """What a stage draws; ``partition``, ``source`` and ``conditions`` as in ``Turn``.
+    """A stage's draws; ``partition``, ``source`` and ``conditions`` as in ``Turn``.
 
     Attributes:
         substates: ``[D, N]``.
-        log_weight: ``[N]``, log of the transition density over the density that was drawn from;
-            None where these are the same.
-        score: ``[N]``, whose derivative the weights get, but not its value; or None.
+        log_weight: ``[N]``, log of the transition density over the sampled density; None if these
+            are the same.
+        score: ``[N]``, adds its derivative to the weights, but not its value; or None.
     """
 
     partition: jax.Array
@@ -79,28 +80,28 @@ class Drawn(NamedTuple):
 
 
 class Carry(NamedTuple):
-    """What the stages of a frame carry.  Rows are stages, not partitions.
+    """State carried between the stages of a frame.  Rows are stages, not partitions.
 
     Attributes:
-        stages: ``[2, D, P, N]``, substates drawn at each stage, and the ones they left.
-        log_probs: ``[P, N]``, log-likelihood of each draw, by slot of drawing.
+        stages: ``[2, D, P, N]``, substates drawn at each stage, and their predecessors.
+        log_probs: ``[P, N]``, log-likelihood of each draw, indexed by the slot that drew it.
         lineage: ``[P, N]`` int32, see ``jaxpf.filters.partitioned.kernel``.
         log_weights: ``[N]``, unnormalised: their sum carries the evidence.
-        seen: ``[P, C]`` bool, at that stage some particle of the component had both weight and
-            likelihood.
+        seen: ``[P, C]`` bool, whether at that stage some particle of the component had nonzero
+            weight and nonzero likelihood.
         largest: ``[C]``, the largest log-weight of each component.
-        impossible: ``[N]`` bool, the particle's component met a stage without any likelihood,
-            which was left out of ``log_weights``.
-        equal: ``[]`` bool, weights were equal after the last resampling.
-        num_invalid: ``[]`` int32.
-        label: ``[N]`` int32, of each particle; its component where particles carry no labels.
-        path_scores: ``[P, N]``, by slot of drawing, see ``ParticleState``; or None.
-        sources: ``[P, N]`` int32, by slot of drawing, see ``ParticleState``; or None.
-        selections: ``[]``, made so far in this frame, see ``ParticleState``; or None.
-        offers: every entry ``[P, N]``, what each part of the level offers for exchange; None
-            where nothing is ever exchanged.
-        groups: every entry ``[P, N]``, the particles that share each stage's draw once its level
-            has ended, for the combinatorial rule; None like ``offers``.
+        impossible: ``[N]`` bool, whether all likelihoods of the particle's component were zero at
+            some stage, which ``log_weights`` then skip.
+        equal: ``[]`` bool, whether weights were equal after the last resampling.
+        num_invalid: ``[]`` int32, number of invalid log-likelihoods.
+        label: ``[N]`` int32, each particle's label, or its component without labels.
+        path_scores: ``[P, N]``, indexed by drawing slot, see ``ParticleState``; or None.
+        sources: ``[P, N]`` int32, indexed by drawing slot, see ``ParticleState``; or None.
+        selections: ``[]``, number in this frame, see ``ParticleState``; or None.
+        offers: entries ``[P, N]``, offers of each part of the level for exchange; None if the
+            ordering never exchanges.
+        groups: entries ``[P, N]``, particles that share each stage's draw once its level has
+            ended, for the combinatorial rule; None like ``offers``.
     """
 
     stages: jax.Array
@@ -120,7 +121,7 @@ class Carry(NamedTuple):
     groups: Groups | None
 
     def lineage_of(self, particles: jax.Array) -> jax.Array:
-        """Lineage ``[P, N]`` of the given particles, ``[N]`` or by row ``[P, N]``."""
+        """Lineage ``[P, N]`` of the given particles, ``[N]`` or per row ``[P, N]``."""
         return pick_in_rows(self.lineage, particles)
 
     def write(self, stage: jax.Array, **rows: jax.Array) -> "Carry":
@@ -139,8 +140,8 @@ class Carry(NamedTuple):
     ) -> "Carry":
         """Multiply the weights by a factor, unless it is zero for a whole component.
 
-        A component without any likelihood is marked impossible and keeps its weights: if all
-        components end so, the frame is left out, instead of every weight being lost.
+        A component whose factors are all zero is marked impossible and keeps its weights.  If all
+        components end up impossible, the frame is skipped and the weights survive.
         """
         if self.path_scores is not None:
             log_factor = lax.stop_gradient(log_factor)  # the scores hold its derivative

@@ -1,4 +1,4 @@
-"""The end of a frame: particles put together, corrected, normalised and reported."""
+"""The end of a frame: reassemble, correct, normalise and report the particles."""
 
 import dataclasses
 from typing import TYPE_CHECKING, Any
@@ -37,11 +37,11 @@ def finish(
 ) -> tuple[ParticleState, Summary]:
     """Gather the particles, correct by the joint likelihood, normalise, and report.
 
-    Labels move in between: given the new substates, and before the joint likelihood sees them
+    Labels move given the new substates, before the joint likelihood is evaluated
     (maccormick1999, section 4).
     """
     ordering, one_partition = tracker.ordering, tracker.num_partitions == 1
-    # By partition, not by stage; a particle's draws lie in rows of its own component.
+    # By partition, not by stage: the rows depend on the particle's component.
     row = choose(
         ordering.is_split,
         lambda: ordering.rank[components.index].T,
@@ -49,7 +49,7 @@ def finish(
         is_never_true=one_partition,
     )
     lineage, lagged = _gathered(tracker, carry, row)
-    drawn = row * tracker.num_particles + lineage  # where each particle's draws lie
+    drawn = row * tracker.num_particles + lineage  # index of each particle's draws
     path_scores = path_score = None
     if carry.path_scores is not None:
         path_scores = carry.path_scores.reshape(-1)[drawn]
@@ -85,7 +85,7 @@ def finish(
     )
     log_weights = computed_before(log_weights)
     if path_scores is not None:
-        # What the weights were divided by, or a joint likelihood adds, belongs to no partition.
+        # Divisors of the weights, or a joint likelihood's correction, belong to no partition.
         rest = log_weights - jnp.sum(path_scores, axis=0)
         path_scores = with_gradient_of(path_scores, rest[None] / tracker.num_partitions)
     state = ParticleState(
@@ -105,7 +105,7 @@ def finish(
         + STATUS_IMPOSSIBLE * all_impossible
         + STATUS_LOST * jnp.any(lost)
     ).astype(jnp.int32)
-    # Without resampling or exchange inside the frame all draws are distinct.
+    # Without resampling or exchange inside the frame, all draws are distinct.
     num_unique = choose(
         jnp.any(ordering.resample_after | ordering.exchange_after),
         lambda: count_unique(lineage),
@@ -134,7 +134,7 @@ def _gathered(tracker: "Partitioned", carry: Carry, row: jax.Array) -> tuple[jax
             return carry.lineage, carry.stages
         return carry.lineage, carry.stages[:, :, ordering.rank[0]]
 
-    # Without resampling or exchange inside the frame every particle kept its own draws.
+    # Without resampling or exchange inside the frame, every particle keeps its own draws.
     return choose(
         jnp.any(ordering.resample_after | ordering.exchange_after),
         gathered,
@@ -152,9 +152,9 @@ def _corrected(
     factors: jax.Array,
     label: jax.Array | None,
 ) -> tuple[Carry, jax.Array]:
-    """Weights by the joint likelihood in place of the stages' ``factors`` ``[P, N]``.
+    """Replace the stages' ``factors`` ``[P, N]`` in the weights by the joint likelihood.
 
-    Also the log of the quotient, ``[N]``.
+    Also returns the log of the quotient, ``[N]``.
     """
     log_probs = tracker.weighing.log_probs(tracker, observation, substates, factors)
     log_joint = contract.log_joint_all(tracker.likelihood, observation, substates, log_probs, label)

@@ -1,16 +1,16 @@
-"""Exchanging parts between particles that share the parent's draw (SPS).
+"""Exchange of parts between particles that share the parent's draw (SPS).
 
-Given the draw of its parent, a part is independent of everything that does not hang from
-it, so particles with the same draw of the parent may trade the part, together with its past
-and all that hangs from it (gonzales2011, section 3).
+Given its parent's draw, a part is independent of everything except its descendants.  Particles
+with the same draw of the parent may therefore exchange the part, together with its past and its
+descendants (gonzales2011, section 3).
 
-A rule works in two steps around the resampling of a level.  ``weigh`` gives, for every
-part of the level, the factor that multiplies each particle's weight; ``draw`` then gives
-the particle from which each resampled slot takes the part.  The candidates are always the
-particles *before* resampling: drawing again from the resampled set is biased.
+A rule works in two steps around the resampling of a level.  For each part of the level, ``weigh``
+returns the factor of each particle's weight, and ``draw`` then chooses the particle from which each
+resampled slot takes the part.  The candidates are always the particles *before* resampling:
+drawing again from the resampled set is biased.
 
-Nothing is sorted for the combinatorial rule: each draw of a part lays out the slots group by
-group, and these are the groups of its children.
+The combinatorial rule sorts nothing: drawing a part lays out the slots group by group, and these
+are the groups for its children.
 """
 
 from typing import Any, NamedTuple
@@ -30,19 +30,19 @@ from jaxpf.resampling.schemes import ancestors_of_thresholds
 # Codes of ordering.SWAPS.
 _SORTED, _COMBINATORIAL = SWAPS.index("sorted"), SWAPS.index("combinatorial")
 
-#: The golden ratio's multiplier: its multiples spread evenly over the 32-bit numbers.
+#: Multiplier from the golden ratio: its multiples spread evenly over the 32-bit integers.
 _GOLDEN = np.uint32(0x9E3779B9)
 
 
 class Groups(NamedTuple):
-    """A division of the particles into groups, laid out one after the other.
+    """A division of the particles into contiguous groups of positions.
 
     Every entry is int32 ``[N]``, or ``[rows, N]`` for several divisions.
 
     Attributes:
         order: the particle at each position.
         position: the position of each particle.
-        rank: by position, the place within the group, 0 for its first member.
+        rank: by position, the rank within the group, 0 for its first member.
         last: by position, the position of the group's last member.
     """
 
@@ -52,7 +52,7 @@ class Groups(NamedTuple):
     last: jax.Array
 
     def row(self, index: jax.Array) -> "Groups":
-        """One of several divisions."""
+        """Return one of several divisions."""
         return Groups(*(rows[index] for rows in self))
 
     def put(self, index: jax.Array, row: "Groups") -> "Groups":
@@ -67,12 +67,12 @@ def everyone(num_rows: int, num_particles: int) -> Groups:
 
 
 class Families(NamedTuple):
-    """The slots after a resampling, those of one ancestor next to each other.
+    """The slots after resampling, with the slots of each ancestor contiguous.
 
     Attributes:
-        ancestors: ``[N]`` int32, never decreasing.
+        ancestors: ``[N]`` int32, non-decreasing.
         size: by ancestor, ``[N]`` int32, number of its slots.
-        start: by ancestor, ``[N]`` int32, the first of them.
+        start: by ancestor, ``[N]`` int32, its first slot.
     """
 
     ancestors: jax.Array
@@ -80,16 +80,17 @@ class Families(NamedTuple):
     start: jax.Array
 
     def groups(self) -> Groups:
-        """Slots of the same ancestor as a group."""
+        """Groups of slots with the same ancestor."""
         slots = jnp.arange(self.ancestors.shape[0], dtype=jnp.int32)
         start = self.start[self.ancestors]
         return Groups(slots, slots, slots - start, start + self.size[self.ancestors] - 1)
 
 
 def families(ancestors: jax.Array) -> Families:
-    """Bring ancestors ``[N]`` in order.
+    """Sort ancestors ``[N]``.
 
-    Slots of equal weight may as well be numbered anew; others must be in order already.
+    Sorting renumbers slots, which is valid for equal weights; otherwise ancestors must already be
+    sorted.
     """
     size = jnp.zeros(ancestors.shape, jnp.int32).at[ancestors].add(1)
     end = running_sum(size)
@@ -97,12 +98,12 @@ def families(ancestors: jax.Array) -> Families:
 
 
 class Offer(NamedTuple):
-    """What ``weigh`` hands to ``draw`` for one part, every entry ``[N]``.
+    """Data for one part from ``weigh`` to ``draw``; every entry is ``[N]``.
 
     Attributes:
-        share: by position in the parent's groups, the running sum of the likelihoods as a
-            share of the group's; the combinatorial rule needs no more.
-        giver: the particle whose part each particle receives, for the permuting rules.
+        share: for the combinatorial rule, by position in the parent's groups, the running sum of
+            the likelihoods as a share of the group's total.
+        giver: for the permuting rules, the particle whose part each particle receives.
     """
 
     share: jax.Array
@@ -110,7 +111,7 @@ class Offer(NamedTuple):
 
 
 def no_offers(shape: tuple[int, ...], dtype: Any) -> Offer:
-    """Room for the offers of several parts, every entry of the given shape."""
+    """Allocate the offers of several parts, every entry of the given shape."""
     return Offer(jnp.zeros(shape, dtype), jnp.zeros(shape, jnp.int32))
 
 
@@ -122,15 +123,16 @@ def weigh(
     lineage: jax.Array,
     is_root: jax.Array,
 ) -> tuple[jax.Array, Offer]:
-    """Log of each particle's factor of its weight, ``[N]``, and what ``draw`` needs, for one part.
+    """For one part, return the log factor of each particle's weight ``[N]``, and its offer.
 
     Args:
-        key: used by the random rule only.
+        key: used only by the random rule.
         swap: ``[]`` int32, index into ``ordering.SWAPS``.
-        log_probs: ``[N]``, log of the part's factor of the weight in each particle.
-        groups: particles that may trade the part, for the combinatorial rule.
-        lineage: for the other rules, ``[N]`` int32 in 0..N-1, equal in particles that may trade.
-        is_root: ``[]`` bool, all particles may trade.
+        log_probs: ``[N]``, log of the part's weight factor in each particle.
+        groups: particles that may exchange the part, for the combinatorial rule.
+        lineage: for the other rules, ``[N]`` int32 in 0..N-1, equal for particles that may
+            exchange the part.
+        is_root: ``[]`` bool, whether all particles may exchange the part.
     """
     slots = jnp.arange(log_probs.shape[0], dtype=jnp.int32)
 
@@ -160,16 +162,16 @@ def draw(
     slots: Families,
     is_root: jax.Array,
 ) -> tuple[jax.Array, Groups]:
-    """The particle from which each slot takes the part, ``[N]``, and the slots that share a draw.
+    """Return the particle from which each slot takes the part ``[N]``, and groups by shared draw.
 
-    The combinatorial rule draws within the ancestor's group with probability proportional
-    to the likelihood, independently of the slot's other parts (Dubuisson, Gonzales &
-    Nguyen 2012, combinatorial resampling).
+    The combinatorial rule draws within the ancestor's group with probability proportional to the
+    likelihood, independently of the slot's other parts (Dubuisson, Gonzales & Nguyen 2012,
+    combinatorial resampling).
     """
     return lax.switch(
         _rule(swap, is_root),
         [
-            # The permuting rules find groups by the lineage.
+            # The permuting rules find groups from the lineage.
             lambda: (offer.giver[slots.ancestors], groups),
             lambda: _draw_from_all(key, offer.share),
             lambda: _draw_from_groups(key, offer.share, groups, slots),
@@ -195,7 +197,7 @@ def _draw_from_all(key: jax.Array, share: jax.Array) -> tuple[jax.Array, Groups]
 
 
 def _weigh_groups(log_probs: jax.Array, groups: Groups) -> tuple[jax.Array, jax.Array]:
-    """Log of the group's mean likelihood, by particle, and ``Offer.share``."""
+    """Log of the group's mean likelihood per particle, and ``Offer.share``."""
     differentiated = log_probs
     log_probs = lax.stop_gradient(log_probs)[groups.order]
     largest = running_max(log_probs, groups.rank)[groups.last]
@@ -207,7 +209,7 @@ def _weigh_groups(log_probs: jax.Array, groups: Groups) -> tuple[jax.Array, jax.
     size = (groups.last - positions + groups.rank + 1).astype(total.dtype)
     log_mean = jnp.where(possible, largest + jnp.log(total / size), -jnp.inf)
     log_factor = log_mean[groups.position]
-    # What follows is of use to a derivative only.
+    # The rest only serves the derivative.
     part = jnp.where(possible, likelihood / total, 0.0)[groups.position]
     terms = weighted(part, differentiated)
     group = groups.last[groups.position]
@@ -216,16 +218,16 @@ def _weigh_groups(log_probs: jax.Array, groups: Groups) -> tuple[jax.Array, jax.
 
 
 def _share(cumulative: jax.Array, total: jax.Array) -> jax.Array:
-    """The quotient, and 1 where it ends: an accelerator's division may miss that."""
+    """The quotient, exactly 1 at the end, where an accelerator's division may be inexact."""
     return jnp.where(cumulative < total, cumulative / total, 1.0)
 
 
 def _draw_from_groups(
     key: jax.Array, share: jax.Array, groups: Groups, slots: Families
 ) -> tuple[jax.Array, Groups]:
-    """Draws within every group for those slots whose ancestor belongs to it."""
+    """Draw within each group for the slots whose ancestor belongs to it."""
     numbers = jnp.arange(share.shape[0], dtype=jnp.int32)
-    # A group's stretch of the new layout has a place for every such slot.
+    # In the new layout a group's segment has one place for each of these slots.
     size = slots.size[groups.order]
     before = running_sum(size) - size
     start = before[numbers - groups.rank]
@@ -245,37 +247,39 @@ def _deal(
     start_of_slot: jax.Array,
     room_of_slot: jax.Array,
 ) -> tuple[jax.Array, Groups]:
-    """Systematic draws within every group, dealt out to its slots by an affine permutation.
+    """Systematic draws within each group, assigned to its slots by an affine permutation.
 
-    Each slot's draw has the right law (to the 24 bits of a random number) and, because the
-    permutation's offset is uniform, is independent of the slot's other parts; unbiasedness needs
-    no more.  The random stride keeps neighbouring slots from sharing neighbouring draws.
+    Each slot's draw has the correct distribution (up to the 24 bits of a random number).  The
+    permutation's offset is uniform, so the draw is independent of the slot's other parts, which
+    suffices for unbiasedness.  The random stride keeps neighbouring slots from getting neighbouring
+    draws.
 
     Args:
-        key: of these draws.
+        key: random key of these draws.
         share: see ``Offer``.
-        start: by position, the first place of the group's stretch of the new layout.
-        room: by position, the number of its places.
-        place: by slot, ``[N]`` int32, its number among the group's slots.
+        start: by position, the first place of the group's segment in the new layout.
+        room: by position, the number of places in the segment.
+        place: by slot, ``[N]`` int32, its index among the group's slots.
         start_of_slot: ``start`` of the slot's group.
         room_of_slot: ``room`` of the slot's group.
 
     Returns:
-        By slot, the position of the member whose part it takes; and slots that take the same.
+        By slot, the position of the member whose part it takes; and groups of slots that take the
+        same member.
     """
-    # Three words at once: every split of a key costs as much as four gathers.
+    # Draw three words at once: splitting a key costs as much as four gathers.
     shift, offset, choice = jax.random.bits(key, (3,), jnp.uint32)
     numbers = jnp.arange(share.shape[0], dtype=jnp.int32)
-    # A member takes as many places as it has offspring.  Complete where the likelihoods end,
-    # whatever the rounding.
+    # A member takes one place per offspring.  The count must be complete at the end of the
+    # likelihoods despite rounding.
     shift = (shift >> 8).astype(share.dtype) / EXACT
     wanted = jnp.ceil(share * room.astype(share.dtype) - shift).astype(jnp.int32)
     end = start + jnp.where(share < 1, jnp.clip(wanted, 0, room), room)
-    # Stretches follow one another: a group's first member begins where the last one ends.
+    # Segments are contiguous: a group's first member begins where the previous group ends.
     begin = jnp.concatenate([jnp.zeros((1,), jnp.int32), end[:-1]])
     taker = ancestors_of_thresholds(end)
 
-    # One random number serves all groups: multiples of the golden ratio decorrelate them.
+    # One random number for all groups; multiples of the golden ratio decorrelate them.
     offset = offset + start_of_slot.astype(jnp.uint32) * _GOLDEN
     offset = (offset >> 8).astype(jnp.float32) / EXACT * room_of_slot
     strides = _strides(share.shape[0])
@@ -293,7 +297,7 @@ def _deal(
 
 
 def _strides(num_particles: int) -> jax.Array:
-    """Primes, small enough for ``modulo``; larger than any group where that is possible."""
+    """Primes that are small enough for ``modulo`` and, if possible, larger than any group."""
     largest = min(max(EXACT // num_particles - 1, 2), 2**16)
     sieve = np.ones(largest, bool)
     sieve[: min(2, largest)] = False
@@ -311,7 +315,7 @@ def _strides(num_particles: int) -> jax.Array:
 def _permutation(
     key: jax.Array, swap: jax.Array, log_probs: jax.Array, group: jax.Array
 ) -> jax.Array:
-    """Givers ``[N]``: a group's k-th particle receives its k-th best (or a random) part."""
+    """Givers ``[N]``: a group's k-th particle receives the group's k-th best (or a random) part."""
     num_particles = log_probs.shape[0]
     identity = jnp.arange(num_particles, dtype=jnp.int32)
     by_chance = jax.random.uniform(key, log_probs.shape, log_probs.dtype)

@@ -1,17 +1,18 @@
 """The partitioned kernel: SIR, PS, DPS, SPS and branched sampling in one compiled program.
 
-A frame is P stages, and a stage is four verbs, each a function of its own: *move* the partition
-that the ordering gives to the particle's component, *weigh* it, *exchange* parts where the ordering
-says so, and *select* within components.  After the last stage, *finish* puts the particles together
-and reports.  How a stage draws, weighs and selects is left to the tracker's strategies: ``motion``,
-``weighing``, ``trigger``, ``resampling`` and ``gradient``.  Two ideas keep it short and fast:
+A frame has P stages, and a stage has four operations, one function each: *move* the partition that
+the ordering assigns to the particle's component, *weigh* it, *exchange* parts if the ordering does,
+and *select* within components.  After the last stage, *finish* reassembles the particles and
+reports.  The tracker's strategies ``motion``, ``weighing``, ``trigger``, ``resampling`` and
+``gradient`` define how a stage draws, weights and selects.  Two ideas keep the kernel short and
+fast:
 
-- *Stage rows.*  Inside a frame, row j of every array belongs to stage j, whatever
-  partition a component processes there, so that a stage writes one row in place.
+- *Stage rows.*  Inside a frame, row j of every array belongs to stage j, whichever partition a
+  component processes there, so a stage writes one row in place.
 - *Lineage instead of copies.*  Resampling moves no substates.  A particle is P integers:
-  ``lineage[j]`` is the slot that drew the partition of row j or, before its stage, the
-  particle of the previous frame it continues.  Resampling and exchange permute these
-  integers, and the substates are gathered once, at the end of the frame.
+  ``lineage[j]`` is the slot that drew the partition of row j or, before its stage, the particle
+  of the previous frame that it continues.  Resampling and exchange permute these integers, and the
+  substates are gathered once, at the end of the frame.
 """
 
 from collections.abc import Callable
@@ -40,12 +41,12 @@ if TYPE_CHECKING:
 def step(
     tracker: "Partitioned", key: jax.Array, state: ParticleState, observation: Any
 ) -> tuple[ParticleState, Summary]:
-    """One frame, from the weighted set of the frame before to that of this one."""
+    """Advance the weighted set by one frame."""
     begin_key, stages_key = jax.random.split(key)
     motion = tracker.motion.begin(tracker, stages_key, state, observation)
     state, components, carry = begin(tracker, begin_key, state)
     shared = Shared(tracker, state, observation, components, motion)
-    # Before the loop, for all stages: on a CPU a key costs as much as a gather per particle.
+    # All stages' keys before the loop: on a CPU a key costs as much as a gather per particle.
     keys = jax.vmap(lambda stage: jax.random.split(jax.random.fold_in(stages_key, stage), 4))(
         jnp.arange(tracker.num_partitions)
     )
@@ -66,7 +67,7 @@ def step(
 def begin(
     tracker: "Partitioned", key: jax.Array, state: ParticleState
 ) -> tuple[ParticleState, Components, Carry]:
-    """Select jointly, then split the particles into the ordering's components."""
+    """Resample all particles jointly, then split them into the ordering's components."""
     num_particles, ordering = tracker.num_particles, tracker.ordering
     select_key, split_key = jax.random.split(key)
     state, selected = selection.select_between_frames(tracker, select_key, state)
@@ -90,7 +91,7 @@ def begin(
             shuffle = jax.random.permutation(split_key, identity)
             return ancestors[shuffle], log_weights[shuffle]
 
-        # The order of particles matters only where they are split into components.
+        # The order of particles matters only if they are split into components.
         ancestors, log_weights = choose(
             ordering.is_split,
             shuffled,
@@ -100,7 +101,7 @@ def begin(
     shape, exchanging = (tracker.num_partitions, num_particles), levels.may_exchange(tracker)
     stages, lineage = jnp.zeros_like(state.lagged), jnp.broadcast_to(ancestors, shape)
     if tracker.gradient.blends:
-        # Blending moves substates: rows hold the past until their stage has come.
+        # Blending moves substates: until its stage, a row holds the blended past.
         stages = state.lagged[:, :, ordering.order[components.index].T, ancestors]
         lineage = jnp.broadcast_to(identity, shape)
     carry = Carry(
@@ -124,7 +125,7 @@ def begin(
 
 
 def move(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry) -> Drawn:
-    """Draw each particle's partition of this stage, given its past and its parent."""
+    """Draw this stage's partition of each particle, given its past and its parent."""
     tracker, lagged = shared.tracker, shared.state.lagged
     ordering, num_particles = tracker.ordering, tracker.num_particles
     partition = ordering.order[shared.components.index, stage]
@@ -140,7 +141,7 @@ def move(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry) -> Draw
 
 
 def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn: Drawn) -> Carry:
-    """Multiply the weights by the likelihood of what was drawn, and offer it for exchange."""
+    """Multiply the weights by the likelihood of the draws, and prepare their exchange."""
     tracker = shared.tracker
     log_prob = tracker.weighing.log_factor(shared, stage, carry, drawn)
     log_prob = log_prob.astype(drawn.substates.dtype)
@@ -171,9 +172,9 @@ def weigh(shared: Shared, key: jax.Array, stage: jax.Array, carry: Carry, drawn:
 def select(
     shared: Shared, key: jax.Array, stage: jax.Array, before: jax.Array, carry: Carry
 ) -> Carry:
-    """Resample within components, if the ordering does after this stage.
+    """Resample within components, if the ordering resamples after this stage.
 
-    ``before``, ``[N]``, are the log-weights as they were before the stage.
+    ``before``, ``[N]``, are the log-weights before the stage.
     """
     tracker = shared.tracker
     return lax.cond(
@@ -191,13 +192,13 @@ def exchange(
     carry: Carry,
     select: Callable[[Carry], Carry],
 ) -> Carry:
-    """Select, and let particles trade the parts of a level that ends with this stage."""
+    """Select, and exchange the parts of a level that ends with this stage."""
     tracker = shared.tracker
     if tracker.num_partitions == 1:
         return computed_before(carry)  # no later stage needs a selection
     if not levels.may_exchange(tracker):
         return select(carry)
-    # Offers do not change: they stay outside of what the branches return.
+    # Offers do not change, so the branches need not return them.
     offers, carry = carry.offers, carry._replace(offers=None)
     carry = lax.cond(
         tracker.ordering.exchange_after[stage],
@@ -209,7 +210,7 @@ def exchange(
 
 
 def _parent_substates(shared: Shared, partition: jax.Array, carry: Carry) -> jax.Array:
-    """``[D, N]``, drawn at an earlier stage of this frame; zeros for a root."""
+    """Parents' substates ``[D, N]`` from an earlier stage of this frame; zeros for a root."""
     tracker, ordering = shared.tracker, shared.tracker.ordering
     dimension, num_particles = carry.stages.shape[1], tracker.num_particles
     if all(parent == -1 for parent in tracker.parents):
@@ -222,14 +223,14 @@ def _parent_substates(shared: Shared, partition: jax.Array, carry: Carry) -> jax
 
 
 def _whole_past(shared: Shared, stage: jax.Array, carry: Carry) -> jax.Array:
-    """``[P, D, N]``, all partitions in the frame before, moved since or not."""
+    """All partitions' substates of the previous frame, ``[P, D, N]``, moved since or not."""
     ordering, num_partitions = shared.tracker.ordering, shared.tracker.num_partitions
     left, ahead = carry.stages[1], carry.stages[0]
     if not shared.tracker.gradient.blends:
-        partition = ordering.order[shared.components.index].T  # [P, N], of every row
+        partition = ordering.order[shared.components.index].T  # [P, N], partition of each row
         past = shared.state.lagged[0]
         ahead = past[:, partition, carry.lineage]
         left = left[:, jnp.arange(num_partitions)[:, None], carry.lineage]
     rows = jnp.where(jnp.arange(num_partitions)[:, None] < stage, left, ahead)
-    rank = ordering.rank[shared.components.index].T  # [P, N], the row of every partition
+    rank = ordering.rank[shared.components.index].T  # [P, N], row of each partition
     return jnp.swapaxes(jnp.take_along_axis(rows, rank[None], axis=1), 0, 1)

@@ -1,6 +1,7 @@
-"""Discrete labels of particles: drawn at the start, moved at the end of a frame, reported.
+"""Discrete labels of particles.
 
-In between a label follows its particle through every selection.
+Labels are drawn at the start, follow their particles through every selection, and move at the end
+of a frame.
 """
 
 from typing import TYPE_CHECKING
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def draw_first(tracker: "Partitioned", key: jax.Array, dtype) -> tuple[jax.Array, jax.Array]:
-    """Labels ``[N]`` just before the first frame, and their log-probabilities ``[N]``."""
+    """Draw labels ``[N]`` just before the first frame, with their log-probabilities ``[N]``."""
     log_probabilities = jnp.log(jnp.asarray(tracker.initial_label, dtype))
     label = jax.random.categorical(key, log_probabilities, shape=(tracker.num_particles,))
     return label.astype(jnp.int32), jax.nn.log_softmax(log_probabilities)[label]
@@ -27,10 +28,10 @@ def draw_first(tracker: "Partitioned", key: jax.Array, dtype) -> tuple[jax.Array
 def move(
     tracker: "Partitioned", key: jax.Array, label: jax.Array, substates: jax.Array
 ) -> tuple[jax.Array, jax.Array | None]:
-    """Labels ``[N]`` given the new substates ``[D, P, N]`` (maccormick1999, section 4).
+    """Move labels ``[N]`` given the new substates ``[D, P, N]`` (maccormick1999, section 4).
 
-    Also the log-probability ``[N]`` of each move, for derivatives; None where it is not known or
-    no label moves.
+    Also returns the log-probability ``[N]`` of each move, for derivatives; None if it is unknown or
+    labels do not move.
     """
     dynamics = tracker.dynamics
     moved = contract.propagate_label_all(dynamics, key, label, substates)
@@ -43,13 +44,13 @@ def move(
 
 
 def probabilities(tracker: "Partitioned", label: jax.Array, log_weights: jax.Array) -> jax.Array:
-    """Weight ``[L]`` of the particles with each label."""
+    """Total weight ``[L]`` of the particles with each label."""
     is_label = label == jnp.arange(jnp.shape(tracker.initial_label)[0])[:, None]
     return is_label.astype(log_weights.dtype) @ jnp.exp(log_weights)
 
 
 def check_labels(tracker: "Partitioned") -> None:
-    """Refuse labels that are malformed, have no branch, or are missing where they are needed."""
+    """Refuse labels that are malformed, have no branch, or are missing although required."""
     likelihood, given = tracker.likelihood, tracker.initial_label
     if given is None:
         if hasattr(likelihood, "log_joint_labelled") and not hasattr(likelihood, "log_joint"):

@@ -1,7 +1,7 @@
 """The levels of simultaneous partitioned sampling inside a frame (gonzales2011).
 
-Every stage of a level weighs its part for the exchange; the last one resamples and lets every
-slot draw the level's parts anew.
+Each stage of a level weights its part for the exchange.  The last stage resamples, and every slot
+draws the level's parts again.
 """
 
 from functools import partial
@@ -15,9 +15,9 @@ from jaxpf.filters.partitioned.carry import Carry
 
 
 def weigh_part(tracker, key, stage, carry, log_factor) -> tuple[jax.Array, exchange.Offer | None]:
-    """Log of what a stage multiplies the weights by, ``[N]``, and the level's offers.
+    """Log of a stage's weight factors, ``[N]``, and the level's offers.
 
-    Without exchange that is the part's own ``log_factor``, ``[N]``.
+    Without exchange the factors are the part's ``log_factor``, ``[N]``.
     """
     ordering = tracker.ordering
     if carry.offers is None:
@@ -42,9 +42,9 @@ def weigh_part(tracker, key, stage, carry, log_factor) -> tuple[jax.Array, excha
 
 
 def end(tracker, key, stage, resample, carry, offers) -> Carry:
-    """End of a level: resample, and let every slot draw its parts anew."""
+    """End a level: resample, and draw the level's parts again for every slot."""
     ordering = tracker.ordering
-    # A row of identities in place of the lineage comes out as each slot's ancestor.
+    # Selecting from a row of identities yields each slot's ancestor.
     identity = jnp.arange(tracker.num_particles, dtype=jnp.int32)
     tagged = resample(carry._replace(lineage=identity[None], groups=None))
     slots = exchange.families(tagged.lineage[0])
@@ -73,28 +73,27 @@ def end(tracker, key, stage, resample, carry, offers) -> Carry:
     first = jnp.argmax(ordering.level == ordering.level[stage])
     drawn = jnp.broadcast_to(slots.ancestors, carry.lineage.shape), carry.groups
     givers, groups = lax.fori_loop(first, stage + 1, draw, drawn)
-    # What hangs from a part of this level moves with it; all else stays with the ancestor.
+    # Descendants of this level's parts move with them; everything else stays with the ancestor.
     carrier = ordering.carrier[stage][:, None]
     source = jnp.where(carrier >= 0, givers[ordering.carrier[stage]], slots.ancestors)
     return tagged._replace(lineage=carry.lineage_of(source), groups=groups)
 
 
 def _parent_row(ordering, stage) -> tuple[jax.Array, jax.Array]:
-    """The stage of the part from which a stage's part hangs, and whether it hangs from none."""
+    """Stage of the parent of a stage's part, and whether the part is a root."""
     parent = ordering.tree[ordering.order[0, stage]]
     return ordering.rank[0, jnp.maximum(parent, 0)], parent < 0
 
 
 def may_exchange(tracker) -> bool:
-    """Whether there is a part to exchange, and weights that may be equal.
+    """Whether exchange is possible: several partitions and a compatible gradient strategy.
 
-    Unequal weights forbid the exchange, and so does blending, after which no particle descends
-    from a single ancestor.
+    Exchange requires equal weights and a single ancestor per particle; blending gives none.
     """
     gradient = tracker.gradient
     return tracker.num_partitions > 1 and gradient.equalises and not gradient.blends
 
 
 def _always_equal(tracker) -> bool:
-    """Whether weights are equal at the start of every level: no resampling is skipped."""
+    """Whether weights are equal at the start of every level because no resampling is skipped."""
     return tracker.trigger.threshold is None

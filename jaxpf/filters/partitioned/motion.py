@@ -1,7 +1,7 @@
-"""How a stage draws its substates: strategies that the kernel asks once a frame and once a stage.
+"""Strategies that draw a stage's substates; the kernel calls them once per frame and per stage.
 
-``motion_of`` picks one from a tracker's settings.  A strategy whose draws do not follow the
-transition density gives each draw the weight that makes up for it, ``Drawn.log_weight``.
+``motion_of`` chooses one from a tracker's settings.  If draws do not follow the transition density,
+the strategy corrects for it by a weight per draw, ``Drawn.log_weight``.
 """
 
 from collections.abc import Callable
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
 
 
 class Motion:
-    """Draws from the dynamics, which need no weight."""
+    """Draws from the dynamics, without weights."""
 
     def check(self, tracker: "Partitioned") -> None:
-        """Refuse a tracker that the strategy does not work with."""
+        """Refuse a tracker that is incompatible with the strategy."""
 
     def begin(
         self, tracker: "Partitioned", key: jax.Array, state: ParticleState, observation: Any
     ) -> "Motion":
-        """The strategy for one frame, given the weighted set of the frame before."""
+        """Prepare the strategy for one frame, given the weighted set of the previous frame."""
         return self
 
     def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
-        """One substate for every particle."""
+        """Draw one substate for every particle."""
         dynamics, like = shared.tracker.dynamics, turn.conditions[0]
 
         def move() -> jax.Array:
@@ -51,10 +51,10 @@ class Motion:
 
 
 class Relocating(Motion):
-    """Lets objects that are probably lost jump; see ``jaxpf.filters.relocation``.
+    """Relocates objects that are probably lost; see ``jaxpf.filters.relocation``.
 
     Attributes:
-        jumps: of one frame.
+        jumps: one frame's jumps.
     """
 
     def __init__(self, jumps: Any = None):
@@ -70,7 +70,7 @@ class Relocating(Motion):
         """See ``Motion``: draws the jumps of all partitions."""
         weights = jnp.exp(state.log_weights)
         estimate = jnp.where(weights > 0, state.lagged[0], 0.0) @ weights  # [D, P]
-        # All at once: a generator of random numbers takes long to compile.
+        # All at once: a random number generator is slow to compile.
         key = jax.random.fold_in(key, tracker.num_partitions + 1)
         shape = (tracker.num_partitions, 4, tracker.num_particles)
         uniform = jax.random.uniform(key, shape, estimate.dtype)
@@ -89,7 +89,7 @@ class Relocating(Motion):
 
 
 class Proposed(Motion):
-    """Draws from a ``jaxpf.contract.Proposal``, and from the dynamics what was not seen."""
+    """Draws from a ``jaxpf.contract.Proposal``, or from the dynamics for missing partitions."""
 
     def __init__(self, proposal: Any):
         self.proposal = proposal
@@ -110,7 +110,7 @@ class Proposed(Motion):
         contract.proposal_of(self.proposal, tracker.dynamics, tracker.likelihood)
 
     def draw(self, shared: Shared, key: jax.Array, turn: Turn) -> Drawn:
-        """See ``Motion``: the weight is the transition density over the proposal's."""
+        """See ``Motion``: the weight is the transition density over the proposal density."""
         dynamics, partition, conditions = shared.tracker.dynamics, turn.partition, turn.conditions
         likelihood, observation, seen = contract.as_seen(
             shared.tracker.likelihood, shared.observation
@@ -145,9 +145,9 @@ class Proposed(Motion):
 
 
 class Scored(Motion):
-    """Stops the draws of another strategy; their density's derivative goes to the weights.
+    """Stops the gradient of another strategy's draws and adds their density's to the weights.
 
-    Of the weights only the transition density depends on the dynamics' parameters: a proposal's
+    Only the transition density in the weights depends on the dynamics' parameters: a proposal's
     density is stopped like its draws.
     """
 
@@ -182,7 +182,7 @@ class Scored(Motion):
 
 
 def motion_of(tracker: "Partitioned") -> Motion:
-    """The strategy that a tracker's settings ask for."""
+    """Choose the strategy for a tracker's settings."""
     motion = Motion()
     if tracker.proposal is not None:
         motion = Proposed(tracker.proposal)
@@ -192,6 +192,6 @@ def motion_of(tracker: "Partitioned") -> Motion:
 
 
 def _once(shared: Shared, function: Callable[[], Any], like: Any) -> Any:
-    """``function()``, computed once however often it is used."""
+    """``function()``, computed once for all its uses."""
     unforeseen = shared.tracker.ordering.order[0, 0] >= 0
     return computed_once(function, like, unforeseen)

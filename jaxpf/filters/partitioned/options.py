@@ -11,9 +11,9 @@ from jaxpf.contract.options import OPEN, check_options, option
 from jaxpf.filters.filter import Filter, Variant
 from jaxpf.filters.relocation_option import relocate_option, relocation_of
 
-#: For ``orders`` of an evaluation: PS in every circular shift, each a variant of its own.
+#: For an evaluation's ``orders``: PS with every circular shift, each as a separate variant.
 SHIFTS = "shifts"
-#: The order in which the objects are listed; of a part tree, level by level.
+#: The order in which objects are listed; for a part tree, level by level.
 GIVEN = "given"
 
 
@@ -75,7 +75,7 @@ class Options:
 
 
 class PartitionedFilter(Filter):
-    """SIR, PS, DPS and SPS."""
+    """The partitioned filters: SIR, PS, DPS and SPS."""
 
     name = "partitioned"
     methods = METHODS
@@ -109,11 +109,11 @@ class PartitionedFilter(Filter):
         )
 
     def admits(self, method: str, parents: Sequence[int]) -> bool:
-        """See ``Filter``: circular shifts would put parts before their parents."""
+        """See ``Filter``: no DPS on part trees, as circular shifts put parts before parents."""
         return method != "dps" or all(parent < 0 for parent in parents)
 
     def check(self, options: Options, parents: Sequence[int]) -> None:
-        """See ``Filter``: DPS has components to fill, and an order names every object."""
+        """See ``Filter``: DPS needs enough particles, and an order must name every object."""
         count = len(parents)
         if options.method == "dps" and options.particles < count:
             raise InputError(
@@ -156,12 +156,12 @@ PARTITIONED = PartitionedFilter()
 
 
 def order_label(order: Sequence[int]) -> str:
-    """An order counted from 1: (2, 0, 1) is "312", with hyphens for ten or more objects."""
+    """Format an order from 1: (2, 0, 1) is "312", with hyphens for ten or more objects."""
     return ("" if len(order) < 10 else "-").join(str(place + 1) for place in order)
 
 
 def _orders(asked: Sequence[Any], parents: Sequence[int]) -> list[tuple[int, ...]]:
-    """The orders that an evaluation asks for, each once."""
+    """Return the distinct orders that an evaluation requests."""
     orders: list[tuple[int, ...]] = []
     for order in asked:
         if order in (GIVEN, SHIFTS):
@@ -172,7 +172,7 @@ def _orders(asked: Sequence[Any], parents: Sequence[int]) -> list[tuple[int, ...
 
 
 def _shifts(parents: Sequence[int]) -> list[tuple[int, ...]]:
-    """The circular shifts; on a tree, where most are not admissible, level by level."""
+    """Return the circular shifts; on a part tree, only the level-by-level order."""
     if any(parent >= 0 for parent in parents):
         from jaxpf.ordering import named
 

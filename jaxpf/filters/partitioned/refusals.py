@@ -1,4 +1,4 @@
-"""Checks of a partitioned tracker when it is made; strategies check themselves."""
+"""Checks of a partitioned tracker at construction; strategies check themselves."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from jaxpf.gradients import check_gradients
 
 
 def check_tracker(tracker: Any) -> None:
-    """Refuse what cannot work, or would be silently wrong."""
+    """Refuse settings that cannot work or would be silently wrong."""
     check_count("num_particles", tracker.num_particles)
     check_gradients(tracker)
     for name, least in (("tempering", "above 0"), ("ess_threshold", "at least 0")):
@@ -62,7 +62,7 @@ def check_tracker(tracker: Any) -> None:
 
 
 def check_exchange(tracker: Any) -> None:
-    """Refuse an exchange that would be biased, given that the ordering has one."""
+    """Refuse an exchange that would be biased; the ordering must have one."""
     ordering = tracker.ordering
     swap = SWAPS[int(ordering.swap)]
     check_uncoupled(tracker.dynamics, f"swap={swap!r}")
@@ -83,7 +83,7 @@ def check_exchange(tracker: Any) -> None:
             f"the ordering's part tree {list(tree)} is unlike the model's {list(tracker.parents)}; "
             f"with swap={swap!r} both must be the same."
         )
-    # In NumPy: JAX would compile a program for every one of these operations.
+    # NumPy, because JAX would compile each of these operations.
     is_root = np.asarray(ordering.tree)[np.asarray(ordering.order)[0]] < 0
     roots_exchanged = bool((np.asarray(ordering.exchanged) & is_root).any())
     independent = not callable(tracker.initial) or contract.draws_independently(tracker.initial)

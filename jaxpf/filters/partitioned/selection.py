@@ -1,8 +1,7 @@
-"""Selection: which particles go on, and with which weights.
+"""Selection: resample particles and correct their weights.
 
-A selection follows the tracker's settings: a scheme of ``jaxpf.resampling``, always or only where
-few particles are effective, by weights or by tempered ones, and a strategy of
-``jaxpf.gradients``.
+The tracker's settings choose the scheme (``jaxpf.resampling``), adaptive or unconditional
+resampling, tempering of the weights, and the gradient strategy (``jaxpf.gradients``).
 """
 
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,7 +20,7 @@ from jaxpf.resampling.components import Components, few_effective, one_component
 if TYPE_CHECKING:
     from jaxpf.filters.partitioned.tracker import Partitioned
 
-#: Name by which ``jax.checkpoint`` may keep ancestors: few bytes, and slow to compute again.
+#: Name under which ``jax.checkpoint`` may keep ancestors: small, but slow to recompute.
 ANCESTORS = "ancestors"
 
 
@@ -29,27 +28,27 @@ class Trigger(NamedTuple):
     """When to resample a component.
 
     Attributes:
-        threshold: where the effective sample size is at most this share of the component's
-            particles; None: always.
+        threshold: resample if the effective sample size is at most this share of the component's
+            particles; None always resamples.
     """
 
     threshold: Any
 
     def chosen(self, log_weights: jax.Array, components: Components) -> jax.Array | None:
-        """``[C]`` bool, the components to resample; None for all."""
+        """Return the components to resample, ``[C]`` bool; None for all."""
         if self.threshold is None:
             return None
         return few_effective(log_weights, components, self.threshold)
 
 
 class Selected(NamedTuple):
-    """Outcome of a selection.
+    """Result of a selection.
 
     Attributes:
-        ancestors: ``[N]`` int32, of each slot.
-        log_weights: ``[N]``, of the slots.
-        equal: ``[]`` bool, the weights are equal now.
-        share: ``[]``, share of the slots that were drawn; less than 1 where adaptive.
+        ancestors: ``[N]`` int32, ancestor of each slot.
+        log_weights: ``[N]``, new log-weight of each slot.
+        equal: ``[]`` bool, whether the weights are now equal.
+        share: ``[]``, share of the slots that were resampled; can be below 1 if adaptive.
     """
 
     ancestors: jax.Array
@@ -61,9 +60,9 @@ class Selected(NamedTuple):
 def select_between_frames(
     tracker: "Partitioned", key: jax.Array, state: ParticleState
 ) -> tuple[ParticleState, Selected]:
-    """Select among all particles of the frame before; also returns these, blended if need be.
+    """Select among all particles of the previous frame; also return that state, maybe blended.
 
-    A set that was only drawn has equal weights already: to resample it would lose particles.
+    The initial set has equal weights: resampling it would only lose particles.
     """
     if tracker.gradient.blends:
         state = tracker.gradient.blend_state(state, tracker.trigger.threshold)
@@ -88,7 +87,7 @@ def select(
     before: jax.Array,
     components: Components,
 ) -> Carry:
-    """Select within components after a stage, which multiplied the weights ``before`` it."""
+    """Select within components after a stage; ``before`` are the log-weights before the stage."""
     if tracker.gradient.blends:
         stages, log_weights, equal = tracker.gradient.blend(
             carry.stages, carry.log_weights, components, tracker.trigger.threshold
@@ -119,7 +118,7 @@ def resample(
     components: Components,
     largest: jax.Array | None = None,
 ) -> Selected:
-    """Weighted resampling where the trigger asks for it; see ``resampling.weighted_resample``."""
+    """Weighted resampling in triggered components; see ``resampling.weighted_resample``."""
     drawn_by = tracker.gradient.selection(log_selection, components)
     if drawn_by is not log_selection:
         largest = None

@@ -32,34 +32,33 @@ class Partitioned(Tracker):
 
     Attributes:
         dynamics: see ``jaxpf.contract.Dynamics``.
-        likelihood: see ``jaxpf.contract.Likelihood``.  If it has ``log_joint``, its
-            ``log_prob`` is the weighting function of weighted resampling and the last
-            weights are corrected by the joint likelihood (maccormick1999, figure 8).
-        ordering: from ``jaxpf.ordering``; traced, changing it compiles nothing new.
-        initial: ``[P, D]`` array, or a sampler ``key -> [P, D]`` registered as a pytree
-            (``jax.tree_util.Partial`` makes one of a function).  It is the state just
-            before the first frame.
+        likelihood: see ``jaxpf.contract.Likelihood``.  If it defines ``log_joint``, ``log_prob`` is
+            the weighting function of weighted resampling, and the final weights are corrected by
+            the joint likelihood (maccormick1999, figure 8).
+        ordering: from ``jaxpf.ordering``; traced, so switching it needs no recompilation.
+        initial: state just before the first frame: ``[P, D]`` array, or a sampler
+            ``key -> [P, D]`` registered as a pytree (for a function, by ``jax.tree_util.Partial``).
         initial_label: ``[L]``, probabilities of a particle's discrete label just before the first
-            frame; None: particles carry no labels.  A label follows its particle in every
-            ordering, and chooses its order in a branched one; ``dynamics.propagate_label`` moves
-            it and ``likelihood.log_joint_labelled`` sees it, where they are defined.
-        tempering: exponent a in (0, 1] of the weighting functions ``g = p^a``; smaller
-            trades impoverishment for variance of the weights.  ``None`` is 1.
-        ess_threshold: resample only where the effective sample size is at most this share
-            of the particles; ``None`` always resamples.
-        look_ahead: static, whether each stage weighs by the joint likelihood, with the partitions
-            to come where ``dynamics.predict`` expects them, instead of by ``log_prob``; see
-            ``jaxpf.filters.partitioned.weighing.LookAhead``.
-        relocation: where objects that are probably lost may be, a
-            ``jaxpf.filters.Relocation``; None: they move by the dynamics alone.
-        proposal: what draws substates in place of the dynamics, a ``jaxpf.contract.Proposal``
-            such as those of ``jaxpf.proposals``; a stage's weight is then likelihood times
-            transition density over proposal density.  None: the dynamics draw.
-        resampling: a name of ``jaxpf.resampling.SCHEMES``, or your own scheme, see there.
-        gradient: what resampling passes on to a derivative, a strategy of ``jaxpf.gradients``.
+            frame; None if particles carry no labels.  A label follows its particle, and selects its
+            order in a branched ordering.  If defined, ``dynamics.propagate_label`` moves it and
+            ``likelihood.log_joint_labelled`` receives it.
+        tempering: exponent a in (0, 1] of the weighting functions ``g = p^a``; smaller values
+            reduce impoverishment but increase the variance of the weights.  ``None`` is 1.
+        ess_threshold: resample only if the effective sample size is at most this share of the
+            particles; ``None`` always resamples.
+        look_ahead: static, whether each stage weights by the joint likelihood instead of
+            ``log_prob``, with later partitions at the substates that ``dynamics.predict`` gives;
+            see ``jaxpf.filters.partitioned.weighing.LookAhead``.
+        relocation: a ``jaxpf.filters.Relocation``, the search for objects that are probably lost;
+            None moves all objects by the dynamics.
+        proposal: a ``jaxpf.contract.Proposal`` that draws substates in place of the dynamics, such
+            as those in ``jaxpf.proposals``.  A stage's weight is then likelihood times transition
+            density over proposal density.  None draws from the dynamics.
+        resampling: a name in ``jaxpf.resampling.SCHEMES``, or a custom scheme, see there.
+        gradient: gradient strategy for resampling, from ``jaxpf.gradients``.
         parents: static, the part tree of the model, -1 for a root; default all roots.
         num_particles: static, N.
-        motion_gradient: static, how the motion is differentiated, one of
+        motion_gradient: static, gradient strategy for the motion, one of
             ``jaxpf.gradients.MOTION_GRADIENTS``.
     """
 
@@ -98,17 +97,17 @@ class Partitioned(Tracker):
 
     @property
     def motion(self) -> Motion:
-        """How a stage draws."""
+        """The strategy that draws a stage's substates."""
         return motion_of(self)
 
     @property
     def weighing(self) -> Weighing:
-        """What a stage multiplies the weights by."""
+        """The strategy that weights a stage's draws."""
         return weighing_of(self)
 
     @property
     def trigger(self) -> Trigger:
-        """When a component is resampled."""
+        """The rule for when to resample a component."""
         return Trigger(self.ess_threshold)
 
     def init(self, key: jax.Array) -> ParticleState:
@@ -143,13 +142,13 @@ class Partitioned(Tracker):
         )
 
     def observe(self, frame: Any) -> Any:
-        """Work that depends on the frame alone; stays unbatched when runs are vmapped."""
+        """Do the work that depends on the frame alone; unbatched when runs are vmapped."""
         return self.likelihood.observe(frame)
 
     def step_observed(
         self, key: jax.Array, state: ParticleState, observation: Any
     ) -> tuple[ParticleState, Summary]:
-        """Resample, then propagate and weigh every partition: one frame, observed already."""
+        """Advance by one observed frame: resample, then propagate and weight every partition."""
         chex.assert_shape(state.log_weights, (self.num_particles,))
         chex.assert_shape(state.lagged, (2, None, self.num_partitions, self.num_particles))
         return kernel.step(self, written_out(key), state, observation)

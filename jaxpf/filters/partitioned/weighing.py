@@ -1,6 +1,6 @@
-"""What a stage multiplies the weights by: strategies that the kernel asks at every stage.
+"""Strategies for a stage's weight factors.
 
-``weighing_of`` picks one from a tracker's settings.
+``weighing_of`` chooses one from a tracker's settings.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
 
 
 class Weighing:
-    """Weighs each partition alone, by ``log_prob``; a joint likelihood corrects at the end."""
+    """Weights each partition by ``log_prob``; a joint likelihood corrects at the frame's end."""
 
     def check(self, tracker: "Partitioned") -> None:
-        """Refuse a tracker that the strategy does not work with."""
+        """Refuse a tracker that is incompatible with the strategy."""
 
     def log_factor(self, shared: Shared, stage: jax.Array, carry: Carry, drawn: Drawn) -> jax.Array:
-        """Log of what a stage multiplies the weights by, ``[N]``."""
+        """Log of a stage's weight factors, ``[N]``."""
         return contract.log_prob_all(
             shared.tracker.likelihood, shared.observation, drawn.partition, drawn.substates
         )
 
     def is_complete(self, tracker: "Partitioned") -> bool:
-        """Whether the stages' factors already multiply to the whole likelihood."""
+        """Whether the product of the stages' factors is the full likelihood."""
         return not contract.has_log_joint(tracker.likelihood)
 
     def log_probs(
@@ -40,14 +40,14 @@ class Weighing:
 
 
 class LookAhead(Weighing):
-    """Weighs each partition together with where the others are expected.
+    """Weights each partition jointly with the predicted substates of later partitions.
 
-    With two look-alikes that exclude one another, a particle whose A sits on B's image is bound to
-    lose, and ``log_prob`` of A alone notices one stage too late.  Here stage j weighs by
-    ``L_j / L_{j-1}``, where ``L_j`` is the joint likelihood of what the first stages drew and of
-    the noise-free predictions of the rest (the idea of the coordinate particle filter, Wuethrich
-    et al. 2015).  The product telescopes to the joint likelihood, so the evidence is unbiased
-    wherever ``L_j > 0`` for all that has ``L_P > 0``.
+    Consider two look-alikes A and B that exclude one another.  A particle whose A sits on B's image
+    has low joint likelihood, but ``log_prob`` of A alone reveals this one stage too late.  Here
+    stage j weights by ``L_j / L_{j-1}``, where ``L_j`` is the joint likelihood of the draws of the
+    first j stages and of the noise-free predictions of the others (the idea of the coordinate
+    particle filter, Wuethrich et al. 2015).  The product telescopes to the joint likelihood, so the
+    evidence is unbiased if ``L_j > 0`` wherever ``L_P > 0``.
     """
 
     def check(self, tracker: "Partitioned") -> None:
@@ -84,25 +84,25 @@ class LookAhead(Weighing):
         return joint.astype(carry.log_probs.dtype) - _log_joint_before(stage, carry)
 
     def is_complete(self, tracker: "Partitioned") -> bool:
-        """See ``Weighing``: unless a label moves after the last stage."""
+        """See ``Weighing``: true unless a label moves after the last stage."""
         return tracker.initial_label is None
 
     def log_probs(
         self, tracker: "Partitioned", observation: Any, substates: jax.Array, factors: jax.Array
     ) -> jax.Array:
-        """See ``Weighing``: computed anew, because the stages do not weigh by these."""
+        """See ``Weighing``: recomputed, because the stages use other factors."""
         return _of_single_partitions(tracker, observation, substates)
 
 
 def weighing_of(tracker: "Partitioned") -> Weighing:
-    """The strategy that a tracker's settings ask for."""
+    """Choose the strategy for a tracker's settings."""
     return LookAhead() if tracker.look_ahead else Weighing()
 
 
 def _of_single_partitions(
     tracker: "Partitioned", observation: Any, substates: jax.Array
 ) -> jax.Array:
-    """Log-likelihoods ``[P, N]`` of substates ``[D, P, N]``; XLA drops them where unused."""
+    """Log-likelihoods ``[P, N]`` of substates ``[D, P, N]``; XLA drops them if unused."""
 
     def of_one(partition, substates):
         everywhere = jnp.full(substates.shape[-1], partition)
@@ -112,9 +112,9 @@ def _of_single_partitions(
 
 
 def _log_joint_before(stage: jax.Array, carry: Carry) -> jax.Array:
-    """Log ``L_{j-1}``, ``[N]``: the sum of the log-factors of a particle's earlier stages.
+    """Log ``L_{j-1}``, ``[N]``: the sum of the log factors of a particle's earlier stages.
 
-    A factor of zero was left out of the weights, or the particle has no weight.
+    Zero factors are omitted: either the weights skipped them, or the particle has no weight.
     """
     factors = jnp.take_along_axis(carry.log_probs, carry.lineage, axis=1)
     is_past = jnp.arange(factors.shape[0])[:, None] < stage
@@ -124,11 +124,11 @@ def _log_joint_before(stage: jax.Array, carry: Carry) -> jax.Array:
 def _expected(
     shared: Shared, stage: jax.Array, carry: Carry, drawn: Drawn, partition: jax.Array
 ) -> jax.Array:
-    """One partition in every particle, ``[D, N]``: as drawn, or as predicted."""
+    """One partition's substates in all particles, ``[D, N]``: drawn or predicted."""
     tracker, lagged = shared.tracker, shared.state.lagged
     dimension, num_particles = lagged.shape[1], tracker.num_particles
     row = tracker.ordering.rank[shared.components.index, partition]
-    # Before its stage a row holds the particle of the frame before, and after it the slot drawn.
+    # Before its stage a row holds a particle of the previous frame, afterwards the drawing slot.
     slot = jnp.take_along_axis(carry.lineage, row[None], axis=0)[0]
     past = lagged.reshape(2, dimension, -1)[:, :, partition * num_particles + slot]
     predicted = contract.predict_all(

@@ -77,7 +77,7 @@ class ErrorBars(Summary):
         estimate_variance: ``[P, D]``, variance of ``estimate`` over runs; NaN if unknown.
         evidence_variance: ``[]``, relative variance of the evidence of all frames processed, about
             the variance of its logarithm.  NaN if unknown; in particular with exchange, unless
-            resampling is multinomial, and after the first ``lag`` frames.
+            resampling is multinomial, and after the first ``lag + 1`` frames.
         num_ancestors: ``[P]`` int32, number of distinct ancestors per partition.
         unknown: ``[P]`` bool, fewer than sqrt(N) ancestors, too few for a variance.
         estimate_terms: ``[S, P, D]``, contribution of each stage within the lag to

@@ -148,7 +148,7 @@ def run_blocks(
         if come_one_by_one(frames):
             of_chunk, chunk = missing_frames.marked(
                 tracker, chunk
-            )  # only now is it known which are missing
+            )  # missing frames are known only now
         if states is None:
             check_run(*missing_frames.unmarked(of_chunk, chunk))
             states = _begin_compiled(tracker, batches, used)

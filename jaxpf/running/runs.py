@@ -110,7 +110,7 @@ def forecast(
         The state S frames ahead, and the recorded values with a leading axis S.
 
     Raises:
-        InputError: fewer than one step, no key, or a tracker without a likelihood to skip.
+        InputError: fewer than one step, an invalid key, or a tracker without a likelihood.
     """
     if steps < 1:
         raise InputError(f"steps={steps} must be at least 1.")

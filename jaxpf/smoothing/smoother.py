@@ -182,7 +182,7 @@ def _tracked(tracker: Any, frames: Any, key: jax.Array, lag: int) -> Iterator[An
         if come_one_by_one(frames):
             of_block, block = missing_frames.marked(
                 tracker, block
-            )  # only now is it known which are missing
+            )  # missing frames are known only now
         if state is None:
             check_run(*missing_frames.unmarked(of_block, block))
             state = jax.jit(running.init)(tracker, key)

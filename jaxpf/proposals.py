@@ -216,5 +216,5 @@ def _solve(precision: jax.Array, index: jax.Array, vectors: jax.Array) -> jax.Ar
 
 
 def _times(matrices: jax.Array, index: jax.Array, vectors: jax.Array) -> jax.Array:
-    """Each particle's row of ``matrices`` ``[K, D, D]`` times its vector, ``[D, N]``."""
+    """Each particle's row of ``matrices`` ``[K, D, D]``, times ``vectors`` ``[D, N]``."""
     return jnp.sum(of_partition(matrices, index) * vectors.T[:, None, :], axis=-1).T

@@ -1,4 +1,4 @@
-"""Filters: partitioned, labelled and factored, and what they report about uncertainty."""
+"""Particle filters: partitioned, labelled and factored, with uncertainty estimates."""
 
 import lazy_loader
 

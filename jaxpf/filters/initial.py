@@ -26,7 +26,7 @@ def checked_initial(initial: Any, may_be_empty: bool = False) -> Any:
 
 
 def check_count(name: str, value: Any) -> None:
-    """Refuse a ``value`` of the argument ``name`` that is not a whole number of at least one."""
+    """Refuse a ``value`` of the argument ``name`` that is not an integer of at least one."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise InputError(f"{name}={value!r} must be a whole number, at least 1.")
 

@@ -1,15 +1,15 @@
-"""What is written for the compiler's sake, and nothing else; each name says its intent.
+"""Helpers that make the compiler generate fast code; each name states its intent.
 
 ``branches``
-    ``choose`` between two computations, one ``computed_once``, a tree ``computed_before``.
+    ``choose`` between two computations, ``computed_once`` and ``computed_before``.
 ``derivatives``
-    A value ``with_gradient_of`` another; a sum's terms ``weighted`` without NaN.
+    ``with_gradient_of`` gives a value another's derivative; ``weighted`` products without NaN.
 ``columns``
-    Rows of numbers summed, picked and drawn in the form that vectorises.
+    Sums, gathers and draws of rows in a form that vectorises.
 ``integers``
-    Whole numbers divided and put in order.
+    Division and sorting of integers.
 ``prefix``
     Running sums and maxima.
 ``threefry``
-    JAX's own random numbers, drawn faster.
+    JAX's random numbers, drawn faster.
 """

@@ -1,7 +1,7 @@
-"""What is computed when: branches, and what is to be ready before something else begins.
+"""Control when XLA computes values: branches and barriers.
 
-XLA merges a computation into whatever uses it, and computes it there again for every use.  That
-is right for a multiplication and wrong for a likelihood.
+XLA fuses a computation into its users and recomputes it for every use.  That is right for a
+multiplication and wrong for a likelihood.
 """
 
 from collections.abc import Callable
@@ -19,16 +19,16 @@ def choose(
     *,
     is_never_true: bool = False,
 ) -> Any:
-    """``true()`` or ``false()``, of which only the one that is chosen is computed.
+    """``true()`` or ``false()``; only the chosen one is computed.
 
     Args:
-        predicate: ``[]`` bool, the same for all runs, or both are computed for every run.
-        true: what is wanted where the predicate holds.
-        false: what is wanted elsewhere, of the same shapes.
-        is_never_true: known from shapes alone; the predicate is then ignored.
+        predicate: ``[]`` bool, the same for all runs; otherwise both are computed for every run.
+        true: the computation if the predicate holds.
+        false: the computation otherwise, with results of the same shapes.
+        is_never_true: whether shapes alone rule out ``true``; the predicate is then ignored.
     """
     if is_never_true:
-        # The barrier stands in for the branch's edge.
+        # The barrier replaces the boundary of the branch.
         return computed_before(false())
     return lax.cond(predicate, true, false)
 
@@ -36,24 +36,24 @@ def choose(
 def computed_once(
     function: Callable[[], jax.Array], like: jax.Array, unforeseen: jax.Array
 ) -> jax.Array:
-    """``function()``, computed once, however many things use it.
+    """``function()``, computed once for all its uses.
 
-    On a CPU, XLA would rather merge it into each of its uses and compute it there again, past
-    any barrier; but not past the edge of a branch that it cannot foresee.
+    On a CPU, XLA would fuse it into each use and recompute it, even across a barrier, but not
+    across a branch whose predicate is unknown at compile time.
 
     Args:
-        function: what is computed.
+        function: the computation.
         like: an array of the same shape and dtype.
-        unforeseen: ``[]`` bool, true, but so that the compiler cannot know.
+        unforeseen: ``[]`` bool, true at run time but unknown to the compiler.
     """
     return lax.cond(unforeseen, function, lambda: like)
 
 
 def computed_before(tree: Any) -> Any:
-    """The same tree, all of it computed before anything that uses it begins.
+    """Return the same tree, fully computed before anything that uses it.
 
-    ``lax.optimization_barrier`` whose integers and truth values have no derivative: JAX's own
-    gives them one, which the next ``jnp.all`` has no rule for.
+    Like ``lax.optimization_barrier``, but integers and booleans get no derivative: JAX gives them
+    one, for which a following ``jnp.all`` has no rule.
     """
 
     def cut(x):

@@ -1,44 +1,43 @@
-"""Rows of numbers summed, picked and drawn in the form that a CPU does fastest."""
+"""Sums, gathers and draws of rows, in the form that is fastest on a CPU."""
 
 import jax
 import jax.numpy as jnp
 
 
 def sum_of_rows(values: jax.Array) -> jax.Array:
-    """``[...]``: the sum over the last axis of ``values`` ``[..., K]``.
+    """``[...]``: the sum over the last axis of ``values`` ``[..., K]``, as a product with ones.
 
-    A product with ones is not fused into what comes before, where a sum would be and would make
-    that scalar.
+    XLA would fuse a sum into the preceding computation, which then would not vectorise.
     """
     return jnp.dot(values, jnp.ones(values.shape[-1], values.dtype))
 
 
 def ready_to_mix(rows: jax.Array) -> jax.Array:
-    """``rows`` ``[D, N]`` themselves, computed once although later rows mix them.
+    """Return ``rows`` ``[D, N]``, computed once even if later rows mix them.
 
-    Where D rows come out of a mixture of random numbers, XLA draws all of them anew for every
-    one (four times slower for six rows): it fuses everything but a product of matrices.
+    If D rows are mixtures of random numbers, XLA redraws all numbers for every row (four times
+    slower for six rows): it fuses everything except matrix products.
     """
     identity = jnp.eye(rows.shape[0], dtype=rows.dtype)
     return jnp.dot(identity, rows, precision="highest")
 
 
 def pick_in_rows(rows: jax.Array, columns: jax.Array) -> jax.Array:
-    """``[P, N]``: the given columns, ``[N]`` or by row ``[P, N]``, of ``rows`` ``[P, N]``.
+    """``[P, N]``: the given columns, ``[N]`` or per row ``[P, N]``, of ``rows`` ``[P, N]``.
 
-    Number by number: to move whole columns, XLA would transpose the rows twice.
+    Gathers single numbers: to gather whole columns, XLA would transpose the rows twice.
     """
     return jnp.take_along_axis(rows, jnp.broadcast_to(columns, rows.shape), axis=1)
 
 
 def words_at(table: jax.Array, row: jax.Array, column: jax.Array) -> jax.Array:
-    """Entries of ``table`` ``[H, W]`` at rows and columns that lie within it, in their shape.
+    """Entries of ``table`` ``[H, W]`` at in-range rows and columns, in the shape of these.
 
-    One flat gather: two indices cost more than to multiply them.
+    One flat gather: computing a flat index is cheaper than gathering with two indices.
     """
     return entries_at(table.reshape(-1), row * table.shape[1] + column)
 
 
 def entries_at(rows: jax.Array, index: jax.Array) -> jax.Array:
-    """``rows[index]`` for indices that are known to lie within: none is checked or wrapped."""
+    """``rows[index]`` for indices known to be in range: none is checked or wrapped."""
     return rows.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)

@@ -1,4 +1,4 @@
-"""Derivatives that are lent to a value, and none that is NaN."""
+"""Derivatives taken from another value, and products with finite derivatives."""
 
 import jax
 import jax.numpy as jnp
@@ -6,10 +6,10 @@ import jax.numpy as jnp
 
 @jax.custom_jvp
 def with_gradient_of(value: jax.Array, source: jax.Array) -> jax.Array:
-    """``value``, which ``source`` of the same shape gives its own derivative on top.
+    """Return ``value`` and add the derivative of ``source``, of the same shape, to its own.
 
-    The same as ``value + (source - stop_gradient(source))``, but the forward pass computes
-    nothing of it, and a ``source`` that is -inf does no harm.
+    Equivalent to ``value + (source - stop_gradient(source))``, but costs nothing in the forward
+    pass and works if ``source`` is -inf.
     """
     return value
 
@@ -20,5 +20,5 @@ def _with_gradient_of_jvp(primals, tangents):
 
 
 def weighted(share: jax.Array, log_weights: jax.Array) -> jax.Array:
-    """``share * log_weights``, and 0 where the share is."""
+    """``share * log_weights``, and 0 where ``share`` is 0."""
     return share * jnp.where(share > 0, log_weights, 0.0)

@@ -1,13 +1,12 @@
-"""Running sums and maxima over contiguous segments, each the best way for its operation.
+"""Running sums and maxima over contiguous segments.
 
-Why not ``jnp.cumsum``: on CPU both ways below are several times faster.
+On a CPU, both methods below are several times faster than ``jnp.cumsum``.
 
-Floating-point sums add one value after the other, by a ``lax.scan`` over the particles,
-vectorised over the runs: so the result never decreases and does not change where a term is
-zero.  Resampling relies on both: a particle of zero weight then never has offspring.
-(Blocks, unrolled or scanned, were slower or no faster, and took four times as long to
-compile.)  Whole numbers and maxima come out the same in any order, so that they can double
-the reach of every term log2(N) times, which vectorises over the particles, too.
+Floating-point sums add one value after the other with a ``lax.scan`` over the particles, vectorised
+over runs.  The result is therefore non-decreasing and constant where a term is zero.  Resampling
+relies on both: a particle of zero weight then never has offspring.  (Blocks, unrolled or scanned,
+were no faster and took four times as long to compile.)  Integer sums and maxima do not depend on
+the order, so they use log2(N) doubling passes, which also vectorise over the particles.
 """
 
 from collections.abc import Callable
@@ -16,19 +15,18 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-#: Up to this many values, doubling is faster than one after the other.
+#: Up to this number of values, doubling is faster than the sequential scan.
 _SHORT = 2048
 
 
 def running_sum(values: jax.Array, rank: jax.Array | None = None) -> jax.Array:
     """Inclusive running sum of ``values`` ``[N]`` within contiguous segments.
 
-    Never decreasing for values >= 0, and constant across zeros, on every platform.
+    Non-decreasing for values >= 0, and constant across zeros, on every platform.
 
     Args:
         values: ``[N]``.
-        rank: ``[N]`` int32, every value's place in its segment, 0 for the first; default
-            one segment.
+        rank: ``[N]`` int32, each value's index in its segment, from 0; default one segment.
     """
     zero = jnp.zeros((), values.dtype)
     exact = jnp.issubdtype(values.dtype, jnp.integer)
@@ -39,13 +37,13 @@ def running_sum(values: jax.Array, rank: jax.Array | None = None) -> jax.Array:
     sums = _parallel(jnp.add, values, rank)
     if exact:
         return sums
-    # A parallel sum may wobble by a rounding error: carry the last positive term's value
-    # forward, so that zeros keep the sum exactly constant.
+    # A parallel sum may vary by rounding: carry the sum at the last positive term forward, so that
+    # it is exactly constant across zeros.
     return _parallel(jnp.maximum, jnp.where(values > 0, sums, zero), rank)
 
 
 def running_max(values: jax.Array, rank: jax.Array | None = None) -> jax.Array:
-    """Inclusive running maximum of ``values`` ``[N]``, as ``running_sum``."""
+    """Inclusive running maximum of ``values`` ``[N]``; arguments as for ``running_sum``."""
     smallest = jnp.array(-jnp.inf, values.dtype)
     if _is_short(values):
         return _doubling(jnp.maximum, smallest, values, rank)
@@ -55,8 +53,8 @@ def running_max(values: jax.Array, rank: jax.Array | None = None) -> jax.Array:
 
 
 def _on_cpu() -> bool:
-    # Not lax.platform_dependent: it traces both forms at every call, and the parallel one
-    # made up most of the time to trace a filter.
+    # Not lax.platform_dependent: it traces both forms at every call, and the parallel form
+    # dominated the time to trace a filter.
     return jax.default_backend() == "cpu"
 
 
@@ -67,7 +65,7 @@ def _is_short(values: jax.Array) -> bool:
 def _doubling(
     combine: Callable, identity: jax.Array, values: jax.Array, rank: jax.Array | None
 ) -> jax.Array:
-    """Prefix combination, where every pass doubles how far back a value has seen."""
+    """Prefix combination in which every pass doubles the reach of each value."""
     count = values.shape[0]
     before = jnp.full((count,), identity)
 
@@ -84,7 +82,7 @@ def _doubling(
 def _sequential(
     combine: Callable, identity: jax.Array, values: jax.Array, rank: jax.Array | None
 ) -> jax.Array:
-    """Prefix combination, one value after the other."""
+    """Sequential prefix combination."""
 
     def extend(total, item):
         value, restart = item

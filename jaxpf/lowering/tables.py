@@ -1,4 +1,4 @@
-"""Integral tables: what lies above and left of every pixel, each device's best way."""
+"""Integral tables: sums above and to the left of each pixel, in each device's fastest way."""
 
 from collections.abc import Callable
 
@@ -7,15 +7,15 @@ import jax.numpy as jnp
 
 
 def sums_above_and_left(pixels: jax.Array, channels: Callable[[jax.Array], jax.Array]) -> jax.Array:
-    """Running sums over rows and columns, whole numbers that may wrap around.
+    """Running sums over rows and columns, of integers that may wrap around.
 
     Args:
         pixels: ``[H, W, ...]``.
-        channels: of one pixel or of all, ``[..., C]``: made where they are added, because a picture
-            of them may be tens of times as large as that of the pixels.
+        channels: maps one pixel or all pixels to channels ``[..., C]``.  Evaluated while summing,
+            because an image of all channels may be tens of times as large as that of the pixels.
 
     Returns:
-        ``[H, W, C]``, of what lies above and left of a pixel and in it.
+        ``[H, W, C]``, sums over all pixels above and to the left, including the pixel itself.
     """
     return jax.lax.platform_dependent(
         pixels,
@@ -25,7 +25,7 @@ def sums_above_and_left(pixels: jax.Array, channels: Callable[[jax.Array], jax.A
 
 
 def _row_by_row(pixels, channels):
-    """Two nested scans: on a CPU a row's running sums stay in registers and cache."""
+    """Two nested scans: on a CPU, a row's running sums stay in registers and cache."""
     one = jax.eval_shape(channels, pixels[0, 0])
 
     def add_row(above, row):
@@ -42,6 +42,6 @@ def _row_by_row(pixels, channels):
 
 
 def _at_once(pixels, channels):
-    """Two cumulative sums: one big operation each, for a device with many threads."""
+    """Two cumulative sums, one large operation each, for a device with many threads."""
     values = channels(pixels)
     return jnp.cumsum(jnp.cumsum(values, axis=1, dtype=values.dtype), axis=0, dtype=values.dtype)

@@ -1,12 +1,11 @@
-"""JAX's own random numbers, drawn faster on a CPU.
+"""JAX's random numbers, drawn faster on a CPU.
 
-To keep compilation short, JAX lowers its generator (Threefry-2x32; Salmon, Moraes, Dror &
-Shaw 2011, "Parallel random numbers: as easy as 1, 2, 3") on a CPU to a loop over rounds, each
-of which reads and writes whole arrays.  With its twenty rounds written out, a draw is one
-pass that merges with what uses it: the same bits at about a third of the time.  That is a
-tenth of a frame of boxes, and more where the likelihood is cheap or every particle has a key of
-its own.  Only a key's type says which of the two is meant, so that ``jax.random`` serves both,
-in a user's own model, too.
+To shorten compilation, JAX lowers its generator (Threefry-2x32; Salmon, Moraes, Dror & Shaw 2011,
+"Parallel random numbers: as easy as 1, 2, 3") on a CPU to a loop over rounds, each of which reads
+and writes whole arrays.  With the twenty rounds unrolled, a draw is one pass that fuses with its
+users: the same bits in about a third of the time.  This saves a tenth of the time of a frame of
+boxes, and more if the likelihood is cheap or every particle has its own key.  Only the key's type
+selects the implementation, so ``jax.random`` works with both, in users' models too.
 """
 
 from collections.abc import Sequence
@@ -19,16 +18,16 @@ from jax.extend import random as extended
 
 _THREEFRY = extended.threefry_prng_impl
 _ROTATIONS = (13, 15, 26, 6), (17, 29, 16, 24)
-#: Fewer keys than this are split as JAX does: it compiles sooner.
+#: Fewer keys than this are split by JAX's implementation, which compiles faster.
 _MANY = 32
 
 
 def written_out(key: jax.Array) -> jax.Array:
-    """The same key, whose draws are the same bit for bit and take less time on a CPU.
+    """Return a key with the same draws, bit for bit, that take less time on a CPU.
 
-    A key of another kind, or on another platform, is returned as it is.
+    Returns keys of other implementations, or on other platforms, unchanged.
     """
-    # Without this setting JAX numbers the draws in another way.
+    # Without this setting JAX numbers the draws differently.
     partitionable = getattr(jax.config, "jax_threefry_partitionable", True)
     is_threefry = jax.random.key_impl(key) == "threefry2x32"
     if jax.default_backend() != "cpu" or not (partitionable and is_threefry):
@@ -37,7 +36,7 @@ def written_out(key: jax.Array) -> jax.Array:
 
 
 def _hash(key: jax.Array, shape: Sequence[int]) -> tuple[jax.Array, jax.Array]:
-    """Two words for every position of ``shape``, hashed from its index."""
+    """Two words for each position of ``shape``, hashed from its index."""
     size = prod(shape)
     if size >= 2**32:
         raise NotImplementedError(f"a draw of {size} numbers; draw fewer than 2^32 at once.")

@@ -1,15 +1,15 @@
-"""From weights to ancestors: resampling schemes, and weighted resampling.
+"""Resampling schemes and weighted resampling: from weights to ancestors.
 
-Your own scheme is a registered pytree (a class by ``jaxpf.pytree_dataclass``, or a function
-by ``jax.tree_util.Partial``) that goes wherever a name of ``SCHEMES`` does, as in
+A custom scheme is a registered pytree (a class by ``jaxpf.pytree_dataclass``, or a function by
+``jax.tree_util.Partial``).  It works wherever a name in ``SCHEMES`` does, as in
 ``jaxpf.Partitioned(resampling=...)``::
 
     __call__(key, log_weights [N], count) -> ancestors [count]
 
-It must be unbiased: particle i of weight w_i has ``count * w_i`` offspring on average, and none if
-w_i is zero.  The weights sum to one, and ``count`` is a Python int.  Filters call it within
-components and labels like the built-in ones: with C components it draws N ancestors in each of
-them, C times the work, and a component of n slots keeps n of its N, evenly spaced.
+It must be unbiased: a particle of weight w_i has ``count * w_i`` offspring on average, and none if
+w_i is zero.  The weights sum to one, and ``count`` is a Python int.  Filters use it within
+components and labels like the built-in schemes.  With C components it draws N ancestors in each,
+C times the work, and a component of n slots keeps n of its N draws, evenly spaced.
 """
 
 import lazy_loader

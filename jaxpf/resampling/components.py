@@ -1,4 +1,4 @@
-"""Contiguous components of any run-time size, and sums, maxima and weights within them."""
+"""Contiguous components with sizes set at run time; sums, maxima and weights within them."""
 
 import jax
 import jax.numpy as jnp
@@ -11,12 +11,12 @@ from jaxpf.lowering.prefix import running_max, running_sum
 
 @pytree_dataclass
 class Components:
-    """A division of N slots into C contiguous components, empty ones included.
+    """A division of N slots into C contiguous components, some of which may be empty.
 
     Attributes:
-        index: ``[N]`` int32, the component of each slot, never decreasing.
+        index: ``[N]`` int32, the component of each slot, non-decreasing.
         start: ``[C]`` int32, the first slot of each component.
-        size: ``[C]`` int32, the number of slots; sums to N.
+        size: ``[C]`` int32, the number of slots of each component; sums to N.
     """
 
     index: jax.Array
@@ -24,7 +24,7 @@ class Components:
     size: jax.Array
 
     def spread(self, values: jax.Array) -> jax.Array:
-        """Give every slot its component's entry of ``values`` ``[C]``: ``[N]``."""
+        """Broadcast ``values`` ``[C]`` to the slots of each component: ``[N]``."""
         if self.size.shape[0] == 1:
             return jnp.broadcast_to(values, self.index.shape)
         return values[self.index]
@@ -41,7 +41,7 @@ class Components:
 
 
 def components_of_sizes(sizes: jax.Array, num_particles: int) -> Components:
-    """Contiguous components of the given sizes ``[C]`` (int, traced), summing to N."""
+    """Contiguous components of the given sizes ``[C]`` (int, traced), which sum to N."""
     sizes = jnp.asarray(sizes, jnp.int32)
     ends = jnp.cumsum(sizes)
     slots = jnp.arange(num_particles, dtype=jnp.int32)
@@ -59,7 +59,7 @@ class ComponentCDF:
     """The cumulative distribution of each component.
 
     Attributes:
-        weights: ``[N]``, scaled so that the largest of each component is 1.
+        weights: ``[N]``, scaled so that each component's largest weight is 1.
         cumulative: ``[N]``, running sum of ``weights`` within the component.
         total: ``[C]``, sum of ``weights``.
         alive: ``[C]`` bool, false for a component whose weights are all zero.
@@ -76,9 +76,9 @@ class ComponentCDF:
 def component_cdf(
     log_weights: jax.Array, components: Components, largest: jax.Array | None = None
 ) -> ComponentCDF:
-    """Cumulative weights within each component, each scaled by its own largest weight.
+    """Cumulative weights within each component, scaled by the component's largest weight.
 
-    Only ``log_mean`` is differentiated; the rest serves draws, which are not.
+    Only ``log_mean`` is differentiable; the other fields serve draws, which are not.
     """
     differentiated, log_weights = log_weights, lax.stop_gradient(log_weights)
     if largest is None:
@@ -98,9 +98,9 @@ def component_cdf(
 
 
 def component_max(values: jax.Array, components: Components) -> jax.Array:
-    """``[C]``: the largest of ``values`` ``[N]`` in each component; -inf in an empty one.
+    """``[C]``: the largest of ``values`` ``[N]`` in each component; -inf if empty.
 
-    It is not differentiated.
+    Not differentiable.
     """
     values = lax.stop_gradient(values)
     if components.size.shape[0] == 1:
@@ -113,12 +113,12 @@ def component_max(values: jax.Array, components: Components) -> jax.Array:
     def of_all():
         return jnp.full(components.size.shape, -jnp.inf, values.dtype).at[0].set(jnp.max(values))
 
-    # Shared by all runs, but for components that particles keep: only the branch taken is computed.
+    # The same for all runs unless particles keep components, so only one branch is computed.
     return lax.cond(components.size[0] == values.shape[0], of_all, of_each)
 
 
 def ranks(components: Components) -> jax.Array | None:
-    """Place of each slot in its component; None where the shape alone says there is one."""
+    """Index of each slot within its component; None if the shape implies one component."""
     if components.size.shape[0] == 1:
         return None
     slots = jnp.arange(components.index.shape[0], dtype=jnp.int32)
@@ -128,7 +128,7 @@ def ranks(components: Components) -> jax.Array | None:
 def few_effective(
     log_weights: jax.Array, components: Components, threshold: jax.Array
 ) -> jax.Array:
-    """``[C]`` bool: the component's effective sample size is <= threshold * n_c."""
+    """``[C]`` bool: whether the component's effective sample size is <= threshold * n_c."""
     cdf = component_cdf(log_weights, components)
     squares = components.last_of(running_sum(cdf.weights**2, ranks(components)))
     return cdf.total**2 <= threshold * components.size.astype(squares.dtype) * squares

@@ -1,6 +1,6 @@
-"""Resampling schemes: the ancestors of contiguous components, each by its own weights.
+"""Resampling schemes: draw ancestors within contiguous components.
 
-For a user's own scheme see ``jaxpf.resampling``.
+For custom schemes see ``jaxpf.resampling``.
 """
 
 from typing import Any
@@ -19,7 +19,7 @@ from jaxpf.resampling.components import ComponentCDF, Components, ranks
 
 @pytree_dataclass
 class BuiltIn:
-    """A scheme by its name."""
+    """A built-in scheme, by name."""
 
     name: str = static_field()
 
@@ -27,18 +27,18 @@ class BuiltIn:
         return self.name
 
     def within(self, key: jax.Array, cdf: ComponentCDF, components: Components) -> jax.Array:
-        """Every slot's ancestor, ``[N]``, drawn within its component."""
+        """Draw each slot's ancestor, ``[N]``, within its component."""
         return _SCHEMES[self.name](key, cdf, components)
 
 
 @pytree_dataclass
 class Own:
-    """A scheme of a user.
+    """A user's custom scheme.
 
-    It draws ``count`` = N ancestors from each of the C components, C times the work of a
-    built-in scheme, except where one component holds all.  A component of n slots uses every
-    N/n-th of its draws, from a random place on: each with probability n/N, so that an unbiased
-    scheme stays unbiased, and evenly spaced draws stay evenly spaced.
+    Draws ``count`` = N ancestors from each of the C components, C times the work of a built-in
+    scheme, unless there is a single component.  A component of n slots uses every N/n-th of its
+    draws, from a random start.  Each draw is used with probability n/N, so an unbiased scheme stays
+    unbiased, and evenly spaced draws stay evenly spaced.
     """
 
     scheme: Any
@@ -78,7 +78,7 @@ class Own:
 
 
 def scheme_of(given: Any) -> BuiltIn | Own:
-    """A scheme by its name, or a user's own, checked."""
+    """Return a scheme from a name or a custom scheme, after checking it."""
     if isinstance(given, BuiltIn | Own):
         return given
     if isinstance(given, str) and given in SCHEMES:
@@ -111,13 +111,13 @@ def inverse_cdf(
 ) -> jax.Array:
     """First position in ``[start, start + size)`` where ``cumulative`` exceeds the target.
 
-    A binary search by every slot at once.  All arguments ``[M]`` but ``cumulative``
-    ``[N]``, which never decreases within a segment.
+    Vectorised binary search.  All arguments are ``[M]`` except ``cumulative`` ``[N]``, which is
+    non-decreasing within a segment.
     """
     num_particles = cumulative.shape[0]
     steps = num_particles.bit_length()
 
-    # By halving strides: one bound to carry and no division, a tenth of the time of two.
+    # Halving strides carries one bound without division: a tenth of the time of two bounds.
     def advance(step, passed):
         ahead = passed + jnp.left_shift(1, steps - 1 - step)
         value = cumulative[jnp.clip(start + ahead - 1, 0, num_particles - 1)]
@@ -133,20 +133,20 @@ def below(total: jax.Array, uniform: jax.Array) -> jax.Array:
 
 
 def ancestors_of_thresholds(end: jax.Array) -> jax.Array:
-    """Ancestors from where offspring end: slot j takes the first particle k with end > j.
+    """Ancestors from cumulative offspring counts: slot j takes the first particle k with end > j.
 
-    ``end`` ``[N]`` int32, never decreasing, counts the offspring of particles up to and
-    including k.  Counting how many particles end at or before each slot avoids a search: one
-    scatter and one running sum (O(N)).
+    ``end`` ``[N]`` int32, non-decreasing, counts the offspring of particles up to and including k.
+    Counting the particles that end at or before each slot avoids a search: one scatter and one
+    running sum (O(N)).
     """
     return running_sum(jnp.zeros(end.shape, jnp.int32).at[end].add(1, mode="drop"))
 
 
 def _complete(counts, cumulative, total, components) -> jax.Array:
-    """Cumulative counts clipped to the component, complete where the weights end.
+    """Clip cumulative counts to the component, and complete them where the weights end.
 
-    Rounding of ``n * cumulative / total - u`` in float32 could leave the last slots
-    without an ancestor, or give them a particle of zero weight.
+    Otherwise float32 rounding of ``n * cumulative / total - u`` could leave the last slots without
+    an ancestor, or give them a particle of zero weight.
     """
     size = components.spread(components.size)
     counts = jnp.clip(counts.astype(jnp.int32), 0, size)
@@ -154,7 +154,7 @@ def _complete(counts, cumulative, total, components) -> jax.Array:
 
 
 def _expected(values, total, components) -> jax.Array:
-    """``n_c * values / total_c``: offspring expected, or running counts of them."""
+    """``n_c * values / total_c``: expected offspring, or their running sums."""
     return values * components.spread(components.size.astype(values.dtype) / total)
 
 
@@ -184,12 +184,12 @@ def _multinomial(key, cdf, components):
 
 
 def _residual(key, cdf, components):
-    # Liu & Chen 1998: floor(n w) copies for certain, the rest multinomial on what is left.
+    # Liu & Chen 1998: floor(n w) deterministic copies, the rest multinomial on the residuals.
     start, size = components.spread(components.start), components.spread(components.size)
     rank = ranks(components)
     expected = _expected(cdf.weights, cdf.total, components)
     copies = jnp.floor(expected)
-    # Rounding may push the sum of the floors past n where all n w are whole numbers.
+    # Rounding may push the sum of the floors past n if all n w are integers.
     certain = jnp.minimum(running_sum(copies.astype(jnp.int32), rank), size)
     from_copies = ancestors_of_thresholds(start + certain)
     left = running_sum(jnp.maximum(expected - copies, 0.0), rank)

@@ -1,15 +1,15 @@
-"""Resampling without a draw: particles blended by entropy-regularised optimal transport.
+"""Deterministic resampling: blend particles by entropy-regularised optimal transport.
 
 Corenflos, Thornton, Deligiannidis & Doucet 2021, "Differentiable particle filtering via
-entropy-regularized optimal transport": with P the plan that carries the weights to equal
-ones, particle i becomes ``n sum_j P_ij x_j``.  The plan is found by OTT's Sinkhorn solver
-(``pip install 'jaxpf[transport]'``) and differentiated by the implicit function theorem.
+entropy-regularized optimal transport": with P the plan that transports the weights to equal
+weights, particle i becomes ``n sum_j P_ij x_j``.  OTT's Sinkhorn solver
+(``pip install 'jaxpf[transport]'``) computes the plan; the implicit function theorem gives its
+derivative.
 
-What to expect.  Time and memory grow with N^2, the time of a gradient with N^3.  Blending pulls
-particles together, so that the evidence and the spread are biased, more so for a larger
-``epsilon``.  It mixes whole particles: all partitions, and the substates of the frame before.  A
-particle then descends from all others, so that lineages mean nothing and ``Summary.uniqueness`` is
-always 1; look at ``ess`` instead.
+Time and memory grow with N^2, the time of a gradient with N^3.  Blending contracts the particles,
+so the evidence and the spread are biased, more for a larger ``epsilon``.  It mixes whole particles:
+all partitions, and the substates of the previous frame.  Each particle then descends from all
+others: lineages are meaningless and ``Summary.uniqueness`` is always 1; use ``ess`` instead.
 """
 
 import dataclasses
@@ -24,14 +24,14 @@ from jaxpf.contract.state import ParticleState
 from jaxpf.lowering.derivatives import with_gradient_of
 from jaxpf.resampling.components import Components, component_cdf, few_effective, one_component
 
-#: Sinkhorn's iterations stop at this total error of the marginals.
+#: Total error of the marginals at which the Sinkhorn iteration stops.
 THRESHOLD = 1e-3
 MAX_ITERATIONS = 500
 MISSING = "gradient Transport needs the package ott-jax; pip install 'jaxpf[transport]'."
 
 
 def blend_state(epsilon: Any, state: ParticleState, ess_threshold: Any = None) -> ParticleState:
-    """The weighted set of a frame as particles of equal weight, in place of its resampling."""
+    """Blend a frame's weighted set into particles of equal weight, in place of resampling."""
     whole = one_component(state.log_weights.shape[0])
     lagged, log_weights, blended = blend(
         epsilon, state.lagged, state.log_weights, whole, ess_threshold
@@ -55,13 +55,13 @@ def blend(
     components: Components,
     ess_threshold: Any = None,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Blend within components, adaptively if asked.
+    """Blend within components; adaptively with ``ess_threshold``.
 
     Args:
         epsilon: strength of the regularisation.
-        lagged: ``[2, D, P, N]``, current and earlier substates.
-        log_weights: ``[N]``; a component's total weight stays.
-        components: how the particles divide.
+        lagged: ``[2, D, P, N]``, current and previous substates.
+        log_weights: ``[N]``; a component keeps its total weight.
+        components: the division of the particles.
         ess_threshold: see ``Partitioned``.
 
     Returns:
@@ -74,7 +74,7 @@ def blend(
     here = components.spread(chosen)
     size = components.spread(components.size).astype(log_weights.dtype)
     relative = log_weights - components.spread(jnp.where(cdf.alive, cdf.log_mean, 0.0))
-    # Sinkhorn takes the logarithm of a weight: one of 1e-10 for zero keeps it finite.
+    # Sinkhorn takes logarithms of weights: replacing zero by 1e-10 keeps them finite.
     relative = jnp.where(jnp.isneginf(log_weights), 0.0, relative)
     shares = jnp.where(jnp.isneginf(log_weights), 0.0, jnp.exp(relative))
     shares = jnp.maximum(shares, 1e-10)
@@ -87,7 +87,7 @@ def blend(
 
 
 def _plan(epsilon, lagged, shares, components: Components) -> jax.Array:
-    """``[N, N]``: row i holds what slot i takes of every particle; rows sum to one."""
+    """``[N, N]``: row i holds slot i's share of every particle; rows sum to one."""
     try:
         from ott.geometry.geometry import Geometry
         from ott.problems.linear.linear_problem import LinearProblem
@@ -96,7 +96,7 @@ def _plan(epsilon, lagged, shares, components: Components) -> jax.Array:
         raise InputError(MISSING) from error
     num_particles = lagged.shape[-1]
     values = lagged[0].reshape(-1, num_particles)
-    # Coordinates have different units: each is measured in its own standard deviation.
+    # Coordinates have different units: scale each by its standard deviation.
     weights = shares / num_particles
     centred = values - (values @ weights)[:, None]
     variance = centred**2 @ weights
@@ -105,7 +105,7 @@ def _plan(epsilon, lagged, shares, components: Components) -> jax.Array:
     cost = squares[:, None] + squares[None, :] - 2 * scaled.T @ scaled
     cost = jnp.maximum(cost, 0.0) / values.shape[0]
     same = components.index[:, None] == components.index[None, :]
-    # No mass crosses components: exp(-200) of it is nothing.
+    # Prevents transport across components: exp(-200) is negligible.
     cost = jnp.where(same, cost, 200.0 * epsilon + lax.stop_gradient(jnp.max(cost)))
     target = jnp.full_like(shares, 1 / num_particles)
     geometry = Geometry(cost_matrix=lax.stop_gradient(cost), epsilon=lax.stop_gradient(epsilon))
@@ -117,12 +117,12 @@ def _plan(epsilon, lagged, shares, components: Components) -> jax.Array:
 
 
 def _with_implicit_gradient(potentials, cost, epsilon, target, weights, same) -> jax.Array:
-    """Log of the plan, ``[N, N]``, whose potentials move with what they were computed from.
+    """Log of the plan, ``[N, N]``, with the derivative of the potentials in the inputs.
 
-    By the implicit function theorem: one Newton step from the solution towards the marginals,
-    of which only the derivative is kept.  A potential is free up to a constant within each
-    component, so that the system is singular there, and nearly so between clusters that
-    hardly exchange mass; an iterative solver fails on it in float32.
+    By the implicit function theorem: take one Newton step from the solution towards the marginals
+    and keep only its derivative.  A potential is determined up to a constant in each component, so
+    the system is singular, and nearly singular for clusters that exchange little mass; an iterative
+    solver fails on it in float32.
     """
     f, g = potentials
     epsilon = jnp.asarray(epsilon, cost.dtype)

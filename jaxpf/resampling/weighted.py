@@ -1,13 +1,12 @@
-"""From weights to ancestors, within contiguous components of any run-time size.
+"""From weights to ancestors, within contiguous components with sizes set at run time.
 
-The schemes share one contract: ``ancestors(key, log_weights, scheme, components)`` gives
-``[N]`` int32, every slot's ancestor lies in the slot's own component, and the expected
-number of offspring of particle i is ``n_c * w_i`` within its component c.  A particle of
-zero weight never has offspring.  A component whose weights are all zero keeps its
-particles (identity): there is nothing to choose by.
+All schemes satisfy one contract: ``ancestors(key, log_weights, scheme, components)`` returns
+``[N]`` int32, each slot's ancestor lies in the slot's component, and particle i has ``n_c * w_i``
+offspring on average within its component c.  A particle of zero weight never has offspring.  A
+component whose weights are all zero keeps its particles (identity).
 
-Weighted resampling (maccormick1999, section 5; smith2004, section 3) selects by one
-function and corrects by its inverse, so that the weighted set keeps its expectation.
+Weighted resampling (maccormick1999, section 5; smith2004, section 3) selects by one function and
+divides the weights by it, so that the weighted set keeps its expectation.
 """
 
 import jax
@@ -30,7 +29,7 @@ def ancestors(
     Args:
         key: a JAX random key.
         log_weights: ``[N]``, unnormalised; NaN counts as zero weight.
-        scheme: one of ``SCHEMES``, or a user's own.
+        scheme: one of ``SCHEMES``, or a custom scheme.
         components: how the slots divide into components; default one.
 
     Returns:
@@ -47,19 +46,19 @@ def weighted_resample(
     components: Components | None = None,
     largest: jax.Array | None = None,
 ) -> tuple[jax.Array, jax.Array]:
-    """Select particles by one function and correct their weights by its inverse.
+    """Select particles by one function and divide their weights by it.
 
-    Within each component of n slots, with ``rho = selection / sum(selection)``, slot i
-    draws ancestor k from rho and gets the weight ``w_k / (n rho_k)``.  The papers drop
-    the 1/n; it is what keeps ``E[sum_i w_i f(x_i)]`` and so the evidence estimate
-    unchanged (smith2004, figure 1; maccormick1999, figure 8).
+    Within each component of n slots, with ``rho = selection / sum(selection)``, slot i draws
+    ancestor k from rho and gets the weight ``w_k / (n rho_k)``.  The papers omit the 1/n, which
+    keeps ``E[sum_i w_i f(x_i)]`` and therefore the evidence estimate unchanged (smith2004,
+    figure 1; maccormick1999, figure 8).
 
     Args:
         key: a JAX random key.
         log_weights: ``[N]``.  A component's total weight is unchanged in expectation.
-        log_selection: ``[N]``, log of the selecting function, unnormalised.  It must be
-            finite wherever the weight is not zero.
-        scheme: one of ``SCHEMES``, or a user's own.
+        log_selection: ``[N]``, log of the selecting function, unnormalised.  It must be finite
+            wherever the weight is nonzero.
+        scheme: one of ``SCHEMES``, or a custom scheme.
         components: how the slots divide into components; default one.
         largest: ``[C]``, the largest ``log_selection`` of each component, if already computed.
 
@@ -86,12 +85,12 @@ def weighted_resample(
 def soft_selection(log_weights: jax.Array, share: ArrayLike, components: Components) -> jax.Array:
     """Log of the mixture ``share * rho + (1 - share) / n`` of weights and uniform, ``[N]``.
 
-    Selecting by it and reweighting keeps a derivative (Karkus, Hsu & Lee 2018, "soft
-    resampling").  A component whose weights are all zero is left so.
+    Selecting by the mixture and reweighting keeps a derivative (Karkus, Hsu & Lee 2018, "soft
+    resampling").  A component whose weights are all zero stays unchanged.
     """
     cdf = component_cdf(log_weights, components)
     alive, part = components.spread(cdf.alive), jnp.asarray(share, log_weights.dtype)
-    # Relative to the component's mean weight, the uniform law is 1.
+    # Relative to the component's mean weight, the uniform distribution is 1.
     relative = log_weights - components.spread(jnp.where(cdf.alive, cdf.log_mean, 0.0))
     relative = jnp.where(alive, relative, 0.0)
     rest = jnp.log1p(-jnp.minimum(part, 1 - jnp.finfo(part.dtype).eps))
@@ -100,9 +99,10 @@ def soft_selection(log_weights: jax.Array, share: ArrayLike, components: Compone
 
 
 def keep_total(log_weights: jax.Array, before: jax.Array, components: Components) -> jax.Array:
-    """Give a component's new weights ``[N]`` the derivative of their total ``before``.
+    """Give a component's new weights ``[N]`` the derivative of their total ``before`` selection.
 
-    Their own total has the right expectation, but not its derivative.  Values are unchanged.
+    The new weights' total has the correct expectation but not its derivative.  Values do not
+    change.
     """
     change = component_cdf(before, components).log_mean
     change -= component_cdf(log_weights, components).log_mean
@@ -110,7 +110,7 @@ def keep_total(log_weights: jax.Array, before: jax.Array, components: Components
 
 
 def renormalised(log_weights: jax.Array, components: Components) -> jax.Array:
-    """smith2004's literal reassembly: every component's weights sum to its share n_c / N."""
+    """smith2004's literal reassembly: each component's weights sum to its share n_c / N."""
     cdf = component_cdf(log_weights, components)
     mean = components.spread(jnp.where(cdf.alive, cdf.log_mean, 0.0))
     scaled = jnp.where(components.spread(cdf.alive), log_weights - mean, -jnp.inf)

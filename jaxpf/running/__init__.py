@@ -1,8 +1,7 @@
-"""Running any tracker over the frames of a sequence.
+"""Run any tracker over the frames of a sequence.
 
-There is one loop over frames, ``frame_step``.  One run, many of them (``blocks``), a video's frames
-as they come and objectives that are differentiated arrange the runs as they need;
-``missing_frames`` leaves out frames that are missing.
+All loops over frames use ``frame_step``: a single run, many runs (``blocks``), streamed video
+frames, and differentiated objectives.  ``missing_frames`` skips missing frames.
 """
 
 import lazy_loader

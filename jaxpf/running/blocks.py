@@ -1,4 +1,4 @@
-"""Many independent runs of any tracker, vectorised in blocks that several devices share."""
+"""Many independent runs of any tracker, vectorised in blocks across devices."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -24,15 +24,15 @@ from jaxpf.running import (
 from jaxpf.running.checks import check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one, in_chunks
 
-#: Runs that are vectorised together, where many are asked for and where few are.  Five cost up to
-#: a third more for each run than 25, but 25 for the sake of one cost ten times as much.
+#: Block widths for many and for few runs.  A block of 5 costs up to a third more per run than one
+#: of 25, but computing 25 runs to get one costs ten times as much.
 WIDE, NARROW = 25, 5
-#: Runs left over that are dearer in narrow blocks than with a wide one filled up.
+#: From this number of remaining runs, one padded wide block is cheaper than narrow blocks.
 _MANY_LEFT = 20
-#: ``((count, width), ...)``: blocks of runs that are vectorised together, one after another.
+#: ``((count, width), ...)``: ``count`` blocks of ``width`` vectorised runs, in sequence.
 Blocks = tuple[tuple[int, int], ...]
 _AXIS = "runs"
-#: What several devices share: all have everything, or each its batches, or its frame of a group.
+#: Sharding over devices: everything replicated, or split by batch, or by frame of a group.
 _REPLICATED, _OF_BATCHES = PartitionSpec(), PartitionSpec(_AXIS)
 _OF_GROUPS = PartitionSpec(None, _AXIS)
 
@@ -50,33 +50,32 @@ def monte_carlo(
     """Track one sequence many times, independently.
 
     Runs are vectorised in blocks (``blocks_of``), whose width depends on the number of runs, not on
-    devices or chunks.  A run's result depends on its key alone: bit for bit between blocks of one
-    width, up to rounding between widths.  What depends on a frame alone (``tracker.observe``) is
-    computed once per frame for all runs, on one device only.
+    devices or chunks.  A run's result depends only on its key: bit for bit between blocks of the
+    same width, up to rounding between widths.  ``tracker.observe`` runs once per frame for all
+    runs, on one device only.
 
-    Frames travel to the devices in chunks, without changing a bit of the results: memory does not
-    grow with T, except for what ``record`` keeps.
+    Frames are sent to the devices in chunks, which does not change the results.  Memory does not
+    grow with T, except for the recorded values.
 
-    On a CPU one device uses little more than one core.  More host devices use the others:
-    ``jax.config.update("jax_num_cpu_devices", 2)`` before JAX is first used.
+    On a CPU one device uses little more than one core.  Call
+    ``jax.config.update("jax_num_cpu_devices", 2)`` before first using JAX to use more cores.
 
     Args:
         tracker: as for ``run``.
         keys: ``[R]`` keys, one per run.
-        frames: as for ``run``; or an iterable of single frames, such as a generator, of which
-            those of two chunks are kept at a time.
+        frames: as for ``run``; or an iterable of single frames, such as a generator, of which two
+            chunks are kept at a time.
         record: as for ``run``.
-        batch_size: width of all blocks, the last one filled up, so that results are the same bit
-            for bit however many runs there are; by default it depends on their number.
-        devices: the blocks are dealt out to them; default all of ``jax.local_devices()``.
-        frames_per_chunk: rounded up to a multiple of the devices, and to two for each of them.
-            By default as many as ``jaxpf.running.chunks.CHUNK_BYTES`` hold; and all of them, if
-            they are
-            on a device already.
+        batch_size: width of all blocks, with the last block padded.  Fixing it makes results
+            identical bit for bit for any number of runs; by default it depends on this number.
+        devices: devices that share the blocks; default all of ``jax.local_devices()``.
+        frames_per_chunk: rounded up to a multiple of the number of devices, at least two per
+            device.  Default: as many as fit in ``jaxpf.running.chunks.CHUNK_BYTES``, or all frames
+            if they are already on a device.
         observed: as for ``run``.
 
     Returns:
-        What ``record`` kept, with leading axes ``[R, T]``.
+        Recorded values with leading axes ``[R, T]``.
 
     Raises:
         InputError: as for ``run``; no keys; ``batch_size`` or ``frames_per_chunk`` < 1; no
@@ -91,14 +90,14 @@ def monte_carlo(
 
 
 def blocks_of(num_runs: int, asked: int | None = None) -> Blocks:
-    """How runs are divided into blocks of at most two widths, by their number alone.
+    """Divide runs into blocks of at most two widths, depending only on their number.
 
-    Of 25 runs and more, blocks of 25, and the rest in blocks of 5, the last one filled up; of
-    fewer, blocks of 5 and one of what is left.
+    With 25 runs or more: blocks of 25, and the rest in blocks of 5, the last one padded.  With
+    fewer: blocks of 5 and one block of the rest.
 
     Args:
-        num_runs: runs that are to be done.
-        asked: runs of which these are what is left to do; by default these.
+        num_runs: number of runs to do.
+        asked: total number of runs requested, of which ``num_runs`` remain; default ``num_runs``.
     """
     if (num_runs if asked is None else asked) < WIDE:
         blocks = (num_runs // NARROW, NARROW), (1, num_runs % NARROW)
@@ -120,7 +119,7 @@ def run_blocks(
     frames_per_chunk: int | None = None,
     observed: Any = None,
 ) -> Any:
-    """``monte_carlo`` in given blocks, of which the last may be filled up.
+    """``monte_carlo`` in given blocks, the last of which may be padded.
 
     Raises:
         InputError: as for ``monte_carlo``.
@@ -133,8 +132,8 @@ def run_blocks(
     if not devices:
         raise InputError("devices is empty; give at least one, or None for all there are.")
     used = devices[: max(count for count, _ in blocks)]
-    # Of each group of blocks of one width: how many are runs, and the keys [B, W], filled up so
-    # that every device has as many blocks.
+    # For each width: the number of runs, and the keys [B, W], padded so that every device has the
+    # same number of blocks.
     sizes, batches, first = [], [], 0
     for count, width in blocks:
         sizes.append(min(count * width, keys.shape[0] - first))
@@ -149,12 +148,12 @@ def run_blocks(
         if come_one_by_one(frames):
             of_chunk, chunk = missing_frames.marked(
                 tracker, chunk
-            )  # only now is it known which are missing
+            )  # missing frames are known only now
         if states is None:
             check_run(*missing_frames.unmarked(of_chunk, chunk))
             states = _begin_compiled(tracker, batches, used)
         else:
-            # One chunk is computed while the next one is read, and no more are waiting.
+            # Compute one chunk while reading the next, without queueing more.
             jax.block_until_ready(kept[-1])
         times, groups = in_groups(first, chunk, used)
         states, recorded = _advance_compiled(of_chunk, batches, states, times, groups, record, used)
@@ -162,14 +161,14 @@ def run_blocks(
         length = first + count
 
     if len(used) > 1:
-        # XLA queues a limited number of computations per device.  What is asked of the results
-        # before they are there can fill one device's places before the other's, and then devices
-        # wait for one another for ever (seen: "all gather ... may be stuck").
+        # XLA's queue of computations per device is limited.  Using results before they are ready
+        # can fill one device's queue first, and the devices then deadlock (observed: "all gather
+        # ... may be stuck").
         jax.block_until_ready(kept)
     return _joined(kept, tuple(sizes), length)
 
 
-# Compiled as a whole: else JAX compiles every operation separately, at every start.
+# Compiled as a whole: otherwise JAX compiles each operation separately in every process.
 @jax.jit
 def _taken(keys: jax.Array, places: np.ndarray) -> jax.Array:
     return keys[places]
@@ -177,7 +176,7 @@ def _taken(keys: jax.Array, places: np.ndarray) -> jax.Array:
 
 @partial(jax.jit, static_argnames=("sizes", "length"))
 def _joined(kept: list[Any], sizes: tuple[int, ...], length: int) -> Any:
-    """What was kept of every chunk and width, as ``[R, T, ...]``."""
+    """Join the recorded values of all chunks and widths to ``[R, T, ...]``."""
 
     def of_width(size: int, *chunks: jax.Array) -> jax.Array:
         whole = chunks[0] if len(chunks) == 1 else jnp.concatenate(chunks, axis=2)
@@ -191,14 +190,14 @@ def _joined(kept: list[Any], sizes: tuple[int, ...], length: int) -> Any:
 
 
 def in_groups(first: int, frames: Any, devices: tuple) -> tuple[np.ndarray, Any]:
-    """Times ``[G, D]`` and frames ``[G, D, ...]``: in groups of as many as there are devices.
+    """Split frames into groups with one frame per device: times ``[G, D]``, frames ``[G, D, ...]``.
 
-    Each device is given the frames that it observes, and no others.
+    Each device receives only the frames that it observes.
 
     Args:
         first: time of the first frame.
         frames: ``[G D, ...]``.
-        devices: D of them, or none for the only one.
+        devices: D devices; empty for a single device.
     """
     length, count = num_frames(frames), max(len(devices), 1)
     times = np.arange(first, first + length, dtype=np.int32).reshape(-1, count)
@@ -209,7 +208,7 @@ def in_groups(first: int, frames: Any, devices: tuple) -> tuple[np.ndarray, Any]
 
 
 def begin_batches(tracker: Any, keys: Sequence[jax.Array], devices: tuple = ()) -> Any:
-    """For each width the states ``[B, W, ...]`` of runs with keys ``[B, W]``, before any frame."""
+    """For each width, initial states ``[B, W, ...]`` of runs with keys ``[B, W]``."""
 
     def begin(tracker, keys):
         return [lax.map(jax.vmap(lambda key: init(tracker, key)), of_width) for of_width in keys]
@@ -228,22 +227,22 @@ def advance_batches(
     record: Callable,
     devices: tuple = (),
 ) -> tuple[Any, Any]:
-    """What ``monte_carlo`` compiles: states ``[B, W, ...]`` carried through a chunk of frames.
+    """Advance states ``[B, W, ...]`` through a chunk of frames; compiled by ``monte_carlo``.
 
-    Blocks come one after another, those of one width in a loop.  Several devices share them.  Of
-    each group of as many frames, every device observes one and receives the others' observations.
+    Blocks run in sequence, those of one width in a loop, and are divided among the devices.  In
+    each group of frames, every device observes one frame and receives the others' observations.
 
     Args:
         tracker: as for ``run``.
-        keys: for each width ``[B, W]``, the runs of a block together.
-        states: before the chunk, for each width ``[B, W, ...]``.
-        times: ``[G, D]``, see ``in_groups``; one device has groups of one frame.
+        keys: for each width, ``[B, W]``.
+        states: for each width, states before the chunk, ``[B, W, ...]``.
+        times: ``[G, D]``, see ``in_groups``; a single device has groups of one frame.
         groups: ``[G, D, ...]``.
         record: as for ``run``.
-        devices: D of them, or none for the only one.
+        devices: D devices; empty for a single device.
 
     Returns:
-        The states after the chunk, and what was kept, ``[B, W, G D, ...]`` for each width.
+        For each width, the states after the chunk, and the recorded values ``[B, W, G D, ...]``.
     """
     advance: Callable = partial(
         _advance_on_one_device, record=record, num_devices=max(len(devices), 1)
@@ -287,7 +286,7 @@ def _advance_on_one_device(tracker, keys, states, times, groups, record, num_dev
 
     def group_step(states, item):
         times, group = item
-        # Frames of a group are observed all at once: what is left is to find each one's.
+        # A group's frames are observed at once; this takes one frame's observation.
         find = partial(contract.frame_of, observe_group(group))
         return lax.scan(
             frame_step(find, of_every_run, record), states, (times, jnp.arange(num_devices))

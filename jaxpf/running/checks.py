@@ -1,6 +1,6 @@
-"""What a user's classes and frames must be, checked before anything is compiled.
+"""Checks of users' classes and frames before compilation.
 
-JAX would notice most of it, later and in words about its own insides.
+JAX would detect most errors too, but later and with messages about its internals.
 """
 
 import functools
@@ -13,20 +13,20 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 
-#: Particles in a trial call: a number that no other axis has by chance.
+#: Number of particles in a trial call, chosen to differ from other axes.
 _TRIED = 3
 
 
 def check_run(tracker: Any, frames: Any) -> None:
-    """Refuse what cannot run.
+    """Refuse a tracker or frames that cannot run.
 
     Args:
         tracker: any tracker.
         frames: as for ``jaxpf.run``.
 
     Raises:
-        InputError: a class that is no pytree, frames that are a list or complex, and, of a tracker
-            of dynamics and a likelihood, methods that return something else than they should.
+        InputError: a class that is not a pytree; frames that are a list or complex; methods of the
+            dynamics or the likelihood that return a wrong type or shape.
     """
     check_pytree(tracker)
     check_frames(frames)
@@ -39,16 +39,16 @@ def check_run(tracker: Any, frames: Any) -> None:
     frame_leaves, frame_structure = jax.tree.flatten(first)
     shapes = tuple((np.shape(x), jnp.result_type(x)) for x in leaves)
     frame_shapes = tuple((x.shape, x.dtype) for x in frame_leaves)
-    # Asked of the tracker here: it may have to draw from its initial sampler.
+    # Needs the tracker itself, not its structure: it may draw from its initial sampler.
     num_partitions = getattr(tracker, "num_partitions", None)
     _check_methods(structure, shapes, frame_structure, frame_shapes, num_partitions)
 
 
 def check_pytree(tracker: Any) -> None:
-    """Refuse a tracker that JAX cannot look into, or one of whose parts it cannot.
+    """Refuse a tracker that contains an object that is not a pytree.
 
     Raises:
-        InputError: which class, and where it stands.
+        InputError: names the class and its place.
     """
     for path, leaf in jax.tree_util.tree_leaves_with_path(tracker):
         if isinstance(leaf, np.ndarray | np.generic | jax.Array | int | float | complex):
@@ -61,10 +61,10 @@ def check_pytree(tracker: Any) -> None:
 
 
 def check_frames(frames: Any) -> None:
-    """Refuse frames that are a list, no numbers, or complex.
+    """Refuse frames that are a list, not numbers, or complex.
 
     Raises:
-        InputError: which of them.
+        InputError: names the problem.
     """
     if isinstance(frames, list):
         raise InputError(
@@ -83,7 +83,7 @@ def check_frames(frames: Any) -> None:
 def _check_methods(
     structure: Any, shapes: Any, frame_structure: Any, frame_shapes: Any, num_partitions: int | None
 ) -> None:
-    """Check the shapes that a model's methods return, once for each kind of tracker."""
+    """Check the shapes that a model's methods return, once per kind of tracker."""
 
     def of_shapes(structure: Any, shapes: Any) -> Any:
         leaves = [jax.ShapeDtypeStruct(shape, dtype) for shape, dtype in shapes]

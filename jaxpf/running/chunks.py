@@ -9,10 +9,10 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 
-#: Default size of the frames of a chunk, bytes.
+#: Default size of a chunk's frames, bytes.
 CHUNK_BYTES = 64 * 2**20
-#: Frames of a chunk at least, for each device: a compiler writes out a loop of one pass, and may
-#: round it otherwise than a loop.
+#: Minimum number of frames per chunk and device: the compiler unrolls a loop with one iteration,
+#: which may round differently.
 _LEAST = 2
 
 
@@ -26,12 +26,12 @@ def come_one_by_one(frames: Any) -> bool:
 
 
 def chunk_length(num_frames: int | None, frame_bytes: int, most_bytes: int = CHUNK_BYTES) -> int:
-    """Frames per chunk: as many as the bytes allow, two at least.
+    """Number of frames per chunk that fits into ``most_bytes``, at least two.
 
     Args:
-        num_frames: of the whole sequence, which is divided evenly; None if unknown.
-        frame_bytes: of one frame.
-        most_bytes: of a chunk.
+        num_frames: length of the sequence, which is divided evenly; None if unknown.
+        frame_bytes: size of one frame.
+        most_bytes: maximum size of a chunk.
     """
     most = max(_LEAST, most_bytes // max(frame_bytes, 1))
     if num_frames is None:
@@ -40,21 +40,21 @@ def chunk_length(num_frames: int | None, frame_bytes: int, most_bytes: int = CHU
 
 
 def in_chunks(frames: Any, length: int | None, multiple: int) -> Iterator[tuple[int, int, Any]]:
-    """A sequence's frames, chunk by chunk.
+    """Yield a sequence's frames in chunks.
 
     Args:
-        frames: arrays with a leading axis T, of NumPy or on a device, or frames one by one.
-        length: frames per chunk, rounded up to a multiple; None for as many as ``CHUNK_BYTES``
-            allow, and for all of them if they are on a device already.
-        multiple: what the length of every chunk is a multiple of.
+        frames: NumPy or device arrays with a leading axis T, or an iterable of single frames.
+        length: frames per chunk, rounded up to a multiple of ``multiple``.  None: as many as fit in
+            ``CHUNK_BYTES``, or all frames if they are already on a device.
+        multiple: the length of every chunk is a multiple of this.
 
     Yields:
-        The number of the chunk's first frame, how many frames are the sequence's own, and the
-        frames: all chunks have one length, except that of a sequence of one chunk.  What is
-        missing is filled up with the last frame.
+        The number of the chunk's first frame, the number of frames without padding, and the
+        frames.  All chunks have the same length, padded by repeating the last frame, unless there
+        is only one chunk.
 
     Raises:
-        InputError: no frame, or one that differs in shape from the first; ``length`` below 1.
+        InputError: no frame, or a frame that differs in shape from the first; ``length`` below 1.
     """
     if length is not None and length < 1:
         raise InputError(f"frames_per_chunk={length} must be at least 1.")
@@ -79,7 +79,7 @@ def in_chunks(frames: Any, length: int | None, multiple: int) -> Iterator[tuple[
 
 
 def _gathered(frames: Iterable[Any], length: int | None, multiple: int) -> Iterator[Any]:
-    """``in_chunks`` of frames that come one by one: they are written where they are to be."""
+    """``in_chunks`` for single frames, which are written directly into the chunk's buffer."""
     source = iter(frames)
     start = next(source, None)
     if start is None:
@@ -129,5 +129,5 @@ def _rounded(length: int, multiple: int) -> int:
 
 
 def _filled_length(first: int, count: int, length: int, multiple: int) -> int:
-    """A chunk's length: that of all, unless there is but one."""
+    """Padded length of a chunk: the common length, unless there is only one chunk."""
     return length if first else -(-count // multiple) * multiple

@@ -1,4 +1,4 @@
-"""Check available memory before anything is computed."""
+"""Check available memory before starting."""
 
 import contextlib
 import math
@@ -10,21 +10,21 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 
-#: Bytes of JAX, its libraries and a compiled kernel.
+#: Memory of JAX, its libraries and a compiled kernel, bytes.
 _BASE = 450 * 2**20
-#: Memory of a step over the size of the state: measured, with two objects and a million particles,
-#: for histograms from tables and for those from samples.
+#: Memory of a step relative to the size of the state, for histograms from tables and from samples.
+#: Measured with two objects and a million particles.
 _FROM_TABLES, _FROM_SAMPLES = 6, 18
-#: Where Linux keeps a container's limit.
+#: Linux files that hold a container's memory limit.
 _CONTAINER = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
 
 def check_memory(needed: float, remedy: str) -> None:
-    """Refuse what does not fit into the memory of this machine.
+    """Refuse work that does not fit into this machine's memory.
 
     Args:
-        needed: bytes, about.
-        remedy: what the user can do instead.
+        needed: approximate size, bytes.
+        remedy: what the user can do instead, for the message.
 
     Raises:
         InputError: names both sizes.
@@ -38,12 +38,12 @@ def check_memory(needed: float, remedy: str) -> None:
 
 
 def needed_by(tracker: Any, runs: int = 1, kept_frames: int = 1) -> float:
-    """About how many bytes a tracker takes.
+    """Estimate the memory that a tracker needs, in bytes.
 
     Args:
-        tracker: one of ours, or a user's.
-        runs: that are computed together.
-        kept_frames: whose states are kept for a derivative.
+        tracker: any tracker.
+        runs: number of runs computed together.
+        kept_frames: number of frames whose states are kept for a derivative.
     """
     import jax
 
@@ -57,12 +57,12 @@ def needed_by(tracker: Any, runs: int = 1, kept_frames: int = 1) -> float:
 
 
 def machine_memory() -> int | None:
-    """Bytes that this machine, or this container, has; None if unknown."""
+    """Memory of this machine or container, in bytes; None if unknown."""
     found = []
     with contextlib.suppress(AttributeError, ValueError, OSError):
         found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     for path in _CONTAINER:
-        with contextlib.suppress(OSError, ValueError):  # "max" is no number
+        with contextlib.suppress(OSError, ValueError):  # the file may hold "max"
             found.append(int(Path(path).read_text()))
     with contextlib.suppress(ImportError, OSError, ValueError):
         import resource

@@ -1,15 +1,15 @@
-"""Missing frames: particles move by their dynamics and are not weighed.
+"""Missing frames: particles move by their dynamics and are not weighted.
 
-Filters need no code for it.  Their likelihood is wrapped in one whose log-likelihoods are 0 in a
-missing frame, so that weights stay, in whatever order and by whatever rule partitions are weighed.
-The inner likelihood is not called, so that nothing in a missing frame reaches its ``observe`` or a
+Filters need no code for missing frames.  A wrapper around the likelihood returns log-likelihood 0
+in a missing frame, so weights do not change, with any ordering and weighting rule.  The wrapper
+does not call the inner likelihood, so a missing frame's values do not reach its ``observe`` or any
 derivative.  If single partitions are missing, such as a landmark out of view, only their
 log-likelihoods are 0.
 
-The evidence of a missing frame is the filter's own total of weights.  It is 1 for most filters; it
-is random with mean 1 where selections do not preserve it (``Soft`` gradients, ``Labelled`` with
-corrected weights), and has a derivative of its own where weights carry one (``StopGradient``,
-``motion_gradient="score"``).  Without them the evidence and its gradient would be biased.
+The evidence of a missing frame is the filter's total weight.  It is 1 for most filters.  It is
+random with mean 1 if selections do not preserve it (``Soft`` gradients, ``Labelled`` with corrected
+weights), and has a derivative if the weights have one (``StopGradient``,
+``motion_gradient="score"``).  Dropping these terms would bias the evidence and its gradient.
 """
 
 import dataclasses
@@ -28,7 +28,8 @@ from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.running.chunks import come_one_by_one
 
-#: Rounding of a sum of weights, in units of the last place: some stages of a million particles.
+#: Tolerated rounding of a sum of weights, in units in the last place: enough for several stages of
+#: a million particles.
 _ROUNDING = 1000
 #: Methods of a likelihood that take an observation, beyond ``log_prob``.
 _OF_OBSERVATIONS = frozenset(
@@ -40,9 +41,9 @@ _OF_OBSERVATIONS = frozenset(
 
 @pytree_dataclass
 class LikelihoodWithGaps(contract.Likelihood):
-    """A likelihood of frames ``(frame, seen)``, ``seen`` ``[]`` or, by partition, ``[P]`` bool.
+    """A likelihood of frames ``(frame, seen)``; ``seen`` is bool ``[]``, or ``[P]`` by partition.
 
-    With ``[P]`` the inner ``log_joint`` is called with ``observed=seen``.
+    With ``[P]``, the inner ``log_joint`` gets ``observed=seen``.
 
     Attributes:
         likelihood: the inner likelihood.
@@ -71,18 +72,18 @@ class LikelihoodWithGaps(contract.Likelihood):
 
     @property
     def expecting(self):
-        """That of the inner likelihood, in the same wrapper."""
+        """Forwards to the inner likelihood and wraps the result."""
         inner = self.likelihood.expecting
         return lambda estimates: type(self)(inner(estimates))
 
     @property
     def state_gradient(self):
-        """That of the inner likelihood."""
+        """Forwards to the inner likelihood."""
         return contract.has_state_gradient(self.likelihood)
 
     @property
     def form(self):
-        """That of the inner likelihood."""
+        """Forwards to the inner likelihood."""
         return getattr(self.likelihood, "form", None)
 
     def was_observed(self, observation):
@@ -99,7 +100,7 @@ class LikelihoodWithGaps(contract.Likelihood):
         seen = jnp.asarray(seen)
 
         def without_nan(x):
-            # A compiler may compute both branches: the unseen one must not meet NaN either.
+            # The compiler may compute both branches, so the unused one must not see NaN.
             x = jnp.where(seen.any(), x, jnp.zeros_like(x))
             is_part = seen.ndim and jnp.issubdtype(x.dtype, jnp.floating)
             return jnp.where(jnp.isnan(x), 0, x) if is_part else x
@@ -108,7 +109,7 @@ class LikelihoodWithGaps(contract.Likelihood):
         return _if_seen(seen.any(), lambda: self.likelihood.observe(frame)), seen
 
     def log_prob_all(self, observation, partition, substates):
-        """The inner log-likelihoods ``[N]``, 0 for what was not seen."""
+        """The inner log-likelihoods ``[N]``, 0 for frames or partitions that were not seen."""
         observation, seen = observation
 
         def inner():
@@ -121,10 +122,10 @@ class LikelihoodWithGaps(contract.Likelihood):
 
 @pytree_dataclass
 class LikelihoodOfNoFrame(LikelihoodWithGaps):
-    """A likelihood that never sees a frame."""
+    """A likelihood for runs in which all frames are missing."""
 
     def __getattr__(self, name):
-        """As above; every function of an observation is 0."""
+        """Optional methods of the inner likelihood; functions of an observation return 0."""
         inner = super().__getattr__(name)
         if name not in _OF_OBSERVATIONS:
             return inner
@@ -135,15 +136,15 @@ class LikelihoodOfNoFrame(LikelihoodWithGaps):
         return of_nothing
 
     def was_observed(self, observation):
-        """Never."""
+        """Return False."""
         return np.zeros((), bool)
 
     def as_seen(self, observation):
-        """See ``jaxpf.contract.as_seen``: nothing was."""
+        """See ``jaxpf.contract.as_seen``: nothing was seen."""
         return self.likelihood, None, np.False_
 
     def observe(self, frame):
-        """Nothing."""
+        """Ignore the frame."""
         return ()
 
     def log_prob_all(self, observation, partition, substates):
@@ -153,10 +154,10 @@ class LikelihoodOfNoFrame(LikelihoodWithGaps):
 
 @pytree_dataclass
 class WithGaps(contract.Tracker):
-    """A tracker of frames ``(frame, seen)``, ``seen`` ``[]`` or ``[P]`` bool.
+    """A tracker of frames ``(frame, seen)``; ``seen`` is bool ``[]`` or ``[P]``.
 
-    In a frame that was not seen ``log_evidence`` is the filter's own, exactly 0 where it is 0 by
-    construction, and a confidence stays as it was.
+    In a missing frame, ``log_evidence`` is the filter's log total weight, exactly 0 if it is 0 by
+    construction, and confidence does not change.
 
     Attributes:
         tracker: has a ``likelihood``, or a ``tracker`` that has one.
@@ -168,20 +169,20 @@ class WithGaps(contract.Tracker):
 
     @property
     def num_partitions(self) -> int:
-        """That of the tracker."""
+        """Number of partitions of the tracker, P."""
         return self.tracker.num_partitions
 
     def init(self, key):
-        """The tracker's first state."""
+        """Return the tracker's initial state."""
         return self.tracker.init(key)
 
     def observe(self, frame):
-        """The tracker's observation of a frame, and whether it was seen."""
+        """Return the tracker's observation of a frame, and whether it was seen."""
         inner = contract.changed_inside(self.tracker, "likelihood", self._wraps)
         return contract.observed_apart(inner)[0](frame), jnp.asarray(frame[1])
 
     def step_observed(self, key, state, observation):
-        """The tracker's next state and summary."""
+        """Return the tracker's next state and summary."""
         observation, seen = observation
         step = contract.observed_apart(
             contract.changed_inside(self.tracker, "likelihood", self._wraps)
@@ -197,15 +198,15 @@ class WithGaps(contract.Tracker):
 
 @pytree_dataclass
 class WithoutFrames(WithGaps):
-    """A tracker of frames ``(anything, False)``."""
+    """A tracker of missing frames ``(anything, False)``."""
 
     _wraps = LikelihoodOfNoFrame
 
 
 def _without_rounding(log_total: jax.Array, seen: jax.Array) -> jax.Array:
-    """Log totals of weights; in an unseen frame exactly 0 where they are 0 up to rounding.
+    """Round log total weights of missing frames to 0 if they are 0 up to rounding.
 
-    The derivative stays: that of a total may be random where its value is not.
+    Keeps the derivative, which may be random even if the value is not.
     """
     is_one = ~seen & (jnp.abs(log_total) < _ROUNDING * jnp.finfo(log_total.dtype).eps)
     one = jnp.where(is_one, log_total, 0.0)
@@ -213,17 +214,16 @@ def _without_rounding(log_total: jax.Array, seen: jax.Array) -> jax.Array:
 
 
 def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
-    """Mark which frames are missing: the tracker and frames unchanged if none is.
+    """Mark missing frames; return tracker and frames unchanged if none is missing.
 
     Args:
         tracker: any tracker.
-        frames: ``[T, ...]``, or frames one by one.
-        observed: ``[T]`` bool, which frames were seen, or ``[T, P]``, which partitions; None: all
-            but frames of floats that are NaN throughout, which of traced frames is found as they
-            come.
+        frames: ``[T, ...]``, or an iterable of single frames.
+        observed: ``[T]`` bool, which frames were seen, or ``[T, P]``, which partitions.  None: all
+            frames except float frames that are entirely NaN; traced frames are tested at run time.
 
     Raises:
-        InputError: ``observed`` has another shape, or the tracker cannot leave out what is missing.
+        InputError: ``observed`` has a wrong shape, or the tracker does not support missing frames.
     """
     if isinstance(tracker, WithGaps):
         return tracker, frames
@@ -249,14 +249,14 @@ def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:
 
 
 def unmarked(tracker: Any, frames: Any) -> tuple[Any, Any]:
-    """A tracker and its frames, as they were before ``marked``."""
+    """Undo ``marked``: return the original tracker and frames."""
     if not isinstance(tracker, WithGaps):
         return tracker, frames
     return tracker.tracker, frames if come_one_by_one(frames) else frames[0]
 
 
 def marked_one_by_one(tracker: Any, frames: Any, observed: Any = None) -> Iterator[Any]:
-    """For each frame: the frame, the tracker for it, and the frame as that tracker takes it."""
+    """Yield each frame, the tracker for it, and the frame in that tracker's format."""
     if observed is not None:
         check_gaps(tracker)
         for frame, seen in _pairs(frames, observed):
@@ -279,7 +279,7 @@ def _as_bool(observed: Any) -> Any:
 
 
 def _seen(frames: Any) -> Any:
-    """``[T]`` bool, which frames are not NaN throughout; None where all are seen."""
+    """``[T]`` bool, which frames are not entirely NaN; None if all are seen."""
     leaves = jax.tree.leaves(frames)
     if not leaves or not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in leaves):
         return None
@@ -287,7 +287,7 @@ def _seen(frames: Any) -> Any:
         return ~_nan_throughout(jnp, leaves)
     # Within a user's trace, indexing a JAX array would give a tracer.
     leaves = [np.asarray(x) for x in leaves]
-    # A frame that is NaN throughout begins with NaN: the others need not be read.
+    # A frame that is entirely NaN starts with NaN, so only such frames must be read.
     first = [np.isnan(x[(slice(None), *[0] * (x.ndim - 1))]) for x in leaves]
     places = np.flatnonzero(np.all(first, axis=0))
     missing = np.zeros(len(leaves[0]), bool)
@@ -302,7 +302,7 @@ def _nan_throughout(library: Any, leaves: list[Any]) -> Any:
 
 
 def _if_seen(seen: jax.Array, compute: Callable[[], Any]) -> Any:
-    """``compute()`` if seen, else zeros of its shapes."""
+    """``compute()`` if seen, else zeros of the same shapes."""
 
     def zeros() -> Any:
         return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(compute))
@@ -317,10 +317,10 @@ def _can_have_gaps(tracker: Any) -> bool:
 
 
 def check_gaps(tracker: Any) -> None:
-    """Refuse a tracker that cannot do without a frame.
+    """Refuse a tracker that does not support missing frames.
 
     Raises:
-        InputError: it has no likelihood to leave out.
+        InputError: the tracker has no likelihood to skip.
     """
     if not _can_have_gaps(tracker):
         raise InputError(
@@ -330,10 +330,10 @@ def check_gaps(tracker: Any) -> None:
 
 
 def _check_parts(tracker: Any) -> None:
-    """Refuse a tracker of which single partitions cannot be missing.
+    """Refuse a tracker that does not support missing partitions.
 
     Raises:
-        InputError: its particles carry one target each; its joint likelihood does not say how.
+        InputError: particles hold one target each, or the joint likelihood takes no ``observed``.
     """
     while not hasattr(tracker, "likelihood"):
         tracker = tracker.tracker

@@ -17,12 +17,12 @@ from jaxpf.running import missing_frames
 from jaxpf.running.checks import check_frames, check_run
 from jaxpf.running.chunks import come_one_by_one
 
-#: Blocks of frames of a run that reports its progress.
+#: Number of blocks of frames in a run that reports progress.
 _BLOCKS = 20
 
 
 def summary_only(state: Any, summary: Any) -> Any:
-    """The default of ``record``: keep the summary of every frame."""
+    """Record each frame's summary; the default of ``record``."""
     return summary
 
 
@@ -38,34 +38,35 @@ def run(
 ) -> tuple[Any, Any]:
     """Track one sequence once.
 
-    The first call for a kind of tracker and a shape of frames compiles without a message, for
-    seconds or, with many objects, minutes: ``jax.config.update("jax_log_compiles", True)`` logs
-    when that begins and ends, and ``jaxpf.stream`` gives every frame's summary as it comes.
+    The first call for a kind of tracker and a shape of frames compiles silently, for seconds or,
+    with many objects, minutes.  ``jax.config.update("jax_log_compiles", True)`` logs compilation;
+    ``jaxpf.stream`` yields every frame's summary as it is computed.
 
-    To resume a run, give its final state and its number of frames: the results are identical to
-    an uninterrupted run (``jaxpf.save`` keeps both on disk).
+    To resume a run, pass its final state and its number of frames; the results are identical to an
+    uninterrupted run.  ``jaxpf.save`` stores both on disk.
 
     Args:
         tracker: any object with ``init`` and ``step``, registered as a pytree.
         key: the run's random key; frame t uses ``fold_in(key, t + 1)``.
         frames: array or pytree with a leading time axis ``[T, ...]``.
-        record: function of ``(state, summary)``, what to keep of each frame.  Pass a
-            named function: a new lambda compiles anew.
-        observed: ``[T]`` bool, false for a missing frame: particles move by their dynamics alone;
-            or ``[T, P]``, false for a missing partition, such as a landmark out of view.  By
-            default frames of floats that are NaN throughout are missing.  The evidence increment
-            of a missing frame is 0, except where it is random (``running.missing_frames``).
-        state: after the frames before these; None begins with ``tracker.init``.
-        time: number of those frames.
-        progress: true prints the number of frames done to stderr; or a function of that number and
-            T.  The frames then go in some twenty blocks, with the same results.
+        record: function of ``(state, summary)`` that returns what to keep of each frame.  Pass a
+            named function: a new lambda recompiles.
+        observed: ``[T]`` bool, false for a missing frame, in which particles move by their dynamics
+            alone; or ``[T, P]``, false for a missing partition, such as a landmark out of view.  By
+            default, float frames that are entirely NaN are missing.  The log-evidence increment of
+            a missing frame is 0, unless it is random (``jaxpf.running.missing_frames``).
+        state: state after the previous frames, to resume; None starts with ``tracker.init``.
+        time: number of previous frames.
+        progress: True prints the number of finished frames to stderr; a function is called with
+            that number and T.  The run is then split into about twenty blocks of frames, with the
+            same results.
 
     Returns:
-        The final state, and what ``record`` kept, with a leading axis T.
+        The final state, and the recorded values with a leading axis T.
 
     Raises:
-        InputError: no frames, arrays with different numbers of frames, or frames that come one by
-            one; ``observed`` of another shape; see also ``jaxpf.running.checks.check_run``.
+        InputError: no frames, arrays with different numbers of frames, or an iterable of single
+            frames; ``observed`` of a wrong shape; see also ``jaxpf.running.checks.check_run``.
     """
     if come_one_by_one(frames):
         raise InputError(
@@ -92,24 +93,24 @@ def forecast(
     *,
     time: Any,
 ) -> tuple[Any, Any]:
-    """Predict where targets go after the last frame: ``run`` over missing frames.
+    """Predict targets after the last frame: ``run`` over missing frames.
 
-    Particles move by their dynamics alone; ``summary.spread`` shows how uncertainty grows.
+    Particles move by their dynamics alone; ``summary.spread`` shows the growing uncertainty.
 
     Args:
-        tracker: the tracker of the frames so far.
+        tracker: the tracker of the previous frames.
         key: as for ``run``.
-        state: after the last frame.
-        steps: frames ahead, S.
+        state: state after the last frame.
+        steps: S, number of frames to predict.
         record: as for ``run``.
-        time: number of frames tracked so far.  With the run's key the forecast goes on exactly as
-            ``run`` would; a smaller number would reuse the noise of frames that are tracked.
+        time: number of frames tracked.  With the run's key, the forecast continues exactly as
+            ``run`` would; a smaller number would reuse the noise of tracked frames.
 
     Returns:
-        The state S frames ahead, and what ``record`` kept, with a leading axis S.
+        The state S frames ahead, and the recorded values with a leading axis S.
 
     Raises:
-        InputError: fewer than one step, no key, or a tracker without a likelihood to leave out.
+        InputError: fewer than one step, an invalid key, or a tracker without a likelihood.
     """
     if steps < 1:
         raise InputError(f"steps={steps} must be at least 1.")
@@ -139,36 +140,36 @@ def _tell(done: int, total: int) -> None:
 
 
 def frame_key(key: jax.Array, time: Any) -> jax.Array:
-    """The key of frame ``time`` (from 0) of a run; key 0 is kept for ``init``."""
+    """Return the key of frame ``time`` (from 0) of a run; index 0 is reserved for ``init``."""
     return jax.random.fold_in(key, time + 1)
 
 
 def init(tracker: Any, key: jax.Array) -> Any:
-    """A run's state just before its first frame, as ``run`` makes it."""
+    """Return a run's initial state, as in ``run``."""
     return tracker.init(jax.random.fold_in(key, 0))
 
 
 def as_key(key: Any) -> jax.Array:
-    """One typed key, ``[]``, also from a key of the old kind.
+    """Convert a typed or legacy key to one typed key, ``[]``.
 
     Raises:
-        InputError: no key.
+        InputError: not a key.
     """
     return _typed(key, 0, "key", "a random key, such as jax.random.key(0)")
 
 
 def as_keys(keys: jax.Array) -> jax.Array:
-    """One typed key per run, ``[R]``, also from keys of the old kind.
+    """Convert typed or legacy keys to one typed key per run, ``[R]``.
 
     Raises:
-        InputError: no keys, or an array of another shape.
+        InputError: not keys, or an array of a wrong shape.
     """
     return _typed(keys, 1, "keys", "one key per run, as jax.random.split(key, R) does")
 
 
 def _typed(keys: Any, ndim: int, name: str, wanted: str) -> jax.Array:
     dtype, shape = getattr(keys, "dtype", None), np.shape(keys)
-    if dtype == np.uint32 and len(shape) == ndim + 1:  # of the old kind
+    if dtype == np.uint32 and len(shape) == ndim + 1:  # legacy keys
         keys = jax.random.wrap_key_data(jnp.asarray(keys))
     elif dtype is None or not jax.dtypes.issubdtype(dtype, jax.dtypes.prng_key):
         raise InputError(f"{name} is {keys!r:.60}; give {wanted}.")
@@ -178,7 +179,7 @@ def _typed(keys: Any, ndim: int, name: str, wanted: str) -> jax.Array:
 
 
 def num_frames(frames: Any) -> int:
-    """Length of the leading axis of all arrays.
+    """Return the length of the leading axis of all arrays.
 
     Raises:
         InputError: no frames, or arrays with different numbers of frames.
@@ -198,18 +199,18 @@ def frame_step(
     of_every_run: Callable[[Callable, Any], Any],
     record: Callable[[Any, Any], Any],
 ) -> Callable[[Any, Any], Any]:
-    """What every loop over frames repeats: observe a frame once, and advance all runs by it.
+    """Build the body of a loop over frames: observe a frame once, and advance all runs.
 
     Args:
-        observe: a frame as the likelihood needs it.
+        observe: the tracker's ``observe``.
         of_every_run: function of ``(advance, states)`` that applies ``advance(tracker, key,
-            state)`` to every run, in whatever arrangement the states have, and returns what it
-            returns: the new states, and what is kept.
+            state)`` to every run, in any arrangement of the states, and returns its results: the
+            new states and the recorded values.
         record: as for ``run``.
 
     Returns:
-        Function of ``states`` and ``(time, frame)``, as ``lax.scan`` takes it, that returns the
-        new states and what is kept of the frame.
+        A ``lax.scan`` body: function of ``states`` and ``(time, frame)`` that returns the new
+        states and the frame's recorded values.
     """
 
     def step_all(states: Any, item: Any) -> Any:
@@ -227,13 +228,13 @@ def frame_step(
 
 
 def one_run(tracker: Any, key: jax.Array, record: Callable[[Any, Any], Any]) -> Callable:
-    """The ``frame_step`` of a single run, whose states are one state."""
+    """Return the ``frame_step`` of a single run."""
     observe = contract.observed_apart(tracker)[0]
     return frame_step(observe, lambda advance, state: advance(tracker, key, state), record)
 
 
 def together(tracker: Any, keys: jax.Array) -> Callable[[Callable, Any], Any]:
-    """``of_every_run`` for runs of one tracker that are vectorised, keys and states ``[R]``."""
+    """Return ``of_every_run`` for vectorised runs of one tracker, with keys and states ``[R]``."""
 
     def of_every_run(advance: Callable, states: Any) -> Any:
         return jax.vmap(partial(advance, tracker))(keys, states)

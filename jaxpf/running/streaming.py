@@ -1,4 +1,4 @@
-"""Tracking one video as its frames stream by: constant memory, one compiled step."""
+"""Track one video frame by frame, with constant memory and one compiled step."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
@@ -17,9 +17,9 @@ class TrackedFrame(NamedTuple):
 
     Attributes:
         time: number of the frame among those tracked, from 0.
-        frame: the picture, as it came.
+        frame: the input frame.
         state: the tracker's state, still on the device.
-        summary: what the frame reports.
+        summary: the frame's summary.
     """
 
     time: int
@@ -36,18 +36,18 @@ def stream(
     state: Any = None,
     time: int = 0,
 ) -> Iterator[TrackedFrame]:
-    """Track frames one by one; gives what ``jaxpf.run`` gives with the same key.
+    """Track frames one by one, with the same results as ``jaxpf.run`` with the same key.
 
     Frames are not kept: memory does not grow with the length of the video.
 
     Args:
         tracker: any tracker.
         key: the run's random key.
-        frames: uint8 RGB ``[H, W, 3]``, all of one size.
-        observed: whether each was seen, as for ``jaxpf.run``; a frame that was dropped may hold
-            anything of that size.
-        state: as for ``jaxpf.run``, to go on.
-        time: likewise; frames are numbered from it.
+        frames: uint8 RGB ``[H, W, 3]``, all of the same size.
+        observed: whether each frame was seen, as for ``jaxpf.run``; a dropped frame may hold any
+            values of that size.
+        state: state after the previous frames, to resume, as for ``jaxpf.run``.
+        time: number of previous frames, as for ``jaxpf.run``; numbering starts from it.
     """
     if state is None:
         state = jax.jit(running.init)(tracker, key)
@@ -62,5 +62,5 @@ def stream(
 
 @jax.jit
 def step(tracker: Any, key: jax.Array, time: int, state: Any, frame: np.ndarray) -> Any:
-    """State and summary of frame ``time`` (from 0) of a run, as ``stream`` makes them."""
+    """Return state and summary of frame ``time`` (from 0) of a run, as in ``stream``."""
     return running.one_run(tracker, key, running.summary_only)(state, (time, frame))

@@ -1,8 +1,9 @@
 """Smoothing: the posterior of every frame given the whole clip, by backward simulation.
 
-A filter knows the frames so far.  Smoothing goes back over its weighted sets from the last frame
-to the first, and draws whole trajectories from the posterior given all frames.  ``particle_gibbs``
-draws them one given the other, exactly at any number of particles.
+A filter's estimate uses only past frames.  Smoothing goes back over the filter's weighted sets from
+the last frame to the first, and draws whole trajectories from the posterior given all frames.
+``particle_gibbs`` draws a sequence of trajectories, each given the previous one; it leaves the
+posterior invariant at any number of particles.
 """
 
 import lazy_loader

@@ -1,15 +1,15 @@
 """The backward pass: trajectories drawn from the last frame to the first (Godsill et al. 2004).
 
-At the last frame a particle is drawn by its weight.  At every frame before, by its weight times the
-density of the move to what was drawn already.  For motion of second order, a particle
+At the last frame a particle is drawn by its weight, at each earlier frame by its weight times the
+density of the move to the substates already drawn.  For second-order motion, a particle
 (x_t, x_{t-1}) is drawn by ::
 
     w_t f(x_{t+1} | x_t, x_{t-1}) f(x_{t+2} | x_{t+1}, x_t)
 
-and then x_{t-1} is forgotten: to keep it would leave a single particle to choose at the frame
-before, the one that drew it.  There is no second factor at the last frame but one.
+and x_{t-1} is then discarded: keeping it would leave only its own ancestor as a choice at the
+previous frame.  At the second-to-last frame there is no second factor.
 
-The cost is quadratic: each of M trajectories tries all N particles of every frame.
+The cost is quadratic: each of M trajectories evaluates all N particles of every frame.
 """
 
 from functools import partial
@@ -22,7 +22,7 @@ from jax import lax
 from jaxpf import contract
 from jaxpf.lowering.prefix import running_sum
 
-#: Numbers of one array in a pass over particles and trajectories: what a core's cache holds.
+#: Array size in a pass over particles and trajectories that fits into a core's cache.
 _CHUNK = 2**17
 
 
@@ -31,9 +31,9 @@ class History(NamedTuple):
 
     Attributes:
         current: ``[T, D, P, N]``.
-        previous: ``[T, D, P, N]``, substates of the frame before; None where no move asks for it.
+        previous: ``[T, D, P, N]``, substates of the previous frame; None for first-order motion.
         log_weights: ``[T, N]``.
-        label: ``[T, N]`` int32; None where particles carry none.
+        label: ``[T, N]`` int32; None if particles carry no labels.
     """
 
     current: jax.Array
@@ -43,12 +43,12 @@ class History(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """What a trajectory has of the frames to come, or M trajectories, with an axis in front.
+    """A trajectory's substates in the next two frames; for M trajectories, with a leading axis.
 
     Attributes:
         next: ``[D, G]``, the substates of the next frame.
-        after: ``[D, G]``, those of the frame after; None where no move asks for it.
-        label: ``[]``, of the next frame; None without labels.
+        after: ``[D, G]``, the substates of the frame after it; None for first-order motion.
+        label: ``[]``, label in the next frame; None without labels.
     """
 
     next: jax.Array
@@ -57,13 +57,13 @@ class Drawn(NamedTuple):
 
 
 class Pass(NamedTuple):
-    """What the backward pass over a group of G partitions gives.
+    """Result of the backward pass over a group of G partitions.
 
     Attributes:
         estimate: ``[T, D, G]``, mean of the trajectories.
         spread: ``[T, D, G]``, their standard deviation.
-        trajectories: ``[T, M, D, G]``, or None unless asked for.
-        broken: ``[]`` int32, moves that no particle could explain.
+        trajectories: ``[T, M, D, G]``; None unless requested.
+        broken: ``[]`` int32, number of moves with zero density from every particle.
     """
 
     estimate: jax.Array
@@ -85,13 +85,13 @@ def backward(
     """Draw trajectories of one group of partitions.
 
     Args:
-        tracker: whose dynamics moved the particles.
+        tracker: the tracker whose dynamics moved the particles.
         key: a random key.
-        history: of all partitions.
-        parts: ``[G]`` int32, the group.
-        parents: ``[G]`` int32, place in the group of each one's parent, -1 for a root.
+        history: weighted sets of all partitions.
+        parts: ``[G]`` int32, partitions of the group.
+        parents: ``[G]`` int32, index in the group of each partition's parent, -1 for a root.
         num_trajectories: M.
-        keep: whether to return the trajectories themselves.
+        keep: whether to return the trajectories.
         first: number of the history's first frame.
     """
     num_frames = history.log_weights.shape[0]
@@ -150,13 +150,13 @@ def log_densities(
     """Log-densities ``[N]`` of a trajectory's next moves from every particle of a frame.
 
     Args:
-        tracker: whose dynamics move.
-        here: the frame, its substates ``[D, G, N]``.
+        tracker: the tracker whose dynamics moved the particles.
+        here: the frame's weighted set, with substates ``[D, G, N]``.
         drawn: one trajectory.
         parts: see ``backward``.
         parents: see ``backward``.
-        frames_left: ``[]``, how many frames come after this one.
-        time: the frame's number, by which dynamics may change.
+        frames_left: ``[]``, number of frames after this one.
+        time: the frame's number, for dynamics that change with time.
     """
     num_particles = here.log_weights.shape[0]
     to_next, to_after = (contract.at_frame(tracker, time + step).dynamics for step in (1, 2))
@@ -190,7 +190,7 @@ def log_densities(
         log_moves += jnp.where(frames_left > 1, jnp.sum(of_parts, axis=0), 0.0)
     if here.label is None:
         return log_moves
-    # Computed for every label, then looked up: there are few of them.
+    # Labels are few: compute for every label, then look up.
     labels = jnp.arange(jnp.shape(tracker.initial_label)[0])
     log_label = jax.vmap(contract.log_label, in_axes=(None, None, 0, None))(
         to_next, drawn.label, labels, drawn.next.T
@@ -200,10 +200,10 @@ def log_densities(
 
 
 def _pick(uniform: jax.Array, log_weights: jax.Array) -> jax.Array:
-    """One particle drawn by its weight ``[N]``, never one of zero weight.
+    """Draw one particle by its weight ``[N]``, never one of zero weight.
 
-    In two looks, first for the block and then inside it: a sum over all costs as much as the
-    weights themselves, a running sum several times as much.
+    First draws the block, then the particle inside it.  This avoids a running sum over all
+    particles, which costs several times as much as computing the weights.
     """
     num_particles, log_weights = log_weights.shape[0], lax.stop_gradient(log_weights)
     side = max(1, round(num_particles**0.5))
@@ -216,7 +216,7 @@ def _pick(uniform: jax.Array, log_weights: jax.Array) -> jax.Array:
 
 
 def _first_above(sums: jax.Array, target: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """The first place at which running sums exceed a target, and what of it is left there."""
+    """First index at which running sums exceed a target, and the remainder of the target there."""
     target = jnp.minimum(target, jnp.nextafter(sums[-1], jnp.zeros_like(target)))
     place = jnp.sum(sums <= target)
     before = jnp.where(place > 0, sums[jnp.maximum(place - 1, 0)], 0.0)

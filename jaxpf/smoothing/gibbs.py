@@ -1,19 +1,19 @@
-"""Particle Gibbs: whole trajectories, drawn one after the other from the posterior of all frames.
+"""Particle Gibbs: a Markov chain of trajectories from the posterior given all frames.
 
-Backward simulation goes over what a filter found; where an object is hidden for long, hardly a
-particle leads to the place at which it comes out.  A *conditional sweep* keeps a reference
-trajectory among its particles and draws a new one.  It leaves the posterior of trajectories given
-all frames exactly as it is, at any number of particles (Andrieu, Doucet & Holenstein 2010), so that
-sweep after sweep, each with the last one's draw for its reference, converges to it.
+Backward simulation can only use the filter's particles.  After a long occlusion, few particles lead
+to the place where the object reappears.  A *conditional sweep* keeps a reference trajectory among
+its particles and draws a new trajectory.  It leaves the posterior of trajectories given all frames
+invariant at any number of particles (Andrieu, Doucet & Holenstein 2010).  A sequence of sweeps,
+each with the previous draw as its reference, converges to this posterior.
 
-Which past the reference x' continues is drawn anew at every frame, *ancestor sampling* (Lindsten,
-Jordan & Schoen 2014), by ::
+*Ancestor sampling* (Lindsten, Jordan & Schoen 2014) redraws the past of the reference x' at every
+frame, by ::
 
     w_t f(x'_{t+1} | x_t, x_{t-1}) f(x'_{t+2} | x'_{t+1}, x_t)
 
-without the second factor for motion of first order and at the last frame but one.  That is done
-where a frame starts, for all partitions at once.  Inside a frame the reference goes on from itself:
-a rule for the partitions that still lie ahead there is not proved.
+without the second factor for first-order motion and at the second-to-last frame.  It takes place at
+the start of a frame, for all partitions at once.  Inside a frame the reference keeps its own past,
+because no rule has been proved for the partitions still to be processed.
 """
 
 import dataclasses
@@ -39,7 +39,7 @@ from jaxpf.smoothing.groups import check_smoothing, looks_back
 
 @pytree_dataclass
 class _KeepsFirst(BuiltIn):
-    """Multinomial resampling in which the first slot goes on from itself."""
+    """Multinomial resampling in which the first slot keeps its particle."""
 
     def within(self, key, cdf, components):
         return super().within(key, cdf, components).at[0].set(0)
@@ -47,7 +47,7 @@ class _KeepsFirst(BuiltIn):
 
 @pytree_dataclass
 class _HoldsFirst:
-    """A motion in which the first particle goes where a reference ``[D, P]`` went."""
+    """Dynamics in which the first particle follows a reference ``[D, P]``."""
 
     dynamics: Any
     reference: jax.Array
@@ -66,26 +66,26 @@ def particle_gibbs(
     *,
     observed: Any = None,
 ) -> jax.Array:
-    """Trajectories of conditional sweeps, each given the one before it.
+    """Draw trajectories by conditional sweeps, each given the previous trajectory.
 
     Args:
-        tracker: a ``jaxpf.Partitioned`` with ``resampling="multinomial"``, an ordering of ``sir``
+        tracker: a ``jaxpf.Partitioned`` with ``resampling="multinomial"``, an ordering from ``sir``
             or ``ps``, and dynamics with ``log_density``.  A handful of particles is enough.
         key: a random key.
         frames: ``[T, ...]``, as for ``jaxpf.run``.
         num_sweeps: S.
-        reference: ``[T + 1, P, D]``, the trajectory to start from, the substates just before the
-            first frame in front; None: one drawn by the filter itself, and the first sweeps still
-            depend on it.
+        reference: ``[T + 1, P, D]``, the initial trajectory, starting with the substates just
+            before the first frame.  None draws it with the filter; the first sweeps still depend on
+            it.
         observed: as for ``jaxpf.run``.
 
     Returns:
-        ``[S, T + 1, P, D]``, the substates just before the first frame in front.
+        ``[S, T + 1, P, D]``, trajectories that start just before the first frame.
 
     Raises:
-        InputError: what cannot be smoothed (``check_smoothing``) or has no conditional sweep
-            (``check_conditional``); frames one by one; a reference of another shape; fewer than one
-            sweep; more than fits into the memory.
+        InputError: a tracker that cannot be smoothed (``check_smoothing``) or has no conditional
+            sweep (``check_conditional``); an iterable of single frames; a reference of a wrong
+            shape; fewer than one sweep; not enough memory.
     """
     check_conditional(tracker)
     if come_one_by_one(frames):
@@ -121,10 +121,10 @@ def particle_gibbs(
 
 
 def check_conditional(tracker: Any) -> None:
-    """Refuse what no conditional sweep is proved for.
+    """Refuse trackers for which no conditional sweep has been proved.
 
     Raises:
-        InputError: which, and what to use instead.
+        InputError: names the setting and an alternative.
     """
     check_smoothing(tracker)
     if getattr(tracker.resampling, "name", "") != "multinomial":
@@ -133,7 +133,7 @@ def check_conditional(tracker: Any) -> None:
             f"under {tracker.resampling}; give resampling='multinomial'."
         )
     ordering = tracker.ordering
-    # In NumPy: within a user's trace a JAX operation would give a tracer.
+    # NumPy, because within a user's trace a JAX operation would return a tracer.
     if is_concrete(ordering) and (
         ordering.keeps_components
         or np.asarray(ordering.fractions)[0] < 1
@@ -166,12 +166,12 @@ def _sweeps(tracker, keys, frames, reference, second_order):
 def sweep(
     tracker: Any, key: jax.Array, frames: Any, reference: Any, second_order: bool
 ) -> jax.Array:
-    """One trajectory ``[T + 1, P, D]``, given another; given None, by a filter as any other.
+    """Draw a trajectory ``[T + 1, P, D]`` given a reference, or from the filter if it is None.
 
     Args:
-        tracker: as ``missing_frames.marked`` leaves it.
+        tracker: as returned by ``missing_frames.marked``.
         key: a random key.
-        frames: as ``missing_frames.marked`` leaves them.
+        frames: as returned by ``missing_frames.marked``.
         reference: ``[T + 1, P, D]``.
         second_order: static, whether moves depend on the substate before the current one.
     """
@@ -203,7 +203,7 @@ def sweep(
         )
         moves = jnp.where(jnp.isnan(moves), -jnp.inf, moves)
         ancestor = jax.random.categorical(ancestor_key, moves).astype(jnp.int32)
-        # The reference goes on from slot 0: its new past changes places with the old one there.
+        # The reference continues from slot 0: swap its new past into that slot.
         places = slots.at[0].set(ancestor).at[ancestor].set(0)
         state = dataclasses.replace(
             state, lagged=state.lagged[..., places], log_weights=state.log_weights[places]

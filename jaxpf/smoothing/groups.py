@@ -1,8 +1,8 @@
-"""Which partitions are smoothed together, and which trackers cannot be smoothed.
+"""Groups of partitions that are smoothed together, and checks whether a tracker can be smoothed.
 
-Objects that are independent given the frames are smoothed one by one: a pass of their own is the
-same distribution at less variance, since a particle need not explain all of them at once.  Parts
-of one tree belong together: given its parent's value alone, a part still hangs on the parent's past
+Objects that are independent given the frames are smoothed separately: the distribution is the same
+at lower variance, since no particle has to explain all objects at once.  Parts of one tree are
+smoothed together: given only its parent's current value, a part still depends on the parent's past
 (a pass per part was biased, z = 10.6 where the joint pass had 2.3).
 """
 
@@ -26,11 +26,11 @@ _SUPPORTED = (
 
 
 def together(tracker: Partitioned) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The groups of partitions that one backward pass goes over, those of one size stacked.
+    """Group the partitions by backward pass, and stack groups of the same size.
 
     Returns:
-        For every size G that occurs: the partitions ``[Q, G]`` of its Q groups, and the place in
-        the group of each partition's parent, -1 for a root.
+        For each group size G: the partitions ``[Q, G]`` of its Q groups, and the index in the group
+        of each partition's parent, -1 for a root.
     """
     parents = tracker.parents
     joint = (
@@ -58,9 +58,9 @@ def together(tracker: Partitioned) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def looks_back(tracker: Partitioned) -> bool:
-    """Whether the density of a move depends on the substate before the current one.
+    """Whether the transition density depends on the previous substate (second-order motion).
 
-    Found in the traced program; a method that uses it in a way that does not matter counts too.
+    Inspects the traced program, so any use of the argument counts, even without effect.
     """
     state = jax.eval_shape(tracker.init, jax.random.key(0))
     dynamics = contract.at_frame(tracker, 0).dynamics
@@ -77,10 +77,10 @@ def looks_back(tracker: Partitioned) -> bool:
 
 
 def check_smoothing(tracker: Any) -> None:
-    """Refuse trackers without a smoothed distribution, or with a wrong one.
+    """Refuse trackers whose smoothed distribution is undefined or would be wrong.
 
     Raises:
-        InputError: which, and what to use instead.
+        InputError: names the setting and an alternative.
     """
     if not isinstance(tracker, Partitioned):
         raise InputError(

@@ -1,4 +1,4 @@
-"""Smoothing beside a tracking loop: states in, frame by frame; smoothed frames out."""
+"""Smoothing alongside a tracking loop: takes states frame by frame, returns smoothed frames."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -14,10 +14,10 @@ from jaxpf.smoothing.smoother import SmoothedFrame, back_over, backward_key, che
 
 
 class LookBack:
-    """What ``smooth`` and, with a lag, ``stream`` give, of states that are tracked elsewhere.
+    """Smooths states tracked elsewhere, like ``smooth`` or, with a lag, like ``stream``.
 
     Attributes:
-        broken: moves that no particle could explain, up to now.
+        broken: number of moves so far with zero density from every particle.
     """
 
     def __init__(
@@ -28,17 +28,17 @@ class LookBack:
         num_frames: int | None = None,
         first: int = 0,
     ):
-        """Nothing is tracked yet.
+        """Start before the first state.
 
         Args:
             tracker: a ``jaxpf.Partitioned``.
-            key: with which it tracks.
+            key: the key of the tracking run.
             lag: as for ``jaxpf.smooth``.
-            num_frames: that will be tracked, where that is known.
-            first: number of the first of them, where others were tracked before.
+            num_frames: number of frames to track, if known.
+            first: number of the first frame, if earlier frames were tracked before.
 
         Raises:
-            InputError: what cannot be smoothed; a lag below 1; too many frames for the memory.
+            InputError: a tracker that cannot be smoothed; a lag below 1; not enough memory.
         """
         check_smoothing(tracker)
         if lag is not None and lag < 1:
@@ -52,10 +52,10 @@ class LookBack:
         self._start, self._passes, self.broken = first, 0, 0
 
     def add(self, state: Any) -> list[SmoothedFrame]:
-        """The next frame's ``ParticleState``; gives the frames that it was the last to wait for."""
+        """Add the next frame's ``ParticleState``; return the frames that are now complete."""
         check_not_traced("LookBack", "jaxpf.smooth", state)
         lagged = np.asarray(state.lagged)
-        # Copies, so that the device need not keep every state.
+        # Copy, so that the device need not keep every state.
         kept: Any = (
             lagged[0],
             lagged[1] if self._has_two_lags else None,
@@ -68,12 +68,12 @@ class LookBack:
         return list(self._pass(self._lag))
 
     def finish(self) -> Iterator[SmoothedFrame]:
-        """All other frames."""
+        """Yield the remaining frames."""
         while self._kept:
             yield from self._pass(self._lag or len(self._kept))
 
     def _pass(self, length: int) -> Iterator[SmoothedFrame]:
-        """Look back over all that is kept; the first frames are done then, and leave."""
+        """Smooth all stored states; yield the first ``length`` frames and drop their states."""
         key = self._key
         if self._lag is not None:
             key = jax.random.fold_in(key, self._passes)

@@ -1,4 +1,4 @@
-"""Smoothing a clip, whole or with a fixed lag: forward with the filter, then backward."""
+"""Smooth a clip, whole or with a fixed lag: run the filter forward, then a backward pass."""
 
 import itertools
 from collections.abc import Iterator
@@ -19,22 +19,23 @@ from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing.backward import History, Pass, backward
 from jaxpf.smoothing.groups import check_smoothing, looks_back, together
 
-#: Number of the key from which trajectories are drawn; frames use those from 0.
+#: Index of the key for backward passes; frames use indices from 0.
 _BACKWARD = np.uint32(2**32 - 1)
 
 
 @pytree_dataclass
 class Smoothed:
-    """Where P partitions of D dimensions were in T frames, given all frames.
+    """Posterior of P partitions of D dimensions in T frames, given all frames.
 
     Attributes:
         estimate: ``[T, P, D]``, mean of the trajectories.
         spread: ``[T, P, D]``, their standard deviation.
-        summaries: what the filter reported on the way, ``[T, ...]``, as of ``jaxpf.run``.
-        broken: ``[]`` int32, moves of trajectories that no particle could explain; the particle
-            was then drawn by its weight alone.  More than a few: give more particles.
-        trajectories: ``[M, T, P, D]``, draws of the whole motion; None unless asked for.  Those of
-            independent objects are drawn apart.
+        summaries: the filter's summaries, ``[T, ...]``, as from ``jaxpf.run``.
+        broken: ``[]`` int32, number of moves in trajectories with zero density from every particle;
+            the particle was then drawn by its weight alone.  If there are more than a few, use more
+            particles.
+        trajectories: ``[M, T, P, D]``, draws of whole trajectories; None unless requested.
+            Trajectories of independent objects are drawn separately.
     """
 
     estimate: jax.Array
@@ -51,8 +52,8 @@ class SmoothedFrame(NamedTuple):
         time: number of the frame, from 0.
         estimate: ``[P, D]``.
         spread: ``[P, D]``.
-        summary: the filter's; None from ``LookBack``.
-        broken: moves that no particle could explain, of all frames looked back over.
+        summary: the filter's summary; None from ``LookBack``.
+        broken: number of moves in all passes so far with zero density from every particle.
     """
 
     time: int
@@ -72,28 +73,27 @@ def smooth(
     keep_trajectories: bool = False,
     observed: Any = None,
 ) -> Smoothed:
-    """Track a clip, then go back over it: the posterior of every frame given all frames.
+    """Track a clip, then smooth it: the posterior of every frame given all frames.
 
-    Backward simulation (Godsill, Doucet & West 2004), see ``jaxpf.smoothing.backward``: one pass
-    for each independent object, one for all parts of a tree, and one for everything where the
-    likelihood does not factor, particles carry labels, or ``initial`` may draw jointly.  Every
-    dimension needs noise, or the same value in all particles.
+    Backward simulation (Godsill, Doucet & West 2004), see ``jaxpf.smoothing.backward``.  There is
+    one backward pass per independent object and one per part tree.  A single pass covers all
+    partitions if the likelihood does not factor, particles carry labels, or ``initial`` may draw
+    partitions jointly.  Every dimension needs noise, or the same value in all particles.
 
     Args:
         tracker: a ``jaxpf.Partitioned`` whose dynamics have ``log_density``.
-        key: the filter then runs as ``jaxpf.run`` does with it, bit for bit.
+        key: the run's random key; the filter's run is identical to ``jaxpf.run`` with it.
         frames: as for ``jaxpf.run``; with a ``lag`` also an iterable of single frames.
-        num_trajectories: M; default as many as there are particles.  The time is proportional to
-            M N.
-        lag: L, look ahead by L to 2 L frames instead of all: memory then does not grow with the
-            length of the clip.
-        keep_trajectories: return the trajectories themselves, too.
+        num_trajectories: M; default the number of particles.  Time is proportional to M N.
+        lag: L, use the next L to 2 L frames instead of all later frames.  Memory then does not grow
+            with the length of the clip.
+        keep_trajectories: whether to return the trajectories too.
         observed: as for ``jaxpf.run``.
 
     Raises:
-        InputError: what cannot be smoothed (``check_smoothing``); fewer than one trajectory or
-            frame of lag; trajectories of a whole clip from a fixed lag; a clip that is too long
-            for the memory without one.
+        InputError: a tracker that cannot be smoothed (``check_smoothing``); fewer than one
+            trajectory; a lag below 1; ``keep_trajectories`` with a lag; a clip without a lag that
+            does not fit into memory.
     """
     if lag is not None:
         if keep_trajectories:
@@ -131,16 +131,16 @@ def stream(
     num_trajectories: int | None = None,
     observed: Any = None,
 ) -> Iterator[SmoothedFrame]:
-    """Smooth frames as they come, each by ``lag`` to twice as many that follow it.
+    """Smooth frames as they arrive, each given the ``lag`` to ``2 * lag`` frames after it.
 
-    Frames are tracked in blocks of ``lag``; a block is reported when the next one is tracked, by a
-    pass back over both.  States of two blocks are kept.
+    Frames are tracked in blocks of ``lag``.  When the next block has been tracked, a backward pass
+    over both blocks smooths the first.  States of two blocks are kept.
 
     Args:
         tracker: as for ``smooth``.
         key: as for ``smooth``.
-        frames: an array or pytree ``[T, ...]``, or single frames one by one.
-        lag: frames to look ahead, at least.
+        frames: an array or pytree ``[T, ...]``, or an iterable of single frames.
+        lag: minimum number of later frames to use.
         num_trajectories: as for ``smooth``.
         observed: as for ``jaxpf.run``.
 
@@ -175,14 +175,14 @@ def stream(
 
 
 def _tracked(tracker: Any, frames: Any, key: jax.Array, lag: int) -> Iterator[Any]:
-    """What is kept of block after block of frames, as ``jaxpf.run`` tracks them."""
+    """Track blocks of frames as ``jaxpf.run`` does; yield each block's recorded values."""
     record, state, first = _record(missing_frames.unmarked(tracker, frames)[0]), None, 0
     for block in _blocks(frames, lag):
         of_block = tracker
         if come_one_by_one(frames):
             of_block, block = missing_frames.marked(
                 tracker, block
-            )  # only now is it known which are missing
+            )  # missing frames are known only now
         if state is None:
             check_run(*missing_frames.unmarked(of_block, block))
             state = jax.jit(running.init)(tracker, key)
@@ -194,7 +194,7 @@ def _tracked(tracker: Any, frames: Any, key: jax.Array, lag: int) -> Iterator[An
 
 
 def _blocks(frames: Any, length: int) -> Iterator[Any]:
-    """Frames in blocks, the last one of what is left."""
+    """Split frames into blocks; the last one may be shorter."""
     if not come_one_by_one(frames):
         for first in range(0, running.num_frames(frames), length):
             yield jax.tree.map(lambda x, first=first: x[first : first + length], frames)
@@ -206,7 +206,7 @@ def _blocks(frames: Any, length: int) -> Iterator[Any]:
 
 @partial(jax.jit, static_argnames="record")
 def _advance(tracker, key, state, first, frames, record):
-    """State after a block of frames, and what was kept of them."""
+    """Advance the state by a block of frames; also return the recorded values."""
     times = first + jnp.arange(running.num_frames(frames))
     return lax.scan(running.one_run(tracker, key, record), state, (times, frames))
 
@@ -224,13 +224,13 @@ def _record(tracker: Any) -> Any:
 
 
 def backward_key(key: jax.Array) -> jax.Array:
-    """From which trajectories are drawn, of a run's key."""
+    """Derive the key for drawing trajectories from a run's key."""
     return jax.random.fold_in(key, _BACKWARD)
 
 
 @partial(jax.jit, static_argnames=("num_trajectories", "keep"))
 def _backward_groups(tracker, keys, history, parts, parents, num_trajectories, keep, first):
-    """One pass after the other over groups of one size, ``[Q, G]``."""
+    """Run backward passes in sequence over groups of the same size, ``[Q, G]``."""
 
     def one(group):
         key, parts, parents = group
@@ -240,7 +240,7 @@ def _backward_groups(tracker, keys, history, parts, parents, num_trajectories, k
 
 
 def back_over(tracker, key, history, num_trajectories, keep, first=0) -> Pass:
-    """All partitions' passes, put together: ``[T, P, D]``, and trajectories ``[M, T, P, D]``."""
+    """Smooth all partitions and join the passes: ``[T, P, D]``, trajectories ``[M, T, P, D]``."""
     found, order = [], []
     for number, (parts, parents) in enumerate(together(tracker)):
         keys = jax.random.split(jax.random.fold_in(key, number), len(parts))
@@ -251,7 +251,7 @@ def back_over(tracker, key, history, num_trajectories, keep, first=0) -> Pass:
     back = np.argsort(np.concatenate(order))
 
     def assembled(name: str) -> jax.Array:
-        # [Q, T, ..., D, G] of every size: the groups' partitions side by side, in the order of old.
+        # [Q, T, ..., D, G] of every size: concatenate the groups' partitions in original order.
         by_size = [jnp.moveaxis(getattr(one, name), 0, -2) for one in found]
         flat = [values.reshape(*values.shape[:-2], -1) for values in by_size]
         return jnp.swapaxes(jnp.concatenate(flat, axis=-1)[..., back], -1, -2)
@@ -273,7 +273,7 @@ def _checked_number(tracker: Any, num_trajectories: int | None) -> int:
 
 
 def check_length(tracker: Any, num_frames: int, num_trajectories: int, keep: bool = False) -> None:
-    """Refuse a clip whose weighted sets do not fit, before it is tracked."""
+    """Refuse a clip whose weighted sets do not fit into memory, before tracking it."""
     state = jax.eval_shape(tracker.init, jax.random.key(0))
     _, dimension, num_partitions, num_particles = state.lagged.shape
     lags = 2 if looks_back(tracker) else 1

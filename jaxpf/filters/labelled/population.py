@@ -40,7 +40,7 @@ def born(state: LabelledState, slot: jax.Array, substate: jax.Array) -> Labelled
 def ended(state: LabelledState, slot: jax.Array) -> LabelledState:
     """Remove the target of ``slot`` from an open population between two frames.
 
-    The other labels' particles stay as they are.
+    The other labels' particles do not change.
     """
     _check_open(state)
     return _ended(state, slot)

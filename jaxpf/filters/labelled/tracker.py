@@ -100,7 +100,7 @@ class Labelled(Tracker):
         return self.num_targets
 
     def init(self, key: jax.Array) -> LabelledState:
-        """Draw the state just before the first frame; every target has 1/L of the weight."""
+        """Draw the state just before the first frame; each target has 1/L of the weight."""
         if self.population == "open":
             return population.first_state(self)
         key, labels = written_out(key), kernel.first_labels(self.num_particles, self.num_targets)

@@ -143,7 +143,7 @@ class PartitionedFilter(Filter):
     def variants(
         self, method: str, parents: Sequence[int], asked: Mapping[str, Sequence[Any]]
     ) -> list[Variant]:
-        """See ``Filter``: PS in every order, SPS with every swap."""
+        """See ``Filter``: PS with each requested order, SPS with each requested swap."""
         if method == "ps":
             orders = _orders(asked["order"], parents)
             return [Variant(order_label(o), {"method": method, "order": o}) for o in orders]

@@ -76,8 +76,8 @@ class ErrorBars(Summary):
     Attributes:
         estimate_variance: ``[P, D]``, variance of ``estimate`` over runs; NaN if unknown.
         evidence_variance: ``[]``, relative variance of the evidence of all frames processed, about
-            the variance of its logarithm.  NaN if unknown; in particular with exchange, unless
-            resampling is multinomial, and after the first ``lag + 1`` frames.
+            the variance of its logarithm.  NaN if unknown, with exchange, with any resampling
+            other than multinomial, and, with a lag, after the first ``lag + 1`` frames.
         num_ancestors: ``[P]`` int32, number of distinct ancestors per partition.
         unknown: ``[P]`` bool, fewer than sqrt(N) ancestors, too few for a variance.
         estimate_terms: ``[S, P, D]``, contribution of each stage within the lag to
@@ -287,6 +287,6 @@ class WithErrorBars(contract.Tracker):
 
 
 def _count(family: jax.Array, weights: jax.Array) -> jax.Array:
-    """Number of families ``[N]`` that have a member with weight."""
+    """Number of families ``[N]`` that contain a particle of nonzero weight."""
     present = jnp.zeros(family.shape, bool).at[family].max(weights > 0)
     return jnp.sum(present, dtype=jnp.int32)

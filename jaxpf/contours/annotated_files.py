@@ -2,8 +2,8 @@
 
 Outlines and centrelines are CSV with the header ``frame,id,k,x,y``: the k-th point of a target in
 a frame, in continuous pixels; k marks the same spot of the body in every frame.  Masks are one
-picture per frame; the number at the end of the name is the frame's number, else the order of the
-names counts.
+picture per frame; the number in the name is the frame's number, and if no name has one, the order
+of the names counts.
 """
 
 from pathlib import Path
@@ -66,16 +66,23 @@ def read_annotated(
 
 
 def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.ndarray]:
-    from jaxpf.media.images import IMAGE_SUFFIXES, frame_number, natural_order, read_mask
+    from jaxpf.media.images import IMAGE_SUFFIXES, frame_numbers, natural_order, read_mask
 
     place = folder / "masks" if (folder / "masks").is_dir() else folder
     names = sorted(
         (entry.name for entry in place.iterdir() if entry.suffix.lower() in IMAGE_SUFFIXES),
         key=natural_order,
     )
-    numbers: list[Any] = [frame_number(name) for name in names]
-    if None in numbers or len(set(numbers)) < len(numbers):
+    numbers: list[Any] = frame_numbers(names)
+    if set(numbers) == {None}:
         numbers = list(range(len(names)))
+    for place, (number, name) in enumerate(zip(numbers, names, strict=True)):
+        if number is None or number in numbers[:place]:
+            what = "has no number at its end" if number is None else f"has the number {number} again"
+            raise InputError(
+                f"'{name}' of the masks in '{place_of_masks}' {what}; the number is the frame's, so "
+                "rename or remove it."
+            )
     masks: dict[tuple[int, str], np.ndarray] = {}
     objects: set[int] = set()
     for number, name in zip(numbers, names, strict=True):

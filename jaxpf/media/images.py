@@ -1,6 +1,8 @@
 """Single images as frames: sorts them by name and decodes them to RGB."""
 
+import itertools
 import re
+import statistics
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,13 +18,19 @@ _MOST_VALUES, _SOFT = 64, 16
 VIDEO_SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".webm", ".wmv")
 
 
-def frame_number(name: str) -> int | None:
-    """Return the number at the end of a file's stem, its frame number: 12 for ``a012.png``.
+def frame_numbers(names: Sequence[str]) -> list[int | None]:
+    """Return the frame number in the name of every file of a folder; None where there is none.
 
-    None if the stem does not end in digits.
+    It is the number at the end of the stem, 12 for ``a012.png``.  If the stems differ in their
+    numbers only, it is the last number that differs: 12 for ``0012_mask.png``.
     """
-    digits = re.search(r"(\d+)$", Path(name).stem)
-    return int(digits[1]) if digits else None
+    stems = [re.split(r"(\d+)", Path(name).stem) for name in names]
+    if len({tuple(stem[::2]) for stem in stems}) == 1:
+        columns = [[int(stem[place]) for stem in stems] for place in range(1, len(stems[0]), 2)]
+        for column in reversed(columns):
+            if len(set(column)) == len(names) > 1:
+                return list(column)
+    return [int(stem[-2]) if len(stem) > 1 and not stem[-1] else None for stem in stems]
 
 
 def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
@@ -36,18 +44,25 @@ def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
         A note if the numbers have a step other than 1.
 
     Raises:
-        InputError: the steps differ, so frames are missing.
+        InputError: the steps differ, so frames are missing or there twice.
     """
-    numbers = [frame_number(name) for name in names]
-    if len(names) < 3 or None in numbers:
+    numbers = [number for number in frame_numbers(names) if number is not None]
+    if len(names) < 3 or len(numbers) < len(names) or len(set(numbers)) == 1:
         return None
-    steps = np.diff(np.array(numbers, int))
-    if np.any(steps != steps[0]):
-        place = int(np.argmax(steps != np.median(steps)))
+    steps = [after - before for before, after in itertools.pairwise(numbers)]
+    if len(set(steps)) > 1:
+        usual = statistics.mode(steps)
+        place = next(place for place, step in enumerate(steps) if step != usual)
+        earlier, later = names[place : place + 2]
+        if steps[place] == 0:
+            raise InputError(
+                f"folder '{folder}' has two files of number {numbers[place]}, '{earlier}' and "
+                f"'{later}'; a number in a name is the frame's number, so remove or rename one"
+            )
         raise InputError(
-            f"folder '{folder}' leaves numbers out: '{names[place + 1]}' follows '{names[place]}'; "
-            "a number in a name is the frame's number, so add the missing frames, or rename the "
-            "files if these frames follow one another"
+            f"folder '{folder}' leaves numbers out: '{later}' follows '{earlier}'; a number in a "
+            "name is the frame's number, so add the missing frames, or rename the files if these "
+            "frames follow one another"
         )
     if steps[0] == 1:
         return None
@@ -101,6 +116,14 @@ def _check_mask(path: Path, values: np.ndarray) -> None:
             f"'{path}' holds {count} {kind}, as a photograph does, and a mask has few; give "
             "pictures that are 0 but on the target, without loss (PNG, not JPEG)."
         )
+
+
+def check_name(path: Path) -> None:
+    """Refuse a name that is not UTF-8, at which OpenCV crashes."""
+    try:
+        str(path.absolute()).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"the name {str(path)!a} is not UTF-8; rename it") from None
 
 
 def natural_order(name: str) -> tuple[list[str | int], str]:

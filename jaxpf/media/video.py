@@ -16,6 +16,7 @@ from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource
 from jaxpf.media.images import (
     IMAGE_SUFFIXES,
     check_consecutive,
+    check_name,
     check_single,
     frames_inside,
     full_range,
@@ -65,6 +66,7 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
         raise InputError(f"fps {fps} for '{path}' is not a positive number; give one such as 25")
     if address is not None:
         return LiveSource(address, fps)
+    check_name(path)
     if path.is_dir():
         return _ImageFolder(path, fps)
     if not path.exists():
@@ -232,6 +234,7 @@ class _ImageFolder(FrameSource):
             )
         self.note = check_consecutive(path, [entry.name for entry in self._files])
         for entry in self._files:
+            check_name(entry)
             check_single(entry)
         self.frames_expected = self.num_frames = len(self._files)
         self.height, self.width = read_image(self._files[0]).shape[:2]

@@ -397,3 +397,19 @@ def test_a_colon_in_a_relative_name_is_no_protocol(tmp_path, monkeypatch, suffix
         Path(f"part:one.{suffix}") if suffix == "webm" else tmp_path / f"part:one.{suffix}", 4
     )
     assert len(list(open_frames(f"part:one.{suffix}"))) == 4
+
+
+@pytest.mark.parametrize("name", [b"\xff.avi", b"\xff.png", b"\xff"])
+def test_a_name_that_is_not_utf_8_is_refused(tmp_path, name):
+    place = tmp_path / os.fsdecode(name)
+    if place.suffix == ".png":
+        write_images(tmp_path, "0.png")
+        (tmp_path / "0.png").rename(place)
+        place = tmp_path
+    elif place.suffix:
+        write_video(tmp_path / "a.avi", 2).rename(place)
+    else:
+        place.mkdir()
+    message = message_of(open_frames, place)
+    assert "\\udcff" in message
+    assert "is not UTF-8; rename" in message

@@ -76,11 +76,11 @@ def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.n
     numbers: list[Any] = frame_numbers(names)
     if set(numbers) == {None}:
         numbers = list(range(len(names)))
-    for place, (number, name) in enumerate(zip(numbers, names, strict=True)):
-        if number is None or number in numbers[:place]:
-            what = "has no number at its end" if number is None else f"has the number {number} again"
+    for row, (number, name) in enumerate(zip(numbers, names, strict=True)):
+        if number is None or number in numbers[:row]:
+            state = "has no number" if number is None else f"has the number {number} again"
             raise InputError(
-                f"'{name}' of the masks in '{place_of_masks}' {what}; the number is the frame's, so "
+                f"mask '{place / name}' {state}; the number in a name is the frame's number, so "
                 "rename or remove it."
             )
     masks: dict[tuple[int, str], np.ndarray] = {}

@@ -41,14 +41,18 @@ def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
         names: of the files, in order.
 
     Returns:
-        A note if the numbers have a step other than 1.
+        A note if the numbers have a step other than 1, or a file has none.
 
     Raises:
         InputError: the steps differ, so frames are missing or there twice.
     """
-    numbers = [number for number in frame_numbers(names) if number is not None]
-    if len(names) < 3 or len(numbers) < len(names) or len(set(numbers)) == 1:
+    given = frame_numbers(names)
+    numbers = [number for number in given if number is not None]
+    if len(names) < 3 or len(set(numbers)) < 2:
         return None
+    if len(numbers) < len(names):
+        place = given.index(None)
+        return f"'{names[place]}' in folder '{folder}' has no number; it counts as frame {place}"
     steps = [after - before for before, after in itertools.pairwise(numbers)]
     if len(set(steps)) > 1:
         usual = statistics.mode(steps)

@@ -38,6 +38,25 @@ def test_the_number_in_a_masks_name_is_its_frame(tmp_path):
     assert list(read_annotated(tmp_path / "named").lines) == [(0, "1"), (2, "1")]
 
 
+def test_text_may_follow_the_number_in_a_masks_name(tmp_path):
+    write_masks(tmp_path, {"0003_cam1_mask": 1, "0012_cam1_mask": 1})
+    assert list(read_annotated(tmp_path).lines) == [(3, "1"), (12, "1")]
+
+
+@pytest.mark.parametrize(
+    ("names", "sentence"),
+    [
+        (("1", "5", "x"), r"x\.png' has no number"),
+        (("1", "01"), r"1\.png' has the number 1 again"),
+        (("a1", "a2", "b1"), r"b1\.png' has the number 1 again"),
+    ],
+)
+def test_masks_without_a_frame_of_their_own_are_refused(tmp_path, names, sentence):
+    write_masks(tmp_path, dict.fromkeys(names, 1))
+    with pytest.raises(InputError, match=sentence):
+        read_annotated(tmp_path)
+
+
 def test_several_objects_in_masks_are_listed_until_one_is_chosen(tmp_path):
     write_masks(tmp_path, {"1": 2, "2": 1})
     with pytest.raises(InputError, match="hold the objects 1, 2; choose one by --object"):

@@ -371,6 +371,29 @@ def test_a_folder_that_leaves_numbers_out_is_refused(tmp_path):
         open_frames(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("names", "sentence"),
+    [
+        (("f1_rgb.png", "f2_rgb.png", "f9_rgb.png"), r"'f9_rgb\.png' follows 'f2_rgb\.png'"),
+        (("1.png", "1.jpg", "2.png", "3.png"), r"two files of number 1, '1\.jpg' and '1\.png'"),
+    ],
+)
+def test_numbers_are_checked_wherever_they_stand(tmp_path, names, sentence):
+    write_images(tmp_path, *names)
+    with pytest.raises(InputError, match=sentence):
+        open_frames(tmp_path)
+
+
+def test_numbers_may_have_any_size(tmp_path):
+    write_images(tmp_path, *(f"{10**30 + time}.png" for time in range(3)))
+    assert open_frames(tmp_path).note is None
+
+
+def test_an_image_without_a_number_among_numbered_ones_is_remarked(tmp_path):
+    write_images(tmp_path, "1.png", "2.png", "cover.png")
+    assert "'cover.png' in folder" in open_frames(tmp_path).note
+
+
 def test_frames_in_equal_steps_are_taken_with_a_remark(tmp_path):
     write_images(tmp_path, "0.png", "5.png", "10.png")
     assert "in steps of 5" in open_frames(tmp_path).note

@@ -70,7 +70,11 @@ def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.n
 
     place = folder / "masks" if (folder / "masks").is_dir() else folder
     names = sorted(
-        (entry.name for entry in place.iterdir() if entry.suffix.lower() in IMAGE_SUFFIXES),
+        (
+            entry.name
+            for entry in place.iterdir()
+            if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".")
+        ),
         key=natural_order,
     )
     numbers: list[Any] = frame_numbers(names)
@@ -85,10 +89,17 @@ def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.n
             )
     masks: dict[tuple[int, str], np.ndarray] = {}
     objects: set[int] = set()
+    size: tuple[int, ...] = ()
     for number, name in zip(numbers, names, strict=True):
         if not first <= number <= until:
             continue
         levels = read_mask(place / name)
+        size = size or levels.shape
+        if levels.shape != size:
+            raise InputError(
+                f"mask '{place / name}' is {levels.shape[1]}x{levels.shape[0]} and the masks "
+                f"before it are {size[1]}x{size[0]}; give masks of one size, that of the frames."
+            )
         objects |= set(np.unique(levels[levels > 0]).tolist())
         marked = levels > 0 if value is None else levels == value
         if marked.any():

@@ -13,7 +13,8 @@ from jaxpf.contract.errors import InputError
 from jaxpf.media.quiet import quiet_opencv
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
-#: Maximum number of values in a mask, and the number above which grey levels are soft edges.
+#: Maximum number of values in a mask; more than ``_SOFT`` grey levels up to a value above the
+#: maximum are soft edges.
 _MOST_VALUES, _SOFT = 64, 16
 VIDEO_SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".webm", ".wmv")
 
@@ -76,8 +77,9 @@ def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
 def read_mask(path: Path) -> np.ndarray:
     """Read the object numbers of a mask, int ``[H, W]``; 0 is the background.
 
-    A pixel's number is its palette index or grey level.  A grey mask with more than ``_SOFT``
-    levels marks one object with soft edges; a colour mask marks one object in any colour.
+    A pixel's number is its palette index or grey level.  A grey mask with soft edges, such as a
+    JPEG's, marks one object where it is brighter than half its maximum; a colour mask marks one
+    object in any colour.
 
     Raises:
         InputError: Pillow is missing, the file is not a picture, or it holds several colours,
@@ -87,8 +89,10 @@ def read_mask(path: Path) -> np.ndarray:
         from PIL import Image, UnidentifiedImageError
     except ModuleNotFoundError:
         raise InputError("masks need Pillow, which is missing; pip install 'jaxpf[cli]'.") from None
+    check_single(path)
     try:
         with Image.open(path) as image:
+            is_indexed = image.mode == "P"
             has_numbers = image.mode in ("P", "L", "1", "I;16", "I")
             values = np.array(image if has_numbers else image.convert("RGB"))
     except (OSError, UnidentifiedImageError, ValueError):
@@ -96,8 +100,8 @@ def read_mask(path: Path) -> np.ndarray:
     _check_mask(path, values)
     if values.ndim == 2:
         levels = values.astype(int)
-        is_soft = len(np.unique(levels)) > _SOFT
-        return (levels > 0).astype(int) if is_soft else levels
+        is_soft = len(np.unique(levels)) > _SOFT and levels.max() > _MOST_VALUES
+        return (2 * levels > levels.max()).astype(int) if is_soft and not is_indexed else levels
     if np.all(values == values[..., :1]):
         return values[..., 0].astype(int)
     colours = np.unique(values.reshape(-1, 3), axis=0)

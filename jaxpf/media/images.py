@@ -131,7 +131,7 @@ def check_name(path: Path) -> None:
     try:
         str(path.absolute()).encode()
     except UnicodeEncodeError:
-        raise InputError(f"the name {str(path)!a} is not UTF-8; rename it") from None
+        raise InputError(f"the name {str(path.absolute())!a} is not UTF-8; rename it") from None
 
 
 def natural_order(name: str) -> tuple[list[str | int], str]:
@@ -157,7 +157,7 @@ def full_range(path: Path) -> int:
 
     Cameras store 12 bits in 16-bit images; an image with no pixel above 4095 counts as 12-bit.
     """
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)  # alpha is full anyway
     if image is None or image.dtype != np.uint16:
         return 65535
     return 4095 if 255 < image.max() <= 4095 else 65535
@@ -184,7 +184,7 @@ def read_image(path: Path, most: int = 65535) -> np.ndarray:
                 np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
             )
     if image is None:
-        state = "damaged or not an image" if data else "empty (0 bytes)"
+        state = "damaged, of 32 bits per channel, or not an image" if data else "empty (0 bytes)"
         raise InputError(f"image '{path}' cannot be decoded: it is {state}; replace or remove it")
     return to_rgb(image, path, most)
 

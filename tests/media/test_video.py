@@ -325,6 +325,8 @@ def test_floating_point_images_are_refused(tmp_path):
     assert "0.tif" in message
     assert "float32" in message
     assert "convert it to 8 or 16 bits" in message
+    cv2.imwrite(str(tmp_path / "0.tif"), np.ones((8, 10), np.float32))
+    assert "32 bits per channel" in message_of(open_frames, tmp_path)
 
 
 def test_mixed_sizes_are_refused_naming_both(tmp_path):
@@ -404,6 +406,13 @@ def test_12_bits_in_images_of_16_are_scaled_by_their_range(tmp_path):
     source = open_frames(tmp_path)
     assert "count as 12" in source.note
     assert {int(frame[0, 0, 0]) for frame in source} == {128}
+
+
+def test_full_alpha_does_not_hide_that_an_image_has_12_bits(tmp_path):
+    image = np.full((12, 16, 4), 2048, np.uint16)
+    image[..., 3] = 65535
+    cv2.imwrite(str(tmp_path / "0.png"), image)
+    assert next(iter(open_frames(tmp_path)))[0, 0].tolist() == [128, 128, 128]
 
 
 def test_images_with_several_pictures_are_refused_with_the_way_to_split_them(tmp_path):

@@ -23,13 +23,13 @@ def frame_numbers(names: Sequence[str]) -> list[int | None]:
     """Return the frame number in the name of every file of a folder; None where there is none.
 
     It is the number at the end of the stem, 12 for ``a012.png``.  If the stems differ in their
-    numbers only, it is the last number that differs: 12 for ``0012_mask.png``.
+    numbers only, it is the last number that differs in all: 12 for ``0012_cam1.png``.
     """
     stems = [re.split(r"(\d+)", Path(name).stem) for name in names]
     if len({tuple(stem[::2]) for stem in stems}) == 1:
         columns = [[int(stem[place]) for stem in stems] for place in range(1, len(stems[0]), 2)]
         for column in reversed(columns):
-            if len(set(column)) == len(names) > 1:
+            if len(set(column)) == len(names) and (len(names) > 1 or len(columns) == 1):
                 return list(column)
     return [int(stem[-2]) if len(stem) > 1 and not stem[-1] else None for stem in stems]
 
@@ -55,15 +55,17 @@ def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
         place = given.index(None)
         return f"'{names[place]}' in folder '{folder}' has no number; it counts as frame {place}"
     steps = [after - before for before, after in itertools.pairwise(numbers)]
+    if 0 in steps:
+        place = steps.index(0)
+        raise InputError(
+            f"folder '{folder}' has two files of number {numbers[place]}, '{names[place]}' and "
+            f"'{names[place + 1]}'; a number in a name is the frame's number, so remove or rename "
+            "one"
+        )
     if len(set(steps)) > 1:
         usual = statistics.mode(steps)
         place = next(place for place, step in enumerate(steps) if step != usual)
         earlier, later = names[place : place + 2]
-        if steps[place] == 0:
-            raise InputError(
-                f"folder '{folder}' has two files of number {numbers[place]}, '{earlier}' and "
-                f"'{later}'; a number in a name is the frame's number, so remove or rename one"
-            )
         raise InputError(
             f"folder '{folder}' leaves numbers out: '{later}' follows '{earlier}'; a number in a "
             "name is the frame's number, so add the missing frames, or rename the files if these "

@@ -39,8 +39,8 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
     """Open a video, a folder of images or a live source for reading.
 
     A folder's images (png, jpg, jpeg, bmp, tif, tiff, webp) are the frames, in natural order
-    (``img2.png`` before ``img10.png``); hidden files are skipped.  Numbers at the end of their
-    names must have a constant step.  Grey becomes RGB with three equal channels.  Alpha is
+    (``img2.png`` before ``img10.png``); hidden files are skipped.  The numbers in their names
+    must have a constant step.  Grey becomes RGB with three equal channels.  Alpha is
     dropped and the stored colours are kept, even where transparent.  16 bits per channel are
     scaled to 8, full range to full range; if no value of the first image is above 4095, the full
     range is 12 bits.  Rotation marks of cameras (EXIF, video metadata) are applied.

@@ -39,6 +39,8 @@ def test_the_number_in_a_masks_name_is_its_frame(tmp_path):
 
 
 def test_text_may_follow_the_number_in_a_masks_name(tmp_path):
+    write_masks(tmp_path / "one", {"0003_mask": 1})
+    assert list(read_annotated(tmp_path / "one").lines) == [(3, "1")]
     write_masks(tmp_path, {"0003_cam1_mask": 1, "0012_cam1_mask": 1})
     assert list(read_annotated(tmp_path).lines) == [(3, "1"), (12, "1")]
 

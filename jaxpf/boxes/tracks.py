@@ -6,6 +6,7 @@ only the code that reads or writes a file converts them.
 """
 
 import csv
+import io
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -42,12 +43,13 @@ def read_tracks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
 
     Returns:
         name -> values ``[K]``: floats, NaN for an empty field; ``id`` holds integers, or strings if
-        some id is not a number.
+        some id is not a whole number in its usual notation (such as ``01``).
 
     Raises:
         InputError: the file cannot be read or contains no tracks.
     """
-    rows = list(csv.reader(read_text(Path(path), "tracks", "a tracks.csv of a run").splitlines()))
+    text = read_text(Path(path), "tracks", "a tracks.csv of a run")
+    rows = list(csv.reader(io.StringIO(text, newline="")))
     if not rows or not {"frame", "time", "id"} <= set(rows[0]):
         raise InputError(f"'{path}' holds no tracks; give the tracks.csv of a run")
     if any(len(row) != len(rows[0]) for row in rows):
@@ -58,7 +60,9 @@ def read_tracks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     ):
         try:
             if name == "id":
-                columns[name] = np.array([int(field) for field in fields])
+                ids = [int(field) for field in fields]
+                are_usual = all(map(str.__eq__, map(str, ids), fields))
+                columns[name] = np.array(ids if are_usual else fields)
             else:
                 columns[name] = np.array([float(field or "nan") for field in fields])
         except ValueError:

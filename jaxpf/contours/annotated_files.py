@@ -2,8 +2,8 @@
 
 Outlines and centrelines are CSV with the header ``frame,id,k,x,y``: the k-th point of a target in
 a frame, in continuous pixels; k marks the same spot of the body in every frame.  Masks are one
-picture per frame; the number at the end of the name is the frame's number, else the order of the
-names counts.
+picture per frame; the number in the name is the frame's number, and if no name has one, the order
+of the names counts.
 """
 
 from pathlib import Path
@@ -66,22 +66,40 @@ def read_annotated(
 
 
 def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.ndarray]:
-    from jaxpf.media.images import IMAGE_SUFFIXES, frame_number, natural_order, read_mask
+    from jaxpf.media.images import IMAGE_SUFFIXES, frame_numbers, natural_order, read_mask
 
     place = folder / "masks" if (folder / "masks").is_dir() else folder
     names = sorted(
-        (entry.name for entry in place.iterdir() if entry.suffix.lower() in IMAGE_SUFFIXES),
+        (
+            entry.name
+            for entry in place.iterdir()
+            if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".")
+        ),
         key=natural_order,
     )
-    numbers: list[Any] = [frame_number(name) for name in names]
-    if None in numbers or len(set(numbers)) < len(numbers):
+    numbers: list[Any] = frame_numbers(names)
+    if set(numbers) == {None}:
         numbers = list(range(len(names)))
+    for row, (number, name) in enumerate(zip(numbers, names, strict=True)):
+        if number is None or number in numbers[:row]:
+            state = "has no number" if number is None else f"has the number {number} again"
+            raise InputError(
+                f"mask '{place / name}' {state}; the number in a name is the frame's number, so "
+                "rename or remove it."
+            )
     masks: dict[tuple[int, str], np.ndarray] = {}
     objects: set[int] = set()
+    size: tuple[int, ...] = ()
     for number, name in zip(numbers, names, strict=True):
         if not first <= number <= until:
             continue
         levels = read_mask(place / name)
+        size = size or levels.shape
+        if levels.shape != size:
+            raise InputError(
+                f"mask '{place / name}' is {levels.shape[1]}x{levels.shape[0]} and the masks "
+                f"before it are {size[1]}x{size[0]}; give masks of one size, that of the frames."
+            )
         objects |= set(np.unique(levels[levels > 0]).tolist())
         marked = levels > 0 if value is None else levels == value
         if marked.any():

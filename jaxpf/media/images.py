@@ -1,6 +1,8 @@
 """Single images as frames: sorts them by name and decodes them to RGB."""
 
+import itertools
 import re
+import statistics
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,18 +13,25 @@ from jaxpf.contract.errors import InputError
 from jaxpf.media.quiet import quiet_opencv
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
-#: Maximum number of values in a mask, and the number above which grey levels are soft edges.
+#: Maximum number of values in a mask; more than ``_SOFT`` grey levels up to a value above the
+#: maximum are soft edges.
 _MOST_VALUES, _SOFT = 64, 16
 VIDEO_SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".webm", ".wmv")
 
 
-def frame_number(name: str) -> int | None:
-    """Return the number at the end of a file's stem, its frame number: 12 for ``a012.png``.
+def frame_numbers(names: Sequence[str]) -> list[int | None]:
+    """Return the frame number in the name of every file of a folder; None where there is none.
 
-    None if the stem does not end in digits.
+    It is the number at the end of the stem, 12 for ``a012.png``.  If the stems differ in their
+    numbers only, it is the last number that differs in all: 12 for ``0012_cam1.png``.
     """
-    digits = re.search(r"(\d+)$", Path(name).stem)
-    return int(digits[1]) if digits else None
+    stems = [re.split(r"(\d+)", Path(name).stem) for name in names]
+    if len({tuple(stem[::2]) for stem in stems}) == 1:
+        columns = [[int(stem[place]) for stem in stems] for place in range(1, len(stems[0]), 2)]
+        for column in reversed(columns):
+            if len(set(column)) == len(names) and (len(names) > 1 or len(columns) == 1):
+                return list(column)
+    return [int(stem[-2]) if len(stem) > 1 and not stem[-1] else None for stem in stems]
 
 
 def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
@@ -33,21 +42,34 @@ def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
         names: of the files, in order.
 
     Returns:
-        A note if the numbers have a step other than 1.
+        A note if the numbers have a step other than 1, or a file has none.
 
     Raises:
-        InputError: the steps differ, so frames are missing.
+        InputError: the steps differ, so frames are missing or there twice.
     """
-    numbers = [frame_number(name) for name in names]
-    if len(names) < 3 or None in numbers:
+    given = frame_numbers(names)
+    numbers = [number for number in given if number is not None]
+    if len(names) < 3 or len(set(numbers)) < 2:
         return None
-    steps = np.diff(np.array(numbers, int))
-    if np.any(steps != steps[0]):
-        place = int(np.argmax(steps != np.median(steps)))
+    if len(numbers) < len(names):
+        place = given.index(None)
+        return f"'{names[place]}' in folder '{folder}' has no number; it counts as frame {place}"
+    steps = [after - before for before, after in itertools.pairwise(numbers)]
+    if 0 in steps:
+        place = steps.index(0)
         raise InputError(
-            f"folder '{folder}' leaves numbers out: '{names[place + 1]}' follows '{names[place]}'; "
-            "a number in a name is the frame's number, so add the missing frames, or rename the "
-            "files if these frames follow one another"
+            f"folder '{folder}' has two files of number {numbers[place]}, '{names[place]}' and "
+            f"'{names[place + 1]}'; a number in a name is the frame's number, so remove or rename "
+            "one"
+        )
+    if len(set(steps)) > 1:
+        usual = statistics.mode(steps)
+        place = next(place for place, step in enumerate(steps) if step != usual)
+        earlier, later = names[place : place + 2]
+        raise InputError(
+            f"folder '{folder}' leaves numbers out: '{later}' follows '{earlier}'; a number in a "
+            "name is the frame's number, so add the missing frames, or rename the files if these "
+            "frames follow one another"
         )
     if steps[0] == 1:
         return None
@@ -57,8 +79,9 @@ def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
 def read_mask(path: Path) -> np.ndarray:
     """Read the object numbers of a mask, int ``[H, W]``; 0 is the background.
 
-    A pixel's number is its palette index or grey level.  A grey mask with more than ``_SOFT``
-    levels marks one object with soft edges; a colour mask marks one object in any colour.
+    A pixel's number is its palette index or grey level.  A grey mask with soft edges, such as a
+    JPEG's, marks one object where it is brighter than half its maximum; a colour mask marks one
+    object in any colour.
 
     Raises:
         InputError: Pillow is missing, the file is not a picture, or it holds several colours,
@@ -68,8 +91,10 @@ def read_mask(path: Path) -> np.ndarray:
         from PIL import Image, UnidentifiedImageError
     except ModuleNotFoundError:
         raise InputError("masks need Pillow, which is missing; pip install 'jaxpf[cli]'.") from None
+    check_single(path)
     try:
         with Image.open(path) as image:
+            is_indexed = image.mode == "P"
             has_numbers = image.mode in ("P", "L", "1", "I;16", "I")
             values = np.array(image if has_numbers else image.convert("RGB"))
     except (OSError, UnidentifiedImageError, ValueError):
@@ -77,8 +102,8 @@ def read_mask(path: Path) -> np.ndarray:
     _check_mask(path, values)
     if values.ndim == 2:
         levels = values.astype(int)
-        is_soft = len(np.unique(levels)) > _SOFT
-        return (levels > 0).astype(int) if is_soft else levels
+        is_soft = len(np.unique(levels)) > _SOFT and levels.max() > _MOST_VALUES
+        return (2 * levels > levels.max()).astype(int) if is_soft and not is_indexed else levels
     if np.all(values == values[..., :1]):
         return values[..., 0].astype(int)
     colours = np.unique(values.reshape(-1, 3), axis=0)
@@ -101,6 +126,14 @@ def _check_mask(path: Path, values: np.ndarray) -> None:
             f"'{path}' holds {count} {kind}, as a photograph does, and a mask has few; give "
             "pictures that are 0 but on the target, without loss (PNG, not JPEG)."
         )
+
+
+def check_name(path: Path) -> None:
+    """Refuse a name that is not UTF-8, at which OpenCV crashes."""
+    try:
+        str(path.absolute()).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"the name {str(path.absolute())!a} is not UTF-8; rename it") from None
 
 
 def natural_order(name: str) -> tuple[list[str | int], str]:
@@ -126,7 +159,7 @@ def full_range(path: Path) -> int:
 
     Cameras store 12 bits in 16-bit images; an image with no pixel above 4095 counts as 12-bit.
     """
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)  # alpha is full anyway
     if image is None or image.dtype != np.uint16:
         return 65535
     return 4095 if 255 < image.max() <= 4095 else 65535
@@ -153,7 +186,7 @@ def read_image(path: Path, most: int = 65535) -> np.ndarray:
                 np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
             )
     if image is None:
-        state = "damaged or not an image" if data else "empty (0 bytes)"
+        state = "damaged, of 32 bits per channel, or not an image" if data else "empty (0 bytes)"
         raise InputError(f"image '{path}' cannot be decoded: it is {state}; replace or remove it")
     return to_rgb(image, path, most)
 

@@ -16,6 +16,7 @@ from jaxpf.media.frame_source import DEFAULT_FPS, FrameSource
 from jaxpf.media.images import (
     IMAGE_SUFFIXES,
     check_consecutive,
+    check_name,
     check_single,
     frames_inside,
     full_range,
@@ -38,8 +39,8 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
     """Open a video, a folder of images or a live source for reading.
 
     A folder's images (png, jpg, jpeg, bmp, tif, tiff, webp) are the frames, in natural order
-    (``img2.png`` before ``img10.png``); hidden files are skipped.  Numbers at the end of their
-    names must have a constant step.  Grey becomes RGB with three equal channels.  Alpha is
+    (``img2.png`` before ``img10.png``); hidden files are skipped.  The numbers in their names
+    must have a constant step.  Grey becomes RGB with three equal channels.  Alpha is
     dropped and the stored colours are kept, even where transparent.  16 bits per channel are
     scaled to 8, full range to full range; if no value of the first image is above 4095, the full
     range is 12 bits.  Rotation marks of cameras (EXIF, video metadata) are applied.
@@ -65,6 +66,7 @@ def open_frames(path: str | os.PathLike[str] | int, fps: float | None = None) ->
         raise InputError(f"fps {fps} for '{path}' is not a positive number; give one such as 25")
     if address is not None:
         return LiveSource(address, fps)
+    check_name(path)
     if path.is_dir():
         return _ImageFolder(path, fps)
     if not path.exists():
@@ -232,6 +234,7 @@ class _ImageFolder(FrameSource):
             )
         self.note = check_consecutive(path, [entry.name for entry in self._files])
         for entry in self._files:
+            check_name(entry)
             check_single(entry)
         self.frames_expected = self.num_frames = len(self._files)
         self.height, self.width = read_image(self._files[0]).shape[:2]

@@ -1,12 +1,13 @@
 """``--config``: one TOML file that can hold every option of a command."""
 
 import tomllib
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from jaxpf import cli
+from jaxpf import InputError, cli
 from jaxpf.cli.shared import config
 
 
@@ -126,6 +127,12 @@ def test_the_output_of_the_configuration_is_used(refusal, tmp_path):
     (tmp_path / "mine" / "notes.txt").write_text("")
     written = "[track]\noutput = 'mine'\nappearance = 'colour'\nbox = [[1, 2, 9, 9]]"
     assert "output folder 'mine' is not empty" in refusal(written)
+
+
+def test_a_name_that_is_not_utf_8_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"\\udcff.*is not UTF-8.*rename"):
+        config.write_config(tmp_path / "run.toml", "track", {"boxes": Path("a\udcff.csv")})
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_is_written_reads_back_as_the_same_options(tmp_path):

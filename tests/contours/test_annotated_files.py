@@ -38,6 +38,27 @@ def test_the_number_in_a_masks_name_is_its_frame(tmp_path):
     assert list(read_annotated(tmp_path / "named").lines) == [(0, "1"), (2, "1")]
 
 
+def test_text_may_follow_the_number_in_a_masks_name(tmp_path):
+    write_masks(tmp_path / "one", {"0003_mask": 1})
+    assert list(read_annotated(tmp_path / "one").lines) == [(3, "1")]
+    write_masks(tmp_path, {"0003_cam1_mask": 1, "0012_cam1_mask": 1})
+    assert list(read_annotated(tmp_path).lines) == [(3, "1"), (12, "1")]
+
+
+@pytest.mark.parametrize(
+    ("names", "sentence"),
+    [
+        (("1", "5", "x"), r"x\.png' has no number"),
+        (("1", "01"), r"1\.png' has the number 1 again"),
+        (("a1", "a2", "b1"), r"b1\.png' has the number 1 again"),
+    ],
+)
+def test_masks_without_a_frame_of_their_own_are_refused(tmp_path, names, sentence):
+    write_masks(tmp_path, dict.fromkeys(names, 1))
+    with pytest.raises(InputError, match=sentence):
+        read_annotated(tmp_path)
+
+
 def test_several_objects_in_masks_are_listed_until_one_is_chosen(tmp_path):
     write_masks(tmp_path, {"1": 2, "2": 1})
     with pytest.raises(InputError, match="hold the objects 1, 2; choose one by --object"):
@@ -96,4 +117,41 @@ def test_photographs_are_no_masks(tmp_path):
         read_annotated(tmp_path)
     cv2.imwrite(str(tmp_path / "a.png"), photograph[..., 0])
     with pytest.raises(InputError, match="grey levels, as a photograph does"):
+        read_annotated(tmp_path)
+
+
+@pytest.mark.parametrize(("mode", "step"), [("L", 1), ("P", 10)])
+def test_many_objects_in_a_mask_stay_apart(tmp_path, mode, step):
+    levels = np.repeat(np.arange(0, 19 * step, step, dtype=np.uint8)[:, None], 4, axis=1)
+    mask = Image.fromarray(levels, mode=mode)
+    if mode == "P":
+        mask.putpalette([level for level in range(256) for _ in range(3)])
+    mask.save(tmp_path / "0.png")
+    with pytest.raises(InputError, match="hold the objects"):
+        read_annotated(tmp_path)
+    assert read_annotated(tmp_path, value=5 * step).lines[0, "1"].sum() == 4
+
+
+@pytest.mark.parametrize("suffix", ["png", "jpg"])
+def test_soft_edges_end_at_half_the_maximum(tmp_path, suffix):
+    scale = 5 if suffix == "png" else 1
+    drawn = cv2.circle(
+        np.zeros((60 * scale, 80 * scale), np.uint8), (40 * scale, 30 * scale), 15 * scale, 255, -1
+    )
+    drawn = cv2.resize(drawn, (80, 60), interpolation=cv2.INTER_AREA)
+    Image.fromarray(drawn).save(tmp_path / f"0.{suffix}")
+    marked = read_annotated(tmp_path).lines[0, "1"]
+    np.testing.assert_allclose(marked.sum(), drawn.sum() / 255, rtol=0.02)
+
+
+def test_hidden_files_are_no_masks_and_masks_have_one_size_and_one_picture(tmp_path):
+    write_masks(tmp_path, {"1": 1})
+    (tmp_path / "._1.png").write_bytes(b"left by a file system")
+    assert list(read_annotated(tmp_path).lines) == [(1, "1")]
+    cv2.imwrite(str(tmp_path / "2.png"), np.ones((9, 5), np.uint8))
+    with pytest.raises(InputError, match=r"2\.png' is 5x9 and the masks before it are 5x4"):
+        read_annotated(tmp_path)
+    cv2.imwritemulti(str(tmp_path / "2.tif"), [np.ones((4, 5), np.uint8)] * 2)
+    (tmp_path / "2.png").unlink()
+    with pytest.raises(InputError, match=r"2\.tif' holds 2 pictures"):
         read_annotated(tmp_path)

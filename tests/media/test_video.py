@@ -325,6 +325,8 @@ def test_floating_point_images_are_refused(tmp_path):
     assert "0.tif" in message
     assert "float32" in message
     assert "convert it to 8 or 16 bits" in message
+    cv2.imwrite(str(tmp_path / "0.tif"), np.ones((8, 10), np.float32))
+    assert "32 bits per channel" in message_of(open_frames, tmp_path)
 
 
 def test_mixed_sizes_are_refused_naming_both(tmp_path):
@@ -371,6 +373,29 @@ def test_a_folder_that_leaves_numbers_out_is_refused(tmp_path):
         open_frames(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("names", "sentence"),
+    [
+        (("f1_rgb.png", "f2_rgb.png", "f9_rgb.png"), r"'f9_rgb\.png' follows 'f2_rgb\.png'"),
+        (("1.png", "1.jpg", "2.png", "2.jpg"), r"two files of number 1, '1\.jpg' and '1\.png'"),
+    ],
+)
+def test_numbers_are_checked_wherever_they_stand(tmp_path, names, sentence):
+    write_images(tmp_path, *names)
+    with pytest.raises(InputError, match=sentence):
+        open_frames(tmp_path)
+
+
+def test_numbers_may_have_any_size(tmp_path):
+    write_images(tmp_path, *(f"{10**30 + time}.png" for time in range(3)))
+    assert open_frames(tmp_path).note is None
+
+
+def test_an_image_without_a_number_among_numbered_ones_is_remarked(tmp_path):
+    write_images(tmp_path, "1.png", "2.png", "cover.png")
+    assert "'cover.png' in folder" in open_frames(tmp_path).note
+
+
 def test_frames_in_equal_steps_are_taken_with_a_remark(tmp_path):
     write_images(tmp_path, "0.png", "5.png", "10.png")
     assert "in steps of 5" in open_frames(tmp_path).note
@@ -381,6 +406,13 @@ def test_12_bits_in_images_of_16_are_scaled_by_their_range(tmp_path):
     source = open_frames(tmp_path)
     assert "count as 12" in source.note
     assert {int(frame[0, 0, 0]) for frame in source} == {128}
+
+
+def test_full_alpha_does_not_hide_that_an_image_has_12_bits(tmp_path):
+    image = np.full((12, 16, 4), 2048, np.uint16)
+    image[..., 3] = 65535
+    cv2.imwrite(str(tmp_path / "0.png"), image)
+    assert next(iter(open_frames(tmp_path)))[0, 0].tolist() == [128, 128, 128]
 
 
 def test_images_with_several_pictures_are_refused_with_the_way_to_split_them(tmp_path):
@@ -397,3 +429,19 @@ def test_a_colon_in_a_relative_name_is_no_protocol(tmp_path, monkeypatch, suffix
         Path(f"part:one.{suffix}") if suffix == "webm" else tmp_path / f"part:one.{suffix}", 4
     )
     assert len(list(open_frames(f"part:one.{suffix}"))) == 4
+
+
+@pytest.mark.parametrize("name", [b"\xff.avi", b"\xff.png", b"\xff"])
+def test_a_name_that_is_not_utf_8_is_refused(tmp_path, name):
+    place = tmp_path / os.fsdecode(name)
+    if place.suffix == ".png":
+        write_images(tmp_path, "0.png")
+        (tmp_path / "0.png").rename(place)
+        place = tmp_path
+    elif place.suffix:
+        write_video(tmp_path / "a.avi", 2).rename(place)
+    else:
+        place.mkdir()
+    message = message_of(open_frames, place)
+    assert "\\udcff" in message
+    assert "is not UTF-8; rename" in message

@@ -66,9 +66,11 @@ class Tracked:
 
     @property
     def ids(self) -> list[int]:
-        """``[P]``: the names if they are whole numbers, else 1, 2, ..., P."""
-        if all(name.isdecimal() for name in self.names):
-            return [int(name) for name in self.names]
+        """``[P]``: the names if they are different whole numbers, else 1, 2, ..., P."""
+        if all(name.removeprefix("-").isdecimal() for name in self.names):
+            ids = [int(name) for name in self.names]
+            if len(set(ids)) == len(ids):
+                return ids
         return list(range(1, len(self.names) + 1))
 
     @property
@@ -92,11 +94,13 @@ def read_tracked(folder: Path) -> Tracked:
     text = read_text(folder / "summary.json", "results", "a folder that `jaxpf track` wrote")
     try:
         about = json.loads(text)["parameters"]
-        target, video = about["target"], about["video"]
-    except (json.JSONDecodeError, KeyError, TypeError):
+        target, video = str(about["target"]), str(about["video"])
+    except (json.JSONDecodeError, KeyError, TypeError, RecursionError):
         raise InputError(
             f"'{folder / 'summary.json'}' is no summary of `jaxpf track`; give its output folder."
         ) from None
+    if not len(read_tracks(folder / "tracks.csv")["frame"]):
+        raise InputError(f"'{folder / 'tracks.csv'}' holds no tracks, so nothing can be exported.")
     names, lines, confidence = (_read_boxes if target == "boxes" else _read_lines)(folder)
     source = open_frames(video)
     return Tracked(
@@ -145,11 +149,16 @@ def _read_lines(folder: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
 
 def _read_outlines(path: Path, names: tuple[str, ...], num_frames: int) -> np.ndarray:
     rows = [row for row in _rows(path) if row["kind"] == "outline"]
-    length = 1 + max(int(row["point"]) for row in rows)
-    lines = np.full((num_frames, len(names), length, 2), np.nan)
-    for row in rows:
-        place = float(row["x"]), float(row["y"])
-        lines[int(row["frame"]), names.index(row["contour"]), int(row["point"])] = place
+    try:
+        length = 1 + max(int(row["point"]) for row in rows)
+        lines = np.full((num_frames, len(names), length, 2), np.nan)
+        for row in rows:
+            place = float(row["x"]), float(row["y"])
+            lines[int(row["frame"]), names.index(row["contour"]), int(row["point"])] = place
+    except (ValueError, TypeError, IndexError):
+        raise InputError(
+            f"'{path}' is damaged, or not of the tracks beside it; track again."
+        ) from None
     return lines
 
 
@@ -283,8 +292,7 @@ def write_motchallenge(path: Path, tracked: Tracked) -> None:
     if tracked.target == "points":
         raise InputError("MOT files hold boxes, and points have none; choose coco.")
     frames, objects = tracked.there.T
-    numbers = [int(n) if n.isdecimal() else k + 1 for k, n in enumerate(tracked.names)]
-    ids = np.array(numbers)[objects]
+    ids = np.array(tracked.ids)[objects]
     boxes, confidence = tracked.boxes[frames, objects], tracked.confidence[frames, objects]
     write_mot(path, frames, ids, boxes, confidence)
 

@@ -145,12 +145,23 @@ def _shown(value: Any) -> str:
 
 
 def write_config(path: Path, command: str, options: dict[str, Any]) -> None:
-    """Write the TOML file that repeats a run; options that are None are omitted."""
+    """Write the TOML file that repeats a run; options that are None are omitted.
+
+    Raises:
+        InputError: it cannot be written, or a file's name is not UTF-8.
+    """
     import tomli_w
 
     kept = {key: _plain(value) for key, value in options.items() if value is not None}
+    try:
+        content = tomli_w.dumps({command: kept}).encode()
+    except UnicodeEncodeError as error:
+        line = error.object[: error.end].splitlines()[-1]
+        raise InputError(
+            f"the name in {line!a} is not UTF-8, so '{path}' cannot hold it; rename the file."
+        ) from None
     with atomic_write(path, "wb") as file:
-        tomli_w.dump({command: kept}, file)
+        file.write(content)
 
 
 def _plain(value: Any) -> Any:

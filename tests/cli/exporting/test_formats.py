@@ -223,3 +223,56 @@ def test_times_of_a_video_whose_frame_rate_varies_are_its_timestamps(result, tmp
     shown = [source.shown_at(number) for number, _ in enumerate(source)]
     np.testing.assert_allclose(shown, seconds)
     np.testing.assert_array_equal(open_frames(video, fps=5).times(3), [0, 0.2, 0.4])
+
+
+def with_tracks(result, target, tracks):
+    folder = result(target)
+    (folder / "tracks.csv").write_text(tracks)
+    return folder
+
+
+OUTLINES = "frame,contour,kind,point,x,y\n"
+
+
+def outline(name):
+    return "".join(f"0,{name},outline,{k},{5 + k},{6 + k * k}\n" for k in range(3))
+
+
+@pytest.mark.parametrize(
+    ("names", "ids"),
+    [(("2", "arm"), [1, 2]), (("arm", "1"), [1, 2]), (("-1", "5"), [-1, 5]), (("01", "1"), [1, 2])],
+)
+@pytest.mark.parametrize(("form", "name"), [("coco", "t.json"), ("mot", "t.txt")])
+def test_every_object_has_an_id_of_its_own(result, names, ids, form, name):
+    header, row, *_ = TRACKS["parts"].splitlines()
+    rows = [row.replace("arm", given) for given in names]
+    path = exported(with_tracks(result, "parts", "\n".join([header, *rows])), form, name)
+    lines = path.read_text().splitlines()
+    found = [int(line.split(",")[1]) for line in lines] if form == "mot" else read_coco(path)
+    assert sorted(number if form == "mot" else number[1] for number in found) == ids
+
+
+def test_names_that_start_with_0_keep_it(result):
+    folder = with_tracks(result, "points", TRACKS["points"].replace("nose", "01"))
+    content = json.loads(exported(folder, "coco", "t.json").read_text())
+    assert content["categories"][0]["keypoints"] == ["01", "tail"]
+    tracks = "frame,time,id,x,y,speed,lost\n0,0,01,1,2,,0\n0,0,02,3,4,,0\n"
+    about = json.loads((folder / "summary.json").read_text())
+    about["parameters"]["target"] = "contours"
+    (folder / "summary.json").write_text(json.dumps(about))
+    (folder / "tracks.csv").write_text(tracks)
+    (folder / "outlines.csv").write_text(OUTLINES + outline("01") + outline("02"))
+    assert len(read_coco(exported(folder, "coco", "u.json"))) == 2
+    (folder / "outlines.csv").write_text(OUTLINES + outline("01") + "0,02,outline,0,1\n")
+    outcome = jaxpf("export", folder, "coco", folder / "v.json")
+    assert outcome.code == 2
+    assert "outlines.csv' is damaged" in outcome.err
+
+
+@pytest.mark.parametrize("target", ["boxes", "parts", "points"])
+def test_no_tracks_cannot_be_exported(result, target):
+    header = TRACKS[target].splitlines()[0]
+    folder = with_tracks(result, target, f"{header}\n")
+    outcome = jaxpf("export", folder, "movement", folder / "t.nc")
+    assert outcome.code == 2
+    assert "holds no tracks, so nothing can be exported" in outcome.err

@@ -45,8 +45,8 @@ import jax
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.interface import check_uncoupled
 from jaxpf.contract.names import MOTION_GRADIENTS
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.contract.state import ParticleState

@@ -1,12 +1,4 @@
-from .errors import InputError as InputError, check_known as check_known
-from .interface import (
-    CoupledDynamics as CoupledDynamics,
-    Dynamics as Dynamics,
-    DynamicsWithDensity as DynamicsWithDensity,
-    DynamicsWithPrediction as DynamicsWithPrediction,
-    Likelihood as Likelihood,
-    Proposal as Proposal,
-    Tracker as Tracker,
+from .calls import (
     as_seen as as_seen,
     at_frame as at_frame,
     changed_inside as changed_inside,
@@ -37,6 +29,16 @@ from .interface import (
     proposal_of as proposal_of,
     propose_all as propose_all,
     was_observed as was_observed,
+)
+from .errors import InputError as InputError, check_known as check_known
+from .interface import (
+    CoupledDynamics as CoupledDynamics,
+    Dynamics as Dynamics,
+    DynamicsWithDensity as DynamicsWithDensity,
+    DynamicsWithPrediction as DynamicsWithPrediction,
+    Likelihood as Likelihood,
+    Proposal as Proposal,
+    Tracker as Tracker,
 )
 from .pytree import (
     as_array as as_array,

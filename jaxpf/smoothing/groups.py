@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.interface import check_uncoupled
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.ordering import SWAPS

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.interface import check_uncoupled
 from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.contract.state import (
     STATUS_IMPOSSIBLE,

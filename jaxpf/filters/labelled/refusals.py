@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError, check_known
-from jaxpf.contract.interface import check_uncoupled
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.initial import check_count
 from jaxpf.filters.labelled.choices import FEEDBACKS, POPULATIONS, SCOPES, WEIGHTS

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from jaxpf import contract
+from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.interface import check_uncoupled
 from jaxpf.contract.names import SWAPS
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.initial import check_count

@@ -1,0 +1,272 @@
+"""How the library calls what users write: optional methods are looked up here and nowhere else."""
+
+import copy
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.interface import (
+    CoupledDynamics,
+    Dynamics,
+    DynamicsWithDensity,
+    DynamicsWithPrediction,
+    Likelihood,
+    Proposal,
+)
+
+
+def observed_apart(tracker: Any) -> tuple[Callable, Callable]:
+    """Split a step into the work that depends on the frame alone, and the rest."""
+    if hasattr(tracker, "observe") and hasattr(tracker, "step_observed"):
+        return tracker.observe, tracker.step_observed
+    return (lambda frame: frame), tracker.step
+
+
+def frame_of(observations: Any, place: jax.Array) -> Any:
+    """Take one frame's observation from a stack of observations.
+
+    Nodes with a method ``take_frame`` index themselves, which avoids copying a large table.
+    """
+
+    def finds_itself(x):
+        return hasattr(x, "take_frame")
+
+    def take(x):
+        if finds_itself(x):
+            return x.take_frame(place)
+        return lax.dynamic_index_in_dim(x, place, keepdims=False)
+
+    return jax.tree.map(take, observations, is_leaf=finds_itself)
+
+
+def propagate_all(dynamics, key, partition, current, previous, parent, *others) -> jax.Array:
+    """Move all particles, ``[D, N]``, with the batched method if defined."""
+    base = CoupledDynamics if is_coupled(dynamics) else Dynamics
+    method = method_of(dynamics, base, "propagate_all")
+    return method(key, partition, current, previous, parent, *others)
+
+
+def is_coupled(dynamics: Any) -> bool:
+    """Whether motion depends on the whole previous state, see ``CoupledDynamics``."""
+    return getattr(dynamics, "coupled", False)
+
+
+def at_frame(tracker: Any, time: Any) -> Any:
+    """Return the tracker with the dynamics leading to frame ``time``, counted from 0.
+
+    Returns the tracker unchanged if its dynamics have no ``at_frame``.
+    """
+    inner = tracker
+    while not hasattr(inner, "dynamics") and hasattr(inner, "tracker"):
+        inner = inner.tracker
+    if not hasattr(getattr(inner, "dynamics", None), "at_frame"):
+        return tracker
+    return changed_inside(tracker, "dynamics", lambda dynamics: dynamics.at_frame(time))
+
+
+def first_motion(dynamics: Any) -> Any:
+    """Return the dynamics leading to frame 0; unchanged if they have no ``at_frame``."""
+    return dynamics.at_frame(0) if hasattr(dynamics, "at_frame") else dynamics
+
+
+def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any:
+    """Return a copy with one field changed, of the tracker or of the tracker that it wraps.
+
+    Bypasses the constructor, which would repeat its checks on traced values.
+    """
+    changed = copy.copy(tracker)
+    if hasattr(tracker, name):
+        object.__setattr__(changed, name, change(getattr(tracker, name)))
+    else:
+        object.__setattr__(changed, "tracker", changed_inside(tracker.tracker, name, change))
+    return changed
+
+
+def check_uncoupled(dynamics: Any, what: str) -> None:
+    """Refuse coupled dynamics if ``what`` splits particles or does not keep whole states.
+
+    Raises:
+        InputError: the dynamics are coupled; the message names ``what``.
+    """
+    if is_coupled(first_motion(dynamics)):
+        raise InputError(
+            f"{type(dynamics).__name__} moves a partition by all the others, which does not go "
+            f"with {what}; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single "
+            "partitions."
+        )
+
+
+def has_log_density(dynamics: Any) -> bool:
+    """Whether the dynamics define their transition density."""
+    dynamics = first_motion(dynamics)
+    return hasattr(dynamics, "log_density") or hasattr(dynamics, "log_density_all")
+
+
+def log_density_all(dynamics, partition, new, current, previous, parent) -> jax.Array:
+    """Log-densities ``[N]`` of moves to ``new`` ``[D, N]``, from the batched method if defined."""
+    method = method_of(dynamics, DynamicsWithDensity, "log_density_all")
+    return method(partition, new, current, previous, parent)
+
+
+def has_prediction(dynamics: Any) -> bool:
+    """Whether the dynamics define a noise-free prediction."""
+    dynamics = first_motion(dynamics)
+    return hasattr(dynamics, "predict") or hasattr(dynamics, "predict_all")
+
+
+def predict_all(dynamics, partition, current, previous) -> jax.Array:
+    """Substates ``[D, N]`` moved without noise, by the batched method if defined."""
+    method = method_of(dynamics, DynamicsWithPrediction, "predict_all")
+    return method(partition, current, previous)
+
+
+def proposal_of(proposal: Any, dynamics: Any, likelihood: Any) -> Any:
+    """Give the proposal its model if it defines ``of_model``."""
+    return proposal.of_model(dynamics, likelihood) if hasattr(proposal, "of_model") else proposal
+
+
+def propose_all(proposal, key, observation, partition, current, previous, parent) -> jax.Array:
+    """Draw substates ``[D, N]`` from the proposal, with the batched method if defined."""
+    method = method_of(proposal, Proposal, "propose_all")
+    return method(key, observation, partition, current, previous, parent)
+
+
+def proposal_log_density_all(
+    proposal, observation, partition, new, current, previous, parent
+) -> jax.Array:
+    """Log-densities ``[N]`` of proposing ``new`` ``[D, N]``, from the batched method if defined."""
+    method = method_of(proposal, Proposal, "log_density_all")
+    return method(observation, partition, new, current, previous, parent)
+
+
+def as_seen(likelihood: Any, observation: Any) -> tuple[Any, Any, Any]:
+    """Unwrap a likelihood for missing frames: inner likelihood, inner observation, seen mask.
+
+    The mask is bool, ``[]`` or ``[P]``; None means that everything was seen.  Wrappers for missing
+    frames define ``as_seen(observation)``.
+    """
+    if hasattr(likelihood, "as_seen"):
+        return likelihood.as_seen(observation)
+    return likelihood, observation, None
+
+
+def log_prob_all(likelihood, observation, partition, substates) -> jax.Array:
+    """Log-likelihoods ``[N]`` of substates ``[D, N]``, from the batched method if defined."""
+    method = method_of(likelihood, Likelihood, "log_prob_all")
+    return method(observation, partition, substates)
+
+
+def has_log_joint(likelihood: Any) -> bool:
+    """Whether the likelihood does not factor over partitions."""
+    return hasattr(likelihood, "log_joint") or hasattr(likelihood, "log_joint_labelled")
+
+
+def log_joint_all(likelihood, observation, substates, log_probs, label=None) -> jax.Array:
+    """Joint log-likelihoods ``[N]`` of substates ``[D, P, N]``, given ``log_probs`` ``[P, N]``.
+
+    Passes labels ``[N]`` if particles carry them and the likelihood defines
+    ``log_joint_labelled``.  Uses the batched method if defined.
+    """
+    arguments = [observation, jnp.swapaxes(substates, 0, 1), log_probs]
+    name = "log_joint"
+    if label is not None and hasattr(likelihood, "log_joint_labelled"):
+        name, arguments = "log_joint_labelled", [*arguments, label]
+    if hasattr(likelihood, f"{name}_all"):
+        return getattr(likelihood, f"{name}_all")(*arguments)
+    axes = (None, 2, 1, 0)[: len(arguments)]
+    return jax.vmap(getattr(likelihood, name), in_axes=axes)(*arguments)
+
+
+def propagate_label_all(dynamics, key, label, substates) -> jax.Array:
+    """Labels ``[N]`` of the next frame, given substates ``[D, P, N]``.
+
+    Labels stay the same without ``propagate_label``.
+    """
+    if not hasattr(dynamics, "propagate_label"):
+        return label
+    keys = jax.random.split(key, label.shape[0])
+    moved = jax.vmap(dynamics.propagate_label, in_axes=(0, 0, 2))(
+        keys, label, jnp.swapaxes(substates, 0, 1)
+    )
+    return moved.astype(label.dtype)
+
+
+def has_log_label(dynamics: Any) -> bool:
+    """Whether the dynamics define the transition probabilities of labels.
+
+    The method ``log_label(new [], label [], substates [P, D]) -> []`` returns the log-probability
+    with which ``propagate_label`` draws ``new``.  ``jaxpf.smooth`` needs it; there is no default.
+    """
+    return hasattr(first_motion(dynamics), "log_label")
+
+
+def log_label(dynamics, new, label, substates) -> jax.Array:
+    """Log-probability ``[]`` of a label's transition; labels stay without ``propagate_label``."""
+    if not hasattr(dynamics, "propagate_label"):
+        return jnp.where(new == label, 0.0, -jnp.inf)
+    return dynamics.log_label(new, label, substates)
+
+
+def expecting(likelihood: Any, estimates: jax.Array) -> Any:
+    """Pass the filter's last estimates ``[P, D]`` to the likelihood if it defines ``expecting``.
+
+    Filters that keep an estimate call ``expecting(estimates [P, D]) -> likelihood`` once per frame;
+    there is no default.
+    """
+    return likelihood.expecting(estimates) if hasattr(likelihood, "expecting") else likelihood
+
+
+def has_log_odds(likelihood: Any) -> bool:
+    """Whether a likelihood defines the log odds that an object is at its estimate.
+
+    Filters that report a confidence evaluate ``log_odds(observation, partition [], substate [D])
+    -> []`` at the estimates once per frame, or ``log_odds_all`` with ``partition`` ``[N]`` and
+    ``substates`` ``[D, N]``.  There is no default.
+    """
+    return hasattr(likelihood, "log_odds") or hasattr(likelihood, "log_odds_all")
+
+
+def log_odds_all(likelihood, observation, partition, substates) -> jax.Array:
+    """Log odds ``[N]`` of objects being at ``[D, N]``, from the batched method if defined."""
+    if hasattr(likelihood, "log_odds_all"):
+        return likelihood.log_odds_all(observation, partition, substates)
+    return jax.vmap(likelihood.log_odds, in_axes=(None, 0, 1))(observation, partition, substates)
+
+
+def was_observed(likelihood: Any, observation: Any) -> Any:
+    """Whether a frame was observed: ``[]`` or ``[P]`` bool, or True for all frames.
+
+    Only the wrapper for missing frames in ``jaxpf.running`` defines ``was_observed(observation)``.
+    Confidence does not change in a frame that was not observed.
+    """
+    method = getattr(likelihood, "was_observed", None)
+    return True if method is None else method(observation)
+
+
+def has_state_gradient(likelihood: Any) -> bool:
+    """Whether ``log_prob`` is more than piecewise constant in the substate."""
+    return getattr(likelihood, "state_gradient", True)
+
+
+def draws_independently(sampler: Any) -> bool:
+    """Whether an initial sampler declares that it draws partitions independently."""
+    return getattr(sampler, "independent", False)
+
+
+def of_partition(values: jax.Array, partition: jax.Array) -> jax.Array:
+    """Each particle's row of ``values`` ``[P, ...]``: ``[N, ...]``, or ``[1, ...]`` if P is 1.
+
+    With one partition, broadcasting replaces the look-up because its derivative is much faster:
+    one sum instead of a sum over runs for each particle and then a sum over particles.
+    """
+    return values if values.shape[0] == 1 else values[partition]
+
+
+def method_of(part: Any, base: type, name: str) -> Callable:
+    """Return the object's own method, or the base class's default bound to the object."""
+    return getattr(part, name, None) or partial(getattr(base, name), part)

@@ -292,7 +292,11 @@ class Proposal:
         """``propose`` for N particles, ``[D, N]``: ``partition`` ``[N]``, substates ``[D, N]``."""
         _check_defined(self, Proposal, "propose", "propose_all")
         keys = jax.random.split(key, partition.shape[0])
-        return jax.vmap(self.propose, in_axes=(0, None, 0, 1, 1, 1), out_axes=1)(
+
+        def propose(*arguments):
+            return _of_shape(self.propose(*arguments), (current.shape[0],), self, "propose")
+
+        return jax.vmap(propose, in_axes=(0, None, 0, 1, 1, 1), out_axes=1)(
             keys, observation, partition, current, previous, parent
         )
 
@@ -305,9 +309,23 @@ class Proposal:
     def log_density_all(self, observation, partition, new, current, previous, parent) -> jax.Array:
         """``log_density`` for N particles, ``[N]``: substates ``[D, N]``."""
         _check_defined(self, Proposal, "log_density", "log_density_all")
-        return jax.vmap(self.log_density, in_axes=(None, 0, 1, 1, 1, 1))(
+
+        def log_density(*arguments):
+            return _of_shape(self.log_density(*arguments), (), self, "log_density")
+
+        return jax.vmap(log_density, in_axes=(None, 0, 1, 1, 1, 1))(
             observation, partition, new, current, previous, parent
         )
+
+
+def _of_shape(values: Any, shape: tuple[int, ...], proposal: Any, name: str) -> Any:
+    """Return what a proposal's method returns; refuse another shape than ``shape``."""
+    if jnp.shape(values) != shape:
+        raise InputError(
+            f"{type(proposal).__name__}.{name} returns shape {list(jnp.shape(values))}; return "
+            f"{list(shape)}."
+        )
+    return values
 
 
 # --- Access to optional methods ------------------------------------------------------------
@@ -426,7 +444,8 @@ def proposal_of(proposal: Any, dynamics: Any, likelihood: Any) -> Any:
 def propose_all(proposal, key, observation, partition, current, previous, parent) -> jax.Array:
     """Draw substates ``[D, N]`` from the proposal, with the batched method if defined."""
     method = method_of(proposal, Proposal, "propose_all")
-    return method(key, observation, partition, current, previous, parent)
+    new = method(key, observation, partition, current, previous, parent)
+    return _of_shape(new, current.shape, proposal, "propose_all")
 
 
 def proposal_log_density_all(

@@ -14,7 +14,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.checks import check_frames, check_run, check_whole
 from jaxpf.running.chunks import come_one_by_one
 
 #: Blocks of frames of a run that reports its progress.
@@ -72,6 +72,7 @@ def run(
             "frames come one by one, and run needs them all at once; use jaxpf.stream or "
             "jaxpf.monte_carlo, which keep few of them, or give np.stack(list(frames))."
         )
+    check_whole("time", time, 0)
     check_frames(frames)
     num_frames(frames)
     check_run(tracker, frames)
@@ -111,8 +112,8 @@ def forecast(
     Raises:
         InputError: fewer than one step, no key, or a tracker without a likelihood to leave out.
     """
-    if steps < 1:
-        raise InputError(f"steps={steps} must be at least 1.")
+    check_whole("steps", steps)
+    check_whole("time", time, 0)
     missing_frames.check_gaps(tracker)
     nothing = np.zeros(steps, bool)
     blind = missing_frames.WithoutFrames(tracker)

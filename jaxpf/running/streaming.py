@@ -9,6 +9,7 @@ import numpy as np
 from jaxpf import running
 from jaxpf.contract.pytree import check_not_traced
 from jaxpf.running import missing_frames
+from jaxpf.running.checks import check_whole
 from jaxpf.running.chunks import come_one_by_one
 
 
@@ -49,6 +50,8 @@ def stream(
         state: as for ``jaxpf.run``, to go on.
         time: likewise; frames are numbered from it.
     """
+    key = running.as_key(key)
+    check_whole("time", time, 0)
     if state is None:
         state = jax.jit(running.init)(tracker, key)
     whole = () if come_one_by_one(frames) else frames

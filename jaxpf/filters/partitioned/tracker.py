@@ -150,6 +150,11 @@ class Partitioned(Tracker):
         self, key: jax.Array, state: ParticleState, observation: Any
     ) -> tuple[ParticleState, Summary]:
         """Advance by one observed frame: resample, then propagate and weight every partition."""
-        chex.assert_shape(state.log_weights, (self.num_particles,))
-        chex.assert_shape(state.lagged, (2, None, self.num_partitions, self.num_particles))
+        shape = state.lagged.shape[2:]
+        if shape != (self.num_partitions, self.num_particles):
+            raise InputError(
+                f"the state has {shape[1]} particles of {shape[0]} partition(s), and the tracker "
+                f"{self.num_particles} of {self.num_partitions}; go on with the tracker that made "
+                "the state."
+            )
         return kernel.step(self, key, state, observation)

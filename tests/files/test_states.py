@@ -143,3 +143,11 @@ def test_a_stream_takes_keys_as_a_run_does():
 def test_a_file_without_a_name_is_refused(saved):
     with pytest.raises(InputError, match="names no file to write"):
         jaxpf.save("", jaxpf.load(saved, one()))
+
+
+def test_a_state_of_another_precision_is_refused_with_its_own_remedy(saved):
+    with (
+        jax.enable_x64(True),
+        pytest.raises(InputError, match=r"is float32 .* and this one's float64 .*jax_enable_x64"),
+    ):
+        jaxpf.load(saved, one())

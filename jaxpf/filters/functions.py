@@ -80,6 +80,11 @@ def state_space(
         _check_arguments("initial", initial)
     if transition_log_density is not None:
         _check_arguments("transition_log_density", transition_log_density)
+    for path, leaf in jax.tree_util.tree_leaves_with_path(parameters):
+        if not hasattr(leaf, "dtype") and not isinstance(leaf, int | float | complex):
+            raise InputError(
+                f"parameters{jax.tree_util.keystr(path)} is {leaf!r:.40}; give numbers and arrays."
+            )
     known = Partitioned.__dataclass_fields__.keys() - _NO_OPTIONS
     if unknown := sorted(options.keys() - known):
         raise InputError(

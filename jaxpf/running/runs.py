@@ -168,11 +168,11 @@ def as_keys(keys: jax.Array) -> jax.Array:
 
 
 def _typed(keys: Any, ndim: int, name: str, wanted: str) -> jax.Array:
-    dtype, shape = getattr(keys, "dtype", None), np.shape(keys)
-    if dtype == np.uint32 and len(shape) == ndim + 1:  # of the old kind
+    dtype = getattr(keys, "dtype", None)
+    if dtype == np.uint32 and keys.ndim == ndim + 1:  # of the old kind
         keys = jax.random.wrap_key_data(jnp.asarray(keys))
     elif dtype is None or not jax.dtypes.issubdtype(dtype, jax.dtypes.prng_key):
-        raise InputError(f"{name} is {keys!r:.60}; give {wanted}.")
+        raise InputError(f"{name} is {' '.join(repr(keys).split()):.60}; give {wanted}.")
     if keys.ndim != ndim or keys.size == 0:
         raise InputError(f"{name} has shape {keys.shape}; give {wanted}.")
     return keys

@@ -302,13 +302,15 @@ def test_tuning_names_a_parameter_once_and_changes_it_everywhere():
         ({"initial": {"a": 1.0}}, "initial is a dict; give the state as one array"),
         ({"initial": None}, "initial is a NoneType; give the state as one array"),
         ({"initial": [[1.0], [1.0, 2.0]]}, "initial is list, not an array of numbers"),
+        ({"values": {"a": "no"}}, r"parameters\['a'\] is 'no'; give numbers and arrays"),
+        ({"values": {"f": [norm.pdf]}}, r"parameters\['f'\]\[0\] is <.*; give numbers and arrays"),
         ({"num_partices": 3}, "no option 'num_partices'"),
         ({"transition_log_density": lambda new, x, p: x[None]}, r"density returns shape \[1\]"),
     ],
 )
 def test_wrong_functions_are_refused_in_one_sentence(changes, words):
     with pytest.raises(InputError, match=words) as raised:
-        build(VALUES, **changes)
+        build(**{"values": VALUES} | changes)
     assert "\n" not in str(raised.value)
 
 

@@ -244,6 +244,8 @@ def test_frames_without_one_time_axis_are_refused(frames, sentence):
 def test_keys_that_are_not_one_per_run_are_refused():
     with pytest.raises(InputError, match=r"keys has shape \(\)"):
         jaxpf.monte_carlo(tracker(), jax.random.key(0), FRAMES)
+    with pytest.raises(InputError, match=r"keys is \[.*; give one key per run, as jax"):
+        jaxpf.monte_carlo(tracker(), [jax.random.key(0), jax.random.key(1)], FRAMES)
     with pytest.raises(InputError, match=r"keys has shape \(0,\)"):
         jaxpf.monte_carlo(tracker(), jax.random.split(jax.random.key(0), 0), FRAMES)
 

@@ -174,6 +174,11 @@ class Linearised(_Normal):
         # Axes: the residual [N, E] and its derivative [N, E, D].
         seen = observation, partition, expected
         residual = jax.vmap(self.residual, in_axes=(None, 0, 1))(*seen)
+        if residual.ndim != 2:
+            raise InputError(
+                f"Linearised's residual returns shape {list(residual.shape[1:])}; return [E], one "
+                "number for each observed dimension."
+            )
         slope = jax.vmap(jax.jacfwd(self.residual, argnums=2), in_axes=(None, 0, 1))(*seen)
         precision = precision + jnp.swapaxes(slope, 1, 2) @ slope
         step = _solve(precision, index, jnp.einsum("ned,ne->dn", slope, residual))

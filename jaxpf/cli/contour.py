@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.speaking import GivenPath, Speaking
 from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.contract.names import ANNOTATIONS, COEFFICIENTS
 
@@ -15,7 +15,7 @@ def command() -> None:
 
 
 @command.command("learn", cls=Speaking)
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=GivenPath())
 @click.option(
     "--kind",
     type=click.Choice(ANNOTATIONS),
@@ -58,7 +58,7 @@ def command() -> None:
 @click.option(
     "--output",
     "-o",
-    type=click.Path(path_type=Path),
+    type=GivenPath(),
     default=Path("learned.json"),
     show_default=True,
     help="File for `jaxpf track --learned`.",

@@ -12,7 +12,7 @@ from jaxpf.boxes import target as boxes
 from jaxpf.cli.shared.config import config_option, write_config
 from jaxpf.cli.shared.console import print_table
 from jaxpf.cli.shared.flags import declared_flags
-from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.speaking import GivenPath, Speaking
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.options import OPEN, options_of
 from jaxpf.filters.partitioned.options import Options
@@ -30,7 +30,7 @@ _DECLARED = {name: _ALL[name] for name in ("particles", "sharpness", "appearance
 @click.option(
     "--output",
     "-o",
-    type=click.Path(path_type=Path),
+    type=GivenPath(),
     default=Path("jaxpf-demo"),
     show_default=True,
     help="Folder for the results.",

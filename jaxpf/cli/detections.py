@@ -4,13 +4,13 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.speaking import GivenPath, Speaking
 from jaxpf.contract.errors import InputError
 
 
 @click.command("detections", cls=Speaking)
-@click.argument("video", type=click.Path(path_type=Path))
-@click.argument("truth", type=click.Path(path_type=Path))
+@click.argument("video", type=GivenPath())
+@click.argument("truth", type=GivenPath())
 @click.option("--misses", default=0.2, show_default=True, help="Share of the objects not found.")
 @click.option("--false-alarms", default=0.5, show_default=True, help="Mean number, per frame.")
 @click.option(
@@ -20,7 +20,7 @@ from jaxpf.contract.errors import InputError
 @click.option(
     "--output",
     "-o",
-    type=click.Path(path_type=Path),
+    type=GivenPath(),
     default=Path("det.txt"),
     show_default=True,
     help="The file to write.",

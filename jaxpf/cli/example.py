@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import click
 
-from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.speaking import GivenPath, Speaking
 
 _SEED = 1
 
@@ -22,7 +22,7 @@ class _Example(NamedTuple):
 
 @click.command("example", cls=Speaking)
 @click.argument("kind", type=click.Choice(["boxes", "parts", "points", "contours", "births"]))
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=GivenPath())
 @click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")
 def command(kind: str, folder: Path, overwrite: bool) -> None:
     """Write a short clip of KIND into FOLDER, with its start and its truth, to try tracking on.

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.speaking import GivenPath, Speaking
 
 
 @click.command("frame", cls=Speaking)
@@ -19,7 +19,7 @@ from jaxpf.cli.shared.speaking import Speaking
 @click.option(
     "--output",
     "-o",
-    type=click.Path(path_type=Path),
+    type=GivenPath(),
     default=None,
     help="PNG file to write.  [default: NAME-frame-NUMBER.png]",
 )

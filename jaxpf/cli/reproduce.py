@@ -12,7 +12,7 @@ import click
 from jaxpf.cli.evaluating.cluster import cluster
 from jaxpf.cli.shared.config import config_option, write_config
 from jaxpf.cli.shared.console import print_table
-from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.speaking import GivenPath, Speaking
 from jaxpf.cli.shared.startup import start_jax
 
 #: Copy of ``jaxpf.papers.paper.PAPERS``, which avoids its import.
@@ -30,14 +30,14 @@ PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999"
 @click.option("--quick", is_flag=True, help="Measure a much smaller version, as a preview.")
 @click.option(
     "--data",
-    type=click.Path(path_type=Path),
+    type=GivenPath(),
     help="Folder with real clips (tud_campus, worm_crossing).  "
     "[default: the environment's JAXPF_DATA]",
 )
 @click.option(
     "--output",
     "-o",
-    type=click.Path(path_type=Path),
+    type=GivenPath(),
     help="Folder for tables, figures and report.  [default: jaxpf-PAPER, "
     "with --quick jaxpf-PAPER-quick]",
 )

@@ -17,6 +17,7 @@ from jaxpf.contract.interface import (
     DynamicsWithPrediction,
     Likelihood,
     Proposal,
+    of_shape,
 )
 
 
@@ -133,7 +134,8 @@ def proposal_of(proposal: Any, dynamics: Any, likelihood: Any) -> Any:
 def propose_all(proposal, key, observation, partition, current, previous, parent) -> jax.Array:
     """Draw substates ``[D, N]`` from the proposal, with the batched method if defined."""
     method = method_of(proposal, Proposal, "propose_all")
-    return method(key, observation, partition, current, previous, parent)
+    new = method(key, observation, partition, current, previous, parent)
+    return of_shape(new, current.shape, proposal, "propose_all")
 
 
 def proposal_log_density_all(

@@ -286,7 +286,11 @@ class Proposal:
         """``propose`` for N particles, ``[D, N]``: ``partition`` ``[N]``, substates ``[D, N]``."""
         _check_defined(self, Proposal, "propose", "propose_all")
         keys = jax.random.split(key, partition.shape[0])
-        return jax.vmap(self.propose, in_axes=(0, None, 0, 1, 1, 1), out_axes=1)(
+
+        def propose(*arguments):
+            return of_shape(self.propose(*arguments), (current.shape[0],), self, "propose")
+
+        return jax.vmap(propose, in_axes=(0, None, 0, 1, 1, 1), out_axes=1)(
             keys, observation, partition, current, previous, parent
         )
 
@@ -299,12 +303,23 @@ class Proposal:
     def log_density_all(self, observation, partition, new, current, previous, parent) -> jax.Array:
         """``log_density`` for N particles, ``[N]``: substates ``[D, N]``."""
         _check_defined(self, Proposal, "log_density", "log_density_all")
-        return jax.vmap(self.log_density, in_axes=(None, 0, 1, 1, 1, 1))(
+
+        def log_density(*arguments):
+            return of_shape(self.log_density(*arguments), (), self, "log_density")
+
+        return jax.vmap(log_density, in_axes=(None, 0, 1, 1, 1, 1))(
             observation, partition, new, current, previous, parent
         )
 
 
-# --- Access to optional methods ------------------------------------------------------------
+def of_shape(values: Any, shape: tuple[int, ...], proposal: Any, name: str) -> Any:
+    """Return what a proposal's method returns; refuse another shape than ``shape``."""
+    if jnp.shape(values) != shape:
+        raise InputError(
+            f"{type(proposal).__name__}.{name} returns shape {list(jnp.shape(values))}; return "
+            f"{list(shape)}."
+        )
+    return values
 
 
 def _check_defined(part: Any, base: type, one: str, every: str) -> None:

@@ -59,10 +59,13 @@ def load(path: str | os.PathLike[str], tracker: Any) -> Any:
     for name, leaf in places:
         value, like = content[name], jax.eval_shape(_data, leaf)
         if (value.shape, value.dtype) != (like.shape, like.dtype):
+            remedy = "as many particles and objects as were saved"
+            if value.shape == like.shape:
+                remedy = "the tracker its precision, jax.config.update('jax_enable_x64', ...)"
             raise InputError(
                 f"'{path}' holds the state of another tracker: its {name.removeprefix(_STATE)} is "
                 f"{value.dtype} {list(value.shape)}, and this one's {like.dtype} "
-                f"{list(like.shape)}; give as many particles and objects as were saved."
+                f"{list(like.shape)}; give {remedy}."
             )
         leaves.append(_restored(value, leaf))
     return jax.tree.unflatten(jax.tree.structure(wanted), leaves)

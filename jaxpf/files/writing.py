@@ -50,6 +50,8 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
     For libraries that open files themselves; see ``atomic_write``.
     """
+    if not path.name:
+        raise InputError(f"'{path}' names no file to write; give the path of a file.")
     temporary = temporary_sibling(path)
     try:
         with report_os_errors("write", path):

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
+from jaxpf.filters.initial import as_floats, checked_initial
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.ordering import sir
 
@@ -79,6 +80,11 @@ def state_space(
         _check_arguments("initial", initial)
     if transition_log_density is not None:
         _check_arguments("transition_log_density", transition_log_density)
+    for path, leaf in jax.tree_util.tree_leaves_with_path(parameters):
+        if not hasattr(leaf, "dtype") and not isinstance(leaf, int | float | complex):
+            raise InputError(
+                f"parameters{jax.tree_util.keystr(path)} is {leaf!r:.40}; give numbers and arrays."
+            )
     known = Partitioned.__dataclass_fields__.keys() - _NO_OPTIONS
     if unknown := sorted(options.keys() - known):
         raise InputError(
@@ -117,7 +123,8 @@ class FunctionSampler:
 
     def __call__(self, key: jax.Array) -> jax.Array:
         """Draw an initial state."""
-        return jnp.tile(jnp.ravel(self.function(key, self.parameters)), self.copies)[None]
+        x = as_floats(jnp.ravel(self.function(key, self.parameters)))
+        return jnp.tile(x, self.copies)[None]
 
 
 @pytree_dataclass
@@ -246,11 +253,12 @@ def _state_shape(initial, transition, log_density, parameters) -> tuple[int, ...
         return _array(name, value) if log_density is not function else _number(name, value)
 
     x = None
-    x = (
-        returned("initial", initial, key)
-        if callable(initial)
-        else jax.eval_shape(jnp.asarray, initial)
-    )
+    if callable(initial):
+        x = returned("initial", initial, key)
+    elif jax.tree_util.all_leaves([initial]) or isinstance(initial, list | tuple):
+        x = jax.eval_shape(jnp.asarray, checked_initial(initial))
+    else:
+        raise InputError(f"initial is a {type(initial).__name__}; give the state as one array.")
     x = jax.ShapeDtypeStruct(x.shape, jnp.promote_types(x.dtype, jnp.float32))
     new = returned("transition", transition, key, x)
     if new.shape != x.shape:
@@ -272,6 +280,10 @@ def _array(name: str, value: Any) -> Any:
 
 
 def _number(name: str, value: Any) -> Any:
+    if value is None:
+        raise InputError(f"{name} returns nothing; return one number.")
+    if jnp.iscomplexobj(value):
+        raise InputError(f"{name} returns complex numbers; return real ones.")
     if jnp.shape(value) != ():
         raise InputError(
             f"{name} returns shape {list(jnp.shape(value))}; return one number, for example the "

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -18,11 +19,16 @@ def checked_initial(initial: Any, may_be_empty: bool = False) -> Any:
         return initial
     if is_concrete(initial):
         _check(initial, may_be_empty)
-    initial = as_array(initial)
-    if not jnp.issubdtype(initial.dtype, jnp.floating):
-        return initial.astype(jnp.result_type(float))
+    initial = as_floats(as_array(initial))
     # Half precision cannot separate particles.
     return initial.astype(jnp.promote_types(initial.dtype, jnp.float32))
+
+
+def as_floats(values: jax.Array) -> jax.Array:
+    """Convert whole numbers, such as a sampler may draw, to floats."""
+    if jnp.issubdtype(values.dtype, jnp.floating):
+        return values
+    return values.astype(jnp.result_type(float))
 
 
 def check_count(name: str, value: Any) -> None:

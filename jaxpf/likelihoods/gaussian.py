@@ -112,6 +112,7 @@ def kalman(
     """
     transition, observation = np.asarray(transition, float), np.asarray(observation, float)
     mean, covariance = np.asarray(mean, float), np.asarray(covariance, float)
+    noise_covariance = np.asarray(noise_covariance, float)
     log_evidence, means, covariances = [], [], []
     for frame in np.asarray(frames, float):
         mean = transition @ mean

@@ -8,7 +8,8 @@ boxes, and more if the likelihood is cheap or every particle has its own key.  O
 selects the implementation, so ``jax.random`` works with both, in users' models too.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from math import prod
 
 import jax
@@ -33,6 +34,24 @@ def written_out(key: jax.Array) -> jax.Array:
     if jax.default_backend() != "cpu" or not (partitionable and is_threefry):
         return key
     return jax.random.wrap_key_data(jax.random.key_data(key), impl=_WRITTEN_OUT)
+
+
+def with_written_out_key(method: Callable) -> Callable:
+    """Let a tracker's method ``(self, key, ...)`` draw with ``written_out(key)``.
+
+    ``jax.random.poisson`` takes JAX's own kind of key alone: a model that uses it gets that one.
+    """
+
+    @wraps(method)
+    def drawing(self, key, *arguments):
+        try:
+            return method(self, written_out(key), *arguments)
+        except NotImplementedError as error:
+            if _THREEFRY.name not in str(error):
+                raise
+        return method(self, key, *arguments)
+
+    return drawing
 
 
 def _hash(key: jax.Array, shape: Sequence[int]) -> tuple[jax.Array, jax.Array]:

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jaxpf.contract.errors import InputError
+
 
 class Rules(NamedTuple):
     """Rules for continuing, reporting and ending tracks.
@@ -110,7 +112,15 @@ def pairwise_overlap(one: ArrayLike, other: ArrayLike) -> np.ndarray:
 
     Returns:
         float64 ``[P, Q]``; 0 where a box is not finite or has no width or no height.
+
+    Raises:
+        InputError: boxes of another length than 4.
     """
+    for boxes in (one, other):
+        if np.size(boxes) and np.shape(boxes)[-1:] != (4,):
+            raise InputError(
+                f"boxes have the shape {list(np.shape(boxes))}; give x, y, w, h [P, 4]."
+            )
     one = _proper_or_empty(one)[:, None]
     other = _proper_or_empty(other)[None, :]
     start = np.maximum(one[..., :2], other[..., :2])

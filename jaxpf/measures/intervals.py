@@ -181,14 +181,20 @@ def student_quantile(freedom: float, level: float = 0.95) -> float:
     """t with ``P(|T| < t) = level`` for Student's T; ``freedom`` below 1 counts as 1."""
     from scipy.special import stdtrit
 
+    check_level(level)
     return float(stdtrit(max(freedom, 1), 0.5 + level / 2))
 
 
 def _quantile(level: ArrayLike) -> Array:
     """z with P(|normal| < z) = level."""
+    check_level(level)
+    return ndtri((1 + jnp.asarray(level)) / 2)
+
+
+def check_level(level: ArrayLike) -> None:
+    """Refuse a confidence that is not above 0 and below 1."""
     if is_concrete(level) and not np.all((np.asarray(level) > 0) & (np.asarray(level) < 1)):
         raise InputError(f"level={level} must be above 0 and below 1, such as 0.95.")
-    return ndtri((1 + jnp.asarray(level)) / 2)
 
 
 def as_float(values: ArrayLike) -> Array:

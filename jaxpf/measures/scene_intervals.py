@@ -13,7 +13,7 @@ import math
 import numpy as np
 from jax.typing import ArrayLike
 
-from jaxpf.measures.intervals import Interval, newcombe_ends
+from jaxpf.measures.intervals import Interval, check_level, newcombe_ends
 
 #: Number of Bayesian bootstrap draws, and the factor on the excess of the longer tail.
 _DRAWS, _BEYOND = 4000, 2.0
@@ -33,7 +33,11 @@ def scene_interval(
 
     Returns:
         Scalars; the ends are NaN with fewer than two scenes.
+
+    Raises:
+        InputError: the level is not above 0 and below 1.
     """
+    check_level(level)
     values = np.asarray(values, float)
     values = values[np.isfinite(values)]
     count = len(values)

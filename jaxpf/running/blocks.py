@@ -21,7 +21,7 @@ from jaxpf.running import (
     summary_only,
     together,
 )
-from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.checks import check_frames, check_run, check_whole
 from jaxpf.running.chunks import come_one_by_one, in_chunks
 
 #: Block widths for many and for few runs.  A block of 5 costs up to a third more per run than one
@@ -81,8 +81,8 @@ def monte_carlo(
         InputError: as for ``run``; no keys; ``batch_size`` or ``frames_per_chunk`` < 1; no
             devices; frames that differ in shape.
     """
-    if batch_size is not None and batch_size < 1:
-        raise InputError(f"batch_size={batch_size} must be at least 1.")
+    if batch_size is not None:
+        check_whole("batch_size", batch_size)
     keys = as_keys(keys)
     count = keys.shape[0]
     blocks = blocks_of(count) if batch_size is None else ((-(-count // batch_size), batch_size),)

@@ -12,6 +12,7 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.pytree import is_concrete
 
 #: Number of particles in a trial call, chosen to differ from other axes.
 _TRIED = 3
@@ -60,6 +61,18 @@ def check_pytree(tracker: Any) -> None:
         raise InputError(f"{place} is {_a(type(leaf).__name__)}, which is no pytree; {remedy}.")
 
 
+def check_whole(name: str, value: Any, least: int = 1) -> None:
+    """Refuse a ``value`` of the argument ``name`` that is not a whole number of at least ``least``.
+
+    A traced value passes.
+    """
+    if not is_concrete(value):
+        return
+    number = np.asarray(value)
+    if number.ndim or number.dtype.kind not in "iu" or number < least:
+        raise InputError(f"{name}={value!r} must be a whole number, at least {least}.")
+
+
 def check_frames(frames: Any) -> None:
     """Refuse frames that are a list, not numbers, or complex.
 
@@ -71,6 +84,8 @@ def check_frames(frames: Any) -> None:
             f"frames is a list of {len(frames)}; give one array [T, ...]: np.stack(frames)."
         )
     for leaf in jax.tree.leaves(frames):
+        if isinstance(leaf, np.ndarray) and leaf.dtype.kind in "OUS":
+            raise InputError(f"frames hold {leaf.dtype} arrays; give arrays of numbers.")
         if not hasattr(leaf, "dtype"):
             raise InputError(
                 f"frames hold {_a(type(leaf).__name__)}; give arrays with a leading axis of time."

@@ -14,7 +14,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.running import missing_frames
-from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.checks import check_frames, check_run, check_whole
 from jaxpf.running.chunks import come_one_by_one
 
 #: Number of blocks of frames in a run that reports progress.
@@ -73,6 +73,7 @@ def run(
             "frames come one by one, and run needs them all at once; use jaxpf.stream or "
             "jaxpf.monte_carlo, which keep few of them, or give np.stack(list(frames))."
         )
+    check_whole("time", time, 0)
     check_frames(frames)
     num_frames(frames)
     check_run(tracker, frames)
@@ -112,8 +113,8 @@ def forecast(
     Raises:
         InputError: fewer than one step, an invalid key, or a tracker without a likelihood.
     """
-    if steps < 1:
-        raise InputError(f"steps={steps} must be at least 1.")
+    check_whole("steps", steps)
+    check_whole("time", time, 0)
     missing_frames.check_gaps(tracker)
     nothing = np.zeros(steps, bool)
     blind = missing_frames.WithoutFrames(tracker)
@@ -168,11 +169,11 @@ def as_keys(keys: jax.Array) -> jax.Array:
 
 
 def _typed(keys: Any, ndim: int, name: str, wanted: str) -> jax.Array:
-    dtype, shape = getattr(keys, "dtype", None), np.shape(keys)
-    if dtype == np.uint32 and len(shape) == ndim + 1:  # legacy keys
+    dtype = getattr(keys, "dtype", None)
+    if dtype == np.uint32 and keys.ndim == ndim + 1:  # legacy keys
         keys = jax.random.wrap_key_data(jnp.asarray(keys))
     elif dtype is None or not jax.dtypes.issubdtype(dtype, jax.dtypes.prng_key):
-        raise InputError(f"{name} is {keys!r:.60}; give {wanted}.")
+        raise InputError(f"{name} is {' '.join(repr(keys).split()):.60}; give {wanted}.")
     if keys.ndim != ndim or keys.size == 0:
         raise InputError(f"{name} has shape {keys.shape}; give {wanted}.")
     return keys

@@ -9,6 +9,7 @@ import numpy as np
 from jaxpf import running
 from jaxpf.contract.pytree import check_not_traced
 from jaxpf.running import missing_frames
+from jaxpf.running.checks import check_whole
 from jaxpf.running.chunks import come_one_by_one
 
 
@@ -49,6 +50,8 @@ def stream(
         state: state after the previous frames, to resume, as for ``jaxpf.run``.
         time: number of previous frames, as for ``jaxpf.run``; numbering starts from it.
     """
+    key = running.as_key(key)
+    check_whole("time", time, 0)
     if state is None:
         state = jax.jit(running.init)(tracker, key)
     whole = () if come_one_by_one(frames) else frames

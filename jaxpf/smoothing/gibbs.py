@@ -31,7 +31,7 @@ from jaxpf.contract.pytree import is_concrete, pytree_dataclass
 from jaxpf.gradients import NoGradient
 from jaxpf.resampling.schemes import BuiltIn
 from jaxpf.running import memory, missing_frames
-from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.checks import check_frames, check_run, check_whole
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing.backward import Drawn, History, log_densities
 from jaxpf.smoothing.groups import check_smoothing, looks_back
@@ -95,8 +95,7 @@ def particle_gibbs(
         )
     check_frames(frames)
     check_run(tracker, frames)
-    if num_sweeps < 1:
-        raise InputError(f"num_sweeps={num_sweeps} must be at least 1.")
+    check_whole("num_sweeps", num_sweeps)
     num_frames, num_particles = running.num_frames(frames), tracker.num_particles
     lagged = jax.eval_shape(tracker.init, jax.random.key(0)).lagged
     _, dimension, num_partitions, _ = lagged.shape

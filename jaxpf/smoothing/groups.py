@@ -93,7 +93,8 @@ def check_smoothing(tracker: Any) -> None:
         raise InputError(
             f"smoothing needs the density of a move, and {dynamics} has none; add the method "
             "log_density(partition, new, current, previous, parent) -> [], the log of the density "
-            "from which propagate draws (see jaxpf.contract.DynamicsWithDensity)."
+            "from which propagate draws (see jaxpf.contract.DynamicsWithDensity), or give "
+            "jaxpf.state_space a transition_log_density."
         )
     moves_labels = tracker.initial_label is not None and hasattr(
         contract.first_motion(tracker.dynamics), "propagate_label"

@@ -14,7 +14,7 @@ from jaxpf import running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import check_not_traced, pytree_dataclass
 from jaxpf.running import memory, missing_frames
-from jaxpf.running.checks import check_frames, check_run
+from jaxpf.running.checks import check_frames, check_run, check_whole
 from jaxpf.running.chunks import come_one_by_one
 from jaxpf.smoothing.backward import History, Pass, backward
 from jaxpf.smoothing.groups import check_smoothing, looks_back, together
@@ -148,8 +148,8 @@ def stream(
         InputError: as for ``smooth``.
     """
     check_smoothing(tracker)
-    if lag < 1:
-        raise InputError(f"lag={lag} must be at least 1 frame.")
+    check_whole("lag", lag)
+    key = running.as_key(key)
     if not come_one_by_one(frames):
         check_frames(frames)
     drawn = _checked_number(tracker, num_trajectories)
@@ -267,8 +267,7 @@ def back_over(tracker, key, history, num_trajectories, keep, first=0) -> Pass:
 def _checked_number(tracker: Any, num_trajectories: int | None) -> int:
     if num_trajectories is None:
         return tracker.num_particles
-    if num_trajectories < 1:
-        raise InputError(f"num_trajectories={num_trajectories} must be at least 1.")
+    check_whole("num_trajectories", num_trajectories)
     return num_trajectories
 
 

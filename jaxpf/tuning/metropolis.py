@@ -20,6 +20,7 @@ from jax.flatten_util import ravel_pytree
 from jaxpf import running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass, static_field
+from jaxpf.filters.initial import check_count
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import check_run
 from jaxpf.tuning.objectives import keep_log_evidence
@@ -114,17 +115,27 @@ def pmmh(
             prior or cannot explain the frames.
     """
     counts = {"num_draws": num_draws, "num_warmup": num_warmup, "num_chains": num_chains}
+    if num_particles is not None:
+        counts["num_particles"] = num_particles
     for name, value in counts.items():
-        if value < 1:
-            raise InputError(f"{name}={value} must be at least 1.")
+        check_count(name, value)
     if not all(jnp.issubdtype(jnp.result_type(x), jnp.floating) for x in jax.tree.leaves(initial)):
         raise InputError(f"initial={initial!r} must hold floats alone; write 1.0 for 1.")
     initial = jax.tree.map(lambda x: jnp.asarray(x, float), initial)
     tracker = build(initial)
+    if "num_particles" not in getattr(tracker, "__dataclass_fields__", ()):
+        raise InputError(
+            f"build returns a {type(tracker).__name__}, whose num_particles cannot be set; return "
+            "a tracker such as jaxpf.state_space(..., parameters=p)."
+        )
+    prior = log_prior(initial)
+    if prior is None or jnp.shape(prior) != ():
+        what = "nothing" if prior is None else f"shape {list(jnp.shape(prior))}"
+        raise InputError(f"log_prior returns {what}; return one number, a sum over parameters.")
     check_run(tracker, frames)
     marked, frames = missing_frames.marked(tracker, frames, observed)
     is_known = is_concrete(key, frames, initial, tracker)
-    if is_known and not np.isfinite(log_prior(initial)):
+    if is_known and not np.isfinite(prior):
         raise InputError(f"the prior excludes the start {initial!r:.200}; start inside of it.")
     number = num_particles or tracker.num_particles
     model = _Model(build, log_prior, isinstance(marked, missing_frames.WithGaps), number)
@@ -147,6 +158,11 @@ def pmmh(
             model = _with_chosen_number(model, keys[1], frames, middle)
     kept = _advance(model, keys[2], frames, initial, chains, walk, rates)[2]
     drawn, accepted = jax.tree.map(lambda x: jnp.swapaxes(x[-num_draws:], 0, 1), kept)
+    if is_known and np.isneginf(drawn.log_evidence[:, -1]).any():  # a chain accepted no move
+        raise InputError(
+            f"the parameters {initial!r:.200} cannot explain the frames with "
+            f"{model.num_particles} particles; start elsewhere, or give more particles."
+        )
     return Posterior(
         parameters=jax.vmap(jax.vmap(unravel))(drawn.place),
         log_evidence=drawn.log_evidence,

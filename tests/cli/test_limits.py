@@ -114,3 +114,24 @@ def test_a_users_function_that_fails_is_told_by_file_and_line(tmp_path, kind):
         "import": "cannot be imported (ZeroDivisionError: division by zero, at line 2 of",
     }
     assert said[kind] in sentence
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("track", "clip.mp4", "-o", ""),
+        ("track", "clip.mp4", "--births", ""),
+        ("example", "boxes", ""),
+        ("export", "", "mot", "a.txt"),
+        ("contour", "learn", ""),
+        ("reproduce", "rowe2005", "--data", ""),
+        ("demo", "-o", ""),
+        ("evaluate", "", "--dry-run"),
+        ("tune", ""),
+    ],
+)
+def test_an_empty_path_is_not_this_folder(arguments, tmp_path, monkeypatch):
+    """Such as of a variable of the shell that is not set: nothing is read or written there."""
+    monkeypatch.chdir(tmp_path)
+    assert "is empty; give a" in refused(*arguments)
+    assert not list(tmp_path.iterdir())

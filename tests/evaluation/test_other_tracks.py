@@ -138,6 +138,8 @@ def test_overlaps_of_pairs_are_worked_out_by_hand():
     expected[0] = 4 / 12, 1, 0, 0.5
     np.testing.assert_array_equal(pairwise_overlap(one, other), expected)
     assert pairwise_overlap(one, np.zeros((0, 4))).shape == (3, 0)
+    with pytest.raises(InputError, match=r"boxes have the shape \[4, 3\]; give x, y, w, h"):
+        pairwise_overlap(one, np.ones((4, 3)))
 
 
 def test_a_neighbour_that_overlaps_a_little_takes_no_object_over(tmp_path, truth):

@@ -99,3 +99,55 @@ def test_random_keys_are_kept(tmp_path):
     loaded, number = jaxpf.load(path, Counting())
     assert jax.random.uniform(loaded) == jax.random.uniform(key)
     assert number == 1
+
+
+@pytest.mark.parametrize("time", [-1, 2.5, None, "3", True])
+def test_a_time_that_is_no_number_of_frames_is_refused(saved, time):
+    """It chooses a frame's random numbers: -1 would reuse those of the start."""
+    state, key = jaxpf.load(saved, one()), jax.random.key(1)
+    for go_on in (
+        lambda: jaxpf.run(one(), key, FRAMES[3:], state=state, time=time),
+        lambda: jaxpf.forecast(one(), key, state, 1, time=time),
+        lambda: next(jaxpf.stream(one(), key, iter(FRAMES[3:]), state=state, time=time)),
+    ):
+        with pytest.raises(InputError, match=f"time={time!r} must be a whole number, at least 0"):
+            go_on()
+
+
+@pytest.mark.parametrize("steps", [0, 2.5, "a", None])
+def test_a_forecast_of_no_number_of_frames_is_refused(saved, steps):
+    state = jaxpf.load(saved, one())
+    with pytest.raises(InputError, match=f"steps={steps!r} must be a whole number, at least 1"):
+        jaxpf.forecast(one(), jax.random.key(1), state, steps, time=3)
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        (one(num_particles=21), "and the tracker 21 of 2"),
+        (one(num_objects=3), "the tracker 20 of 3"),
+    ],
+)
+def test_going_on_from_the_state_of_another_tracker_is_refused(saved, other, words):
+    state, key = jaxpf.load(saved, one()), jax.random.key(1)
+    frames = FRAMES[:, [0] * other.num_partitions]
+    with pytest.raises(InputError, match=f"has 20 particles of 2 partition.*{words}"):
+        jaxpf.run(other, key, frames, state=state, time=3)
+
+
+def test_a_stream_takes_keys_as_a_run_does():
+    with pytest.raises(InputError, match="key is 0; give a random key"):
+        next(jaxpf.stream(one(), 0, iter(FRAMES)))
+
+
+def test_a_file_without_a_name_is_refused(saved):
+    with pytest.raises(InputError, match="names no file to write"):
+        jaxpf.save("", jaxpf.load(saved, one()))
+
+
+def test_a_state_of_another_precision_is_refused_with_its_own_remedy(saved):
+    with (
+        jax.enable_x64(True),
+        pytest.raises(InputError, match=r"is float32 .* and this one's float64 .*jax_enable_x64"),
+    ):
+        jaxpf.load(saved, one())

@@ -186,6 +186,55 @@ def test_a_proposal_goes_through():
     assert abs(better.mean() - plain.mean()) < bound
 
 
+@pytest.mark.parametrize(
+    ("method", "value", "words"),
+    [
+        ("propose", np.ones(3), r"Wrong.propose returns shape \[3\]; return \[1\]"),
+        ("propose", 1.0, r"Wrong.propose returns shape \[\]; return \[1\]"),
+        (
+            "propose_all",
+            np.ones((1, 3)),
+            r"Wrong.propose_all returns shape \[1, 3\]; return \[1, 50",
+        ),
+        ("log_density", np.ones(1), r"Wrong.log_density returns shape \[1\]; return \[\]"),
+    ],
+)
+@pytest.mark.parametrize("mixed", [False, True])
+def test_a_proposal_that_returns_another_shape_is_refused(method, value, words, mixed):
+    class Wrong(Optimal, contract.Proposal):
+        pass
+
+    setattr(Wrong, method, lambda self, *arguments: value)
+    wrong = jaxpf.pytree_dataclass(Wrong)()
+    proposal = jaxpf.proposals.Mixture(wrong) if mixed else wrong
+    tracker = build(VALUES, transition_log_density=log_density, proposal=proposal)
+    with pytest.raises(InputError, match=words):
+        jax.eval_shape(lambda: jaxpf.run(tracker, KEY, FRAMES))
+
+
+def test_the_residual_of_a_linearised_proposal_is_a_vector():
+    proposal = jaxpf.proposals.Linearised(lambda y, partition, x: y - x[0])
+    tracker = build(VALUES, transition_log_density=log_density, proposal=proposal)
+    with pytest.raises(InputError, match=r"residual returns shape \[\]; return \[E\]"):
+        jax.eval_shape(lambda: jaxpf.run(tracker, KEY, FRAMES))
+
+
+def test_a_first_state_of_whole_numbers_is_one_of_floats():
+    """Counts, such as of animals, are drawn whole."""
+
+    def count(key, p):
+        return jax.random.randint(key, (), 0, 7)
+
+    def grow(key, x, p):
+        return x + jax.random.randint(key, (), 0, 3)
+
+    whole, floats = (
+        build(None, initial=first, transition=grow, log_likelihood=lambda y, x, p: -((y - x) ** 2))
+        for first in (count, lambda key, p: 1.0 * count(key, p))
+    )
+    assert_equal(*(jaxpf.run(each, KEY, FRAMES)[1] for each in (whole, floats)))
+
+
 # Parameters are traced
 
 
@@ -250,19 +299,31 @@ def test_tuning_names_a_parameter_once_and_changes_it_everywhere():
         ({"transition": lambda key, x, p: jnp.ones(3)}, r"returns shape \[3\], and initial \[\]"),
         ({"transition": 0.9}, "transition is 0.9, which is no function"),
         ({"initial": lambda key, p: (1.0, 2.0)}, "initial returns tuple; return the state as one"),
+        ({"initial": {"a": 1.0}}, "initial is a dict; give the state as one array"),
+        ({"initial": None}, "initial is a NoneType; give the state as one array"),
+        ({"initial": [[1.0], [1.0, 2.0]]}, "initial is list, not an array of numbers"),
+        ({"values": {"a": "no"}}, r"parameters\['a'\] is 'no'; give numbers and arrays"),
+        ({"values": {"f": [norm.pdf]}}, r"parameters\['f'\]\[0\] is <.*; give numbers and arrays"),
         ({"num_partices": 3}, "no option 'num_partices'"),
         ({"transition_log_density": lambda new, x, p: x[None]}, r"density returns shape \[1\]"),
     ],
 )
 def test_wrong_functions_are_refused_in_one_sentence(changes, words):
     with pytest.raises(InputError, match=words) as raised:
-        build(VALUES, **changes)
+        build(**{"values": VALUES} | changes)
     assert "\n" not in str(raised.value)
 
 
 def test_a_likelihood_of_many_numbers_is_refused():
     tracker = build(VALUES, initial=jnp.zeros(2), transition=lambda key, x, p: x)
     with pytest.raises(InputError, match=r"log_likelihood returns shape \[2\]; return one number"):
+        jaxpf.run(tracker, KEY, FRAMES)
+
+
+@pytest.mark.parametrize(("value", "words"), [(None, "nothing"), (1j, "complex numbers")])
+def test_a_likelihood_that_is_no_real_number_is_refused_by_its_own_name(value, words):
+    tracker = build(VALUES, log_likelihood=lambda y, x, p: value)
+    with pytest.raises(InputError, match=f"^log_likelihood returns {words}"):
         jaxpf.run(tracker, KEY, FRAMES)
 
 
@@ -275,5 +336,7 @@ def test_smoothing_is_refused_where_the_likelihood_sees_the_state_before():
             log_likelihood=lambda y, x, p, previous: 0.0,
             transition_log_density=log_density,
         )
-    with pytest.raises(InputError, match="log_density"):
+    with pytest.raises(InputError, match=r"give jaxpf\.state_space a transition_log_density"):
         jaxpf.smooth(build(VALUES), KEY, FRAMES)
+    with pytest.raises(InputError, match=r"give jaxpf\.state_space a transition_log_density"):
+        build(VALUES, proposal=Optimal())

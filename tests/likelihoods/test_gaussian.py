@@ -137,3 +137,10 @@ def test_stacked_model_without_lag_or_coupling_is_block_diagonal():
     transition, process = stacked_model(dynamics, (-1, -1))
     np.testing.assert_allclose(transition[:2, :2], 0.9 * np.eye(2))
     np.testing.assert_allclose(process[:2, :2], np.eye(2))
+
+
+def test_kalman_takes_lists():
+    model = [[0.9]], [[0.5]], [[1.0]], [[0.7]], [0.0], [[1.0]], [[0.3], [np.nan]]
+    given = kalman(*model), kalman(*map(np.array, model))
+    for lists, arrays in zip(*given, strict=True):
+        np.testing.assert_array_equal(lists, arrays)

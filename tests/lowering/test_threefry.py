@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jaxpf
 from jaxpf.lowering.threefry import written_out
 
 DRAWS = {
@@ -69,3 +70,22 @@ def test_too_many_numbers_at_once_are_refused():
     key = written_out(jax.random.key(0))
     with pytest.raises(NotImplementedError, match="fewer than 2\\^32"):
         jax.jit(lambda: jax.random.bits(key, (2**16, 2**16))).lower()
+
+
+def test_models_may_draw_from_a_poisson_law_which_takes_keys_of_jax_alone():
+    def model(draw):
+        return jaxpf.state_space(
+            initial=lambda key, p: draw(key, 3.0),
+            transition=lambda key, x, p: x + draw(key, 1.0),
+            log_likelihood=lambda y, x, p: -((y - x) ** 2),
+            num_particles=20,
+        )
+
+    def with_a_key_of_jax(key, rate):
+        return jax.random.poisson(jax.random.wrap_key_data(jax.random.key_data(key)), rate)
+
+    run = [
+        jaxpf.run(model(draw), jax.random.key(0), np.ones(3))[1].estimate
+        for draw in (jax.random.poisson, with_a_key_of_jax)
+    ]
+    np.testing.assert_array_equal(*run)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import betaincinv, ndtr
 
+from jaxpf import InputError
 from jaxpf.measures import has_width, paired_rates_interval, scene_interval, student_interval
 
 REPEATS, TRIALS = 4000, 30
@@ -106,3 +107,12 @@ def test_the_order_of_scenes_does_not_matter_much_and_repeats_are_equal():
     assert scene_interval(values).upper == pytest.approx(
         scene_interval(values[::-1]).upper, rel=0.03
     )
+
+
+@pytest.mark.parametrize("level", [-1, 0, 1, 95, math.nan])
+def test_a_level_that_is_no_probability_is_refused(level):
+    for interval in (student_interval, scene_interval):
+        with pytest.raises(InputError, match=f"level={level} must be above 0 and below 1"):
+            interval([1.0, 2.0, 3.0], level)
+    with pytest.raises(InputError, match=f"level={level} must be above 0 and below 1"):
+        paired_rates_interval([0.5, 1.0], [0.2, 0.3], level)

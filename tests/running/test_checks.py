@@ -209,3 +209,9 @@ def test_a_tracker_equals_itself_alone():
     assert made == made
     assert made != tracker()
     assert made in {made}
+
+
+@pytest.mark.parametrize("frames", [np.array(["a", "b"]), np.array([None, 1.0])])
+def test_frames_that_are_no_numbers_are_refused(frames):
+    with pytest.raises(InputError, match="arrays; give arrays of numbers"):
+        jaxpf.run(tracker(), KEYS[0], frames)

@@ -244,13 +244,15 @@ def test_frames_without_one_time_axis_are_refused(frames, sentence):
 def test_keys_that_are_not_one_per_run_are_refused():
     with pytest.raises(InputError, match=r"keys has shape \(\)"):
         jaxpf.monte_carlo(tracker(), jax.random.key(0), FRAMES)
+    with pytest.raises(InputError, match=r"keys is \[.*; give one key per run, as jax"):
+        jaxpf.monte_carlo(tracker(), [jax.random.key(0), jax.random.key(1)], FRAMES)
     with pytest.raises(InputError, match=r"keys has shape \(0,\)"):
         jaxpf.monte_carlo(tracker(), jax.random.split(jax.random.key(0), 0), FRAMES)
 
 
 def test_an_empty_batch_is_refused():
     keys = jax.random.split(jax.random.key(0), 2)
-    with pytest.raises(InputError, match="batch_size=0 must be at least 1"):
+    with pytest.raises(InputError, match="batch_size=0 must be a whole number, at least 1"):
         jaxpf.monte_carlo(tracker(), keys, FRAMES, batch_size=0)
 
 

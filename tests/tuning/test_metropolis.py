@@ -150,10 +150,28 @@ def test_the_draws_are_an_arviz_tree(posterior):
     [
         ({"initial": {"a": 2.0, "s": 1.0}}, "the prior excludes the start"),
         ({"initial": {"a": 0, "s": 1}}, "must hold floats alone"),
-        ({"num_draws": 0}, "num_draws=0 must be at least 1"),
+        ({"num_draws": 0}, "num_draws=0 must be a whole number, at least 1"),
+        ({"num_chains": 2.5}, "num_chains=2.5 must be a whole number, at least 1"),
+        ({"num_particles": 0}, "num_particles=0 must be a whole number, at least 1"),
+        (
+            {"log_prior": lambda p: jnp.zeros(2)},
+            r"log_prior returns shape \[2\]; return one number",
+        ),
+        ({"log_prior": lambda p: None}, "log_prior returns nothing; return one number"),
+        (
+            {"build": lambda p: jaxpf.filters.SideBySide(build(p))},
+            "build returns a SideBySide, whose num_particles cannot be set",
+        ),
     ],
 )
 def test_what_cannot_be_sampled_is_refused(changes, words):
-    arguments = {"frames": FRAMES, "initial": START} | changes
+    model = {"build": build, "log_prior": log_prior, "frames": FRAMES, "initial": START}
     with pytest.raises(InputError, match=words):
-        jaxpf.pmmh(build, log_prior, KEY, **arguments)
+        jaxpf.pmmh(key=KEY, **model | changes)
+
+
+def test_a_start_that_explains_no_frame_is_refused_for_a_given_number_of_particles():
+    """Such chains never move; their draws would be the start."""
+    few = {"num_draws": 2, "num_warmup": 2, "num_chains": 2, "num_particles": 4}
+    with pytest.raises(InputError, match="cannot explain the frames with 4 particles; start else"):
+        jaxpf.pmmh(build, log_prior, KEY, np.full(3, 1e30, np.float32), START, **few)

@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from jaxpf.cli.shared.console import print_table
-from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.speaking import GivenPath, Speaking
 from jaxpf.cli.shared.startup import start_jax
 
 _COLD_START = """
@@ -27,7 +27,7 @@ measure(range(RUNS // RUNS_PER_SCENE), orderings=chosen)
 
 @click.command("bench", cls=Speaking)
 @click.option("--repeats", default=15, show_default=True, help="Number of interleaved repeats.")
-@click.option("--output", "-o", type=click.Path(path_type=Path), help="Also write a CSV file.")
+@click.option("--output", "-o", type=GivenPath(), help="Also write a CSV file.")
 def command(repeats: int, output: Path | None) -> None:
     """Measure speed on this machine, each figure beside its baseline.
 

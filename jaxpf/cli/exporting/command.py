@@ -4,18 +4,18 @@ from pathlib import Path
 
 import click
 
-from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.speaking import GivenPath, Speaking
 from jaxpf.contract.errors import InputError
 
 
 @click.command("export", cls=Speaking)
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=GivenPath())
 @click.argument(
     "form",
     metavar="FORMAT",
     type=click.Choice(["coco", "cvat", "mot", "movement", "arviz"]),
 )
-@click.argument("output", metavar="FILE", type=click.Path(path_type=Path))
+@click.argument("output", metavar="FILE", type=GivenPath())
 @click.option("--overwrite", is_flag=True, help="Replace the file if it is there.")
 def command(folder: Path, form: str, output: Path, overwrite: bool) -> None:
     """Write the tracks in FOLDER, which `jaxpf track` filled, to FILE in another project's FORMAT.

@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from jaxpf import filters
-from jaxpf.cli.shared.speaking import Speaking
+from jaxpf.cli.shared.speaking import GivenPath, Speaking
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, Option, counting, options_of, plain
 from jaxpf.targets import adapters
@@ -202,7 +202,7 @@ def _help(one: Option, default: Any) -> str:
 
 def _click_type(one: Option, grid: bool) -> tuple[Any, bool]:
     if one.kind is Path:
-        return click.Path(path_type=Path), False
+        return GivenPath(), False
     if one.kind is str and one.length:
         return str, True
     if one.length:
@@ -274,7 +274,7 @@ def start_flags(flags: Mapping[str, Mapping[str, Any]], section: str) -> list[Fl
         if isinstance(kind, list):
             given: Any = NumberList(kind[0])
         else:
-            given = click.Path(path_type=Path) if kind is Path else kind
+            given = GivenPath() if kind is Path else kind
         spelling = f"--{name.replace('_', '-')}"
         found.append(Flag([spelling], section=section, **{**about, "type": given}))
     return found

@@ -138,6 +138,8 @@ def resolved_scene(source: str) -> str:
     """A scene with an absolute path, so that run.toml works from anywhere."""
     import scenes
 
+    if not source:
+        raise InputError("SCENE is empty; give a scene's name or a folder, or . for this folder.")
     place, colon, function = source.rpartition(":")
     if colon and Path(place).is_file():
         return f"{Path(place).resolve()}:{function}"

@@ -2,11 +2,25 @@
 
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import click
 
 from jaxpf.contract.errors import InputError
+
+
+class GivenPath(click.Path):
+    """A path that is not empty, as an unset variable of the shell is: that is no folder."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        """Convert text to a ``Path``."""
+        if value == "":
+            self.fail("it is empty; give a path, or . for this folder.", param, ctx)
+        return super().convert(value, param, ctx)
 
 
 class Speaking(click.Command):

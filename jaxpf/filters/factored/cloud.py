@@ -91,7 +91,7 @@ def start(key: jax.Array, initial: Any, num: int, history: Any = None) -> Factor
     if callable(initial):
         drawn = jax.vmap(initial)(jax.random.split(key, num))
         chex.assert_rank(drawn, 3)
-        values = jnp.moveaxis(drawn, (0, 1, 2), (2, 1, 0))
+        values = jnp.moveaxis(filters_initial.as_floats(drawn), (0, 1, 2), (2, 1, 0))
     else:
         values = jnp.repeat(initial.T[..., None], num, axis=-1)
     return FactoredState(

@@ -20,7 +20,7 @@ from jaxpf.contract.state import Summary
 from jaxpf.filters.factored import cloud, drift, shape
 from jaxpf.filters.factored.cloud import FactoredState
 from jaxpf.filters.initial import check_count
-from jaxpf.lowering.threefry import written_out
+from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
 
@@ -94,10 +94,11 @@ class Eskil(contract.Tracker):
         """Number of partitions, P."""
         return cloud.count_partitions(self.initial)
 
+    @with_written_out_key
     def init(self, key: jax.Array) -> FactoredState:
         """Draw the state just before the first frame, with equal weights."""
         num = self.num_particles * self.upsampling
-        state = cloud.start(written_out(key), self.initial, num)
+        state = cloud.start(key, self.initial, num)
         place = cloud.means(state.log_weights, state.lagged[0])[:2].T
         return FactoredState(
             lagged=state.lagged,
@@ -110,13 +111,14 @@ class Eskil(contract.Tracker):
         """Do the work that depends on the frame alone."""
         return self.likelihood.observe(frame)
 
+    @with_written_out_key
     def step_observed(
         self, key: jax.Array, state: FactoredState, observation: Any
     ) -> tuple[FactoredState, Summary]:
         """Advance by one observed frame; see the class."""
         chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
         motion = state.history
-        sample_key, simulate_key, move_key = jax.random.split(written_out(key), 3)
+        sample_key, simulate_key, move_key = jax.random.split(key, 3)
         lagged, log_weights = cloud.survivors(self, sample_key, state)
 
         carried, invalid_before = jnp.zeros_like(motion.place), jnp.zeros((), jnp.int32)

@@ -19,7 +19,7 @@ from jaxpf.contract.state import Summary
 from jaxpf.filters.factored import cloud
 from jaxpf.filters.factored.cloud import FactoredState
 from jaxpf.filters.initial import check_count
-from jaxpf.lowering.threefry import written_out
+from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
 
@@ -73,20 +73,22 @@ class PFFL(Tracker):
         """Number of partitions, P."""
         return cloud.count_partitions(self.initial)
 
+    @with_written_out_key
     def init(self, key: jax.Array) -> FactoredState:
         """Draw the state just before the first frame, with equal weights."""
-        return cloud.start(written_out(key), self.initial, self.num_particles * self.upsampling)
+        return cloud.start(key, self.initial, self.num_particles * self.upsampling)
 
     def observe(self, frame: Any) -> Any:
         """Do the work that depends on the frame alone."""
         return self.likelihood.observe(frame)
 
+    @with_written_out_key
     def step_observed(
         self, key: jax.Array, state: FactoredState, observation: Any
     ) -> tuple[FactoredState, Summary]:
         """Advance by one observed frame; see the class."""
         chex.assert_shape(state.log_weights, (None, self.num_particles * self.upsampling))
-        sample_key, simulate_key, choose_key, move_key = jax.random.split(written_out(key), 4)
+        sample_key, simulate_key, choose_key, move_key = jax.random.split(key, 4)
         lagged, log_weights = state.lagged, state.log_weights
         if self.upsampling > 1 or self.form == "literal":
             lagged, log_weights = cloud.survivors(self, sample_key, state)

@@ -12,13 +12,13 @@ import numpy as np
 from jaxpf.contract import Tracker
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.filters import confidence
-from jaxpf.filters.initial import checked_initial
+from jaxpf.filters.initial import as_floats, checked_initial
 from jaxpf.filters.labelled import by_label, kernel, population
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_tracker
 from jaxpf.filters.labelled.state import LabelledState, LabelledSummary
 from jaxpf.gradients import NoGradient
-from jaxpf.lowering.threefry import written_out
+from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
 __all__ = ["Labelled", "LabelledState", "LabelledSummary", "born", "ended"]
@@ -99,15 +99,16 @@ class Labelled(Tracker):
         """Number of targets, L, which are the rows of a summary."""
         return self.num_targets
 
+    @with_written_out_key
     def init(self, key: jax.Array) -> LabelledState:
         """Draw the state just before the first frame; each target has 1/L of the weight."""
         if self.population == "open":
             return population.first_state(self)
-        key, labels = written_out(key), kernel.first_labels(self.num_particles, self.num_targets)
+        labels = kernel.first_labels(self.num_particles, self.num_targets)
         if callable(self.initial):
             drawn = jax.vmap(self.initial)(jax.random.split(key, self.num_particles))
             chex.assert_shape(drawn, (self.num_particles, self.num_targets, None))
-            values = drawn[np.arange(self.num_particles), labels].T
+            values = as_floats(drawn[np.arange(self.num_particles), labels].T)
         else:
             values = self.initial.T[:, labels]
         sizes = np.bincount(labels, minlength=self.num_targets)
@@ -133,6 +134,7 @@ class Labelled(Tracker):
         """Do the work that depends on the frame alone; unbatched when runs are vmapped."""
         return self.likelihood.observe(frame)
 
+    @with_written_out_key
     def step_observed(
         self, key: jax.Array, state: LabelledState, observation: Any
     ) -> tuple[LabelledState, LabelledSummary]:
@@ -140,7 +142,7 @@ class Labelled(Tracker):
         chex.assert_shape(state.log_weights, (self.num_particles,))
         chex.assert_shape(state.lagged, (2, None, self.num_particles))
         # Same keys as Partitioned with one partition: one target gives the same particles.
-        begin_key, stages_key = jax.random.split(written_out(key))
+        begin_key, stages_key = jax.random.split(key)
         resample_key, reseed_key = jax.random.split(begin_key)
         propagate_key = jax.random.split(jax.random.fold_in(stages_key, 0), 4)[0]
         before = state

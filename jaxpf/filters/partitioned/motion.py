@@ -101,7 +101,8 @@ class Proposed(Motion):
             raise InputError(
                 f"a proposal is weighed by the transition density, and "
                 f"{type(tracker.dynamics).__name__} has none; add the method log_density (see "
-                "jaxpf.contract.DynamicsWithDensity) or leave out proposal."
+                "jaxpf.contract.DynamicsWithDensity), give jaxpf.state_space a "
+                "transition_log_density, or leave out proposal."
             )
         if tracker.relocation is not None:
             raise InputError(

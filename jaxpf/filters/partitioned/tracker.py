@@ -13,7 +13,7 @@ from jaxpf.contract.model import check_tree
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import ParticleState, Summary
 from jaxpf.filters import confidence
-from jaxpf.filters.initial import checked_initial
+from jaxpf.filters.initial import as_floats, checked_initial
 from jaxpf.filters.partitioned import kernel, labels
 from jaxpf.filters.partitioned.motion import Motion, motion_of
 from jaxpf.filters.partitioned.refusals import check_tracker
@@ -21,7 +21,7 @@ from jaxpf.filters.partitioned.selection import Trigger
 from jaxpf.filters.partitioned.weighing import Weighing, weighing_of
 from jaxpf.gradients import NoGradient
 from jaxpf.lowering.derivatives import with_gradient_of
-from jaxpf.lowering.threefry import written_out
+from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.ordering import Ordering
 from jaxpf.resampling.schemes import scheme_of
 
@@ -110,13 +110,13 @@ class Partitioned(Tracker):
         """The rule for when to resample a component."""
         return Trigger(self.ess_threshold)
 
+    @with_written_out_key
     def init(self, key: jax.Array) -> ParticleState:
         """Draw the state just before the first frame, with equal weights."""
-        key = written_out(key)
         if callable(self.initial):
             drawn = jax.vmap(self.initial)(jax.random.split(key, self.num_particles))
             chex.assert_rank(drawn, 3)
-            values = jnp.moveaxis(drawn, (0, 1, 2), (2, 1, 0))
+            values = jnp.moveaxis(as_floats(drawn), (0, 1, 2), (2, 1, 0))
         else:
             values = jnp.broadcast_to(self.initial.T[..., None], (*self.initial.T.shape, 1))
             values = jnp.repeat(values, self.num_particles, axis=-1)
@@ -145,10 +145,16 @@ class Partitioned(Tracker):
         """Do the work that depends on the frame alone; unbatched when runs are vmapped."""
         return self.likelihood.observe(frame)
 
+    @with_written_out_key
     def step_observed(
         self, key: jax.Array, state: ParticleState, observation: Any
     ) -> tuple[ParticleState, Summary]:
         """Advance by one observed frame: resample, then propagate and weight every partition."""
-        chex.assert_shape(state.log_weights, (self.num_particles,))
-        chex.assert_shape(state.lagged, (2, None, self.num_partitions, self.num_particles))
-        return kernel.step(self, written_out(key), state, observation)
+        shape = state.lagged.shape[2:]
+        if shape != (self.num_partitions, self.num_particles):
+            raise InputError(
+                f"the state has {shape[1]} particles of {shape[0]} partition(s), and the tracker "
+                f"{self.num_particles} of {self.num_partitions}; go on with the tracker that made "
+                "the state."
+            )
+        return kernel.step(self, key, state, observation)

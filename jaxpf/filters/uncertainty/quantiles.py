@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf.contract.errors import InputError
+
 
 def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndarray:
     """Quantiles of weighted particles: the smallest values that reach each share of the weight.
@@ -12,12 +14,18 @@ def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndar
     Args:
         values: ``[N, P, C]``, such as coordinates of ``state.substates``; NaN (a particle that
             holds another target) counts as zero weight.
-        log_weights: ``[N]``, or ``[P, N]`` if partitions have separate weights.
+        log_weights: normalised, ``[N]``, or ``[P, N]`` if partitions have separate weights.
         levels: L levels from 0 to 1.
 
     Returns:
         ``[L, P, C]``; NaN for a partition without particles.
+
+    Raises:
+        InputError: no level, or one outside of 0 to 1.
     """
+    shares = np.asarray(levels, float)
+    if shares.ndim != 1 or not len(shares) or not np.all((shares >= 0) & (shares <= 1)):
+        raise InputError(f"levels={levels!r} must be a list of numbers from 0 to 1.")
     values = np.moveaxis(np.asarray(values), 0, -1)
     weights = np.exp(np.asarray(log_weights, np.float64))
     weights = np.broadcast_to(weights if weights.ndim == 1 else weights[:, None], values.shape)

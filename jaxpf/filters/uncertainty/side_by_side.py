@@ -16,6 +16,7 @@ from jaxpf import contract
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
+from jaxpf.filters.initial import check_count
 from jaxpf.filters.uncertainty.error_bars import ErrorBars
 
 
@@ -71,6 +72,7 @@ class SideBySide(contract.Tracker):
     num_runs: int = static_field(default=2)
 
     def __post_init__(self):
+        check_count("num_runs", self.num_runs)
         if self.num_runs < 2:
             raise InputError(
                 f"num_runs={self.num_runs} says nothing of how much runs differ; give at least 2."

@@ -37,6 +37,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from jaxpf.contract.errors import InputError
+
 
 class Tracker:
     """Tracks P targets from frame to frame.

@@ -24,8 +24,8 @@ ORDERINGS = {"sir": (ordering.sir(1), (-1,)), "ps": (ordering.ps([0, 1]), (-1, -
 @pytest.mark.parametrize(
     ("name", "size", "motion"),
     [
-        ("sir", 4, "pathwise"),
-        pytest.param("sir", 4, "score", marks=pytest.mark.slow),
+        ("sir", 4, "score"),
+        pytest.param("sir", 4, "pathwise", marks=pytest.mark.slow),
         pytest.param("ps", 6, "pathwise", marks=pytest.mark.slow),
     ],
 )

@@ -1,5 +1,6 @@
 """The site is built without a warning, and every command and every module has a page."""
 
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -31,7 +32,8 @@ def test_every_command_module_and_notebook_has_a_page(site):
     there = {path.stem for path in site.rglob("*.html")}
     subcommands = set(group.list_commands(None)) - {"track", "contour"}
     pages = {f"jaxpf-{name}" for name in subcommands} | {"jaxpf-track-boxes", "jaxpf-contour-learn"}
-    pages |= {f"jaxpf.{name}" for name in jaxpf._MODULES}
+    modules = (name for name in jaxpf.__all__ if inspect.ismodule(getattr(jaxpf, name)))
+    pages |= {f"jaxpf.{name}" for name in modules}
     pages |= {path.stem for path in (ROOT / "notebooks").glob("*.ipynb")}
     assert pages <= there
 

@@ -181,7 +181,7 @@ def test_a_baseline_that_cannot_be_is_one_sentence(place, tmp_path, options, sen
 
 @pytest.mark.slow
 def test_of_one_object_one_method_is_run_and_the_output_says_why(place, tmp_path, short_report):
-    arguments = ("evaluate", place / "two", "--ids", "7", "--runs", "4", *COMMON[2:6])
+    arguments = ("evaluate", place / "two", "--ids", "7", "--runs", "4", *COMMON[4:8])
     outcome = jaxpf(*arguments, "-o", tmp_path / "out")
     assert outcome.code == 0, outcome.err
     assert "all orderings coincide" in outcome.out

@@ -118,6 +118,11 @@ class OpaqueContours(ExclusiveContours):
     num_targets: int = static_field(default=2)
 
     @property
+    def _pays_folds_once(self) -> bool:
+        """False: bodies rarely fold, and three leaves were kept less often with the rule."""
+        return False
+
+    @property
     def orders_of_labels(self) -> tuple[tuple[int, ...], ...]:
         """Order of partitioned sampling for each label: the nearer target first (figure 8)."""
         return depth_orders(self.num_targets)

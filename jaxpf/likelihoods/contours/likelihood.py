@@ -139,7 +139,7 @@ class IndependentContours(Likelihood):
             return own
         kind = self.num_lines, self.edges, self.space.closed
         outline = self._outline(lines)
-        if self.payment == "literal":
+        if not self._pays_folds_once:
             left_out = crossing.own_sides(*kind)
             return joined(own, self._crossings_of(observation, lines, outline, further, left_out))
         places, there = crossing.nearest_crossings(
@@ -148,9 +148,14 @@ class IndependentContours(Likelihood):
         return joined(own, (places, there & self._in_view(observation, lines, places)))
 
     @property
+    def _pays_folds_once(self) -> bool:
+        """Whether an edge that a contour folded back on itself shows twice is rewarded once."""
+        return self.payment == "once"
+
+    @property
     def _own_rows(self) -> int:
         """Number of rows of ``_of_their_own``."""
-        return self.crossings + (0 if self.payment == "literal" else self.edges)
+        return self.crossings + (self.edges if self._pays_folds_once else 0)
 
     def _factors(self, observation, lines, boundaries, others):
         """Log-factors of contours from their own lines: sums over lines, ``[S, ...]``.
@@ -165,7 +170,7 @@ class IndependentContours(Likelihood):
         def gains(num_own, boundaries):
             rows = [[num_own + row for row in group] for group in others]
             after = [[*range(num_own), *group] for group in rows]
-            earlier = () if self.payment == "literal" else range(self.edges, num_own)
+            earlier = range(self.edges, num_own) if self._pays_folds_once else ()
             before = [[*earlier, *group] for group in rows]
             groups = after + before if any(before) else after
             ratios = self._log_ratios(observation, lines, boundaries, groups)
@@ -178,7 +183,7 @@ class IndependentContours(Likelihood):
             return jnp.sum(share - self._log_means(observation, boundaries, after), axis=1)
 
         num_own, edges = self._own_rows, self.edges
-        if self.payment == "literal":
+        if not self._pays_folds_once:
             return gains(num_own, boundaries)
         # Contours rarely fold back: pay for these rows only if one does.
         folds = crossing.anywhere(boundaries[1][edges:num_own])

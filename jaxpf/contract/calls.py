@@ -96,8 +96,8 @@ def check_uncoupled(dynamics: Any, what: str) -> None:
     """
     if is_coupled(first_motion(dynamics)):
         raise InputError(
-            f"{type(dynamics).__name__} moves a partition by all the others, which does not go "
-            f"with {what}; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single "
+            f"{type(dynamics).__name__} moves a partition by all the others, which does not "
+            f"work with {what}; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single "
             "partitions."
         )
 

@@ -5,9 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.boxes.models import (
-    boxes_at,
-)
+from jaxpf.boxes.models import boxes_at
 from jaxpf.boxes.target import BOXES
 from jaxpf.contract.errors import InputError
 from jaxpf.targets import building

@@ -240,16 +240,6 @@ def log_odds_all(likelihood, observation, partition, substates) -> jax.Array:
     return jax.vmap(likelihood.log_odds, in_axes=(None, 0, 1))(observation, partition, substates)
 
 
-def was_observed(likelihood: Any, observation: Any) -> Any:
-    """Whether a frame was observed: ``[]`` or ``[P]`` bool, or True for all frames.
-
-    Only the wrapper for missing frames in ``jaxpf.running`` defines ``was_observed(observation)``.
-    Confidence does not change in a frame that was not observed.
-    """
-    method = getattr(likelihood, "was_observed", None)
-    return True if method is None else method(observation)
-
-
 def has_state_gradient(likelihood: Any) -> bool:
     """Whether ``log_prob`` is more than piecewise constant in the substate."""
     return getattr(likelihood, "state_gradient", True)

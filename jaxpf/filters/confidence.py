@@ -57,9 +57,9 @@ def reported(
     now = lax.stop_gradient(now.astype(before.log_odds.dtype))
     now = jnp.where(jnp.isnan(now), -_MOST, jnp.clip(now, -_MOST, _MOST))
     smooth = _MEMORY * before.log_odds + (1 - _MEMORY) * now
-    observed = contract.was_observed(likelihood, observation)
-    if observed is not True:
-        smooth = jnp.where(observed, smooth, before.log_odds)
+    *_, seen = contract.as_seen(likelihood, observation)
+    if seen is not None:  # confidence does not change in a missing frame
+        smooth = jnp.where(seen, smooth, before.log_odds)
     return (
         dataclasses.replace(state, log_odds=smooth),
         dataclasses.replace(summary, confidence=jax.nn.sigmoid(smooth)),

@@ -86,10 +86,6 @@ class LikelihoodWithGaps(contract.Likelihood):
         """Forwards to the inner likelihood."""
         return getattr(self.likelihood, "form", None)
 
-    def was_observed(self, observation):
-        """See ``contract.was_observed``."""
-        return observation[1]
-
     def as_seen(self, observation):
         """See ``jaxpf.contract.as_seen``."""
         return self.likelihood, *observation
@@ -134,10 +130,6 @@ class LikelihoodOfNoFrame(LikelihoodWithGaps):
             return jnp.zeros(rest[-1].shape[-1:] if name.endswith("_all") else ())
 
         return of_nothing
-
-    def was_observed(self, observation):
-        """Return False."""
-        return np.zeros((), bool)
 
     def as_seen(self, observation):
         """See ``jaxpf.contract.as_seen``: nothing was seen."""

@@ -92,9 +92,9 @@ class Option:
             )
         many = isinstance(value, Sequence) and not isinstance(value, str)
         values = tuple(value) if many else (value,)
-        if not self._fits(values, many) or not all(self._allows(one) for one in values):
+        if not self._fits(values, many) or not all(self._allows(entry) for entry in values):
             raise InputError(f"{shown} {plain(value)} must be {self.wanted}.")
-        values = tuple(self.kind(one) for one in values)
+        values = tuple(self.kind(entry) for entry in values)
         return values if many else values[0]
 
     @property
@@ -153,15 +153,14 @@ def _kind_and_length(annotation: Any) -> tuple[type, int]:
 
 def options_of(*owners: Any) -> dict[str, Option]:
     """Map name to option for several options classes; the first declaration of a name wins."""
-    found: dict[str, Option] = {}
+    options: dict[str, Option] = {}
     for owner in owners:
         for field in dataclasses.fields(owner):
             if _KEY in field.metadata:
                 kind, length = _kind_and_length(field.type)
                 about = {"kind": kind, "length": length, **field.metadata[_KEY]}
-                one = Option(field.name, field.default, **about)
-                found.setdefault(one.name, one)
-    return found
+                options.setdefault(field.name, Option(field.name, field.default, **about))
+    return options
 
 
 def check_options(options: Any) -> None:
@@ -170,8 +169,8 @@ def check_options(options: Any) -> None:
     Raises:
         InputError: see ``Option.checked``.
     """
-    for name, one in options_of(options).items():
-        object.__setattr__(options, name, one.checked(getattr(options, name)))
+    for name, declared in options_of(options).items():
+        object.__setattr__(options, name, declared.checked(getattr(options, name)))
 
 
 def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
@@ -184,31 +183,31 @@ def implied(owner: type, given: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
     Raises:
         InputError: given options exclude each other.
     """
-    known, found = options_of(owner), dict[str, Any]()
+    declared, values = options_of(owner), dict[str, Any]()
     for name in given:
-        one = known.get(name)
-        if one is None or one.implies is None or one.implies[0] not in known:
+        giver = declared.get(name)
+        if giver is None or giver.implies is None or giver.implies[0] not in declared:
             continue
-        other, wanted = one.implies
-        said = [*given.get(other, ()), *([found[other]] if other in found else [])]
-        for value in said:
+        other, wanted = giver.implies
+        chosen_values = [*given.get(other, ()), *([values[other]] if other in values else [])]
+        for value in chosen_values:
             if value not in (wanted, OPEN):
                 raise InputError(
-                    f"{one.flag} goes with {known[other].flag} {wanted}, and {value} was chosen, "
-                    "by name or by another option; leave one of them out."
+                    f"{giver.flag} goes with {declared[other].flag} {wanted}, and {value} was "
+                    "chosen, by name or by another option; leave one of them out."
                 )
-        found[other] = wanted
-    return found
+        values[other] = wanted
+    return values
 
 
 def counting(options: Any) -> dict[str, bool]:
     """Map each name to whether the option applies, given the values of the others."""
-    known = options_of(options)
+    declared = options_of(options)
     return {
-        name: one.implies is None
-        or one.implies[0] not in known
-        or getattr(options, one.implies[0]) == one.implies[1]
-        for name, one in known.items()
+        name: entry.implies is None
+        or entry.implies[0] not in declared
+        or getattr(options, entry.implies[0]) == entry.implies[1]
+        for name, entry in declared.items()
     }
 
 

@@ -26,7 +26,7 @@ def sums_above_and_left(pixels: jax.Array, channels: Callable[[jax.Array], jax.A
 
 def _row_by_row(pixels, channels):
     """Two nested scans: on a CPU, a row's running sums stay in registers and cache."""
-    one = jax.eval_shape(channels, pixels[0, 0])
+    template = jax.eval_shape(channels, pixels[0, 0])
 
     def add_row(above, row):
         def add_pixel(total, pixel):
@@ -34,10 +34,10 @@ def _row_by_row(pixels, channels):
             total = total + channels(here)
             return total, sum_above + total
 
-        _, sums = jax.lax.scan(add_pixel, jnp.zeros(one.shape, one.dtype), (row, above))
+        _, sums = jax.lax.scan(add_pixel, jnp.zeros(template.shape, template.dtype), (row, above))
         return sums, sums
 
-    start = jnp.zeros((pixels.shape[1], *one.shape), one.dtype)
+    start = jnp.zeros((pixels.shape[1], *template.shape), template.dtype)
     return jax.lax.scan(add_row, start, pixels)[1]
 
 

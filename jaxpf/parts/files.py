@@ -120,8 +120,8 @@ def _lines(path: Path) -> list[tuple[int, list[str]]]:
                     f"'{field[:40]}' on; give at most {_LONGEST_NAME}"
                 )
     if not rows or ",".join(rows[0][1]).lower() != HEADER:
-        found = ",".join(rows[0][1])[:80] if rows else ""
-        raise InputError(f"'{path}' begins with '{found}'; its first line must be {HEADER}")
+        header = ",".join(rows[0][1])[:80] if rows else ""
+        raise InputError(f"'{path}' begins with '{header}'; its first line must be {HEADER}")
     expected = HEADER.count(",") + 1
     for line, fields in rows[1:]:
         if len(fields) != expected:

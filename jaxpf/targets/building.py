@@ -42,19 +42,21 @@ def filled(owner: type, given: Mapping[str, Any], defaults: Mapping[str, Any] | 
     Raises:
         InputError: a value is out of range, or two values conflict.
     """
-    known = options_of(owner)
-    found = {**(defaults or {}), **given}
-    found |= implied(owner, {name: [value] for name, value in given.items() if name in known})
-    return owner(**{name: value for name, value in found.items() if name in known})
+    declared = options_of(owner)
+    values = {**(defaults or {}), **given}
+    values |= implied(owner, {name: [value] for name, value in given.items() if name in declared})
+    return owner(**{name: value for name, value in values.items() if name in declared})
 
 
-def build(target: Target, model: Any, its: Filter, options: Any, start: Start, looks: Looks) -> Any:
+def build(
+    target: Target, model: Any, filter_: Filter, options: Any, start: Start, looks: Looks
+) -> Any:
     """The tracker of a filter and a target.
 
     Args:
         target: the kind of target.
         model: options of the target.
-        its: the filter.
+        filter_: the filter.
         options: options of the filter.
         start: where tracking starts.
         looks: what the likelihood is learned from.
@@ -62,10 +64,10 @@ def build(target: Target, model: Any, its: Filter, options: Any, start: Start, l
     Raises:
         InputError: options conflict, or an object cannot be seen.
     """
-    its.check(options, start.parents)
+    filter_.check(options, start.parents)
     model = target.resolved(model, looks.is_filmed)
     likelihood = target.likelihood(model, start, looks)
-    return its.tracker(target.model(model, start, likelihood), options)
+    return filter_.tracker(target.model(model, start, likelihood), options)
 
 
 def looks_of_frame(frame: Any, particles: int | None, patches: Any = None) -> Looks:
@@ -122,32 +124,32 @@ def make(
     scheme = values.get("resampling")
     if scheme is not None and not isinstance(scheme, str):
         del values["resampling"]
-    its = filter_for(target, values.get("method"))
-    _check_names(values, target, its)
+    filter_ = filter_for(target, values.get("method"))
+    _check_names(values, target, filter_)
     defaults = {**target.defaults, "method": values.get("method", target.defaults.get("method"))}
     if defaults["method"] is None:
         del defaults["method"]
-    options = filled(its.options, values, defaults)
+    options = filled(filter_.options, values, defaults)
     model = target.resolved(filled(target.options, values), is_filmed=True)
     if likelihood is None:
         frame = _checked(frame)
         looks = looks_of_frame(frame, options.particles, patches)
-        made = build(target, model, its, options, start, looks)
+        tracker = build(target, model, filter_, options, start, looks)
     else:
-        its.check(options, start.parents)
-        made = its.tracker(target.model(model, start, likelihood), options)
+        filter_.check(options, start.parents)
+        tracker = filter_.tracker(target.model(model, start, likelihood), options)
     own = {"ordering": ordering, "resampling": None if isinstance(scheme, str) else scheme}
     own = {name: value for name, value in own.items() if value is not None}
-    return dataclasses.replace(made, **own) if own else made
+    return dataclasses.replace(tracker, **own) if own else tracker
 
 
-def _check_names(values: Mapping[str, Any], target: Target, its: Filter) -> None:
-    known = [*options_of(target.options, its.options), "likelihood", "ordering", "patches"]
+def _check_names(values: Mapping[str, Any], target: Target, filter_: Filter) -> None:
+    names = [*options_of(target.options, filter_.options), "likelihood", "ordering", "patches"]
     for name in values:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+        if name not in names:
+            near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
             others = (
-                f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known)}."
+                f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(names)}."
             )
             raise InputError(
                 f"there is no option {name!r} of {target.name} with the method "

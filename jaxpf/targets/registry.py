@@ -44,7 +44,7 @@ def adapter_of_scene(scene: Any, name: str | None = None) -> "Adapter":
     Raises:
         InputError: the target is unknown, or the ground truth is of another kind.
     """
-    own = next(one for one in adapters().values() if one.fits_scene(scene))
+    own = next(adapter for adapter in adapters().values() if adapter.fits_scene(scene))
     if name is None:
         return own
     of = find_adapter(name)

@@ -20,12 +20,12 @@ class Motion:
     Attributes:
         place: ``[P, E]``, the last estimates.
         velocities: ``[memory, P, E]``, displacements per frame, latest first.
-        known: ``[]`` int32, number of velocities recorded.
+        num_recorded: ``[]`` int32, number of velocities recorded.
     """
 
     place: jax.Array
     velocities: jax.Array
-    known: jax.Array
+    num_recorded: jax.Array
 
     def after(self, place: jax.Array) -> "Motion":
         """Add a new estimate ``[P, E]``."""
@@ -33,7 +33,7 @@ class Motion:
         return Motion(
             place=place,
             velocities=jnp.concatenate([latest, self.velocities[:-1]]),
-            known=jnp.minimum(self.known + 1, self.velocities.shape[0]),
+            num_recorded=jnp.minimum(self.num_recorded + 1, self.velocities.shape[0]),
         )
 
 
@@ -42,7 +42,7 @@ def at_rest(place: jax.Array, memory: int) -> Motion:
     return Motion(
         place=place,
         velocities=jnp.zeros((memory, *place.shape), place.dtype),
-        known=jnp.zeros((), jnp.int32),
+        num_recorded=jnp.zeros((), jnp.int32),
     )
 
 
@@ -95,10 +95,10 @@ def correlations(motion: Motion) -> jax.Array:
 def _centred(motion: Motion) -> tuple[jax.Array, jax.Array]:
     """Mean velocity ``[P, E]`` over the recorded frames, and deviations from it, else zeros."""
     steps = jnp.arange(motion.velocities.shape[0])[:, None, None]
-    known = steps < motion.known
-    number = jnp.maximum(motion.known, 1).astype(motion.velocities.dtype)
-    mean = jnp.sum(jnp.where(known, motion.velocities, 0.0), axis=0) / number
-    return mean, jnp.where(known, motion.velocities - mean, 0.0)
+    is_recorded = steps < motion.num_recorded
+    number = jnp.maximum(motion.num_recorded, 1).astype(motion.velocities.dtype)
+    mean = jnp.sum(jnp.where(is_recorded, motion.velocities, 0.0), axis=0) / number
+    return mean, jnp.where(is_recorded, motion.velocities - mean, 0.0)
 
 
 def _predicted(motion, mean, centred, seen):
@@ -113,7 +113,7 @@ def _predicted(motion, mean, centred, seen):
     inverse = jnp.linalg.inv(products + strength * jnp.eye(num_partitions, dtype=products.dtype))
     share = -inverse / jnp.diagonal(inverse)[:, None] * _others(num_partitions, inverse.dtype)
     alike = _others(num_partitions, seen.dtype) / (num_partitions - 1)
-    return jnp.where(motion.known > 1, mean + share @ (seen - mean), alike @ seen)
+    return jnp.where(motion.num_recorded > 1, mean + share @ (seen - mean), alike @ seen)
 
 
 def _others(num_partitions: int, dtype) -> jax.Array:

@@ -44,13 +44,13 @@ def log_shape(places, centres, reference, scale, shape: str) -> jax.Array:
 def reference_distances(places) -> jax.Array:
     """``[P, P]`` distances between partitions at ``places`` ``[P, E]``, which must differ."""
     if is_concrete(places):
-        known = np.asarray(places)
-        apart = np.linalg.norm(known[:, None] - known[None], axis=-1) + np.eye(len(known))
+        points = np.asarray(places)
+        apart = np.linalg.norm(points[:, None] - points[None], axis=-1) + np.eye(len(points))
         first, second = np.unravel_index(np.argmin(apart), apart.shape)
         if not apart[first, second] > 0:
             raise InputError(
                 f"partitions {first} and {second} start at the same place, "
-                f"{known[first].tolist()}: a shape needs distances; move one of them, or use "
+                f"{points[first].tolist()}: a shape needs distances; move one of them, or use "
                 "shape='none'."
             )
     places = jnp.asarray(places)

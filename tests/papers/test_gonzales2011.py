@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from jaxpf.papers import gonzales2011
+from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.gonzales2011 import claims, figures, published, scenes, tables, times
 from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, RUNS_PER_SCENE, Outcome
 from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, SUPPORTED, judge_all
 from jaxpf.papers.judging.comparison_table import Comparison, write
-from jaxpf.papers.measuring.checkpoints import keeping
 
 FRAMES = 7
 CELL = scenes.Cell("smooth", 3, (12,))

@@ -13,7 +13,7 @@ from command_line import jaxpf
 from jaxpf import InputError
 from jaxpf.cli import reproduce
 from jaxpf.papers import paper
-from jaxpf.papers.measuring.checkpoints import can_resume, each, keeping, part, sharing
+from jaxpf.papers.checkpoints import can_resume, each, keeping, part, sharing
 from jaxpf.papers.paper import PAPERS, Paper, paper_of
 
 

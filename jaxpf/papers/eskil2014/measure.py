@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from jaxpf.papers.checkpoints import part
 from jaxpf.papers.eskil2014 import methods, published, speed
 from jaxpf.papers.eskil2014.scenes import Outcome, measure as measure_scenes
-from jaxpf.papers.measuring.checkpoints import part
 from jaxpf.papers.paper import Request
 
 _QUICK_FRAMES = 60

@@ -5,7 +5,6 @@ A ``Comparison`` is written as Markdown, CSV, JSON and PNG.
 
 import csv
 import dataclasses
-import datetime
 import io
 import json
 import math
@@ -147,7 +146,7 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
     Args:
         comparison: what to write.
         folder: existing output folder.
-        command: repeats the measurement; stored in ``verdicts.csv`` with version and date.
+        command: repeats the measurement; stored in ``verdicts.csv`` with the version.
 
     Returns:
         The names of the files, in the order written.
@@ -177,12 +176,8 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
 
 
 def _verdict_rows(comparison: Comparison, command: str) -> list[list[str]]:
-    today = datetime.date.today().isoformat()
-    dated = (
-        each._replace(command=command, version=__version__, date=today)
-        for each in comparison.claims
-    )
-    return [[each.claim.key, *each[1:]] for each in dated]
+    judged = (each._replace(command=command, version=__version__) for each in comparison.claims)
+    return [[each.claim.key, *each[1:]] for each in judged]
 
 
 def table_csv(table: Table) -> str:

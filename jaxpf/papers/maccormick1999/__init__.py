@@ -18,7 +18,7 @@ NOTES = (
     "paper does not give, are beta-binomial and agree with its own for two.",
     "An edge is paid for once: the paper's products over all lines (eq. 2 and 5) pay for it on the "
     "lines of every target near it, by which an outline drawn inside an opaque target is as likely "
-    "as the truth.  They are available as wires-literal and opaque-literal.",
+    "as the truth.  They are available as wires-literal and opaque-literal: the rows 'as printed'.",
     "Neighbouring measurement lines see the same edges.  So that the weights do not collapse, each "
     "line across a wire or a leaf counts as .3 of an independent one, each across a worm as .2.  "
     "The paper counts each in full, as ours across walkers and those of figure 11 do.",

@@ -11,9 +11,9 @@ import numpy as np
 import jaxpf
 import scenes
 from jaxpf.dynamics.gaussian import FirstOrder
+from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.likelihoods.pixels import pixels
-from jaxpf.papers.measuring.checkpoints import each
-from jaxpf.papers.measuring.grid import run_keys
+from jaxpf.papers.checkpoints import each
 from jaxpf.papers.rowe2005.published import PARTICLES
 from jaxpf.shapes.rectangles import area, intersection_area
 
@@ -167,7 +167,7 @@ def measure(
 
     ``parameters`` are scene parameters that differ from their defaults.  A run's random numbers
     depend only on its seed and number, which all variants share.  Scenes are stored under ``name``
-    (``jaxpf.papers.measuring.checkpoints``).
+    (``jaxpf.papers.checkpoints``).
     """
     measured = []
     for outcome in each(
@@ -201,7 +201,7 @@ def run_on(
     scene: Any, seed: int, changes: Mapping[str, Any], settings: Settings
 ) -> list[np.ndarray]:
     """Fields of an ``Outcome`` for ``RUNS_PER_SCENE`` runs of one variant on a scene."""
-    keys = run_keys(seed, np.arange(RUNS_PER_SCENE))
+    keys = run_keys(seed, 0, RUNS_PER_SCENE)
     frames, truth = jnp.asarray(scene.frames[1:]), np.asarray(scene.boxes[1:], np.float32)
     return _measured(tracker(scene, settings, **changes), keys, frames, truth)
 

@@ -27,9 +27,9 @@ NOTES = (
     "and Condensation has the same noise, which may favour the former.",
     "A worm bends and keeps its length (jaxpf.shapes.bending_space): in a space of principal "
     "components its contour shrank to a third of the worm in contact.",
-    "The paper tracks wires and walkers by ordinary Condensation; rows that say 'partitioned' are of "
-    "partitioned sampling.  Without exclusion one filter tracks both targets with P', instead of "
-    "two trackers as in figure 1.",
+    "The paper tracks wires and walkers by ordinary Condensation; rows that say 'partitioned' are "
+    "of partitioned sampling.  Without exclusion one filter tracks both targets with P', instead "
+    "of two trackers as in figure 1.",
     "Some filters track only the first half or fifth of the sequences; they are compared on the "
     "sequences that both track.",
     "Resampling is systematic, where the paper draws with replacement.",

@@ -78,6 +78,19 @@ def test_lost_targets_do_not_count_in_the_tracked_error():
     assert tables.tracked_error(found, "both").mean() == pytest.approx(0.1, abs=0.01)
 
 
+def test_runs_whose_target_has_no_particles_do_not_vary():
+    rng = np.random.default_rng(0)
+    places = rng.normal(size=(40, 50, 2, 2))  # two coordinates of variance 1
+    areas, counts = np.full((50, 2), 4.0), np.ones((40, 50, 2), bool)
+    expected = pytest.approx(np.sqrt(2 / 4), rel=0.05)
+    assert synthetic.deviation_between(places, counts, areas) == expected
+    places[:20, :, 1] = 1000.0  # starved, and its estimate far away
+    counts[:20, :, 1] = False
+    assert synthetic.deviation_between(places, counts, areas) == expected
+    counts[1:] = False
+    assert np.isnan(synthetic.deviation_between(places, counts, areas))
+
+
 def test_errors_are_told_apart_by_place():
     found = outcome()
     error = np.where(found.in_strip[:, None], 0.4, 0.1) + 0 * found.error

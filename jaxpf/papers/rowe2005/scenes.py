@@ -137,7 +137,8 @@ class Outcome(NamedTuple):
         share: ``[V, S, R, T, L]``, the target's share of the particles.
         astray: ``[V, S, R, T]``, share of particles whose box misses their target's true box.
         between: ``[V, S]``, deviation of the runs' estimates from their mean, divided by the root
-            of the true area: root mean square over runs, frames and targets.
+            of the true area: root mean square over runs, frames and targets that have particles
+            in at least two runs.
         within: ``[V, S]``, the same for particles within a run, for targets that have some.
         in_strip: ``[S, T, L]`` bool, the true box overlaps a strip.
     """
@@ -232,8 +233,21 @@ def _measures(recorded: Any, truth: jax.Array) -> tuple[jax.Array, ...]:
     boxes = jnp.concatenate([particles[..., :2] - particles[..., 2:] / 2, particles[..., 2:]], -1)
     own = jnp.take_along_axis(truth[None], labels[..., None], axis=2)
     astray = jnp.mean(intersection_area(boxes, own) <= 0, axis=-1)
-    apart = estimate[..., :2] - estimate[..., :2].mean(axis=0)
-    freedom = len(apart) / (len(apart) - 1)
-    between = jnp.sqrt(freedom * jnp.mean(jnp.sum(apart**2, axis=-1) / area(truth)))
+    between = deviation_between(estimate[..., :2], share > 0, area(truth))
     within = jnp.sqrt(jnp.nanmean(jnp.sum(spread**2, axis=-1) / area(truth)))
     return error, ratio, share, astray, between, within
+
+
+def deviation_between(places: jax.Array, counts: jax.Array, areas: jax.Array) -> jax.Array:
+    """``between`` of an ``Outcome`` from estimates ``[R, T, L, 2]``; NaN if none counts.
+
+    Args:
+        places: estimates, pixels.
+        counts: ``[R, T, L]`` bool, whether the target has particles.
+        areas: ``[T, L]``.
+    """
+    number = counts.sum(axis=0)
+    mean = jnp.where(counts[..., None], places, 0).sum(axis=0) / jnp.maximum(number, 1)[..., None]
+    squares = jnp.sum((places - mean) ** 2, axis=-1) / areas * number / jnp.maximum(number - 1, 1)
+    counts &= number > 1
+    return jnp.sqrt(jnp.where(counts, squares, 0).sum() / counts.sum())

@@ -59,7 +59,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
     appearance = "colour" if given["appearance"] == OPEN else given["appearance"]
     start_jax()
     import scenes
-    from jaxpf.papers.measuring.comparison import compare, scene_tracker
+    from jaxpf.papers.smith2004.comparison import compare, scene_tracker
     from jaxpf.running.blocks import WIDE
 
     scene = scenes.make("distracter", seed=seed)

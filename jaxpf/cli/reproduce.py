@@ -73,9 +73,9 @@ def command(
     options = {"paper": paper, "scenes": scenes, "seed": seed, "quick": quick, "data": data}
     settings = options | {"data": data and str(data.resolve())}
     start_jax()
+    from jaxpf.papers import checkpoints
     from jaxpf.papers.judging import comparison_table, verdicts
     from jaxpf.papers.judging.claims import RULE
-    from jaxpf.papers.measuring import checkpoints
     from jaxpf.papers.paper import paper_of
 
     began = time.perf_counter()
@@ -92,7 +92,8 @@ def command(
         click.echo(f"Resuming from '{folder}'.")
     with checkpoints.sharing(executor), checkpoints.keeping(output, settings):
         comparison = chosen.compare(request)
-        written = comparison_table.write(comparison, folder, _typed(options))
+        explicit = options | {"scenes": len(request.seeds)}
+        written = comparison_table.write(comparison, folder, _typed(explicit))
     for table in comparison.tables:
         print_table(table.title, table.columns, table.texts())
         if table.note:
@@ -108,14 +109,14 @@ def command(
 
 
 def _typed(options: Mapping[str, Any]) -> str:
-    """The command as text; a clip folder by its name only."""
+    """The command as text, with scenes and seed; a clip folder by its name only."""
     words = [f"jaxpf reproduce {options['paper']}"]
     for name, value in options.items():
         if value is True:
             words.append(f"--{name}")
         elif name == "data" and value is not None:
             words.append(f"--{name} {value.resolve().name}")
-        elif name != "paper" and value not in (None, False, 0):
+        elif name != "paper" and value is not None and value is not False:
             words.append(f"--{name} {value}")
     return " ".join(words)
 

@@ -63,7 +63,6 @@ class Paper:
             the paper needs none.
         without_clips: a note for a run without clips.
         with_clips: a note for a run with clips.
-        settings: further JSON values that are needed to repeat the run.
         quick_scenes: number of scenes in the quick version.
     """
 
@@ -78,7 +77,6 @@ class Paper:
     read: Callable[[Path, bool], Any] | None = None
     without_clips: str = ""
     with_clips: str = ""
-    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     quick_scenes: int = 2
 
     def request(
@@ -117,13 +115,6 @@ class Paper:
             claims=judge_all(self.name, self.quantities(measured)),
             figures=self.figures(measured),
             notes=[*self.notes, *filter(None, [about_clips])],
-            settings={
-                "scenes": len(request.seeds),
-                "seed": request.seed,
-                "quick": request.quick,
-                "data": request.clips is not None,
-                **self.settings,
-            },
         )
 
     def run(self, **asked: Any) -> Comparison:

@@ -18,12 +18,8 @@ project, version, release = "jaxpf", jaxpf.__version__, jaxpf.__version__
 author = "The jaxpf developers"
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 root_doc = "index"
-# These are included by other pages.
-exclude_patterns = [
-    "**/.ipynb_checkpoints",
-    "docs/generated/counts.md",
-    "docs/generated/verdicts.md",
-]
+# Another page includes the counts.
+exclude_patterns = ["**/.ipynb_checkpoints", "docs/generated/counts.md"]
 myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 3
 nb_execution_mode = "off"

@@ -103,14 +103,14 @@ def _titled(title):
 
 def _verdicts():
     """The stored verdicts, tables for each paper, and the claims that have none."""
-    blocks = []
+    blocks = ["# Claims of five papers, and their verdicts\n"]
     for paper in PAPERS:
         judged, left = verdicts.stored(paper), verdicts.not_judged(paper)
         blocks += [
-            f"### {paper}\n",
-            f"{verdicts.origin(judged)}.\n",
-            *claims_markdown(judged, level=4),
-            "#### Not judged\n",
+            f"## {verdicts.summary(paper, judged)}\n",
+            f"Method: {verdicts.FORMS[paper]}; {verdicts.origin(judged)}.\n",
+            *claims_markdown(judged, level=3),
+            "### Not judged\n",
             *markdown_table(list(left[0]), [list(each.values()) for each in left]),
             "",
         ]

@@ -1,5 +1,4 @@
 import csv
-import json
 
 import pytest
 
@@ -26,7 +25,6 @@ def comparison():
         claims=[Judged(CLAIM, "2", "supported", "2")],
         figures={"figure": figure},
         notes=["What was done."],
-        settings={"runs": 5},
     )
 
 
@@ -43,7 +41,6 @@ def test_everything_is_written(comparison, tmp_path):
         "table_1.csv",
         "verdicts.csv",
         "figure.png",
-        "someone1999.json",
         "someone1999.md",
     } == set(names)
     with open(tmp_path / "table_1.csv", newline="") as file:
@@ -51,17 +48,9 @@ def test_everything_is_written(comparison, tmp_path):
     assert rows[0]["published"] == "19"
     assert float(rows[0]["measured"]) == 26.6
     assert rows[2]["text"] == "text"
-    content = json.loads((tmp_path / "someone1999.json").read_text())
-    first, second, third = content["tables"][0]["rows"][0]["cells"]
-    assert first == {"published": 19, "measured": {"value": 26.6, "low": 20.2, "high": 33.4}}
-    assert second["measured"]["value"] is None  # NaN is no JSON
-    assert third == "text"
-    assert content["claims"][0]["verdict"] == "supported"
-    assert content["claims"][0]["at_most"] is None  # so is infinity
     (verdict,) = csv.DictReader((tmp_path / "verdicts.csv").read_text().splitlines())
     assert (verdict["key"], verdict["verdict"]) == ("a_b", "supported")
     assert verdict["command"] == "jaxpf reproduce someone1999"
-    assert content["settings"] == {"runs": 5}
 
 
 def test_the_markdown_keeps_its_columns_where_cells_hold_bars(comparison):

@@ -7,7 +7,7 @@ import pytest
 
 from jaxpf import InputError
 from jaxpf.cli.benchmarks import rivals
-from jaxpf.papers.judging.claims import CONTRADICTED, OPEN, SUPPORTED, judge_all
+from jaxpf.papers.judging.claims import CONTRADICTED, NOT_SEEN, OPEN, SUPPORTED, judge_all
 from jaxpf.papers.maccormick1999 import (
     PAPER,
     claims,
@@ -63,9 +63,10 @@ def test_a_case_starts_on_its_targets_and_learns_from_other_seeds(wires):
     assert (wires.frames != other.frames).any()
 
 
-def test_each_likelihood_has_a_noise_of_its_own(wires):
+def test_each_likelihood_has_its_own_noise_and_the_printed_one_that_of_its_rule(wires):
     learned = np.asarray(wires.dynamics.noise)
-    for exclusion, factor in (*cases.NOISE_OF_WIRES.items(), ("wires-literal", 1.0)):
+    factors = cases.NOISE_OF_WIRES
+    for exclusion, factor in (*factors.items(), ("wires-literal", factors["wires"])):
         noise = tracking.tracker_of(wires, exclusion, 10).dynamics.noise
         np.testing.assert_allclose(noise, factor * learned, rtol=1e-6)
 
@@ -179,7 +180,12 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
     condensation = passing.OCCLUSION + passing.CONDENSATION
 
     def judged(first, second):
-        methods = {passing.OCCLUSION: first, passing.INDEPENDENT: second, condensation: first}
+        methods = {
+            passing.OCCLUSION: first,
+            passing.INDEPENDENT: second,
+            condensation: first,
+            passing.OCCLUSION + passing.PRINTED + passing.CONDENSATION: first,
+        }
         walkers = claims.of_walkers(with_outcomes(one_kept_one_lost, methods))
         methods = {
             passing.PARTITIONED: first,
@@ -190,11 +196,12 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
         return verdicts(walkers | leaves)
 
     found = judged(all_good, all_bad)
-    assert len(found) == 11
+    assert len(found) == 12
     assert set(found.values()) == {SUPPORTED}
     found = judged(all_bad, all_good)
     # Nothing is said about the spreads of lost targets.
     assert (found.pop("walkers_widen"), found.pop("walkers_narrow")) == (OPEN, OPEN)
+    assert found.pop("leaves_fewer_particles") == NOT_SEEN
     assert set(found.values()) == {CONTRADICTED}
 
 

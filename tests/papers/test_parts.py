@@ -1,6 +1,7 @@
 """Parts of an experiment are measured once, whatever stops it in between."""
 
 import contextlib
+import csv
 import importlib
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +14,8 @@ from command_line import jaxpf
 from jaxpf import InputError
 from jaxpf.cli import reproduce
 from jaxpf.papers import paper
-from jaxpf.papers.measuring.checkpoints import can_resume, each, keeping, part, sharing
+from jaxpf.papers.checkpoints import can_resume, each, keeping, part, sharing
+from jaxpf.papers.judging.claims import computed
 from jaxpf.papers.paper import PAPERS, Paper, paper_of
 
 
@@ -118,7 +120,7 @@ def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
         scenes=5,
         measure=measure,
         tables=nothing,
-        quantities=lambda found: {},
+        quantities=lambda found: {"fish_kept": [computed(95.0)]},
         figures=lambda found: {},
         notes=["a note"],
     )
@@ -132,6 +134,8 @@ def test_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
     assert measured.asked == ["a", "b"]
     assert not (tmp_path / "out" / "parts").exists()
     assert (tmp_path / "out" / "eskil2014.md").exists()
+    (verdict,) = csv.DictReader((tmp_path / "out" / "verdicts.csv").read_text().splitlines())
+    assert verdict["command"].startswith("jaxpf reproduce eskil2014 --scenes 5 --seed 0")
     # The quick version and the full one do not get into each other's way.
     monkeypatch.chdir(tmp_path)
     for quick in ([], ["--quick"]):

@@ -8,9 +8,9 @@ import pytest
 import jaxpf
 import scenes
 from jaxpf.papers import rowe2005
+from jaxpf.papers.checkpoints import keeping
 from jaxpf.papers.judging import comparison_table
-from jaxpf.papers.judging.claims import CONTRADICTED, SUPPORTED, judge_all
-from jaxpf.papers.measuring.checkpoints import keeping
+from jaxpf.papers.judging.claims import CONTRADICTED, NOT_SEEN, SUPPORTED, judge_all
 from jaxpf.papers.rowe2005 import claims, published, scenes as synthetic, tables
 
 SCENES, RUNS, FRAMES, TARGETS = 25, synthetic.RUNS_PER_SCENE, 20, 2
@@ -62,7 +62,7 @@ def test_what_disagrees_is_contradicted():
     found = outcome(neither=0.05, both=0.2)
     assert verdicts(found)["error"] == CONTRADICTED
     kept = found._replace(area_ratio=1 + 0.1 * found.error)
-    assert verdicts(kept)["collapse"] == CONTRADICTED
+    assert verdicts(kept)["collapse"] == NOT_SEEN
     lost = verdicts(outcome(both=3.0))
     assert lost["never_lost"] == lost["power"] == CONTRADICTED
     steady = found._replace(between=0.01 * found.between)
@@ -76,6 +76,19 @@ def test_lost_targets_do_not_count_in_the_tracked_error():
     found = found._replace(error=error)
     assert tables.lost(found, "both").mean() == pytest.approx(1 / (RUNS * TARGETS))
     assert tables.tracked_error(found, "both").mean() == pytest.approx(0.1, abs=0.01)
+
+
+def test_runs_whose_target_has_no_particles_do_not_vary():
+    rng = np.random.default_rng(0)
+    places = rng.normal(size=(40, 50, 2, 2))  # two coordinates of variance 1
+    areas, counts = np.full((50, 2), 4.0), np.ones((40, 50, 2), bool)
+    expected = pytest.approx(np.sqrt(2 / 4), rel=0.05)
+    assert synthetic.deviation_between(places, counts, areas) == expected
+    places[:20, :, 1] = 1000.0  # starved, and its estimate far away
+    counts[:20, :, 1] = False
+    assert synthetic.deviation_between(places, counts, areas) == expected
+    counts[1:] = False
+    assert np.isnan(synthetic.deviation_between(places, counts, areas))
 
 
 def test_errors_are_told_apart_by_place():

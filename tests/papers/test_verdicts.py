@@ -39,7 +39,6 @@ def test_a_stored_verdict_says_what_it_rests_on(paper):
     for each in stored:
         assert each.command.startswith(f"jaxpf reproduce {paper}")
         assert each.version
-        assert each.date
         assert each.units == "computed" or float(each.level) >= 95
         if each.verdict == OPEN:
             assert "resolve it" in each.remark or "equal within our margin" in each.remark
@@ -112,7 +111,7 @@ def test_an_unknown_paper_is_refused():
 
 def test_the_origin_is_that_of_most_rows():
     own = verdicts.of_group(verdicts.stored("rowe2005"), "paper")[:3]
-    dated = [each._replace(units="50 scenes", level="95", date="", rule="") for each in own]
+    dated = [each._replace(units="50 scenes", level="95", rule="") for each in own]
     assert verdicts.origin(dated) == "50 scenes, 95 % intervals"
     other = dated[0]._replace(level="99", rule="an earlier rule")
     assert verdicts.origin([*dated, other]) == "50 scenes, 95 % intervals; 1 row otherwise"

@@ -14,13 +14,13 @@ NOTES = (
     "window, sigma_o .1; distances relative, sigma_p .1; velocities of the last 10 frames; "
     "correlations below 0 count as 0.  'As printed' sums the squares, holds distances to .01 "
     "pixel, so that one particle of each point is left, and divides correlations by their plain "
-    "sum (eq. 9).  The up-sampling and the number of frames are not published: ours in both.",
-    "PFFL has M = 50 and the sound weights; 'as printed' counts the evidence twice (eq. 5).  The "
-    "paper's sketch of it has a drift that it does not define, and no learned prior of where "
-    f"points lie, which its authors' version has: '{methods.WITH_DRIFT}' repeats "
-    f"{100 * methods.MOMENTUM:g} % of a particle's last displacement, none has the prior.",
-    "sigma_t is the published number of pixels, scaled to our film: 10 for the fish, and 5 here, "
-    "for ours, 960 x 540, is half as wide and high.",
+    "sum (eq. 9).  The up-sampling and the number of frames are not published; both use ours.",
+    "PFFL has M = 50 and unbiased weights; 'as printed' counts the evidence twice (eq. 5).  The "
+    "paper's steps mention a drift without defining it, and lack the learned prior on relative "
+    f"positions of PFFL's authors: '{methods.WITH_DRIFT}' repeats {100 * methods.MOMENTUM:g} % of "
+    "a particle's last displacement, and no row has the prior.",
+    "sigma_t is the published number of pixels, scaled to our film: 5 instead of 10 for the fish, "
+    "because our film, 960 x 540, is half as wide and high.",
     "SIR, PS and SPS have 100 particles: as many likelihoods for every point as PFFL.",
     "SPOT is written from its published description, not its authors' program; it is timed, and "
     "its accuracy is not judged.",

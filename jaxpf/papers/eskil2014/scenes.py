@@ -11,8 +11,8 @@ import numpy as np
 import scenes
 from jaxpf.evaluation.baselines.optical_flow import follow_points
 from jaxpf.measures import points as measures
+from jaxpf.papers.checkpoints import Measure, each
 from jaxpf.papers.eskil2014 import methods
-from jaxpf.papers.measuring.checkpoints import Measure, each
 from jaxpf.running.blocks import monte_carlo
 
 #: Runs per scene; the paper has one film of each kind.

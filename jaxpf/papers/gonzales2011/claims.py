@@ -23,37 +23,37 @@ from jaxpf.papers.gonzales2011.published import (
     FIGURE_11_PARTS,
     PARTS,
 )
-from jaxpf.papers.gonzales2011.scenes import DYNAMICS, Outcomes
+from jaxpf.papers.gonzales2011.scenes import Outcomes
 from jaxpf.papers.gonzales2011.tables import by_scene, gain
 from jaxpf.papers.gonzales2011.times import AT_MOST, METHODS, Times
 from jaxpf.papers.judging.claims import Quantity, computed
 from jaxpf.papers.judging.estimates import ratio_of, share_of
 
 Quantities = dict[str, list[Quantity]]
-_SWAPS = ("sorted", "combinatorial")
+#: Dynamics and swaps with verdicts; the first are the paper's.
+_JUDGED = (("absolute", "sorted"), ("absolute", "combinatorial"), ("relative", "combinatorial"))
 
 
 def quantities(measured: Measurement) -> Quantities:
     """Key of a claim -> its figures; claims without a measured cell are omitted."""
     figures: Quantities = {"resamplings": resamplings()}
     times = {**measured.times, **measured.others}
-    for dynamics in DYNAMICS:
-        for swap in _SWAPS:
-            figures |= of_curves(measured.outcomes, dynamics, swap)
-            figures[f"equal_time_{swap}_{dynamics}"] = [
-                part
-                for num_parts in FIGURE_8_PARTS
-                for part in at_equal_time(
-                    measured.outcomes, times, dynamics, f"SPS {swap}", num_parts
-                )
-            ]
+    for dynamics, swap in _JUDGED:
+        figures |= of_curves(measured.outcomes, dynamics, swap)
+    for swap in ("sorted", "combinatorial"):
+        figures[f"equal_time_{swap}"] = [
+            part
+            for num_parts in FIGURE_8_PARTS
+            for part in at_equal_time(
+                measured.outcomes, times, "absolute", f"SPS {swap}", num_parts
+            )
+        ]
     return figures | of_times(measured.times)
 
 
 def of_curves(outcomes: Outcomes, dynamics: str, swap: str) -> Quantities:
     """Figures 8 to 11: percentage by which SPS is below PS."""
-    own = (dynamics, swap) == (DYNAMICS[0], _SWAPS[0])
-    prefix = "" if own else f"{swap}_{dynamics}_"
+    prefix = "" if (dynamics, swap) == _JUDGED[0] else f"{swap}_{dynamics}_"
 
     def gains(motion: str, parts: Sequence[int], number: int, measure: str) -> list[Quantity]:
         figures = []

@@ -17,8 +17,8 @@ from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patc
 from jaxpf.likelihoods.wrapped import WrappedLikelihood
 from jaxpf.measures import metrics
 from jaxpf.ordering import named
+from jaxpf.papers.checkpoints import each
 from jaxpf.papers.gonzales2011.published import SHARPNESS
-from jaxpf.papers.measuring.checkpoints import each
 from jaxpf.parts.models import OfFixedSize, parts_model
 from jaxpf.running import run
 from jaxpf.shapes.rectangles import corners_from_poses

@@ -14,9 +14,9 @@ import scenes
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.measures.timing import interleaved
 from jaxpf.ordering import named
+from jaxpf.papers.checkpoints import part
 from jaxpf.papers.gonzales2011.published import FRAMES, TIMED_RUNS
 from jaxpf.papers.gonzales2011.scenes import NOISE, SWAPS, learn
-from jaxpf.papers.measuring.checkpoints import part
 from jaxpf.parts.models import parts_model
 from jaxpf.running.blocks import WIDE, monte_carlo
 

@@ -1,9 +1,9 @@
 """Published claims, and the rule that judges them by measured figures.
 
 Each paper's ``claims.csv`` holds one row per claim: the range that the paper claims for its
-figures, and our margin, within which a figure counts as equal to an end of that range.  The papers'
-``SCENES`` are defined in their modules.  Both are fixed before measuring, and the scenes are
-evaluated once.
+figures, and our margin, within which a figure counts as equal to an end of that range.  Range,
+margin and number of scenes (``Paper.scenes``) are fixed before measuring; the scenes are evaluated
+once.
 
 * *supported*: the 95 % interval of every figure lies in the claimed range.  A false claim is false
   in some figure, which passes in at most 2.5 % of the replications on either side.
@@ -25,7 +25,7 @@ SUPPORTED, CONTRADICTED, OPEN = "supported", "contradicted", "open"
 NOT_SEEN = "not seen"
 #: Kinds of claims, in display order; summaries count only the first.
 GROUPS: Mapping[str, str] = {
-    "paper": "claims of the paper, by its own method",
+    "paper": "claims of the paper",
     "variant": "our corrected methods, and other readings of the paper",
     "time": "times of our implementation, and methods at equal time",
     "once": "seen once in the paper, not reproducible from what it states",
@@ -123,9 +123,8 @@ class Judged(NamedTuple):
         units: such as "50 scenes".
         remark: for example, what would resolve the claim.
         rule: rule that judged it.
-        command: command that repeats the measurement.
+        command: command that repeats the measurement, with scenes and seed.
         version: version of this library.
-        date: date of the measurement.
     """
 
     claim: Claim
@@ -138,7 +137,6 @@ class Judged(NamedTuple):
     rule: str = ""
     command: str = ""
     version: str = ""
-    date: str = ""
 
 
 def claims_of(paper: str) -> dict[str, Claim]:

@@ -1,13 +1,11 @@
 """The result of repeating a paper: published and measured figures, judged claims, plots.
 
-A ``Comparison`` is written as Markdown, CSV, JSON and PNG.
+A ``Comparison`` is written as Markdown, CSV and PNG.
 """
 
 import csv
 import dataclasses
-import datetime
 import io
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -83,7 +81,6 @@ class Comparison:
         claims: with their verdicts.
         figures: file-name stem -> matplotlib figure.
         notes: sentences on the method and its limits.
-        settings: everything needed to repeat the run; JSON values.
     """
 
     paper: str
@@ -92,7 +89,6 @@ class Comparison:
     claims: Sequence[Judged]
     figures: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     notes: Sequence[str] = ()
-    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
 
 #: Columns of ``verdicts.csv``.
@@ -142,12 +138,12 @@ def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> lis
 
 
 def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
-    """Write ``PAPER.md``, ``PAPER.json``, ``verdicts.csv``, a CSV per table and the figures.
+    """Write ``PAPER.md``, ``verdicts.csv``, a CSV per table and the figures.
 
     Args:
         comparison: what to write.
         folder: existing output folder.
-        command: repeats the measurement; stored in ``verdicts.csv`` with version and date.
+        command: repeats the measurement; stored in ``verdicts.csv`` with the version.
 
     Returns:
         The names of the files, in the order written.
@@ -171,18 +167,13 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
     for stem, figure in comparison.figures.items():
         plotting.save_figure(figure, folder / f"{stem}.png")
         written.append(f"{stem}.png")
-    text(f"{comparison.paper}.json", json.dumps(as_json(comparison), indent=1) + "\n")
     text(f"{comparison.paper}.md", markdown(comparison))
     return written
 
 
 def _verdict_rows(comparison: Comparison, command: str) -> list[list[str]]:
-    today = datetime.date.today().isoformat()
-    dated = (
-        each._replace(command=command, version=__version__, date=today)
-        for each in comparison.claims
-    )
-    return [[each.claim.key, *each[1:]] for each in dated]
+    judged = (each._replace(command=command, version=__version__) for each in comparison.claims)
+    return [[each.claim.key, *each[1:]] for each in judged]
 
 
 def table_csv(table: Table) -> str:
@@ -198,49 +189,6 @@ def table_csv(table: Table) -> str:
             measured = [""] * 3 if cell.measured is None else [f"{x:.6g}" for x in cell.measured]
             lines.append((label, column, published, *measured, ""))
     return _csv(lines)
-
-
-def as_json(comparison: Comparison) -> dict[str, Any]:
-    """Everything except the figures, as JSON values; NaN becomes null."""
-    content = {
-        "paper": comparison.paper,
-        "title": comparison.title,
-        "settings": dict(comparison.settings),
-        "notes": list(comparison.notes),
-        "claims": [
-            each.claim._asdict() | each._asdict() | {"claim": each.claim.claim}
-            for each in comparison.claims
-        ],
-        "tables": [
-            {
-                "name": table.name,
-                "title": table.title,
-                "note": table.note,
-                "columns": list(table.columns),
-                "rows": [
-                    {"label": label, "cells": [_json_cell(cell) for cell in cells]}
-                    for label, cells in table.rows
-                ],
-            }
-            for table in comparison.tables
-        ],
-    }
-    return _without_nan(content)
-
-
-def _json_cell(cell: Cell | str) -> Any:
-    if isinstance(cell, str):
-        return cell
-    measured = None if cell.measured is None else cell.measured._asdict()
-    return {"published": cell.published, "measured": measured}
-
-
-def _without_nan(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _without_nan(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_nan(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _csv(lines: Sequence[Sequence[Any]]) -> str:

@@ -18,6 +18,14 @@ from jaxpf.papers.judging.claims import (
 )
 
 COLUMNS = ("claim", "published", "ours", "verdict")
+#: Form of each paper's method in which its own claims are judged.
+FORMS = {
+    "smith2004": "DPS with the paper's reassembly",
+    "gonzales2011": "SPS with the paper's swap",
+    "rowe2005": "eq. 4 as printed",
+    "eskil2014": "equations as printed only where it says so",
+    "maccormick1999": "an edge paid once, as printed where it says so",
+}
 #: Width of each column in characters; at most 100 in total, including spaces between columns.
 _WIDTHS = (44, 16, 25, 12)
 
@@ -50,9 +58,9 @@ def summary(paper: str, judged: Sequence[Judged]) -> str:
 
 
 def origin(judged: Sequence[Judged]) -> str:
-    """The basis of most of the paper's own claims: scenes, level, date and rule."""
+    """The basis of most of the paper's own claims: scenes, level and rule."""
     texts = [
-        ", ".join(filter(None, (each.units, f"{each.level} % intervals", each.date, each.rule)))
+        ", ".join(filter(None, (each.units, f"{each.level} % intervals", each.rule)))
         for each in of_group(judged, "paper")
         if each.units != "computed"
     ]
@@ -95,7 +103,7 @@ def report(paper: str, judged: Sequence[Judged], details: bool = False) -> Itera
     yield summary(paper, judged)
     if not judged:
         return
-    yield f"({origin(judged)})"
+    yield f"({FORMS[paper]}; {origin(judged)})"
     yield _line(COLUMNS)
     yield from lines(of_group(judged, "paper"), details)
     if not details:

@@ -18,7 +18,7 @@ NOTES = (
     "paper does not give, are beta-binomial and agree with its own for two.",
     "An edge is paid for once: the paper's products over all lines (eq. 2 and 5) pay for it on the "
     "lines of every target near it, by which an outline drawn inside an opaque target is as likely "
-    "as the truth.  They are available as wires-literal and opaque-literal.",
+    "as the truth.  They are available as wires-literal and opaque-literal: the rows 'as printed'.",
     "Neighbouring measurement lines see the same edges.  So that the weights do not collapse, each "
     "line across a wire or a leaf counts as .3 of an independent one, each across a worm as .2.  "
     "The paper counts each in full, as ours across walkers and those of figure 11 do.",
@@ -27,19 +27,18 @@ NOTES = (
     "and Condensation has the same noise, which may favour the former.",
     "A worm bends and keeps its length (jaxpf.shapes.bending_space): in a space of principal "
     "components its contour shrank to a third of the worm in contact.",
-    "The paper's section 3 has ordinary Condensation.  Rows on wires and walkers without that word "
-    "are of partitioned sampling.  Without exclusion both targets are in one filter with P', not "
-    "in two trackers as in figure 1.",
-    "Slow filters track the first half of the sequences, those for figure 12 alone a fifth; "
-    "comparisons are made on sequences that both have.",
+    "The paper tracks wires and walkers by ordinary Condensation; rows that say 'partitioned' are "
+    "of partitioned sampling.  Without exclusion one filter tracks both targets with P', instead "
+    "of two trackers as in figure 1.",
+    "Some filters track only the first half or fifth of the sequences; they are compared on the "
+    "sequences that both track.",
     "Resampling is systematic, where the paper draws with replacement.",
     "The width of a boundary's law is 2 pixels for wires, 3 for worms, 5 for leaves and 7, the "
     "paper's, for walkers.",
-    "Opaque targets carry a label for which is in front.  It is kept while shapes overlap, and "
-    "drawn anew while they do not, where the paper flips it with probability .01 per frame: then "
-    "few particles forget one order before the targets meet.  Half of the leaves are tracked so, "
-    "too.",
-    "Scenes are the units of the intervals; on the filmed clips it is the runs.",
+    "A label says which opaque target is in front.  It stays while shapes overlap and is redrawn "
+    "while they do not; the paper flips it with probability .01 per frame, and then a small set of "
+    "particles loses one order before the targets meet.  Half of the leaves are tracked so, too.",
+    "Intervals are over scenes, and for the filmed clips over runs.",
 )
 
 

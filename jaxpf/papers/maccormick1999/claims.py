@@ -18,6 +18,7 @@ from jaxpf.papers.maccormick1999.passing import (
     NAIVE,
     OCCLUSION,
     PARTITIONED,
+    PRINTED,
     PUBLISHED_FLIP,
     Passing,
 )
@@ -61,6 +62,7 @@ def of_meeting(meeting: Passing) -> Quantities:
         figures |= {
             f"{name}_condensation_kept": share_of(meeting.kept(exclusive)),
             f"{name}_condensation": _gap(meeting.coalesced(naive), meeting.coalesced(exclusive)),
+            f"{name}_printed": share_of(meeting.kept(EXCLUSIVE + PRINTED + CONDENSATION)),
         }
     return figures
 
@@ -74,6 +76,7 @@ def of_leaves(passing: Passing) -> Quantities:
     }
     if PARTITIONED + PUBLISHED_FLIP in passing.methods:
         figures["leaves_labels_flip"] = rate_of_labels(passing, PARTITIONED + PUBLISHED_FLIP)
+        figures["leaves_printed"] = share_of(passing.kept(PARTITIONED + PRINTED))
     if ENOUGH in passing.methods:
         figures["leaves_enough"] = share_of(passing.kept(ENOUGH))
     return figures
@@ -91,11 +94,14 @@ def of_walkers(passing: Passing) -> Quantities:
         "walkers_more_kept": _gap(passing.kept(OCCLUSION), passing.kept(INDEPENDENT)),
         "walkers_coalesce": _gap(passing.coalesced(INDEPENDENT), passing.coalesced(OCCLUSION)),
         "walkers_labels": rate_of_labels(passing, OCCLUSION),
-        "walkers_widen": ratio_of(passing.widening(OCCLUSION), 1.0),
-        "walkers_narrow": ratio_of(passing.narrowing(OCCLUSION), 1.0),
     }
-    if OCCLUSION + CONDENSATION in passing.methods:
-        figures["walkers_condensation"] = share_of(passing.kept(OCCLUSION + CONDENSATION))
+    if (condensation := OCCLUSION + CONDENSATION) in passing.methods:
+        figures |= {
+            "walkers_condensation": share_of(passing.kept(condensation)),
+            "walkers_printed": share_of(passing.kept(OCCLUSION + PRINTED + CONDENSATION)),
+            "walkers_widen": ratio_of(passing.widening(condensation), 1.0),
+            "walkers_narrow": ratio_of(passing.narrowing(condensation), 1.0),
+        }
     return figures
 
 

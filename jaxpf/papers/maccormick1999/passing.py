@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxpf.papers.checkpoints import Measure, each
 from jaxpf.papers.maccormick1999 import published
 from jaxpf.papers.maccormick1999.scenes import Case
 from jaxpf.papers.maccormick1999.tracking import REDRAWN, Outcome, track, tracker_of
-from jaxpf.papers.measuring.checkpoints import Measure, each
 
 #: Labels are judged where more than this share of the farther target is hidden.
 MUCH_HIDDEN = 0.2
@@ -39,6 +39,8 @@ EXCLUSIVE, NAIVE = "P, exclusion", "P', none"
 LIKELIHOODS = {EXCLUSIVE: "wires", NAIVE: "none"}
 #: Suffix for ordinary Condensation, as in the paper's section 3.
 CONDENSATION = ", Condensation"
+#: Suffix for the likelihood as printed, eq. 2 and 5.
+PRINTED = " as printed"
 #: Suffix for the paper's probability that labels change.
 PUBLISHED_FLIP = f", delta {published.DELTA:g}".replace("0.", ".")
 PARTITIONED, AS_MANY = f"PS, {published.LEAF_PARTICLES}", f"SIR, {published.LEAF_PARTICLES}"
@@ -51,13 +53,14 @@ LEAVES = {
     PARTITIONED + PUBLISHED_FLIP: Method(
         "opaque", "ps", published.LEAF_PARTICLES, 2, published.DELTA
     ),
+    PARTITIONED + PRINTED: Method("opaque-literal", "ps", published.LEAF_PARTICLES),
     "PS, 100": Method("opaque", "ps", 100, 5),
     "PS, 300": Method("opaque", "ps", 300, 5),
     "SIR, 100": Method("opaque", "sir", 100, 5),
     "SIR, 300": Method("opaque", "sir", 300, 5),
     AS_MANY: Method("opaque", "sir", published.LEAF_PARTICLES, 5),
     FAILING: Method("opaque", "sir", published.LEAF_PARTICLES_FAILING, 2),
-    ENOUGH: Method("opaque", "sir", published.LEAF_PARTICLES_ENOUGH, 2),
+    ENOUGH: Method("opaque", "sir", published.LEAF_PARTICLES_ENOUGH),
 }
 FIGURE_11 = {
     PARTITIONED: LEAVES[PARTITIONED],
@@ -67,17 +70,20 @@ OCCLUSION, INDEPENDENT = "occlusion", "independent"
 WALKERS = {
     OCCLUSION: Method("opaque", "ps", published.WALKER_PARTICLES),
     INDEPENDENT: Method("none", "ps", published.WALKER_PARTICLES, 2),
-    OCCLUSION + CONDENSATION: Method("opaque", "sir", published.WALKER_PARTICLES, 2),
+    OCCLUSION + CONDENSATION: Method("opaque", "sir", published.WALKER_PARTICLES),
+    OCCLUSION + PRINTED + CONDENSATION: Method("opaque-literal", "sir", published.WALKER_PARTICLES),
     INDEPENDENT + CONDENSATION: Method("none", "sir", published.WALKER_PARTICLES, 10),
 }
 
 
 def likelihoods(num_particles: int, condensation: bool = False) -> dict[str, Method]:
-    """Partitioned sampling with and without exclusion, and optionally Condensation."""
+    """Partitioned sampling with and without exclusion, optionally Condensation and as printed."""
     methods = {name: Method(kind, "ps", num_particles) for name, kind in LIKELIHOODS.items()}
     if condensation:
         for name, kind in LIKELIHOODS.items():
             methods[name + CONDENSATION] = Method(kind, "sir", num_particles)
+        printed = Method("wires-literal", "sir", num_particles)
+        methods[EXCLUSIVE + PRINTED + CONDENSATION] = printed
     return methods
 
 

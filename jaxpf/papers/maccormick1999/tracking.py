@@ -62,11 +62,11 @@ def tracker_of(
     """
     likelihood = contours(case.space, 2, exclusion=exclusion, **case.options)
     dynamics, label = case.dynamics, None
-    if exclusion in case.noise:
-        noise = case.noise[exclusion] * np.asarray(dynamics.noise)
+    if (rule := exclusion.removesuffix("-literal")) in case.noise:
+        noise = case.noise[rule] * np.asarray(dynamics.noise)
         dynamics = dataclasses.replace(dynamics, noise=noise)
     ordering = orderings.ps([0, 1]) if method == "ps" else orderings.sir(2)
-    if exclusion == "opaque":
+    if rule == "opaque":
         dynamics, label = WithOcclusion(dynamics, likelihood, flip), np.full(2, 0.5, np.float32)
         if method == "ps":
             ordering = orderings.branched([[0, 1], [1, 0]])

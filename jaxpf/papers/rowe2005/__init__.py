@@ -6,8 +6,8 @@ Its synthetic test, two projectiles in front of strips that look like them: figu
 """
 
 from jaxpf.papers.paper import Paper
-from jaxpf.papers.rowe2005 import claims, figures, measure, published, tables
-from jaxpf.papers.rowe2005.scenes import RUNS_PER_SCENE, VARIANTS, settings_of
+from jaxpf.papers.rowe2005 import claims, figures, measure, tables
+from jaxpf.papers.rowe2005.scenes import RUNS_PER_SCENE
 
 NOTES = (
     "The paper's scene is not available: it gives the numbers of frames, targets and samples, the "
@@ -35,8 +35,4 @@ PAPER = Paper(
     quantities=claims.quantities,
     figures=figures.figures,
     notes=NOTES,
-    settings={
-        "tracker": {name: settings_of(name)._asdict() for name in VARIANTS},
-        "particles": published.PARTICLES,
-    },
 )

@@ -11,9 +11,9 @@ import numpy as np
 import jaxpf
 import scenes
 from jaxpf.dynamics.gaussian import FirstOrder
+from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.likelihoods.pixels import pixels
-from jaxpf.papers.measuring.checkpoints import each
-from jaxpf.papers.measuring.grid import run_keys
+from jaxpf.papers.checkpoints import each
 from jaxpf.papers.rowe2005.published import PARTICLES
 from jaxpf.shapes.rectangles import area, intersection_area
 
@@ -137,7 +137,8 @@ class Outcome(NamedTuple):
         share: ``[V, S, R, T, L]``, the target's share of the particles.
         astray: ``[V, S, R, T]``, share of particles whose box misses their target's true box.
         between: ``[V, S]``, deviation of the runs' estimates from their mean, divided by the root
-            of the true area: root mean square over runs, frames and targets.
+            of the true area: root mean square over runs, frames and targets that have particles
+            in at least two runs.
         within: ``[V, S]``, the same for particles within a run, for targets that have some.
         in_strip: ``[S, T, L]`` bool, the true box overlaps a strip.
     """
@@ -167,7 +168,7 @@ def measure(
 
     ``parameters`` are scene parameters that differ from their defaults.  A run's random numbers
     depend only on its seed and number, which all variants share.  Scenes are stored under ``name``
-    (``jaxpf.papers.measuring.checkpoints``).
+    (``jaxpf.papers.checkpoints``).
     """
     measured = []
     for outcome in each(
@@ -201,7 +202,7 @@ def run_on(
     scene: Any, seed: int, changes: Mapping[str, Any], settings: Settings
 ) -> list[np.ndarray]:
     """Fields of an ``Outcome`` for ``RUNS_PER_SCENE`` runs of one variant on a scene."""
-    keys = run_keys(seed, np.arange(RUNS_PER_SCENE))
+    keys = run_keys(seed, 0, RUNS_PER_SCENE)
     frames, truth = jnp.asarray(scene.frames[1:]), np.asarray(scene.boxes[1:], np.float32)
     return _measured(tracker(scene, settings, **changes), keys, frames, truth)
 
@@ -232,8 +233,21 @@ def _measures(recorded: Any, truth: jax.Array) -> tuple[jax.Array, ...]:
     boxes = jnp.concatenate([particles[..., :2] - particles[..., 2:] / 2, particles[..., 2:]], -1)
     own = jnp.take_along_axis(truth[None], labels[..., None], axis=2)
     astray = jnp.mean(intersection_area(boxes, own) <= 0, axis=-1)
-    apart = estimate[..., :2] - estimate[..., :2].mean(axis=0)
-    freedom = len(apart) / (len(apart) - 1)
-    between = jnp.sqrt(freedom * jnp.mean(jnp.sum(apart**2, axis=-1) / area(truth)))
+    between = deviation_between(estimate[..., :2], share > 0, area(truth))
     within = jnp.sqrt(jnp.nanmean(jnp.sum(spread**2, axis=-1) / area(truth)))
     return error, ratio, share, astray, between, within
+
+
+def deviation_between(places: jax.Array, counts: jax.Array, areas: jax.Array) -> jax.Array:
+    """``between`` of an ``Outcome`` from estimates ``[R, T, L, 2]``; NaN if none counts.
+
+    Args:
+        places: estimates, pixels.
+        counts: ``[R, T, L]`` bool, whether the target has particles.
+        areas: ``[T, L]``.
+    """
+    number = counts.sum(axis=0)
+    mean = jnp.where(counts[..., None], places, 0).sum(axis=0) / jnp.maximum(number, 1)[..., None]
+    squares = jnp.sum((places - mean) ** 2, axis=-1) / areas * number / jnp.maximum(number - 1, 1)
+    counts &= number > 1
+    return jnp.sqrt(jnp.where(counts, squares, 0).sum() / counts.sum())

@@ -202,6 +202,6 @@ def variance_table(outcome: Outcome) -> Table:
         "Section 2: standard deviation of the estimated position (% of the target's size)",
         ["", "between runs", "of the particles within one"],
         rows,
-        "Condensation is without eq. 4, feedback and regularising.  A target without samples has "
-        "an estimate, but no particles that show its uncertainty.",
+        "Condensation is without eq. 4, feedback and regularising.  A starved target keeps an "
+        "estimate that moves away; both columns are of targets that still have particles.",
     )

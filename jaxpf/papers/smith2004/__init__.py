@@ -6,7 +6,6 @@ Tables 1 and 2 and figure 4 on distracter scenes, and the analogue of tables 3 a
 
 from jaxpf.papers.paper import Paper
 from jaxpf.papers.smith2004 import claims, figures, measure, occlusions, tables
-from jaxpf.papers.smith2004.scenes import SCENE
 
 NOTES = (
     "The paper's scene is not available.  Ours keeps what the paper gives; the table of chosen "
@@ -36,5 +35,4 @@ PAPER = Paper(
     read=lambda data, quick: occlusions.clip_folder(data),
     without_clips="Tables 3 and 4 need a real clip: name a folder that holds tud_campus with "
     "--data or JAXPF_DATA.",
-    settings={"scene": SCENE},
 )

@@ -15,7 +15,7 @@ from jaxpf.papers.smith2004.conditions import ENDINGS, Condition
 from jaxpf.papers.smith2004.measure import Measurement
 from jaxpf.papers.smith2004.occlusions import Tracked
 from jaxpf.papers.smith2004.orders import best_and_worst
-from jaxpf.papers.smith2004.published import SHARPNESS
+from jaxpf.papers.smith2004.published import BEST_ORDER_RECOVERY, SHARPNESS
 from jaxpf.papers.smith2004.scenes import NUM_OBJECTS, Outcome
 
 Quantities = dict[str, list[Quantity]]
@@ -38,7 +38,11 @@ def of_scenes(outcome: Outcome) -> Quantities:
         "easy_success": _rates(outcome, outcome.success, "PS", "Non-PS"),
         "easy_precision": _differences(outcome, outcome.precision, "PS", "Non-PS"),
         "easy_recall": _differences(outcome, outcome.recall, "PS", "Non-PS"),
-        "easy_on_a_par": _differences(outcome, outcome.precision, "DPS", "PS"),
+        "easy_on_a_par": [
+            part._replace(what=f"{name}, {part.what}")
+            for name in ("precision", "recall")
+            for part in _differences(outcome, getattr(outcome, name), "DPS", "PS")
+        ],
         "ps_recovers": _rates(outcome, recovered, "PS", "Non-PS"),
         "dps_recovers_each": _rates(outcome, recovered, "DPS", "PS"),
         "dps_recovers": [gap_of(dps, ps)],
@@ -81,12 +85,13 @@ def _averaged(outcome: Outcome, values: np.ndarray) -> np.ndarray:
 
 
 def _orders(outcome: Outcome) -> list[Quantity]:
-    """Best minus worst order of PS, chosen on half of the scenes and compared on the other half."""
+    """Best minus worst order of PS, chosen on half of the scenes and compared on the other half.
+
+    At the sharpness values with a published best order.
+    """
     best, worst = best_and_worst(outcome.recovered[:, outcome.orders()].mean(axis=-1))
-    return [
-        gap_of(best[:, [column]], worst[:, [column]], f"{sharpness:g}")
-        for column, sharpness in enumerate(SHARPNESS)
-    ]
+    columns = map(SHARPNESS.index, BEST_ORDER_RECOVERY)
+    return [gap_of(best[:, [column]], worst[:, [column]]) for column in columns]
 
 
 def _impoverishment(outcome: Outcome) -> Quantities:

@@ -17,7 +17,7 @@ import jaxpf
 import scenes
 from jaxpf.evaluation.equal_time import between, times_of
 from jaxpf.measures.timing import interleaved
-from jaxpf.papers.measuring.comparison import scene_tracker
+from jaxpf.papers.smith2004.comparison import scene_tracker
 from jaxpf.papers.smith2004.conditions import Condition
 from jaxpf.papers.smith2004.scenes import METHODS, SCENE, all_orderings
 

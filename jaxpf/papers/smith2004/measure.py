@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from jaxpf.papers.measuring.checkpoints import part
+from jaxpf.papers.checkpoints import part
 from jaxpf.papers.paper import Request
 from jaxpf.papers.smith2004 import costs, occlusions, published
 from jaxpf.papers.smith2004.conditions import ENDINGS, PARTICLES, Condition, measure_conditions

@@ -14,9 +14,10 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.opening import load_scene
+from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.measures import metrics
 from jaxpf.papers import paper
-from jaxpf.papers.measuring.grid import run_grid, run_keys
+from jaxpf.papers.smith2004.grid import run_grid
 from jaxpf.papers.smith2004.scenes import all_orderings
 
 CLIP = "tud_campus"
@@ -70,7 +71,7 @@ def measure(
         runs: number of runs per method.
         seed: seed of the runs.
         particles: values of N.
-        name: name under which results are stored; see ``jaxpf.papers.measuring.checkpoints``.
+        name: name under which results are stored; see ``jaxpf.papers.checkpoints``.
         settings: further arguments of ``run_grid``.
 
     Raises:
@@ -86,7 +87,7 @@ def measure(
     shares = max(min(jax.local_device_count(), runs), 1)
     width = -(-runs // shares)
     numbers = np.minimum(np.arange(shares * width), runs - 1).reshape(shares, width)
-    keys = [run_keys(seed, share) for share in numbers]
+    keys = list(run_keys(seed, 0, runs)[numbers])
     outcomes = []
     for count in particles:
         results = list(

@@ -9,10 +9,11 @@ import numpy as np
 
 import scenes
 from jaxpf import ordering
+from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.measures import metrics
 from jaxpf.ordering import Ordering
-from jaxpf.papers.measuring.comparison import SMITH2004_PARTICLES, SMITH2004_SCALE
-from jaxpf.papers.measuring.grid import GridResult, run_grid, run_keys
+from jaxpf.papers.smith2004.comparison import SMITH2004_PARTICLES, SMITH2004_SCALE
+from jaxpf.papers.smith2004.grid import GridResult, run_grid
 from jaxpf.papers.smith2004.published import SHARPNESS
 
 NUM_OBJECTS = 7
@@ -109,12 +110,12 @@ def measure(
         sharpness: L values of lambda.
         num_particles: N.
         progress: called with the number of finished scenes.
-        name: name under which scenes are stored; see ``jaxpf.papers.measuring.checkpoints``.
+        name: name under which scenes are stored; see ``jaxpf.papers.checkpoints``.
         settings: further arguments of ``run_grid``.
     """
     orderings = all_orderings() if orderings is None else orderings
     drawn = [scenes.make("distracter", seed=seed, **parameters) for seed in seeds]
-    keys = [run_keys(seed, np.arange(RUNS_PER_SCENE)) for seed in seeds]
+    keys = [run_keys(seed, 0, RUNS_PER_SCENE) for seed in seeds]
     results = run_grid(
         drawn, keys, orderings, sharpness, num_particles=num_particles, name=name, **settings
     )

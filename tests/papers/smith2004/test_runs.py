@@ -12,13 +12,14 @@ import pytest
 import scenes
 from jaxpf import InputError, measures, running
 from jaxpf.evaluation import local_pool
+from jaxpf.evaluation.work.worker import run_keys
 from jaxpf.likelihoods import histogram_from_patches
+from jaxpf.papers.checkpoints import sharing
 from jaxpf.papers.judging.claims import NOT_SEEN, OPEN, SUPPORTED, judge_all
-from jaxpf.papers.measuring.checkpoints import sharing
-from jaxpf.papers.measuring.comparison import scene_tracker
-from jaxpf.papers.measuring.grid import run_grid, run_keys
 from jaxpf.papers.smith2004 import occlusions, scenes as synthetic
 from jaxpf.papers.smith2004.claims import of_occlusions
+from jaxpf.papers.smith2004.comparison import scene_tracker
+from jaxpf.papers.smith2004.grid import run_grid
 from jaxpf.papers.smith2004.scenes import Outcome
 from jaxpf.papers.smith2004.tables import occlusion_tables
 from jaxpf.shapes import boxes_from_substates
@@ -32,7 +33,7 @@ SMALL = {"num_frames": 9, "frame_width": 180, "frame_height": 160, "num_objects"
 def small_grid():
     drawn = [scenes.make("distracter", seed=seed, **SMALL) for seed in (0, 1)]
     orderings = synthetic.all_orderings(3)
-    keys = [run_keys(seed, np.arange(2)) for seed in (0, 1)]
+    keys = [run_keys(seed, 0, 2) for seed in (0, 1)]
     results = list(run_grid(drawn, keys, orderings, [20.0, 50.0], num_particles=40))
     return drawn, orderings, keys, results
 

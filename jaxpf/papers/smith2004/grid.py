@@ -15,15 +15,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.sharding import Mesh, PartitionSpec
-from jax.typing import ArrayLike
 
 from jaxpf.dynamics.gaussian import AR2
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods._integral import LANES
 from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
 from jaxpf.ordering import Ordering
-from jaxpf.papers.measuring.checkpoints import each
-from jaxpf.papers.measuring.comparison import SMITH2004_PARTICLES, SMITH2004_SCALE
+from jaxpf.papers.checkpoints import each
+from jaxpf.papers.smith2004.comparison import SMITH2004_PARTICLES, SMITH2004_SCALE
 from jaxpf.running import frame_step, init
 from jaxpf.shapes.rectangles import boxes_from_substates
 
@@ -77,13 +76,13 @@ def run_grid(
     Args:
         scenes: scenes of equal shape, see ``scenes.Scene``; the trackers start at the true boxes of
             the first frame and use the scene's patches.
-        keys: keys ``[R]`` of the runs for each scene, with equal R; see ``run_keys``.
+        keys: keys ``[R]`` of the runs for each scene, with equal R.
         orderings: name -> ordering, all of equal shape.
         sharpness: values of lambda.
         num_particles: N.
         scale: noise of u, v (pixels) and of the box's scale.
         resampling: resampling scheme; smith2004 does not name one.
-        name: name under which scenes are stored; see ``jaxpf.papers.measuring.checkpoints``.
+        name: name under which scenes are stored; see ``jaxpf.papers.checkpoints``.
         wrap: optional wrapper of each tracker, with the same likelihood.
     """
     learned = [
@@ -127,13 +126,6 @@ def _track(settings: Any, static: tuple, works: Sequence[Work]) -> dict[str, Any
     kernel = _sharded(devices, *static)
     recorded = kernel(jax.tree.map(lambda *rows: np.stack(rows), *works), *settings)
     return dict(zip(_RECORDED, recorded, strict=True))
-
-
-def run_keys(seed: int, runs: ArrayLike) -> jax.Array:
-    """``[R]``: run r has the key ``fold_in(key(seed), r)``, as in ``jaxpf.evaluation``."""
-    return jax.vmap(jax.random.fold_in, in_axes=(None, 0))(
-        jax.random.key(seed), np.asarray(runs, np.uint32)
-    )
 
 
 def _work(scene: Any, likelihood: HistogramLikelihood, keys: jax.Array) -> Work:

@@ -1,1 +1,0 @@
-"""Run measurements in parts that are stored on disk."""

@@ -180,7 +180,7 @@ def _overlay(scene: Any, tracker: Any, seeds: list[int], path: Path) -> None:
     import cv2
     import jax
 
-    from jaxpf.media import overlay
+    from jaxpf.media import labels, overlay
     from jaxpf.media.video_writer import VideoWriter
     from jaxpf.running.streaming import stream
     from jaxpf.shapes.rectangles import boxes_from_substates
@@ -197,5 +197,6 @@ def _overlay(scene: Any, tracker: Any, seeds: list[int], path: Path) -> None:
             frame = overlay.draw_particles(frame, zoom * cloud, colours)
             boxes = np.asarray(boxes_from_substates(tracked.summary.estimate, scene.sizes))
             picture = overlay.draw_boxes(frame, zoom * boxes, ids, colours)
-            overlay.label_at(picture, _SHOWN, 0, zoom * height, (255, 255, 255))
+            corner = 0, zoom * height, zoom * width, zoom * height
+            labels.draw_labels(picture, [labels.Label(_SHOWN, *corner, (255, 255, 255))])
             video.write(picture)

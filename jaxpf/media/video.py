@@ -126,25 +126,8 @@ class _VideoFile(FrameSource):
             # An absolute path, because FFmpeg reads text before a colon as a protocol.
             return cv2.VideoCapture(str(Path(self.path).absolute()))
 
-    def times(self, count: int) -> np.ndarray:
-        """See ``FrameSource``; a given ``fps`` replaces the timestamps."""
-        even = super().times(count)
-        if not self._has_timestamps:
-            return even
-        capture = self._open()
-        seconds: list[float] = []
-        try:
-            with quiet_opencv():
-                while len(seconds) < count and capture.grab():
-                    seconds.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1000)
-        finally:
-            capture.release()
-        shown = np.array(seconds)
-        is_whole = len(shown) == count and np.isfinite(shown).all() and np.all(np.diff(shown) > 0)
-        return shown - shown[0] if is_whole and count else even
-
     def shown_at(self, number: int) -> float:
-        """See ``FrameSource``."""
+        """See ``FrameSource``; a given ``fps`` replaces the timestamps."""
         if not self._has_timestamps or not 0 < number < len(self._seconds):
             return super().shown_at(number)
         shown = self._seconds[number] - self._seconds[0]

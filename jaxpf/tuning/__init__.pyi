@@ -9,7 +9,6 @@ from .objectives import (
     overlap_loss as overlap_loss,
     position_error as position_error,
 )
-from .orders import Pilot as Pilot, best_order as best_order, candidate_orders as candidate_orders
 from .parameters import (
     Parameter as Parameter,
     names as names,

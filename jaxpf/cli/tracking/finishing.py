@@ -103,7 +103,7 @@ def _summary(
         "error": str(stopped) if isinstance(stopped, InputError) else None,
         "video_truncated": source.truncated,
         "video_note": source.note,
-        "remarks": [*recording.opened.start.remarks, *recording.settled.remarks],
+        "remarks": list(recording.opened.start.remarks),
         "frames_outside": counts.outside,
         "frames_without_likelihood": counts.without_likelihood,
         "mean_error": _mean_errors(table, names),
@@ -136,7 +136,7 @@ def _likelihood_method(recording: Recording) -> Any:
         return None
     likelihood = recording.built.filter.likelihood
     likelihood = getattr(likelihood, "likelihood", likelihood)
-    return getattr(likelihood, "method", getattr(recording.settled.model, "likelihood", None))
+    return getattr(likelihood, "method", getattr(recording.request.model, "likelihood", None))
 
 
 def _tell(

@@ -13,19 +13,14 @@ from jaxpf.cli.tracking.births import Births, defaults_of, read_births
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.options import OPEN, check_options, option, options_of
 from jaxpf.files.writing import check_output_file
-from jaxpf.media.video_writer import SUFFIXES
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.appearance import COLOUR
 from jaxpf.targets.target import Target
 
 #: Maximum number of frames in a video.
 _MOST_FRAMES = 2**31 - 1
-#: Minimum frames for --fit-motion: enough to show a walk or a throw; fewer leave the evidence
-#: undecided.
-LEAST_FITTED = 5
-#: Run options left out of run.toml because they do not affect results.  The motion found by
-#: --fit-motion is stored in the model's options.
-_NOT_REPEATED = ("output", "overwrite", "preview", "fit_motion", "save_state")
+#: Run options left out of run.toml because they do not affect results.
+_NOT_REPEATED = ("output", "overwrite", "preview", "save_state")
 #: Start flags that extend the start of a configuration file; other start flags replace it.
 _ADDS_TO_START = ("ids", "mask_step", "learned")
 
@@ -37,13 +32,6 @@ class Run:
     start: int = option(0, "Start frame, counting from 0.", least=0, most=_MOST_FRAMES)
     frames: int | None = option(
         None, "Track at most this many frames after the start.", least=1, most=_MOST_FRAMES
-    )
-    fit_motion: int | None = option(
-        None,
-        "Fit the motion on the first N frames, such as 30.  The noise and momentum with the "
-        "largest evidence are used, and run.toml keeps them.",
-        least=LEAST_FITTED,
-        most=_MOST_FRAMES,
     )
     seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
     runs: int | None = option(
@@ -85,11 +73,6 @@ class Run:
     )
     overwrite: bool = option(False, "Replace files in an existing folder.")
     overlay: bool = option(True, "Write the overlay video.")
-    codec: str = option(
-        "h264",
-        "Codec of the overlay: h264 (overlay.mp4), or vp9 (overlay.webm, smaller and slower).",
-        choices=tuple(SUFFIXES),
-    )
     preview: bool = option(
         False, "Show the overlay in a window while tracking.  This needs a screen."
     )
@@ -144,22 +127,15 @@ class Request:
         """The kind of target."""
         return self.adapter.target
 
-    @property
-    def chooses_order(self) -> bool:
-        """Whether pilot runs choose the order."""
-        return getattr(self.filter_options, "order", None) == OPEN
-
-    def table(self, video: Any, model: Any, filter_options: Any) -> dict[str, Any]:
+    def table(self, video: Any) -> dict[str, Any]:
         """Contents of run.toml: everything that repeats the run, in command-line notation.
 
         Args:
             video: video address without a password.
-            model: fully resolved options of the target.
-            filter_options: fully resolved options of the filter.
         """
         values = {"target": self.target.name, "video": video, **self.starts}
         values |= {n: v for n, v in as_typed(self.run).items() if n not in _NOT_REPEATED}
-        values |= as_typed(model) | as_typed(filter_options)
+        values |= as_typed(self.model) | as_typed(self.filter_options)
         if self.births is not None:
             values |= as_typed(self.births.rules)
         return {
@@ -189,7 +165,6 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     _report_implied(values, model, target.resolved(target.options(), is_filmed=births is None))
     starts = {name: values[name] for name in adapter.start_flags}
     request = Request(values["video"], adapter, starts, run, model, its, filter_options, births)
-    _check_fit(request)
     _check_uncertainty(request)
     _check_states(request)
     return request
@@ -213,28 +188,6 @@ def _report_implied(values: Mapping[str, Any], model: Any, usual: Any) -> None:
                 f"the default is {default}.",
                 err=True,
             )
-
-
-def _check_fit(request: Request) -> None:
-    """Refuse to fit the motion or to choose an order where the run has none.
-
-    Raises:
-        InputError: gives the reason.
-    """
-    if request.chooses_order and request.run.tracker:
-        raise InputError(
-            "--order auto works only with the built-in filters; leave it or --tracker out."
-        )
-    if request.run.fit_motion is None:
-        return
-    if request.run.tracker:
-        raise InputError(
-            "--fit-motion works only with the built-in motion; leave it or --tracker out."
-        )
-    if request.births is not None:
-        raise InputError(
-            "--fit-motion needs objects that are in the start frame; leave it or --births out."
-        )
 
 
 def _check_uncertainty(request: Request) -> None:

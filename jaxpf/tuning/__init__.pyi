@@ -27,4 +27,4 @@ from .sequences import (
     held_out as held_out,
     training_sequence as training_sequence,
 )
-from .settings import RANDOM_NUMBERS as RANDOM_NUMBERS, Settings as Settings
+from .settings import Settings as Settings

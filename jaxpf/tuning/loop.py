@@ -39,7 +39,6 @@ def tune(
     objective: str | Callable = "evidence",
     settings: Settings | None = None,
     folder: str | os.PathLike[str] | None = None,
-    label: Any = None,
     progress: Callable[[Descent], None] | None = None,
 ) -> Result:
     """Find the parameter values that fit sequences best.
@@ -56,7 +55,6 @@ def tune(
             ``(tracker, keys, frames) -> [R]`` to minimise; see ``loss_function``.
         settings: default ``Settings()``.
         folder: existing folder for a checkpoint; repeating the call resumes from it.
-        label: further JSON value that identifies this call in the checkpoint.
         progress: called with the descent after every step.
 
     Returns:
@@ -83,7 +81,7 @@ def tune(
         _check_gradients(sequence.tracker, wanted)
     store = None
     if folder is not None:
-        asked = checkpoint.asked(wanted, start, objective, settings, sequences, label)
+        asked = checkpoint.asked(wanted, start, objective, settings, sequences)
         store = checkpoint.Checkpoint(Path(folder), asked)
     ready = [observed(sequence) for sequence in sequences]
     value_and_gradient = free_loss(objective, tuple(wanted), sequences[0].outlines)
@@ -197,8 +195,8 @@ def _descend(descent, wanted, sequences, value_and_gradient, settings):
         gradients, losses = [], []
         for place in _of_step(step, len(sequences), settings):
             sequence = sequences[place]
-            drawn = jax.random.fold_in(key, 0 if settings.random_numbers == "common" else step)
-            keys = jax.random.split(jax.random.fold_in(drawn, place), settings.runs)
+            fresh = jax.random.fold_in(jax.random.fold_in(key, step), place)
+            keys = jax.random.split(fresh, settings.runs)
             loss, gradient = value_and_gradient(
                 free, sequence.tracker, keys, sequence.frames, sequence.truth, sequence.sizes
             )

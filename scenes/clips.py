@@ -136,11 +136,8 @@ def cut_patch(picture: np.ndarray, box: np.ndarray) -> np.ndarray:
     return picture[top:bottom, left:right].copy()
 
 
-def read_clip(folder: str | Path, *, boxes_needed: bool = True) -> Clip:
-    """Open an annotated sequence: read ``meta.json`` and ``gt.csv``, but no pictures.
-
-    With ``boxes_needed=False``, a clip may lack ``gt.csv``; it then has no objects.
-    """
+def read_clip(folder: str | Path) -> Clip:
+    """Open an annotated sequence: read ``meta.json`` and ``gt.csv``, but no pictures."""
     folder = Path(folder)
     if not folder.is_dir():
         raise SceneError(f"{folder}: there is no such folder")
@@ -155,9 +152,7 @@ def read_clip(folder: str | Path, *, boxes_needed: bool = True) -> Clip:
     first = folder / (source % 0 if "%" in source else source)
     if not first.is_file():
         raise SceneError(f"{first} is missing: meta.json names {source!r} as the frames")
-    truth = folder / "gt.csv"
-    rows = _read_truth(truth, meta["n_frames"]) if boxes_needed or truth.is_file() else {}
-
+    rows = _read_truth(folder / "gt.csv", meta["n_frames"])
     ids, boxes, occlusion = tabulated(rows, meta["n_frames"])
     return Clip(
         name=str(meta["name"]),

@@ -22,9 +22,7 @@ class Settings:
         above=0,
     )
     runs: int = option(4, "Tracker runs per sequence and step.", least=1)
-    sequences_per_step: int | None = option(
-        None, "Sequences per step, in rotation; by default all.", least=1
-    )
+    sequences_per_step: int | None = option(None, "Sequences per step, in rotation.", least=1)
     clip: float = option(
         10.0, "Maximum norm of the gradient; longer gradients are shortened to it.", above=0
     )

@@ -84,9 +84,9 @@ class Clip:
             SceneError: a picture is missing or has another size, or the video is shorter.
         """
         read = self._read_pictures if "%" in self.source else self._read_video
-        found = read(numbers)
+        decoded = read(numbers)
         for number in numbers:
-            picture = next(found, None)
+            picture = next(decoded, None)
             if picture is None:
                 raise SceneError(
                     f"{self.folder / self.source} ends before frame {number}, but "

@@ -137,7 +137,7 @@ def _is_in_view(parameters: DistracterParameters, centres: np.ndarray) -> bool:
     return not np.any((centres < reach) | (centres > frame - reach))
 
 
-def _are_apart(parameters: DistracterParameters, one: np.ndarray, other: np.ndarray) -> bool:
+def _are_apart(parameters: DistracterParameters, path: np.ndarray, other: np.ndarray) -> bool:
     """Whether the gap is kept in every frame; NaN frames are ignored."""
     size = np.array([parameters.object_width, parameters.object_height])
-    return not np.any(np.all(np.abs(one - other) < size + parameters.separation, axis=-1))
+    return not np.any(np.all(np.abs(path - other) < size + parameters.separation, axis=-1))

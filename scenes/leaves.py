@@ -155,5 +155,5 @@ def _overlaps(outlines: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
         mask = np.zeros(shape, np.uint8)
         cv2.fillPoly(mask, [np.rint(outline - 0.5).astype(np.int32)], 1)
         masks.append(mask.ravel() > 0)
-    both = np.array([[(one & other).sum() for other in masks] for one in masks])
+    both = np.array([[(target & other).sum() for other in masks] for target in masks])
     return both / np.maximum(np.diagonal(both), 1)[:, None]

@@ -210,11 +210,11 @@ def _in_view(parameters: ProjectilesParameters, centres: np.ndarray, sizes: np.n
 
 
 def _meet(
-    parameters: ProjectilesParameters, one: np.ndarray, other: np.ndarray, sizes: np.ndarray
+    parameters: ProjectilesParameters, path: np.ndarray, other: np.ndarray, sizes: np.ndarray
 ) -> bool:
     """Whether two boxes ever meet; with paths "apart", whether they come closer than the gap."""
     gap = parameters.separation if parameters.paths == "apart" else 0.0
-    return bool(np.any(np.all(np.abs(one - other) < sizes + gap, axis=-1)))
+    return bool(np.any(np.all(np.abs(path - other) < sizes + gap, axis=-1)))
 
 
 # Pictures

@@ -51,9 +51,7 @@ class WalkersParameters:
     body_width: ClassVar[float] = 80.0  # across the shoulders
     step_height: ClassVar[float] = 3.0  # amplitude of bobbing
     step_period: ClassVar[float] = 14.0
-    deformation: ClassVar[float] = (
-        4.0  # standard deviation of each mode, pixels
-    )
+    deformation: ClassVar[float] = 4.0  # standard deviation of each mode, pixels
     body_grey: ClassVar[float] = 70.0
     num_examples: ClassVar[int] = 80  # E
 

@@ -207,9 +207,9 @@ class _ImageFolder(FrameSource):
         self._files = sorted(files, key=lambda entry: natural_order(entry.name))
         # A single picture beside a video or a folder of frames is a preview, not the sequence.
         meant = frames_inside(path) if len(self._files) < 2 else None
-        found = f"one image only, '{files[0].name}'" if files else "no images"
+        content = f"one image only, '{files[0].name}'" if files else "no images"
         if meant is not None:
-            raise InputError(f"folder '{path}' holds {found}; did you mean '{meant}'?")
+            raise InputError(f"folder '{path}' holds {content}; did you mean '{meant}'?")
         if not files:
             suffixes = ", ".join(suffix.lstrip(".") for suffix in IMAGE_SUFFIXES)
             raise InputError(
@@ -225,7 +225,7 @@ class _ImageFolder(FrameSource):
         if self._most == 4095:
             self.note = f"no value in '{self._files[0]}' is above 4095, so its 16 bits count as 12"
         if len(files) == 1:
-            self.note = f"folder '{path}' holds {found}"
+            self.note = f"folder '{path}' holds {content}"
 
     def _frames(self, start: int) -> Generator[np.ndarray]:
         for file in self._files[start:]:

@@ -66,16 +66,16 @@ def tune(
     settings = settings or Settings()
     sequences = [sequences] if isinstance(sequences, TrainingSequence) else list(sequences)
     check_objective(objective, sequences)
-    wanted = [one if isinstance(one, Parameter) else parameter(one) for one in parameters]
+    wanted = [each if isinstance(each, Parameter) else parameter(each) for each in parameters]
     if not wanted:
         raise InputError("no parameter was named; name at least one, such as likelihood.sharpness.")
     check_apart(wanted)
-    start = {one.path: read(sequences[0].tracker, one) for one in wanted}
+    start = {each.path: read(sequences[0].tracker, each) for each in wanted}
     for sequence in sequences:
-        for one in wanted:
-            if read(sequence.tracker, one).shape != start[one.path].shape:
+        for each in wanted:
+            if read(sequence.tracker, each).shape != start[each.path].shape:
                 raise InputError(
-                    f"the parameter {one.path} of {sequence.name} has another shape than that of "
+                    f"the parameter {each.path} of {sequence.name} has another shape than that of "
                     f"{sequences[0].name}; tune sequences of the same kind together."
                 )
         _check_gradients(sequence.tracker, wanted)
@@ -111,7 +111,7 @@ def tune(
             ) from None
         finally:
             # Without a step there is nothing to resume, and the next call may have other settings.
-            if store is not None and any(one.num_steps for one in descents):
+            if store is not None and any(descent.num_steps for descent in descents):
                 store.write(descents)
     result = summarise(wanted, start, descents, settings)
     if objective == "evidence":
@@ -133,7 +133,7 @@ def _shown(value: Any) -> str:
 
 def _check_gradients(tracker: Any, wanted: Sequence[Parameter]) -> None:
     """Refuse motion parameters whose gradient would silently be zero."""
-    if not any(one.name.startswith("dynamics.") for one in wanted):
+    if not any(parameter.name.startswith("dynamics.") for parameter in wanted):
         return
     from jaxpf.gradients import check_motion_gradient
 
@@ -163,9 +163,9 @@ def _begin(
 ) -> Descent:
     rng = np.random.default_rng([settings.seed, repeat])
     free = {}
-    for one in wanted:
-        z = np.asarray(one.to_free(start[one.path]), float)
-        free[one.path] = z if repeat == 0 else z + settings.jitter * rng.standard_normal(z.shape)
+    for each in wanted:
+        z = np.asarray(each.to_free(start[each.path]), float)
+        free[each.path] = z if repeat == 0 else z + settings.jitter * rng.standard_normal(z.shape)
     moments = jax.tree.leaves(
         _optimiser(settings.clip, settings.learning_rate)[0].init(_on_device(free))
     )

@@ -44,10 +44,10 @@ def box_tracker(
 
 def line_tracker(num_particles: int, **settings: Any) -> jaxpf.Partitioned:
     """``x_t = .9 x_{t-1} + n``, observed with unit noise."""
-    one = jnp.ones((1, 1, 1))
+    unit = jnp.ones((1, 1, 1))
     return jaxpf.Partitioned(
-        dynamics=LinearGaussian(transition=0.9 * one, noise=one),
-        likelihood=Gaussian(noise=one),
+        dynamics=LinearGaussian(transition=0.9 * unit, noise=unit),
+        likelihood=Gaussian(noise=unit),
         initial=jnp.zeros((1, 1)),
         ordering=orderings.sir(1),
         num_particles=num_particles,

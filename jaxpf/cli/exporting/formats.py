@@ -113,12 +113,12 @@ def read_tracked(folder: Path) -> Tracked:
         lines = np.full((len(numbers), len(names), *shapes.shape[1:]), np.nan)
         lines[rows] = shapes
     source = open_frames(video)
-    known, places = np.unique(frames, return_index=True)
+    tracked_frames, places = np.unique(frames, return_index=True)
     return Tracked(
         target=target,
         names=names,
         first=first,
-        times=np.interp(numbers, known, table["time"][places]),
+        times=np.interp(numbers, tracked_frames, table["time"][places]),
         lines=lines,
         confidence=confidence,
         video=video,
@@ -211,20 +211,20 @@ def _shapes(tracked: Tracked) -> Iterator[dict[str, Any]]:
 
 def _skeletons(tracked: Tracked) -> Iterator[dict[str, Any]]:
     for t, points in enumerate(tracked.lines[:, :, 0]):
-        known = np.isfinite(points).all(axis=1)
-        if not known.any():
+        reported = np.isfinite(points).all(axis=1)
+        if not reported.any():
             continue
-        low, high = points[known].min(axis=0), points[known].max(axis=0)
+        low, high = points[reported].min(axis=0), points[reported].max(axis=0)
         # COCO: 0 not labelled, 1 labelled and not visible, 2 visible.
-        seen = np.where(known, 1 + (tracked.confidence[t] > 0), 0)
-        marks = np.column_stack([np.where(known[:, None], points, 0), seen])
+        seen = np.where(reported, 1 + (tracked.confidence[t] > 0), 0)
+        marks = np.column_stack([np.where(reported[:, None], points, 0), seen])
         yield {
             "image_id": t + tracked.first + 1,
             "track_id": 1,
             "bbox": _rounded([*low, *(high - low)]),
             "area": round(float((high - low).prod()), 3),
             "keypoints": _rounded(marks.ravel()),
-            "num_keypoints": int(known.sum()),
+            "num_keypoints": int(reported.sum()),
         }
 
 

@@ -328,12 +328,13 @@ def _check_parameters(tracker: Any, target: Any, wanted: list[Any]) -> None:
         )
     check_apart(wanted)
     tunable = [option.path for option in options_of(target.options).values() if option.path]
-    for one in wanted:
-        tuning.read(tracker, one)
-        if one.name not in tunable:
+    for parameter in wanted:
+        tuning.read(tracker, parameter)
+        if parameter.name not in tunable:
             raise InputError(
-                f"the parameter {one.path} has no option in `jaxpf track` and `jaxpf evaluate`; "
-                f"tune it in Python with jaxpf.tune, or choose among {', '.join(tunable)}."
+                f"the parameter {parameter.path} has no option in `jaxpf track` and `jaxpf "
+                f"evaluate`; tune it in Python with jaxpf.tune, or choose among "
+                f"{', '.join(tunable)}."
             )
 
 
@@ -343,9 +344,9 @@ def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[An
 
     target = adapter_of_scene(scene, options.target).target
     method = values["method"] or target.defaults.get("method")
-    its = filters.filter_of(method) if method else next(iter(filters.all_filters().values()))
+    filter_ = filters.filter_of(method) if method else next(iter(filters.all_filters().values()))
     own = {n: v for n, v in values.items() if n not in options_of(Options)}
-    refuse_others(own, target, its)
+    refuse_others(own, target, filter_)
     named = {
         text.partition("=")[0].partition("[")[0] for text in names_in(options.parameters or "")
     }
@@ -354,7 +355,7 @@ def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[An
         if one.path in named and one.implies and own.get(one.implies[0]) in (None, OPEN):
             own[one.implies[0]] = one.implies[1]
     model = target.resolved(picked(own, target.options), is_filmed(scene))
-    filter_options = picked(own, its.options, {"particles": _PARTICLES, **target.defaults})
+    filter_options = picked(own, filter_.options, {"particles": _PARTICLES, **target.defaults})
     both = (filter_options, model)
     chosen_values = {name: getattr(one, name) for one in both for name in options_of(one)}
     typed = {n: v for one in both for n, v in as_typed(one).items() if n in values}

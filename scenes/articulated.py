@@ -7,7 +7,7 @@ documented in ``ArticulatedParameters``.
 """
 
 import dataclasses
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -36,23 +36,14 @@ class ArticulatedParameters:
         frame_width: width of a frame.
         frame_height: height of a frame.
         fps: frames per second; it affects only playback.
-        centre_width: width of the centre.
-        centre_height: height of the centre.
         part_length: length of an arm's part, along the arm.
-        part_width: its width, across the arm.
         inset: distance of a joint from the ends of the two parts that it connects, inside both, so
             that no gap opens as they rotate.
-        travel_x: maximum horizontal distance of the centre from the middle of the frame.
-        travel_y: the same, vertically.
         tilt: maximum rotation of the centre.
         swing: maximum angle between a part and its parent.
-        travel_period: mean period of the smooth travel.
-        swing_period: mean period of the smooth swings and of the smooth tilt.
         period_spread: every coordinate's period is drawn from (1 -+ this) times the mean.
-        strong_frames: length of the beginning of "strong_start".
         strong_factor: speed factor there; it falls to 1 within the last quarter of
             ``strong_frames``.
-        erratic_shortest: minimum time from one target to the next, "erratic" only.
         erratic_longest: maximum time from one target to the next.
         cell_size: side of the square cells of which parts are mosaics.
         accent_share: share of a part's cells that have its second colour.
@@ -71,21 +62,12 @@ class ArticulatedParameters:
     frame_width: int = 400
     frame_height: int = 300
     fps: float = 25.0
-    centre_width: int = 34
-    centre_height: int = 30
     part_length: int = 28
-    part_width: int = 16
     inset: float = 2.5
-    travel_x: float = 45.0
-    travel_y: float = 30.0
     tilt: float = 12.0
     swing: float = 26.0
-    travel_period: float = 130.0
-    swing_period: float = 90.0
     period_spread: float = 0.3
-    strong_frames: int = 60
     strong_factor: float = 3.0
-    erratic_shortest: int = 4
     erratic_longest: int = 12
     cell_size: int = 4
     accent_share: float = 0.3
@@ -95,14 +77,23 @@ class ArticulatedParameters:
     background_mean: float = 128.0
     background_noise: float = 45.0
 
+    centre_width: ClassVar[int] = 34
+    centre_height: ClassVar[int] = 30
+    part_width: ClassVar[int] = 16  # across the arm
+    travel_x: ClassVar[float] = 45.0  # farthest from the middle of the frame
+    travel_y: ClassVar[float] = 30.0  # the same, vertically
+    travel_period: ClassVar[float] = 130.0  # mean, in frames
+    swing_period: ClassVar[float] = 90.0  # mean, also of the tilt
+    strong_frames: ClassVar[int] = 60  # length of the beginning of "strong_start"
+    erratic_shortest: ClassVar[int] = 4  # shortest time between targets
+
     def __post_init__(self) -> None:
         check_parameters(
             "articulated",
             self,
             above_0=(
-                *("num_frames", "frame_width", "frame_height", "fps", "centre_width"),
-                *("centre_height", "part_length", "part_width", "travel_period", "swing_period"),
-                *("strong_factor", "erratic_shortest", "cell_size"),
+                *("num_frames", "frame_width", "frame_height", "fps", "part_length"),
+                *("strong_factor", "cell_size"),
             ),
             shares=("accent_share", "saturation", "brightness", "period_spread"),
             signed=("num_parts", "background_mean"),

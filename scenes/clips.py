@@ -23,8 +23,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from scenes.frames import LazyFrames
-from scenes.scene import Scene, SceneError, shown
+from scenes.scene import SceneError, shown
 
 NOT_ANNOTATED = -1
 #: (frame, id) -> (box, occlusion), frames counted from 0.
@@ -39,7 +38,7 @@ _FARTHEST, _LARGEST_WHOLE = 1e9, 2**53
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Clip:
-    """An annotated sequence on disk; ``load`` converts it to a ``Scene``.
+    """An annotated sequence on disk; ``scenes.start_scene`` converts it to a ``Scene``.
 
     Attributes:
         name: of the clip.
@@ -85,9 +84,9 @@ class Clip:
             SceneError: a picture is missing or has another size, or the video is shorter.
         """
         read = self._read_pictures if "%" in self.source else self._read_video
-        found = read(numbers)
+        decoded = read(numbers)
         for number in numbers:
-            picture = next(found, None)
+            picture = next(decoded, None)
             if picture is None:
                 raise SceneError(
                     f"{self.folder / self.source} ends before frame {number}, but "
@@ -99,38 +98,6 @@ class Clip:
                     f"{picture.shape[0]}, but {self.description} says {self.width} x {self.height}"
                 )
             yield np.ascontiguousarray(picture[..., ::-1])  # OpenCV decodes to BGR
-
-    def load(self, ids: Sequence[int] | None = None) -> Scene:
-        """Decode the whole clip.
-
-        Args:
-            ids: the objects to keep, in this order; all of them by default.
-
-        Returns:
-            A scene whose reference patches are cut from the first frame in which each object is
-            annotated (the part of the box inside the frame).  ``extras`` holds ``ids [P]`` and
-            ``occlusion [T, P]``.  See also ``scenes.open_scene``, which starts
-            where all objects are present.
-        """
-        kept = self.ids if ids is None else tuple(ids)
-        unknown = [number for number in kept if number not in self.ids]
-        if unknown:
-            raise SceneError(
-                f"clip {self.name!r} has no object {unknown[0]}; its ids are "
-                f"{', '.join(map(str, self.ids))}"
-            )
-        columns = [self.ids.index(number) for number in kept]
-        frames = np.asarray(LazyFrames(self, range(self.num_frames)))
-        boxes = self.boxes[:, columns]
-        return Scene(
-            name=self.name,
-            frames=frames,
-            boxes=boxes,
-            patches=[self._first_patch(frames, column) for column in columns],
-            fps=self.fps,
-            parameters={"folder": str(self.folder), "ids": kept},
-            extras={"ids": np.array(kept, dtype=int), "occlusion": self.occlusion[:, columns]},
-        )
 
     def _read_pictures(self, numbers: Sequence[int]) -> Iterator[np.ndarray]:
         for frame in numbers:
@@ -156,16 +123,6 @@ class Clip:
         finally:
             video.release()
 
-    def _first_patch(self, frames: np.ndarray, column: int) -> np.ndarray:
-        first = int(np.argmax(~np.isnan(self.boxes[:, column, 0])))
-        patch = cut_patch(frames[first], self.boxes[first, column])
-        if patch.size == 0:
-            raise SceneError(
-                f"clip {self.name!r}: in frame {first}, its first, object {self.ids[column]} lies "
-                "outside the picture, so it has no reference patch; leave it out with ids="
-            )
-        return patch
-
 
 def cut_patch(picture: np.ndarray, box: np.ndarray) -> np.ndarray:
     """Copy the pixels of ``picture [H, W, ...]`` that a box (x, y, w, h) covers.
@@ -179,11 +136,8 @@ def cut_patch(picture: np.ndarray, box: np.ndarray) -> np.ndarray:
     return picture[top:bottom, left:right].copy()
 
 
-def read_clip(folder: str | Path, *, boxes_needed: bool = True) -> Clip:
-    """Open an annotated sequence: read ``meta.json`` and ``gt.csv``, but no pictures.
-
-    With ``boxes_needed=False``, a clip may lack ``gt.csv``; it then has no objects.
-    """
+def read_clip(folder: str | Path) -> Clip:
+    """Open an annotated sequence: read ``meta.json`` and ``gt.csv``, but no pictures."""
     folder = Path(folder)
     if not folder.is_dir():
         raise SceneError(f"{folder}: there is no such folder")
@@ -198,9 +152,7 @@ def read_clip(folder: str | Path, *, boxes_needed: bool = True) -> Clip:
     first = folder / (source % 0 if "%" in source else source)
     if not first.is_file():
         raise SceneError(f"{first} is missing: meta.json names {source!r} as the frames")
-    truth = folder / "gt.csv"
-    rows = _read_truth(truth, meta["n_frames"]) if boxes_needed or truth.is_file() else {}
-
+    rows = _read_truth(folder / "gt.csv", meta["n_frames"])
     ids, boxes, occlusion = tabulated(rows, meta["n_frames"])
     return Clip(
         name=str(meta["name"]),
@@ -257,7 +209,7 @@ def _read_truth(path: Path, num_frames: int) -> Rows:
     if not path.is_file():
         raise SceneError(f"{path} is missing: a clip's folder needs meta.json and gt.csv")
     rows: Rows = {}
-    for place, cells in csv_lines(path, _COLUMNS, optional=1, remark="occ being optional, "):
+    for place, cells in _csv_lines(path):
         frame, number = (whole_number(cells[k], _COLUMNS[k], place) for k in (0, 1))
         hidden = NOT_ANNOTATED if len(cells) < 7 else whole_number(cells[6], _COLUMNS[6], place)
         box = [real_number(cells[k], _COLUMNS[k], place) for k in (2, 3, 4, 5)]
@@ -273,16 +225,8 @@ def _read_truth(path: Path, num_frames: int) -> Rows:
     return rows
 
 
-def csv_lines(
-    path: Path, columns: list[str], *, optional: int = 0, remark: str = ""
-) -> Iterator[tuple[str, list[str]]]:
+def _csv_lines(path: Path) -> Iterator[tuple[str, list[str]]]:
     """Yield (place for messages, cells) of every non-empty line below the header.
-
-    Args:
-        path: the file.
-        columns: names in its header.
-        optional: number of optional columns at the end.
-        remark: text for the message about a wrong header.
 
     Raises:
         SceneError: a wrong header, or a line with too few or too many values.
@@ -295,9 +239,9 @@ def csv_lines(
     try:
         header = next(rows, [])
         names = [name.strip().lower() for name in header]
-        if names not in (columns, columns[: len(columns) - optional]):
+        if names not in (_COLUMNS, _COLUMNS[:-1]):
             raise SceneError(
-                f"{path}, line 1: the header must be {','.join(columns)!r}, {remark}"
+                f"{path}, line 1: the header must be {','.join(_COLUMNS)!r}, occ being optional, "
                 f"not {shown(','.join(header))}"
             )
         for cells in rows:

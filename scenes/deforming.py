@@ -67,10 +67,10 @@ class Pose:
     def to_body(self, places: np.ndarray) -> np.ndarray:
         """Invert ``to_image``."""
         target = (np.asarray(places, float) - [self.x, self.y]) @ np.linalg.inv(self.matrix()).T
-        found = target
+        unbent = target
         for _ in range(_ITERATIONS):
-            found = target - self.bend(found)
-        return found
+            unbent = target - self.bend(unbent)
+        return unbent
 
 
 def bumps(*each: tuple[tuple[float, float], float, tuple[float, float]]) -> Bend:

@@ -16,7 +16,7 @@ import numpy as np
 
 from scenes.distracter_layout import draw_layout
 from scenes.distracter_parameters import DistracterParameters
-from scenes.distracter_pictures import choose_cells, draw_frames, paint_textures
+from scenes.distracter_pictures import draw_frames, paint_textures
 from scenes.mosaics import with_noise
 from scenes.scene import Scene
 
@@ -28,7 +28,7 @@ _LAYOUT, _TEXTURES, _BACKGROUND, _PIXELS, _PATCHES = range(5)
 def distracter_scene(parameters: DistracterParameters, seed: int = 0) -> Scene:
     """Generate the scene; the same parameters and seed give the same scene, bit for bit.
 
-    Patch 0 is the distracter's (see ``template_from_distracter``), the others are the objects'
+    Patch 0 is the distracter's, as in the paper; the others are the objects'
     own.  ``extras`` holds ``distracter_boxes [T, 4]``, NaN where there is no distracter,
     ``distracter_patch``, and ``object_patch``, the patch of object 1 itself.  Boxes are continuous;
     objects are drawn at the nearest whole pixel.
@@ -51,13 +51,11 @@ def distracter_scene(parameters: DistracterParameters, seed: int = 0) -> Scene:
     rng = _generator(seed, _PATCHES)
     patches = [with_noise(texture, parameters.object_noise, rng) for texture in textures]
     distracter_patch = with_noise(distracter_texture, parameters.object_noise, rng)
-    from_distracter = choose_cells(parameters, parameters.template_from_distracter, rng)
-    template = np.where(from_distracter[..., None], distracter_patch, patches[0])
     return Scene(
         name="distracter",
         frames=frames,
         boxes=boxes,
-        patches=[template, *patches[1:]],
+        patches=[distracter_patch, *patches[1:]],
         fps=parameters.fps,
         parameters={**dataclasses.asdict(parameters), "seed": seed},
         extras={

@@ -100,8 +100,8 @@ def _lead_away(
 ) -> tuple[np.ndarray, float]:
     """The distracter's centres ``[T, 2]``, NaN while it is absent, and object 1's displacement.
 
-    The path is straight and ends at a given distance from object 1, so that every seed has the
-    same gap between the correct and the wrong answer.
+    The path is straight, back where object 1 came from, and ends at a given distance from it, so
+    that every seed has the same gap between the correct and the wrong answer.
     """
     first = parameters.appear_frame - 1
     last = min(parameters.vanish_frame - 1, parameters.num_frames) - 1
@@ -111,11 +111,7 @@ def _lead_away(
         return np.full_like(trajectory, np.nan), np.inf
     moved = trajectory[last] - trajectory[first]
     travel = float(np.hypot(*moved))
-    if parameters.lead_direction is not None:
-        angle = np.deg2rad(parameters.lead_direction)
-        heading = np.array([np.cos(angle), np.sin(angle)])
-    else:
-        heading = -moved / travel if travel > 0 else np.array([1.0, 0.0])
+    heading = -moved / travel if travel > 0 else np.array([1.0, 0.0])
     end = trajectory[last] + parameters.lead_distance * heading
     progress = (frames - first) / max(last - first, 1)
     path = trajectory[first] + progress[:, None] * (end - trajectory[first])
@@ -141,7 +137,7 @@ def _is_in_view(parameters: DistracterParameters, centres: np.ndarray) -> bool:
     return not np.any((centres < reach) | (centres > frame - reach))
 
 
-def _are_apart(parameters: DistracterParameters, one: np.ndarray, other: np.ndarray) -> bool:
+def _are_apart(parameters: DistracterParameters, path: np.ndarray, other: np.ndarray) -> bool:
     """Whether the gap is kept in every frame; NaN frames are ignored."""
     size = np.array([parameters.object_width, parameters.object_height])
-    return not np.any(np.all(np.abs(one - other) < size + parameters.separation, axis=-1))
+    return not np.any(np.all(np.abs(path - other) < size + parameters.separation, axis=-1))

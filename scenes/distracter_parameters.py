@@ -1,7 +1,6 @@
 """Parameters of the distracter scene, marking those that the paper specifies."""
 
 import dataclasses
-from typing import Literal
 
 from scenes.parameters import check_parameters, require
 
@@ -34,8 +33,6 @@ class DistracterParameters:
         lead_distance: distance between the centres of the distracter and of object 1 in the last
             frame with the distracter, which moves in a straight line at constant speed.  The faster
             it is, the fewer trackers follow it; the further it goes, the fewer return.
-        lead_direction: direction from object 1 to the distracter's end: 0 right, 90 down; ``None``
-            is the direction from which object 1 has come, so that the two separate.
         leader_travel: object 1's trajectory is redrawn until its displacement while the
             distracter is shown is at least this long: it "re-emerges" elsewhere, with the
             "quicker motion" that the paper mentions.
@@ -45,8 +42,6 @@ class DistracterParameters:
         likeness: share of the distracter's cells that have object 1's colours, in each half; the
             other cells have a colour that object 1 lacks.  At 1 the two look alike, at 0 they
             share no colour.
-        template_from_distracter: share of the cells of object 1's reference patch that come from
-            the distracter, the rest from object 1 itself (paper: 1, all of them).
         cell_size: side of the square cells of which objects are mosaics.
         accent_share: share of the cells of each half that have the half's second colour.
         saturation: saturation of the objects' colours, 0 to 1.
@@ -57,7 +52,6 @@ class DistracterParameters:
         background_noise: standard deviation of the background's normal noise, independent in
             each channel.
         background_grain: side of the squares that share one value of the background noise.
-        background_change: "never" keeps one background, "every frame" redraws it.
     """
 
     num_frames: int = 25
@@ -75,11 +69,9 @@ class DistracterParameters:
     appear_frame: int = 3
     vanish_frame: int = 9
     lead_distance: float = 45.0
-    lead_direction: float | None = None
     leader_travel: float = 15.0
     departure: float = 0.0
     likeness: float = 0.6
-    template_from_distracter: float = 1.0
     cell_size: int = 4
     accent_share: float = 0.3
     saturation: float = 0.8
@@ -88,7 +80,6 @@ class DistracterParameters:
     background_mean: float = 128.0
     background_noise: float = 45.0
     background_grain: int = 1
-    background_change: Literal["never", "every frame"] = "never"
 
     def __post_init__(self) -> None:
         check_parameters(
@@ -99,10 +90,10 @@ class DistracterParameters:
                 *("object_width", "object_height", "cell_size", "background_grain"),
             ),
             shares=(
-                *("start_jitter", "likeness", "template_from_distracter"),
+                *("start_jitter", "likeness"),
                 *("accent_share", "saturation", "brightness"),
             ),
-            signed=("momentum", "lead_direction", "background_mean"),
+            signed=("momentum", "background_mean"),
             object_height=2,  # two halves
             appear_frame=1,  # counted from 1
         )

@@ -17,9 +17,9 @@ def paint_textures(
     textures = []
     for number in range(parameters.num_objects):
         hue = number / parameters.num_objects
-        is_accent = choose_cells(parameters, parameters.accent_share, rng)
+        is_accent = _choose_cells(parameters, parameters.accent_share, rng)
         textures.append(_paint(parameters, is_accent, (hue, hue + 0.45), (hue + 0.12, hue + 0.6)))
-    is_foreign = choose_cells(parameters, 1 - parameters.likeness, rng)
+    is_foreign = _choose_cells(parameters, 1 - parameters.likeness, rng)
     foreign = _paint(parameters, is_foreign, (0.25, 0.8), (0.25, 0.8))
     return textures, np.where(is_foreign[..., None], foreign, textures[0])
 
@@ -37,8 +37,6 @@ def draw_frames(
     background = _draw_background(parameters, background_rng)
     frames = []
     for frame in range(parameters.num_frames):
-        if parameters.background_change == "every frame" and frame > 0:
-            background = _draw_background(parameters, background_rng)
         picture = background.copy()
         for number, texture in enumerate(textures):
             _paste(picture, boxes[frame, number], texture, parameters, pixel_rng)
@@ -48,7 +46,7 @@ def draw_frames(
     return np.stack(frames)
 
 
-def choose_cells(
+def _choose_cells(
     parameters: DistracterParameters, share: float, rng: np.random.Generator
 ) -> np.ndarray:
     """``[h, w]`` bool: the given share of the cells of each half, scattered at random."""

@@ -6,6 +6,7 @@ is not available; details that the paper does not specify are our choices.
 """
 
 import dataclasses
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -43,7 +44,6 @@ class FishParameters:
         frame_height: of a frame (paper: 1080).
         fps: frames per second; it affects only playback.
         speed: of the fish, pixels per frame.
-        wave: amplitude of its swimming motion, at the tail.
         likeness: share of the fish's markings in those of the look-alikes, 0 to 1.
         pixel_noise: standard deviation of the camera noise.
     """
@@ -53,9 +53,10 @@ class FishParameters:
     frame_height: int = 540
     fps: float = 25.0
     speed: float = 3.0
-    wave: float = 9.0
     likeness: float = 0.5
     pixel_noise: float = 4.0
+
+    wave: ClassVar[float] = 9.0  # amplitude of swimming, at the tail
 
     def __post_init__(self) -> None:
         check_parameters("fish", self, num_frames=2, frame_width=480, frame_height=270, fps=1e-6)

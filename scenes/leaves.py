@@ -12,6 +12,7 @@ targets by depth, nearest to the camera first, and ``front`` ``[T]``, the neares
 
 import dataclasses
 from itertools import combinations, permutations
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -37,18 +38,9 @@ class LeavesParameters:
         frame_width: width of a frame.
         frame_height: height of a frame.
         fps: frames per second; it affects only playback.
-        leaf_length: of a leaf, from stem to tip.
-        leaf_width: across it.
         travel: distance that each leaf's centre moves, across the middle to the other side.
         separation: distance between two paths in opposite directions.
-        sway: standard deviation of each coordinate of a leaf's affine sway, as displacement of its
-            corners in pixels.
-        sway_period: of that sway.
-        leaf_grey: grey level of the leaves.
         leaf_texture: standard deviation within a leaf.
-        foliage: number of leaf-like blobs in the background.
-        foliage_contrast: standard deviation of their grey levels.
-        foliage_sway: standard deviation of their motion.
         noise: standard deviation of every pixel, in every frame.
     """
 
@@ -57,22 +49,23 @@ class LeavesParameters:
     frame_width: int = 320
     frame_height: int = 240
     fps: float = 25.0
-    leaf_length: float = 90.0
-    leaf_width: float = 50.0
     travel: float = 130.0
     separation: float = 14.0
-    sway: float = 4.0
-    sway_period: float = 30.0
-    leaf_grey: float = 190.0
     leaf_texture: float = 6.0
-    foliage: int = 60
-    foliage_contrast: float = 25.0
-    foliage_sway: float = 4.0
     noise: float = 4.0
 
+    leaf_length: ClassVar[float] = 90.0  # from stem to tip
+    leaf_width: ClassVar[float] = 50.0
+    sway: ClassVar[float] = 4.0  # standard deviation, pixels at the corners
+    sway_period: ClassVar[float] = 30.0
+    leaf_grey: ClassVar[float] = 190.0
+    foliage: ClassVar[int] = 60  # blobs in the background
+    foliage_contrast: ClassVar[float] = 25.0  # standard deviation
+    foliage_sway: ClassVar[float] = 4.0  # standard deviation
+
     def __post_init__(self) -> None:
-        above_0 = ("num_frames", "frame_width", "frame_height", "fps", "leaf_length", "leaf_width")
-        check_parameters("leaves", self, above_0=(*above_0, "sway_period"), leaves=2)
+        above_0 = ("num_frames", "frame_width", "frame_height", "fps")
+        check_parameters("leaves", self, above_0=above_0, leaves=2)
         most = len(_SIDES)
         require("leaves", self, "leaves", self.leaves <= most, f"must be at most {most}")
 
@@ -162,5 +155,5 @@ def _overlaps(outlines: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
         mask = np.zeros(shape, np.uint8)
         cv2.fillPoly(mask, [np.rint(outline - 0.5).astype(np.int32)], 1)
         masks.append(mask.ravel() > 0)
-    both = np.array([[(one & other).sum() for other in masks] for one in masks])
+    both = np.array([[(target & other).sum() for other in masks] for target in masks])
     return both / np.maximum(np.diagonal(both), 1)[:, None]

@@ -11,7 +11,7 @@ else is our choice, documented in ``ProjectilesParameters``.
 
 import dataclasses
 import math
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -46,22 +46,11 @@ class ProjectilesParameters:
         reach: minimum and maximum distance between a shot's start and end, as shares of the frame's
             width.
         frame_margin: minimum gap between a box and the border of the frame.
-        area_small: area of a box when it is smallest, after the first third (paper: 209).
-        area_large: area of a box in the first and in the last frame (paper: 1435).
-        aspect_small: height over width of the smallest box (paper: 1.7).
-        aspect_large: height over width of the largest box (paper: 1.3).  Width and height change
-            at constant rates, which determines the aspect ratio in between.
-        cell_columns: number of columns of a target's appearance, a matrix of normal intensities
-            that is scaled to the box.
-        cell_rows: number of rows of that matrix.
-        target_means: mean intensity of the first target and of the last; others lie between.
         target_deviation: standard deviation of a target's intensities.
         background_mean: mean of the background.
-        background_deviation: standard deviation of the background, which is static.
         background_grain: side of the squares of equal intensity, in the strips, too.
         strips: centres of the strips, as shares of the frame's width; strip k mimics target k,
             modulo the number of targets (paper: two strips).
-        strip_width: width of every strip.
         noise: standard deviation of the camera noise, independent for every pixel and frame.
     """
 
@@ -76,20 +65,21 @@ class ProjectilesParameters:
     friction: float = 0.004
     reach: tuple[float, float] = (0.5, 0.8)
     frame_margin: float = 2.0
-    area_small: float = 209.0
-    area_large: float = 1435.0
-    aspect_small: float = 1.7
-    aspect_large: float = 1.3
-    cell_columns: int = 4
-    cell_rows: int = 6
-    target_means: tuple[float, float] = (95.0, 165.0)
     target_deviation: float = 30.0
     background_mean: float = 130.0
-    background_deviation: float = 30.0
     background_grain: int = 3
     strips: tuple[float, ...] = (0.35, 0.65)
-    strip_width: int = 30
     noise: float = 40.0
+
+    area_small: ClassVar[float] = 209.0  # paper
+    area_large: ClassVar[float] = 1435.0  # paper
+    aspect_small: ClassVar[float] = 1.7  # height over width; paper
+    aspect_large: ClassVar[float] = 1.3  # paper
+    cell_columns: ClassVar[int] = 4  # of a target's appearance
+    cell_rows: ClassVar[int] = 6
+    target_means: ClassVar[tuple[float, float]] = (95.0, 165.0)  # first and last target
+    background_deviation: ClassVar[float] = 30.0
+    strip_width: ClassVar[int] = 30
 
     def __post_init__(self) -> None:
         check_parameters(
@@ -97,8 +87,7 @@ class ProjectilesParameters:
             self,
             above_0=(
                 *("num_frames", "frame_width", "frame_height", "fps", "num_targets"),
-                *("area_small", "area_large", "aspect_small", "aspect_large", "cell_columns"),
-                *("cell_rows", "background_grain", "friction"),
+                *("background_grain", "friction"),
             ),
             shares=("reach", "strips"),
             signed=("background_mean",),
@@ -221,11 +210,11 @@ def _in_view(parameters: ProjectilesParameters, centres: np.ndarray, sizes: np.n
 
 
 def _meet(
-    parameters: ProjectilesParameters, one: np.ndarray, other: np.ndarray, sizes: np.ndarray
+    parameters: ProjectilesParameters, path: np.ndarray, other: np.ndarray, sizes: np.ndarray
 ) -> bool:
     """Whether two boxes ever meet; with paths "apart", whether they come closer than the gap."""
     gap = parameters.separation if parameters.paths == "apart" else 0.0
-    return bool(np.any(np.all(np.abs(one - other) < sizes + gap, axis=-1)))
+    return bool(np.any(np.all(np.abs(path - other) < sizes + gap, axis=-1)))
 
 
 # Pictures

@@ -270,9 +270,9 @@ def _ids(clip: Clip) -> str:
 
 def _first_common_frame(clip: Clip, in_view: np.ndarray, columns: list[int] | None) -> int:
     """The first frame with all ``columns`` in view; if ``columns`` is None, with any object."""
-    found = in_view.any(axis=1) if columns is None else in_view[:, columns].all(axis=1)
-    if found.any():
-        return int(np.argmax(found))
+    together = in_view.any(axis=1) if columns is None else in_view[:, columns].all(axis=1)
+    if together.any():
+        return int(np.argmax(together))
     if columns is None:
         raise SceneError(f"clip {clip.name!r}: no object's box ever meets the picture")
     spans = []

@@ -7,6 +7,7 @@ not available; details that the paper does not specify are our choices.
 """
 
 import dataclasses
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -38,9 +39,7 @@ class SkydiversParameters:
         frame_width: of a frame (paper: 656).
         frame_height: of a frame (paper: 480).
         fps: frames per second; it affects only playback.
-        sway: amplitude of the motion of hands and feet.
         growth: the diver's scale in the last frame; it changes from frame 200 on.
-        suit_noise: standard deviation of the suits' markings, the only difference between divers.
         pixel_noise: standard deviation of the camera noise.
     """
 
@@ -48,10 +47,11 @@ class SkydiversParameters:
     frame_width: int = 656
     frame_height: int = 480
     fps: float = 25.0
-    sway: float = 4.0
     growth: float = 1.3
-    suit_noise: float = 14.0
     pixel_noise: float = 4.0
+
+    sway: ClassVar[float] = 4.0  # amplitude of hands and feet
+    suit_noise: ClassVar[float] = 14.0  # the only difference between divers
 
     def __post_init__(self) -> None:
         check_parameters(

@@ -10,6 +10,7 @@ none of them from the sequence.
 """
 
 import dataclasses
+from typing import ClassVar
 
 import numpy as np
 
@@ -31,38 +32,32 @@ class WalkersParameters:
         frame_width: width of a frame.
         frame_height: height of a frame.
         fps: frames per second; it affects only playback.
-        body_height: of the outline, from the top of the head to the chest.
-        body_width: across the shoulders.
         travel: distance that each walker covers, from one side to the other.
-        step_height: amplitude of a walker's bobbing.
-        step_period: of a step.
-        deformation: standard deviation of each of the six modes, pixels at its largest point.
-        body_grey: grey level of the walkers.
         clutter: standard deviation of the background.
         clutter_grain: its smoothing scale.
         noise: standard deviation of every pixel, in every frame.
-        num_examples: E, outlines to learn from.
     """
 
     num_frames: int = 60
     frame_width: int = 320
     frame_height: int = 240
     fps: float = 25.0
-    body_height: float = 120.0
-    body_width: float = 80.0
     travel: float = 170.0
-    step_height: float = 3.0
-    step_period: float = 14.0
-    deformation: float = 4.0
-    body_grey: float = 70.0
     clutter: float = 25.0
     clutter_grain: float = 4.0
     noise: float = 4.0
-    num_examples: int = 80
+
+    body_height: ClassVar[float] = 120.0  # from the top of the head to the chest
+    body_width: ClassVar[float] = 80.0  # across the shoulders
+    step_height: ClassVar[float] = 3.0  # amplitude of bobbing
+    step_period: ClassVar[float] = 14.0
+    deformation: ClassVar[float] = 4.0  # standard deviation of each mode, pixels
+    body_grey: ClassVar[float] = 70.0
+    num_examples: ClassVar[int] = 80  # E
 
     def __post_init__(self) -> None:
-        above_0 = ("num_frames", "frame_width", "frame_height", "fps", "body_height", "body_width")
-        check_parameters("walkers", self, above_0=(*above_0, "step_period"))
+        above_0 = ("num_frames", "frame_width", "frame_height", "fps")
+        check_parameters("walkers", self, above_0=above_0)
 
 
 def walkers_scene(parameters: WalkersParameters, seed: int) -> Scene:

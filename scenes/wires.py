@@ -9,6 +9,7 @@ wires.
 """
 
 import dataclasses
+from typing import ClassVar
 
 import numpy as np
 
@@ -29,16 +30,10 @@ class WiresParameters:
         frame_width: width of a frame.
         frame_height: height of a frame.
         fps: frames per second; it affects only playback.
-        wire_length: height of a wire, from end to end.
         wire_width: thickness of the drawn line.
         bend: amplitude of a wire's bend to either side.
-        unlikeness: relative difference in bend between the second wire and the first.
-        start_distance: distance between the wires' centres in the first and the last frame.
         meeting_distance: distance between them while they are together.
         meeting_frames: duration of the meeting, in the middle of the sequence.
-        wander: standard deviation of each wire's smooth random motion in x and y.
-        turning: the same for its angle, degrees.
-        wander_period: of that motion.
         contrast: difference between the ground and the darker wire, grey levels.
         clutter: standard deviation of the ground's grey levels.
         clutter_grain: smoothing scale of the ground.
@@ -49,24 +44,25 @@ class WiresParameters:
     frame_width: int = 320
     frame_height: int = 240
     fps: float = 25.0
-    wire_length: float = 130.0
     wire_width: int = 3
     bend: float = 22.0
-    unlikeness: float = 0.15
-    start_distance: float = 92.0
     meeting_distance: float = 7.0
     meeting_frames: int = 12
-    wander: float = 3.0
-    turning: float = 4.0
-    wander_period: float = 30.0
     contrast: float = 90.0
     clutter: float = 12.0
     clutter_grain: float = 3.0
     noise: float = 4.0
 
+    wire_length: ClassVar[float] = 130.0  # from end to end
+    unlikeness: ClassVar[float] = 0.15  # relative difference in bend between the wires
+    start_distance: ClassVar[float] = 92.0  # between centres, in the first and last frame
+    wander: ClassVar[float] = 3.0  # standard deviation in x and y
+    turning: ClassVar[float] = 4.0  # the same for the angle, degrees
+    wander_period: ClassVar[float] = 30.0
+
     def __post_init__(self) -> None:
-        above_0 = ("num_frames", "frame_width", "frame_height", "fps", "wire_length", "wire_width")
-        check_parameters("wires", self, above_0=(*above_0, "wander_period"))
+        above_0 = ("num_frames", "frame_width", "frame_height", "fps", "wire_width")
+        check_parameters("wires", self, above_0=above_0)
 
 
 def wires_scene(parameters: WiresParameters, seed: int) -> Scene:

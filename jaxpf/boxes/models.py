@@ -1,6 +1,5 @@
 """Models of boxes for any likelihood."""
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +9,6 @@ from numpy.typing import ArrayLike
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.options import plain
-from jaxpf.targets.appearance import RELATIVE
 
 #: Noise of centre (pixels) and scale per frame: wide enough for walking people in video.
 DEFAULT_SCALE = (4.0, 2.0, 0.003)
@@ -116,27 +114,6 @@ def usual_noise(steps: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     long, side = RelativeMotion.long, np.sqrt(np.prod(sizes, axis=1))
     step = np.mean(side * np.sqrt((1 - long) * usual**2 + long * far**2))
     return np.array([step, step, of_size.mean()])
-
-
-def motion_candidates(options: Any) -> list[Any]:
-    """Return options that vary the motion: half and double noise and, if relative, other momenta.
-
-    Args:
-        options: of boxes, with everything that depends on the pictures settled; returned first.
-    """
-    if options.motion == RELATIVE and options.relative_scale is None:
-        options = dataclasses.replace(options, relative_scale=DEFAULT_STEPS)
-    found = [options]
-    for factor in (0.5, 1.0, 2.0):
-        if options.motion == RELATIVE:
-            scaled = np.reshape(options.relative_scale, (-1, 3)) * [factor, factor, 1]
-            noise = {"relative_scale": tuple(scaled.ravel().tolist())}
-            momenta = [{"momentum": momentum} for momentum in (0.0, 0.3, 0.6, 0.9)]
-        else:
-            x, y, of_size = options.scale
-            noise, momenta = {"scale": (factor * x, factor * y, of_size)}, [{}]
-        found += [dataclasses.replace(options, **noise, **momentum) for momentum in momenta]
-    return list(dict.fromkeys(found))
 
 
 def boxes_at(estimate: Any, sizes: ArrayLike) -> np.ndarray:

@@ -15,7 +15,6 @@ from jaxpf.boxes.models import (
     LONE_STEPS,
     box_model,
     boxes_at,
-    motion_candidates,
     relative_box_model,
     relative_steps,
     usual_noise,
@@ -145,10 +144,6 @@ class BoxTarget(Target):
             return box_model(likelihood, start.shapes, options.scale)
         steps = relative_steps(options.relative_scale, len(start.shapes))
         return relative_box_model(likelihood, start.shapes, steps, options.momentum)
-
-    def motion_candidates(self, options: Options) -> list[Options]:
-        """See ``Target``."""
-        return motion_candidates(options)
 
     def settled(self, options: Options, start: Start, looks: Looks) -> Options:
         """See ``Target``."""

@@ -21,12 +21,12 @@ except KeyboardInterrupt:  # Ctrl-C before a handler is installed
 
 # Name -> (module, one-line help).  Stated here so that `jaxpf --help` imports no command.
 _COMMANDS = {
-    "example": ("jaxpf.cli.example", "Write a small clip to try tracking on, and say how."),
+    "example": ("jaxpf.cli.example", "Write a small clip to try, and print how to track it."),
     "track": (
         "jaxpf.cli.tracking.command",
         "Track objects through a video; write tracks, video and plots.",
     ),
-    "frame": ("jaxpf.cli.frame", "Save one frame with a pixel grid, to read boxes off."),
+    "frame": ("jaxpf.cli.frame", "Save one frame with a pixel grid, for reading off boxes."),
     "contour": ("jaxpf.cli.contour", "Learn what contours look like and how they move."),
     "detections": ("jaxpf.cli.detections", "Simulate a detector on a video with known truth."),
     "evaluate": (
@@ -43,10 +43,10 @@ _COMMANDS = {
     ),
     "demo": ("jaxpf.cli.demo", "Compare SIR, PS, DPS and SPS on a synthetic scene."),
     "reproduce": ("jaxpf.cli.reproduce", "Repeat a paper's experiment; judge its claims."),
-    "verdicts": ("jaxpf.cli.verdicts", "Print what was found of the papers' claims."),
+    "verdicts": ("jaxpf.cli.verdicts", "Print the stored verdicts on the papers' claims."),
     "bench": (
         "jaxpf.cli.benchmarks.command",
-        "Measure speed on this machine, beside its baselines.",
+        "Measure speed on this machine, beside baselines.",
     ),
 }
 

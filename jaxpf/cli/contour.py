@@ -20,7 +20,7 @@ def command() -> None:
     "--kind",
     type=click.Choice(ANNOTATIONS),
     help="What FOLDER holds: masks (a folder of pictures, or its folder masks), outlines "
-    "(outlines.csv) or centrelines (centrelines.csv).  [default: what is there]",
+    "(outlines.csv) or centrelines (centrelines.csv).  [default: whichever is there]",
 )
 @click.option(
     "--object",
@@ -29,31 +29,33 @@ def command() -> None:
     help="Number of the object in masks: its palette index or grey level.",
 )
 @click.option("--first", default=0, show_default=True, help="First frame to learn from, from 0.")
-@click.option("--last", type=int, help="Last frame to learn from.  [default: the last there is]")
-@click.option("--dimension", "-d", default=8, show_default=True, help="Of the shape space.")
+@click.option("--last", type=int, help="Last frame to learn from.  [default: the last]")
+@click.option(
+    "--dimension", "-d", default=8, show_default=True, help="Dimensions of the shape space."
+)
 @click.option("--points", default=12, show_default=True, help="Control points of a contour.")
 @click.option(
     "--turns",
     type=click.IntRange(0, 360),
     default=0,
     show_default=True,
-    help="Of centrelines, show them turned to N directions, mirrored and reversed: "
-    "for bodies that bend to either side, whichever way they lie.",
+    help="Of centrelines, also learn copies rotated to N directions, mirrored and reversed; for "
+    "bodies that lie in any direction and bend to either side.",
 )
 @click.option(
     "--order",
     type=click.IntRange(0, 2),
     default=2,
     show_default=True,
-    help="Frames of the past that the dynamics know; 0 learns none.",
+    help="Number of past frames that the dynamics use; 0 learns no dynamics.",
 )
 @click.option(
     "--coefficients",
     type=click.Choice(COEFFICIENTS),
     default=COEFFICIENTS[0],
     show_default=True,
-    help="What of the past acts on a coordinate: its own steps, its own past and a place to which "
-    "it returns, or all coordinates' past.",
+    help="What a coordinate's motion depends on: its own last steps, its own past with a mean to "
+    "which it returns, or the past of all coordinates.",
 )
 @click.option(
     "--output",

@@ -8,25 +8,22 @@ from typing import Any
 import click
 import numpy as np
 
-from jaxpf.boxes import target as boxes
-from jaxpf.cli.shared.config import config_option, write_config
 from jaxpf.cli.shared.console import print_table
 from jaxpf.cli.shared.flags import declared_flags
 from jaxpf.cli.shared.speaking import GivenPath, Speaking
 from jaxpf.cli.shared.startup import start_jax
-from jaxpf.contract.options import OPEN, options_of
+from jaxpf.contract.options import options_of
 from jaxpf.filters.partitioned.options import Options
 from jaxpf.running.memory import check_memory, needed_by
 
 #: Method shown in the video.
 _SHOWN = "DPS"
-_ALL = options_of(Options, boxes.Options)
-_DECLARED = {name: _ALL[name] for name in ("particles", "sharpness", "appearance")}
+_PARTICLES = options_of(Options)["particles"]
 
 
-@click.command("demo", cls=Speaking, params=declared_flags(_DECLARED, "Options"))
+@click.command("demo", cls=Speaking, params=declared_flags({"particles": _PARTICLES}, "Options"))
 @click.option("--runs", default=50, show_default=True, help="Independent runs per method.")
-@click.option("--seed", default=100, show_default=True, help="Seed of the scene; runs follow it.")
+@click.option("--seed", default=100, show_default=True, help="Seed of the scene and of the runs.")
 @click.option(
     "--output",
     "-o",
@@ -36,8 +33,7 @@ _DECLARED = {name: _ALL[name] for name in ("particles", "sharpness", "appearance
     help="Folder for the results.",
 )
 @click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")
-@config_option()
-def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -> None:
+def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int | None) -> None:
     """Compare SIR, PS, DPS and SPS on a synthetic scene, and write a video and plots.
 
     Seven objects wander over noise.  A distracter that looks like object 1 appears on top of it in
@@ -52,34 +48,32 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
         raise InputError(f"--seed {seed} must be between 0 and {2**20 - 1}.")
     if runs < 1:
         raise InputError(f"--runs {runs} must be at least 1.")
-    for name, value in given.items():
-        one = _DECLARED[name]
-        given[name] = one.default if value is None else one.checked(value, one.flag)
-    particles, sharpness = given["particles"], given["sharpness"]
-    appearance = "colour" if given["appearance"] == OPEN else given["appearance"]
+    count = (
+        _PARTICLES.default if particles is None else _PARTICLES.checked(particles, "--particles")
+    )
     start_jax()
     import scenes
+    from jaxpf import ordering
     from jaxpf.papers.smith2004.comparison import compare, scene_tracker
     from jaxpf.running.blocks import WIDE
 
     scene = scenes.make("distracter", seed=seed)
-    methods = _orderings(scene.num_objects)
+    methods = {
+        "SIR": ordering.sir(scene.num_objects),
+        "PS": ordering.ps(list(range(scene.num_objects))),
+        "DPS": ordering.dps(scene.num_objects),
+        "SPS": ordering.sps(num_partitions=scene.num_objects),
+    }
     # The objects' colours are learned once.
-    tracker = scene_tracker(
-        scene,
-        methods["SIR"],
-        sharpness=sharpness,
-        num_particles=particles,
-        appearance=appearance,
-    )
+    tracker = scene_tracker(scene, methods["SIR"], num_particles=count)
     check_memory(needed_by(tracker, min(runs, WIDE)), "ask for fewer particles (-n)")
     prepare_output_folder(output, overwrite)
     trackers = {name: dataclasses.replace(tracker, ordering=o) for name, o in methods.items()}
     click.echo(
-        f"{runs} runs per method, {scene.num_objects} objects, {particles} particles, "
+        f"{runs} runs per method, {scene.num_objects} objects, {count} particles, "
         f"{scene.num_frames} frames"
     )
-    results, began = {}, time.perf_counter()  # per method
+    results, began = {}, time.perf_counter()
     seeds = [1000 * (seed + 1) + run for run in range(runs)]
     for result in compare(scene, trackers, seeds):
         results[result.name] = result
@@ -92,36 +86,13 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, **given: Any) -
     print_table("smith2004's synthetic test", *_table(results))
     _plot(results, output / "demo.png")
     _overlay(scene, trackers[_SHOWN], seeds, output / "overlay.mp4")
-    write_config(
-        output / "run.toml",
-        "demo",
-        {
-            "runs": runs,
-            "seed": seed,
-            "particles": particles,
-            "sharpness": sharpness,
-            "appearance": appearance,
-        },
-    )
     click.echo(
         "This scene is made to separate the methods by a single distracter; results vary with "
         "--seed.  `jaxpf evaluate` compares the methods on a clip of your own."
     )
     click.echo(
-        f"{output}/: overlay.mp4 (a run of {_SHOWN}, the default of `jaxpf track`), demo.png, "
-        "run.toml"
+        f"{output}/: overlay.mp4 (a run of {_SHOWN}, the default of `jaxpf track`) and demo.png"
     )
-
-
-def _orderings(num_objects: int) -> dict[str, Any]:
-    from jaxpf import ordering
-
-    return {
-        "SIR": ordering.sir(num_objects),
-        "PS": ordering.ps(list(range(num_objects))),
-        "DPS": ordering.dps(num_objects),
-        "SPS": ordering.sps(num_partitions=num_objects),
-    }
 
 
 def _percent(interval: Any, index: Any) -> str:
@@ -180,7 +151,7 @@ def _overlay(scene: Any, tracker: Any, seeds: list[int], path: Path) -> None:
     import cv2
     import jax
 
-    from jaxpf.media import overlay
+    from jaxpf.media import labels, overlay
     from jaxpf.media.video_writer import VideoWriter
     from jaxpf.running.streaming import stream
     from jaxpf.shapes.rectangles import boxes_from_substates
@@ -197,5 +168,6 @@ def _overlay(scene: Any, tracker: Any, seeds: list[int], path: Path) -> None:
             frame = overlay.draw_particles(frame, zoom * cloud, colours)
             boxes = np.asarray(boxes_from_substates(tracked.summary.estimate, scene.sizes))
             picture = overlay.draw_boxes(frame, zoom * boxes, ids, colours)
-            overlay.label_at(picture, _SHOWN, 0, zoom * height, (255, 255, 255))
+            corner = 0, zoom * height, zoom * width, zoom * height
+            labels.draw_labels(picture, [labels.Label(_SHOWN, *corner, (255, 255, 255))])
             video.write(picture)

@@ -11,21 +11,26 @@ from jaxpf.contract.errors import InputError
 @click.command("detections", cls=Speaking)
 @click.argument("video", type=GivenPath())
 @click.argument("truth", type=GivenPath())
-@click.option("--misses", default=0.2, show_default=True, help="Share of the objects not found.")
-@click.option("--false-alarms", default=0.5, show_default=True, help="Mean number, per frame.")
 @click.option(
-    "--jitter", default=0.05, show_default=True, help="Error of place and size, as a share of it."
+    "--misses", default=0.2, show_default=True, help="Share of the objects that are missed."
 )
-@click.option("--seed", default=0, show_default=True, help="Random seed: same seed, same file.")
+@click.option("--false-alarms", default=0.5, show_default=True, help="Mean number per frame.")
+@click.option(
+    "--jitter",
+    default=0.05,
+    show_default=True,
+    help="Error of position and size, as a share of the size.",
+)
+@click.option("--seed", default=0, show_default=True, help="Random seed.")
 @click.option(
     "--output",
     "-o",
     type=GivenPath(),
     default=Path("det.txt"),
     show_default=True,
-    help="The file to write.",
+    help="File to write.",
 )
-@click.option("--overwrite", is_flag=True, help="Replace the file if it is there.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
 def command(
     video: Path,
     truth: Path,
@@ -38,9 +43,9 @@ def command(
 ) -> None:
     """Simulate detections of the boxes in TRUTH, a CSV as for `jaxpf track --boxes`.
 
-    For `jaxpf track --births`, on clips that ship no detections.  Errors are independent from
-    frame to frame, as a real detector's are not: compare trackers on the same file, and put no
-    score beside a published one.
+    The file is for `jaxpf track --births`, on clips without detections.  Its errors are independent
+    from frame to frame; those of a real detector are not.  Compare trackers on the same file, and
+    do not compare scores with published ones.
     """
     import numpy as np
 
@@ -53,13 +58,13 @@ def command(
     if not 0 <= seed < 2**32:
         raise InputError(f"--seed {seed} must be between 0 and {2**32 - 1}.")
     if output.resolve() in (video.resolve(), truth.resolve()):
-        raise InputError(f"output '{output}' is what is read; choose another --output.")
+        raise InputError(f"output '{output}' is also an input; choose another --output.")
     if output.exists() and not overwrite:
-        raise InputError(f"'{output}' is there already; choose another --output or --overwrite.")
+        raise InputError(f"'{output}' exists; choose another --output or add --overwrite.")
     check_output_file(output)
     source, table = open_frames(video), read_boxes(truth, empty_boxes="absent")
     if source.is_live:
-        raise InputError(f"'{video}' is live, and no truth is known of it; record a video first.")
+        raise InputError(f"'{video}' is live, so it has no ground truth; record a video first.")
     num_frames = source.num_frames or sum(1 for _ in source)
     if not np.any(table.frame < num_frames):
         raise InputError(
@@ -67,7 +72,7 @@ def command(
             f"{num_frames - 1}; give the truth of this video."
         )
     boxes = dense(table, sorted(set(table.id.tolist())), num_frames)
-    found = simulated_detections(
+    detections = simulated_detections(
         boxes,
         (source.height, source.width),
         misses=misses,
@@ -75,5 +80,5 @@ def command(
         jitter=jitter,
         seed=seed,
     )
-    write_detections(output, found)
-    click.echo(f"{output}: {sum(map(len, found))} detections in {num_frames} frames")
+    write_detections(output, detections)
+    click.echo(f"{output}: {sum(map(len, detections))} detections in {num_frames} frames")

@@ -25,10 +25,10 @@ class _Example(NamedTuple):
 @click.argument("folder", type=GivenPath())
 @click.option("--overwrite", is_flag=True, help="Replace files in an existing folder.")
 def command(kind: str, folder: Path, overwrite: bool) -> None:
-    """Write a short clip of KIND into FOLDER, with its start and its truth, to try tracking on.
+    """Write a short synthetic clip to FOLDER, with start positions and ground truth.
 
-    The clips are drawn: people in a street for boxes and births, a puppet, a fish in a school, two
-    wires.  The commands to run on them are printed.
+    KIND is boxes or births (people in a street), parts (a puppet), points (a fish in a school) or
+    contours (two wires).  The command prints how to track the clip.
     """
     import scenes
     from jaxpf.files.writing import prepare_output_folder
@@ -57,8 +57,8 @@ def _write_births(folder: Path, scene: Any) -> None:
     from jaxpf.evaluation.baselines.simulated_detections import simulated_detections
     from jaxpf.populations.detections import write_detections
 
-    found = simulated_detections(scene.boxes, scene.frames.shape[1:3], seed=_SEED)
-    write_detections(folder / "det.txt", found)
+    detections = simulated_detections(scene.boxes, scene.frames.shape[1:3], seed=_SEED)
+    write_detections(folder / "det.txt", detections)
     _table(folder / "truth.csv", "frame,id,x,y,w,h", _box_rows(scene.boxes))
 
 

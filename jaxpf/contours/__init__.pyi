@@ -1,4 +1,3 @@
 from .data import Annotated as Annotated, Contours as Contours, Learned as Learned
-from .drawing import draw_contours as draw_contours
 from .factory import shapes as shapes, tracker as tracker
 from .models import contours_model as contours_model, start_space as start_space

@@ -111,11 +111,10 @@ class ContourAdapter(Adapter):
 
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
         """See ``Adapter``."""
-        from jaxpf.contours.drawing import draw_contours
+        from jaxpf.media.overlay import draw_outlines
 
-        return draw_contours(
-            frame, polylines(np.asarray(shapes)), start.ids, marks.colours, marks.lost
-        )
+        lines = polylines(np.asarray(shapes))
+        return draw_outlines(frame, lines, start.ids, marks.colours, marks.lost, marks.doubtful)
 
     def draw_particles(
         self, frame: Any, start: Start, tracker: Any, state: Any, colours: Any

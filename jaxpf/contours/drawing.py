@@ -1,10 +1,11 @@
-"""Draws contours and their particles; occluded parts are dark and dashed."""
+"""Draws the contours of particles; occluded parts are dark and dashed."""
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.media.overlay import DARK, label_at, line_thickness, object_colours
+from jaxpf.media.labels import line_thickness
+from jaxpf.media.overlay import object_colours
 
 _SHIFT = 4  # fractional bits of OpenCV coordinates
 #: Opacity of particles.
@@ -13,48 +14,6 @@ _OPACITY = 0.6
 _LEAST = 0.02
 #: Maximum width of a particle's line, relative to the thinnest.
 _WIDEST = 4
-
-
-def draw_contours(
-    frame: np.ndarray,
-    lines: ArrayLike,
-    names: ArrayLike,
-    colours: np.ndarray | None = None,
-    lost: ArrayLike | None = None,
-) -> np.ndarray:
-    """Draw labelled contours on a copy of a frame.
-
-    Args:
-        frame: uint8 RGB ``[H, W, 3]``.
-        lines: ``[P, V, 2]``, points in pixels; a closed contour's last point equals its first.
-            Non-finite contours are skipped.
-        names: ``[P]``.
-        colours: uint8 RGB ``[P, 3]``; ``object_colours(P)`` by default.
-        lost: bool ``[P]``; a lost target's contour is dashed and its label says "lost".
-    """
-    frame = np.ascontiguousarray(frame).copy()
-    lines = np.asarray(lines, float)
-    colours = object_colours(len(lines)) if colours is None else np.asarray(colours)
-    thickness = line_thickness(frame)
-    labels = []
-    for line, name, colour, is_lost in zip(
-        lines,
-        np.asarray(names),
-        colours,
-        np.zeros(len(lines), bool) if lost is None else np.asarray(lost),
-        strict=True,
-    ):
-        if not np.isfinite(line).all():
-            continue
-        dashed = np.full(len(line), bool(is_lost))
-        # A dark rim keeps every colour visible on every background.
-        _draw(frame, line, dashed, DARK, thickness + 2)
-        _draw(frame, line, dashed, tuple(map(int, colour)), thickness)
-        highest = np.clip(line[line[:, 1].argmin()], 0, frame.shape[1::-1])
-        labels.append((f"{name} lost" if is_lost else f"{name}", highest, colour))
-    for text, (x, y), (red, green, blue) in labels:
-        label_at(frame, text, int(x), int(y) - 2, (int(red), int(green), int(blue)))
-    return frame
 
 
 def draw_contour_particles(
@@ -68,7 +27,7 @@ def draw_contour_particles(
 
     Args:
         frame: uint8 RGB ``[H, W, 3]``.
-        lines: ``[n, P, V, 2]``, see ``draw_contours``.
+        lines: ``[n, P, V, 2]``, points in pixels; a closed contour ends with its first point.
         weights: ``[n]``, at least 0.
         hidden: bool ``[n, P, V]``, points behind another target: dark and dashed.
         colours: uint8 RGB ``[P, 3]``; ``object_colours(P)`` by default.
@@ -80,8 +39,8 @@ def draw_contour_particles(
     shown = np.zeros(lines.shape[:3], bool) if hidden is None else np.asarray(hidden)
     widths = 1 + (_WIDEST - 1) * weights / max(weights.max(initial=0.0), 1e-30)
     thinnest = max(line_thickness(frame) // 2, 1)
-    told = np.flatnonzero(weights >= _LEAST * weights.max(initial=0.0))
-    for number in told[np.argsort(weights[told])]:
+    drawn = np.flatnonzero(weights >= _LEAST * weights.max(initial=0.0))
+    for number in drawn[np.argsort(weights[drawn])]:
         for line, dark, colour in zip(lines[number], shown[number], colours, strict=True):
             if np.isfinite(line).all():
                 width = round(thinnest * widths[number])

@@ -88,11 +88,11 @@ class RelativeToParent(DynamicsWithDensity):
 
         One gather for all, since the cost of a gather hardly depends on its width.
         """
-        known = [jnp.asarray(x, dtype) for x in (self.parent_anchor, self.part_anchor)]
-        known = [self._scale_by_part(dtype), *known]
+        constants = [jnp.asarray(x, dtype) for x in (self.parent_anchor, self.part_anchor)]
+        constants = [self._scale_by_part(dtype), *constants]
         alone = np.array(self.parents) < 0 if self.walks_alone is None else self.walks_alone
-        known.append(jnp.asarray(alone, dtype)[:, None])
-        of_part = jnp.concatenate(known, axis=1)[partition].T
+        constants.append(jnp.asarray(alone, dtype)[:, None])
+        of_part = jnp.concatenate(constants, axis=1)[partition].T
         return of_part[:3], of_part[3:5], of_part[5:7], of_part[7] > 0
 
     def _scale_by_part(self, dtype):

@@ -70,8 +70,8 @@ def fit(
     fits: dict[int, tuple[np.ndarray, ...]] = {}
     for targets in groups:
         examples = [_triples(piece[:, target], order) for piece in pieces for target in targets]
-        found = _fit_one(np.concatenate(examples), order, coefficients, momentum, targets)
-        fits |= dict.fromkeys(targets, found)
+        fitted = _fit_one(np.concatenate(examples), order, coefficients, momentum, targets)
+        fits |= dict.fromkeys(targets, fitted)
     transition, lag, offset, noise = (
         as_array(np.stack([fits[target][k] for target in range(num_targets)]), float)
         for k in range(4)
@@ -112,17 +112,17 @@ def _fit_one(examples, order, coefficients, given, targets) -> tuple[np.ndarray,
     offset = np.zeros(dimension)
     if coefficients == "all":
         past = np.concatenate([last, examples[:, 0]], axis=1) if order == 2 else last
-        found = _least_squares(np.column_stack([past, np.ones(len(new))]), new)
-        transition = found[:dimension].T
-        lag = found[dimension : 2 * dimension].T if order == 2 else lag
-        offset = found[-1]
+        fitted = _least_squares(np.column_stack([past, np.ones(len(new))]), new)
+        transition = fitted[:dimension].T
+        lag = fitted[dimension : 2 * dimension].T if order == 2 else lag
+        offset = fitted[-1]
     for k in range(dimension) if coefficients != "all" else ():
         momentum, stay = 0.0, 1.0
         if coefficients == "own":
             past = [last[:, k], examples[:, 0, k]] if order == 2 else [last[:, k]]
-            found = _least_squares(np.column_stack([*past, np.ones(len(new))]), new[:, k])
-            stay, offset[k] = found[0], found[-1]
-            lag[k, k] = found[1] if order == 2 else 0.0
+            fitted = _least_squares(np.column_stack([*past, np.ones(len(new))]), new[:, k])
+            stay, offset[k] = fitted[0], fitted[-1]
+            lag[k, k] = fitted[1] if order == 2 else 0.0
         elif order == 2:
             step = last[:, k] - examples[:, 0, k]
             moved = step @ step

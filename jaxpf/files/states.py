@@ -48,9 +48,9 @@ def load(path: str | os.PathLike[str], tracker: Any) -> Any:
     """
     wanted = jax.eval_shape(tracker.init, jax.random.key(0))
     content = _content(path)
-    found = {name for name in content if name.startswith(_STATE)}
+    names = {name for name in content if name.startswith(_STATE)}
     places = [(_STATE + place, leaf) for place, leaf in _leaves(wanted)]
-    if found != {name for name, _ in places}:
+    if names != {name for name, _ in places}:
         raise InputError(
             f"'{path}' holds the state of another kind of tracker than {type(tracker).__name__}; "
             "load it with a tracker made exactly like the saved one."

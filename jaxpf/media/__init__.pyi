@@ -1,11 +1,9 @@
 from .overlay import (
-    DARK as DARK,
     draw_boxes as draw_boxes,
+    draw_outlines as draw_outlines,
     draw_particles as draw_particles,
     draw_pixel_grid as draw_pixel_grid,
-    draw_rectangles as draw_rectangles,
-    label_at as label_at,
-    line_thickness as line_thickness,
+    draw_spreads as draw_spreads,
     object_colours as object_colours,
 )
 from .plotting import (

@@ -68,15 +68,11 @@ class FrameSource:
             raise self._past_the_end(start, self.num_frames)
         return self._frames(start)
 
-    def times(self, count: int) -> np.ndarray:
-        """Return the display times of the first frames, seconds after the first, ``[count]``.
-
-        Timestamps for a video, whose frame rate may vary; index / fps otherwise.
-        """
-        return np.arange(count) / self.fps
-
     def shown_at(self, number: int) -> float:
-        """Seconds from the start at which a frame that has been read is shown, see ``times``."""
+        """Seconds after the first frame at which a frame that has been read is shown.
+
+        The timestamp for a video, whose frame rate may vary; index / fps otherwise.
+        """
         return number / self.fps
 
     def __iter__(self) -> Generator[np.ndarray]:

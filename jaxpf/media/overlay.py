@@ -1,25 +1,22 @@
-"""Draws boxes, particles and a coordinate grid on frames.
+"""Draws tracked objects, particles and a coordinate grid on frames.
 
 Every function takes a uint8 RGB frame [H, W, 3] and returns a new one.  Coordinates are
 continuous pixels: pixel (0, 0) is the square [0, 1) x [0, 1).
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
-#: Colour of rims, which keep lines visible on any background.
-DARK = (20, 20, 20)
-_LIGHT = (255, 255, 255)
+from jaxpf.media.labels import DARK, Label, draw_labels, font_scale, line_thickness, tag, tag_size
+
 #: Opacity of faint lines.
 _FAINT = 0.5
-#: Smallest legible font scale.
-_SMALLEST_FONT = 0.33
-#: Maximum number of small objects whose names are listed.
-_MOST_LISTED = 12
+#: Fractional bits of OpenCV's coordinates.
+_SHIFT = 4
 
 # Okabe and Ito, "Color universal design" (2008), without black; the order keeps neighbours far
 # apart for every common kind of colour vision.
@@ -51,11 +48,11 @@ def object_colours(num_objects: int) -> np.ndarray:
 
 def draw_boxes(
     frame: np.ndarray,
-    boxes: np.ndarray,
-    ids: np.ndarray | list[int] | None = None,
+    boxes: ArrayLike,
+    ids: Any = None,
     colours: np.ndarray | None = None,
-    lost: np.ndarray | None = None,
-    doubtful: np.ndarray | None = None,
+    lost: ArrayLike | None = None,
+    doubtful: ArrayLike | None = None,
 ) -> np.ndarray:
     """Draw labelled boxes on a copy of the frame.
 
@@ -63,98 +60,106 @@ def draw_boxes(
         frame: uint8 RGB [H, W, 3].
         boxes: x, y, w, h in pixels [P, 4]; a box that is not finite is skipped.
         ids: the labels [P]; by default numbers, from 1.
-        colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
-        lost: bool [P]; a lost object's box is dashed and its label says "lost".
-        doubtful: bool [P]; a probably lost object's box is dashed and faint, and its label has a
-            question mark.
+        colours: see ``draw_outlines``.
+        lost: see ``draw_outlines``.
+        doubtful: see ``draw_outlines``.
     """
-    frame = frame.copy()
-    boxes = np.asarray(boxes, np.float64).reshape(-1, 4)
-    names = range(1, len(boxes) + 1) if ids is None else ids
-    colours = object_colours(len(boxes)) if colours is None else np.asarray(colours)
-    nobody = np.zeros(len(boxes), bool)
-    lost = nobody if lost is None else np.asarray(lost, bool)
-    doubtful = nobody if doubtful is None else np.asarray(doubtful, bool) & ~lost
-    shown = np.isfinite(boxes).all(axis=1)
-    if (shown & doubtful).any():
-        faint = frame.copy()
-        for index in np.flatnonzero(shown & doubtful):
-            _draw_box(faint, boxes[index], colours[index], True)
-        cv2.addWeighted(faint, _FAINT, frame, 1 - _FAINT, 0, dst=frame)
-    for index in np.flatnonzero(shown & ~doubtful):
-        _draw_box(frame, boxes[index], colours[index], lost[index])
-    # Labels come last so that no box crosses one.
-    labels = []
-    for index in np.flatnonzero(shown):
-        left, top, right, bottom = _corners(boxes[index], frame)
-        mark = " lost" if lost[index] else " ?" if doubtful[index] else ""
-        colour = _as_colour(colours[index])
-        labels.append(Label(f"{names[index]}{mark}", left, top, right + 1, bottom + 1, colour))
-    draw_labels(frame, labels)
-    return frame
+    x, y, w, h = np.asarray(boxes, float).reshape(-1, 4).T
+    # Along the first and last row and column of pixels that a box covers.
+    left, top = np.round(x) + 0.5, np.round(y) + 0.5
+    right = np.maximum(np.round(x + w) - 0.5, left)
+    bottom = np.maximum(np.round(y + h) - 0.5, top)
+    corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)]
+    names = range(1, len(x) + 1) if ids is None else ids
+    lines = np.moveaxis(np.array(corners), -1, 0)
+    return _draw_outlines(frame, lines, names, colours, lost, doubtful, cv2.LINE_8)
 
 
-def _draw_box(frame: np.ndarray, box: np.ndarray, colour: np.ndarray, dashed: bool) -> None:
-    left, top, right, bottom = _corners(box, frame)
-    thickness = line_thickness(frame)
-    rim = 2 if min(frame.shape[:2]) >= 240 else 1
-    # A dark rim keeps every colour visible on every background.
-    for line, width in ((DARK, thickness + rim), (_as_colour(colour), thickness)):
-        if dashed:
-            _dashed_rectangle(frame, (left, top), (right, bottom), line, width)
-        else:
-            cv2.rectangle(frame, (left, top), (right, bottom), line, width)
-
-
-def draw_rectangles(
+def draw_outlines(
     frame: np.ndarray,
-    corners: np.ndarray,
-    names: np.ndarray | list[str],
+    lines: ArrayLike,
+    names: Any,
     colours: np.ndarray | None = None,
-    lost: np.ndarray | None = None,
-    doubtful: np.ndarray | None = None,
+    lost: ArrayLike | None = None,
+    doubtful: ArrayLike | None = None,
 ) -> np.ndarray:
-    """Draw labelled rectangles at any angle on a copy of the frame.
+    """Draw labelled outlines, such as contours or turned rectangles, on a copy of the frame.
 
     Args:
         frame: uint8 RGB [H, W, 3].
-        corners: x, y in pixels [P, 4, 2], see ``geometry.corners_from_poses``; a rectangle that is
-            not finite is skipped.
+        lines: points in pixels [P, V, 2]; a closed outline ends with its first point.  An outline
+            that is not finite is skipped.
         names: the labels [P].
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
-        lost: bool [P]; a lost part is drawn as four corner dots and its label says "lost".
-        doubtful: bool [P]; a probably lost part is drawn as four corner dots, and its label has a
+        lost: bool [P]; a lost object is dashed and its label says "lost".
+        doubtful: bool [P]; a probably lost object is dashed and faint, and its label has a
             question mark.
     """
-    frame = frame.copy()
-    corners = np.asarray(corners, np.float64).reshape(-1, 4, 2)
-    colours = object_colours(len(corners)) if colours is None else np.asarray(colours)
-    nobody = np.zeros(len(corners), bool)
+    lines = np.asarray(lines, float)
+    return _draw_outlines(frame, lines, names, colours, lost, doubtful, cv2.LINE_AA)
+
+
+def _draw_outlines(
+    frame: np.ndarray,
+    lines: np.ndarray,
+    names: Any,
+    colours: np.ndarray | None,
+    lost: ArrayLike | None,
+    doubtful: ArrayLike | None,
+    kind: int,
+) -> np.ndarray:
+    picture, nobody = np.ascontiguousarray(frame).copy(), np.zeros(len(lines), bool)
     lost = nobody if lost is None else np.asarray(lost, bool)
     doubtful = nobody if doubtful is None else np.asarray(doubtful, bool) & ~lost
-    thickness = line_thickness(frame)
-    rim = 2 if min(frame.shape[:2]) >= 240 else 1
-    size = np.array(frame.shape[1::-1])
+    shades = _shades(len(lines), colours)
+    # Clip, because OpenCV's integers overflow far outside.
+    size, shown = np.array(frame.shape[1::-1]), np.isfinite(lines).all(axis=(1, 2))
+    lines = np.clip(lines, -size, 2 * size)
+    faint = picture.copy()
+    for index in np.flatnonzero(shown & doubtful):
+        _draw_outline(faint, lines[index], shades[index], True, kind)
+    cv2.addWeighted(faint, _FAINT, picture, 1 - _FAINT, 0, dst=picture)
+    for index in np.flatnonzero(shown & ~doubtful):
+        _draw_outline(picture, lines[index], shades[index], bool(lost[index]), kind)
+    # Labels come last, so that no outline crosses one.
     labels = []
-    for index, quad in enumerate(corners):
-        if not np.isfinite(quad).all():
-            continue
-        # OpenCV counts from a pixel's centre, here in 16ths; clip to avoid overflow far outside.
-        quad = np.clip(quad, -size, 2 * size)
-        points = ((quad - 0.5) * 16).round().astype(np.int32)
-        colour = _as_colour(colours[index])
-        for line, width in ((DARK, thickness + rim), (colour, thickness)):
-            if lost[index] or doubtful[index]:
-                for point in points // 16:
-                    cv2.circle(frame, (int(point[0]), int(point[1])), width, line, cv2.FILLED)
-            else:
-                cv2.polylines(frame, [points], True, line, width, cv2.LINE_AA, 4)
-        left, top = map(int, np.floor(quad.min(axis=0)))
-        right, bottom = map(int, np.ceil(quad.max(axis=0)))
-        mark = " lost" if lost[index] else " ?" if doubtful[index] else ""
-        labels.append(Label(f"{names[index]}{mark}", left, top, right, bottom, colour))
-    draw_labels(frame, labels)
-    return frame
+    for index, name in enumerate(names):
+        if shown[index]:
+            mark = " lost" if lost[index] else " ?" if doubtful[index] else ""
+            low, high = lines[index].min(axis=0), lines[index].max(axis=0) + 0.5
+            labels.append(Label.around(f"{name}{mark}", low, high, shades[index]))
+    draw_labels(picture, labels)
+    return picture
+
+
+def _shades(count: int, colours: np.ndarray | None) -> list[tuple[int, int, int]]:
+    """Colours as OpenCV takes them."""
+    colours = object_colours(count) if colours is None else np.asarray(colours)
+    return [(int(red), int(green), int(blue)) for red, green, blue in colours]
+
+
+def _draw_outline(
+    picture: np.ndarray, line: np.ndarray, colour: tuple[int, int, int], dashed: bool, kind: int
+) -> None:
+    thickness, rim = line_thickness(picture), 2 if min(picture.shape[:2]) >= 240 else 1
+    length = 4 * thickness + 2
+    # Round ends shorten the gaps.
+    pieces = _dashes(line, length, length + thickness + rim) if dashed else [line]
+    # OpenCV counts from a pixel's centre.
+    fixed = [np.round((piece - 0.5) * 2**_SHIFT).astype(np.int32) for piece in pieces]
+    # A dark rim keeps every colour visible on every background.
+    for shade, width in ((DARK, thickness + rim), (colour, thickness)):
+        cv2.polylines(picture, fixed, False, shade, width, kind, _SHIFT)
+
+
+def _dashes(line: np.ndarray, length: float, gap: float) -> Iterator[np.ndarray]:
+    """Pieces of a line [V, 2], each ``length`` pixels long."""
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    for start in np.arange(0, max(along[-1], 1e-9), length + gap):
+        end = min(start + length, along[-1])
+        at = [start, *along[(along > start) & (along < end)], end]
+        yield np.stack([np.interp(at, along, line[:, axis]) for axis in (0, 1)], axis=1)
 
 
 def draw_particles(
@@ -174,8 +179,7 @@ def draw_particles(
     """
     frame = frame.copy()
     centres = np.asarray(centres, np.float64)
-    colours = object_colours(len(centres)) if colours is None else np.asarray(colours)
-    radius = max(1, round(min(frame.shape[:2]) / 300))
+    radius = line_thickness(frame)
     num_particles = centres.shape[1]
     chosen = np.unique(
         np.linspace(0, num_particles - 1, min(num_particles, max_per_object)).round().astype(int)
@@ -183,13 +187,20 @@ def draw_particles(
     dot = _dot(radius)
     height, width = frame.shape[:2]
     pixels = frame.reshape(-1, 3)
-    for points, colour in zip(centres[:, chosen], colours, strict=True):
+    for points, colour in zip(centres[:, chosen], _shades(len(centres), colours), strict=True):
         # Only points near the frame: integers would overflow far outside.
         near = (points > -radius) & (points < (width + radius, height + radius))
         columns, rows = np.floor(points[near.all(axis=-1)]).astype(int).T[..., None] + dot
         inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
         pixels[(rows * width + columns)[inside]] = colour
     return frame
+
+
+def _dot(radius: int) -> np.ndarray:
+    """Offsets x, y [2, 1, K] of the pixels of a filled circle from its centre."""
+    stamp = np.zeros((2 * radius + 1, 2 * radius + 1), np.uint8)
+    cv2.circle(stamp, (radius, radius), radius, 1, cv2.FILLED)
+    return np.argwhere(stamp)[:, ::-1].T[:, None] - radius
 
 
 def draw_spreads(
@@ -204,15 +215,14 @@ def draw_spreads(
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
     """
     shown, size = frame.copy(), np.array(frame.shape[1::-1])
-    colours = object_colours(len(centres)) if colours is None else np.asarray(colours)
-    for centre, spread, colour in zip(centres, spreads, colours, strict=True):
+    shades = _shades(len(centres), colours)
+    for centre, spread, colour in zip(centres, spreads, shades, strict=True):
         if not np.isfinite([*centre, *spread]).all() or (np.abs(centre) > 4 * size).any():
             continue
-        # OpenCV counts from a pixel's centre, here in 16ths.
-        middle, axes = (centre - 0.5) * 16, np.minimum(2 * spread, 4 * size) * 16
+        middle, axes = (centre - 0.5) * 2**_SHIFT, np.minimum(2 * spread, 4 * size) * 2**_SHIFT
         at, reach = (tuple(map(int, np.round(values))) for values in (middle, axes))
-        for line, width in ((DARK, 2 * line_thickness(frame) + 1), (_as_colour(colour), 1)):
-            cv2.ellipse(shown, at, reach, 0, 0, 360, line, width, cv2.LINE_AA, 4)
+        for line, width in ((DARK, 2 * line_thickness(frame) + 1), (colour, 1)):
+            cv2.ellipse(shown, at, reach, 0, 0, 360, line, width, cv2.LINE_AA, _SHIFT)
     return cv2.addWeighted(shown, _FAINT, frame, 1 - _FAINT, 0)
 
 
@@ -238,181 +248,22 @@ def draw_pixel_grid(frame: np.ndarray, step: int | None = None) -> np.ndarray:
         raise ValueError(f"the step of the grid is at least one pixel, not {step}")
     size = (width * enlargement, height * enlargement)
     picture = cv2.resize(frame, size, interpolation=cv2.INTER_NEAREST)
-    line = line_thickness(picture)
-    for values, draws_rows in (
-        (range(step, width, step), False),
-        (range(step, height, step), True),
-    ):
-        along = picture if draws_rows else picture.swapaxes(0, 1)
-        for at in (value * enlargement for value in values):
+    line, scale = line_thickness(picture), font_scale(picture)
+    for along, length in ((picture.swapaxes(0, 1), width), (picture, height)):
+        for at in range(step * enlargement, length * enlargement, step * enlargement):
             # Dark beside light is visible on any background; the coordinate is their border.
             _blend(along[max(at - line, 0) : at], 0)
             _blend(along[at : at + line], 255)
     for value in range(0, width, step):
-        _text(picture, f"{value}", value * enlargement + 2, 2)
+        tag(picture, f"{value}", value * enlargement + 2, 2, DARK, scale)
     for value in range(step, height, step):
-        _text(picture, f"{value}", 2, value * enlargement + 2)
+        tag(picture, f"{value}", 2, value * enlargement + 2, DARK, scale)
     if enlargement > 1:
         note = f"labels: original pixels, shown {enlargement}x"
-        text_width, text_height = _text_size(picture, note)
-        _text(picture, note, size[0] - text_width - 6, size[1] - text_height - 6)
+        wide, high = tag_size(picture, note, scale)
+        tag(picture, note, size[0] - wide, size[1] - high, DARK, scale)
     return picture
 
 
 def _blend(pixels: np.ndarray, grey: int) -> None:
     pixels[...] = (0.4 * pixels + 0.6 * grey).astype(np.uint8)
-
-
-def line_thickness(frame: np.ndarray) -> int:
-    """Line thickness in pixels that is visible on a frame of this size."""
-    return max(1, round(min(frame.shape[:2]) / 300))
-
-
-def _font_scale(frame: np.ndarray) -> float:
-    return max(_SMALLEST_FONT, min(frame.shape[:2]) / 950)
-
-
-def _stroke(scale: float) -> int:
-    """Thickness of letters: thinner than lines, so that the loops of an 8 stay open."""
-    return max(1, int(2 * scale))
-
-
-def _text_size(frame: np.ndarray, text: str) -> tuple[int, int]:
-    scale = _font_scale(frame)
-    (width, height), _ = cv2.getTextSize(text, _FONT, scale, _stroke(scale))
-    return width, height
-
-
-def _dot(radius: int) -> np.ndarray:
-    """Offsets x, y [2, 1, K] of the pixels of a filled circle from its centre."""
-    stamp = np.zeros((2 * radius + 1, 2 * radius + 1), np.uint8)
-    cv2.circle(stamp, (radius, radius), radius, 1, cv2.FILLED)
-    return np.argwhere(stamp)[:, ::-1].T[:, None] - radius
-
-
-def _as_colour(colour: np.ndarray) -> tuple[int, int, int]:
-    return (int(colour[0]), int(colour[1]), int(colour[2]))
-
-
-def _corners(box: np.ndarray, frame: np.ndarray) -> tuple[int, int, int, int]:
-    """First and last column and row that a box covers, clipped to OpenCV's range."""
-    height, width = frame.shape[:2]
-    x, y, w, h = box
-    columns = np.clip([x, x + w], -width, 2 * width).round()
-    rows = np.clip([y, y + h], -height, 2 * height).round()
-    left, top = int(columns[0]), int(rows[0])
-    return left, top, max(left, int(columns[1]) - 1), max(top, int(rows[1]) - 1)
-
-
-def _dashed_rectangle(
-    frame: np.ndarray,
-    first: tuple[int, int],
-    last: tuple[int, int],
-    colour: tuple[int, int, int],
-    thickness: int,
-) -> None:
-    dash = 4 * line_thickness(frame) + 2
-    (left, top), (right, bottom) = first, last
-    for x in range(left, right + 1, 2 * dash):
-        for y in (top, bottom):
-            cv2.line(frame, (x, y), (min(x + dash, right), y), colour, thickness)
-    for y in range(top, bottom + 1, 2 * dash):
-        for x in (left, right):
-            cv2.line(frame, (x, y), (x, min(y + dash, bottom)), colour, thickness)
-
-
-class Label(NamedTuple):
-    """An object's name and bounding rectangle in pixels."""
-
-    text: str
-    left: int
-    top: int
-    right: int
-    bottom: int
-    colour: tuple[int, int, int]
-
-
-def draw_labels(frame: np.ndarray, labels: Sequence[Label]) -> None:
-    """Draw names as tags that are no wider than their objects and avoid overlapping each other.
-
-    A tag is placed above, below or inside its object.  Names of objects too small for legible
-    letters are listed in the upper left corner instead.
-    """
-    height, width = frame.shape[:2]
-    taken: list[tuple[int, int, int, int]] = []
-    listed: list[Label] = []
-    for label in labels:
-        full = _tag_size(frame, label.text, _font_scale(frame))[0]
-        scale = _font_scale(frame) * min(1.0, (label.right - label.left) / full)
-        if scale < _SMALLEST_FONT:
-            listed.append(label)
-            continue
-        wide, high = _tag_size(frame, label.text, scale)
-        x = min(max(label.left, 0), max(width - wide, 0))
-        places = [
-            (x, min(max(y, 0), max(height - high, 0)))
-            for y in (label.top - high, label.bottom, label.top)
-        ]
-        free = [p for p in places if not any(_overlap((*p, wide, high), other) for other in taken)]
-        place = (free or places)[0]
-        taken.append((*place, wide, high))
-        _tag(frame, label.text, *place, label.colour, scale)
-    y = 0
-    for label in listed[:_MOST_LISTED]:
-        wide, high = _tag_size(frame, label.text, _SMALLEST_FONT)
-        if wide > width or y + high > height:
-            break
-        _tag(frame, label.text, 0, y, label.colour, _SMALLEST_FONT)
-        y += high
-
-
-def _overlap(one: tuple[int, int, int, int], other: tuple[int, int, int, int]) -> bool:
-    """Whether two rectangles x, y, width, height overlap."""
-    return all(
-        one[axis] < other[axis] + other[axis + 2] and other[axis] < one[axis] + one[axis + 2]
-        for axis in (0, 1)
-    )
-
-
-def _padding(frame: np.ndarray) -> int:
-    return 2 + line_thickness(frame) if min(frame.shape[:2]) >= 240 else 1
-
-
-def _tag_size(frame: np.ndarray, text: str, scale: float) -> tuple[int, int]:
-    (width, height), _ = cv2.getTextSize(text, _FONT, scale, _stroke(scale))
-    return width + 2 * _padding(frame), height + 2 * _padding(frame)
-
-
-def _tag(
-    frame: np.ndarray, text: str, x: int, y: int, colour: tuple[int, int, int], scale: float
-) -> None:
-    """Draw a filled tag whose upper left corner is (x, y)."""
-    width, height = _tag_size(frame, text, scale)
-    cv2.rectangle(frame, (x, y), (x + width - 1, y + height - 1), colour, cv2.FILLED)
-    luminance = 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]
-    ink = DARK if luminance > 110 else _LIGHT
-    origin = (x + _padding(frame), y + height - _padding(frame))
-    cv2.putText(frame, text, origin, _FONT, scale, ink, _stroke(scale), cv2.LINE_AA)
-
-
-def label_at(
-    frame: np.ndarray, text: str, left: int, top: int, colour: tuple[int, int, int]
-) -> None:
-    """Draw a filled tag above the corner (left, top), moved into the frame if necessary."""
-    height, width = frame.shape[:2]
-    scale = _font_scale(frame)
-    wide, high = _tag_size(frame, text, scale)
-    y = top - high if top >= high else max(top, 0)
-    x = min(max(left, 0), max(width - wide, 0))
-    _tag(frame, text, x, min(y, max(height - high, 0)), colour, scale)
-
-
-def _text(frame: np.ndarray, text: str, left: int, top: int) -> None:
-    """Draw white text on a dark plate whose upper left corner is (left, top)."""
-    width, height = _text_size(frame, text)
-    pad = 1 + line_thickness(frame)
-    last = (left + width + 2 * pad - 1, top + height + 2 * pad - 1)
-    cv2.rectangle(frame, (left, top), last, DARK, cv2.FILLED)
-    origin = (left + pad, top + pad + height)
-    scale = _font_scale(frame)
-    cv2.putText(frame, text, origin, _FONT, scale, _LIGHT, _stroke(scale), cv2.LINE_AA)

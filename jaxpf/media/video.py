@@ -126,25 +126,8 @@ class _VideoFile(FrameSource):
             # An absolute path, because FFmpeg reads text before a colon as a protocol.
             return cv2.VideoCapture(str(Path(self.path).absolute()))
 
-    def times(self, count: int) -> np.ndarray:
-        """See ``FrameSource``; a given ``fps`` replaces the timestamps."""
-        even = super().times(count)
-        if not self._has_timestamps:
-            return even
-        capture = self._open()
-        seconds: list[float] = []
-        try:
-            with quiet_opencv():
-                while len(seconds) < count and capture.grab():
-                    seconds.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1000)
-        finally:
-            capture.release()
-        shown = np.array(seconds)
-        is_whole = len(shown) == count and np.isfinite(shown).all() and np.all(np.diff(shown) > 0)
-        return shown - shown[0] if is_whole and count else even
-
     def shown_at(self, number: int) -> float:
-        """See ``FrameSource``."""
+        """See ``FrameSource``; a given ``fps`` replaces the timestamps."""
         if not self._has_timestamps or not 0 < number < len(self._seconds):
             return super().shown_at(number)
         shown = self._seconds[number] - self._seconds[0]
@@ -224,9 +207,9 @@ class _ImageFolder(FrameSource):
         self._files = sorted(files, key=lambda entry: natural_order(entry.name))
         # A single picture beside a video or a folder of frames is a preview, not the sequence.
         meant = frames_inside(path) if len(self._files) < 2 else None
-        found = f"one image only, '{files[0].name}'" if files else "no images"
+        content = f"one image only, '{files[0].name}'" if files else "no images"
         if meant is not None:
-            raise InputError(f"folder '{path}' holds {found}; did you mean '{meant}'?")
+            raise InputError(f"folder '{path}' holds {content}; did you mean '{meant}'?")
         if not files:
             suffixes = ", ".join(suffix.lstrip(".") for suffix in IMAGE_SUFFIXES)
             raise InputError(
@@ -242,7 +225,7 @@ class _ImageFolder(FrameSource):
         if self._most == 4095:
             self.note = f"no value in '{self._files[0]}' is above 4095, so its 16 bits count as 12"
         if len(files) == 1:
-            self.note = f"folder '{path}' holds {found}"
+            self.note = f"folder '{path}' holds {content}"
 
     def _frames(self, start: int) -> Generator[np.ndarray]:
         for file in self._files[start:]:

@@ -84,12 +84,11 @@ class PartAdapter(Adapter):
 
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
         """See ``Adapter``."""
-        from jaxpf.media.overlay import draw_rectangles
+        from jaxpf.media.overlay import draw_outlines
 
         corners = np.asarray(PARTS.outlines(start, np.asarray(shapes)), float)
-        return draw_rectangles(
-            frame, corners, list(start.ids), marks.colours, marks.lost, marks.doubtful
-        )
+        lines = np.concatenate([corners, corners[:, :1]], axis=1)
+        return draw_outlines(frame, lines, start.ids, marks.colours, marks.lost, marks.doubtful)
 
 
 ADAPTER = PartAdapter()

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.media.overlay import DARK, object_colours
+from jaxpf.media.labels import DARK, Label, draw_labels_beside
+from jaxpf.media.overlay import object_colours
 
 _SHIFT = 3  # fractional bits of OpenCV coordinates
 
@@ -31,7 +32,7 @@ def draw_points(
         particles: [K, P, 2].
         hidden: bool [P]: these are drawn hollow.
         colours: uint8 RGB [P, 3]; by default ``jaxpf.media.object_colours``.
-        names: [P], written beside the points.
+        names: [P], written beside the points, or in a corner where points are too dense.
         radius: of a point, pixels; by default larger in larger frames.
     """
     picture = np.ascontiguousarray(frame).copy()
@@ -60,18 +61,15 @@ def draw_points(
         # A dark rim keeps every colour visible on every background and on its own particles.
         cv2.circle(picture, at, size, DARK, 3 * line, cv2.LINE_AA, _SHIFT)
         cv2.circle(picture, at, size, colour, line if hollow[point] else -1, cv2.LINE_AA, _SHIFT)
-        if names is not None:
-            _write(picture, names[point], x + 1.5 * radius, y - radius, radius, colour)
+    if names is not None:
+        reach = radius + 2 * line + 1  # with the rim
+        labels = [
+            Label.around(f"{name}", place - reach, place + reach, colour)
+            for name, place, colour in zip(names, np.clip(places, -1e4, 1e5), shades, strict=True)
+            if np.isfinite(place).all()
+        ]
+        draw_labels_beside(picture, labels)
     return picture
-
-
-def _write(picture: np.ndarray, text: str, x: float, y: float, radius: float, colour) -> None:
-    """Draw a name with a dark rim, its lower left corner at (x, y)."""
-    at = (int(np.clip(x, -1e4, 1e4)), int(np.clip(y, -1e4, 1e4)))
-    for shade, thickness in ((DARK, 2), (colour, 1)):
-        cv2.putText(
-            picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, radius / 10, shade, thickness, cv2.LINE_AA
-        )
 
 
 def _centre(x: float, y: float) -> tuple[int, int]:

@@ -205,9 +205,9 @@ def follow(
             tracker, likelihood=Detected(tracker.likelihood, nothing, nothing)
         )
     for time, frame in enumerate(frames):
-        known = _of_frame(detections, time)
+        last_id = _of_frame(detections, time)
         if time > 0:
-            tracker = _told(tracker, boxes, known, rules)
+            tracker = _told(tracker, boxes, last_id, rules)
             state, summary = streaming.step(tracker, key, time - 1, state, frame)
             summary = jax.tree.map(np.asarray, summary)
             boxes, lost = _boxes(tracker, summary.estimate), summary.lost
@@ -215,7 +215,7 @@ def follow(
             named_first = np.isin(living.ids, [identity for identity, _ in starts.get(0, [])])
             check_started(dataclasses.replace(summary, lost=lost & named_first), living.ids)
         living, changes = lifetimes.advance(
-            living, boxes, lost, known, starts.get(time, []), frame.shape, rules
+            living, boxes, lost, last_id, starts.get(time, []), frame.shape, rules
         )
         tracker, state, living, changes = _changed(tracker, state, living, changes, frame, ids)
         if time == 0:
@@ -285,10 +285,10 @@ def _told(
     own = np.append(detections, np.full((1, 4), np.nan), axis=0)[mine]  # -1 is the last
     sizes = np.asarray(_of_pictures(tracker).sizes)
     size = np.sqrt(np.prod(own[:, 2:] / sizes, axis=1, keepdims=True))
-    found = np.hstack([own[:, :2] + own[:, 2:] / 2, size])
+    places = np.hstack([own[:, :2] + own[:, 2:] / 2, size])
     scale = rules.detection_scale * np.hstack([own[:, 2:], size])
     likelihood = dataclasses.replace(
-        tracker.likelihood, found=found.astype(np.float32), scale=scale.astype(np.float32)
+        tracker.likelihood, found=places.astype(np.float32), scale=scale.astype(np.float32)
     )
     return dataclasses.replace(tracker, likelihood=likelihood)
 

@@ -27,36 +27,36 @@ class Rules:
     """Options of births and deaths; see the help of each."""
 
     capacity: int = option(
-        16, "With --births: how many objects there can be at once.", least=1, most=4096
+        16, "With --births: maximum number of objects at once.", least=1, most=4096
     )
     birth_frames: int = option(
-        3, "With --births: detections in which a new object must be seen before it starts.", least=1
+        3, "With --births: a new object starts after this number of detections.", least=1
     )
     birth_overlap: float = option(
         0.1,
-        "With --births: intersection over union from which a detection is of an object that is "
-        "tracked already, or of one that was detected before.",
+        "With --births: minimum intersection over union between a detection and the object, or "
+        "the earlier detection, that it belongs to.",
         above=0,
         most=1,
     )
     birth_confidence: float | None = option(
-        None, "With --births: leave out detections of a lower confidence.", kind=float
+        None, "With --births: ignore detections of lower confidence.", kind=float
     )
     detect_every: int | None = option(
         None,
-        "With --births: the detector ran on every N-th frame; the frames between say nothing about "
-        "births and deaths.  By default derived from the frames of the detections.",
+        "With --births: the detector ran on every N-th frame.  Objects neither start nor end on "
+        "the frames between.  By default N follows from the frames of the detections.",
         kind=int,
         least=1,
     )
     death_frames: int = option(
-        6, "With --births: an object ends after N frames in a row without a detection.", least=1
+        6, "With --births: an object ends after N consecutive frames without a detection.", least=1
     )
 
     detection_scale: float = option(
         0.1,
-        "With --births: how far detections may be off, as a share of an object's size; with 0 they "
-        "say who starts and who ends, and nothing of where one is.",
+        "With --births: standard deviation of a detection's error, as a share of the object's "
+        "size.  With 0, detections start and end objects but do not guide their positions.",
         least=0,
     )
 
@@ -148,9 +148,11 @@ def advance(
     full = f"all places, {len(ids)}, are taken; ask for a larger capacity."
     if detections is not None:
         here = np.concatenate([boxes[ids != EMPTY], *(box[None] for _, box in named)])
-        known = pairwise_overlap(detections, here).max(axis=1, initial=0) >= rules.birth_overlap
+        is_tracked = (
+            pairwise_overlap(detections, here).max(axis=1, initial=0) >= rules.birth_overlap
+        )
         settings = association.Rules(rules.birth_overlap, rules.birth_frames, _MOST_MISSED)
-        candidates = association.advance(candidates, detections[~known], settings)
+        candidates = association.advance(candidates, detections[~is_tracked], settings)
         ready = (candidates.hits >= rules.birth_frames) & (candidates.missed == 0)
         ready &= _inside(candidates.boxes, frame_shape)
         room = np.sum(ids == EMPTY) - len(named)

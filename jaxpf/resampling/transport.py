@@ -37,8 +37,8 @@ def blend_state(epsilon: Any, state: ParticleState, ess_threshold: Any = None) -
         epsilon, state.lagged, state.log_weights, whole, ess_threshold
     )
 
-    def where(one, other):
-        return jnp.where(state.weighted & blended, one, other)
+    def where(first, other):
+        return jnp.where(state.weighted & blended, first, other)
 
     return dataclasses.replace(
         state,

@@ -108,15 +108,15 @@ def _check_methods(
     key = jax.eval_shape(lambda: jax.random.key(0))
     initial = tracker.initial
     if callable(initial):
-        initial = jax.eval_shape(lambda its, key: its.initial(key), tracker, key)
+        initial = jax.eval_shape(lambda filter_, key: filter_.initial(key), tracker, key)
         _check(initial, (num_partitions, None), "the initial sampler", "[P, D]")
     size, kind = initial.shape[-1], initial.dtype
-    one = jax.ShapeDtypeStruct((size,), kind)
+    substate = jax.ShapeDtypeStruct((size,), kind)
     place = jax.ShapeDtypeStruct((), jnp.int32)
     many = jax.ShapeDtypeStruct((size, _TRIED), kind)
     places = jax.ShapeDtypeStruct((_TRIED,), jnp.int32)
 
-    motion = jax.eval_shape(lambda its: contract.first_motion(its.dynamics), tracker)
+    motion = jax.eval_shape(lambda filter_: contract.first_motion(filter_.dynamics), tracker)
     coupled = contract.is_coupled(motion)
     base = contract.CoupledDynamics if coupled else contract.Dynamics
 
@@ -127,29 +127,31 @@ def _check_methods(
     dynamics = type(tracker.dynamics).__name__
     if _defines(tracker.dynamics, base, "propagate_all"):
         moved = jax.eval_shape(
-            lambda its, *x: contract.at_frame(its, 0).dynamics.propagate_all(*x),
+            lambda filter_, *x: contract.at_frame(filter_, 0).dynamics.propagate_all(*x),
             *(tracker, key, places, many, many, many),
             *others(many),
         )
         _check(moved, many.shape, f"{dynamics}.propagate_all", "the moved substates [D, N]")
     elif _defines(tracker.dynamics, base, "propagate"):
         moved = jax.eval_shape(
-            lambda its, *x: contract.at_frame(its, 0).dynamics.propagate(*x),
-            *(tracker, key, place, one, one, one),
-            *others(one),
+            lambda filter_, *x: contract.at_frame(filter_, 0).dynamics.propagate(*x),
+            *(tracker, key, place, substate, substate, substate),
+            *others(substate),
         )
-        _check(moved, one.shape, f"{dynamics}.propagate", "the moved substate [D]")
+        _check(moved, substate.shape, f"{dynamics}.propagate", "the moved substate [D]")
 
     likelihood = type(tracker.likelihood).__name__
-    seen = jax.eval_shape(lambda its, frame: contract.observed_apart(its)[0](frame), tracker, frame)
+    seen = jax.eval_shape(
+        lambda filter_, frame: contract.observed_apart(filter_)[0](frame), tracker, frame
+    )
     if _defines(tracker.likelihood, contract.Likelihood, "log_prob_all"):
         weighed = jax.eval_shape(
-            lambda its, *x: its.likelihood.log_prob_all(*x), tracker, seen, places, many
+            lambda filter_, *x: filter_.likelihood.log_prob_all(*x), tracker, seen, places, many
         )
         _check(weighed, (_TRIED,), f"{likelihood}.log_prob_all", "one number for each, [N]")
     elif _defines(tracker.likelihood, contract.Likelihood, "log_prob"):
         weighed = jax.eval_shape(
-            lambda its, *x: its.likelihood.log_prob(*x), tracker, seen, place, one
+            lambda filter_, *x: filter_.likelihood.log_prob(*x), tracker, seen, place, substate
         )
         _check(weighed, (), f"{likelihood}.log_prob", "a single number")
 
@@ -159,20 +161,20 @@ def _defines(part: Any, base: type, name: str) -> bool:
     return own is not None and own is not getattr(base, name)
 
 
-def _check(found: Any, shape: tuple[Any, ...], who: str, wanted: str) -> None:
-    if not hasattr(found, "shape"):
-        what = "nothing" if found is None else _a(type(found).__name__)
+def _check(returned: Any, shape: tuple[Any, ...], who: str, wanted: str) -> None:
+    if not hasattr(returned, "shape"):
+        what = "nothing" if returned is None else _a(type(returned).__name__)
         raise InputError(f"{who} returns {what}; return {wanted}.")
-    fits = len(found.shape) == len(shape) and all(
-        want in (None, size) for size, want in zip(found.shape, shape, strict=True)
+    fits = len(returned.shape) == len(shape) and all(
+        want in (None, size) for size, want in zip(returned.shape, shape, strict=True)
     )
     if not fits:
         should = ", ".join("D" if size is None else str(size) for size in shape)
         raise InputError(
-            f"{who} returns an array of shape {_shape(found.shape)} where [{should}] was expected; "
-            f"return {wanted}."
+            f"{who} returns an array of shape {_shape(returned.shape)} where [{should}] was "
+            f"expected; return {wanted}."
         )
-    if jnp.issubdtype(found.dtype, jnp.complexfloating):
+    if jnp.issubdtype(returned.dtype, jnp.complexfloating):
         raise InputError(f"{who} returns complex numbers; return real ones.")
 
 

@@ -96,10 +96,10 @@ def _gathered(frames: Iterable[Any], length: int | None, multiple: int) -> Itera
         count = 0
         for number, frame in itertools.islice(rest, length):
             own, shape = _leaves(frame)
-            found = [_kind(leaf) for leaf in own]
-            if (found, shape) != (kinds, structure):
+            own_kinds = [_kind(leaf) for leaf in own]
+            if (own_kinds, shape) != (kinds, structure):
                 raise InputError(
-                    f"frame {number} is {', '.join(found)}, the first one {', '.join(kinds)}; "
+                    f"frame {number} is {', '.join(own_kinds)}, the first one {', '.join(kinds)}; "
                     "give frames that are all alike."
                 )
             for array, leaf in zip(arrays, own, strict=True):

@@ -58,19 +58,19 @@ def needed_by(tracker: Any, runs: int = 1, kept_frames: int = 1) -> float:
 
 def machine_memory() -> int | None:
     """Memory of this machine or container, in bytes; None if unknown."""
-    found = []
+    limits = []
     with contextlib.suppress(AttributeError, ValueError, OSError):
-        found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+        limits.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     for path in _CONTAINER:
         with contextlib.suppress(OSError, ValueError):  # the file may hold "max"
-            found.append(int(Path(path).read_text()))
+            limits.append(int(Path(path).read_text()))
     with contextlib.suppress(ImportError, OSError, ValueError):
         import resource
 
         soft, _ = resource.getrlimit(resource.RLIMIT_AS)
         if soft != resource.RLIM_INFINITY:
-            found.append(soft)
-    return min(found, default=None)
+            limits.append(soft)
+    return min(limits, default=None)
 
 
 def _gigabytes(size: float) -> str:

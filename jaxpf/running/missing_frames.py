@@ -201,8 +201,8 @@ def _without_rounding(log_total: jax.Array, seen: jax.Array) -> jax.Array:
     Keeps the derivative, which may be random even if the value is not.
     """
     is_one = ~seen & (jnp.abs(log_total) < _ROUNDING * jnp.finfo(log_total.dtype).eps)
-    one = jnp.where(is_one, log_total, 0.0)
-    return jnp.where(is_one, one - lax.stop_gradient(one), log_total)
+    zero = jnp.where(is_one, log_total, 0.0)
+    return jnp.where(is_one, zero - lax.stop_gradient(zero), log_total)
 
 
 def marked(tracker: Any, frames: Any, observed: Any = None) -> tuple[Any, Any]:

@@ -129,8 +129,8 @@ def _in_blocks(tracker, key, frames, record, state, time, tell):
         state = jax.jit(init)(tracker, key)
     for first in range(0, total, length):
         block = jax.tree.map(lambda x, first=first: x[first : first + length], frames)
-        state, found = run_compiled(tracker, key, block, record, state, time + first)
-        kept.append(jax.block_until_ready(found))
+        state, recorded = run_compiled(tracker, key, block, record, state, time + first)
+        kept.append(jax.block_until_ready(recorded))
         tell(min(first + length, total), total)
     return state, jax.tree.map(lambda *x: jnp.concatenate(x), *kept)
 

@@ -57,8 +57,8 @@ def stream(
     whole = () if come_one_by_one(frames) else frames
     check_not_traced("jaxpf.stream", "jaxpf.run", tracker, key, whole, state)
     marked = missing_frames.marked_one_by_one(tracker, frames, observed)
-    for number, (frame, its, taken) in enumerate(marked, time):
-        state, summary = step(its, key, number, state, taken)
+    for number, (frame, marked_tracker, taken) in enumerate(marked, time):
+        state, summary = step(marked_tracker, key, number, state, taken)
         check_not_traced("jaxpf.stream", "jaxpf.run", summary)
         yield TrackedFrame(number, frame, state, jax.tree.map(np.asarray, summary))
 

@@ -116,20 +116,20 @@ def area(boxes: ArrayLike) -> Array:
     return extent[..., 0] * extent[..., 1]
 
 
-def intersection_area(one: ArrayLike, other: ArrayLike) -> Array:
+def intersection_area(boxes: ArrayLike, other: ArrayLike) -> Array:
     """Intersection area of two boxes, in square pixels; 0 if either is degenerate.
 
     Boxes that only touch share nothing.  The result never exceeds either area, even with
     rounding.
 
     Args:
-        one: ``[..., 4]``.
+        boxes: ``[..., 4]``.
         other: ``[..., 4]``; the leading axes broadcast.
 
     Returns:
         ``[...]``.
     """
-    first, second = _proper_or_empty(one), _proper_or_empty(other)
+    first, second = _proper_or_empty(boxes), _proper_or_empty(other)
     start = jnp.maximum(first[..., :2], second[..., :2])
     end = jnp.minimum(first[..., :2] + first[..., 2:], second[..., :2] + second[..., 2:])
     # Rounding of x + w can widen a box, so limit each side to that of the narrower box.

@@ -192,8 +192,8 @@ def check_contours(contours: ArrayLike, degree: int = CUBIC) -> np.ndarray:
 def _linear_modes(name: str, contour: np.ndarray) -> np.ndarray:
     """Unscaled modes ``[D, K, 2]`` of a linear space about a contour ``[K, 2]``."""
     x, y = (contour - contour.mean(axis=0)).T
-    none, one = np.zeros_like(x), np.ones_like(x)
-    modes = [(one, none), (none, one)]
+    none, ones = np.zeros_like(x), np.ones_like(x)
+    modes = [(ones, none), (none, ones)]
     if name == "similarity":
         modes += [(x, y), (-y, x)]
     elif name == "affine":

@@ -138,19 +138,6 @@ class Target(abc.ABC):
         """The options with "auto" values that depend on ``Looks.is_filmed`` filled in."""
         return options
 
-    @property
-    def fits_motion(self) -> bool:
-        """Whether the target has motion candidates to choose from."""
-        return type(self).motion_candidates is not Target.motion_candidates
-
-    def motion_candidates(self, options: Any) -> list[Any]:
-        """Options that differ only in the motion; the evidence of the first frames selects one.
-
-        Raises:
-            InputError: the target has no candidates.
-        """
-        raise InputError(f"{self.name} have no motion to fit.")
-
     def settled(self, options: Any, start: Start, looks: Looks) -> Any:
         """The options with every "auto" replaced by its choice, to be stored with the results."""
         return options

@@ -9,7 +9,6 @@ from .objectives import (
     overlap_loss as overlap_loss,
     position_error as position_error,
 )
-from .orders import Pilot as Pilot, best_order as best_order, candidate_orders as candidate_orders
 from .parameters import (
     Parameter as Parameter,
     names as names,
@@ -28,4 +27,4 @@ from .sequences import (
     held_out as held_out,
     training_sequence as training_sequence,
 )
-from .settings import RANDOM_NUMBERS as RANDOM_NUMBERS, Settings as Settings
+from .settings import Settings as Settings

@@ -23,13 +23,20 @@ _PIECE = "checkpoint"
 NAME = f"{_PIECE}.npz"
 
 
+#: What a digest that differs means, for messages.
+_DIGESTS = {
+    "frames": "other frames",
+    "labels": "other labels",
+    "tracker": "another tracker: its settings, its noise, its likelihood or what that learned from",
+}
+
+
 def asked(
     wanted: Sequence[Parameter],
     start: Mapping[str, Any],
     objective: Any,
     settings: Settings,
     sequences: Sequence[TrainingSequence],
-    label: Any,
 ) -> dict[str, Any]:
     """Everything that determines the tuned values, as JSON values."""
     name = objective if isinstance(objective, str) else getattr(objective, "__qualname__", "own")
@@ -39,33 +46,12 @@ def asked(
         "start": {path: np.asarray(value).tolist() for path, value in start.items()},
         "objective": name,
         "sequences": [sequence.name for sequence in sequences],
-        "label": label,
         **dataclasses.asdict(settings),
-        "tracker": [_settings_of(sequence.tracker) for sequence in sequences],
-        # ``_IN_WORDS`` describes these digests in messages.
         "frames": [_digest(sequence.frames) for sequence in sequences],
         "labels": [_digest(sequence.truth) for sequence in sequences],
-        "model": [_digest(sequence.tracker) for sequence in sequences],
+        "tracker": [_digest(sequence.tracker) for sequence in sequences],
     }
     return json.loads(json.dumps(description))
-
-
-#: Description of a digest that differs, for messages.
-_IN_WORDS = {
-    "frames": "other frames",
-    "labels": "other labels",
-    "model": "another model: its noise, its likelihood or what its colours were learned from",
-}
-
-
-def _settings_of(tracker: Any) -> dict[str, Any]:
-    """The tracker's named settings: ``num_particles``, ``gradient``, ..."""
-    if not dataclasses.is_dataclass(tracker):
-        return {}
-    fields = [field for field in dataclasses.fields(tracker) if field.metadata.get("static")]
-    settings = {field.name: getattr(tracker, field.name) for field in fields}
-    strategies = {name: getattr(tracker, name, None) for name in ("resampling", "gradient")}
-    return settings | {name: str(x) for name, x in strategies.items() if x is not None}
 
 
 def _digest(tree: Any) -> str:
@@ -74,22 +60,6 @@ def _digest(tree: Any) -> str:
         digest.update(f"{np.shape(leaf)}".encode())
         digest.update(np.ascontiguousarray(leaf).reshape(-1).view(np.uint8).data)
     return digest.hexdigest()[:16]
-
-
-def _change(old: dict[str, Any], new: dict[str, Any]) -> str | None:
-    """Describe the first difference between two results of ``asked``."""
-    for name in dict.fromkeys([*old, *new]):
-        before, after = old.get(name), new.get(name)
-        if before == after:
-            continue
-        if name in _IN_WORDS:
-            return _IN_WORDS[name]
-        if name == "tracker" and before and after and len(before) == len(after):
-            for old_settings, new_settings in zip(before, after, strict=True):
-                if change := next(iter(differences(old_settings, new_settings)), None):
-                    return change
-        return next(iter(differences({name: before}, {name: after})))
-    return None
 
 
 class Checkpoint:
@@ -118,12 +88,12 @@ class Checkpoint:
         with self.store.opened(_PIECE) as arrays:
             stored = about(arrays)
             old = dict(stored["asked"])
-            descents = [_descent(i, one, arrays) for i, one in enumerate(stored["descents"])]
-        change = _change(old, self.description)
-        if change is not None:
+            descents = [_descent(i, each, arrays) for i, each in enumerate(stored["descents"])]
+        for change in differences(old, self.description):
+            change = _DIGESTS.get(change.partition(" = ")[0], change)
             raise InputError(
-                f"'{self.store.folder}' was begun with {change}; choose another folder, or ask for "
-                "the same."
+                f"'{self.store.folder}' was begun with {change}; choose another folder, or repeat "
+                "the same call."
             )
         return descents
 

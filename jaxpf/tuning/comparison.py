@@ -128,9 +128,11 @@ def _measured(tracker: Any, keys: Any, held_out: HeldOut) -> np.ndarray:
         return total / counts[0].sum()
 
     def error(values: Any) -> np.ndarray:
-        known = np.where(counts, np.asarray(values), np.nan)
-        number = np.isfinite(known).sum(axis=(1, 2))
-        return np.where(number > 0, np.nansum(known, axis=(1, 2)) / np.maximum(number, 1), np.nan)
+        labelled = np.where(counts, np.asarray(values), np.nan)
+        number = np.isfinite(labelled).sum(axis=(1, 2))
+        return np.where(
+            number > 0, np.nansum(labelled, axis=(1, 2)) / np.maximum(number, 1), np.nan
+        )
 
     values = {
         "overlap": mean(measured["overlap"]),

@@ -39,7 +39,6 @@ def tune(
     objective: str | Callable = "evidence",
     settings: Settings | None = None,
     folder: str | os.PathLike[str] | None = None,
-    label: Any = None,
     progress: Callable[[Descent], None] | None = None,
 ) -> Result:
     """Find the parameter values that fit sequences best.
@@ -56,7 +55,6 @@ def tune(
             ``(tracker, keys, frames) -> [R]`` to minimise; see ``loss_function``.
         settings: default ``Settings()``.
         folder: existing folder for a checkpoint; repeating the call resumes from it.
-        label: further JSON value that identifies this call in the checkpoint.
         progress: called with the descent after every step.
 
     Returns:
@@ -68,22 +66,22 @@ def tune(
     settings = settings or Settings()
     sequences = [sequences] if isinstance(sequences, TrainingSequence) else list(sequences)
     check_objective(objective, sequences)
-    wanted = [one if isinstance(one, Parameter) else parameter(one) for one in parameters]
+    wanted = [each if isinstance(each, Parameter) else parameter(each) for each in parameters]
     if not wanted:
         raise InputError("no parameter was named; name at least one, such as likelihood.sharpness.")
     check_apart(wanted)
-    start = {one.path: read(sequences[0].tracker, one) for one in wanted}
+    start = {each.path: read(sequences[0].tracker, each) for each in wanted}
     for sequence in sequences:
-        for one in wanted:
-            if read(sequence.tracker, one).shape != start[one.path].shape:
+        for each in wanted:
+            if read(sequence.tracker, each).shape != start[each.path].shape:
                 raise InputError(
-                    f"the parameter {one.path} of {sequence.name} has another shape than that of "
+                    f"the parameter {each.path} of {sequence.name} has another shape than that of "
                     f"{sequences[0].name}; tune sequences of the same kind together."
                 )
         _check_gradients(sequence.tracker, wanted)
     store = None
     if folder is not None:
-        asked = checkpoint.asked(wanted, start, objective, settings, sequences, label)
+        asked = checkpoint.asked(wanted, start, objective, settings, sequences)
         store = checkpoint.Checkpoint(Path(folder), asked)
     ready = [observed(sequence) for sequence in sequences]
     value_and_gradient = free_loss(objective, tuple(wanted), sequences[0].outlines)
@@ -113,7 +111,7 @@ def tune(
             ) from None
         finally:
             # Without a step there is nothing to resume, and the next call may have other settings.
-            if store is not None and any(one.num_steps for one in descents):
+            if store is not None and any(descent.num_steps for descent in descents):
                 store.write(descents)
     result = summarise(wanted, start, descents, settings)
     if objective == "evidence":
@@ -135,7 +133,7 @@ def _shown(value: Any) -> str:
 
 def _check_gradients(tracker: Any, wanted: Sequence[Parameter]) -> None:
     """Refuse motion parameters whose gradient would silently be zero."""
-    if not any(one.name.startswith("dynamics.") for one in wanted):
+    if not any(parameter.name.startswith("dynamics.") for parameter in wanted):
         return
     from jaxpf.gradients import check_motion_gradient
 
@@ -165,9 +163,9 @@ def _begin(
 ) -> Descent:
     rng = np.random.default_rng([settings.seed, repeat])
     free = {}
-    for one in wanted:
-        z = np.asarray(one.to_free(start[one.path]), float)
-        free[one.path] = z if repeat == 0 else z + settings.jitter * rng.standard_normal(z.shape)
+    for each in wanted:
+        z = np.asarray(each.to_free(start[each.path]), float)
+        free[each.path] = z if repeat == 0 else z + settings.jitter * rng.standard_normal(z.shape)
     moments = jax.tree.leaves(
         _optimiser(settings.clip, settings.learning_rate)[0].init(_on_device(free))
     )
@@ -197,8 +195,8 @@ def _descend(descent, wanted, sequences, value_and_gradient, settings):
         gradients, losses = [], []
         for place in _of_step(step, len(sequences), settings):
             sequence = sequences[place]
-            drawn = jax.random.fold_in(key, 0 if settings.random_numbers == "common" else step)
-            keys = jax.random.split(jax.random.fold_in(drawn, place), settings.runs)
+            fresh = jax.random.fold_in(jax.random.fold_in(key, step), place)
+            keys = jax.random.split(fresh, settings.runs)
             loss, gradient = value_and_gradient(
                 free, sequence.tracker, keys, sequence.frames, sequence.truth, sequence.sizes
             )

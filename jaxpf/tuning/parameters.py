@@ -156,18 +156,18 @@ def read(tracker: Any, wanted: Parameter | str) -> jax.Array:
 def replace(tracker: Any, values: Mapping[str, Any]) -> Any:
     """Replace parameter values, path -> value; values may be traced."""
     wanted = [Parameter(path) for path in values]
-    known = _leaves(tracker)
-    for one in wanted:
-        if one.name not in known:
-            raise InputError(_why_not(tracker, one.name, None))
+    leaves = _leaves(tracker)
+    for parameter in wanted:
+        if parameter.name not in leaves:
+            raise InputError(_why_not(tracker, parameter.name, None))
 
     def exchange(path, leaf):
         name = _name(path)
-        for one in wanted:
-            if one.name == name:
+        for parameter in wanted:
+            if parameter.name == name:
                 leaf = jnp.asarray(leaf, jnp.result_type(leaf, float))
-                value = jnp.asarray(values[one.path], leaf.dtype)
-                leaf = leaf.at[one.index].set(value) if one.index else value
+                value = jnp.asarray(values[parameter.path], leaf.dtype)
+                leaf = leaf.at[parameter.index].set(value) if parameter.index else value
         return leaf
 
     return jax.tree_util.tree_map_with_path(exchange, tracker)
@@ -175,12 +175,13 @@ def replace(tracker: Any, values: Mapping[str, Any]) -> Any:
 
 def check_apart(wanted: Sequence[Parameter]) -> None:
     """Refuse parameters that are named twice, or an array together with one of its entries."""
-    for place, one in enumerate(wanted):
+    for place, parameter in enumerate(wanted):
         for other in wanted[:place]:
-            shorter = min(len(one.index), len(other.index))
-            if one.name == other.name and one.index[:shorter] == other.index[:shorter]:
+            shorter = min(len(parameter.index), len(other.index))
+            if parameter.name == other.name and parameter.index[:shorter] == other.index[:shorter]:
                 raise InputError(
-                    f"the parameters {other.path} and {one.path} overlap; name each value once."
+                    f"the parameters {other.path} and {parameter.path} overlap; name each value "
+                    "once."
                 )
 
 

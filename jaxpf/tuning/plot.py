@@ -14,9 +14,9 @@ def traces(result: Result, loss_name: str = "loss") -> Any:
     A dashed line marks the tuned value, with its 95 % interval if known.
     """
     columns = []
-    for one in result.parameters:
-        shape = np.shape(result.free[one.path])
-        columns += [(one, index) for index in np.ndindex(shape)]
+    for parameter in result.parameters:
+        shape = np.shape(result.free[parameter.path])
+        columns += [(parameter, index) for index in np.ndindex(shape)]
     columns = columns[:8]
     rows = 2 + len(columns)
     figure, axes = new_figure(
@@ -34,18 +34,20 @@ def traces(result: Result, loss_name: str = "loss") -> Any:
     if all((descent.gradient_norm > 0).all() for descent in result.descents):
         axes[1].set_yscale("log")
     values, intervals = result.values, result.intervals()
-    for axis, (one, index) in zip(axes[2:], columns, strict=False):
+    for axis, (parameter, index) in zip(axes[2:], columns, strict=False):
         for descent, colour in zip(result.descents, lines, strict=True):
-            trace = np.asarray(one.to_value(descent.free[one.path]))
+            trace = np.asarray(parameter.to_value(descent.free[parameter.path]))
             axis.plot(np.arange(len(trace)), trace[(slice(None), *index)], color=colour)
-        low, high = (float(end[index]) for end in intervals[one.path])
+        low, high = (float(end[index]) for end in intervals[parameter.path])
         if high > low:
             axis.axhspan(low, high, color="black", alpha=0.12, label="95 % interval")
-        axis.axhline(float(values[one.path][index]), color="black", ls="--", label="value found")
-        if one.low == 0 and np.isinf(one.high):
+        axis.axhline(
+            float(values[parameter.path][index]), color="black", ls="--", label="value found"
+        )
+        if parameter.low == 0 and np.isinf(parameter.high):
             axis.set_yscale("log")
         suffix = "".join(f"[{i}]" for i in index)
-        axis.set(ylabel=f"{one.path}{suffix}")
+        axis.set(ylabel=f"{parameter.path}{suffix}")
     if rows > 2:
         axes[2].legend(fontsize="small")
     for axis in axes[rows:]:

@@ -122,7 +122,7 @@ def free_loss(
     loss = loss_function(objective, outlines)
 
     def of_free(free, tracker, keys, frames, truth, sizes):
-        values = {one.path: one.to_value(free[one.path]) for one in wanted}
+        values = {parameter.path: parameter.to_value(free[parameter.path]) for parameter in wanted}
         return loss(_with(tracker, values), keys, frames, truth, sizes)
 
     return jax.jit(jax.value_and_grad(of_free))
@@ -164,8 +164,10 @@ def observed(sequence: TrainingSequence) -> TrainingSequence:
     if not getattr(likelihood, "fixed_observation", False):
         return sequence
     frames = jax.device_put(sequence.frames)
-    one = jax.eval_shape(tracker.observe, frames[0])
-    size = sum(math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in jax.tree.leaves(one))
+    observation = jax.eval_shape(tracker.observe, frames[0])
+    size = sum(
+        math.prod(x.shape) * np.dtype(x.dtype).itemsize for x in jax.tree.leaves(observation)
+    )
     if size * len(frames) > _KEPT_OBSERVATIONS:
         return dataclasses.replace(sequence, frames=frames)
     observations = jax.jit(lambda frames: jax.lax.map(tracker.observe, frames))(frames)

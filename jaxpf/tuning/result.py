@@ -113,7 +113,10 @@ class Result:
         return self._values({name: z[-1] for name, z in self.descents[-1].free.items()})
 
     def _values(self, free: Mapping[str, Any]) -> dict[str, np.ndarray]:
-        return {one.path: np.asarray(one.to_value(free[one.path])) for one in self.parameters}
+        return {
+            parameter.path: np.asarray(parameter.to_value(free[parameter.path]))
+            for parameter in self.parameters
+        }
 
     def total_errors(self) -> dict[str, np.ndarray]:
         """path -> standard error of the unconstrained numbers, both sources; NaN if unknown."""
@@ -128,8 +131,9 @@ class Result:
         """path -> standard error of the value; valid for settled values only, see ``remarks``."""
         total = self.total_errors()
         return {
-            one.path: np.abs(np.asarray(one.slope(self.free[one.path]))) * total[one.path]
-            for one in self.parameters
+            parameter.path: np.abs(np.asarray(parameter.slope(self.free[parameter.path])))
+            * total[parameter.path]
+            for parameter in self.parameters
         }
 
     def intervals(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:

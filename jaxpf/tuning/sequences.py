@@ -39,14 +39,14 @@ class Recipe:
     def __post_init__(self) -> None:
         of = self.of
         values = {**of.defaults, **self.values}
-        its = building.filter_for(of, values.get("method"))
-        known = options_of(of.options, its.options)
+        filter_ = building.filter_for(of, values.get("method"))
+        declared = options_of(of.options, filter_.options)
         for name in self.values:
-            if name not in known:
+            if name not in declared:
                 raise InputError(
-                    f"{name} is no option of {self.target}; the options are {', '.join(known)}."
+                    f"{name} is no option of {self.target}; the options are {', '.join(declared)}."
                 )
-        model, of_filter = chosen(of.options, values), chosen(its.options, values)
+        model, of_filter = chosen(of.options, values), chosen(filter_.options, values)
         complete = {**_as_values(of_filter), **_as_values(model)}
         object.__setattr__(self, "values", complete)
 
@@ -71,14 +71,14 @@ class Recipe:
         ``training_frames``, ``[n, H, W, 3]``, show the background that normalises its likelihood.
         """
         of = self.of
-        its = building.filter_for(of, self.values["method"])
+        filter_ = building.filter_for(of, self.values["method"])
         options = chosen(of.options, self.values)
-        filter_options = chosen(its.options, self.values)
+        filter_options = chosen(filter_.options, self.values)
         if training_frames is None:
-            return building.build(of, options, its, filter_options, start, looks)
+            return building.build(of, options, filter_, filter_options, start, looks)
         options = of.resolved(options, looks.is_filmed)
         likelihood = of.training_likelihood(options, start, looks, training_frames)
-        return its.tracker(of.model(options, start, likelihood), filter_options)
+        return filter_.tracker(of.model(options, start, likelihood), filter_options)
 
 
 def training_sequence(

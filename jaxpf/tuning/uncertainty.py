@@ -35,20 +35,20 @@ def curvature(
     right and there are many frames.  Unknown errors are NaN; the second return value says why, or
     is "".
     """
-    sizes = [np.size(result.free[one.path]) for one in wanted]
+    sizes = [np.size(result.free[parameter.path]) for parameter in wanted]
     none = {name: np.full(np.shape(z), np.nan) for name, z in result.free.items()}
     total = sum(sizes)
     if total > _MOST:
         return none, f"{total} numbers are too many for their curvature"
-    centre = np.concatenate([np.ravel(result.free[one.path]) for one in wanted])
+    centre = np.concatenate([np.ravel(result.free[parameter.path]) for parameter in wanted])
     edges = np.cumsum(sizes)[:-1]
     key = jax.random.fold_in(jax.random.key(settings.seed), 2**31 - 1)
 
     def gradient(point: np.ndarray) -> np.ndarray:
         parts = np.split(point, edges)
         free = {
-            one.path: jnp.asarray(part.reshape(np.shape(result.free[one.path])), float)
-            for one, part in zip(wanted, parts, strict=True)
+            parameter.path: jnp.asarray(part.reshape(np.shape(result.free[parameter.path])), float)
+            for parameter, part in zip(wanted, parts, strict=True)
         }
         sum_: Any = np.zeros(total)
         for place, sequence in enumerate(sequences):
@@ -59,7 +59,7 @@ def curvature(
                 _, slope = value_and_gradient(
                     free, sequence.tracker, keys, sequence.frames, sequence.truth, sequence.sizes
                 )
-                flat = np.concatenate([np.ravel(slope[one.path]) for one in wanted])
+                flat = np.concatenate([np.ravel(slope[parameter.path]) for parameter in wanted])
                 sum_ = sum_ + flat * sequence.num_frames / _RUNS
         return sum_
 
@@ -75,6 +75,6 @@ def curvature(
         return none, "the values found are no clear maximum of the evidence"
     errors = np.sqrt(np.diag(np.linalg.inv(information)))
     return {
-        one.path: part.reshape(np.shape(result.free[one.path]))
-        for one, part in zip(wanted, np.split(errors, edges), strict=True)
+        parameter.path: part.reshape(np.shape(result.free[parameter.path]))
+        for parameter, part in zip(wanted, np.split(errors, edges), strict=True)
     }, ""

@@ -68,16 +68,16 @@ def test_a_folder_whose_name_is_too_long_is_refused(command):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[demo]\nruns = " + "[" * 20_000, "is nested too deeply"),
-        ("[demo]\nruns = " + "9" * 5000, "is not valid TOML: Exceeds the limit"),
-        ("[demo]\nruns = " + "9" * 400, "to a number beyond 9007199254740992"),
-        ('[demo]\noutput = "a\\u0000b"', "give a text in quotes"),
-        ("[demo]\nruns = '" + "y" * 5000 + "'", "yyy...; give a whole number"),
+        ("[evaluate]\nruns = " + "[" * 20_000, "is nested too deeply"),
+        ("[evaluate]\nruns = " + "9" * 5000, "is not valid TOML: Exceeds the limit"),
+        ("[evaluate]\nruns = " + "9" * 400, "to a number beyond 9007199254740992"),
+        ('[evaluate]\noutput = "a\\u0000b"', "give a text in quotes"),
+        ("[evaluate]\nruns = '" + "y" * 5000 + "'", "yyy...; give a whole number"),
     ],
 )
 def test_a_hostile_configuration_is_refused(tmp_path, text, said):
     (tmp_path / "c.toml").write_text(text)
-    assert said in refused("demo", "--config", tmp_path / "c.toml")
+    assert said in refused("evaluate", "distracter", "--config", tmp_path / "c.toml")
 
 
 def test_a_demo_replaces_nothing_unasked(tmp_path):

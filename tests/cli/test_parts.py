@@ -59,8 +59,6 @@ def whole_run(clip, parts_file, tmp_path_factory):
         *PARTICLES,
         "-o",
         output,
-        "--codec",
-        "vp9",
     )
     return outcome, output
 
@@ -82,7 +80,7 @@ def test_parts_are_followed_and_every_file_is_written(scene, whole_run):
     assert outcome.code == 0, outcome.err
     assert f"{LENGTH - 1} frames tracked" in outcome.out
     assert {path.name for path in output.iterdir()} == {
-        "tracks.csv", "overlay.webm", "diagnostics.csv", "diagnostics.png", "summary.json",
+        "tracks.csv", "overlay.mp4", "diagnostics.csv", "diagnostics.png", "summary.json",
         "run.toml", "trajectories.png",
     }  # fmt: skip
     header, *rows = (output / "tracks.csv").read_text().splitlines()
@@ -130,7 +128,7 @@ def test_two_bodies_are_followed_in_one_run(scene, parts_file, tmp_path, options
 
 def test_the_overlay_shows_turned_rectangles(scene, whole_run):
     _, output = whole_run
-    video = cv2.VideoCapture(str(output / "overlay.webm"))
+    video = cv2.VideoCapture(str(output / "overlay.mp4"))
     shown = [video.read()[1] for _ in range(LENGTH)]
     assert not video.read()[0]
     # The middle of every part is left as it was; its outline is not.

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from jaxpf.contours import draw_contours
 from jaxpf.contours.drawing import draw_contour_particles
 
 GREY = np.full((120, 200, 3), 128, np.uint8)
@@ -35,18 +34,3 @@ def test_likelier_particles_are_wider_and_unlikely_ones_are_left_out():
     wide, narrow, none = mark[10:30].sum(), mark[50:70].sum(), mark[90:110].sum()
     assert wide > narrow > 0
     assert none == 0
-
-
-def test_contours_have_names_and_what_is_not_finite_is_left_out():
-    lines = np.stack([level(60), np.full((41, 2), np.nan)])
-    mark = drawn(draw_contours(GREY, lines, ["one", "two"]))
-    assert mark[57:64, 30:170].any(axis=0).all()
-    assert not mark[70:].any()
-    # A lost one is broken.
-    lost = drawn(draw_contours(GREY, lines[:1], ["one"], lost=[True]))
-    assert not lost[57:64, 60:170].any(axis=0).all()
-
-
-def test_what_lies_far_outside_is_no_trouble():
-    far = np.stack([np.array([-1e9, 1e9]), np.array([1e9, -1e9])])
-    assert draw_contours(GREY, far[None], ["far"]).shape == GREY.shape

@@ -1,8 +1,16 @@
+from itertools import pairwise
+
 import cv2
 import numpy as np
 import pytest
 
-from jaxpf.media import draw_boxes, draw_particles, draw_pixel_grid, draw_rectangles, object_colours
+from jaxpf.media import (
+    draw_boxes,
+    draw_outlines,
+    draw_particles,
+    draw_pixel_grid,
+    object_colours,
+)
 
 
 def grey(width=120, height=90):
@@ -138,22 +146,34 @@ def test_grid_lines_lie_at_the_coordinates_that_they_name():
 
 def test_a_turned_rectangle_is_drawn_along_its_sides():
     frame = np.full((100, 120, 3), 40, np.uint8)
-    corners = np.array([[[60, 30], [90, 60], [60, 90], [30, 60]]], float)
+    corners = np.array([[[60, 30], [90, 60], [60, 90], [30, 60], [60, 30]]], float)
     colour = np.array([[255, 0, 0]], np.uint8)
-    drawn = draw_rectangles(frame, corners, ["a"], colour)
-    for start, end in zip(corners[0], np.roll(corners[0], -1, axis=0), strict=True):
+    drawn = draw_outlines(frame, corners, ["a"], colour)
+    for start, end in pairwise(corners[0]):
         x, y = np.floor((start + end) / 2 - 0.25).astype(int)
         window = drawn[y - 1 : y + 3, x - 1 : x + 3].astype(int)
         assert (window[..., 0] - window[..., 1]).max() > 150
     assert (drawn[60, 60] == 40).all()  # its middle is left as it was
     assert (frame == 40).all()
-    lost = draw_rectangles(frame, corners, ["a"], colour, np.array([True]))
-    assert (lost[75, 45] == 40).all()  # no side, but corners
-    assert (lost[89, 60] != 40).any()
+    lost = draw_outlines(frame, corners, ["a"], colour, np.array([True]))
+    dashes, sides = ((picture[62:, :, 0] > 200).sum() for picture in (lost, drawn))
+    assert 0.3 < dashes / sides < 0.8
+
+
+@pytest.mark.parametrize("mark", ["lost", "doubtful"])
+def test_an_open_contour_is_dashed_where_it_is_in_doubt(mark):
+    frame = grey(200, 120)
+    line = np.stack([np.linspace(20, 180, 41), np.full(41, 60.5)], axis=1)
+    sure, unsure = (draw_outlines(frame, line[None], ["a"], **{mark: [is_]}) for is_ in (0, 1))
+    row = changed(frame, sure)[60]
+    assert row[20:180].all()
+    assert 0.3 < changed(frame, unsure)[60, 20:180].mean() < 0.8
+    strength = [np.abs(picture[60, 20:180].astype(int) - 128).max() for picture in (sure, unsure)]
+    assert (strength[1] < 0.6 * strength[0]) == (mark == "doubtful")
 
 
 def test_rectangles_that_are_not_finite_or_far_away_do_no_harm():
     frame = np.full((50, 60, 3), 40, np.uint8)
     corners = np.array([[[np.nan, 1]] * 4, [[1e9, 1e9]] * 4, [[-1e9, 5]] * 4])
-    drawn = draw_rectangles(frame, corners, ["a", "b", "c"])
+    drawn = draw_outlines(frame, corners, ["a", "b", "c"])
     assert drawn.shape == frame.shape

@@ -2,6 +2,7 @@ import os
 import subprocess
 import sys
 import tracemalloc
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -126,6 +127,24 @@ def test_a_difference_of_one_or_two_frames_is_a_note_and_no_truncation(tmp_path)
     list(source)
     assert not source.truncated
     assert "announces 41 frames, and 40 can be decoded" in source.note
+
+
+def test_frames_are_shown_at_their_timestamps(tmp_path):
+    seconds, path = [0.0, 0.1, 0.5, 0.6], tmp_path / "varying.mp4"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        stream.codec_context.max_b_frames = 0
+        for number, time in enumerate(seconds):
+            frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 40 * number, np.uint8))
+            frame.pts, frame.time_base = round(time * 10), Fraction(1, 10)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    source, given = open_frames(path), open_frames(path, fps=5)
+    shown = [source.shown_at(number) for number, _ in enumerate(source)]
+    np.testing.assert_allclose(shown, seconds)
+    given_times = [given.shown_at(number) for number, _ in enumerate(given)]
+    np.testing.assert_allclose(given_times, [0, 0.2, 0.4, 0.6])
 
 
 def test_a_varying_rate_is_not_taken_for_truncation(tmp_path, monkeypatch):

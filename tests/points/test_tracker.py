@@ -64,6 +64,20 @@ def test_hidden_points_are_drawn_hollow():
     assert drawn[50, 50].any()
 
 
+def test_names_of_crowded_points_are_apart_and_cover_no_point():
+    black = np.zeros((270, 480, 3), np.uint8)
+    places = np.array([[240 + 18 * i, 135 + 14 * j] for i in range(4) for j in range(3)], float)
+    names = [f"point {number}" for number in range(12)]
+    bare = draw_points(black, places)
+    drawn = draw_points(black, places, names=names)
+    marked = bare.any(axis=-1)
+    np.testing.assert_array_equal(drawn[marked], bare[marked])
+    # Names without a place beside their point are listed in the corner.
+    assert drawn[:40, :60].any()
+    few = draw_points(black, places[:2] * [1, 1.3], names=names[:2])
+    assert not few[:40, :60].any()
+
+
 class _Source:
     width, height, path = 156, 120, "clip"
 

@@ -62,26 +62,6 @@ def test_a_clip_decodes_pictures_to_rgb_only_when_asked(folder):
         next(pictures)
 
 
-def test_a_loaded_clip_is_a_scene(folder):
-    scene = scenes.read_clip(folder).load()
-    assert scene.frames.shape == (3, 8, 12, 3)
-    # Object 2 from frame 0: columns 1 to 3, rows 2 to 5.
-    np.testing.assert_array_equal(scene.patches[0], scene.frames[0, 2:6, 1:4])
-    # Object 7 from frame 1: from column 8 (8.5 rounds to even) to the border at 12, rows 1 to 5.
-    np.testing.assert_array_equal(scene.patches[1], scene.frames[1, 1:6, 8:12])
-    np.testing.assert_array_equal(scene.extras["ids"], [2, 7])
-
-
-def test_objects_of_a_clip_can_be_chosen(folder):
-    clip = scenes.read_clip(folder)
-    scene = clip.load(ids=[7])
-    np.testing.assert_array_equal(scene.boxes, clip.boxes[:, 1:])
-    np.testing.assert_array_equal(scene.extras["occlusion"], clip.occlusion[:, 1:])
-    assert len(scene.patches) == 1
-    with pytest.raises(SceneError, match="no object 3; its ids are 2, 7"):
-        clip.load(ids=[2, 3])
-
-
 @pytest.mark.parametrize(
     ("line", "complaint"),
     [
@@ -145,7 +125,7 @@ def test_pictures_of_another_size_than_described_are_refused(folder):
     meta = json.loads((folder / "meta.json").read_text())
     (folder / "meta.json").write_text(json.dumps(meta | {"width": 13}))
     with pytest.raises(SceneError, match="frame 0 measures 12 x 8"):
-        scenes.read_clip(folder).load()
+        list(scenes.read_clip(folder).frames())
 
 
 def test_a_video_that_ends_early_is_refused(folder):
@@ -169,7 +149,7 @@ def test_a_video_that_ends_early_is_refused(folder):
 
 
 def test_a_real_walk_through_a_campus(data_folder):
-    scene = scenes.read_clip(data_folder / "tud_campus").load(ids=[1, 2, 3, 4, 5])
+    scene = scenes.open_scene(data_folder / "tud_campus", ids=[1, 2, 3, 4, 5], start_frame=0)
     assert scene.frames.shape == (71, 480, 640, 3)
     np.testing.assert_array_equal(scene.boxes[0, 0], [398, 181, 121, 229])
     np.testing.assert_array_equal(scene.sizes[0], [121, 229])

@@ -54,7 +54,6 @@ def scene():
         ("num_objects", 0),
         ("motion_scale", -1.0),
         ("vanish_frame", 3),
-        ("background_change", "sometimes"),
         ("num_frames", "many"),
         ("brightness", float("nan")),
     ],
@@ -130,12 +129,6 @@ def test_object_1_departs_from_where_the_distracter_vanished():
     assert distances[0.0] < 60 <= distances[60.0]
 
 
-def test_the_direction_of_the_lead_can_be_chosen():
-    scene = scenes.make("distracter", seed=2, lead_direction=90.0, lead_distance=45.0)
-    gap = scene.extras["distracter_boxes"][7, :2] - scene.boxes[7, 0, :2]
-    np.testing.assert_allclose(gap, [0, 45], atol=1e-9)
-
-
 def test_the_frames_show_what_the_truth_says():
     scene = scenes.make("distracter", seed=3, object_noise=0.0)
     shown = scene.extras["distracter_boxes"]
@@ -201,20 +194,6 @@ def test_likeness_is_the_share_of_common_colour(likeness):
     # Whole cells of 4 x 4, some cut at the edge of a half: not exact to the pixel.
     assert abs(same.mean() - likeness) < 0.04
     assert abs(same[:21].mean() - same[21:].mean()) < 0.08
-
-
-@pytest.mark.parametrize(("share", "source"), [(0.0, "object_patch"), (1.0, "distracter_patch")])
-def test_the_first_template_can_be_learned_from_either(share, source):
-    scene = scenes.make("distracter", template_from_distracter=share, **SMALL)
-    np.testing.assert_array_equal(scene.patches[0], scene.extras[source])
-
-
-def test_background_changes_only_when_asked():
-    corner = (slice(None), slice(0, 2), slice(0, 2))
-    still = scenes.make("distracter", **SMALL).frames[corner]
-    lively = scenes.make("distracter", background_change="every frame", **SMALL).frames[corner]
-    assert (still == still[0]).all()
-    assert all((picture != lively[0]).any() for picture in lively[1:])
 
 
 def test_background_noise_is_as_stated():

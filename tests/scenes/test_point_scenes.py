@@ -5,7 +5,6 @@ import pytest
 
 import scenes
 from scenes.deforming import Pose, bumps
-from scenes.landmarks import read_landmarks
 
 SMALL = {
     "fish": {"num_frames": 50, "frame_width": 640, "frame_height": 360},
@@ -71,34 +70,3 @@ def test_a_bend_is_inverted():
 def test_parameters_out_of_range_are_refused(name, parameters, message):
     with pytest.raises(scenes.SceneError, match=message):
         scenes.make(name, **parameters)
-
-
-def test_landmarks_are_read(tmp_path):
-    path = tmp_path / "points.csv"
-    path.write_text("frame,id,cx,cy,visible\n2,8,1.5,2,1\n2,9,,,0\n4,8,3,4,0\n")
-    marks = read_landmarks(tmp_path)
-    assert marks.ids == (8, 9)
-    assert marks.places.shape == (5, 2, 2)
-    np.testing.assert_array_equal(marks.marked, [False, False, True, False, True])
-    np.testing.assert_array_equal(marks.visible[2], [True, False])
-    np.testing.assert_array_equal(marks.places[4, 0], [3, 4])
-    for text, message in (
-        ("x,y\n1,2\n", "header must be"),
-        ("frame,id,cx,cy,visible\n1,1,,,1\n", "in view needs"),
-        ("frame,id,cx,cy\n1,1,2,3\n1,1,2,3\n", "second line"),
-        ("frame,id,cx,cy\n1,1,2\n", "has 3 values"),
-        ("frame,id,cx,cy\n1,1,2,b\n", "cy = 'b' is not a finite number"),
-        ("frame,id,cx,cy\n", "holds no landmarks"),
-    ):
-        path.write_text(text)
-        with pytest.raises(scenes.SceneError, match=message):
-            read_landmarks(tmp_path)
-
-
-def test_the_bear_has_the_landmarks_its_description_says(data_folder):
-    marks = read_landmarks(data_folder / "badja_bear")
-    assert marks.places.shape[1] == 20
-    assert marks.marked.sum() == 17
-    assert (~marks.visible[marks.marked]).sum() == 40
-    with pytest.raises(scenes.SceneError, match="has no landmarks"):
-        read_landmarks(data_folder / "davis_car-shadow")

@@ -70,7 +70,6 @@ GIVEN = {
 def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatch):
     from jaxpf.cli.tracking.command import TrackCommand
     from jaxpf.cli.tracking.request import request_of
-    from jaxpf.cli.tracking.settling import settle
     from jaxpf.cli.tracking.work import Opened, build_tracker
 
     monkeypatch.chdir(tmp_path)
@@ -86,7 +85,7 @@ def test_a_tracker_is_that_of_the_command_line(name, given, tmp_path, monkeypatc
     request = request_of(context, adapter)
     place = adapter.read_start(request.starts, 0, source)
     opened = Opened(source, FRAME, iter(()), place, None, tmp_path / "out", None)
-    typed = build_tracker(request, opened, settle(request, place, FRAME, opened.frames)).tracker
+    typed = build_tracker(request, opened).tracker
     module = getattr(jaxpf, name)
     made = module.tracker(FRAME, start, **(options if given else {}))
     assert jax.tree.structure(made) == jax.tree.structure(typed)

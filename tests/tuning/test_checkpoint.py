@@ -20,23 +20,15 @@ def begun(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("other", "said"),
+    "sequence",
     [
-        (
-            {"gradient": gradients.StopGradient()},
-            r"begun with gradient = NoGradient\(\), now StopGradient\(\)",
-        ),
-        ({"resampling": "multinomial"}, "begun with resampling = systematic, now multinomial"),
+        made_sequence(gradient=gradients.StopGradient()),
+        made_sequence(resampling="multinomial"),
+        dataclasses.replace(made_sequence(), tracker=tracker(noise=2.0)),
     ],
 )
-def test_what_differs_from_a_checkpoint_is_told_in_words(begun, other, said):
-    with pytest.raises(InputError, match=said):
-        tuning.tune(made_sequence(**other), SCALE, settings=QUICK, folder=begun)
-
-
-def test_another_model_is_told_in_words(begun):
-    sequence = dataclasses.replace(made_sequence(), tracker=tracker(noise=2.0))
-    with pytest.raises(InputError, match="was begun with another model: its noise"):
+def test_another_tracker_is_named(begun, sequence):
+    with pytest.raises(InputError, match="was begun with another tracker: its settings"):
         tuning.tune(sequence, SCALE, settings=QUICK, folder=begun)
 
 

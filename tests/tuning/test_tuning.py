@@ -103,14 +103,6 @@ def _squared_scale(tracker, keys, frames):
     return jnp.full(len(keys), jnp.sum(tracker.dynamics.scale**2))
 
 
-def test_common_random_numbers_make_the_loss_one_function():
-    still = Settings(steps=4, learning_rate=1e-9, repeats=1, random_numbers="common")
-    losses = tune(made_sequence(), SCALE, settings=still).descents[0].loss
-    np.testing.assert_allclose(losses, losses[0], rtol=1e-5)
-    fresh = dataclasses.replace(still, random_numbers="fresh")
-    assert np.std(tune(made_sequence(), SCALE, settings=fresh).descents[0].loss) > 1e-3
-
-
 def test_it_stops_when_values_have_settled():
     settings = Settings(steps=200, window=5, tolerance=0.05, repeats=1, learning_rate=0.05)
     result = tune(made_sequence(), SCALE, settings=settings)
@@ -134,7 +126,7 @@ def test_sequences_take_turns():
     sequences = [made_sequence(seed) for seed in range(3)]
     settings = Settings(steps=3, repeats=1, sequences_per_step=1, learning_rate=1e-9)
     turns = tune(sequences, SCALE, settings=settings).descents[0].loss
-    all_ = dataclasses.replace(settings, sequences_per_step=None, random_numbers="common")
+    all_ = dataclasses.replace(settings, sequences_per_step=None)
     together = tune(sequences, SCALE, settings=all_).descents[0].loss
     assert abs(turns.mean() - together.mean()) < 0.5
     assert np.std(turns) > 5 * np.std(together)
@@ -240,10 +232,9 @@ def test_a_checkpoint_of_other_settings_is_refused(tmp_path):
     ("change", "words"),
     [
         ({"steps": 0}, "steps = 0"),
-        ({"learning_rate": 0.0}, "learning_rate = 0.0"),
+        ({"learning_rate": 0.0}, "learning_rate = 0 must be"),
         ({"clip": np.inf}, "clip = inf"),
-        ({"tolerance": -1.0}, "tolerance = -1.0"),
-        ({"random_numbers": "old"}, "random_numbers 'old'"),
+        ({"tolerance": -1.0}, "tolerance = -1 must be"),
         ({"seed": -1}, "seed = -1"),
     ],
 )

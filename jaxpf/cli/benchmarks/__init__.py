@@ -1,6 +1,1 @@
-"""Benchmarks, each with a baseline measured at the same time.
-
-Times are in nanoseconds per particle, partition and frame, without compilation.  Baseline and
-candidate are timed alternately and the median of their ratios is reported: on a shared machine
-ratios are reliable, absolute times are not.
-"""
+"""``jaxpf bench``: each figure is timed together with its baseline."""

@@ -1,4 +1,4 @@
-"""Benchmark problems: crowded frames, and a 1-D model."""
+"""Benchmark problems: boxes on noise, and a 1-D model."""
 
 from typing import Any
 
@@ -10,28 +10,21 @@ from jaxpf import ordering as orderings
 from jaxpf.boxes.models import box_model
 from jaxpf.dynamics.gaussian import LinearGaussian
 from jaxpf.likelihoods.gaussian import Gaussian
-from jaxpf.tuning import objectives
 
-OBJECTS, HEIGHT, WIDTH = 7, 288, 360
-#: Noise of u, v (pixels) and of the scale in all benchmarks with boxes.
+#: Noise of x, y (pixels) and of the scale.
 BOX_SCALE = (2, 2, 0.001)
 
 
-def crowded_frame() -> tuple[np.ndarray, np.ndarray]:
-    """A frame of noise with 7 objects of a dozen colours each, and their boxes ``[P, 4]``."""
-    places = [(20 + 45 * i, 30 + 28 * i) for i in range(OBJECTS)]
-    return _colourful(HEIGHT, WIDTH, np.array([(x, y, 32, 42) for x, y in places]))
-
-
-def large_frame() -> tuple[np.ndarray, np.ndarray]:
-    """640 x 480 noise with five objects of 60 x 120 pixels, and their boxes ``[P, 4]``."""
-    return _colourful(480, 640, np.array([(40 + 110 * i, 60 + 50 * i, 60, 120) for i in range(5)]))
-
-
-def _colourful(height: int, width: int, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def frame_with_boxes(
+    count: int, height: int = 288, width: int = 360, size: tuple[int, int] = (32, 42)
+) -> tuple[np.ndarray, np.ndarray]:
+    """A frame of noise with objects of a dozen colours each on its diagonal; their boxes."""
     rng = np.random.default_rng(0)
     frame = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)
-    for x, y, w, h in boxes:
+    w, h = size
+    step = np.array([width - w - 20, height - h - 30]) // count
+    boxes = np.array([(20 + i * step[0], 30 + i * step[1], w, h) for i in range(count)])
+    for x, y, _, _ in boxes:
         colours = rng.integers(0, 256, (12, 3))
         frame[y : y + h, x : x + w] = colours[rng.integers(0, 12, (h, w))]
     return frame, boxes.astype(float)
@@ -49,40 +42,14 @@ def box_tracker(
     )
 
 
-def line_tracker(num_particles: int, num_partitions: int = 1, **settings: Any) -> jaxpf.Partitioned:
-    """``x_t = .9 x_{t-1} + n`` observed with unit noise, independently for every partition."""
+def line_tracker(num_particles: int, **settings: Any) -> jaxpf.Partitioned:
+    """``x_t = .9 x_{t-1} + n``, observed with unit noise."""
+    unit = jnp.ones((1, 1, 1))
     return jaxpf.Partitioned(
-        **_line_model(num_partitions),
-        ordering=orderings.ps(range(num_partitions)),
+        dynamics=LinearGaussian(transition=0.9 * unit, noise=unit),
+        likelihood=Gaussian(noise=unit),
+        initial=jnp.zeros((1, 1)),
+        ordering=orderings.sir(1),
         num_particles=num_particles,
         **settings,
     )
-
-
-def labelled_line_tracker(num_targets: int, num_particles: int) -> jaxpf.Labelled:
-    """The same model with one target per partition."""
-    return jaxpf.Labelled(**_line_model(num_targets), num_particles=num_particles)
-
-
-def _line_model(count: int) -> dict[str, Any]:
-    one = jnp.ones((count, 1, 1))
-    return {
-        "dynamics": LinearGaussian(transition=0.9 * one, noise=one),
-        "likelihood": Gaussian(noise=one),
-        "initial": jnp.zeros((count, 1)),
-    }
-
-
-def keep_estimate(state: Any, summary: Any) -> Any:
-    """Keep the statistics that an evaluation needs."""
-    return summary.estimate, summary.log_evidence, summary.ess, summary.uniqueness
-
-
-def keep_report(state: Any, summary: Any) -> Any:
-    """Keep the statistics that a 1-D filter reports."""
-    return summary.log_evidence, summary.estimate, summary.ess
-
-
-def mean_evidence(tracker: Any, keys: Any, frames: Any, checkpoint: bool | int = True) -> Any:
-    """Mean log evidence over independent runs."""
-    return jnp.mean(objectives.log_evidence(tracker, keys, frames, checkpoint=checkpoint))

@@ -16,16 +16,16 @@ from jaxpf.contract.errors import InputError
     type=click.Choice(["coco", "cvat", "mot", "movement", "arviz"]),
 )
 @click.argument("output", metavar="FILE", type=GivenPath())
-@click.option("--overwrite", is_flag=True, help="Replace the file if it is there.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
 def command(folder: Path, form: str, output: Path, overwrite: bool) -> None:
-    """Write the tracks in FOLDER, which `jaxpf track` filled, to FILE in another project's FORMAT.
+    """Write the tracks of `jaxpf track` in FOLDER to FILE, in FORMAT.
 
     coco: JSON with boxes, polygons or key points.  cvat: the archive that CVAT imports as "MOT
     1.1".  mot: text lines of the MOTChallenge, which count from 1.  movement: netCDF with
-    positions, confidence and intervals.
+    positions and confidence.
 
-    arviz: netCDF of an evaluation, which `jaxpf evaluate` put into FOLDER, with runs as chains and
-    frames as draws.  It and movement need the extra `formats`.
+    arviz: netCDF of an evaluation that `jaxpf evaluate` wrote to FOLDER, with runs as chains and
+    frames as draws.  arviz and movement need the extra `formats`.
 
     Example: jaxpf export jaxpf-clip coco tracks.json
     """
@@ -37,7 +37,7 @@ def command(folder: Path, form: str, output: Path, overwrite: bool) -> None:
     if output.suffix != suffix:
         raise InputError(f"output '{output}' must end in {suffix}; rename it.")
     if output.exists() and not overwrite:
-        raise InputError(f"'{output}' is there already; choose another FILE or --overwrite.")
+        raise InputError(f"'{output}' exists; choose another FILE or add --overwrite.")
     check_output_file(output)
     if of_evaluation:
         from jaxpf.evaluation import Results
@@ -49,5 +49,5 @@ def command(folder: Path, form: str, output: Path, overwrite: bool) -> None:
         return
     tracked = read_tracked(folder)
     FORMATS[form][1](output, tracked)
-    count, frames = len(tracked.names), len(tracked.lines)
+    count, frames = len(tracked.names), len(tracked.times)
     click.echo(f"{output}: {count} {tracked.target} in {frames} frames")

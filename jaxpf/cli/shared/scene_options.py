@@ -73,7 +73,7 @@ class SceneCommand(Command):
         own = [
             flag
             for section, owner in options.items()
-            for flag in declared_flags(options_of(owner), section, rare=rare)
+            for flag in declared_flags(options_of(owner), section, defaults=defaults, rare=rare)
         ]
         params = [click.Argument(["scene"]), *own, config_flag(own[-1].section)]
         super().__init__(name, params=params, callback=callback, **settings)

@@ -27,9 +27,9 @@ def report_truth(output: Path, ids: Sequence[Any], first: int, truth: Any, which
     """
     estimated = tracks.read_boxes(output / f"{which or 'tracks'}.csv", empty_boxes="absent")
     last = int(estimated.frame.max())
-    known = [int(i) for i in ids if i in set(truth.id.tolist())]
-    estimate = tracks.dense(estimated, known, last + 1)[first + 1 :]
-    target = tracks.dense(truth, known, last + 1)[first + 1 :]
+    shared = [int(i) for i in ids if i in set(truth.id.tolist())]
+    estimate = tracks.dense(estimated, shared, last + 1)[first + 1 :]
+    target = tracks.dense(truth, shared, last + 1)[first + 1 :]
     measures = metrics.summarise(estimate[None], target)
     columns = {
         "frames": np.asarray(metrics.has_truth(target)).sum(axis=0),
@@ -41,12 +41,12 @@ def report_truth(output: Path, ids: Sequence[Any], first: int, truth: Any, which
     rows = [
         [f"object {name}", f"{columns['frames'][k]:.0f}"]
         + [f"{columns[c][k]:.3f}" for c in list(columns)[1:]]
-        for k, name in enumerate(known)
+        for k, name in enumerate(shared)
     ]
     title = ", ".join(filter(None, ["Against the truth", which]))
     console.print_table(title, ["", *columns], rows)
     names = [name.replace(" at .5", "_half").replace(" ", "_") for name in columns]
-    lines = [[name, *(f"{c[k]:.6g}" for c in columns.values())] for k, name in enumerate(known)]
+    lines = [[name, *(f"{c[k]:.6g}" for c in columns.values())] for k, name in enumerate(shared)]
     path = output / f"{which + '_' if which else ''}metrics.csv"
     write_text(path, csv_text([["id", *names], *lines]))
 

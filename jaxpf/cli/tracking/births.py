@@ -53,10 +53,10 @@ def read_births(options: Mapping[str, Any]) -> Births | None:
     """
     rules = options_of(Rules)
     if options.get("births") is None:
-        for name, one in rules.items():
+        for name, rule in rules.items():
             if options.get(name) is not None:
                 raise InputError(
-                    f"{one.flag} works only with --births; add it, or leave {one.flag} out."
+                    f"{rule.flag} works only with --births; add it, or leave {rule.flag} out."
                 )
         return None
     if options["tracker"]:
@@ -77,12 +77,12 @@ def read_births(options: Mapping[str, Any]) -> Births | None:
 def _check_confidence(births: Births) -> None:
     """Refuse a --birth-confidence that excludes every detection."""
     least = births.rules.birth_confidence
-    known = births.table.confidence[births.table.id == DETECTED]
-    if least is not None and len(known) and known.max() < least:
+    confidences = births.table.confidence[births.table.id == DETECTED]
+    if least is not None and len(confidences) and confidences.max() < least:
         raise InputError(
             f"--birth-confidence {plain(least)} leaves out every detection of "
-            f"{births.table.source}, whose confidences are from {known.min():g} to "
-            f"{known.max():g}; give a lower one."
+            f"{births.table.source}, whose confidences are from {confidences.min():g} to "
+            f"{confidences.max():g}; give a lower one."
         )
 
 

@@ -5,7 +5,6 @@ from typing import Any
 
 import click
 
-from jaxpf import filters
 from jaxpf.cli.shared.config import config_flag, target_in
 from jaxpf.cli.shared.flags import Command, Flag, declared_flags, filter_flags, start_flags
 from jaxpf.cli.tracking.request import OF_BOXES, Run, request_of
@@ -15,8 +14,6 @@ from jaxpf.populations.lifetimes import Rules
 from jaxpf.targets import DEFAULT, adapters, find_adapter
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.building import filter_for
-
-_FILTER = f"Filter family: {', '.join(filters.all_filters())}.  [default: by --method]"
 
 
 class TrackCommand(Command):
@@ -90,29 +87,26 @@ def _has(adapter: Adapter, flag: str) -> bool:
 def _params(adapter: Adapter) -> list[click.Parameter]:
     run = options_of(Run)
     if not adapter.target.has_boxes:
-        run = {name: one for name, one in run.items() if name not in OF_BOXES}
-    if not adapter.target.fits_motion:
-        del run["fit_motion"]
+        run = {name: option for name, option in run.items() if name not in OF_BOXES}
 
     def of_run(section: str, *names: str, but: tuple[str, ...] = ()) -> list[Flag]:
-        those = {n: one for n, one in run.items() if n not in but and (not names or n in names)}
+        those = {
+            n: option for n, option in run.items() if n not in but and (not names or n in names)
+        }
         return declared_flags(
             those,
             section,
-            rare=("codec", "tracker", "error_bars", "smooth", "smooth_lag", "save_state", "resume"),
+            rare=("tracker", "error_bars", "smooth", "smooth_lag", "save_state", "resume"),
         )
 
-    early, of_model = ("start", "frames"), ("fit_motion",)
+    early = ("start", "frames")
     flags: list[click.Parameter] = [click.Argument(["video"])]
     flags += start_flags(adapter.start_flags, "Start") + of_run("Start", *early)
-    flags += declared_flags(options_of(adapter.target.options), "Model") + of_run(
-        "Model", *of_model
-    )
-    flags += [Flag(["--filter"], section="Filter", common=False, help=_FILTER)]
+    flags += declared_flags(options_of(adapter.target.options), "Model")
     flags += filter_flags(adapter.target.defaults, family=filter_for(adapter.target))
     if "births" in adapter.start_flags:
         flags += declared_flags(options_of(Rules), "Births and deaths")
-    flags += of_run("Run and output", but=early + of_model)
+    flags += of_run("Run and output", but=early)
     return [*flags, config_flag("Run and output")]
 
 

@@ -66,8 +66,8 @@ def _finish(recording: Recording, truth: Any) -> None:
 
 
 def _num_particles(recording: Recording, diagnostics: np.ndarray) -> int:
-    known = getattr(recording.tracker, "num_particles", 0)
-    return int(known or np.nanmax(diagnostics[:, 1], initial=1))
+    count = getattr(recording.tracker, "num_particles", 0)
+    return int(count or np.nanmax(diagnostics[:, 1], initial=1))
 
 
 def _summary(
@@ -103,7 +103,7 @@ def _summary(
         "error": str(stopped) if isinstance(stopped, InputError) else None,
         "video_truncated": source.truncated,
         "video_note": source.note,
-        "remarks": [*recording.opened.start.remarks, *recording.settled.remarks],
+        "remarks": list(recording.opened.start.remarks),
         "frames_outside": counts.outside,
         "frames_without_likelihood": counts.without_likelihood,
         "mean_error": _mean_errors(table, names),
@@ -125,8 +125,8 @@ def _mean_errors(table: Any, names: list[Any]) -> dict[str, float | None] | None
     means = {}
     for name in map(str, names):
         values = errors[:, ids == name]
-        known = np.isfinite(values)
-        means[name] = round(float(values[known].mean()), 4) if known.any() else None
+        estimated = np.isfinite(values)
+        means[name] = round(float(values[estimated].mean()), 4) if estimated.any() else None
     return means
 
 
@@ -136,7 +136,7 @@ def _likelihood_method(recording: Recording) -> Any:
         return None
     likelihood = recording.built.filter.likelihood
     likelihood = getattr(likelihood, "likelihood", likelihood)
-    return getattr(likelihood, "method", getattr(recording.settled.model, "likelihood", None))
+    return getattr(likelihood, "method", getattr(recording.request.model, "likelihood", None))
 
 
 def _tell(
@@ -152,9 +152,9 @@ def _tell(
     for line in sentences(verdicts, ess, num_particles):
         click.echo(line)
     if (errors := content["mean_error"]) is not None:
-        known = [f"{name} {error:.2g}" for name, error in errors.items() if error is not None]
-        if known:
-            click.echo(f"Monte-Carlo error of places in pixels: {', '.join(known)}")
+        estimated = [f"{name} {error:.2g}" for name, error in errors.items() if error is not None]
+        if estimated:
+            click.echo(f"Monte-Carlo error of places in pixels: {', '.join(estimated)}")
         else:
             _warn(
                 "Note: too few ancestors were left to estimate the Monte-Carlo error; ask for "

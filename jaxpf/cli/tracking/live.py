@@ -33,7 +33,6 @@ def check_live(request: "Request", source: Any) -> None:
     said = {
         "--truth": request.run.truth,
         "--births": request.births,
-        "--fit-motion": request.run.fit_motion,
     }
     for flag, value in said.items():
         if source.is_camera and value is not None:

@@ -23,7 +23,6 @@ from jaxpf.cli.tracking.writers import (
     Smoothed,
     Tracks,
     Writer,
-    overlay_video,
 )
 from jaxpf.contract.errors import InputError
 from jaxpf.files import writing
@@ -34,7 +33,6 @@ OUTPUTS = (
     "tracks.csv",
     "outlines.csv",
     "overlay.mp4",
-    "overlay.webm",
     "diagnostics.csv",
     "diagnostics.png",
     "trajectories.png",
@@ -53,7 +51,7 @@ class Recording:
 
     Attributes:
         request: the request.
-        opened, settled, built: results of the previous steps.
+        opened, built: results of the previous steps.
         table: contents of run.toml.
         tracker: the tracker that ran.
         counts: numbers of frames and failures.
@@ -64,7 +62,6 @@ class Recording:
 
     request: Request
     opened: Any
-    settled: Any
     built: Any
     table: dict[str, Any]
     tracker: Any
@@ -87,7 +84,6 @@ class Recording:
 def record_run(
     request: Request,
     opened: Any,
-    settled: Any,
     built: Any,
     table: dict[str, Any],
     restart: Callable[[], tuple[Any, np.ndarray]] | None,
@@ -95,7 +91,7 @@ def record_run(
     """Track every frame and pass it to the writers.
 
     Args:
-        request, opened, settled, built: results of the previous steps.
+        request, opened, built: results of the previous steps.
         table: contents of run.toml.
         restart: for a camera, returns the tracker and the start frame after compilation.
     """
@@ -103,7 +99,6 @@ def record_run(
     recording = Recording(
         request=request,
         opened=opened,
-        settled=settled,
         built=built,
         table=table,
         tracker=built.tracker,
@@ -121,7 +116,7 @@ def record_run(
             with (
                 announced_stop(saying),
                 contextlib.ExitStack() as stack,
-                contextlib.closing(settled.frames),
+                contextlib.closing(opened.frames),
             ):
                 _record_frames(recording, first, stack)
         except (KeyboardInterrupt, InputError) as error:
@@ -139,7 +134,7 @@ def _record_frames(recording: Recording, first: np.ndarray, stack: contextlib.Ex
     request, opened = recording.request, recording.opened
     run, source, births = request.run, opened.source, request.births
     key, before = jax.random.key(run.seed), recording.built.before
-    frames = itertools.islice(recording.settled.frames, before[1], run.frames)
+    frames = itertools.islice(recording.opened.frames, before[1], run.frames)
     total = _expected_frames(source, run)
     scene = _scene(recording)
     smoothed = None
@@ -226,10 +221,13 @@ def _writers(
     if recording.population is not None:
         writers.append(recording.population)
     if request.run.overlay or opened.window is not None:
+        from jaxpf.media.video_writer import VideoWriter
+
         video = None
         if request.run.overlay:
-            video = overlay_video(opened.output, request.run.codec, opened.source)
-            video = stack.enter_context(video)
+            size = opened.source.width, opened.source.height
+            video = VideoWriter(opened.output / "overlay.mp4", *size, opened.source.fps)
+            stack.enter_context(video)
         writers.append(Overlay(scene, video, opened.window))
     return writers
 

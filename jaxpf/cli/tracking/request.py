@@ -10,22 +10,17 @@ import click
 from jaxpf import filters
 from jaxpf.cli.shared.flags import as_typed, given_in, picked, refuse_others
 from jaxpf.cli.tracking.births import Births, defaults_of, read_births
-from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.errors import InputError
 from jaxpf.contract.options import OPEN, check_options, option, options_of
 from jaxpf.files.writing import check_output_file
-from jaxpf.media.video_writer import SUFFIXES
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.appearance import COLOUR
 from jaxpf.targets.target import Target
 
 #: Maximum number of frames in a video.
 _MOST_FRAMES = 2**31 - 1
-#: Minimum frames for --fit-motion: enough to show a walk or a throw; fewer leave the evidence
-#: undecided.
-LEAST_FITTED = 5
-#: Run options left out of run.toml because they do not affect results.  The motion found by
-#: --fit-motion is stored in the model's options.
-_NOT_REPEATED = ("output", "overwrite", "preview", "fit_motion", "save_state")
+#: Run options left out of run.toml because they do not affect results.
+_NOT_REPEATED = ("output", "overwrite", "preview", "save_state")
 #: Start flags that extend the start of a configuration file; other start flags replace it.
 _ADDS_TO_START = ("ids", "mask_step", "learned")
 
@@ -38,45 +33,39 @@ class Run:
     frames: int | None = option(
         None, "Track at most this many frames after the start.", least=1, most=_MOST_FRAMES
     )
-    fit_motion: int | None = option(
-        None,
-        "Fit the motion on the first N frames, such as 30.  The noise and momentum with the "
-        "largest evidence are used, and run.toml keeps them.",
-        least=LEAST_FITTED,
-        most=_MOST_FRAMES,
-    )
     seed: int = option(0, "Random seed: same seed, same tracks.", least=0, most=2**32 - 1)
     runs: int | None = option(
         None,
-        "Track N times: the mean and its standard error.  The runs share each frame's work: ten "
-        "cost two to nine times as much as one.",
+        "Track N times and report the mean and its standard error.  The runs share each frame's "
+        "work: ten cost two to nine times as much as one.",
         least=2,
         most=10_000,
     )
     error_bars: int | None = option(
         None,
-        "Estimate the Monte-Carlo error from one run, by ancestors N frames back, such as 2.  It "
-        "is empty if too few ancestors are left.",
+        "Estimate the Monte-Carlo error of one run from ancestors N frames back, such as 2.  "
+        "Fields are empty where too few ancestors are left.",
         least=1,
         most=10_000,
     )
     smooth: bool = option(
         False,
-        "Smooth when the clip ends.  smoothed.csv holds the tracks given all frames.",
+        "Also write smoothed.csv: the tracks given all frames, computed when the clip ends.",
     )
     smooth_lag: int | None = option(
         None,
-        "Smooth by at least N frames ahead, such as 50, instead of by all; for long clips.",
+        "Like --smooth, but given at least the next N frames, such as 50, instead of all; for "
+        "long clips.",
         least=1,
         most=_MOST_FRAMES,
     )
     save_state: Path | None = option(  # noqa: RUF009
-        None, "File for the filter's state after the last frame, for --resume."
+        None, "Save the filter's state after the last frame to this file, for --resume."
     )
     resume: Path | None = option(  # noqa: RUF009
         None,
-        "State of --save-state: resume after its frames, with the same options; the tracks are "
-        "identical to an uninterrupted run.",
+        "Continue from a file of --save-state, after its frames, with the same options.  The "
+        "tracks are identical to an uninterrupted run.",
     )
     output: Path | None = option(  # noqa: RUF009
         None,
@@ -85,21 +74,14 @@ class Run:
     )
     overwrite: bool = option(False, "Replace files in an existing folder.")
     overlay: bool = option(True, "Write the overlay video.")
-    codec: str = option(
-        "h264",
-        "Codec of the overlay: h264 (overlay.mp4), or vp9 (overlay.webm, smaller and slower).",
-        choices=tuple(SUFFIXES),
-    )
-    preview: bool = option(
-        False, "Show the overlay in a window while tracking.  This needs a screen."
-    )
+    preview: bool = option(False, "Show the overlay in a window while tracking; needs a screen.")
     truth: Path | None = option(  # noqa: RUF009
-        None, "True boxes, a CSV as for --boxes, for metrics."
+        None, "Compare with these true boxes, a CSV as for --boxes."
     )
     tracker: str | None = option(
         None,
-        "FILE.py:FUNCTION, a tracker of your own.  The function receives a scene: the start frame "
-        "and its boxes.",
+        "FILE.py:FUNCTION, your own tracker.  The function receives a scene: the start frame and "
+        "its boxes.",
     )
 
     def __post_init__(self) -> None:
@@ -144,22 +126,15 @@ class Request:
         """The kind of target."""
         return self.adapter.target
 
-    @property
-    def chooses_order(self) -> bool:
-        """Whether pilot runs choose the order."""
-        return getattr(self.filter_options, "order", None) == OPEN
-
-    def table(self, video: Any, model: Any, filter_options: Any) -> dict[str, Any]:
+    def table(self, video: Any) -> dict[str, Any]:
         """Contents of run.toml: everything that repeats the run, in command-line notation.
 
         Args:
             video: video address without a password.
-            model: fully resolved options of the target.
-            filter_options: fully resolved options of the filter.
         """
         values = {"target": self.target.name, "video": video, **self.starts}
         values |= {n: v for n, v in as_typed(self.run).items() if n not in _NOT_REPEATED}
-        values |= as_typed(model) | as_typed(filter_options)
+        values |= as_typed(self.model) | as_typed(self.filter_options)
         if self.births is not None:
             values |= as_typed(self.births.rules)
         return {
@@ -178,18 +153,19 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     values, target = _given(ctx, adapter), adapter.target
     run = picked(values, Run)
     births = read_births(values)
-    its, method = _filter_of(values, target, births is not None)
-    refuse_others(values, target, its)
+    filter_, method = _filter_of(values, target, births is not None)
+    refuse_others(values, target, filter_)
     particles, of_target = defaults_of(births)
     defaults = {**target.defaults, **particles}
     defaults.pop("method", None)
-    filter_options = picked(values, its.options, defaults | ({"method": method} if method else {}))
+    filter_options = picked(
+        values, filter_.options, defaults | ({"method": method} if method else {})
+    )
     # Objects that appear later are not in the start frame, so nothing can be learned from it.
     model = target.resolved(picked(values, target.options, of_target), is_filmed=births is None)
     _report_implied(values, model, target.resolved(target.options(), is_filmed=births is None))
     starts = {name: values[name] for name in adapter.start_flags}
-    request = Request(values["video"], adapter, starts, run, model, its, filter_options, births)
-    _check_fit(request)
+    request = Request(values["video"], adapter, starts, run, model, filter_, filter_options, births)
     _check_uncertainty(request)
     _check_states(request)
     return request
@@ -213,28 +189,6 @@ def _report_implied(values: Mapping[str, Any], model: Any, usual: Any) -> None:
                 f"the default is {default}.",
                 err=True,
             )
-
-
-def _check_fit(request: Request) -> None:
-    """Refuse to fit the motion or to choose an order where the run has none.
-
-    Raises:
-        InputError: gives the reason.
-    """
-    if request.chooses_order and request.run.tracker:
-        raise InputError(
-            "--order auto works only with the built-in filters; leave it or --tracker out."
-        )
-    if request.run.fit_motion is None:
-        return
-    if request.run.tracker:
-        raise InputError(
-            "--fit-motion works only with the built-in motion; leave it or --tracker out."
-        )
-    if request.births is not None:
-        raise InputError(
-            "--fit-motion needs objects that are in the start frame; leave it or --births out."
-        )
 
 
 def _check_uncertainty(request: Request) -> None:
@@ -295,43 +249,37 @@ def _given(ctx: click.Context, adapter: Adapter) -> dict[str, Any]:
     if (typed & set(adapter.start_flags)) - set(_ADDS_TO_START):
         left_out |= set(adapter.start_flags)
     if "method" in typed:
-        its = filters.filter_of(values["method"])
-        left_out |= set(_of_filters()) - set(options_of(its.options))
+        filter_ = filters.filter_of(values["method"])
+        left_out |= set(_of_filters()) - set(options_of(filter_.options))
     if "method" in typed and values["method"] != "ps":
         left_out.add("order")
-    for owner in (adapter.target.options, *(one.options for one in filters.all_filters().values())):
-        for name, one in options_of(owner).items():
-            other, wanted = one.implies or ("", "")
+    for owner in (
+        adapter.target.options,
+        *(family.options for family in filters.all_filters().values()),
+    ):
+        for name, option_ in options_of(owner).items():
+            other, wanted = option_.implies or ("", "")
             if other in typed and values[other] not in (wanted, OPEN):
                 left_out.add(name)
     return {n: None if n in left_out & written else value for n, value in values.items()}
 
 
 def _of_filters() -> dict[str, Any]:
-    return options_of(*(one.options for one in filters.all_filters().values()))
+    return options_of(*(filter_.options for filter_ in filters.all_filters().values()))
 
 
 def _filter_of(values: Mapping[str, Any], target: Target, opens: bool) -> tuple[Any, str | None]:
-    """The filter that --filter or --method selects, and the method if one is given."""
-    known = filters.all_filters()
-    name, method = values["filter"], values["method"]
-    if name:
-        check_known("--filter ", name, known)
-    its = known[name] if name else None
-    if its is None and opens and not method:
-        its = next(one for one in known.values() if one.opens)
-    if its is not None and method and method not in its.methods:
-        raise InputError(
-            f"--filter {its.name} has no method {method}; choose one of "
-            f"{', '.join(its.methods)}, or leave --filter out."
-        )
+    """The filter that --method or --births selects, and the name of the method."""
+    families = list(filters.all_filters().values())
+    method = values["method"]
+    if opens and not method:
+        return next(family for family in families if family.opens), None
     method = method or target.defaults.get("method")
-    if its is None:
-        its = filters.filter_of(method) if method else next(iter(known.values()))
-    if opens and not its.opens:
-        able = ", ".join(name for name, one in known.items() if one.opens)
+    chosen = filters.filter_of(method) if method else families[0]
+    if opens and not chosen.opens:
+        able = [name for family in families if family.opens for name in family.methods]
         raise InputError(
-            f"--births does not work with --filter {its.name}, whose population is fixed; use "
-            f"--filter {able}."
+            f"--births does not work with --method {method}, whose population is fixed; use "
+            f"--method {', '.join(able)}."
         )
-    return its, method if method in its.methods else None
+    return chosen, method

@@ -66,9 +66,9 @@ def own_tracker_of(place: str, scene: scenes.Scene) -> Any:
     """
     from jaxpf.evaluation.trackers import own_tracker
 
-    made = own_tracker(place, OwnTracker(place), scene)
-    if hasattr(made, "init"):
-        return made
+    tracker = own_tracker(place, OwnTracker(place), scene)
+    if hasattr(tracker, "init"):
+        return tracker
     raise InputError(f"the tracker {place!r} returned boxes; for a video return a tracker.")
 
 

@@ -122,5 +122,5 @@ def _frames(stretches: list[list[int]], most: int = 4) -> str:
     texts = [f"{first} to {last}" if last > first else f"{first}" for first, last in stretches]
     shown = texts[:most] + ([f"{len(texts) - most} more stretches"] if len(texts) > most else [])
     joined = " and ".join([", ".join(shown[:-1]), shown[-1]]) if len(shown) > 1 else shown[0]
-    one = len(stretches) == 1 and stretches[0][0] == stretches[0][1]
-    return f"{'frame' if one else 'frames'} {joined}"
+    is_single = len(stretches) == 1 and stretches[0][0] == stretches[0][1]
+    return f"{'frame' if is_single else 'frames'} {joined}"

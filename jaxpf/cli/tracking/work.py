@@ -1,4 +1,4 @@
-"""``jaxpf track`` in steps: open, settle, build, run, finish; ``request_of`` parses."""
+"""``jaxpf track`` in steps: open, build, run, finish; ``request_of`` parses."""
 
 import contextlib
 import dataclasses
@@ -16,13 +16,15 @@ from jaxpf.cli.tracking.finishing import finish
 from jaxpf.cli.tracking.live import check_live, open_window, start_when_compiled, used_to_the_light
 from jaxpf.cli.tracking.recorder import Recording, nothing_follows, record_run
 from jaxpf.cli.tracking.request import Request
-from jaxpf.cli.tracking.settling import LESS_MEMORY, Settled, chain, settle
 from jaxpf.contract.errors import InputError
 from jaxpf.files import writing
 from jaxpf.media.video import open_frames
 from jaxpf.running.memory import check_memory, needed_by
-from jaxpf.targets.building import looks_of_frame
+from jaxpf.targets.building import build, looks_of_frame
 from jaxpf.targets.target import Start
+
+#: Advice when memory is insufficient.
+_LESS_MEMORY = "ask for fewer particles (-n)"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Opened:
 
     source: Any
     first: np.ndarray
-    frames: Generator[np.ndarray, None, None]
+    frames: Generator[np.ndarray]
     start: Start
     truth: Any
     output: Path
@@ -71,9 +73,8 @@ def track(request: Request) -> None:
     """
     opened = open_input(request)
     use_compile_cache()
-    settled = settle(request, opened.start, opened.first, opened.frames)
-    built = build_tracker(request, opened, settled)
-    outcome = run(request, opened, settled, built)
+    built = build_tracker(request, opened)
+    outcome = run(request, opened, built)
     finish(outcome, opened.truth)
 
 
@@ -99,7 +100,7 @@ def open_input(request: Request) -> Opened:
         second = next(frames, None)  # fails before compilation
         if second is None:
             raise nothing_follows(source, run_options.start)
-        frames = chain([second], frames)
+        frames = _after(second, frames)
     if run_options.smooth and source.is_live and run_options.frames is None:
         raise InputError(
             f"--smooth waits for the end of the clip, and the end of '{source.path}' is unknown; "
@@ -108,7 +109,13 @@ def open_input(request: Request) -> Opened:
     return Opened(source, first, frames, start, truth, output, window)
 
 
-def build_tracker(request: Request, opened: Opened, settled: Settled) -> Built:
+def _after(frame: np.ndarray, frames: Generator[np.ndarray]) -> Generator[np.ndarray]:
+    """A frame and those after it; closing the generator closes the source."""
+    yield frame
+    yield from frames
+
+
+def build_tracker(request: Request, opened: Opened) -> Built:
     """Build the tracker, and read the state from which it resumes.
 
     Raises:
@@ -117,29 +124,19 @@ def build_tracker(request: Request, opened: Opened, settled: Settled) -> Built:
     """
     from jaxpf import smoothing
 
-    tracker = tracker_at(opened.first, request, opened, settled, settled.likelihood)
+    tracker = tracker_at(opened.first, request, opened)
     fewer = " or fewer runs (--runs)" if request.run.runs else ""
-    check_memory(needed_by(tracker), LESS_MEMORY + fewer)
+    check_memory(needed_by(tracker), _LESS_MEMORY + fewer)
     repeats = request.run.runs or request.run.error_bars
     filter_ = tracker.tracker if repeats else tracker
     if request.run.smooths:
         smoothing.check_smoothing(filter_)
-    for remark in settled.remarks:
-        click.echo(f"Note: {remark}", err=True)
     return Built(tracker, filter_, _state_before(request, tracker))
 
 
-def tracker_at(
-    frame: np.ndarray, request: Request, opened: Opened, settled: Settled, likelihood: Any = None
-) -> Any:
-    """Build the tracker that starts at a frame.
-
-    Args:
-        frame: uint8 RGB ``[H, W, 3]``.
-        request, opened, settled: results of the previous steps.
-        likelihood: learned from that frame; learned now by default.
-    """
-    options, start = settled.filter_options, opened.start
+def tracker_at(frame: np.ndarray, request: Request, opened: Opened) -> Any:
+    """Build the tracker that starts at a frame, uint8 RGB ``[H, W, 3]``."""
+    options, start = request.filter_options, opened.start
     if request.run.tracker:
         from jaxpf.cli.tracking.user_tracker import own_tracker_of, start_scene
 
@@ -151,14 +148,10 @@ def tracker_at(
         capacity = request.births.rules.capacity
         request.filter.check(options, (-1,) * capacity)
         size = request.births.typical_size
-        model = open_model(settled.model, frame.shape[:2], capacity, size, options.particles)
+        model = open_model(request.model, frame.shape[:2], capacity, size, options.particles)
         return request.filter.tracker(model, options)
-    if likelihood is None:
-        looks = looks_of_frame(frame, options.particles)
-        likelihood = request.target.likelihood(settled.model, start, looks)
-    request.filter.check(options, start.parents)
-    model = request.target.model(settled.model, start, likelihood)
-    tracker = request.filter.tracker(model, options)
+    looks = looks_of_frame(frame, options.particles)
+    tracker = build(request.target, request.model, request.filter, options, start, looks)
     if request.run.runs is not None:
         from jaxpf.filters import SideBySide
 
@@ -170,7 +163,7 @@ def tracker_at(
     return tracker
 
 
-def run(request: Request, opened: Opened, settled: Settled, built: Built) -> Recording:
+def run(request: Request, opened: Opened, built: Built) -> Recording:
     """Track the frames and write each one immediately.
 
     After an interruption or an error the tracked frames are kept, and ``finish`` reports them; a
@@ -178,25 +171,23 @@ def run(request: Request, opened: Opened, settled: Settled, built: Built) -> Rec
     """
     existed = opened.output.is_dir()
     writing.prepare_output_folder(opened.output, request.run.overwrite)
-    table = request.table(opened.source.path, settled.model, settled.filter_options)
+    table = request.table(opened.source.path)
     remake = None
     if opened.source.is_camera:
         # Objects may have moved during compilation: start at a later frame.
-        remake = functools.partial(_restart, request, opened, settled, built)
-    recording = record_run(request, opened, settled, built, table, remake)
+        remake = functools.partial(_restart, request, opened, built)
+    recording = record_run(request, opened, built, table, remake)
     if not recording.is_kept and not existed:
         with contextlib.suppress(OSError):
             opened.output.rmdir()
     return recording
 
 
-def _restart(
-    request: Request, opened: Opened, settled: Settled, built: Built
-) -> tuple[Any, np.ndarray]:
+def _restart(request: Request, opened: Opened, built: Built) -> tuple[Any, np.ndarray]:
     def make(frame: np.ndarray) -> Any:
-        return tracker_at(frame, request, opened, settled)
+        return tracker_at(frame, request, opened)
 
-    return start_when_compiled(make, built.tracker, opened.first, settled.frames, opened.source)
+    return start_when_compiled(make, built.tracker, opened.first, opened.frames, opened.source)
 
 
 def _state_before(request: Request, tracker: Any) -> tuple[Any, int]:

@@ -240,11 +240,3 @@ class Counts:
         for where, frames in ((record.outside, self.outside), (hopeless, self.without_likelihood)):
             for name in record.start.ids[where]:
                 frames.setdefault(str(name), []).append(record.number)
-
-
-def overlay_video(output: Path, codec: str, source: Any) -> Any:
-    """Open the video for the overlay."""
-    from jaxpf.media.video_writer import SUFFIXES, VideoWriter
-
-    path = output / f"overlay{SUFFIXES[codec]}"
-    return VideoWriter(path, source.width, source.height, source.fps)

@@ -22,13 +22,16 @@ from jaxpf.cli.shared.scene_options import (
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.names import GRADIENTS, OBJECTIVES
-from jaxpf.contract.options import OPEN, check_options, chosen, option, options_of
+from jaxpf.contract.options import OPEN, chosen, option, options_of
 from jaxpf.running.memory import check_memory, needed_by
 from jaxpf.targets import adapter_of_scene
 from jaxpf.targets.adapter import is_filmed
+from jaxpf.tuning.settings import Settings
 
 #: Default number of particles: a gradient costs more than a run.
 _PARTICLES = 100
+#: Defaults of the descent that differ from the library's: less work per step.
+_DEFAULTS = {"runs": 2, "sequences_per_step": 1}
 _LESS_MEMORY = "ask for fewer particles (-n), --runs or --frames"
 #: Steps per progress line if there is no terminal.
 _STEPS_PER_LINE = 10
@@ -67,28 +70,10 @@ class Tuned:
         None,
         "Number of labelled frames, evenly spread; by default all.  Not for evidence.",
     )
-
-
-@dataclasses.dataclass(frozen=True)
-class Descent:
-    """Options of the descent."""
-
     gradient: str = option(
         "stop_gradient",
         "Through resampling: stop_gradient (unbiased), none (less noise), soft or transport.",
         choices=GRADIENTS,
-    )
-    steps: int = option(150, "Most steps per repeat.")
-    repeats: int = option(3, "Number of descents, each with its own seed.")
-    learning_rate: float = option(0.1, "Step size; 0.1 changes values by up to 10 % per step.")
-    runs: int = option(2, "Runs per sequence and step.")
-    seed: int = option(0, "Random seed.")
-    sequences_per_step: int = option(1, "Scenes per step.")
-    random_numbers: str = option("fresh", "Random numbers: fresh at every step, or common.")
-    clip: float = option(10.0, "Longest gradient; longer ones are shortened.")
-    window: int = option(20, "Number of steps to average.")
-    tolerance: float = option(
-        0.02, "Stop when the values change by less than this share between windows."
     )
 
 
@@ -106,11 +91,11 @@ class Outcome:
 
 
 @dataclasses.dataclass(frozen=True)
-class Options(Outcome, Descent, Tuned, Scenes):
+class Options(Outcome, Settings, Tuned, Scenes):
     """All of ``jaxpf tune``'s own options."""
 
     def __post_init__(self) -> None:
-        check_options(self)
+        super().__post_init__()
         if self.labels is not None and self.objective == "evidence":
             raise InputError(
                 f"--labels {self.labels} does not work with --objective evidence, which needs no "
@@ -161,7 +146,7 @@ class _Built(NamedTuple):
 
 
 def _command(**values: Any) -> None:
-    request = _Request(picked(values, Options), resolved_scene(values["scene"]), values)
+    request = _Request(picked(values, Options, _DEFAULTS), resolved_scene(values["scene"]), values)
     opened = _open(request)
     start_jax()
     settled = _settle(request, opened)
@@ -206,9 +191,7 @@ def _build(opened: _Opened, settled: _Settled) -> _Built:
     from jaxpf.tuning.sequences import training_sequence
 
     options, before = settled.options, settled.before
-    names = {field.name for field in dataclasses.fields(tuning.Settings)}
-    names &= options_of(options).keys()
-    settings = tuning.Settings(**{name: getattr(options, name) for name in names})
+    settings = chosen(Settings, vars(options))
     parameters = [tuning.parameter(text) for text in names_in(options.parameters or "")]
     sequences = [
         training_sequence(scene, before, options.objective, options.labels)
@@ -264,7 +247,7 @@ command = SceneCommand(
     {
         "Scene": Scenes,
         "What is tuned": Tuned,
-        "Descent": Descent,
+        "Descent": Settings,
         "Output": Outcome,
     },
     _command,
@@ -277,14 +260,14 @@ command = SceneCommand(
         "learning_rate",
         "seed",
         "sequences_per_step",
-        "random_numbers",
         "clip",
         "window",
         "tolerance",
+        "jitter",
         "compare_particles",
     ),
     without=("order", "swap", "ess_threshold"),
-    defaults={"particles": _PARTICLES},
+    defaults={"particles": _PARTICLES, **_DEFAULTS},
     help="""Tune parameters on SCENE, and compare before and after on unseen frames.
 
     SCENE is as for `jaxpf evaluate`.  A synthetic scene is tuned on some seeds and compared on
@@ -345,12 +328,13 @@ def _check_parameters(tracker: Any, target: Any, wanted: list[Any]) -> None:
         )
     check_apart(wanted)
     tunable = [option.path for option in options_of(target.options).values() if option.path]
-    for one in wanted:
-        tuning.read(tracker, one)
-        if one.name not in tunable:
+    for parameter in wanted:
+        tuning.read(tracker, parameter)
+        if parameter.name not in tunable:
             raise InputError(
-                f"the parameter {one.path} has no option in `jaxpf track` and `jaxpf evaluate`; "
-                f"tune it in Python with jaxpf.tune, or choose among {', '.join(tunable)}."
+                f"the parameter {parameter.path} has no option in `jaxpf track` and `jaxpf "
+                f"evaluate`; tune it in Python with jaxpf.tune, or choose among "
+                f"{', '.join(tunable)}."
             )
 
 
@@ -360,9 +344,9 @@ def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[An
 
     target = adapter_of_scene(scene, options.target).target
     method = values["method"] or target.defaults.get("method")
-    its = filters.filter_of(method) if method else next(iter(filters.all_filters().values()))
+    filter_ = filters.filter_of(method) if method else next(iter(filters.all_filters().values()))
     own = {n: v for n, v in values.items() if n not in options_of(Options)}
-    refuse_others(own, target, its)
+    refuse_others(own, target, filter_)
     named = {
         text.partition("=")[0].partition("[")[0] for text in names_in(options.parameters or "")
     }
@@ -371,7 +355,7 @@ def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[An
         if one.path in named and one.implies and own.get(one.implies[0]) in (None, OPEN):
             own[one.implies[0]] = one.implies[1]
     model = target.resolved(picked(own, target.options), is_filmed(scene))
-    filter_options = picked(own, its.options, {"particles": _PARTICLES, **target.defaults})
+    filter_options = picked(own, filter_.options, {"particles": _PARTICLES, **target.defaults})
     both = (filter_options, model)
     chosen_values = {name: getattr(one, name) for one in both for name in options_of(one)}
     typed = {n: v for one in both for n, v in as_typed(one).items() if n in values}

@@ -64,17 +64,17 @@ def show(result: Any) -> None:
     """Print the table of values, and how the descents ended."""
     values, intervals = result.values, result.intervals()
     rows = []
-    for one in result.parameters:
-        for index in np.ndindex(np.shape(values[one.path])):
+    for parameter in result.parameters:
+        for index in np.ndindex(np.shape(values[parameter.path])):
             suffix = "".join(f"[{i}]" for i in index)
-            low, high = (float(end[index]) for end in intervals[one.path])
-            spread = float(result.spread_errors[one.path][index])
-            curvature = float(result.curvature_errors[one.path][index])
+            low, high = (float(end[index]) for end in intervals[parameter.path])
+            spread = float(result.spread_errors[parameter.path][index])
+            curvature = float(result.curvature_errors[parameter.path][index])
             rows.append(
                 [
-                    f"{one.path}{suffix}",
-                    f"{float(result.start[one.path][index]):.4g}",
-                    f"{float(values[one.path][index]):.4g}",
+                    f"{parameter.path}{suffix}",
+                    f"{float(result.start[parameter.path][index]):.4g}",
+                    f"{float(values[parameter.path][index]):.4g}",
                     f"[{low:.4g}, {high:.4g}]" if high > low else "",
                     "" if np.isnan(spread) else f"{100 * spread:.1f} %",
                     "" if np.isnan(curvature) else f"{100 * curvature:.1f} %",
@@ -108,8 +108,8 @@ def compare_before_and_after(
         runs=runs,
         seed=options.seed + 1,
     )
-    one = len(unseen) == 1
-    what = unseen[0].name if one else f"{len(unseen)} scenes"
+    is_single = len(unseen) == 1
+    what = unseen[0].name if is_single else f"{len(unseen)} scenes"
     click.echo(f"Comparing before and after on {what}: {runs} runs each ...", err=True)
     rows, lines = [], ["measure,before,after,difference,low,high,unit,count"]
     for name in MEASURES:
@@ -138,7 +138,7 @@ def compare_before_and_after(
         f"On {what}, not seen in tuning: {runs} runs each, {particles} particles, 95 % over "
         f"{comparison.count} {comparison.unit}",
         # Runs on one sequence do not generalise to others.
-        ["", "before", "after", "paired difference", "here" if one else "for such scenes"],
+        ["", "before", "after", "paired difference", "here" if is_single else "for such scenes"],
         rows,
     )
     write_text(output / COMPARISON, "\n".join(lines) + "\n")

@@ -7,7 +7,7 @@ from typing import Any
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.names import METHODS, SCHEMES, SWAPS
-from jaxpf.contract.options import OPEN, check_options, option
+from jaxpf.contract.options import check_options, option
 from jaxpf.filters.filter import Filter, Variant
 from jaxpf.filters.relocation_option import relocate_option, relocation_of
 
@@ -30,9 +30,8 @@ class Options:
     )
     order: Any = option(  # noqa: RUF009
         None,
-        "Order of the objects for ps, counted from 1, such as 3,1,2; auto chooses by pilot runs.",
+        "Order of the objects for ps, counted from 1, such as 3,1,2.",
         kind=int,
-        opens=True,
         length=-1,
         least=0,
         places=True,
@@ -119,11 +118,6 @@ class PartitionedFilter(Filter):
             raise InputError(
                 f"particles = {options.particles} is fewer than the {count} components of dps, one "
                 f"per object; give at least {count}, better some hundreds."
-            )
-        if options.order == OPEN:
-            raise InputError(
-                "the order 'auto' is chosen by pilot runs over frames, as jaxpf track and "
-                "jaxpf.tuning.best_order make them; name an order here."
             )
         if options.order is None:
             return

@@ -109,7 +109,7 @@ BOX = ("--box", "6,8,12,16")
             "object 2 is one more than the capacity",
         ),
         ("1,-1,1,1,9,9,1\n", ("-n", "15"), "--particles 15 is fewer than the 16"),
-        ("1,-1,1,1,9,9,1\n", ("--method", "dps"), "use --filter labelled"),
+        ("1,-1,1,1,9,9,1\n", ("--method", "dps"), "use --method labelled"),
         ("1,-1,1,1,9,9,1\n", ("--capacity", "0"), "--capacity 0 must be a whole number from 1"),
         ("1,-1,1,1,9,9,1\n", ("--weights", "plain"), "equal share, which"),
         (
@@ -142,11 +142,11 @@ def test_a_user_can_simulate_a_detector(place, tmp_path):
     assert rows[0, 0] == 1
     truth = {tuple(box) for box in true_boxes(LENGTH - 1) + FROM_1}
     assert {tuple(row[2:6]) for row in rows if row[0] == LENGTH} == truth
-    assert "is there already" in jaxpf(*arguments).err
+    assert "exists; choose another" in jaxpf(*arguments).err
     for more, sentence in (
         (("--misses", "2"), "--misses 2.0 must be from 0 to 1"),
-        (("-o", place / "clip.avi"), "is what is read; choose another --output"),
-        (("-o", place / "gt.csv"), "is what is read; choose another --output"),
+        (("-o", place / "clip.avi"), "is also an input; choose another --output"),
+        (("-o", place / "gt.csv"), "is also an input; choose another --output"),
         (("-o", os.devnull), "is a device or a pipe; choose another --output"),
     ):
         outcome = jaxpf(*arguments, "--overwrite", *more)
@@ -160,6 +160,6 @@ def test_a_user_can_simulate_a_detector(place, tmp_path):
 
 def test_a_start_at_which_an_object_fits_nothing_is_refused_in_its_first_frame(refuse):
     # One particle for each object, and sizes so uncertain that half of them are below nothing.
-    start = ("--box", "6,8,12,16", "--box", "40,22,12,16", "--filter", "labelled", "-n", "2")
+    start = ("--box", "6,8,12,16", "--box", "40,22,12,16", "--method", "labelled", "-n", "2")
     said = refuse(*start, "--scale", "1,1,1000", "--seed", "1")
     assert "in the first frame no particle of target" in said

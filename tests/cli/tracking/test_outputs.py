@@ -1,6 +1,5 @@
 """``jaxpf track``: what it writes, and that it repeats."""
 
-import json
 import shutil
 import tomllib
 
@@ -211,47 +210,12 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
         "output",
         "overwrite",
         "config",
-        "filter",
         "preview",
-        "fit_motion",
         "help_all",
         "save_state",
     }
     names = {param.name for param in params} | {"target"}
     assert set(options) == names - unset - elsewhere
-
-
-@pytest.mark.slow
-def test_fitted_motion_is_kept_and_run_toml_repeats_it(track, tmp_path):
-    outcome = track(*BOXES, "--fit-motion", 5, "--no-overlay")
-    assert outcome.code == 0, outcome.err
-    kept = tomllib.loads((tmp_path / "out" / "run.toml").read_text())["track"]
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    told = summary["remarks"][-1]
-    assert told in outcome.err.replace("\n", " ")
-    assert "fitted to 5 frames" in told
-    assert f"--momentum {kept['momentum']:g}" in told
-    assert summary["parameters"]["momentum"] == kept["momentum"]
-    # Those of half, the usual and double noise.
-    assert kept["relative_scale"][0] in (0.0225, 0.045, 0.09)
-    again = jaxpf("track", "--config", tmp_path / "out" / "run.toml", "-o", tmp_path / "again")
-    assert again.code == 0, again.err
-    tracks = [(tmp_path / name / "tracks.csv").read_bytes() for name in ("out", "again")]
-    assert tracks[0] == tracks[1]
-
-
-@pytest.mark.slow
-def test_a_chosen_order_is_kept_and_run_toml_repeats_it(track, tmp_path):
-    outcome = track(*BOXES, "--method", "ps", "--order", "auto", "--no-overlay")
-    assert outcome.code == 0, outcome.err
-    kept = tomllib.loads((tmp_path / "out" / "run.toml").read_text())["track"]
-    told = summary_of(tmp_path / "out")["remarks"][-1]
-    assert told in outcome.err.replace("\n", " ")
-    assert f"of 2 orders {''.join(map(str, kept['order']))} was chosen" in told
-    again = jaxpf("track", "--config", tmp_path / "out" / "run.toml", "-o", tmp_path / "again")
-    assert again.code == 0, again.err
-    tracks = [(tmp_path / name / "tracks.csv").read_bytes() for name in ("out", "again")]
-    assert tracks[0] == tracks[1]
 
 
 def test_every_object_may_have_a_noise_of_its_own(track, tmp_path):

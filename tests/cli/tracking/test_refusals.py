@@ -95,11 +95,9 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
         ((*BOXES, "--start", "10"), "start frame 10 is past the end"),
         ((*BOXES, "--start", "x"), "Invalid value for '--start'"),
         ((*BOXES, "--frames", "0"), "--frames 0 must be a whole number from 1"),
-        ((*BOXES, "--fit-motion", "1"), "--fit-motion 1 must be a whole number from 5"),
         (("--point", "9,9"), "--point works only for points; write `jaxpf track points"),
         ((*BOXES, "--target", "points"), "name the kind of target before the video"),
         ((*BOXES, "--start", "9" * 20), "must be a whole number from 0 to 2147483647"),
-        ((*BOXES, "--fit-motion", "9" * 20), "must be a whole number from 5 to 2147483647"),
         ((*BOXES, "--drift", "none"), "--drift works only for factored, not for partitioned"),
         ((*BOXES, "--exclusion", "boxes", "--appearance", "colour"), "--exclusion goes with"),
         ((*BOXES, "--exclusion", "boxes", "--method", "sps"), "use --swap none"),
@@ -112,7 +110,6 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
         ((*BOXES, "--swap", "foo"), "choose one of none, random, sorted, combinatorial"),
         ((*BOXES, "--resampling", "foo"), "choose one of systematic, stratified"),
         ((*BOXES, "--likelihood", "foo"), "choose one of auto, integral, sampled"),
-        ((*BOXES, "--codec", "foo"), "choose one of h264, vp9"),
         (
             (*BOXES, "--method", "sir", "--swap", "sorted"),
             "--swap goes with --method sps, and sir",
@@ -127,11 +124,6 @@ def test_sizes_that_differ_at_once_leave_no_folder(refuse, tmp_path):
         (
             (*BOXES, "--method", "ps", "--order", "1"),
             "the order 1 is not a permutation of the 2 object(s)",
-        ),
-        ((*BOXES, "--order", "auto"), "method 'dps' has none; use method 'ps'"),
-        (
-            (*BOXES, "--method", "ps", "--order", "auto", "--tracker", "mine.py:tracker"),
-            "--order auto works only with the built-in filters; leave it or --tracker out",
         ),
         ((*BOXES, "--method", "ps", "--order", "0,x"), "'0,x' is not whole numbers"),
         ((*BOXES, "--seed", "-1"), "--seed -1 must be a whole number from 0 to 4294967295"),
@@ -224,12 +216,7 @@ def test_results_are_never_mixed_with_the_frames_they_come_from(place, tmp_path)
     assert clip.stat().st_size > 0
 
 
-def test_points_have_no_motion_to_fit_and_a_video_of_their_name_needs_its_folder(place, tmp_path):
-    run = ("track", "points", place / "clip.avi", "--point", "9,9", "--fit-motion", "9")
-    outcome = jaxpf(*run, "-o", tmp_path / "out")
-    assert outcome.code == 2
-    assert "--fit-motion works only for boxes" in outcome.err
-    assert "--fit-motion" not in jaxpf("track", "points", "--help").out
+def test_a_video_named_like_a_kind_of_target_needs_its_folder():
     assert "there is no video or folder at 'points'" in jaxpf("track", "./points", *BOXES).err
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxpf import filters
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.options import Option, check_distinct, chosen, counting, implied, options_of
 from jaxpf.evaluation.results import Configuration
 from jaxpf.files.writing import report_os_errors
@@ -111,7 +111,7 @@ class Plan:
         whole = isinstance(value, int) and not isinstance(value, bool)
         if not whole or not least <= value < bound:
             raise InputError(
-                f"{name} = {value} must be a whole number from {least} to {bound - 1}."
+                Argument(name, value), f" must be a whole number from {least} to {bound - 1}."
             )
 
     def _targets(self) -> list[Target]:
@@ -306,7 +306,7 @@ class Limits:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if value is not None and value < 1:
-                raise InputError(f"{field.name} = {value} must be at least 1.")
+                raise InputError(Argument(field.name, value), " must be at least 1.")
 
 
 DEFAULT_LIMITS = Limits()
@@ -365,7 +365,8 @@ def _order(value: Any) -> Any:
     entries = () if isinstance(value, str) else tuple(value)
     if not entries or not all(isinstance(entry, int) for entry in entries):
         raise InputError(
-            f"orders: {value!r} is no order; give 'given', 'shifts', or the objects by their "
-            "place, such as (2, 0, 1)."
+            Argument("orders", repr(value), ": "),
+            " is no order; give 'given', 'shifts', or the objects by their place, such as "
+            "(2, 0, 1).",
         )
     return entries

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 
-from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.errors import Argument, InputError, check_known
 
 RANDOM_NUMBERS = ("fresh", "common")
 
@@ -47,15 +47,15 @@ class Settings:
         for name in ("steps", "runs", "sequences_per_step", "window", "repeats"):
             value = getattr(self, name)
             if value is not None and value < 1:
-                raise InputError(f"{name} = {value} must be at least 1.")
+                raise InputError(Argument(name, value), " must be at least 1.")
         for name in ("learning_rate", "clip"):
             value = getattr(self, name)
             if not 0 < value < math.inf:
-                raise InputError(f"{name} = {value} must be positive and finite.")
+                raise InputError(Argument(name, value), " must be positive and finite.")
         for name in ("tolerance", "jitter"):
             value = getattr(self, name)
             if not 0 <= value < math.inf:
-                raise InputError(f"{name} = {value} must be finite and at least 0.")
+                raise InputError(Argument(name, value), " must be finite and at least 0.")
         check_known("random_numbers ", self.random_numbers, RANDOM_NUMBERS)
         if not 0 <= self.seed < 2**32:
-            raise InputError(f"seed = {self.seed} must be between 0 and {2**32 - 1}.")
+            raise InputError(Argument("seed", self.seed), f" must be between 0 and {2**32 - 1}.")

@@ -9,7 +9,6 @@ from typing import Any
 import click
 
 from jaxpf import filters
-from jaxpf.cli.evaluating.cluster import cluster
 from jaxpf.cli.evaluating.sequences import evaluate_each, scenes_of
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar
@@ -163,6 +162,7 @@ def _evaluate(**values: Any) -> None:
 
 
 def _evaluate_one(request: Request) -> None:
+    from jaxpf.cli.evaluating.cluster import cluster
     from jaxpf.cli.evaluating.output import print_again, show_plan
     from jaxpf.evaluation import Limits, finished, prepare
     from jaxpf.evaluation.work.execution import num_cores
@@ -185,7 +185,8 @@ def _evaluate_one(request: Request) -> None:
         workers, executor = options.workers, None
         if options.dask:
             there = cluster(options.dask, options.devices)
-            workers, executor = click.get_current_context().with_resource(there)
+            executor = click.get_current_context().with_resource(there)
+            workers = executor.workers
         limits = Limits(memory=options.memory * 2**20, workers=workers, devices=devices)
         click.echo(f"Reading {request.scene}", err=True)
         if options.baseline:

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.names import METHODS, SCHEMES, SWAPS
 from jaxpf.contract.options import OPEN, check_options, option
@@ -117,8 +117,9 @@ class PartitionedFilter(Filter):
         count = len(parents)
         if options.method == "dps" and options.particles < count:
             raise InputError(
-                f"particles = {options.particles} is fewer than the {count} components of dps, one "
-                f"per object; give at least {count}, better some hundreds."
+                Argument("particles", options.particles),
+                f" is fewer than the {count} components of dps, one per object; give at least "
+                f"{count}, better some hundreds.",
             )
         if options.order == OPEN:
             raise InputError(

@@ -6,15 +6,10 @@ from typing import Any
 
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
-from jaxpf.contract.names import METHODS, SCHEMES, SWAPS
+from jaxpf.contract.names import GIVEN, METHODS, ORDERS, SCHEMES, SHIFTS, SWAPS
 from jaxpf.contract.options import OPEN, check_options, option
 from jaxpf.filters.filter import Filter, Variant
 from jaxpf.filters.relocation_option import relocate_option, relocation_of
-
-#: For an evaluation's ``orders``: PS with every circular shift, each as a separate variant.
-SHIFTS = "shifts"
-#: The order in which objects are listed; for a part tree, level by level.
-GIVEN = "given"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -165,7 +160,7 @@ def _orders(asked: Sequence[Any], parents: Sequence[int]) -> list[tuple[int, ...
     """Return the distinct orders that an evaluation requests."""
     orders: list[tuple[int, ...]] = []
     for order in asked:
-        if order in (GIVEN, SHIFTS):
+        if order in ORDERS:
             orders += _shifts(parents)[: 1 if order == GIVEN else None]
         else:
             orders.append(tuple(order))

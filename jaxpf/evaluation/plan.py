@@ -74,8 +74,9 @@ class Plan:
             if self.methods or not (self.tracks or self.trackers):
                 self._keep("methods", self.methods)
         self._keep("orders", [_order(value) for value in self.orders])
-        swaps = options_of(*(one.options for one in filters.all_filters().values()))["swap"]
-        self._keep("swaps", [swaps.checked(value, "swaps:") for value in self.swaps])
+        swap = options_of(*(each.options for each in filters.all_filters().values()))["swap"]
+        swaps = dataclasses.replace(swap, name="swaps")
+        self._keep("swaps", [swaps.checked(value) for value in self.swaps])
         for name, option in (("orders", "order"), ("swaps", "swap")):
             default = type(self).__dataclass_fields__[name].default
             owners = _methods_with(option)

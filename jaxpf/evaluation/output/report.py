@@ -51,6 +51,7 @@ class _Section(NamedTuple):
     """A figure of the report, with its tables and a note on them."""
 
     name: str
+    title: str
     figure: dict[str, Any]
     tables: list[Table]
     note: str
@@ -91,7 +92,11 @@ def _content(results: Results, tables: Tables, figures: Sequence[Figure]) -> dic
     best = tables.best_first()
     sections = [
         _Section(
-            "differences", {}, difference_tables(ids, summaries, places), NOTES[ABOUT_DIFFERENCES]
+            "differences",
+            "Paired differences",
+            {},
+            difference_tables(ids, summaries, places),
+            NOTES[ABOUT_DIFFERENCES],
         )
     ]
     beside = {
@@ -102,7 +107,13 @@ def _content(results: Results, tables: Tables, figures: Sequence[Figure]) -> dic
     for figure in figures:
         shown, note = beside.get(figure.name, ([], None))
         sections.append(
-            _Section(figure.name, _embedded(figure), shown, "" if note is None else NOTES[note])
+            _Section(
+                figure.name,
+                figure.title,
+                _embedded(figure),
+                shown,
+                "" if note is None else NOTES[note],
+            )
         )
     sections = [section for section in sections if section.figure or section.tables]
     sections.sort(key=lambda section: _ORDER.index(section.name))

@@ -165,8 +165,9 @@ def open_scene(
     for name, value in {"ids": ids, "start_frame": start_frame, "num_frames": num_frames}.items():
         if value is not None:
             raise SceneError(
-                f"{name} = {value!r} chooses from a recorded sequence, but the scene {source!r} is "
-                "drawn by a function; set its own parameters instead"
+                f"chooses from a recorded sequence, but the scene {source!r} is drawn by a "
+                "function; set its own parameters instead",
+                (name, value),
             )
     if callable(source):
         return call_scene(source, _whole_seed(str(source), seed), given)

@@ -14,7 +14,16 @@ def shown(value: Any, most: int = 80) -> str:
 
 
 class SceneError(ValueError):
-    """A scene that cannot be made or read; the message names the value, the place and a remedy."""
+    """A scene that cannot be made or read; the message names the value, the place and a remedy.
+
+    Attributes:
+        text: the message, or the part of it after ``argument``.
+        argument: name and value of the argument that the message begins with, or None.
+    """
+
+    def __init__(self, text: str, argument: tuple[str, Any] | None = None):
+        super().__init__(f"{argument[0]} = {argument[1]!r} {text}" if argument else text)
+        self.text, self.argument = text, argument
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ from typing import Any
 
 import click
 
-from jaxpf.cli.evaluating.cluster import cluster
 from jaxpf.cli.shared.config import config_option, write_config
 from jaxpf.cli.shared.console import print_table
 from jaxpf.cli.shared.speaking import GivenPath, Speaking
@@ -64,6 +63,7 @@ def command(
     Published figures stand left of ours, which have 95 % intervals.  Every claim is supported,
     contradicted or open.  After an interruption, the same command resumes.
     """
+    from jaxpf.cli.evaluating.cluster import cluster
     from jaxpf.contract.errors import InputError
     from jaxpf.files.writing import prepare_output_folder
 
@@ -84,7 +84,7 @@ def command(
     request = chosen.request(scenes, seed, quick, data, click.echo)
     executor = None
     if dask:
-        executor = click.get_current_context().with_resource(cluster(dask)).executor
+        executor = click.get_current_context().with_resource(cluster(dask))
     output = output or Path(f"jaxpf-{paper}-quick" if quick else f"jaxpf-{paper}")
     resumes = checkpoints.can_resume(output, settings)
     folder = prepare_output_folder(output, overwrite or resumes)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from jaxpf.contours.data import DEFAULT_SCALE, Contours, Learned
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.names import EXCLUSIONS, SHAPE_SPACES
 from jaxpf.contract.options import check_options, option, plain
@@ -120,13 +120,15 @@ class Options:
         check_options(self)
         if self.flip is not None and not self.hides:
             raise InputError(
-                f"flip = {plain(self.flip)} is of contours that hide one another, and exclusion is "
-                f"{self.exclusion!r}; choose exclusion 'opaque', or leave it out."
+                Argument("flip", plain(self.flip)),
+                f" is of contours that hide one another, and exclusion is {self.exclusion!r}; "
+                "choose exclusion 'opaque', or leave it out.",
             )
         if self.bend_noise is not None and self.shape_space == "translation":
             raise InputError(
-                f"bend_noise = {plain(self.bend_noise)} is of shapes that change, and "
-                "'translation' only shifts them; leave one of them out."
+                Argument("bend_noise", plain(self.bend_noise)),
+                " is of shapes that change, and 'translation' only shifts them; leave one of them "
+                "out.",
             )
 
     @property

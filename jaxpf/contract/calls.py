@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.interface import (
     CoupledDynamics,
     Dynamics,
@@ -88,7 +88,7 @@ def changed_inside(tracker: Any, name: str, change: Callable[[Any], Any]) -> Any
     return changed
 
 
-def check_uncoupled(dynamics: Any, what: str) -> None:
+def check_uncoupled(dynamics: Any, what: str | Argument) -> None:
     """Refuse coupled dynamics if ``what`` splits particles or does not keep whole states.
 
     Raises:
@@ -97,8 +97,9 @@ def check_uncoupled(dynamics: Any, what: str) -> None:
     if is_coupled(first_motion(dynamics)):
         raise InputError(
             f"{type(dynamics).__name__} moves a partition by all the others, which does not "
-            f"work with {what}; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single "
-            "partitions."
+            "work with ",
+            what,
+            "; use jaxpf.Partitioned with sir, ps or dps, or dynamics of single partitions.",
         )
 
 

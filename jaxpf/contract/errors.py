@@ -1,14 +1,54 @@
 """The exception type for errors that the user can fix."""
 
-from collections.abc import Collection
-from typing import Any
+from collections.abc import Callable, Collection
+from typing import Any, NamedTuple
+
+
+class Argument(NamedTuple):
+    """An argument in a message, with its value: ``runs = 0``; ``--runs 0`` on the command line.
+
+    Attributes:
+        name: of the argument.
+        value: as written in Python; "" shows the name alone.
+        joint: between name and value.
+        typed: the value as written on the command line; default ``value``.
+    """
+
+    name: str
+    value: Any = ""
+    joint: str = " = "
+    typed: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name}{self.joint}{self.value}" if self.value != "" else self.name
+
+    def as_flag(self, flag: str) -> str:
+        """The argument on the command line, such as ``--runs 0``."""
+        return f"{flag} {self.typed or self.value}".strip()
+
+
+def choice(name: str, value: str) -> Argument:
+    """A named choice in a message: ``swap='none'``; ``--swap none`` on the command line."""
+    return Argument(name, repr(value), "=", value)
 
 
 class InputError(ValueError):
     """Bad input; the message is one sentence that names the value, the place and the remedy.
 
     The command line prints it without a traceback and exits with 2.  Any other exception is a bug.
+
+    Args:
+        pieces: of the message, joined without spaces; an ``Argument`` is shown as its flag on the
+            command line.
     """
+
+    def __init__(self, *pieces: str | Argument):
+        super().__init__("".join(map(str, pieces)))
+        self.pieces = pieces
+
+    def shown(self, show: Callable[[Argument], str]) -> str:
+        """The message, with every ``Argument`` as ``show`` writes it."""
+        return "".join(show(x) if isinstance(x, Argument) else x for x in self.pieces)
 
 
 def check_known(shown: str, value: Any, known: Collection[str]) -> None:

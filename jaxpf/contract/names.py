@@ -2,6 +2,9 @@
 
 #: Named orderings of the partitioned filter on the command line.
 METHODS = ("sir", "ps", "dps", "sps")
+#: Orders of ps by name: as the objects are listed (a part tree level by level), and every circular
+#: shift of that order.
+ORDERS = GIVEN, SHIFTS = ("given", "shifts")
 #: Methods of the factored filter.
 FACTORED_METHODS = ("eskil", "pffl")
 #: eskil2014: rules of the drift between partitions, and of the shape constraint.

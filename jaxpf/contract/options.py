@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 
 _KEY = "option"
 #: The value of an option that is settled automatically.
@@ -78,22 +78,26 @@ class Option:
 
         Args:
             value: the value; a list becomes a tuple.
-            shown: how messages show the option; default its name and an equals sign.
+            shown: how messages show the option; default its name and an equals sign, or its flag
+                on the command line.
 
         Raises:
             InputError: the type is wrong or the value is out of range.
         """
         if (value is None and self.default is None) or (self.opens and value == OPEN):
             return value
-        shown = shown or f"{self.name} ="
+
+        def named(text: str) -> Argument | str:
+            return f"{shown} {text}" if shown else Argument(self.name, text)
+
         if self.choices and value not in self.choices:
             raise InputError(
-                f"{shown} {value!r} is unknown; choose one of {', '.join(self.choices)}."
+                named(repr(value)), f" is unknown; choose one of {', '.join(self.choices)}."
             )
         many = isinstance(value, Sequence) and not isinstance(value, str)
         values = tuple(value) if many else (value,)
         if not self._fits(values, many) or not all(self._allows(entry) for entry in values):
-            raise InputError(f"{shown} {plain(value)} must be {self.wanted}.")
+            raise InputError(named(plain(value)), f" must be {self.wanted}.")
         values = tuple(self.kind(entry) for entry in values)
         return values if many else values[0]
 
@@ -236,8 +240,8 @@ def check_distinct(name: str, values: Iterable[Any]) -> tuple[Any, ...]:
     """
     values = tuple(values)
     if not values:
-        raise InputError(f"{name} is empty; give at least one value.")
+        raise InputError(Argument(name), " is empty; give at least one value.")
     for index, value in enumerate(values):
         if value in values[:index]:
-            raise InputError(f"{name} names {plain(value)} twice; name each value once.")
+            raise InputError(Argument(name), f" names {plain(value)} twice; name each value once.")
     return values

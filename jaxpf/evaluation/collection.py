@@ -14,17 +14,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxpf.evaluation.estimates import LEVEL, with_all
 from jaxpf.evaluation.measures import COLUMNS, SCORES, measure_batch
 from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
 from jaxpf.evaluation.work.batches import Batch
 from jaxpf.files.writing import report_os_errors
+from jaxpf.measures.calibration import Reliability
+from jaxpf.measures.estimates import LEVEL
 from jaxpf.measures.scores import tracking_scores
 
 #: Quantiles of the centre error in the figures over time.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-#: The shown runs of a configuration, ranked by overlap over all frames and objects.
-ROLES = ("best", "median", "worst")
 #: Runs per configuration with standard scores, which take about 10 ms per 20 frames.
 SCORED_RUNS = 100
 #: Bins of probability integral transforms; the regions of 5, 10, ... % end on bin edges.
@@ -41,24 +40,6 @@ class Curve(NamedTuple):
     upper: np.ndarray
 
 
-class ShownRun(NamedTuple):
-    """A run to export and show.
-
-    Attributes:
-        role: one or more of ``ROLES`` joined by "-", such as "best"; "only" for a single run.
-        run: run number.
-        overlap: mean over all objects and frames with truth.
-        shapes: ``[T, P, S]`` estimates.
-        lost: ``[T, P]`` bool.
-    """
-
-    role: str
-    run: int
-    overlap: float
-    shapes: np.ndarray
-    lost: np.ndarray
-
-
 class Collected(NamedTuple):
     """Measures collected from the runs of one configuration.
 
@@ -72,7 +53,7 @@ class Collected(NamedTuple):
         precision: curve at the K ``CENTRE_THRESHOLDS``.
         transforms: counts of probability integral transforms in ``BINS`` equal bins, over x and
             y, all objects, and the frames in which they are tracked.
-        shown: runs to export.
+        confidence: its reliability, over all objects and frames with truth.
         scores: of the first ``SCORED_RUNS`` runs, ``[R, len(SCORES)]``; no rows if TrackEval is
             not installed.
     """
@@ -84,7 +65,7 @@ class Collected(NamedTuple):
     success: Curve
     precision: Curve
     transforms: np.ndarray
-    shown: list[ShownRun]
+    confidence: Reliability
     scores: np.ndarray
 
     @property
@@ -114,6 +95,7 @@ def collect(
     # The coordinates of a user-defined tracker are unknown.
     has_places = configuration.kind == BUILT_IN and results.target.has_places
     runs: list[np.ndarray] = []
+    confidence = Reliability()
     transforms = np.zeros(BINS, np.int64)
     errors = ErrorQuantiles(*truth.shape[:2])
     success, precision = _CurveMean(), _CurveMean()
@@ -126,6 +108,7 @@ def collect(
             for index, file in enumerate(files):
                 file.write(measured.columns[:, :, index].astype(np.float32).tobytes())
             runs.append(batch.runs)
+            confidence.add(measured.confidence)
             errors.add(measured.centre_error)
             frames = measured.columns[:, :, COLUMNS.index("frames"), None]
             success.add(measured.success, frames)
@@ -138,17 +121,15 @@ def collect(
         flat = np.fromfile(paths[COLUMNS.index(name)], np.float32)
         return flat.reshape(-1, truth.shape[1]).astype(np.float64)
 
-    numbers = np.concatenate(runs)
-    overlap = with_all(column("overlap"), column("frames"))[0][:, -1]
     return Collected(
         configuration=configuration,
-        runs=numbers,
+        runs=np.concatenate(runs),
         column=column,
         quantiles=errors.quantiles(QUANTILES),
         success=success.interval(),
         precision=precision.interval(),
         transforms=transforms,
-        shown=_shown_runs(results.batches(configuration), numbers, overlap),
+        confidence=confidence,
         scores=_scores(results.batches(configuration), truth, results.target.has_boxes),
     )
 
@@ -185,8 +166,8 @@ class ErrorQuantiles:
         pooled = np.sum(counts, axis=1, keepdims=True)
         cumulative = np.cumsum(np.concatenate([counts, pooled], axis=1), axis=-1)
         total = cumulative[..., -1:]
-        found = [np.argmax(cumulative >= np.maximum(1, level * total), -1) for level in levels]
-        middles = self._FIRST * np.exp((np.stack(found) + 0.5) * self._STEP)
+        bins = [np.argmax(cumulative >= np.maximum(1, level * total), -1) for level in levels]
+        middles = self._FIRST * np.exp((np.stack(bins) + 0.5) * self._STEP)
         return np.where(total[..., 0] > 0, middles, np.nan)
 
 
@@ -213,32 +194,6 @@ class _CurveMean:
         return Curve(value, value - reach, value + reach)
 
 
-def _shown_runs(
-    batches: Iterator[Batch], numbers: np.ndarray, overlap: np.ndarray
-) -> list[ShownRun]:
-    """The runs in ``ROLES``; with fewer than three runs, one run has several roles."""
-    order = np.lexsort((numbers, -np.nan_to_num(overlap)))
-    chosen = dict(zip(ROLES, order[[0, (len(order) - 1) // 2, -1]], strict=True))
-    roles: dict[int, list[str]] = {}
-    for role, index in chosen.items():
-        roles.setdefault(int(index), []).append(role)
-    shown: dict[int, ShownRun] = {}
-    position = 0
-    for batch in batches:
-        for index, names in roles.items():
-            if position <= index < position + len(batch):
-                row = index - position
-                role = "only" if len(numbers) == 1 else "-".join(names)
-                shown[index] = ShownRun(
-                    *(role, int(numbers[index]), float(overlap[index])),
-                    *(batch.shapes[row].copy(), batch.lost[row].copy()),
-                )
-        position += len(batch)
-        if len(shown) == len(roles):
-            break
-    return [shown[index] for index in roles]
-
-
 def has_scores() -> bool:
     """Whether TrackEval, which computes the standard scores, is installed."""
     return importlib.util.find_spec("trackeval") is not None
@@ -248,8 +203,8 @@ def _scores(batches: Iterator[Batch], truth: np.ndarray, are_boxes: bool) -> np.
     rows: list[list[float]] = []
     for batch in batches if are_boxes and has_scores() else ():
         for boxes in batch.shapes[: SCORED_RUNS - len(rows)]:
-            found = tracking_scores(boxes, truth)
-            rows.append([found[measure.name] for measure in SCORES])
+            scores = tracking_scores(boxes, truth)
+            rows.append([scores[measure.name] for measure in SCORES])
         if len(rows) == SCORED_RUNS:
             break
     return np.array(rows).reshape(-1, len(SCORES))

@@ -14,9 +14,9 @@ from scipy.special import stdtrit
 
 from jaxpf.evaluation.collection import Collected
 from jaxpf.evaluation.equal_time import Runs
-from jaxpf.evaluation.estimates import LEVEL, mean_difference
 from jaxpf.evaluation.measures import by_name
 from jaxpf.evaluation.summary import Summary, run_values
+from jaxpf.measures.estimates import LEVEL, mean_difference
 
 #: The measure that ranks configurations.
 RANKED_BY = by_name("success_area")

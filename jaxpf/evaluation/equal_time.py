@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jaxpf.evaluation.collection import Collected
-from jaxpf.evaluation.estimates import Difference, mean_difference
 from jaxpf.evaluation.measures import Measure
 from jaxpf.evaluation.results import Configuration
+from jaxpf.measures.estimates import Difference, mean_difference
 
 if TYPE_CHECKING:
     from jaxpf.evaluation.summary import Summary

@@ -20,6 +20,10 @@ COORDINATES = ("u", "v", "a")
 
 #: Probabilities, in percent, of the regions whose coverage of the truth is measured.
 REGIONS = (50, 80, 95)
+#: The same for the size of boxes.
+SIZE_REGIONS = (50, 95)
+#: Overlap at which a box counts as on its object, in the reliability of confidence.
+ON_OBJECT = 0.1
 #: Centre error threshold in pixels by which OTB ranks trackers (wu2013).
 DISTANCE = 20
 #: Overlap above which a box counts as correct (wu2013).
@@ -96,6 +100,12 @@ MEASURES = (
         Measure(f"coverage_{p}", f"truth in the {p} % region", weight=TRACKED_FRAMES, percent=True)
         for p in REGIONS
     ),
+    *(
+        Measure(
+            f"size_coverage_{p}", f"size in the {p} % region", weight=TRACKED_FRAMES, percent=True
+        )
+        for p in SIZE_REGIONS
+    ),
     Measure("crps", "CRPS", weight=TRACKED_FRAMES, unit="pixels"),
     Measure("log_score", "log score", weight=TRACKED_FRAMES),
     Measure("ess", "effective sample size"),
@@ -108,9 +118,16 @@ COUNTS = (FRAMES, TRACKED_FRAMES, "located_frames")
 COLUMNS = (*COUNTS, *(measure.name for measure in MEASURES))
 
 
+#: Single figures of a configuration, over all objects.
+FIGURES = (
+    Measure("confidence_area", "confidence, area", percent=True),
+    Measure("frames_per_second", "frames/s"),
+)
+
+
 def by_name(name: str) -> Measure:
     """Return the measure with a given column name."""
-    return next(measure for measure in (*MEASURES, *SCORES) if measure.name == name)
+    return next(measure for measure in (*MEASURES, *SCORES, *FIGURES) if measure.name == name)
 
 
 #: Measures whose differences the tables show.
@@ -130,6 +147,7 @@ class Measured(NamedTuple):
         precision: ``[R, P, 51]``, see ``jaxpf.measures.precision_curve``.
         transforms: ``[R, T, P, 2]`` of x and y, see ``jaxpf.measures.transforms``; NaN where an
             object is not tracked or has no known position.
+        confidence: ``[R, 2, 100]``, see ``jaxpf.measures.confidence_counts``.
     """
 
     columns: np.ndarray
@@ -137,6 +155,7 @@ class Measured(NamedTuple):
     success: np.ndarray
     precision: np.ndarray
     transforms: np.ndarray
+    confidence: np.ndarray
 
 
 def measure_batch(
@@ -155,7 +174,8 @@ def measure_batch(
         noise_scale: ``[3]``, standard deviation of the process noise; NaN where unknown.
         target: type of the objects.
         start: initial state of the objects.
-        has_places: whether the first two spreads are those of the centre's x and y, in pixels.
+        has_places: whether the first two spreads are those of the centre's x and y, in pixels,
+            and of boxes the third that of the size relative to the start.
     """
     width = max(1, min(_RUNS_AT_ONCE, _BOXES_AT_ONCE // math.prod(truth.shape[:2])))
     arrays = {field.name: getattr(batch, field.name) for field in dataclasses.fields(batch)}
@@ -187,7 +207,12 @@ def _measure_piece(
     asked = np.broadcast_to(has_places & tracked[..., None], offset.shape)
     spread = np.where(asked, batch.spread[..., :2], np.nan)
     transforms = calibration.transforms(offset, spread)
-    smallest = np.abs(2 * transforms - 1)
+    smallest = calibration.smallest_region(offset, spread)
+    size_spread = np.full(tracked.shape, np.nan)
+    if has_places and batch.spread.shape[-1] > 2:
+        size_spread = np.where(tracked, batch.spread[..., 2], np.nan)
+    size_smallest = calibration.smallest_region(frames["size_offset"], size_spread)
+    on_object = np.where(present, frames["overlap"] >= ON_OBJECT, np.nan)
     values = {
         FRAMES: np.sum(present, axis=1),
         TRACKED_FRAMES: np.sum(tracked, axis=1),
@@ -214,8 +239,9 @@ def _measure_piece(
         "frames_lost": np.sum(batch.lost, axis=1),
     }
     for percent in REGIONS:
-        inside = np.where(np.isnan(smallest), np.nan, 100 * smallest <= percent)
-        values[f"coverage_{percent}"] = _mean_of_places(inside)
+        values[f"coverage_{percent}"] = _mean_of_places(_inside(smallest, percent))
+    for percent in SIZE_REGIONS:
+        values[f"size_coverage_{percent}"] = _mean(_inside(size_smallest, percent))
     for place, name in enumerate(COORDINATES):
         ratio = np.full(batch.uniqueness.shape, np.nan)
         if place < len(noise_scale) and noise_scale[place] > 0:
@@ -225,7 +251,13 @@ def _measure_piece(
     shape = batch.shapes.shape[0], batch.shapes.shape[2]
     columns = np.stack([np.broadcast_to(values[name], shape) for name in COLUMNS], axis=-1)
     transforms = transforms.astype(np.float32)
-    return Measured(columns.astype(np.float64), error, success, precision, transforms)
+    confidence = calibration.confidence_counts(batch.confidence, on_object)
+    return Measured(columns.astype(np.float64), error, success, precision, transforms, confidence)
+
+
+def _inside(smallest: np.ndarray, percent: float) -> np.ndarray:
+    """Whether a region holds the truth, given the smallest that does; NaN if that is unknown."""
+    return np.where(np.isnan(smallest), np.nan, 100 * smallest <= percent)
 
 
 def _mean(values: np.ndarray, counts: np.ndarray | bool = True) -> np.ndarray:
@@ -250,8 +282,8 @@ def _measure_frames(
     """
     padding = np.repeat(shapes[:1], width - len(shapes), axis=0)
     padded = np.concatenate([shapes, padding])
-    found = _compiled_measures(target, start.parents, padded, truth, start.sizes)
-    return {name: np.asarray(values)[: len(shapes)] for name, values in found.items()}
+    frames = _compiled_measures(target, start.parents, padded, truth, start.sizes)
+    return {name: np.asarray(values)[: len(shapes)] for name, values in frames.items()}
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1))
@@ -259,17 +291,23 @@ def _compiled_measures(
     target: Target, parents: tuple[int, ...], shapes: Array, truth: Array, sizes: Array
 ) -> dict[str, Array]:
     start: Any = Start(np.zeros(0), np.zeros(0), sizes, parents)  # type: ignore[arg-type]
-    found = target.measures(start, shapes, truth)
+    measures = target.measures(start, shapes, truth)
     shape = shapes.shape[:-1]
     offset = jnp.full((*shape, 2), jnp.nan)
     if target.has_places:
         middle = target.outlines(start, shapes).mean(axis=-2)
         offset = middle - target.outlines(start, truth).mean(axis=-2)
-    found |= {"offset_x": offset[..., 0], "offset_y": offset[..., 1]}
-    present = jnp.broadcast_to(found["present"], shape)
-    tracked = jnp.broadcast_to(found["tracked"], shape)
-    found |= {
+    measures |= {"offset_x": offset[..., 0], "offset_y": offset[..., 1]}
+    measures["size_offset"] = jnp.full(shape, jnp.nan)
+    if target.has_boxes:  # a size is the square root of the area, relative to the start
+        ours, theirs, first = (
+            jnp.sqrt(box[..., -2] * box[..., -1]) for box in (shapes, truth, sizes)
+        )
+        measures["size_offset"] = (ours - theirs) / first
+    present = jnp.broadcast_to(measures["present"], shape)
+    tracked = jnp.broadcast_to(measures["tracked"], shape)
+    measures |= {
         "success": metrics.throughout(tracked, present)[:, None],
         "recovered": metrics.in_the_end(tracked, present)[:, None],
     }
-    return {name: jnp.broadcast_to(x, shape).astype(shapes.dtype) for name, x in found.items()}
+    return {name: jnp.broadcast_to(x, shape).astype(shapes.dtype) for name, x in measures.items()}

@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import scenes
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
+from jaxpf.contract.options import plain
 
 
 def load_scene(
@@ -40,5 +41,8 @@ def load_scene(
 
 def as_input_error(error: scenes.SceneError) -> InputError:
     """Convert a ``SceneError`` to an ``InputError`` with the same message."""
-    text = str(error)
-    return InputError(text if text.endswith(".") else f"{text}.")
+    text = error.text if error.text.endswith(".") else f"{error.text}."
+    if error.argument is None:
+        return InputError(text)
+    name, value = error.argument
+    return InputError(Argument(name, repr(value), typed=plain(value)), f" {text}")

@@ -6,9 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from jaxpf.contract.options import plain
-from jaxpf.evaluation.collection import Collected, Curve, ShownRun, has_scores
+from jaxpf.evaluation.collection import Collected, Curve, has_scores
 from jaxpf.evaluation.equal_time import AtEqualTime, Runs, at_equal_time
-from jaxpf.evaluation.estimates import (
+from jaxpf.evaluation.measures import COMPARED, MEASURES, SCORES, Measure
+from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.evaluation.speed import read_speeds
+from jaxpf.measures.calibration import Reliability
+from jaxpf.measures.estimates import (
     Difference,
     Estimate,
     holm,
@@ -18,9 +22,6 @@ from jaxpf.evaluation.estimates import (
     rate_difference,
     without_interval,
 )
-from jaxpf.evaluation.measures import COMPARED, MEASURES, SCORES, Measure
-from jaxpf.evaluation.results import Configuration, Results
-from jaxpf.evaluation.speed import read_speeds
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Summary:
         success: success curves.
         precision: precision curves.
         transforms: counts of probability integral transforms in equal bins, see ``Collected``.
-        shown: the best, the median and the worst run.
+        confidence: its reliability, over all objects and frames with truth.
         frames_per_second: of a single run; NaN if not measured, see ``speed``.
         at_equal_time: comparison with the first method at equal time; None if unknown.
     """
@@ -56,7 +57,7 @@ class Summary:
     success: Curve
     precision: Curve
     transforms: np.ndarray
-    shown: list[ShownRun]
+    confidence: Reliability
     frames_per_second: float
     at_equal_time: AtEqualTime | None = None
 
@@ -98,7 +99,7 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
             success=entry.success,
             precision=entry.precision,
             transforms=entry.transforms,
-            shown=entry.shown,
+            confidence=entry.confidence,
             frames_per_second=speeds[index],
             at_equal_time=at_once.get(index),
         )
@@ -151,42 +152,28 @@ def run_values(entry: Collected, measure: Measure) -> Runs:
 
 
 def _estimate(entry: Collected, measure: Measure, given: Runs) -> Estimate:
-    found = (
-        rate(given.values)
-        if measure.is_rate
-        else mean(given.values, given.weights, measure.is_share)
-    )
+    if measure.is_rate:
+        estimate = rate(given.values)
+    else:
+        estimate = mean(given.values, given.weights, measure.is_share)
     if measure in SCORES:
-        found = Estimate(*_of_all_objects(found, entry.num_objects))
-    return without_interval(found) if entry.configuration.is_imported else found
+        estimate = Estimate(*_of_all_objects(estimate, entry.num_objects))
+    return without_interval(estimate) if entry.configuration.is_imported else estimate
 
 
 def _difference(entry: Collected, measure: Measure, given: Runs, other: Runs) -> Difference:
     _, ours, theirs = np.intersect1d(given.runs, other.runs, return_indices=True)
     if measure.is_rate:
         return rate_difference(given.values[ours], other.values[theirs])
-    found = mean_difference(
+    difference = mean_difference(
         *(given.values[ours], given.weights[ours]), *(other.values[theirs], other.weights[theirs])
     )
     if measure in SCORES:
-        found = Difference(*_of_all_objects(found, entry.num_objects))
-    return found
+        difference = Difference(*_of_all_objects(difference, entry.num_objects))
+    return difference
 
 
-def _of_all_objects(found: Sequence[np.ndarray], num_objects: int) -> list[np.ndarray]:
+def _of_all_objects(estimate: Sequence[np.ndarray], num_objects: int) -> list[np.ndarray]:
     """Spread figures of all objects to ``[P + 1]``; single objects get NaN unless P is 1."""
     has = np.arange(num_objects + 1) == num_objects
-    return [np.where(has | (num_objects == 1), figures[-1], np.nan) for figures in found]
-
-
-def hardest_object(summaries: Sequence[Summary], num_objects: int) -> int:
-    """Index of the object with the lowest mean recovery; ties go to the lowest overlap."""
-    if not summaries:
-        return 0
-    recovery, overlap = (
-        np.mean([summary.estimates[name].value[:num_objects] for summary in summaries], axis=0)
-        for name in ("recovered", "overlap")
-    )
-    # Objects without truth have no rate and sort last.
-    order = np.lexsort((np.nan_to_num(overlap, nan=2), np.nan_to_num(recovery, nan=2)))
-    return int(order[0])
+    return [np.where(has | (num_objects == 1), figures[-1], np.nan) for figures in estimate]

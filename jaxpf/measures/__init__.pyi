@@ -1,5 +1,12 @@
 from .association import pairwise_overlap as pairwise_overlap
-from .calibration import crps as crps, log_score as log_score, transforms as transforms
+from .calibration import (
+    Reliability as Reliability,
+    confidence_counts as confidence_counts,
+    crps as crps,
+    log_score as log_score,
+    smallest_region as smallest_region,
+    transforms as transforms,
+)
 from .intervals import (
     Interval as Interval,
     as_float as as_float,

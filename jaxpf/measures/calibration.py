@@ -9,6 +9,11 @@ truth in 49, 75 and 90.5 % of the frames, and the normal regions in 52, 78 and 9
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jaxpf.measures.intervals import Interval, share_interval, student_quantile
+
+#: Number of bins in ``confidence_counts``.
+CONFIDENCE_BINS = 100
+
 
 def transforms(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
     """Probability integral transforms u: predicted probability of values below the truth.
@@ -29,6 +34,14 @@ def transforms(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
     return ndtr(-_standard(offset, spread))
 
 
+def smallest_region(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
+    """Probability of the smallest central region that covers the truth, ``|2 u - 1|``.
+
+    Arguments and NaN as for ``transforms``.
+    """
+    return np.abs(2 * transforms(offset, spread) - 1)
+
+
 def crps(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
     """Continuous ranked probability score (CRPS), in the units of the offset; lower is better.
 
@@ -47,6 +60,89 @@ def log_score(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:
     """Log density at the truth; higher is better.  Arguments and NaN as for ``transforms``."""
     z = _standard(offset, spread)
     return -(z**2) / 2 - np.log(np.where(np.isnan(z), 1, spread) * np.sqrt(2 * np.pi))
+
+
+def confidence_counts(confidence: ArrayLike, on_object: ArrayLike) -> np.ndarray:
+    """Count the frames of every run by confidence and outcome, for ``Reliability``.
+
+    Args:
+        confidence: ``[R, ...]`` of R runs, 0 to 1; NaN is left out.
+        on_object: ``[R, ...]``, 1 where the estimate is on its object and 0 where it is not; NaN
+            is left out.
+
+    Returns:
+        int ``[R, 2, 100]``: frames off and on their object, in equal bins of confidence.
+    """
+    confidence, on_object = np.asarray(confidence, float), np.asarray(on_object, float)
+    counts = np.zeros((len(confidence), 2, CONFIDENCE_BINS), np.int64)
+    run, *_ = np.indices(confidence.shape)
+    known = np.isfinite(confidence) & np.isfinite(on_object)
+    bins = np.minimum((confidence[known] * CONFIDENCE_BINS).astype(int), CONFIDENCE_BINS - 1)
+    np.add.at(counts, (run[known], on_object[known].astype(int), bins), 1)
+    return counts
+
+
+class Reliability:
+    """Reliability of confidence over runs, from running sums, so memory does not grow with them.
+
+    Attributes:
+        bins: number B of equal bins of confidence.
+        counts: ``[2, 100]``, pooled frames off and on their object, see ``confidence_counts``.
+    """
+
+    def __init__(self, bins: int = 5):
+        self.bins = bins
+        self.counts = np.zeros((2, CONFIDENCE_BINS), np.int64)
+        # Of each bin and of all: runs, frames n, frames on their object k, and n n, n k, k k.
+        self._sums = np.zeros((6, bins + 1))
+
+    def add(self, counts: np.ndarray) -> None:
+        """Add the ``counts [R, 2, 100]`` of R runs."""
+        self.counts += counts.sum(axis=0)
+        by_bin = counts.reshape(len(counts), 2, self.bins, -1).sum(axis=-1)
+        by_bin = np.concatenate([by_bin, by_bin.sum(axis=-1, keepdims=True)], axis=-1)
+        frames, on = by_bin.sum(axis=1), by_bin[:, 1]
+        parts = (frames > 0, frames, on, frames**2, frames * on, on**2)
+        self._sums += np.stack([part.sum(axis=0) for part in parts])
+
+    @property
+    def runs(self) -> np.ndarray:
+        """``[B + 1]``: number of runs with frames in each bin, and at all."""
+        return self._sums[0].astype(int)
+
+    @property
+    def frames(self) -> np.ndarray:
+        """``[B + 1]``: number of frames in each bin, and of all."""
+        return self._sums[1].astype(int)
+
+    def shares(self) -> Interval:
+        """Share of frames on their object in each bin, and of all; ``[B + 1]`` each.
+
+        Confidence is calibrated if the share equals it.  The intervals are Wilson's over runs, see
+        ``share_interval``; NaN in an empty bin, and without an interval for a single run.
+        """
+        runs, frames, on, frames_2, both, on_2 = self._sums
+        value = np.where(frames > 0, on / np.maximum(frames, 1), np.nan)
+        squares = np.maximum(on_2 - 2 * value * both + value**2 * frames_2, 0)
+        error = np.sqrt(squares * runs / np.maximum(runs - 1, 1)) / np.maximum(frames, 1)
+        error = np.where(runs > 1, error, np.nan)
+        reach = student_quantile(np.inf) * error
+        ends = np.clip(value - reach, 0, 1), np.clip(value + reach, 0, 1)
+        interval = share_interval(Interval(value, error, *ends))
+        return Interval(*(np.array(x, float) for x in interval))
+
+    def area(self) -> float:
+        """Area under the ROC curve, over all runs.
+
+        It is the probability that a frame on its object has more confidence than one off it; ties
+        count half.  NaN unless there are frames of both kinds.
+        """
+        off, on = self.counts
+        pairs = off.sum() * on.sum()
+        if not pairs:
+            return float("nan")
+        below = np.cumsum(off) - off
+        return float(np.sum(on * (below + off / 2)) / pairs)
 
 
 def _standard(offset: ArrayLike, spread: ArrayLike) -> np.ndarray:

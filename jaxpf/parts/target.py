@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.options import check_options, option
 from jaxpf.targets.appearance import (
@@ -68,8 +68,9 @@ class Options:
         check_options(self)
         if self.likelihood == "patch" and self.bands > 1:
             raise InputError(
-                f"bands = {self.bands} goes with histograms, and likelihood 'patch' compares "
-                "pixels; leave one of them out."
+                Argument("bands", self.bands),
+                " goes with histograms, and likelihood 'patch' compares pixels; leave one of them "
+                "out.",
             )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.options import check_options, option
 from jaxpf.targets.target import Looks, Start, Target
@@ -53,8 +53,8 @@ class Options:
         check_options(self)
         if self.window_size % 2 == 0:
             raise InputError(
-                f"window_size = {self.window_size} must be an odd number of pixels, such as "
-                f"{self.window_size + 1}."
+                Argument("window_size", self.window_size),
+                f" must be an odd number of pixels, such as {self.window_size + 1}.",
             )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.measures import metrics
 from jaxpf.measures.intervals import Interval, student_interval
 from jaxpf.running.blocks import monte_carlo
@@ -91,7 +91,9 @@ def compare(sequences: Sequence[HeldOut], *, runs: int = 20, seed: int = 1) -> C
     if not sequences:
         raise InputError("there is no sequence to compare on; give at least one.")
     if len(sequences) == 1 and runs < 2:
-        raise InputError(f"runs = {runs} on one sequence gives no interval; use at least 2.")
+        raise InputError(
+            Argument("runs", runs), " on one sequence gives no interval; use at least 2."
+        )
     columns: dict[str, list[np.ndarray]] = {"before": [], "after": []}
     for place, held_out in enumerate(sequences):
         keys = jax.random.split(jax.random.fold_in(jax.random.key(seed), place), runs)

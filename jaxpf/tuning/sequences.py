@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.options import chosen, options_of
 from jaxpf.gradients import named
 from jaxpf.targets import building, find_adapter
@@ -107,8 +107,8 @@ def training_sequence(
     if labels is not None:
         if not 1 <= labels <= len(shapes):
             raise InputError(
-                f"labels = {labels} must be 1 to {len(shapes)}, the frames of {scene.name!r} after "
-                "its first."
+                Argument("labels", labels),
+                f" must be 1 to {len(shapes)}, the frames of {scene.name!r} after its first.",
             )
         kept = len(shapes) - 1 - _spread(len(shapes), labels)
         shapes[np.setdiff1d(np.arange(len(shapes)), kept)] = np.nan

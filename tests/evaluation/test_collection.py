@@ -1,4 +1,4 @@
-"""What is collected over the runs: shown tracks, quantiles, curves, in bounded memory."""
+"""What is collected over the runs: quantiles, curves, in bounded memory."""
 
 import csv
 import math
@@ -7,39 +7,12 @@ import tracemalloc
 import jax
 import numpy as np
 import pytest
-from made_results import PS, SIR, batch, make, walks
-from two_objects import TRUE
+from made_results import SIR, batch, make, walks
 
-from jaxpf.boxes import read_boxes
 from jaxpf.evaluation import collection
 from jaxpf.evaluation.collection import ErrorQuantiles
 from jaxpf.evaluation.output.tables import write_tables
 from jaxpf.measures import mean_interval
-
-
-def test_tracks_of_the_best_median_and_worst_run(tmp_path):
-    truth = np.broadcast_to(np.array(TRUE), (4, 1, 4))
-    offsets = [3.0, 0.0, 9.0, 1.0, 30.0]  # of the runs: the second is best, the fourth median
-    boxes = np.stack([truth + np.array([offset, 0, 0, 0]) for offset in offsets])
-    lost = np.zeros((5, 4, 1), bool)
-    lost[4, 2] = True
-    parts = [batch(boxes[:3], lost=lost[:3]), batch(boxes[3:], 3, lost=lost[3:])]
-    results = make(tmp_path / "results", [(PS, parts)], truth, ids=[6], start_frame=10)
-    (tmp_path / "results" / "tracks").mkdir()
-    old = tmp_path / "results" / "tracks" / "01-PS-21-best-run7.txt"
-    old.touch()
-    write_tables(results)
-    names = sorted(path.name for path in (results.folder / "tracks").iterdir())
-    assert names == [
-        *("01-PS-21-best-run1.txt", "01-PS-21-median-run0.txt", "01-PS-21-worst-run4.txt"),
-        "truth.txt",
-    ]
-    worst = read_boxes(results.folder / "tracks" / names[2])
-    np.testing.assert_allclose(worst.box, boxes[4, :, 0], atol=1e-3)
-    assert worst.frame.tolist() == [11, 12, 13, 14]
-    assert set(worst.id.tolist()) == {6}
-    lines = (results.folder / "tracks" / names[2]).read_text().splitlines()
-    assert [line.split(",")[6] for line in lines] == ["1", "1", "0", "1"]
 
 
 def test_quantiles_are_within_a_hundredth():
@@ -106,3 +79,47 @@ def test_memory_does_not_grow_with_the_runs(tmp_path, monkeypatch):
     with open(tmp_path / "100" / "results.csv", encoding="utf-8") as file:
         assert sum(1 for _ in file) == 20_001
     assert peaks[1] - peaks[0] < 1.5, peaks
+
+
+def test_reliability_and_area_of_confidence_by_hand(tmp_path):
+    """Of ten frames, five at confidence .9 and five at .3; boxes leave in known frames."""
+    truth = np.broadcast_to(np.array([10.0, 10, 20, 20]), (10, 1, 4))
+    boxes = np.stack([truth, truth]).copy()
+    confidence = np.full((2, 10, 1), 0.9)
+    confidence[:, 5:] = 0.3
+    boxes[:, 6:, :, 0] += 100  # four of the doubtful frames are off their object
+    boxes[1, 0, :, 0] += 100  # and one of the confident frames, in one run
+    boxes[0, 1, :, 0] += 16  # an overlap of 1/9 is still on the object
+    boxes[0, 2, :, 0] += 17  # of 3/37 not
+    results = make(tmp_path / "results", [(SIR, [batch(boxes, confidence=confidence)])], truth)
+    made = write_tables(results)
+    (summary,) = made.summaries
+    assert summary.confidence.frames.tolist() == [0, 10, 0, 0, 10, 20]
+    np.testing.assert_allclose(
+        summary.confidence.shares().value, [math.nan, 0.2, math.nan, math.nan, 0.8, 0.5]
+    )
+    # Pairs of a frame on and one off its object: 8 x 8 apart, 8 x 2 and 2 x 8 level, 2 x 2 wrong.
+    assert summary.confidence.area() == pytest.approx((64 + 32 / 2) / 100)
+    line = made.remarks[-1]
+    assert "0.2 to 0.4: 20 %, 0.8 to 1.0: 80 %; area under the curve 80 %" in line
+    with open(tmp_path / "results" / "summary.csv", newline="") as file:
+        rows = {row["measure"]: row for row in csv.DictReader(file) if row["object"] == "all"}
+    assert float(rows["on_object_4"]["value"]) == pytest.approx(0.8)
+    assert float(rows["confidence_area"]["value"]) == pytest.approx(0.8)
+
+
+def test_regions_of_size_cover_sizes_as_often_as_normal_ones(tmp_path):
+    """Scales of the start's 20 x 30 that err by the spread that is reported with them."""
+    random = np.random.default_rng(0)
+    truth = np.broadcast_to(np.array([10.0, 10, 20, 30]), (500, 1, 4))
+    scale = 1 + 0.1 * random.standard_normal((8, 500, 1))
+    boxes = np.broadcast_to(truth, (8, 500, 1, 4)).copy()
+    boxes[..., 2:] *= scale[..., None]
+    for factor, expected in ((1.0, (0.5, 0.95)), (0.5, (0.264, 0.673))):
+        spread = np.broadcast_to([3.0, 3.0, 0.1 * factor], (8, 500, 1, 3))
+        made = make(tmp_path / f"{factor}", [(SIR, [batch(boxes, spread=spread)])], truth)
+        (summary,) = write_tables(made).summaries
+        for percent, share in zip((50, 95), expected, strict=True):
+            found = summary.estimates[f"size_coverage_{percent}"].value[0]
+            error = np.sqrt(share * (1 - share) / 4000)
+            assert abs(found - share) < 4.5 * error, (factor, percent, found)

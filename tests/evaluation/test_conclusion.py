@@ -5,7 +5,7 @@ import pytest
 from made_results import DPS, OTHER, PS, SIR, batch, imported, make, walks
 
 from jaxpf.evaluation import Configuration
-from jaxpf.evaluation.output.tables import MOST_PRINTED, write_tables
+from jaxpf.evaluation.output.tables import MOST_PRINTED, printed_tables, write_tables
 
 
 def conclusion(folder, **shrunk):
@@ -67,8 +67,9 @@ def test_one_screen_shows_the_best_first(tmp_path):
         (Configuration("SIR", f"{i}"), [batch(truth + (boxes - truth) / (1 + i))])
         for i in range(MOST_PRINTED + 5)
     ]
-    tables = write_tables(make(tmp_path / "made", batches, truth))
-    (table,) = tables.printed
+    results = make(tmp_path / "made", batches, truth)
+    tables = write_tables(results)
+    (table,) = printed_tables(results, tables)
     assert len(table.rows) == MOST_PRINTED
     areas = [tables.summaries[i].estimates["success_area"].value[-1] for i in tables.conclusion[1]]
     assert areas == sorted(areas, reverse=True)

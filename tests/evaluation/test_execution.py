@@ -24,7 +24,7 @@ from worker_functions import (
 
 from jaxpf import InputError
 from jaxpf.evaluation import local_pool
-from jaxpf.evaluation.work.execution import in_turn, num_cores
+from jaxpf.evaluation.work.execution import Pool, in_turn, num_cores
 
 PIECES = list(range(12))
 
@@ -92,7 +92,7 @@ def test_only_a_few_pieces_are_in_flight():
             submitted.append(arguments)
             return super().submit(function, *arguments)
 
-    pieces = in_turn(squared, range(1000), lambda: Counting(2))
+    pieces = in_turn(squared, range(1000), Pool(lambda: Counting(2), workers=2))
     for _ in range(10):
         next(pieces)
     assert len(submitted) <= 13
@@ -112,7 +112,7 @@ def test_after_a_death_the_pool_is_replaced_and_only_pieces_in_flight_are_repeat
         pools.append(start_two())
         return pools[-1]
 
-    assert as_dict(in_turn(function, PIECES, start)) == SQUARES
+    assert as_dict(in_turn(function, PIECES, Pool(start, workers=2))) == SQUARES
     calls = [path.name.split("-") for path in tmp_path.iterdir()]
     repeated = {int(piece) for piece, attempt, *_ in calls if attempt != "0"}
     assert 5 in repeated

@@ -9,6 +9,8 @@ import pytest
 
 from jaxpf import InputError
 from jaxpf.evaluation import Plan
+from jaxpf.evaluation.configurations import complete, configurations
+from jaxpf.evaluation.work.fingerprint import describe_plan
 from jaxpf.files.store import differences
 from jaxpf.filters.partitioned.options import order_label
 from jaxpf.targets.target import Start
@@ -35,7 +37,7 @@ def found(plan, count=3, method="integral", asked=None):
         likelihood = method if options.likelihood == "auto" else options.likelihood
         return dataclasses.replace(options, likelihood=likelihood)
 
-    return plan.for_target("boxes", start(count).parents).configurations(start(count), settle)
+    return configurations(complete(plan, "boxes", start(count).parents), start(count), settle)
 
 
 def test_configurations_are_methods_times_orderings_times_grid():
@@ -81,12 +83,12 @@ def test_configurations_are_methods_times_orderings_times_grid():
 
 
 def test_part_trees_leave_out_dps_and_take_orders_level_by_level():
-    plan = Plan(SCENE).for_target("parts", (-1, 2, 0))
+    plan = complete(Plan(SCENE), "parts", (-1, 2, 0))
     assert plan.methods == ("sir", "ps", "sps")
     boxes = np.zeros((3, 3))
     tree = Start(np.arange(3), boxes, np.ones((3, 2)), (-1, 2, 0))
     assert plan.grid["sharpness"] == (50.0,)
-    labels = [c.label for c in plan.configurations(tree, lambda of, options, n: options)]
+    labels = [c.label for c in configurations(plan, tree, lambda of, options, n: options)]
     assert labels == ["SIR", "PS 132", "SPS combinatorial"]
 
 
@@ -175,7 +177,7 @@ def test_a_value_that_no_target_allows_is_refused(grid, sentence):
 def test_an_option_of_another_target_is_refused_once_the_target_is_known():
     plan = Plan(SCENE, grid={"joint_scale": [(1, 1, 1)]})
     with pytest.raises(InputError, match="joint_scale is no option of boxes, but of parts; leave"):
-        plan.for_target("boxes")
+        complete(plan, "boxes")
 
 
 def test_an_option_of_other_methods_is_refused():
@@ -198,7 +200,7 @@ def test_fewer_particles_than_components_are_refused():
 
 def test_what_was_asked_survives_json_and_names_the_scene(tmp_path):
     (tmp_path / "tracks.csv").write_text("frame,id,x,y,w,h\n")
-    asked = Plan(SCENE, tracks={"theirs": tmp_path / "tracks.csv"}).asked()
+    asked = describe_plan(Plan(SCENE, tracks={"theirs": tmp_path / "tracks.csv"}))
     assert json.loads(json.dumps(asked)) == asked
     assert asked["scene"]["source"] == "somewhere"
     assert asked["scene"]["seed"] == 3
@@ -208,16 +210,16 @@ def test_what_was_asked_survives_json_and_names_the_scene(tmp_path):
 def test_differences_name_the_value_before_and_after(tmp_path):
     file = tmp_path / "tracks.csv"
     file.write_text("one")
-    before = Plan(SCENE, tracks={"theirs": file}).asked()
+    before = describe_plan(Plan(SCENE, tracks={"theirs": file}))
     assert list(differences(before, before)) == []
     file.write_text("two")
-    (change,) = differences(before, Plan(SCENE, tracks={"theirs": file}).asked())
+    (change,) = differences(before, describe_plan(Plan(SCENE, tracks={"theirs": file})))
     assert change.startswith("tracks: theirs: sha256 = ")
     other = functools.partial(load, source="somewhere", seed=4, ids=[1, 2])
-    before = Plan(SCENE, grid={"sharpness": [20]}, tracks={"theirs": file}).asked() | {
+    before = describe_plan(Plan(SCENE, grid={"sharpness": [20]}, tracks={"theirs": file})) | {
         "tracks": before["tracks"]
     }
-    after = Plan(other, grid={"sharpness": [20, 25.5]}, tracks={"theirs": file}).asked()
+    after = describe_plan(Plan(other, grid={"sharpness": [20, 25.5]}, tracks={"theirs": file}))
     changes = list(differences(before, after))
     assert changes[:3] == [
         "scene: seed = 3, now 4",
@@ -228,12 +230,12 @@ def test_differences_name_the_value_before_and_after(tmp_path):
 
 def test_tracks_that_cannot_be_read_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"cannot read '.*missing.csv'"):
-        Plan(SCENE, tracks={"theirs": tmp_path / "missing.csv"}).asked()
+        describe_plan(Plan(SCENE, tracks={"theirs": tmp_path / "missing.csv"}))
 
 
 def test_an_option_says_what_it_is_an_option_of():
     def grid(**given):
-        return Plan(SCENE, methods=["sir"], grid=given).for_target("boxes").grid
+        return complete(Plan(SCENE, methods=["sir"], grid=given), "boxes").grid
 
     both = ["colour", "discriminative"]
     told = grid(sharpness=[20, 30], relative_scale=[(0.1, 0.2, 0.01)])

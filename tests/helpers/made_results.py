@@ -31,6 +31,7 @@ def batch(boxes, first_run=0, **given):
         shapes=boxes,
         uniqueness=filled("uniqueness", 0.5, runs, frames, objects),
         spread=filled("spread", 2.0, runs, frames, objects, 3),
+        confidence=filled("confidence", 0.7, runs, frames, objects),
         ess=filled("ess", 30.0, runs, frames),
         log_evidence=filled("log_evidence", -1.5, runs, frames),
         lost=np.broadcast_to(given.get("lost", False), (runs, frames, objects)),
@@ -39,7 +40,7 @@ def batch(boxes, first_run=0, **given):
 
 def imported(boxes):
     """The one batch of imported tracks ``[T, P, 4]``."""
-    nothing = dict.fromkeys(("uniqueness", "spread", "ess", "log_evidence"), np.nan)
+    nothing = dict.fromkeys(("uniqueness", "spread", "confidence", "ess", "log_evidence"), np.nan)
     return batch(np.asarray(boxes)[None], lost=np.isnan(boxes).any(axis=-1), **nothing)
 
 

@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from jaxpf.measures import crps, log_score, transforms
+from jaxpf.measures import (
+    Reliability,
+    confidence_counts,
+    crps,
+    log_score,
+    mean_interval,
+    transforms,
+)
+from jaxpf.measures.intervals import share_interval
 
 N = 40_000
 
@@ -61,3 +69,30 @@ def test_what_is_not_known_is_no_number():
     offset, spread = [0.0, np.nan, 1.0, np.inf, 1.0], [0.0, 1.0, -1.0, 1.0, np.nan]
     for measure in (transforms, crps, log_score):
         assert np.isnan(measure(offset, spread)).all()
+
+
+def test_reliability_of_streamed_runs_is_that_of_pooled_frames():
+    """Running sums give the weighted mean over runs and its interval, however runs are divided."""
+    random = np.random.default_rng(4)
+    confidence = random.random((40, 30, 2))
+    on_object = (random.random(confidence.shape) < confidence).astype(float)
+    on_object[:, ::7] = np.nan
+    confidence[3, 5] = np.nan
+    counts = confidence_counts(confidence, on_object)
+    streamed = Reliability()
+    for first in range(0, 40, 16):
+        streamed.add(counts[first : first + 16])
+    known = np.isfinite(confidence) & np.isfinite(on_object)
+    assert streamed.frames[-1] == known.sum()
+    bins = np.minimum((confidence * 5).astype(float), 4.999)
+    shares = streamed.shares()
+    for place in range(5):
+        inside = known & (np.floor(bins) == place)
+        frames = inside.sum(axis=(1, 2))
+        values = np.where(inside, on_object, 0).sum(axis=(1, 2)) / np.maximum(frames, 1)
+        expected = share_interval(mean_interval(np.where(frames > 0, values, np.nan), frames))
+        for ours, theirs in zip(shares, expected, strict=True):
+            assert ours[place] == pytest.approx(float(theirs), rel=1e-4)
+        assert shares.lower[place] < 0.1 + 0.2 * place < shares.upper[place] + 0.05
+    pairs = confidence[known & (on_object == 1)][:, None] - confidence[known & (on_object == 0)]
+    assert streamed.area() == pytest.approx(np.mean(pairs > 0), abs=0.01)

@@ -5,30 +5,18 @@ import logging
 import socket
 import warnings
 from collections.abc import Iterator
-from typing import Any, NamedTuple
 
 from jaxpf.cli.shared.startup import start_jax
 from jaxpf.contract.errors import InputError
+from jaxpf.evaluation.work.execution import Pool
 
 #: Seconds within which a scheduler must answer.
 _PATIENCE = 5
 
 
-class Cluster(NamedTuple):
-    """A connected Dask cluster.
-
-    Attributes:
-        workers: number of workers.
-        executor: factory of executors for ``jaxpf.evaluation.carry_out``.
-    """
-
-    workers: int
-    executor: Any
-
-
 @contextlib.contextmanager
-def cluster(address: str, devices: int | None = None) -> Iterator[Cluster]:
-    """Connect to the scheduler at an address and set up JAX on its workers.
+def cluster(address: str, devices: int | None = None) -> Iterator[Pool]:
+    """Connect to the scheduler at an address, set up JAX on its workers, and yield their pool.
 
     Args:
         address: such as ``tcp://127.0.0.1:8786``.
@@ -73,4 +61,4 @@ def cluster(address: str, devices: int | None = None) -> Iterator[Cluster]:
                 f"--dask {address}: a worker cannot set jaxpf up ({type(error).__name__}: "
                 f"{error}); install the same version there."
             ) from None
-        yield Cluster(workers, client.get_executor)
+        yield Pool(client.get_executor, workers)

@@ -9,6 +9,7 @@ import click
 
 from jaxpf.cli.shared.console import print_table
 from jaxpf.contract.options import chosen, counting, plain
+from jaxpf.evaluation.output.tables import printed_tables
 from jaxpf.evaluation.results import OWN
 from jaxpf.files.writing import write_text
 from jaxpf.targets import find_adapter
@@ -90,7 +91,7 @@ def print_results(results: Any, tables: Any) -> None:
     """Print the summary and store it for ``print_again``."""
     printed = {
         "runs": results.runs,
-        "tables": [table._asdict() for table in tables.printed],
+        "tables": [table._asdict() for table in printed_tables(results, tables)],
         "remarks": list(tables.remarks),
         "conclusion": tables.conclusion.sentence,
     }

@@ -3,10 +3,11 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import click
 
+from jaxpf.cli.evaluating.request import Request
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import print_table
 from jaxpf.cli.shared.scene_options import resolved_scene, scene_name
@@ -17,7 +18,7 @@ from jaxpf.files.reading import read_text
 _OF_ONE = ("ids", "start_frame", "tracks")
 
 
-class OneOf(NamedTuple):
+class Listed(NamedTuple):
     """One of several scenes: name of its results, source, seed and frames."""
 
     name: str
@@ -26,34 +27,30 @@ class OneOf(NamedTuple):
     frames: int | None = None
 
 
-def scenes_of(source: str, seed: int) -> list[OneOf]:
-    """List the scenes of a folder of sequences or of a text file; none if ``source`` is a scene.
-
-    Args:
-        source: as given on the command line.
-        seed: seed of scenes that specify none.
+def sequences_of(request: Request) -> list[Listed]:
+    """List the scenes of a folder of sequences or of a text file; none for a single scene.
 
     Raises:
         InputError: a line of the file is not a scene and a seed.
     """
     from scenes.sequences import sequences_in
 
-    path = Path(source)
+    path, seed = Path(request.scene), request.options.scene_seed
     if path.suffix == ".txt" and path.is_file():
         expected = "one with a scene in each line, and a seed after it if it has one"
         lines = enumerate(read_text(path, "scenes", f"{expected}.").splitlines(), start=1)
-        listed = [
+        scenes = [
             _of_line(f"line {number} of '{path}'", line.split(), seed, path.parent)
             for number, line in lines
             if line.strip() and not line.lstrip().startswith("#")
         ]
-        if not listed:
+        if not scenes:
             raise InputError(f"'{path}' lists no scene; give {expected}.")
-        return listed
-    return [OneOf(each.name, str(each), seed) for each in sequences_in(path)]
+        return scenes
+    return [Listed(each.name, str(each), seed) for each in sequences_in(path)]
 
 
-def _of_line(place: str, words: Sequence[str], seed: int, folder: Path) -> OneOf:
+def _of_line(place: str, words: Sequence[str], seed: int, folder: Path) -> Listed:
     if len(words) > 2 or (len(words) == 2 and not words[1].isdecimal()):
         raise InputError(
             f"{place} reads {' '.join(words)!r}; write a scene, and a seed after it if it has one."
@@ -63,53 +60,49 @@ def _of_line(place: str, words: Sequence[str], seed: int, folder: Path) -> OneOf
     if beside.exists() and source != ".":
         source = str(folder / source)
     name = "-".join([scene_name(source), *rest])
-    return OneOf(name, resolved_scene(source), int(rest[0]) if rest else seed)
+    return Listed(name, resolved_scene(source), int(rest[0]) if rest else seed)
 
 
 def evaluate_each(
-    request: Any,
-    each: Sequence[OneOf],
-    varied: Sequence[str],
-    evaluate: Callable[[Any], None],
+    request: Request, listed: Sequence[Listed], evaluate: Callable[[Request], None]
 ) -> None:
     """Evaluate scenes one after another, then print results over all of them.
 
     Args:
-        request: common to all scenes, see ``jaxpf.cli.evaluating.command.Request``.
-        each: the scenes.
-        varied: options with several values.
+        request: common to all scenes.
+        listed: the scenes.
         evaluate: runs one request.
 
     Raises:
         InputError: an option applies to a single sequence only, or fewer than two scenes are of one
             kind.
     """
-    options = request.options
+    options, output = request.options, request.output
     for name in _OF_ONE:
         if getattr(options, name):
             flag = f"--{name.replace('_', '-')}"
             raise InputError(f"{flag} is about one sequence; evaluate that one alone for it.")
-    kind, chosen = _of_one_kind(each, options.target, options.frames)
+    kind, chosen = _of_one_kind(listed, options.target, options.frames)
     if len(chosen) < 2:
         raise InputError(
             f"'{request.scene}' holds {len(chosen)} sequence(s) that can be evaluated together; "
             "give at least 2, or name one of them."
         )
-    output = options.output or Path(f"jaxpf-{scene_name(request.scene)}")
-    for number, one in enumerate(chosen, start=1):
-        click.echo(f"\n{one.name} ({number} of {len(chosen)})")
-        its: dict[str, Any] = {"target": kind, "scene_seed": one.seed, "frames": one.frames}
-        its["output"] = output / one.name
-        evaluate(
-            dataclasses.replace(
-                request, scene=one.source, options=dataclasses.replace(options, **its)
-            )
+    for number, sequence in enumerate(chosen, start=1):
+        click.echo(f"\n{sequence.name} ({number} of {len(chosen)})")
+        own = dataclasses.replace(
+            options,
+            target=kind,
+            scene_seed=sequence.seed,
+            frames=sequence.frames,
+            output=output / sequence.name,
         )
+        evaluate(dataclasses.replace(request, scene=sequence.source, options=own))
     if options.dry_run:
         return
     from jaxpf.evaluation.output.overall import FILES, UNITS, write_overall
 
-    tables = write_overall(output, [one.name for one in chosen], varied)
+    tables = write_overall(output, [sequence.name for sequence in chosen], request.varied)
     click.echo()
     for table in tables:
         print_table(*table)
@@ -119,8 +112,8 @@ def evaluate_each(
 
 
 def _of_one_kind(
-    each: Sequence[OneOf], kind: str | None, frames: int | None
-) -> tuple[str | None, list[OneOf]]:
+    listed: Sequence[Listed], kind: str | None, frames: int | None
+) -> tuple[str | None, list[Listed]]:
     """Select scenes with a given kind of truth (default: the first scene's) and at most N frames.
 
     Prints which scenes are left out.
@@ -130,19 +123,19 @@ def _of_one_kind(
     from jaxpf.targets import adapter_of_scene
     from scenes import open_folder
 
-    chosen: list[OneOf] = []
-    for one in each:
+    chosen: list[Listed] = []
+    for sequence in listed:
         try:
-            is_folder = Path(one.source).is_dir()
-            scene = load_scene(one.source, one.seed, num_frames=2 if is_folder else None)
+            is_folder = Path(sequence.source).is_dir()
+            scene = load_scene(sequence.source, sequence.seed, num_frames=2 if is_folder else None)
             kind = adapter_of_scene(scene, kind).name
         except InputError as error:
-            click.echo(f"{one.name} is left out: {error}", err=True)
+            click.echo(f"{sequence.name} is left out: {error}", err=True)
             continue
-        if one.name in {other.name for other in chosen}:
-            raise InputError(f"two sequences are called {one.name!r}; give one another seed.")
+        if sequence.name in {other.name for other in chosen}:
+            raise InputError(f"two sequences are called {sequence.name!r}; give one another seed.")
         most = frames
         if is_folder and frames is not None:
-            most = min(frames, open_folder(one.source).num_frames - start_frame(scene))
-        chosen.append(one._replace(frames=most))
+            most = min(frames, open_folder(sequence.source).num_frames - start_frame(scene))
+        chosen.append(sequence._replace(frames=most))
     return kind, chosen

@@ -50,8 +50,15 @@ def baselines(names: Collection[str]) -> dict[str, Baseline]:
     """
     for name in names:
         if name not in BASELINES:
-            raise InputError(f"baseline {name!r} is unknown; choose from {', '.join(BASELINES)}.")
+            raise InputError(
+                f"baseline {name!r} is unknown; choose from {', '.join(BASELINES)}, or all."
+            )
     return {name: Baseline(name) for name in names}
+
+
+def available() -> list[str]:
+    """The names of all baselines that the installed OpenCV has."""
+    return [name for name in BASELINES if name not in _OPENCV or _maker(_OPENCV[name]) is not None]
 
 
 # Cached because an evaluation needs the result several times: for its type, boxes and time.
@@ -84,33 +91,34 @@ def _mean_shift(frames: np.ndarray, box: np.ndarray) -> np.ndarray:
     for frame in frames[1:]:
         hsv = cv2.cvtColor(frame, cv2.COLOR_RGB2HSV)
         likeness = cv2.calcBackProject([hsv], [0, 1], histogram, ranges, 1)
-        _, found = cv2.meanShift(likeness, window, _SHIFTS)
+        _, (x, y, *_) = cv2.meanShift(likeness, window, _SHIFTS)
         # OpenCV clips the window at the frame's edge; restore its size.
-        window = _whole(np.array([found[0], found[1], w, h]), frames)
+        window = _whole(np.array([x, y, w, h]), frames)
         track.append(np.array(window))
     return np.array(track, np.float64)
 
 
 def _opencv(name: str, frames: np.ndarray, box: np.ndarray) -> np.ndarray:
     """Track one box with one of OpenCV's trackers."""
-    tracker = _maker(name)()
-    tracker.init(_bgr(frames[0]), _whole(box, frames))
-    track = [np.asarray(box, np.float64)]
-    for frame in frames[1:]:
-        is_found, found = tracker.update(_bgr(frame))
-        track.append(np.array(found, np.float64) if is_found else track[-1])
-    return np.stack(track)
-
-
-def _maker(name: str) -> Callable[[], Any]:
-    places = (cv2, getattr(cv2, "legacy", None))
-    made = (getattr(place, f"Tracker{name}_create", None) for place in places)
-    if (found := next(filter(None, made), None)) is None:
+    if (maker := _maker(name)) is None:
         raise InputError(
             f"the baseline {name.lower()!r} is missing in this OpenCV; put "
             "opencv-contrib-python-headless in the place of opencv-python-headless."
         )
-    return found
+    tracker = maker()
+    tracker.init(_bgr(frames[0]), _whole(box, frames))
+    track = [np.asarray(box, np.float64)]
+    for frame in frames[1:]:
+        is_tracked, window = tracker.update(_bgr(frame))
+        track.append(np.array(window, np.float64) if is_tracked else track[-1])
+    return np.stack(track)
+
+
+def _maker(name: str) -> Callable[[], Any] | None:
+    """The function that makes one of OpenCV's trackers; None if it is not installed."""
+    places = (cv2, getattr(cv2, "legacy", None))
+    makers = (getattr(place, f"Tracker{name}_create", None) for place in places)
+    return next(filter(None, makers), None)
 
 
 def _whole(box: Sequence[float] | np.ndarray, frames: np.ndarray) -> tuple[int, int, int, int]:
@@ -125,11 +133,11 @@ def _bgr(frame: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(frame, cv2.COLOR_RGB2BGR)
 
 
+#: Baseline -> OpenCV's name of its tracker.
+_OPENCV = {"mil": "MIL", "csrt": "CSRT", "kcf": "KCF"}
 #: Name -> function from frames ``[T, H, W, 3]`` and a box ``[4]`` to boxes ``[T, 4]``.
 BASELINES: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
-    "mil": functools.partial(_opencv, "MIL"),
-    "csrt": functools.partial(_opencv, "CSRT"),
-    "kcf": functools.partial(_opencv, "KCF"),
+    **{name: functools.partial(_opencv, of_opencv) for name, of_opencv in _OPENCV.items()},
     "meanshift": _mean_shift,
     "still": _still,
 }

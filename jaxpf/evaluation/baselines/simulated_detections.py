@@ -8,7 +8,7 @@ ones.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 
 
 def simulated_detections(
@@ -42,7 +42,7 @@ def simulated_detections(
     given = {"misses": (misses, 1), "false_alarms": (false_alarms, 1000), "jitter": (jitter, 1)}
     for name, (value, most) in given.items():
         if not 0 <= value <= most:
-            raise InputError(f"{name} = {value} must be from 0 to {most}.")
+            raise InputError(Argument(name, value), f" must be from 0 to {most}.")
     there = np.isfinite(truth).all(axis=-1)
     if not there.any():
         raise InputError("the truth holds no box; detections are simulated from it.")

@@ -19,6 +19,7 @@ _STATISTICS: dict[str, list[str]] = {
     "ess": [],
     "log_evidence": [],
     "uniqueness": ["object"],
+    "confidence": ["object"],
     "lost": ["object"],
     "spread": ["object", "coordinate"],
 }

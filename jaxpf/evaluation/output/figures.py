@@ -1,16 +1,12 @@
 """Writes an evaluation's figures, with captions, as PNG and PDF reproducible byte for byte."""
 
-import functools
 import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from jaxpf.evaluation.equal_time import curves
 from jaxpf.evaluation.output import charts
-from jaxpf.evaluation.output.layout import object_name
 from jaxpf.evaluation.output.tables import Tables
 from jaxpf.evaluation.results import Results
 from jaxpf.files.writing import atomic_write, report_os_errors
@@ -62,9 +58,8 @@ def write_figures(results: Results, tables: Tables) -> list[Figure]:
     written = []
     with in_style():
         for plan in _plans(results, tables):
-            figure = plan.draw()
             path = folder / f"{plan.name}.png"
-            save(figure, path)
+            save(plan.draw(), path)
             written.append(Figure(plan.name, plan.title, plan.caption, path))
     return written
 
@@ -89,53 +84,60 @@ def save(figure: Any, png: str | os.PathLike[str]) -> None:
 
 
 def _plans(results: Results, tables: Tables) -> list[_Plan]:
+    """The figures that these results allow; curves show the best configurations only."""
     summaries, ids = tables.summaries, results.object_ids
-    hardest = object_name(ids, tables.hardest)
-    several = len(ids) > 1
-    # The most informative objects: all together, and the one with the lowest recovery.
-    places = [len(ids), tables.hardest] if several else [0]
+    best = tables.best_first(charts.MOST_LINES)
+    calibrated = [summary for summary in best if summary.transforms.any()]
+    confident = [summary for summary in best if summary.confidence.frames[-1]]
     of_many = f" Of {len(ids)} objects, those recovered least."
-    of_many = of_many if len(ids) > charts.MOST_OBJECTS else ""
+    shown = f" The best {len(best)} of {len(summaries)} configurations."
+    shown = shown if len(best) < len(summaries) else ""
     plans = [
         _Plan(
             "overlaps",
-            "Success at an overlap of .5, and the area under the success curve",
+            "Success",
             "Dots: share of the frames whose overlap with the truth exceeds .5, and the mean of "
-            "that share over all thresholds (wu2013). Bars: 95 % intervals over runs." + of_many,
-            lambda: charts.overlaps(results, tables),
+            "that share over all thresholds (wu2013). Bars: 95 % intervals over runs."
+            + (of_many if len(ids) > charts.MOST_OBJECTS else ""),
+            lambda: charts.overlaps(ids, summaries),
         ),
         _Plan(
-            "rates",
-            "Success and recovery of smith2004",
-            "Dots: share of the runs; a shared pixel is enough. Bars: 95 % intervals; Wilson's for "
-            "one object, and for all objects at the effective number of trials, because objects of "
-            "a run are alike." + of_many,
-            lambda: charts.rates(results, tables),
+            "success-curves",
+            "Success curves",
+            "Share of the frames whose overlap with the truth exceeds a threshold (wu2013), "
+            "without the start frame. Bands: 95 % normal intervals over runs. In brackets: the "
+            "area under the curve." + shown,
+            lambda: charts.success_curves(best),
+        ),
+        _Plan(
+            "error-over-time",
+            "Centre error over time",
+            "Line: median over runs and objects. Dark band: the middle half. Pale band: from 5 to "
+            "95 %. These are quantiles, not intervals; frames without truth or estimate do not "
+            "count." + shown,
+            lambda: charts.error_over_time(results.start_frame + 1, best),
         ),
     ]
-    if any(summary.reference is not None for summary in summaries):
+    if calibrated:
         plans.append(
             _Plan(
-                "differences",
-                "Paired differences",
-                "Each method less the first one of equal parameters, on common seeds; that one "
-                "itself, where parameters vary, less its first setting. Bars: 95 % "
-                "intervals of the difference, not corrected for the number of comparisons. Where a "
-                "bar crosses the line at 0, these runs do not distinguish the two.",
-                lambda: charts.differences(results, tables, places),
+                "calibration",
+                "Calibration",
+                "How often the central region of a given probability holds the truth: x and y of "
+                "all objects, in frames in which the object is followed. On the dotted line "
+                "spreads are honest, below it they are too narrow." + shown,
+                lambda: charts.calibration(calibrated),
             )
         )
-    filters = [s for s in summaries if np.isfinite(s.estimates["uniqueness"].value).any()]
-    if filters:
+    if confident:
         plans.append(
             _Plan(
-                "diversity",
-                "Uniqueness and effective dynamics per object",
-                "As figures 4 and 8 of smith2004. Uniqueness: distinct draws over particles. "
-                "Effective dynamics: standard deviation of the particle set over that of the "
-                "process noise; it may exceed 100 %. Means over frames and runs"
-                + (", with 95 % intervals over runs." if len(filters) < charts.MANY else "."),
-                lambda: charts.diversity(ids, filters),
+                "confidence",
+                "Reliability of confidence",
+                "Share of the boxes on their object, in five bins of confidence. On the dotted "
+                "line confidence is honest, below it too high. Bars: 95 % intervals over runs."
+                + shown,
+                lambda: charts.confidence(confident),
             )
         )
     if curves(summaries):
@@ -150,47 +152,4 @@ def _plans(results: Results, tables: Tables) -> list[_Plan]:
                 lambda: charts.against_time(summaries, len(ids)),
             )
         )
-    if any(summary.transforms.any() for summary in summaries):
-        plans.append(
-            _Plan(
-                "calibration",
-                "Calibration",
-                "Left: how often the central region of a given probability holds the truth, x and "
-                "y of all objects together, in frames in which the object is followed; on the "
-                "dotted line spreads are honest, below it they are too narrow. Right: probability "
-                "integral transforms, level if spreads are honest, heaped at the ends if too "
-                "narrow.",
-                lambda: charts.calibration(summaries),
-            )
-        )
-    over = "runs and objects" if several else "runs"
-    for place in places:
-        which = object_name(ids, place)
-        single = place != len(ids)
-        plans.append(
-            _Plan(
-                f"error-over-time-{'all' if not single else f'object-{ids[place]}'}",
-                f"Centre error over time: {which}",
-                f"Line: median over {'runs' if single else over}. Dark band: the middle half. Pale "
-                "band: from 5 to 95 %. These are quantiles, not intervals; frames without truth "
-                "or estimate do not count."
-                + (f" Of all objects, {hardest} was recovered least." * (single and several)),
-                functools.partial(charts.error_over_time, results, summaries, place),
-            )
-        )
-    plans.append(
-        _Plan(
-            "success-curves",
-            "Success curves",
-            "Share of the frames whose overlap with the truth exceeds a threshold (wu2013), the "
-            "start frame left out. "
-            + (
-                "Bands: 95 % normal intervals over runs. In brackets: the area under the curve."
-                if len(summaries) <= charts.MOST_LINES
-                else "One line per configuration, one colour per method. In brackets: the areas "
-                "under the curves."
-            ),
-            lambda: charts.success_curves(results, summaries, places),
-        )
-    )
     return plans

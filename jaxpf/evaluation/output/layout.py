@@ -7,11 +7,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.evaluation.measures import COMPARED, REGIONS, SCORES, Measure, by_name
+from jaxpf.evaluation.measures import (
+    COMPARED,
+    ON_OBJECT,
+    REGIONS,
+    SCORES,
+    SIZE_REGIONS,
+    Measure,
+    by_name,
+)
 
 if TYPE_CHECKING:
-    from jaxpf.evaluation.estimates import Difference, Estimate
     from jaxpf.evaluation.summary import Summary
+    from jaxpf.measures.estimates import Difference, Estimate
+    from jaxpf.measures.intervals import Interval
 
 #: Measures in the tables; ``summary.csv`` has all measures.
 HEADLINE = tuple(
@@ -25,14 +34,25 @@ HEADLINE = tuple(
 PRINTED = HEADLINE[:6]
 #: Measures of the spread's calibration.  The log score is only in ``summary.csv``: one frame with
 #: identical particles outweighs all others.
-CALIBRATION = tuple(by_name(name) for name in (*(f"coverage_{p}" for p in REGIONS), "crps"))
+CALIBRATION = tuple(
+    by_name(name)
+    for name in (
+        *(f"coverage_{p}" for p in REGIONS),
+        *(f"size_coverage_{p}" for p in SIZE_REGIONS),
+        "crps",
+    )
+)
+#: Share of boxes on their object, in the table of confidence.
+ON_ITS_OBJECT = Measure("on_object", "on its object", weight="frames", percent=True)
 #: A half-width below this is rounding error from equal values.
 _ROUNDING = 1e-6
 #: Differences with a Holm-adjusted p below this are marked.
 SIGNIFICANT = 0.05
 
-#: Indices of the notes that explain measures and calibration.
-ABOUT_MEASURES, ABOUT_CALIBRATION = 1, 3
+#: Indices of the notes.
+ABOUT_MEASURES, ABOUT_DIFFERENCES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE, ABOUT_EQUAL_TIME = range(
+    1, 6
+)
 NOTES = (
     "Values with 95 % intervals in brackets. Runs are the independent units: frames and objects "
     "of a run add to the value, not to the certainty. Rates have Wilson's interval (over all "
@@ -49,15 +69,21 @@ NOTES = (
     "those of means have Student's interval and test of the runs' differences. A star marks "
     f"p < {SIGNIFICANT} after Holm's correction over the comparisons in its column. Points are "
     "percentage points.",
-    "Calibration: how often the 50, 80 and 95 % regions of x and of y, as wide as the particles' "
-    "standard deviation says, hold the truth; of frames in which the object is followed (a shared "
-    "pixel), for no region holds one that is lost. CRPS, in pixels, is small where spreads are "
-    "honest and narrow (Gneiting and Raftery 2007); the log score is in summary.csv.",
-    "At equal time: less the first method with as many particles as take the same time, read off a "
-    "line between two of its numbers of particles, over the logarithm of time, run by run.",
-    "Frames/s: of one run alone on this machine, from a frame in memory to its estimate, compiling "
-    "left out; the median over some frames, and of what gave boxes at once, the mean over all. "
-    "Settings that are compiled alike share the figure.",
+    "Calibration: how often the 50, 80 and 95 % regions of x and of y, and those of a box's size "
+    "(the square root of its area), hold the truth. A region is as wide as the particles' standard "
+    "deviation says. Only frames in which the object is followed (a shared pixel) count, because "
+    "no region holds a lost object. CRPS, in pixels, is small where spreads are honest and narrow "
+    "(Gneiting and Raftery 2007); the log score is in summary.csv.",
+    "Confidence: share of the boxes on their object, by the confidence that was reported with "
+    f"them. A box is on its object if their overlap is at least {ON_OBJECT:g}; all frames with "
+    "truth count. The area under the curve is the probability that a box on its object has more "
+    "confidence than one that is not, over all runs and objects.",
+    "At equal time: the difference from the first method with as many particles as take the same "
+    "time, interpolated between two of its numbers of particles, in the logarithm of time, run by "
+    "run.",
+    "Frames/s: a single run on this machine, from a frame in memory to its estimate, without "
+    "compilation. It is the median over some frames; for trackers that return all boxes at once, "
+    "the mean over all frames. Settings that share a compiled kernel share the figure.",
 )
 
 
@@ -117,6 +143,41 @@ def calibration_tables(
     ]
 
 
+def reliability_tables(summaries: Sequence["Summary"]) -> list[Table]:
+    """Share of boxes on their object by confidence, all objects; no table without confidence."""
+    known = [summary for summary in summaries if summary.confidence.frames[-1]]
+    if not known:
+        return []
+    table = Table("reliability of confidence, all objects", ["method"], [[s.name] for s in known])
+    bins = known[0].confidence.bins
+    for place in range(bins):
+        shares = triples([summary.confidence.shares() for summary in known], place)
+        frames = [f"{summary.confidence.frames[place]}" for summary in known]
+        texts = zip(cells_of(ON_ITS_OBJECT, shares), frames, strict=True)
+        column = f"{place / bins:.1f} to {(place + 1) / bins:.1f} (%, frames)"
+        table.add(column, [f"{text}, {number}" for text, number in texts])
+    areas = np.array([summary.confidence.area() for summary in known])
+    if np.isfinite(areas).any():
+        texts = [f"{100 * area:.1f}" if np.isfinite(area) else "-" for area in areas]
+        table.add("area under the curve (%)", texts)
+    return [table]
+
+
+def reliability_line(summary: "Summary") -> str:
+    """Reliability of confidence of one configuration in a sentence; "" without confidence."""
+    if not summary.confidence.frames[-1]:
+        return ""
+    value, bins = summary.confidence.shares().value, summary.confidence.bins
+    shares = [
+        f"{place / bins:.1f} to {(place + 1) / bins:.1f}: {100 * value[place]:.0f} %"
+        for place in range(bins)
+        if np.isfinite(value[place])
+    ]
+    area = summary.confidence.area()
+    area_text = f"; area under the curve {100 * area:.0f} %" if np.isfinite(area) else ""
+    return f"Confidence of {summary.name} (boxes on their object): {', '.join(shares)}{area_text}."
+
+
 def difference_tables(
     object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
 ) -> list[Table]:
@@ -142,9 +203,9 @@ def equal_time_tables(
             pair = f"{fewer.name} to {more.configuration.parameters['particles']}"
             table.rows.append([name, pair, f"{1000 * at.seconds:.3g}"])
         for measure in COMPARED:
-            found = triples([at.differences[measure.name] for _, at in compared], place)
-            if are_known(found):
-                table.add(difference_heading(measure), cells_of(measure, found, sign="+"))
+            values = triples([at.differences[measure.name] for _, at in compared], place)
+            if are_known(values):
+                table.add(difference_heading(measure), cells_of(measure, values, sign="+"))
         tables.append(table)
     return tables
 
@@ -166,9 +227,9 @@ def _estimates(
     if len({summary.runs for summary in summaries}) > 1:
         table.add("runs", [f"{summary.runs}" for summary in summaries])
     for measure in measures:
-        found = triples([summary.estimates[measure.name] for summary in summaries], place)
-        if are_known(found):
-            table.add(heading(measure), cells_of(measure, found))
+        values = triples([summary.estimates[measure.name] for summary in summaries], place)
+        if are_known(values):
+            table.add(heading(measure), cells_of(measure, values))
     return table
 
 
@@ -184,18 +245,18 @@ def _differences(title: str, summaries: Sequence["Summary"], place: int) -> Tabl
     rows = [[s.name, summaries[s.reference or 0].name] for s in compared]
     table = Table(f"{title}: differences on common seeds", ["method", "compared with"], rows)
     for measure in COMPARED:
-        found = triples([summary.differences[measure.name] for summary in compared], place)
-        if are_known(found):
+        values = triples([summary.differences[measure.name] for summary in compared], place)
+        if are_known(values):
             p = [summary.adjusted[measure.name][place] for summary in compared]
-            texts = zip(cells_of(measure, found, sign="+"), p, strict=True)
+            texts = zip(cells_of(measure, values, sign="+"), p, strict=True)
             starred = (f"{text} *" if p < SIGNIFICANT else text for text, p in texts)
             table.add(difference_heading(measure), starred)
     return table
 
 
-def triples(found: Sequence["Estimate | Difference"], place: int) -> np.ndarray:
+def triples(estimates: Sequence["Estimate | Difference | Interval"], place: int) -> np.ndarray:
     """Value and interval ends ``[C, 3]`` of the object at ``place`` in C configurations."""
-    return np.array([[x[place] for x in (e.value, e.lower, e.upper)] for e in found])
+    return np.array([[x[place] for x in (e.value, e.lower, e.upper)] for e in estimates])
 
 
 def are_known(values: np.ndarray) -> bool:
@@ -214,14 +275,14 @@ def difference_heading(measure: Measure) -> str:
     return heading(measure).replace("(%)", "(points)")
 
 
-def cells_of(measure: Measure, found: np.ndarray, sign: str = "") -> list[str]:
+def cells_of(measure: Measure, values: np.ndarray, sign: str = "") -> list[str]:
     """Format triples ``[C, 3]`` as "value [lower, upper]" with a common number of decimals.
 
     The number is chosen so that the typical half-width of an interval is 3 to 30 units of the last
     digit.
     """
-    found = found * (100 if measure.percent else 1)
-    reach = (found[:, 2] - found[:, 1]) / 2
+    values = values * (100 if measure.percent else 1)
+    reach = (values[:, 2] - values[:, 1]) / 2
     known = reach[np.isfinite(reach) & (reach > _ROUNDING)]
     typical = float(np.median(known)) if len(known) else math.nan
     decimals = 1 if math.isnan(typical) else min(max(-math.floor(math.log10(typical / 3)), 0), 4)
@@ -231,7 +292,7 @@ def cells_of(measure: Measure, found: np.ndarray, sign: str = "") -> list[str]:
         return f"{round(value, decimals) + 0:{sign}.{decimals}f}"
 
     texts = []
-    for value, lower, upper in found:
+    for value, lower, upper in values:
         text = number(value, sign) if np.isfinite(value) else "-"
         ends = number(lower), number(upper)
         if np.isfinite([value, lower, upper]).all() and (sign or ends[0] != ends[1]):

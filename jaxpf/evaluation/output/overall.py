@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.evaluation.measures import CURVES, MEASURES, SCORES, by_name
+from jaxpf.evaluation.measures import CURVES, FIGURES, MEASURES, SCORES, by_name
 from jaxpf.evaluation.output.layout import (
     ABOUT_CALIBRATION,
+    ABOUT_CONFIDENCE,
     ABOUT_MEASURES,
-    CALIBRATION,
     NOTES,
     Table,
     are_known,
@@ -27,9 +27,17 @@ from jaxpf.evaluation.output.layout import (
 from jaxpf.files.writing import csv_text, write_text
 from jaxpf.measures.intervals import student_interval
 
-_SHOWN = ("success_half", "success_area", "distance_precision", "overlap", "HOTA", "IDF1")
-#: Measures in the tables; ``overall.csv`` has all measures.
-SHOWN = (*map(by_name, _SHOWN), *CALIBRATION[-2:])
+#: Measures in the terminal's tables.
+PRINTED = (
+    *("overlap", "success_half", "coverage_95", "size_coverage_95"),
+    *("confidence_area", "frames_per_second"),
+)
+#: Measures in ``overall.md``; ``overall.csv`` has all.
+SHOWN = (
+    *("overlap", "success_half", "success_area", "coverage_50", "coverage_95"),
+    *("size_coverage_50", "size_coverage_95", "confidence_area", "frames_per_second"),
+    *("HOTA", "IDF1"),
+)
 #: Note on the units, for readers of the tables.
 UNITS = "Sequences are the units: 95 % intervals (Student's) are over their means."
 FILES = ("overall.md", "overall.csv", "sequences.csv", "overall.png", "overall.pdf")
@@ -65,15 +73,15 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
     Raises:
         InputError: a file cannot be written.
     """
-    found = {
+    sequences = {
         name: _of_sequence(folder / name / "summary.csv", varied, lambda row: row["measure"])
         for name in names
     }
-    methods = list(dict.fromkeys(method for each in found.values() for method in each))
-    measures = [each.name for each in (*MEASURES, *SCORES)]
+    methods = list(dict.fromkeys(method for each in sequences.values() for method in each))
+    measures = [each.name for each in (*MEASURES, *SCORES, *FIGURES)]
     values = {
         (method, measure): np.array(
-            [each.get(method, {}).get(measure, np.nan) for each in found.values()]
+            [each.get(method, {}).get(measure, np.nan) for each in sequences.values()]
         )
         for method in methods
         for measure in measures
@@ -87,12 +95,16 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
         for (method, measure), of in values.items()
         if method != first
     }
-    tables = [_table(f"means over {len(names)} sequences", methods, means)]
-    if len(methods) > 1:
-        title = f"differences from {first}, paired by sequence"
-        tables.append(_table(title, methods[1:], differences))
-    notes = [UNITS, NOTES[ABOUT_MEASURES], NOTES[ABOUT_CALIBRATION]]
-    text = to_markdown("Over all sequences", tables, [", ".join(names)], notes)
+
+    def tables_of(shown: Sequence[str]) -> list[Table]:
+        tables = [_table(f"means over {len(names)} sequences", methods, means, shown)]
+        if len(methods) > 1:
+            title = f"differences from {first}, paired by sequence"
+            tables.append(_table(title, methods[1:], differences, shown))
+        return tables
+
+    notes = [UNITS, *(NOTES[n] for n in (ABOUT_MEASURES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE))]
+    text = to_markdown("Over all sequences", tables_of(SHOWN), [", ".join(names)], notes)
     write_text(folder / "overall.md", text)
     write_text(folder / "overall.csv", csv_text(_rows(means, differences)))
     rows = [
@@ -104,7 +116,7 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
     header = ["sequence", "method", "measure", "value"]
     write_text(folder / "sequences.csv", csv_text([header, *rows]))
     _draw(folder, names, methods, varied)
-    return tables
+    return tables_of(PRINTED)
 
 
 def over_sequences(
@@ -154,12 +166,13 @@ def _draw(
     def point(row: dict[str, str]) -> tuple[str, float]:
         return row["curve"], float(row["threshold"])
 
-    found = [_of_sequence(folder / name / "curves.csv", varied, point) for name in names]
+    each_curve = [_of_sequence(folder / name / "curves.csv", varied, point) for name in names]
     curves = {
         (method, curve): np.array(
             [
                 over_sequences(
-                    np.array([each[method][curve, t] for each in found if method in each]), (0, 1)
+                    np.array([each[method][curve, t] for each in each_curve if method in each]),
+                    (0, 1),
                 )
                 for t in thresholds.tolist()
             ]
@@ -172,14 +185,17 @@ def _draw(
 
 
 def _table(
-    title: str, methods: Sequence[str], found: Mapping[tuple[str, str], OverSequences]
+    title: str,
+    methods: Sequence[str],
+    means: Mapping[tuple[str, str], OverSequences],
+    shown: Sequence[str],
 ) -> Table:
     table = Table(title, ["method"], [[method] for method in methods])
-    counts = [found[method, "overlap"].sequences for method in methods]
+    counts = [means[method, "overlap"].sequences for method in methods]
     if len(set(counts)) > 1:
         table.add("sequences", map(str, counts))
-    for measure in SHOWN:
-        values = np.array([found[method, measure.name][1:] for method in methods])
+    for measure in map(by_name, shown):
+        values = np.array([means[method, measure.name][1:] for method in methods])
         if are_known(values):
             table.add(heading(measure), cells_of(measure, values))
     return table
@@ -187,8 +203,8 @@ def _table(
 
 def _rows(*given: Mapping[tuple[str, str], OverSequences]) -> Iterator[list[Any]]:
     yield ["what", "method", "measure", *OverSequences._fields]
-    for what, found in zip(("mean", "difference"), given, strict=True):
-        for (method, measure), of in found.items():
+    for what, means in zip(("mean", "difference"), given, strict=True):
+        for (method, measure), of in means.items():
             if of.sequences:
                 ends = [f"{x:.7g}" if np.isfinite(x) else "" for x in of[1:]]
                 yield [what, method, measure, of.sequences, *ends]

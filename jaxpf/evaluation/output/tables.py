@@ -7,15 +7,13 @@
 * ``summary.csv``: one row per configuration, object ("all" for all objects) and measure;
 * ``curves.csv``: success and precision curves of every configuration and object;
 * ``differences.csv``: configurations minus their references, on common seeds;
-* ``summary.md`` and ``summary.tex``: the main tables, formatted for a paper;
-* ``tracks/``: the best, the median and the worst run of each configuration, and the truth, in MOT
-  format.
+* ``summary.md`` and ``summary.tex``: the main tables, formatted for a paper.
 
 Undefined fields, such as the precision of an object that was never tracked, are empty.
 """
 
 import dataclasses
-import re
+import itertools
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
@@ -36,12 +34,14 @@ from jaxpf.evaluation.output.layout import (
     difference_tables,
     equal_time_tables,
     estimate_tables,
+    reliability_line,
+    reliability_tables,
     score_tables,
     to_latex,
     to_markdown,
 )
 from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
-from jaxpf.evaluation.summary import Summary, configuration_name, hardest_object, summarise
+from jaxpf.evaluation.summary import Summary, configuration_name, summarise
 from jaxpf.evaluation.work.batches import Batch
 from jaxpf.files.writing import atomic_write, csv_text, report_os_errors, write_text
 
@@ -64,16 +64,18 @@ class Tables:
     Attributes:
         summaries: of every configuration with finished runs.
         remarks: sentences about missing results and caveats.
-        hardest: index of the object with the lowest recovery over all configurations.
         conclusion: which configuration is best.
-        printed: tables for the terminal.
     """
 
     summaries: list[Summary]
     remarks: list[str]
-    hardest: int
     conclusion: Conclusion
-    printed: list[Table]
+
+    def best_first(self, most: int = MOST_PRINTED) -> list[Summary]:
+        """The first ``most`` configurations, best first and those without a value last."""
+        ranking = self.conclusion.ranking
+        rest = [index for index in range(len(self.summaries)) if index not in ranking]
+        return [self.summaries[index] for index in [*ranking, *rest][:most]]
 
 
 def write_tables(results: Results) -> Tables:
@@ -94,11 +96,10 @@ def write_tables(results: Results) -> Tables:
             folder = Path(store) / f"{index}"
             folder.mkdir()
             rows = writer.for_configuration(configuration)
-            if (found := collect(results, configuration, folder, rows)) is not None:
-                collected.append(found)
+            if (entry := collect(results, configuration, folder, rows)) is not None:
+                collected.append(entry)
         summaries = summarise(results, collected)
         conclusion = conclude(summaries, collected)
-    hardest = hardest_object(summaries, len(results.object_ids))
     remarks = _remarks(results, summaries)
     for name, rows in (
         ("summary", _summary_rows(results, summaries)),
@@ -112,26 +113,28 @@ def write_tables(results: Results) -> Tables:
         *estimate_tables(ids, summaries, places),
         *score_tables(summaries, len(ids)),
         *calibration_tables(ids, summaries, places),
+        *reliability_tables(summaries),
         *difference_tables(ids, summaries, places),
         *equal_time_tables(ids, summaries, places),
     ]
+    tables = Tables(summaries, remarks, conclusion)
+    confident = (summary for summary in tables.best_first() if summary.confidence.frames[-1])
+    remarks += [reliability_line(summary) for summary in itertools.islice(confident, 1)]
     title = f"{results.scene_name}, {results.runs} runs"
-    said = [conclusion.sentence, *remarks]
+    lines = [conclusion.sentence, *remarks]
     for suffix, render in ((".md", to_markdown), (".tex", to_latex)):
-        write_text(results.folder / f"summary{suffix}", render(title, everything, said))
-    _write_tracks(results, summaries)
-    shown = best_first(summaries, conclusion.ranking)
-    printed = estimate_tables(ids, shown, [len(ids)], PRINTED)
-    if len(shown) < len(summaries):
-        title = f"all objects: the best {len(shown)} of {len(summaries)} configurations"
+        write_text(results.folder / f"summary{suffix}", render(title, everything, lines))
+    return tables
+
+
+def printed_tables(results: Results, tables: Tables) -> list[Table]:
+    """The table for the terminal: all objects, the best configurations."""
+    summaries, best = tables.summaries, tables.best_first()
+    printed = estimate_tables(results.object_ids, best, [len(results.object_ids)], PRINTED)
+    if len(best) < len(summaries):
+        title = f"all objects: the best {len(best)} of {len(summaries)} configurations"
         printed = [table._replace(title=title) for table in printed]
-    return Tables(summaries, remarks, hardest, conclusion, printed)
-
-
-def best_first(summaries: Sequence[Summary], ranking: Sequence[int]) -> list[Summary]:
-    """The first ``MOST_PRINTED`` configurations, best first and those without a value last."""
-    rest = [index for index in range(len(summaries)) if index not in ranking]
-    return [summaries[index] for index in [*ranking, *rest][:MOST_PRINTED]]
+    return printed
 
 
 class _RowWriter:
@@ -193,12 +196,21 @@ def _summary_rows(results: Results, summaries: Iterable[Summary]) -> Iterator[li
     yield [*_KEYS, *_parameters(results), "object", "measure", *fields]
     for summary in summaries:
         keys = _keys(results, summary.configuration)
-        for measure, found in summary.estimates.items():
-            for place, identity in _known(results, found.value):
-                numbers = [_number(getattr(found, field)[place]) for field in fields]
+        for measure, estimate in summary.estimates.items():
+            for place, identity in _known(results, estimate.value):
+                numbers = [_number(getattr(estimate, field)[place]) for field in fields]
                 yield [*keys, identity, measure, *numbers]
-        if np.isfinite(speed := summary.frames_per_second):
-            yield [*keys, "all", "frames_per_second", 1, _number(speed), "", "", ""]
+        confidence, shares = summary.confidence, summary.confidence.shares()
+        for place in range(confidence.bins):
+            if confidence.frames[place]:
+                numbers = [_number(x[place]) for x in (confidence.runs, *shares)]
+                yield [*keys, "all", f"on_object_{place}", *numbers]
+        for measure, value in (
+            ("confidence_area", confidence.area()),
+            ("frames_per_second", summary.frames_per_second),
+        ):
+            if np.isfinite(value):
+                yield [*keys, "all", measure, 1, _number(value), "", "", ""]
 
 
 def _curve_rows(results: Results, summaries: Iterable[Summary]) -> Iterator[list[Any]]:
@@ -222,31 +234,11 @@ def _difference_rows(results: Results, summaries: Sequence[Summary]) -> Iterator
             continue
         keys = _keys(results, summary.configuration)
         reference = summaries[summary.reference].name
-        for measure, found in summary.differences.items():
-            for place, identity in _known(results, found.value):
-                numbers = [_number(getattr(found, field)[place]) for field in fields]
+        for measure, difference in summary.differences.items():
+            for place, identity in _known(results, difference.value):
+                numbers = [_number(getattr(difference, field)[place]) for field in fields]
                 adjusted = _number(summary.adjusted[measure][place])
                 yield [*keys, reference, identity, measure, *numbers, adjusted]
-
-
-def _write_tracks(results: Results, summaries: Sequence[Summary]) -> None:
-    folder = results.folder / "tracks"
-    with report_os_errors("create the folder", folder):
-        folder.mkdir(exist_ok=True)
-        for path in folder.glob("*-run*.*"):  # with more runs, others may be the best
-            path.unlink()
-    of = results.adapter
-
-    def write(name: str, shapes: np.ndarray, lost: np.ndarray) -> None:
-        with of.track_writer(folder / f"{name}{of.track_suffix}", results.start) as writer:
-            for time, row in enumerate(shapes):
-                writer.append(results.start_frame + 1 + time, row, lost[time])
-
-    write("truth", results.truth, np.zeros(results.truth.shape[:2], bool))
-    for number, summary in enumerate(summaries, start=1):
-        slug = re.sub(r"[^A-Za-z0-9.]+", "-", summary.name).strip("-.")
-        for shown in summary.shown:
-            write(f"{number:02d}-{slug}-{shown.role}-run{shown.run}", shown.shapes, shown.lost)
 
 
 def _known(results: Results, values: np.ndarray) -> Iterator[tuple[int, str]]:

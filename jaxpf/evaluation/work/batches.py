@@ -28,6 +28,7 @@ class Batch:
             boxes x, y, w, h in pixels.
         uniqueness: ``[R, T, P]`` float32, distinct draws over particles.
         spread: ``[R, T, P, D]`` float32, standard deviation of the particle set.
+        confidence: ``[R, T, P]`` float32, 0 to 1, see ``jaxpf.contract.Summary``.
         ess: ``[R, T]`` float32, effective sample size.
         log_evidence: ``[R, T]`` float32, increment per frame.
         lost: ``[R, T, P]`` bool, whether an object has zero likelihood in every particle; for
@@ -39,6 +40,7 @@ class Batch:
     shapes: np.ndarray
     uniqueness: np.ndarray
     spread: np.ndarray
+    confidence: np.ndarray
     ess: np.ndarray
     log_evidence: np.ndarray
     lost: np.ndarray

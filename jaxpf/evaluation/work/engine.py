@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -28,10 +28,49 @@ from jaxpf.evaluation.work.scene import (
 )
 from jaxpf.files.writing import report_os_errors
 from jaxpf.targets import adapter_of_scene
+from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Start, Target
 
 if TYPE_CHECKING:
     from jaxpf.evaluation.work.worker import Work
+
+
+class Opened(NamedTuple):
+    """A plan with its opened scene.
+
+    Attributes:
+        plan: the requested plan.
+        folder: for the results.
+        scene: the scene.
+        adapter: for the type of its objects.
+        start: state of the objects in the start frame.
+        truth: ``[T, P, S]`` in the frames after the start frame.
+        stored: settings of the evaluation that is resumed; None for a new one.
+    """
+
+    plan: Plan
+    folder: Path
+    scene: Any
+    adapter: Adapter
+    start: Start
+    truth: np.ndarray
+    stored: dict[str, Any] | None
+
+
+class Settled(NamedTuple):
+    """What an evaluation runs, and what is done of it.
+
+    Attributes:
+        settings: for ``settings.json``.
+        configurations: all configurations.
+        done: bool ``[R]`` per configuration, whether each run is on disk.
+        damaged: damaged batch files; their runs count as missing.
+    """
+
+    settings: dict[str, Any]
+    configurations: list[Configuration]
+    done: list[np.ndarray]
+    damaged: list[Path]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,7 +164,7 @@ def finished(plan: Plan, folder: str | os.PathLike[str]) -> Results | None:
         return None
     if settings["scene"].get("files") != fingerprint(plan.scene):
         return None
-    results = _opened(plan, folder)
+    results = Results.open(folder, functools.partial(open_scene, plan.scene))
     done, damaged = _surveyed(results, plan.runs)
     return results if not damaged and all(runs.all() for runs in done) else None
 
@@ -134,44 +173,73 @@ def prepare(
     plan: Plan, folder: str | os.PathLike[str], limits: Limits = DEFAULT_LIMITS
 ) -> Prepared:
     """Determine the missing work without writing; arguments and errors as for ``evaluate``."""
-    from jaxpf.evaluation.work import schedule, settings as about
+    opened = open_evaluation(plan, folder)
+    return divide_work(opened, settle(opened), limits)
 
-    folder = Path(folder)
-    settings = stored_settings(plan, folder)
+
+def open_evaluation(plan: Plan, folder: str | os.PathLike[str]) -> Opened:
+    """Open the scene of a plan, and read the settings of the evaluation that it resumes.
+
+    Raises:
+        InputError: see ``evaluate``.
+    """
+    stored = stored_settings(plan, Path(folder))
     scene = open_scene(plan.scene)
     check_scene(scene)
     adapter = adapter_of_scene(scene, plan.target)
     start, truth = adapter.scene_start(scene), adapter.scene_shapes(scene)[1:]
-    if settings is None:
-        settings = about.new_settings(plan, scene, adapter.target, start)
+    return Opened(plan, Path(folder), scene, adapter, start, truth, stored)
+
+
+def settle(opened: Opened) -> Settled:
+    """Settle the configurations, or read those of a resumed evaluation and find its runs.
+
+    Raises:
+        InputError: see ``evaluate``.
+    """
+    from jaxpf.evaluation.work.settings import check_continues, new_settings
+
+    plan, scene = opened.plan, opened.scene
+    if opened.stored is None:
+        settings = new_settings(plan, scene, opened.adapter.target, opened.start)
         configurations = [Configuration.from_json(entry) for entry in settings["configurations"]]
         done = [np.zeros(1 if c.is_imported else plan.runs, bool) for c in configurations]
-        damaged: list[Path] = []
-    else:
-        about.check_continues(settings, scene, folder)
-        files = fingerprint(plan.scene)
-        settings = {**settings, "runs": plan.runs, "scene": {**settings["scene"], "files": files}}
-        results = Results(folder, settings, truth, start)
-        configurations = results.configurations
-        done, damaged = _surveyed(results, plan.runs)
-    digest = settings["scene"]["digest"]
+        return Settled(settings, configurations, done, [])
+    check_continues(opened.stored, scene, opened.folder)
+    about_scene = {**opened.stored["scene"], "files": fingerprint(plan.scene)}
+    settings = {**opened.stored, "runs": plan.runs, "scene": about_scene}
+    results = Results(opened.folder, settings, opened.truth, opened.start)
+    return Settled(settings, results.configurations, *_surveyed(results, plan.runs))
+
+
+def divide_work(opened: Opened, settled: Settled, limits: Limits = DEFAULT_LIMITS) -> Prepared:
+    """Divide the missing runs into batches, and read or compute missing imported tracks.
+
+    Raises:
+        InputError: see ``evaluate``.
+    """
+    from jaxpf.evaluation.work.schedule import batches
+
+    plan, scene, configurations = opened.plan, opened.scene, settled.configurations
+    digest = settled.settings["scene"]["digest"]
     remember_scene(scene, digest)
-    work, seconds, memory = schedule.batches(
-        plan, scene, adapter, digest, configurations, done, limits
+    work, seconds, memory = batches(
+        plan, scene, opened.adapter, digest, configurations, settled.done, limits
     )
-    imports = list(_missing_imports(plan, scene, adapter.target, configurations, done))
+    target = opened.adapter.target
+    imports = list(_missing_imports(plan, scene, target, configurations, settled.done))
     return Prepared(
         plan=plan,
-        folder=folder,
-        settings=settings,
-        truth=truth,
-        start=start,
+        folder=opened.folder,
+        settings=settled.settings,
+        truth=opened.truth,
+        start=opened.start,
         configurations=configurations,
-        done=[int(runs.sum()) for runs in done],
+        done=[int(runs.sum()) for runs in settled.done],
         work=work,
         imports=[(index, batch) for index, batch, _ in imports],
         import_seconds={index: seconds for index, _, seconds in imports if seconds is not None},
-        damaged=damaged,
+        damaged=settled.damaged,
         seconds=seconds,
         memory=memory,
     )
@@ -206,14 +274,10 @@ def carry_out(
     return Results.open(folder, functools.partial(_remembered, digest, prepared.plan.scene))
 
 
-def _opened(plan: Plan, folder: Path) -> Results:
-    return Results.open(folder, functools.partial(open_scene, plan.scene))
-
-
 def _remembered(digest: str, scene: Any) -> Any:
     """Return this process's open scene if there is one, to avoid a second copy; else open it."""
-    found = remembered_scene(digest)
-    return open_scene(scene) if found is None else found
+    remembered = remembered_scene(digest)
+    return open_scene(scene) if remembered is None else remembered
 
 
 def _surveyed(results: Results, num_runs: int) -> tuple[list[np.ndarray], list[Path]]:

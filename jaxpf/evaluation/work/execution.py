@@ -7,18 +7,33 @@ import multiprocessing
 import os
 import signal
 import threading
+import traceback
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from typing import Any
+from typing import Any, NamedTuple
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 
 #: Times that a piece of work is repeated after a worker's death.
 RETRIES = 3
-#: Pieces in flight if an executor does not expose its number of workers.
-IN_FLIGHT = 32
 
 Factory = Callable[[], Executor]
+
+
+class Pool(NamedTuple):
+    """A factory of executors, with their number of workers.
+
+    Attributes:
+        start: function without arguments that returns a new executor.
+        workers: of each executor; one piece of work more is in flight at a time.
+    """
+
+    start: Factory
+    workers: int
+
+    def __call__(self) -> Executor:
+        """Start an executor."""
+        return self.start()
 
 
 def in_turn(
@@ -38,7 +53,8 @@ def in_turn(
         function: a module's function, so that it can be pickled.
         pieces: picklable.
         executor: any ``concurrent.futures.Executor``, or a function without arguments that
-            returns a new one, which is shut down at the end; by default this process.
+            returns a new one, which is shut down at the end; by default this process.  Give a
+            ``Pool`` if it has not one worker per core of this machine.
         retries: times that a piece may be repeated because a worker died.
 
     Raises:
@@ -48,7 +64,7 @@ def in_turn(
         for piece in pieces:
             yield piece, function(piece, 0)
         return
-    pool = _Pool(executor)
+    pool, guarded = _Renewable(executor), functools.partial(_outcome, function)
     waiting = collections.deque((piece, 0) for piece in pieces)
     flying: dict[Future, tuple[Any, int]] = {}
     try:
@@ -56,7 +72,7 @@ def in_turn(
             try:
                 while waiting and len(flying) < pool.in_flight:
                     piece, attempt = waiting[0]
-                    future = pool.executor.submit(function, piece, attempt)
+                    future = pool.executor.submit(guarded, piece, attempt)
                     flying[future] = waiting.popleft()  # only now: if submit fails, it still waits
             except (concurrent.futures.BrokenExecutor, OSError):
                 # If a pool breaks while it starts a process, its closed pipes raise OSError.
@@ -73,18 +89,22 @@ def in_turn(
             broken = False
             for future in done:
                 piece, attempt = flying.pop(future)
-                death = _death(future)
-                if death is None:
-                    yield piece, future.result()
+                failure = _failure(future)
+                if failure is None:
+                    outcome = future.result()
+                    if outcome.error is not None:
+                        raise outcome.error
+                    yield piece, outcome.value
                     continue
                 if attempt >= retries:
                     raise InputError(
-                        f"workers died {attempt + 1} times while {piece} was in progress, so it "
-                        "was given up; what is finished is kept.  Most often memory runs out: use "
-                        "fewer workers, fewer particles or a smaller memory budget."
-                    ) from death
+                        f"workers died {attempt + 1} times while {piece} was in progress "
+                        f"({type(failure).__name__}), so it was given up; what is finished is "
+                        "kept.  Most often memory runs out: use fewer workers, fewer particles or "
+                        "a smaller memory budget."
+                    ) from failure
                 waiting.appendleft((piece, attempt + 1))
-                broken |= isinstance(death, concurrent.futures.BrokenExecutor)
+                broken |= isinstance(failure, concurrent.futures.BrokenExecutor)
             # A broken pool fails all pieces in flight: collect them before replacing the pool.
             if broken and not flying:
                 pool.renew()
@@ -96,8 +116,8 @@ def in_turn(
 
 def local_pool(
     workers: int, devices: int | None = None, prepare: Callable[[], None] | None = None
-) -> Factory:
-    """Return a factory of local process pools, with the start method "spawn".
+) -> Pool:
+    """Local process pools, with the start method "spawn".
 
     Args:
         workers: number of processes.
@@ -108,14 +128,15 @@ def local_pool(
         devices = max(1, num_cores() // max(workers, 1))
     for name, value in (("workers", workers), ("devices", devices)):
         if value < 1:
-            raise InputError(f"{name} = {value} must be at least 1.")
-    return functools.partial(
+            raise InputError(Argument(name, value), " must be at least 1.")
+    start = functools.partial(
         ProcessPoolExecutor,
         max_workers=workers,
         mp_context=multiprocessing.get_context("spawn"),
         initializer=_start_worker,
         initargs=(devices, prepare),
     )
+    return Pool(start, workers)
 
 
 def num_cores() -> int:
@@ -144,15 +165,15 @@ def _follow_parent() -> None:
         os._exit(1)
 
 
-class _Pool:
+class _Renewable:
     """An executor that can be replaced if a factory was given."""
 
-    def __init__(self, executor: Executor | Factory):
-        self.factory = None if isinstance(executor, Executor) else executor
-        self.executor = executor if isinstance(executor, Executor) else executor()
-        workers = getattr(self.executor, "_max_workers", None)
+    def __init__(self, given: Executor | Factory):
+        self.factory = None if isinstance(given, Executor) else given
+        self.executor = given if isinstance(given, Executor) else given()
+        workers = given.workers if isinstance(given, Pool) else num_cores()
         # One more piece than workers, so that none idles while a result is collected.
-        self.in_flight = IN_FLIGHT if workers is None else workers + 1
+        self.in_flight = workers + 1
 
     def renew(self) -> None:
         """Replace a broken executor."""
@@ -171,28 +192,27 @@ class _Pool:
             self.executor.shutdown(wait=False)
 
 
-def _death(future: Future) -> BaseException | None:
-    """The error if a piece's worker died; None if the function returned or raised."""
+class _Outcome(NamedTuple):
+    """What a function returned, or the error that it raised."""
+
+    value: Any
+    error: Exception | None = None
+
+
+def _outcome(function: Callable[[Any, int], Any], piece: Any, attempt: int) -> _Outcome:
+    """Call the function in a worker.
+
+    Its own errors are returned, so every error of the future is a failure of the executor.
+    """
+    try:
+        return _Outcome(function(piece, attempt))
+    except Exception as error:
+        error.add_note("".join(traceback.format_exception(error)))  # tracebacks are not pickled
+        return _Outcome(None, error)
+
+
+def _failure(future: Future) -> BaseException | None:
+    """Why the executor did not return the outcome of a piece: most often its worker died."""
     if future.cancelled():
         return concurrent.futures.CancelledError("the executor cancelled it")
-    error = future.exception()
-    if isinstance(error, concurrent.futures.BrokenExecutor | concurrent.futures.CancelledError):
-        return error
-    if error is None:
-        return None
-    # Dask's errors for dead workers, compared by name because importing Dask is slow.
-    names = {kind.__name__ for kind in type(error).__mro__}
-    died = names & {"KilledWorker", "FutureCancelledError"} or _raised_by_dask_itself(error)
-    return error if died else None
-
-
-def _raised_by_dask_itself(error: BaseException) -> bool:
-    """Whether an error comes from Dask's executor rather than from the function.
-
-    If a worker dies with a finished result, the task returns to waiting.  The executor may then
-    treat the result it just received as an error and fail.
-    """
-    trace = error.__traceback__
-    while trace is not None and trace.tb_next is not None:
-        trace = trace.tb_next
-    return trace is not None and trace.tb_frame.f_globals["__name__"] == "distributed.cfexecutor"
+    return future.exception()

@@ -1,12 +1,36 @@
-"""Fingerprints a scene's files, to detect changes without opening the scene."""
+"""Describes what determines the results, to detect changes without opening the scene."""
 
 import functools
 import hashlib
+import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from jaxpf.evaluation.plan import Plan
+from jaxpf.files.writing import report_os_errors
+
 #: Small text files, compared by content; image and video files are compared by size and mtime.
 _TEXTS = {".csv", ".json", ".txt", ".ini", ".py"}
+
+
+def describe_plan(plan: Plan) -> dict[str, Any]:
+    """Everything that determines the results except the number of runs, as JSON values.
+
+    Raises:
+        InputError: a file of ``tracks`` cannot be read.
+    """
+    return {
+        "scene": _describe_scene(plan.scene),
+        "target": plan.target,
+        "methods": _plain(plan.methods),
+        "orders": _plain(plan.orders),
+        "swaps": list(plan.swaps),
+        "grid": _plain(plan.grid),
+        "seed": plan.seed,
+        "tracks": {name: _describe_file(path) for name, path in plan.tracks.items()},
+        "trackers": {name: _describe_function(f) for name, f in plan.trackers.items()},
+    }
 
 
 def fingerprint(scene: Any) -> str | None:
@@ -39,3 +63,42 @@ def _digest(files: list[Path]) -> str:
         else:
             digest.update(f"{about.st_mtime_ns}".encode())
     return digest.hexdigest()
+
+
+def _describe_scene(scene: Any) -> dict[str, Any]:
+    """Describe a scene, or the function that opens it, as JSON values."""
+    if isinstance(scene, functools.partial):
+        return {
+            **_describe_scene(scene.func),
+            **({"arguments": [_plain(value) for value in scene.args]} if scene.args else {}),
+            **{name: _plain(value) for name, value in scene.keywords.items()},
+        }
+    if callable(scene):
+        name = getattr(scene, "__qualname__", type(scene).__qualname__)
+        return {"function": f"{scene.__module__}.{name}"}
+    return {"name": scene.name, "parameters": _plain(scene.parameters)}
+
+
+def _plain(value: Any) -> Any:
+    """Convert a value to its form after a round trip through JSON."""
+    if isinstance(value, Mapping):
+        return {str(name): _plain(entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return repr(value)
+
+
+def _describe_file(path: str | os.PathLike[str]) -> dict[str, str]:
+    with report_os_errors("read", path):
+        content = Path(path).read_bytes()
+    return {"file": os.fspath(path), "sha256": hashlib.sha256(content).hexdigest()}
+
+
+def _describe_function(function: Any) -> dict[str, Any]:
+    """Describe a user's function, with the digest of its source if it has one."""
+    digest = getattr(function, "sha256", None)
+    return _describe_scene(function) | ({"sha256": digest} if digest else {})

@@ -9,9 +9,11 @@ import numpy as np
 
 from jaxpf import __version__
 from jaxpf.contract.errors import InputError
+from jaxpf.evaluation.configurations import complete
 from jaxpf.evaluation.plan import Plan
 from jaxpf.evaluation.results import TRUTH, read_settings
 from jaxpf.evaluation.work.batches import FOLDER
+from jaxpf.evaluation.work.fingerprint import describe_plan
 from jaxpf.files import locking
 from jaxpf.files.locking import LOCK
 from jaxpf.files.store import SETTINGS, Store, differences
@@ -40,8 +42,8 @@ def stored_settings(plan: Plan, folder: Path) -> dict[str, Any] | None:
             "continue with that version."
         )
     scene = settings["scene"]
-    plan = plan.for_target(scene["target"], scene["parents"])
-    change = _change(settings["asked"], plan.asked())
+    plan = complete(plan, scene["target"], scene["parents"])
+    change = _change(settings["asked"], describe_plan(plan))
     if change is not None:
         raise InputError(
             f"the evaluation in '{folder}' was begun with {change}; choose another output folder, "

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.evaluation.configurations import complete, configurations
 from jaxpf.evaluation.plan import Plan
 from jaxpf.evaluation.results import IMPORTED, OWN, Configuration
 from jaxpf.evaluation.trackers import looks_of, own_tracker
-from jaxpf.evaluation.work.fingerprint import fingerprint
+from jaxpf.evaluation.work.fingerprint import describe_plan, fingerprint
 from jaxpf.evaluation.work.scene import object_ids, scene_digest, start_frame
 from jaxpf.evaluation.work.schedule import double_precision
 from jaxpf.files.versions import versions
@@ -22,20 +23,20 @@ def new_settings(plan: Plan, scene: Any, of: Target, start: Start) -> dict[str, 
     Raises:
         InputError: see ``Plan.configurations``; a user-defined tracker cannot be made.
     """
-    plan = plan.for_target(of.name, start.parents)
+    plan = complete(plan, of.name, start.parents)
 
     def settle(of: Target, options: Any, particles: int) -> Any:
         # Independent of the number of runs, because these options determine the results.
         return of.settled(options, start, looks_of(scene, particles))
 
-    configurations = plan.configurations(start, settle)
+    listed = configurations(plan, start, settle)
     for name, function in plan.trackers.items():
         fixed = isinstance(own_tracker(name, function, scene), np.ndarray)
-        configurations.append(Configuration(name, kind=IMPORTED if fixed else OWN))
-    configurations += [Configuration(name, kind=IMPORTED) for name in plan.tracks]
+        listed.append(Configuration(name, kind=IMPORTED if fixed else OWN))
+    listed += [Configuration(name, kind=IMPORTED) for name in plan.tracks]
     return {
         "versions": versions(),
-        "asked": plan.asked(),
+        "asked": describe_plan(plan),
         "runs": plan.runs,
         "float64": double_precision(),
         "scene": {
@@ -51,7 +52,7 @@ def new_settings(plan: Plan, scene: Any, of: Target, start: Start) -> dict[str, 
             "digest": scene_digest(scene),
             "files": fingerprint(plan.scene),
         },
-        "configurations": [dataclasses.asdict(one) for one in configurations],
+        "configurations": [dataclasses.asdict(each) for each in listed],
     }
 
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf import contract
-from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.errors import InputError, check_known, choice
 from jaxpf.contract.names import DRIFTS, SHAPES
 from jaxpf.contract.pytree import as_array, is_concrete, pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
@@ -184,8 +184,11 @@ def _check(tracker: Eskil) -> None:
         raise InputError(f"shape_scale={scale} must be positive and finite.")
     if tracker.drift != "none" and tracker.num_partitions < 2:
         raise InputError(
-            f"drift={tracker.drift!r} needs two partitions or more, and initial has "
-            f"{tracker.num_partitions}; add points or use drift='none'."
+            choice("drift", tracker.drift),
+            f" needs two partitions or more, and initial has {tracker.num_partitions}; add points "
+            "or use ",
+            choice("drift", "none"),
+            ".",
         )
     if tracker.proper and not contract.has_log_density(tracker.dynamics):
         raise InputError(

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.names import SCHEMES
 from jaxpf.contract.options import check_options, option
@@ -106,8 +106,9 @@ class LabelledFilter(Filter):
             )
         if options.particles < len(parents):
             raise InputError(
-                f"particles = {options.particles} is fewer than the {len(parents)} objects that "
-                "share them; give at least one each, better some fifty."
+                Argument("particles", options.particles),
+                f" is fewer than the {len(parents)} objects that share them; give at least one "
+                "each, better some fifty.",
             )
 
     def check_first(self, summary: Any, ids: Sequence[Any]) -> None:

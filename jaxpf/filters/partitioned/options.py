@@ -4,17 +4,12 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
-from jaxpf.contract.names import METHODS, SCHEMES, SWAPS
+from jaxpf.contract.names import GIVEN, METHODS, ORDERS, SCHEMES, SHIFTS, SWAPS
 from jaxpf.contract.options import check_options, option
 from jaxpf.filters.filter import Filter, Variant
 from jaxpf.filters.relocation_option import relocate_option, relocation_of
-
-#: For an evaluation's ``orders``: PS with every circular shift, each as a separate variant.
-SHIFTS = "shifts"
-#: The order in which objects are listed; for a part tree, level by level.
-GIVEN = "given"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,8 +111,9 @@ class PartitionedFilter(Filter):
         count = len(parents)
         if options.method == "dps" and options.particles < count:
             raise InputError(
-                f"particles = {options.particles} is fewer than the {count} components of dps, one "
-                f"per object; give at least {count}, better some hundreds."
+                Argument("particles", options.particles),
+                f" is fewer than the {count} components of dps, one per object; give at least "
+                f"{count}, better some hundreds.",
             )
         if options.order is None:
             return
@@ -158,7 +154,7 @@ def _orders(asked: Sequence[Any], parents: Sequence[int]) -> list[tuple[int, ...
     """Return the distinct orders that an evaluation requests."""
     orders: list[tuple[int, ...]] = []
     for order in asked:
-        if order in (GIVEN, SHIFTS):
+        if order in ORDERS:
             orders += _shifts(parents)[: 1 if order == GIVEN else None]
         else:
             orders.append(tuple(order))

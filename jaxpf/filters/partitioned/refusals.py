@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
-from jaxpf.contract.errors import InputError
+from jaxpf.contract.errors import InputError, choice
 from jaxpf.contract.names import SWAPS
 from jaxpf.contract.pytree import is_concrete
 from jaxpf.filters.initial import check_count
@@ -65,23 +65,30 @@ def check_exchange(tracker: Any) -> None:
     """Refuse an exchange that would be biased; the ordering must have one."""
     ordering = tracker.ordering
     swap = SWAPS[int(ordering.swap)]
-    check_uncoupled(tracker.dynamics, f"swap={swap!r}")
+    check_uncoupled(tracker.dynamics, choice("swap", swap))
     tree = tuple(np.asarray(ordering.tree).tolist())
     if contract.has_log_joint(tracker.likelihood):
         raise InputError(
-            f"swap={swap!r} needs a likelihood of single objects, and "
-            f"{type(tracker.likelihood).__name__} weighs them together by log_joint; use "
-            "swap='none' or another ordering."
+            choice("swap", swap),
+            f" needs a likelihood of single objects, and {type(tracker.likelihood).__name__} "
+            "weighs them together by log_joint; use ",
+            choice("swap", "none"),
+            " or another ordering.",
         )
     if tracker.tempering is not None:
         raise InputError(
-            f"swap={swap!r} needs equal weights, and tempering={tracker.tempering} leaves them "
-            "unequal; use tempering=None or swap='none'."
+            choice("swap", swap),
+            f" needs equal weights, and tempering={tracker.tempering} leaves them unequal; use "
+            "tempering=None or ",
+            choice("swap", "none"),
+            ".",
         )
     if tree != tracker.parents:
         raise InputError(
             f"the ordering's part tree {list(tree)} is unlike the model's {list(tracker.parents)}; "
-            f"with swap={swap!r} both must be the same."
+            "with ",
+            choice("swap", swap),
+            " both must be the same.",
         )
     # NumPy, because JAX would compile each of these operations.
     is_root = np.asarray(ordering.tree)[np.asarray(ordering.order)[0]] < 0
@@ -89,6 +96,7 @@ def check_exchange(tracker: Any) -> None:
     independent = not callable(tracker.initial) or contract.draws_independently(tracker.initial)
     if roots_exchanged and not independent:
         raise InputError(
-            f"swap={swap!r} exchanges roots, but the initial sampler may draw them jointly; use a "
-            "sampler with the attribute independent=True, or sps(..., exchange_roots=False)."
+            choice("swap", swap),
+            " exchanges roots, but the initial sampler may draw them jointly; use a sampler with "
+            "the attribute independent=True, or sps(..., exchange_roots=False).",
         )

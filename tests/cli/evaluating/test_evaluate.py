@@ -263,7 +263,7 @@ def test_methods_with_numbers_of_particles_of_their_own_are_planned(tmp_path):
         (("--set", "num_objects"), "--set 'num_objects' must have the form NAME=VALUE"),
         (("--set", "nobjects=3"), "no parameter 'nobjects'"),
         (("--set", "num_objects=many"), "num_objects = 'many' must be a whole number"),
-        (("--ids", "1"), "--ids [1] chooses from a recorded sequence"),
+        (("--ids", "1"), "--ids 1 chooses from a recorded sequence"),
         (("--workers", "0"), "--workers 0 must be a whole number from 1 to 256"),
         (("--devices", "0"), "--devices 0 must be a whole number from 1 to 256"),
         (("--memory", "0"), "--memory 0 must be a whole number from 1 to 1073741824"),
@@ -280,7 +280,7 @@ def test_mistakes_are_one_sentence(refuse, arguments, sentence):
 
 
 def test_a_folder_where_somebody_is_at_work_is_refused_before_planning(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxpf.evaluation.prepare", lambda *_: 1 / 0)
+    monkeypatch.setattr("jaxpf.evaluation.open_evaluation", lambda *_: 1 / 0)
     with locked(tmp_path / "out", "evaluating"):
         outcome = jaxpf("evaluate", "distracter", *SMALL, *COMMON, "-o", tmp_path / "out")
     assert outcome.code == 2

@@ -1,0 +1,242 @@
+"""What ``jaxpf evaluate`` is asked: its options, the request, and the library's plan of it."""
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from jaxpf import filters
+from jaxpf.cli.shared.flags import as_typed, given_in, picked
+from jaxpf.cli.shared.scene_options import (
+    SceneOptions,
+    names_in,
+    pair,
+    resolved_scene,
+    scene_name,
+    scene_parameters,
+)
+from jaxpf.contract.errors import InputError
+from jaxpf.contract.names import GIVEN, ORDERS, SHIFTS
+from jaxpf.contract.options import check_options, option, options_of
+from jaxpf.targets import adapters
+
+#: Options that choose output or computing resources and do not affect results.
+_NOT_REPEATED = ("output", "dry_run", "dask", "speed")
+#: Filter options with their own flags here, shared by all variants.
+VARIED = ("method", "order", "swap")
+#: Value of --baseline for all baselines that are installed.
+_ALL = "all"
+#: Maximum number of processes, and of host devices per process, which JAX sets up one by one.
+_MOST = 256
+
+
+@dataclasses.dataclass(frozen=True)
+class Compared:
+    """Options that choose what to compare, except those of targets and filters."""
+
+    methods: str | None = option(
+        None,
+        f"Comma-separated: {', '.join(filters.methods())}.  `jaxpf track --help-all` explains "
+        "them; by default sir, ps, dps and sps, if they suit the scene, and only sir for one "
+        "object.",
+    )
+    orders: tuple[str, ...] = option(
+        (GIVEN,),
+        f"Orders of ps, repeatable: {GIVEN!r} (as the scene lists the objects), {SHIFTS!r} (all "
+        "circular shifts), or the objects by their place from 1, such as 3,1,2.",
+        length=-1,
+    )
+    swaps: str = option("combinatorial", "For sps: how objects change places.")
+    tracks: tuple[str, ...] = option(
+        (),
+        "NAME=FILE, another tracker's results, repeatable.  In MOT format or with the header "
+        "frame,id,x,y,w,h.",
+    )
+    tracker: tuple[str, ...] = option(
+        (),
+        "[NAME=]FILE.py:FUNCTION, a tracker of your own, repeatable.  The function takes the scene "
+        "and returns a tracker or boxes [T, P, 4].",
+    )
+    baseline: tuple[str, ...] = option(
+        (),
+        "Baseline trackers, comma-separated: mil, csrt, kcf, meanshift, still (boxes that do not "
+        "move), or all that are installed.  csrt and kcf need opencv-contrib.",
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Work:
+    """Options that choose the number of runs and where they run."""
+
+    runs: int = option(50, "Runs per configuration.")
+    seed: int = option(0, "Seed of all runs.")
+    workers: int = option(1, "Processes that share the work.", least=1, most=_MOST)
+    dask: str | None = option(
+        None,
+        "Address of a Dask scheduler whose workers share the work, such as tcp://127.0.0.1:8786.",
+    )
+    devices: int | None = option(
+        None,
+        "Host devices per process; by default the processes share all cores.",
+        least=1,
+        most=_MOST,
+    )
+    memory: int = option(256, "Megabytes that a batch of runs may use.", least=1, most=2**30)
+    output: Path | None = option(  # noqa: RUF009
+        None,
+        "Folder for the results; the same command resumes from it.  [default: jaxpf-NAME]",
+        flags=("-o",),
+    )
+    speed: bool = option(
+        False,
+        "Also measure the speed of a single run.  Of each method, in frames per second; compiles "
+        "again.",
+    )
+    dry_run: bool = option(False, "Show the plan only.")
+
+
+@dataclasses.dataclass(frozen=True)
+class Options(Work, Compared, SceneOptions):
+    """Options of ``jaxpf evaluate`` for any target and filter."""
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        if self.dask and self.workers > 1:
+            raise InputError(
+                f"--dask brings workers of its own; leave it or --workers {self.workers} out."
+            )
+        if not all(map(names_in, self.baseline)):
+            raise InputError("--baseline names none; leave it out, or name one, such as still.")
+
+
+@dataclasses.dataclass(frozen=True)
+class Request:
+    """A comparison.
+
+    Attributes:
+        scene: scene name or absolute path.
+        options: values of ``Options``, with absolute file paths.
+        grid: given options of targets and filters -> value on the command line.
+    """
+
+    scene: str
+    options: Options
+    grid: Mapping[str, Any]
+
+    @property
+    def output(self) -> Path:
+        """The folder for the results."""
+        return self.options.output or Path(f"jaxpf-{scene_name(self.scene)}")
+
+    @property
+    def varied(self) -> list[str]:
+        """Options of the grid that have several values."""
+        return [name for name, value in self.grid.items() if len(_values(value)) > 1]
+
+    def table(self) -> dict[str, Any]:
+        """Contents of ``run.toml``, in command-line notation."""
+        kept = {n: v for n, v in as_typed(self.options).items() if n not in _NOT_REPEATED}
+        return {"scene": self.scene, **kept, **self.grid}
+
+
+def request_of(values: Mapping[str, Any]) -> Request:
+    """Parse the values of all flags.
+
+    Raises:
+        InputError: a value is out of range.
+    """
+    options = picked(values, Options)
+    tracks = (pair("--tracks", text, lambda path: Path(path).resolve()) for text in options.tracks)
+    named = [name for text in options.baseline for name in names_in(text)]
+    if _ALL in named:
+        from jaxpf.evaluation.baselines.rivals import available
+
+        named = available()
+    options = dataclasses.replace(
+        options,
+        tracks=tuple(f"{name}={path}" for name, path in tracks),
+        tracker=tuple(f"{name}={place}" for name, place in map(_own, options.tracker)),
+        baseline=tuple(dict.fromkeys(named)),
+    )
+    owners: list[Any] = [adapter.target for adapter in adapters().values()]
+    owners += filters.all_filters().values()
+    known = options_of(*(owner.options for owner in owners))
+    given = given_in(values)
+    grid = {name: given[name] for name in known if name in given and name not in VARIED}
+    return Request(resolved_scene(values["scene"]), options, grid)
+
+
+def plan_of(request: Request) -> Any:
+    """The library's plan of the request.
+
+    Raises:
+        InputError: a name occurs twice, or the plan is invalid.
+    """
+    from jaxpf.cli.tracking.user_tracker import OwnTracker
+    from jaxpf.evaluation import Plan
+    from jaxpf.evaluation.baselines.rivals import baselines
+    from jaxpf.evaluation.opening import load_scene
+
+    options = request.options
+    tracks = dict(pair("--tracks", text, str) for text in options.tracks)
+    trackers = dict(pair("--tracker", text, OwnTracker) for text in options.tracker)
+    for flag, named, typed in (
+        ("--tracks", tracks, options.tracks),
+        ("--tracker", trackers, options.tracker),
+    ):
+        if len(named) < len(typed):
+            raise InputError(f"{flag} gives a name twice; give each file a name of its own.")
+    rivals = baselines(options.baseline)
+    for name in rivals.keys() & trackers.keys():
+        raise InputError(f"--tracker {name!r} is the name of a baseline; give it another one.")
+    return Plan(
+        scene=functools.partial(
+            load_scene,
+            source=request.scene,
+            seed=options.scene_seed,
+            ids=None if options.ids is None else list(options.ids),
+            start_frame=options.start_frame,
+            num_frames=options.frames,
+            parameters=scene_parameters(options.set),
+        ),
+        methods=None if options.methods is None else names_in(options.methods),
+        orders=[_order(text) for text in options.orders],
+        swaps=names_in(options.swaps),
+        grid={name: _values(value) for name, value in request.grid.items()},
+        target=options.target,
+        runs=options.runs,
+        seed=options.seed,
+        tracks=tracks,
+        trackers=trackers | rivals,
+    )
+
+
+def _values(typed: Any) -> list[Any]:
+    """Parse the values of a grid option: comma-separated names, numbers, or lists of numbers."""
+    if isinstance(typed, str):
+        return names_in(typed)
+    entries = [typed] if isinstance(typed, bool) else typed
+    return [tuple(entry) if isinstance(entry, list) else entry for entry in entries]
+
+
+def _order(text: str) -> Any:
+    """Convert an order from 1-based to 0-based indices."""
+    if text in ORDERS:
+        return text
+    entries = text.split(",")
+    if not all(entry.strip().isdecimal() and int(entry) > 0 for entry in entries):
+        raise InputError(
+            f"--orders {text!r} is no order; write {', '.join(map(repr, ORDERS))}, or the "
+            "objects by their place from 1, such as 3,1,2."
+        )
+    return tuple(int(entry) - 1 for entry in entries)
+
+
+def _own(text: str) -> tuple[str, str]:
+    """Name and absolute path of a user-defined tracker; its name defaults to the function's."""
+    name, equals, place = text.partition("=")
+    if not equals:
+        name, place = text.rpartition(":")[2], text
+    path, colon, function = place.rpartition(":")
+    return name, f"{Path(path).resolve()}:{function}" if colon else place

@@ -1,0 +1,107 @@
+"""Completes a plan for a scene's target, and lists the configurations that it means."""
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from jaxpf import filters
+from jaxpf.contract.options import chosen, implied, options_of
+from jaxpf.evaluation.plan import Plan, applicable
+from jaxpf.evaluation.results import Configuration
+from jaxpf.targets import find_adapter
+from jaxpf.targets.target import Start, Target
+
+
+def complete(plan: Plan, name: str, parents: Sequence[int] | None = None) -> Plan:
+    """Fill in the target, the methods and all values of the grid.
+
+    Args:
+        plan: as requested.
+        name: target to use if the plan has none.
+        parents: the part tree, from which methods are chosen if the plan has none.
+
+    Raises:
+        InputError: the target lacks an option of the grid or rejects a value.
+    """
+    methods = plan.methods
+    if methods is None and parents is not None:
+        methods = _default_methods(find_adapter(plan.target or name).target, parents)
+    plan = dataclasses.replace(plan, target=plan.target or name, methods=methods)
+    target = find_adapter(plan.target or name).target
+    # Where defaults differ between filters, each filter uses its own.
+    owners = [options_of(owner) for owner in (target.options, *(f.options for f in plan.filters()))]
+    defaults = {
+        name: (option.default,)
+        for name, option in plan.options_for(target).items()
+        if all(own[name].default == option.default for own in owners if name in own)
+    }
+    implications = implied(target.options, plan.grid)
+    grid = {**defaults, **plan.grid, **{name: (value,) for name, value in implications.items()}}
+    return dataclasses.replace(plan, grid=grid)
+
+
+def _default_methods(target: Target, parents: Sequence[int]) -> tuple[str, ...]:
+    """The methods that are compared by default and suit a part tree."""
+    usual = target.defaults.get("method")
+    methods: tuple[str, ...] = ()
+    for filter_ in filters.all_filters().values():
+        if filter_.by_default or usual in filter_.methods:
+            suiting = tuple(m for m in filter_.methods if filter_.admits(m, parents))
+            # The default methods differ in ordering only, so one object needs just the first.
+            methods += suiting[:1] if filter_.by_default and len(parents) == 1 else suiting
+    return methods
+
+
+def configurations(
+    plan: Plan, start: Start, settle: Callable[[Target, Any, int], Any]
+) -> list[Configuration]:
+    """All configurations of the built-in methods of a complete plan.
+
+    Args:
+        plan: result of ``complete``.
+        start: initial state of the objects.
+        settle: function from (target, its options, particles) to the options with every "auto"
+            resolved.
+
+    Raises:
+        InputError: an order is not a permutation of the objects; options are incompatible.
+    """
+    assert plan.target is not None  # by complete
+    target = find_adapter(plan.target).target
+    asked = {"order": plan.orders, "swap": plan.swaps}
+    settled: dict[Any, Any] = {}
+    listed: dict[str, Configuration] = {}
+    for point in _points(plan, target):
+        for method in plan.methods or ():
+            filter_ = filters.filter_of(method)
+            declared = options_of(target.options, filter_.options)
+            applies = applicable(filter_, method)
+            own = {n: v for n, v in point.items() if n in declared and applies.get(n, True)}
+            for name, option in options_of(filter_.options).items():
+                if name not in filter_.varied:
+                    own.setdefault(name, option.default)
+            model = chosen(target.options, own)
+            numbers = [n for n in (own["particles"], *plan.grid.get("particles", ())) if n]
+            key = (model, max(numbers, default=1))
+            if key not in settled:
+                settled[key] = settle(target, *key)
+            parameters = {name: getattr(settled[key], name, own[name]) for name in own}
+            for variant in filter_.variants(method, start.parents, asked):
+                filter_.check(chosen(filter_.options, parameters | variant.values), start.parents)
+                configuration = Configuration(
+                    method.upper(), variant.label, parameters, variant.values
+                )
+                listed.setdefault(repr(configuration), configuration)
+    return list(listed.values())
+
+
+def _points(plan: Plan, target: Target) -> Iterator[dict[str, Any]]:
+    """Every point of the grid; options that force recompilation vary slowest."""
+    options = plan.options_for(target)
+    names = sorted(options, key=lambda name: options[name].compiles)
+    names = [name for name in names if name in plan.grid]
+    loops = list(reversed(names))
+    for values in itertools.product(*(plan.grid[name] for name in loops)):
+        point = dict(zip(loops, values, strict=True))
+        yield {name: point[name] for name in names}

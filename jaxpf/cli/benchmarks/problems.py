@@ -28,6 +28,12 @@ def large_frame() -> tuple[np.ndarray, np.ndarray]:
     return _colourful(480, 640, np.array([(40 + 110 * i, 60 + 50 * i, 60, 120) for i in range(5)]))
 
 
+def small_objects(height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """A frame of noise with three objects of 32 x 32 pixels, and their boxes ``[P, 4]``."""
+    places = [(width * (1 + i) // 4, height * (1 + i) // 4) for i in range(3)]
+    return _colourful(height, width, np.array([(x, y, 32, 32) for x, y in places]))
+
+
 def _colourful(height: int, width: int, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(0)
     frame = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)

@@ -26,6 +26,7 @@ def test_memory_does_not_grow_with_the_number_of_frames():
         (measurements.generic, (20, 3), ["", "<= 1.5", "<= 2"]),
         (measurements.histograms, (2, 20), ["", ">= 100", ""]),
         (measurements.appearance, (1, 20, 2), ["", "<= 2"] * 2),
+        (measurements.frame_sizes, (((90, 120), (240, 320)), 2), ["", "<= 2"]),
         (measurements.gradients, (30, 6, 2), ["", "<= 4"] * 3),
         (measurements.labelled, (70, 2, 2), ["", "<= 1.5", "<= 1.5"]),
         (

@@ -15,6 +15,7 @@ from jaxpf.boxes.models import (
     LONE_STEPS,
     box_model,
     boxes_at,
+    reach_of,
     relative_box_model,
     relative_steps,
     usual_noise,
@@ -134,6 +135,9 @@ class BoxTarget(Target):
         from jaxpf.likelihoods.discriminative import discriminative, excluding
 
         with naming([f"the box of object {number}" for number in start.ids]):
+            if options.motion == RELATIVE:
+                steps = relative_steps(options.relative_scale, len(start.shapes))
+                settings["reach"] = reach_of(steps)
             found = discriminative(looks.start_frame, start.shapes, gain=options.gain, **settings)
             check_contrast(looks.start_frame, start.shapes)
         return found if options.exclusion == NONE else excluding(found)

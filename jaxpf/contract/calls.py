@@ -28,6 +28,16 @@ def observed_apart(tracker: Any) -> tuple[Callable, Callable]:
     return (lambda frame: frame), tracker.step
 
 
+def observe_nearby(observer: Any, frame: Any, near: Any) -> Any:
+    """The observation of some parts of a frame, by a tracker or likelihood; None if it has none.
+
+    ``observe_nearby(frame, near)`` of a likelihood takes estimates ``[P, D]``, that of a tracker
+    its state after the previous frame.  The likelihood of a substate that the parts do not show
+    is NaN, and a run repeats the step with ``observe``.
+    """
+    return observer.observe_nearby(frame, near) if hasattr(observer, "observe_nearby") else None
+
+
 def frame_of(observations: Any, place: jax.Array) -> Any:
     """Take one frame's observation from a stack of observations.
 

@@ -22,6 +22,7 @@ likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log
                                                                            ``fixed_observation``,
                                                                            ``form``,
                                                                            ``expecting``,
+                                                                           ``observe_nearby``,
                                                                            ``log_odds``
 proposal      ``propose`` or ``propose_all``,                              ``of_model``
               ``log_density`` or ``log_density_all``

@@ -70,8 +70,9 @@ def integral_similarity(table, references, partition, left, top, width, height, 
         top: [N], top edge, pixels.
         width: [N], pixels, at least 1.
         height: [N], pixels, at least 1 per part.
-        region: int32, three of [N]: first row, height and width of the part of the table that
-            each box lies in; ``top`` counts from its first row.  By default the whole table.
+        region: int32, four of [N]: first row, height, width and first column of the part of the
+            table that each box lies in, from which ``top`` and ``left`` count.  By default the
+            whole table.
 
     Returns:
         Similarity [N], and bool [N]: whether every part's count fits the table's dtype.
@@ -81,7 +82,7 @@ def integral_similarity(table, references, partition, left, top, width, height, 
     dtype = left.dtype
     groups = num_bins // LANES
     cells = table.cells.reshape(-1, LANES)
-    first_row, last_row, last_column = _bounds(table, region)
+    origin, last_row, last_column = _bounds(table, region)
     references = references.astype(dtype).reshape(-1, LANES)
 
     # floor(x + 1/2), not round-half-to-even: a box at least a pixel wide keeps a column.
@@ -92,7 +93,7 @@ def integral_similarity(table, references, partition, left, top, width, height, 
 
     def above(row, group):
         """Counts of the box's columns above an edge, for one group of bins."""
-        start = (first_row + row) * num_columns
+        start = origin + row * num_columns
         left_, right = ((start + column) * groups for column in (column0, column1))
         return entries_at(cells, right + group) - entries_at(cells, left_ + group)
 
@@ -132,7 +133,7 @@ def interpolated_integral_similarity(
     dtype = left.dtype
     references = jnp.asarray(references, dtype)[partition]
     cells = table.cells.reshape(-1, num_bins)
-    first_row, last_row, last_column = _bounds(table, region)
+    origin, last_row, last_column = _bounds(table, region)
 
     def place(x, last):
         """The last line at or before x, and the distance of x beyond it."""
@@ -144,7 +145,7 @@ def interpolated_integral_similarity(
     edges = [place(top + height * (k / num_parts), last_row) for k in range(num_parts + 1)]
 
     def take(row, column):
-        return entries_at(cells, (first_row + row) * num_columns + column)
+        return entries_at(cells, origin + row * num_columns + column)
 
     def lines(row):
         """Counts above a line of the table: between the columns, and in the two cut columns."""
@@ -175,9 +176,10 @@ def interpolated_integral_similarity(
 
 
 def _bounds(table, region):
-    """First row in the stack, and last row and column, of the table or of a region."""
+    """Flat index of the first corner, last row and last column, of the table or of a region."""
     num_rows, num_columns = table.cells.shape[-3:-1]
     first_row = table.place * num_rows
     if region is None:
-        return first_row, num_rows - 1, num_columns - 1
-    return first_row + region[0], region[1], region[2]
+        return first_row * num_columns, num_rows - 1, num_columns - 1
+    top, last_row, last_column, left = region
+    return (first_row + top) * num_columns + left, last_row, last_column

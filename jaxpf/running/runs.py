@@ -229,9 +229,28 @@ def frame_step(
 
 
 def one_run(tracker: Any, key: jax.Array, record: Callable[[Any, Any], Any]) -> Callable:
-    """Return the ``frame_step`` of a single run."""
+    """Return the ``frame_step`` of a single run.
+
+    If the tracker can observe only what is near its estimates, each frame is first tried so, and
+    repeated whole if that does not show every particle.  Under ``vmap`` both are computed.
+    """
     observe = contract.observed_apart(tracker)[0]
-    return frame_step(observe, lambda advance, state: advance(tracker, key, state), record)
+    step_whole = frame_step(observe, lambda advance, state: advance(tracker, key, state), record)
+
+    def step_one(state: Any, item: Any) -> Any:
+        time, frame = item
+        observation = contract.observe_nearby(tracker, frame, state)
+        if observation is None:
+            return step_whole(state, item)
+        step = contract.observed_apart(contract.at_frame(tracker, time))[1]
+        new, summary = step(frame_key(key, time), state, observation)
+        return lax.cond(
+            summary.num_invalid == 0,
+            lambda: (new, record(new, summary)),
+            lambda: step_whole(state, item),
+        )
+
+    return step_one
 
 
 def together(tracker: Any, keys: jax.Array) -> Callable[[Callable, Any], Any]:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -162,6 +162,23 @@ def appearance(
     return Section(f"Learned appearance: whole kernel, {num_particles} particles", cases)
 
 
+def frame_sizes(
+    shapes: Sequence[tuple[int, int]] = ((480, 640), (1080, 1920), (2160, 3840)),
+    num_frames: int = 6,
+) -> Section:
+    """The default tracker of three objects of 32 pixels: large frames against small ones."""
+    names = [f"{width}x{height}: a frame" for height, width in shapes]
+    cases = []
+    for name, shape in zip(names, shapes, strict=True):
+        frame, boxes = problems.frame_with_boxes(3, *shape, size=(32, 32))
+        frames = jnp.stack([jnp.asarray(frame)] * num_frames)
+        tracker = jaxpf.boxes.tracker(frame, boxes)
+        run = partial(jaxpf.run, tracker, jax.random.key(0), frames, _record)
+        about = (names[0], "<= 2") if cases else ("", "")
+        cases.append(Case(name, run, num_frames, *about))
+    return Section("Frame sizes: learned appearance, 3 objects of 32 pixels, one run", cases)
+
+
 def labelled(num_particles: int = 2100, num_runs: int = 10, num_frames: int = 8) -> Section:
     """Seven labelled boxes against one box with the same likelihood and number of particles."""
     frame, boxes = problems.frame_with_boxes(OBJECTS)
@@ -238,7 +255,7 @@ def gradients(num_particles: int = 1000, num_frames: int = 50, num_runs: int = 1
 
 
 #: Sections in the order of measurement.
-SECTIONS = (histograms, kernel, appearance, labelled, generic, gradients)
+SECTIONS = (histograms, kernel, appearance, frame_sizes, labelled, generic, gradients)
 
 
 def _keys(count: int) -> jax.Array:

@@ -7,11 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf import contract
 from jaxpf.contract import Tracker
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import check_tree
 from jaxpf.contract.pytree import pytree_dataclass, static_field
-from jaxpf.contract.state import ParticleState, Summary
+from jaxpf.contract.state import ParticleState, Summary, moments
 from jaxpf.filters import confidence
 from jaxpf.filters.initial import as_floats, checked_initial
 from jaxpf.filters.partitioned import kernel, labels
@@ -144,6 +145,19 @@ class Partitioned(Tracker):
     def observe(self, frame: Any) -> Any:
         """Do the work that depends on the frame alone; unbatched when runs are vmapped."""
         return self.likelihood.observe(frame)
+
+    def observe_nearby(self, frame: Any, state: ParticleState) -> Any:
+        """See ``jaxpf.contract.observe_nearby``.
+
+        A proposal may look anywhere, and so does relocation if an object is probably lost.
+        """
+        if self.proposal is not None:
+            return None
+        estimates = moments(state.lagged[0], jnp.exp(state.log_weights), jnp.matmul)[0].T
+        if self.relocation is not None:
+            epsilon = self.relocation.epsilon_at(jax.nn.sigmoid(state.log_odds))
+            estimates = jnp.where(jnp.any(epsilon > 0), jnp.nan, estimates)
+        return contract.observe_nearby(self.likelihood, frame, estimates)
 
     @with_written_out_key
     def step_observed(

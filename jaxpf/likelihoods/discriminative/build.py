@@ -17,6 +17,7 @@ from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative.levels import factor_of, shrunk
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood, grid_places
 from jaxpf.likelihoods.discriminative.maps import gradients, hues
+from jaxpf.likelihoods.discriminative.nearby import window_shape
 from jaxpf.likelihoods.discriminative.training import RIDGE, trained, training_boxes
 
 #: Built-in features; users may add functions.
@@ -43,6 +44,7 @@ def discriminative(
     penalty: float = RIDGE,
     interpolation: str = "nearest",
     background_frames: Any = None,
+    reach: float | None = None,
 ) -> DiscriminativeLikelihood:
     """Learn to distinguish P objects from their surroundings, from their boxes in one frame.
 
@@ -67,6 +69,10 @@ def discriminative(
         background_frames: uint8 RGB [n, H, W, 3].  The likelihood is divided by its mean over
             boxes anywhere in these frames, so that its evidence can choose a gain.  By default it
             is not normalised.
+        reach: if a run tracks one filter, it computes features only in windows around the objects,
+            where these are smaller than the frame.  A window reaches this far beyond its object,
+            in square roots of the object's area; a particle outside makes the step use the whole
+            frame.  None always uses whole frames.
 
     Raises:
         InputError: an argument is out of range.
@@ -102,6 +108,8 @@ def discriminative(
     )
     likelihood = trained(likelihood, frame, boxes, penalty)
     _check_learned(np.asarray(likelihood.residual))
+    if reach is not None:
+        likelihood = dataclasses.replace(likelihood, windows=window_shape(likelihood, reach))
     if background_frames is None:
         return likelihood
     return dataclasses.replace(likelihood, background=_background(likelihood, background_frames))

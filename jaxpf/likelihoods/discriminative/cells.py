@@ -32,13 +32,14 @@ class Boxes(NamedTuple):
     """N upright boxes in the picture of stacked levels, each clipped to its own level.
 
     Attributes:
-        left: [N], pixels of the picture, like all others.
+        left: [N], counted from the level's first column, pixels of the picture like all others.
         top: [N], counted from the level's first row.
         width: [N].
         height: [N].
         first_row: int32 [N], first row of the level.
         rows: int32 [N], the level's height.
         columns: int32 [N], the level's width.
+        first_column: int32 [N], first column of the level.
     """
 
     left: jax.Array
@@ -48,6 +49,7 @@ class Boxes(NamedTuple):
     first_row: jax.Array
     rows: jax.Array
     columns: jax.Array
+    first_column: jax.Array | int = 0
 
 
 @pytree_dataclass
@@ -71,9 +73,15 @@ class SumTable:
 
 def sum_table(values: jax.Array) -> SumTable:
     """The integral table of a map, float [h, w, C], 0 to 1."""
-    whole = jnp.round(jnp.clip(values, 0, 1) * _STEPS).astype(jnp.int32)
-    cells = jnp.pad(sums_above_and_left(whole, lambda pixel: pixel), ((1, 0), (1, 0), (0, 0)))
+    cells = jnp.pad(
+        sums_above_and_left(whole_values(values), lambda pixel: pixel), ((1, 0), (1, 0), (0, 0))
+    )
     return SumTable(cells, cells.sum(axis=-1, dtype=cells.dtype), jnp.zeros((), jnp.int32))
+
+
+def whole_values(values: jax.Array) -> jax.Array:
+    """A map's values, 0 to 1, in integer steps of 1/255, int32."""
+    return jnp.round(jnp.clip(values, 0, 1) * _STEPS).astype(jnp.int32)
 
 
 def cell_features(
@@ -93,7 +101,7 @@ def cell_features(
     """
     bilinear = interpolation == "bilinear"
     sums = (_cut_sums if bilinear else _whole_sums)(table, boxes, grid)
-    total = jnp.sum(sums, axis=-1, keepdims=True) + _least(boxes, grid)[:, None, None, None]
+    total = jnp.sum(sums, axis=-1, keepdims=True) + least_sum(boxes, grid)[:, None, None, None]
     share = sums / total
     if bilinear:
         share = jnp.maximum(share, 0)
@@ -118,17 +126,17 @@ def cell_score(
         [N].
     """
     grid = (weights.shape[1], weights.shape[2])
-    cells, first_row, stride = _flat(table, boxes)
+    cells, origin, stride = _flat(table, boxes)
     totals = table.totals.reshape(-1)
     weights = (weights / np.sqrt(grid[0] * grid[1])).reshape(-1, cells.shape[-1])
     dtype = boxes.left.dtype
     columns = [
-        _line(boxes.left + boxes.width * (j / grid[1]), boxes.columns) for j in range(grid[1] + 1)
+        line_at(boxes.left + boxes.width * (j / grid[1]), boxes.columns) for j in range(grid[1] + 1)
     ]
-    least = _least(boxes, grid)
+    least = least_sum(boxes, grid)
 
     edges = [boxes.top + boxes.height * (i / grid[0]) for i in range(grid[0] + 1)]
-    starts = jnp.stack([(first_row + _line(edge, boxes.rows)) * stride for edge in edges])
+    starts = jnp.stack([origin + line_at(edge, boxes.rows) * stride for edge in edges])
     # Barrier: compiled twice with different rounding, an edge half way between two lines could go
     # to one line here and to the other there, and the sums of cells would be inconsistent.
     starts, columns = jax.lax.optimization_barrier((starts, columns))
@@ -152,13 +160,13 @@ def cell_score(
     return sum_of_rows(total)
 
 
-def _line(place: jax.Array, size: jax.Array) -> jax.Array:
+def line_at(place: jax.Array, size: jax.Array) -> jax.Array:
     """The line between pixels nearest to a position, int32, clipped to 0 and the size."""
     # floor(x + 1/2), not round-half-to-even, as in the histograms of boxes.
     return jnp.floor(jnp.clip(place, 0, size.astype(place.dtype)) + 0.5).astype(jnp.int32)
 
 
-def _least(boxes: Boxes, grid: tuple[int, int]) -> jax.Array:
+def least_sum(boxes: Boxes, grid: tuple[int, int]) -> jax.Array:
     """e times the area of a cell, [N], in the table's units."""
     area = boxes.width * boxes.height / (grid[0] * grid[1])
     return (_STEPS * _FAINT) * jnp.maximum(area, 1e-3)
@@ -179,23 +187,24 @@ def _edges(boxes: Boxes, grid: tuple[int, int]) -> tuple[jax.Array, jax.Array]:
 
 
 def _flat(table: SumTable, boxes: Boxes) -> tuple[jax.Array, jax.Array, int]:
-    """Table rows ``[rows, C]``, each box's first row in the stack, and the table's width."""
+    """Corners ``[corners, C]``, the index of each box's level in them, and the table's width."""
     num_rows, num_columns, channels = table.cells.shape[-3:]
-    return table.cells.reshape(-1, channels), table.place * num_rows + boxes.first_row, num_columns
+    origin = (table.place * num_rows + boxes.first_row) * num_columns + boxes.first_column
+    return table.cells.reshape(-1, channels), origin, num_columns
 
 
 def _whole_sums(table, boxes, grid):
-    cells, first_row, stride = _flat(table, boxes)
+    cells, origin, stride = _flat(table, boxes)
     # floor(x + 1/2), not round-half-to-even, as in the histograms of boxes.
     rows, columns = (jnp.floor(x + 0.5).astype(jnp.int32) for x in _edges(boxes, grid))
-    start = (first_row[:, None] + rows) * stride
+    start = origin[:, None] + rows * stride
     corners = entries_at(cells, start[:, :, None] + columns[:, None, :])
     strips = corners[:, :, 1:] - corners[:, :, :-1]
     return (strips[:, 1:] - strips[:, :-1]).astype(boxes.left.dtype)
 
 
 def _cut_sums(table, boxes, grid):
-    cells, first_row, stride = _flat(table, boxes)
+    cells, origin, stride = _flat(table, boxes)
     dtype = boxes.left.dtype
 
     def lines(places, size):
@@ -210,7 +219,7 @@ def _cut_sums(table, boxes, grid):
 
     def strips(row):
         """Sums above lines, between columns' edges; integers are subtracted before conversion."""
-        start = ((first_row[:, None] + row) * stride)[:, :, None] + column[:, None, :]
+        start = (origin[:, None] + row * stride)[:, :, None] + column[:, None, :]
         at = entries_at(cells, start)
         cut = (entries_at(cells, start + 1) - at).astype(dtype) * beyond[:, None, :, None]
         whole = (at[:, :, 1:] - at[:, :, :-1]).astype(dtype)

@@ -7,11 +7,13 @@ are stacked vertically, so that one table serves all of them.
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+
+from jaxpf.lowering.columns import entries_at
 
 #: An object is shrunk by 1, 2, 4, ... until the square root of its area is at most this, pixels.
 LARGEST_SIDE = 36.0
@@ -49,9 +51,14 @@ def levels_of(factors: Sequence[int], frame_shape: tuple[int, int]) -> list[Leve
     found: list[Level] = []
     for factor in factors:
         first = found[-1].first_row + found[-1].rows if found else 0
-        rows, columns = (-(-size // factor) for size in frame_shape)
+        rows, columns = size_of(frame_shape, factor)
         found.append(Level(factor, first, rows, columns))
     return found
+
+
+def size_of(frame_shape: tuple[int, int], factor: int) -> tuple[int, int]:
+    """Height and width of a frame shrunk by a factor."""
+    return -(-frame_shape[0] // factor), -(-frame_shape[1] // factor)
 
 
 def shrunk(frame: jax.Array, factor: int) -> jax.Array:
@@ -72,6 +79,26 @@ def shrunk(frame: jax.Array, factor: int) -> jax.Array:
     rows = frame.reshape(-1, factor, frame.shape[1] * 3).astype(jnp.int32).sum(axis=1)
     sums = rows.reshape(len(rows), -1, factor, 3).sum(axis=2)
     return sums.astype(jnp.float32) / np.float32(factor**2)
+
+
+def shrunk_part(frame: jax.Array, factor: int, rows: Any, columns: Any) -> jax.Array:
+    """Some rows and columns of ``shrunk(frame, factor)``, computed from their pixels alone.
+
+    Args:
+        frame: uint8 [H, W, 3].
+        factor: 1 or more.
+        rows: int [h]; rows outside the shrunken frame repeat its first or last one.
+        columns: int [w], likewise.
+    """
+
+    def lines(places, size, shrunk_size):
+        places = jnp.clip(places, 0, shrunk_size - 1)[:, None] * factor
+        return jnp.minimum(places + np.arange(factor), size - 1).ravel()
+
+    height, width = frame.shape[:2]
+    num_rows, num_columns = size_of((height, width), factor)
+    part = entries_at(frame, lines(rows, height, num_rows))
+    return shrunk(part[:, lines(columns, width, num_columns)], factor)
 
 
 def stacked(pictures: Sequence[jax.Array], fill: int) -> jax.Array:

@@ -29,6 +29,7 @@ from jaxpf.likelihoods._integral import (
     interpolated_integral_similarity,
 )
 from jaxpf.likelihoods.color import check_frame, hsv_bins
+from jaxpf.likelihoods.discriminative import nearby
 from jaxpf.likelihoods.discriminative.cells import Boxes, cell_features, cell_score, sum_table
 from jaxpf.likelihoods.discriminative.levels import levels_of, shrunk, stacked
 
@@ -38,8 +39,6 @@ _LOWEST, _HIGHEST = -0.2, 1.2
 _LEAST_RESIDUAL = 0.03
 #: Of the log odds: slope, and the score at which they are zero if the rest of the frame scores 0.
 _ODDS = 11.5, 0.12
-#: Rows and columns of the grid of boxes elsewhere in the frame.
-_PLACES = 12
 #: Largest scale of a box whose pixels can still be counted, see ``levels.LARGEST_SIDE``.
 _LARGEST = 8.0
 
@@ -58,7 +57,7 @@ class Seen(NamedTuple):
 
 def grid_places(frame_shape: tuple[int, int], dtype: Any) -> jax.Array:
     """Centres u and v of boxes evenly spread over a frame, pixels, [2, 144]."""
-    places = (jnp.arange(_PLACES, dtype=dtype) + 0.5) / _PLACES
+    places = (jnp.arange(nearby.PLACES, dtype=dtype) + 0.5) / nearby.PLACES
     v, u = jnp.meshgrid(places * frame_shape[0], places * frame_shape[1], indexing="ij")
     return jnp.stack([u.ravel(), v.ravel()])
 
@@ -87,6 +86,7 @@ class DiscriminativeLikelihood(Likelihood):
         interpolation: ``"nearest"`` or ``"bilinear"``, as for histograms.
         background: [P, n], scores of boxes anywhere, by which the likelihood is normalised; or
             None.
+        windows: shape of the windows of :meth:`observe_nearby`; None to observe whole frames only.
     """
 
     gain: Any
@@ -102,6 +102,7 @@ class DiscriminativeLikelihood(Likelihood):
     frame_shape: tuple[int, int] = static_field()
     interpolation: str = static_field(default="nearest")
     background: Any = None
+    windows: nearby.WindowShape | None = static_field(default=None)
 
     #: ``observe`` does not depend on parameters that tuning may change.
     fixed_observation = True
@@ -125,6 +126,26 @@ class DiscriminativeLikelihood(Likelihood):
         Raises:
             InputError: the frame has another shape or dtype.
         """
+        self._check(frame)
+        return self.seen_in([shrunk(jnp.asarray(frame), factor) for factor in self.factors])
+
+    def observe_nearby(self, frame, estimates):
+        """Tables of the parts of the frame around estimates, or None without windows.
+
+        All methods take them in place of :meth:`observe`'s, with the same results; the score of a
+        box that the parts do not contain is NaN.
+
+        Args:
+            frame: uint8 RGB [H, W, 3].
+            estimates: [P, D], of the previous frame; one of NaN has no part.
+
+        Raises:
+            InputError: the frame has another shape or dtype.
+        """
+        self._check(frame)
+        return None if self.windows is None else nearby.observe(self, frame, estimates)
+
+    def _check(self, frame):
         check_frame(frame)
         if tuple(frame.shape[:2]) != self.frame_shape:
             (height, width), (rows, columns) = frame.shape[:2], self.frame_shape
@@ -132,17 +153,22 @@ class DiscriminativeLikelihood(Likelihood):
                 f"a frame of {width} x {height} pixels does not match the start frame of "
                 f"{columns} x {rows}, from which appearance was learned; bring all to one size."
             )
-        return self.seen_in([shrunk(jnp.asarray(frame), factor) for factor in self.factors])
 
     def seen_in(self, pictures):
         """Tables from the frame's shrunken copies, one per level, float [h, w, 3], 0 to 255."""
         colours = None
         if self.colour_weights is not None:
             num_bins = self.colour_weights.shape[-1]
-            bins = [self.bin_lookup[hsv_bins(jnp.round(p).astype(jnp.uint8))] for p in pictures]
+            bins = [self.colour_bins(picture) for picture in pictures]
             colours = integral_table(stacked(bins, num_bins), num_bins, "uint16")
         maps = tuple(sum_table(stacked([of(p / 255) for p in pictures], 0)) for of in self.maps)
         return Seen(colours, maps)
+
+    def colour_bins(self, picture):
+        """Each pixel's bin of B that are used, or B, of a picture, float [h, w, 3], 0 to 255."""
+        if self.colour_weights is None:
+            return None
+        return self.bin_lookup[hsv_bins(jnp.round(picture).astype(jnp.uint8))]
 
     def log_prob_all(self, observation, partition, substates):
         """Log-likelihoods of N particles.
@@ -185,7 +211,14 @@ class DiscriminativeLikelihood(Likelihood):
             InputError: D is not 3 or 4.
         """
         boxes, valid = self._boxes(partition, substates)
-        dtype = substates.dtype
+        if not isinstance(observation, nearby.Nearby):
+            return self._scores(observation, partition, boxes), valid
+        boxes, inside = nearby.in_windows(self, observation.corners, partition, boxes)
+        score = self._scores(observation.objects, partition, boxes)
+        return jnp.where(inside, score, jnp.nan), valid
+
+    def _scores(self, observation, partition, boxes):
+        dtype = boxes.left.dtype
         score = jnp.asarray(self.offset, dtype)[partition]
         if self.colour_weights is not None:
             score += self._colour_score(observation.colours, self.colour_weights, partition, boxes)
@@ -197,7 +230,7 @@ class DiscriminativeLikelihood(Likelihood):
                 score += jnp.sum(cells * of_partition(weights, partition), axis=(1, 2, 3))
             else:
                 score += cell_score(table, weights, partition, boxes)
-        return score, valid
+        return score
 
     def log_odds_all(self, observation, partition, substates):
         """Log odds that objects are where they are reported.
@@ -220,16 +253,27 @@ class DiscriminativeLikelihood(Likelihood):
         centres = jnp.broadcast_to(places, (2, len(partition), places.shape[-1]))
         shape = (len(substates), len(partition), places.shape[-1])
         elsewhere = jnp.broadcast_to(substates[:, :, None], shape).at[:2].set(centres)
-        every = jnp.concatenate([substates[:, :, None], elsewhere], axis=-1)
-        numbers = jnp.repeat(partition, every.shape[-1])
-        score, _ = self.scores_all(observation, numbers, every.reshape(len(substates), -1))
-        score = jnp.clip(score.reshape(len(partition), -1), _LOWEST, _HIGHEST)
+        score = self._scores_with(observation, partition, substates, elsewhere)
+        score = jnp.clip(score, _LOWEST, _HIGHEST)
         size = jnp.asarray(self.sizes, substates.dtype)[partition].T * substates[2]
         away = jnp.abs(elsewhere[:2] - substates[:2, :, None])
         beside = jnp.any(away > size[:, :, None], axis=0)
         best = jnp.max(jnp.where(beside, score[:, 1:], 0.0), axis=1)
         slope, level = _ODDS
         return slope * (score[:, 0] - best / 2 - level)
+
+    def _scores_with(self, observation, partition, substates, elsewhere):
+        """Scores [N, 1 + n] of substates and of substates elsewhere [D, N, n], on the grid."""
+        if not isinstance(observation, nearby.Nearby):
+            every = jnp.concatenate([substates[:, :, None], elsewhere], axis=-1)
+            numbers = jnp.repeat(partition, every.shape[-1])
+            score, _ = self.scores_all(observation, numbers, every.reshape(len(substates), -1))
+            return score.reshape(len(partition), -1)
+        score, _ = self.scores_all(observation, partition, substates)
+        numbers = jnp.repeat(partition, elsewhere.shape[-1])
+        boxes, _ = self._boxes(numbers, elsewhere.reshape(len(substates), -1))
+        others = nearby.scores_on_grid(self, observation.elsewhere, partition, boxes)
+        return jnp.concatenate([score[:, None], others], axis=1)
 
     def features_all(self, observation, partition, substates):
         """The features that scores are linear in, [N, F]: colours first, then the maps' cells.

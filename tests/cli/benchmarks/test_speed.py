@@ -20,6 +20,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_quickly")]
         (measurements.generic, (20, 3), ["", "<= 1.5", "<= 2"]),
         (measurements.histograms, (2, 20), ["", "", ">= 100"]),
         (measurements.appearance, (1, 20, 2), ["", "<= 2"] * 2),
+        (measurements.frame_sizes, (((90, 120), (240, 320)), 2), ["", "<= 2"]),
         (measurements.gradients, (30, 6, 2), ["", "<= 4"] * 2),
         (measurements.labelled, (70, 2, 2), ["", "<= 1.5"]),
     ],

@@ -1,0 +1,176 @@
+"""Learned appearance in windows around the objects: the results of whole frames."""
+
+import dataclasses
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from quick_compiling import quick
+
+import jaxpf
+from jaxpf.boxes import relative_box_model
+from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.filters import relocation_in
+from jaxpf.likelihoods import DiscriminativeLikelihood, discriminative
+from jaxpf.likelihoods.discriminative.nearby import WindowShape
+
+HEIGHT, WIDTH = 241, 323  # odd, so that the shrunk frame is filled up
+#: The second object is shrunk by 2.
+BOXES = np.array([[100.0, 80.0, 12.0, 12.0], [200.0, 120.0, 44.0, 40.0]])
+SHAPE = WindowShape(rows=64, columns=80, height=30, width=33)
+_WHOLE = quick(DiscriminativeLikelihood.observe)
+_NEARBY = quick(DiscriminativeLikelihood.observe_nearby)
+_LOG_PROBS = quick(DiscriminativeLikelihood.log_prob_all)
+_LOG_ODDS = quick(DiscriminativeLikelihood.log_odds_all)
+
+
+def texture(seed, height, width, block=4):
+    """Coloured blocks."""
+    shape = (-(-height // block), -(-width // block), 3)
+    small = np.random.default_rng(seed).integers(0, 256, shape)
+    return np.kron(small, np.ones((block, block, 1))).astype(np.uint8)[:height, :width]
+
+
+FRAME = texture(0, HEIGHT, WIDTH)
+
+
+@pytest.fixture(scope="module")
+def learned():
+    likelihood = discriminative(FRAME, BOXES, features=["colour", "gradients", "hues"])
+    return dataclasses.replace(likelihood, windows=SHAPE)
+
+
+@pytest.mark.parametrize(
+    "centres",
+    [
+        [[106.0, 86.0], [222.0, 140.0]],
+        [[3.0, 238.0], [320.0, 4.0]],  # in corners of the frame
+        [[-20.0, 100.0], [330.0, 260.0]],  # outside
+    ],
+)
+def test_a_box_has_the_likelihood_of_the_whole_frame_or_none(learned, centres):
+    centres = np.array(centres, np.float32)
+    estimates = np.column_stack([centres, np.ones(2)]).astype(np.float32)
+    near, whole = _NEARBY(learned, FRAME, estimates), _WHOLE(learned, FRAME)
+    rng, number = np.random.default_rng(1), np.repeat([0, 1], 2000)
+    side = np.array([12.0, 42.0])[number]
+    scale = np.exp(rng.normal(0, 0.3, 4000))
+    places = centres[number].T + side * rng.normal(0, 1.2, (2, 4000))
+    substates = np.stack([*places, scale]).astype(np.float32)
+    in_window, in_frame = (
+        np.asarray(_LOG_PROBS(learned, seen, number, substates)) for seen in (near, whole)
+    )
+    shown = ~np.isnan(in_window)
+    np.testing.assert_array_equal(in_window[shown], in_frame[shown])
+    # A box that lies in the window is shown, one that leaves it is not.
+    reach = np.array(SHAPE[1::-1]) * np.array([[1], [2]]) / 2  # window's half size in the frame
+    extent = scale * BOXES[number, 2:].T / 2
+    corner = np.clip(places - extent, 0, [[WIDTH], [HEIGHT]])
+    end = np.clip(places + extent, 0, [[WIDTH], [HEIGHT]])
+    away = np.maximum(centres[number].T - corner, end - centres[number].T) - reach[number].T
+    small = np.all(2 * extent <= (np.array([1, 2])[number] * np.array([[33.0], [30.0]])), axis=0)
+    assert shown[small & np.all(away < -6, axis=0)].all()
+    assert not shown[~small | np.any(away > 6, axis=0)].any()
+    assert 0.05 < shown.mean() < 0.99
+
+
+@pytest.mark.parametrize("scale", [0.6, 1.0, 1.45])
+def test_log_odds_compare_with_the_same_places_elsewhere(learned, scale):
+    substates = np.column_stack([BOXES[:, :2] + BOXES[:, 2:] / 2, [scale] * 2])
+    substates = substates.T.astype(np.float32)
+    near = _NEARBY(learned, FRAME, substates.T)
+    # The objects are gone, and a copy of the second stands where the grid has a place.
+    moved, (x, y, w, h) = texture(5, HEIGHT, WIDTH), BOXES[1].astype(int)
+    left, top = round(2.5 * WIDTH / 12) - w // 2, round(2.5 * HEIGHT / 12) - h // 2
+    moved[top : top + h, left : left + w] = FRAME[y : y + h, x : x + w]
+    for frame in (FRAME, moved):
+        odds = [
+            np.asarray(_LOG_ODDS(learned, seen, np.arange(2), substates))
+            for seen in (_NEARBY(learned, frame, substates.T), _WHOLE(learned, frame))
+        ]
+        np.testing.assert_allclose(*odds, atol=1e-4)
+    assert np.isfinite(near.elsewhere.maps[0]).all()
+
+
+SIDE, HIDDEN, FRAMES = 12, 9, 16
+
+
+@pytree_dataclass
+class BlindToWholeFrames(DiscriminativeLikelihood):
+    """Sees nothing in a whole frame."""
+
+    def observe(self, frame):
+        return super().observe(jnp.zeros_like(frame))
+
+
+@functools.cache
+def scene():
+    """Frames of two moving objects, which vanish at frame ``HIDDEN``; boxes ``[2, 4]``."""
+    frames = []
+    for time in range(FRAMES):
+        frame = texture(0, HEIGHT, WIDTH)
+        for number, (x, y) in enumerate([(60 + 3 * time, 50 + time), (200 - time, 150)]):
+            if time < HIDDEN:
+                frame[y : y + SIDE, x : x + SIDE] = texture(7 + number, SIDE, SIDE)
+        frames.append(frame)
+    return np.stack(frames), np.array([[60.0, 50, SIDE, SIDE], [200.0, 150, SIDE, SIDE]])
+
+
+def tracker_of(likelihood):
+    return jaxpf.Partitioned(
+        **relative_box_model(likelihood, scene()[1])._asdict(),
+        ordering=jaxpf.ordering.dps(2),
+        relocation=relocation_in((HEIGHT, WIDTH), np.float32(0.05)),
+        num_particles=100,
+    )
+
+
+@functools.cache
+def trackers():
+    """Of windows, of whole frames, and of windows alone."""
+    frames, boxes = scene()
+    windowed = discriminative(frames[0], boxes, reach=1.2)
+    assert windowed.windows is not None
+    fields = {one.name: getattr(windowed, one.name) for one in dataclasses.fields(windowed)}
+    whole = dataclasses.replace(windowed, windows=None)
+    return [tracker_of(one) for one in (windowed, whole, BlindToWholeFrames(**fields))]
+
+
+def test_a_run_sees_whole_frames_only_when_an_object_is_lost():
+    frames = scene()[0][1:]
+    windowed, whole, blind = (
+        jaxpf.run(tracker, jax.random.key(3), frames)[1] for tracker in trackers()
+    )
+    followed = slice(HIDDEN - 1)
+    for name in ("estimate", "log_evidence", "spread", "ess", "confidence"):
+        expected, result = getattr(whole, name), getattr(windowed, name)
+        np.testing.assert_allclose(result, expected, rtol=1e-4, atol=1e-4)
+        result = getattr(blind, name)
+        np.testing.assert_allclose(result[followed], expected[followed], rtol=1e-4, atol=1e-4)
+    np.testing.assert_array_equal(windowed.num_invalid, 0)
+    assert (whole.confidence[followed] > 0.5).all()
+    assert (whole.confidence[-1] < 0.5).any()
+    assert np.abs(blind.estimate - whole.estimate)[-1].max() > 1
+
+
+def test_windows_that_save_little_are_not_used():
+    frames, boxes = scene()
+    assert discriminative(frames[0], boxes, reach=12.0).windows is None
+    assert discriminative(frames[0], boxes).windows is None
+    mine = ["colour", lambda picture: picture]
+    assert discriminative(frames[0], boxes, features=mine, reach=1.2).windows is None
+
+
+@pytest.mark.slow
+def test_runs_under_vmap_equal_single_runs():
+    frames, windowed = scene()[0][1:4], trackers()[0]
+    keys = jax.random.split(jax.random.key(0), 2)
+
+    def estimates(key):
+        return jaxpf.run(windowed, key, frames)[1].estimate
+
+    together = jax.jit(jax.vmap(estimates))(keys)
+    alone = np.stack([estimates(key) for key in keys])
+    np.testing.assert_allclose(together, alone, rtol=1e-5)

@@ -259,9 +259,9 @@ def _square(reach: float, distance: float) -> float:
 
 def _shown(figure: Quantity, digits: int, level: float) -> str:
     value, low, high = figure.measured(level)
-    text = f"{value:.{digits}f}"
+    text = f"{value:z.{digits}f}"
     if figure.units:
-        text += f" [{low:.{digits}f}, {high:.{digits}f}]"
+        text += f" [{low:z.{digits}f}, {high:z.{digits}f}]"
     return f"{figure.what}: {text}" if figure.what else text
 
 
@@ -277,9 +277,9 @@ def hull(
     values: Sequence[float], lows: Sequence[float], highs: Sequence[float], digits: int
 ) -> str:
     """``smallest to largest [lowest end, highest end]``."""
-    return f"{_span(values, digits)} [{min(lows):.{digits}f}, {max(highs):.{digits}f}]"
+    return f"{_span(values, digits)} [{min(lows):z.{digits}f}, {max(highs):z.{digits}f}]"
 
 
 def _span(values: Sequence[float], digits: int) -> str:
-    least, most = (f"{value:.{digits}f}" for value in (min(values), max(values)))
+    least, most = (f"{value:z.{digits}f}" for value in (min(values), max(values)))
     return least if least == most else f"{least} to {most}"

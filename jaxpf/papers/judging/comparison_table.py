@@ -32,10 +32,10 @@ class Cell:
 
     def text(self) -> str:
         """``published | measured [low, high]``, with a dash for a missing value."""
-        left = "–" if self.published is None else f"{self.published:.{self.digits}f}"
+        left = "–" if self.published is None else f"{self.published:z.{self.digits}f}"
         if self.measured is None or math.isnan(self.measured.value):
             return f"{left} | –"
-        value, low, high = (f"{x:.{self.digits}f}" for x in self.measured)
+        value, low, high = (f"{x:z.{self.digits}f}" for x in self.measured)
         interval = "" if math.isnan(self.measured.low) else f" [{low}, {high}]"
         return f"{left} | {value}{interval}"
 

@@ -62,7 +62,7 @@ def state_space(
             frame that the transition leads to, from 0.
         log_likelihood: ``(y, x, parameters) -> []``, log-density of a frame y, any pytree.  An
             argument named ``previous`` receives the state before x; summaries then hold ``[x,
-            previous]``, 2 D numbers, and smoothing is not available.
+            previous]``, 2 D numbers, and smoothing takes the whole clip, without a lag.
         parameters: pytree of numbers and arrays, the last positional argument of every function.
         transition_log_density: ``(new, x, parameters) -> []``, the log-density of ``transition``,
             for ``jaxpf.smooth`` and ``motion_gradient="score"``; may take ``previous`` and
@@ -92,10 +92,10 @@ def state_space(
             f"{', '.join(sorted(known))}."
         )
     keeps_previous = _asks_for(log_likelihood, "previous")
-    if keeps_previous and transition_log_density is not None:
+    if keeps_previous and options.get("proposal") is not None:
         raise InputError(
-            "transition_log_density serves smoothing, which does not work with a log_likelihood "
-            "that asks for the previous state; leave one of them out."
+            "proposal draws the state alone, and with a log_likelihood that asks for the previous "
+            "state a particle holds both; leave one of them out."
         )
     shape = _state_shape(initial, transition, transition_log_density, parameters)
     copies = 2 if keeps_previous else 1

@@ -9,9 +9,12 @@ density of the move to the substates already drawn.  For second-order motion, a 
 and x_{t-1} is then discarded: keeping it would leave only its own ancestor as a choice at the
 previous frame.  At the second-to-last frame there is no second factor.
 
+If the likelihood depends on x_{t-1} too, its factor g(y_{t+1} | x_{t+1}, x_t) joins the weights.
+
 The cost is quadratic: each of M trajectories evaluates all N particles of every frame.
 """
 
+import dataclasses
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -20,7 +23,9 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxpf import contract
+from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.lowering.prefix import running_sum
+from jaxpf.running import missing_frames
 
 #: Array size in a pass over particles and trajectories that fits into a core's cache.
 _CHUNK = 2**17
@@ -70,6 +75,49 @@ class Pass(NamedTuple):
     spread: jax.Array
     trajectories: jax.Array | None
     broken: jax.Array
+
+
+@pytree_dataclass
+class SeenMoves(contract.DynamicsWithDensity):
+    """Transition density times the likelihood of the frame that the move leads to.
+
+    Substates are ``[x, previous]``, ``[2 D]``.
+
+    Attributes:
+        dynamics: density of x given the substate before.
+        likelihood: likelihood of ``[x, previous]``, for missing frames too.
+        observations: ``[T, ...]``.
+        time: number of the frame that the move leads to.
+    """
+
+    dynamics: Any
+    likelihood: Any
+    observations: Any
+    time: Any = 0
+
+    @classmethod
+    def of(cls, tracker: Any, frames: Any) -> "SeenMoves":
+        """Take dynamics and likelihood from what ``missing_frames.marked`` returns."""
+        model = missing_frames.unmarked(tracker, frames)[0]
+        likelihood = model.likelihood
+        if tracker is not model:
+            likelihood = missing_frames.LikelihoodWithGaps(likelihood)
+        return cls(model.dynamics, likelihood, lax.map(likelihood.observe, frames))
+
+    def at_frame(self, time):
+        """Return the dynamics that lead to a frame."""
+        return dataclasses.replace(self, time=time)
+
+    def log_density_all(self, partition, new, current, previous, parent):
+        """Log-densities ``[N]`` of moves, and of the frame given both ends."""
+        dynamics, half = self.dynamics, new.shape[0] // 2
+        if hasattr(dynamics, "at_frame"):
+            dynamics = dynamics.at_frame(self.time)
+        observation = contract.frame_of(self.observations, self.time)
+        ends = jnp.concatenate([new[:half], current[:half]])
+        return contract.log_density_all(
+            dynamics, partition, new, current, previous, parent
+        ) + contract.log_prob_all(self.likelihood, observation, partition, ends)
 
 
 def backward(

@@ -16,6 +16,7 @@ from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import is_concrete
+from jaxpf.filters.functions import FunctionDynamics
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.ordering import SWAPS
 
@@ -76,8 +77,17 @@ def looks_back(tracker: Partitioned) -> bool:
     return any(previous is used for equation in program.eqns for used in equation.invars)
 
 
-def check_smoothing(tracker: Any) -> None:
+def sees_previous(tracker: Any) -> bool:
+    """Whether the likelihood depends on the previous state, which a particle then holds too."""
+    return isinstance(tracker.dynamics, FunctionDynamics) and tracker.dynamics.copies == 2
+
+
+def check_smoothing(tracker: Any, whole: bool = False) -> None:
     """Refuse trackers whose smoothed distribution is undefined or would be wrong.
+
+    Args:
+        tracker: any tracker.
+        whole: whether the frames of the whole clip are at hand in the backward pass.
 
     Raises:
         InputError: names the setting and an alternative.
@@ -114,6 +124,11 @@ def check_smoothing(tracker: Any) -> None:
         raise InputError(
             "relocation lets lost objects jump, and the density of a jump is not known to the "
             "dynamics; smooth with relocation=None (--relocate 0)."
+        )
+    if sees_previous(tracker) and not whole:
+        raise InputError(
+            "a log_likelihood that asks for the previous state is smoothed over the whole clip "
+            "alone; use jaxpf.smooth without a lag."
         )
     if is_concrete(tracker.ordering):
         _check_exchange(tracker)

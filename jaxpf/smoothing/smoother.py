@@ -10,14 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxpf import running
+from jaxpf import contract, running
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.pytree import check_not_traced, pytree_dataclass
 from jaxpf.running import memory, missing_frames
 from jaxpf.running.checks import check_frames, check_run, check_whole
 from jaxpf.running.chunks import come_one_by_one
-from jaxpf.smoothing.backward import History, Pass, backward
-from jaxpf.smoothing.groups import check_smoothing, looks_back, together
+from jaxpf.smoothing.backward import History, Pass, SeenMoves, backward
+from jaxpf.smoothing.groups import check_smoothing, looks_back, sees_previous, together
 
 #: Index of the key for backward passes; frames use indices from 0.
 _BACKWARD = np.uint32(2**32 - 1)
@@ -78,7 +78,8 @@ def smooth(
     Backward simulation (Godsill, Doucet & West 2004), see ``jaxpf.smoothing.backward``.  There is
     one backward pass per independent object and one per part tree.  A single pass covers all
     partitions if the likelihood does not factor, particles carry labels, or ``initial`` may draw
-    partitions jointly.  Every dimension needs noise, or the same value in all particles.
+    partitions jointly.  Every dimension needs noise, or the same value in all particles.  If a
+    ``jaxpf.state_space`` keeps the previous state for its likelihood, the state alone is smoothed.
 
     Args:
         tracker: a ``jaxpf.Partitioned`` whose dynamics have ``log_density``.
@@ -108,7 +109,7 @@ def smooth(
             summaries=jax.tree.map(lambda *x: jnp.stack(x), *[frame.summary for frame in found]),
             broken=jnp.asarray(found[-1].broken),
         )
-    check_smoothing(tracker)
+    check_smoothing(tracker, whole=True)
     if come_one_by_one(frames):
         raise InputError(
             "frames come one by one, and smoothing a whole clip needs them all at once; give a "
@@ -119,7 +120,14 @@ def smooth(
     check_length(tracker, running.num_frames(frames), drawn, keep_trajectories)
     record = _record(tracker)
     _, (history, summaries) = running.run(tracker, key, frames, record, observed)
-    passed = back_over(tracker, backward_key(key), history, drawn, keep_trajectories)
+    moved_by = tracker
+    if sees_previous(tracker):
+        moves = SeenMoves.of(*missing_frames.marked(tracker, frames, observed))
+        moved_by = contract.changed_inside(tracker, "dynamics", lambda _: moves)
+    passed = back_over(moved_by, backward_key(key), history, drawn, keep_trajectories)
+    if sees_previous(tracker):
+        half = passed.estimate.shape[-1] // 2
+        passed = jax.tree.map(lambda x: x[..., :half] if x.ndim else x, passed)
     return Smoothed(passed.estimate, passed.spread, summaries, passed.broken, passed.trajectories)
 
 

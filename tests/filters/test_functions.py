@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from exact import LIMIT, WRONG
+from exact import LIMIT, WRONG, rauch_tung_striebel
 from jax.scipy.stats import norm
 
 import jaxpf
@@ -123,16 +123,30 @@ def test_a_transition_may_ask_for_the_time_and_for_the_state_before():
         tracker.step(KEY, tracker.init(KEY), FRAMES[0])
 
 
+def sees_both(coefficient):
+    """Likelihood of y = x + coefficient x_before + n."""
+
+    def log_likelihood(y, x, p, previous):
+        return norm.logpdf(y, x + coefficient * previous, p["noise"])
+
+    return log_likelihood
+
+
+def kalman_of_both(frames):
+    """Kalman on (x, x_before), where y = x + .8 x_before + n."""
+    a, s, noise = VALUES.values()
+    model = np.array([[a, 0], [1, 0]]), np.diag([s**2, 0])
+    return model, kalman(
+        *model, np.array([[1, 0.8]]), np.array([[noise**2]]),
+        np.zeros(2), np.full((2, 2), s**2), frames[:, None],
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize(("coefficient", "is_right"), [(0.8, True), (0.5, False)])
 def test_a_likelihood_that_sees_the_state_before_has_the_exact_evidence(coefficient, is_right):
-    """y = x + .8 x_before + n, against Kalman on (x, x_before); z-scores of evidence and means."""
+    """z-scores of evidence and means."""
     with jax.enable_x64(True):
-        tracker = build(
-            VALUES,
-            log_likelihood=lambda y, x, p, previous: norm.logpdf(
-                y, x + coefficient * previous, p["noise"]
-            ),
-        )
+        tracker = build(VALUES, log_likelihood=sees_both(coefficient))
 
         def record(state, summary):
             return summary.log_evidence, summary.estimate[0]
@@ -141,17 +155,44 @@ def test_a_likelihood_that_sees_the_state_before_has_the_exact_evidence(coeffici
         log_evidence, estimate = jax.tree.map(
             np.asarray, jaxpf.monte_carlo(tracker, keys, FRAMES, record, batch_size=2000)
         )
-    a, s, noise = VALUES.values()
-    exact, mean, _ = kalman(
-        np.array([[a, 0], [1, 0]]), np.diag([s**2, 0]), np.array([[1, 0.8]]),
-        np.array([[noise**2]]), np.zeros(2), np.full((2, 2), s**2), FRAMES[:, None],
-    )  # fmt: skip
+    exact, mean, _ = kalman_of_both(FRAMES)[1]
     ratio = np.exp(log_evidence.sum(1) - exact.sum())
 
     def z(samples, expected):
         return (samples.mean(0) - expected) / (samples.std(0) / len(samples) ** 0.5)
 
     scores = np.abs([z(ratio, 1), *z(ratio[:, None] * estimate[:, -1], mean[-1])])
+    assert scores.max() < LIMIT if is_right else scores.max() > WRONG
+
+
+@pytest.mark.parametrize("is_right", [True, False])
+def test_a_likelihood_that_sees_the_state_before_is_smoothed_exactly(is_right, monkeypatch):
+    """Four frames, one missing, against Rauch-Tung-Striebel; then without its factor."""
+    if not is_right:
+        monkeypatch.setattr(jaxpf.smoothing.smoother, "sees_previous", lambda tracker: False)
+    frames = np.array([1.5, np.nan, -1.0, 2.0])
+    with jax.enable_x64(True):
+        tracker = build(
+            VALUES, log_likelihood=sees_both(0.8), transition_log_density=log_density,
+            num_particles=400,
+        )  # fmt: skip
+
+        def one(key):
+            smoothed = jaxpf.smooth(tracker, key, frames)
+            mean = smoothed.estimate[:, 0, 0]
+            return mean, mean**2 + smoothed.spread[:, 0, 0] ** 2
+
+        keys = jax.random.split(KEY, 100)
+        mean, square = jax.tree.map(np.asarray, jax.jit(lambda k: jax.lax.map(one, k))(keys))
+    model, (_, *filtered) = kalman_of_both(frames)
+    exact, covariance = rauch_tung_striebel(*model, *filtered)
+    exact, variance = exact[:, 0], covariance[:, 0, 0]
+    scores = np.abs(
+        [
+            (samples.mean(0) - expected) / (samples.std(0, ddof=1) / len(keys) ** 0.5)
+            for samples, expected in ((mean, exact), (square, variance + exact**2))
+        ]
+    )
     assert scores.max() < LIMIT if is_right else scores.max() > WRONG
 
 
@@ -327,16 +368,27 @@ def test_a_likelihood_that_is_no_real_number_is_refused_by_its_own_name(value, w
         jaxpf.run(tracker, KEY, FRAMES)
 
 
-def test_smoothing_is_refused_where_the_likelihood_sees_the_state_before():
-    with pytest.raises(
-        InputError, match="does not work with a log_likelihood that asks for the prev"
-    ):
-        build(
-            VALUES,
-            log_likelihood=lambda y, x, p, previous: 0.0,
-            transition_log_density=log_density,
-        )
+def test_smoothing_names_the_density_that_it_lacks():
     with pytest.raises(InputError, match=r"give jaxpf\.state_space a transition_log_density"):
         jaxpf.smooth(build(VALUES), KEY, FRAMES)
     with pytest.raises(InputError, match=r"give jaxpf\.state_space a transition_log_density"):
         build(VALUES, proposal=Optimal())
+
+
+def test_a_likelihood_that_sees_the_state_before_is_not_smoothed_with_a_lag_or_proposed():
+    tracker = build(
+        VALUES, log_likelihood=sees_both(0.8), transition_log_density=log_density,
+        resampling="multinomial",
+    )  # fmt: skip
+    for smooth in (
+        lambda: jaxpf.smooth(tracker, KEY, FRAMES, lag=2),
+        lambda: jaxpf.smoothing.LookBack(tracker, KEY),
+        lambda: jaxpf.smoothing.particle_gibbs(tracker, KEY, FRAMES, 2),
+    ):
+        with pytest.raises(InputError, match=r"over the whole clip alone; use jaxpf\.smooth"):
+            smooth()
+    with pytest.raises(InputError, match="proposal draws the state alone"):
+        build(
+            VALUES, log_likelihood=sees_both(0.8), transition_log_density=log_density,
+            proposal=Optimal(),
+        )  # fmt: skip

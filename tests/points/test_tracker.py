@@ -30,6 +30,23 @@ def test_every_filter_follows_points(method):
     assert np.linalg.norm(summary.estimate - truth, axis=-1).mean() < 2.5
 
 
+@pytest.mark.parametrize("method", ["eskil", "pffl", "ps", "sps"])
+def test_every_filter_doubts_a_point_that_disappears(method):
+    published = {"sigma": 0.1, "window_size": 21} if method == "eskil" else {}
+    tracker = jaxpf.points.tracker(PICTURE, PLACES, method=method, diffusion=3.0, **published)
+    frames = FRAMES.copy()
+    for t in range(3, 8):  # noise hides the third point and what is around it
+        x, y = (PLACES[2] + [2 * t + 2, 0]).astype(int)
+        hidden = RNG.integers(0, 256, frames[t, y - 20 : y + 20, x - 20 : x + 20].shape)
+        frames[t, y - 20 : y + 20, x - 20 : x + 20] = hidden
+    state, summary = jaxpf.run(tracker, jax.random.key(0), frames)
+    assert np.all(summary.confidence[:3] > 0.8)
+    hidden, others = summary.confidence[-1, 2], summary.confidence[-1, :2]
+    assert hidden < 0.5
+    assert np.all(others > (hidden if method == "eskil" else 0.8))
+    np.testing.assert_allclose(jax.nn.sigmoid(state.log_odds), summary.confidence[-1], rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("points", "changes", "message"),
     [
@@ -38,7 +55,7 @@ def test_every_filter_follows_points(method):
         (PLACES, {"diffusion": -1.0}, "diffusion = -1 must be"),
         (PLACES, {"window_size": 199}, "the window is 199 x 199 pixels and the frame 156 x 120"),
         (PLACES[0], {}, "give a row"),
-        (PLACES[:1], {}, "two partitions or more"),
+        (PLACES[:1], {"method": "eskil"}, "two partitions or more"),
         (PLACES[[0, 0]], {"method": "pffl"}, "points 0 and 1 are both at"),
         (PLACES + 100, {}, "outside the frame"),
     ],
@@ -115,7 +132,7 @@ def test_the_target_starts_from_a_scene():
     assert POINT_FILES.fits_scene(scene)
     start = POINT_FILES.scene_start(scene)
     learned = [
-        POINTS.likelihood(Options(), start, Looks(frame, patches, scene.frames.shape[1:3], 10))
+        POINTS.likelihood(Options(window_size=21), start, Looks(frame, patches, (400, 640), 10))
         for frame, patches in ((scene.frames[0], None), (None, scene.patches))
     ]
     references = [np.asarray(likelihood.references) for likelihood in learned]
@@ -129,7 +146,7 @@ def test_windows_of_scenes_have_the_size_that_was_asked_for():
     scene = scenes.make("face", seed=0, num_frames=2, frame_width=640, frame_height=400)
     start, looks = POINT_FILES.scene_start(scene), looks_of_scene(scene, 10)
     assert POINTS.likelihood(Options(window_size=31), start, looks).window == (31, 31)
-    assert POINTS.likelihood(Options(), start, looks).window == (21, 21)
+    assert POINTS.likelihood(Options(), start, looks).window == (13, 13)
 
 
 def test_points_of_a_stored_evaluation_which_knows_numbers_are_drawn():

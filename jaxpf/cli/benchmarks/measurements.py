@@ -284,7 +284,8 @@ def points(height: int = 1080, width: int = 1920, num_frames: int = 8, count: in
     partition = jnp.repeat(jnp.arange(count), num_windows // count)
     weigh = jax.jit(likelihood.log_prob_all)
     window = partial(weigh, frames[0], partition, jnp.asarray(near.T, jnp.float32))
-    make = partial(jaxpf.points.tracker, stack[0], places, diffusion=10.0)
+    model = {"diffusion": 10.0, "momentum": 0.0, "sigma": 0.1, "window_size": 21}
+    make = partial(jaxpf.points.tracker, stack[0], places, **({"method": "eskil"} | model))
     pffl, of, goal = "PFFL, M = 50: a frame", "this / PFFL", "3.3e6 ns or less"
     cases = [Case("one window of 21 x 21", window, num_windows, goal="<= 2800 ns")]
     for what, tracker, limit in (

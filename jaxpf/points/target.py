@@ -77,7 +77,7 @@ class PointTarget(Target):
     name = "points"
     options = Options
     coordinates = ("x", "y")
-    defaults: Mapping[str, Any] = {"method": "eskil"}
+    defaults: Mapping[str, Any] = {"method": "sps"}
 
     def start(self, given: Any, names: Any = None) -> Start:
         """See ``Target``: x and y ``[P, 2]``, pixels; default names are numbers from 0."""

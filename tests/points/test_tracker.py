@@ -1,6 +1,7 @@
 """Points followed by every filter, from the same start."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import cv2
 import jax
@@ -9,6 +10,7 @@ import pytest
 
 import jaxpf
 import scenes
+from jaxpf.cli.tracking.track_table import places_of
 from jaxpf.points import draw_points
 from jaxpf.points.adapter import ADAPTER as POINT_FILES
 from jaxpf.points.target import POINTS, Options
@@ -153,3 +155,17 @@ def test_points_of_a_stored_evaluation_which_knows_numbers_are_drawn():
     start = Start(np.array([1, 2]), PLACES[:2], np.full((2, 2), 21.0), (-1, -1))
     marks = Marks(np.full((2, 3), 255, np.uint8), np.zeros(2, bool))
     assert (POINT_FILES.draw(PICTURE, start, PLACES[:2], marks) != PICTURE).any()
+
+
+def test_intervals_in_tracks_are_widened_by_the_slip():
+    rng, start = np.random.default_rng(1), POINTS.start(PLACES)
+    particles = PLACES + rng.normal(0, 3, (20_000, 3, 2))
+    state = SimpleNamespace(substates=particles, log_weights=np.full(20_000, -np.log(20_000)))
+    shapes, before = particles.mean(axis=0), PLACES
+    for slip, deviation in ((0.0, 3.0), (4.0, 5.0)):
+        places, _ = places_of(
+            POINT_FILES, start, lambda x: x, shapes, state, slice(None), 25.0, before, slip
+        )
+        width = places.interval[1] - places.interval[0]
+        # 4.5 standard errors of two 2.5 % quantiles.
+        np.testing.assert_allclose(width, 3.92 * deviation, atol=4.5 * 1.42 * 3 * 2.7 / 141)

@@ -7,5 +7,6 @@ from .models import (
     check_parts as check_parts,
     cut_pictures as cut_pictures,
     parts_model as parts_model,
+    with_log_odds as with_log_odds,
 )
 from .target import Parts as Parts

@@ -7,13 +7,14 @@ radians, clockwise in the image (gonzales2011, section 4).
 from collections.abc import Sequence
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.model import Model, check_tree
-from jaxpf.contract.pytree import pytree_dataclass
+from jaxpf.contract.pytree import as_array, pytree_dataclass
 from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.dynamics.joints import (
     RelativeToParent,
@@ -32,20 +33,72 @@ DEFAULT_SCALE = (3.0, 3.0, 0.06)
 DEFAULT_JOINT_SCALE = (0.5, 0.5, 0.08)
 
 
+#: Constant and factor of log(d / e) in the log odds.
+_ODDS = -0.8, -1.4
+#: Share of the other places that match better than e; smallest d; places per side of the grid.
+_BEST, _CLOSEST, _PLACES = 0.05, 1e-3, 20
+
+
 @pytree_dataclass
 class OfFixedSize(WrappedLikelihood):
     """Evaluates a likelihood of (u, v, scale, theta) at (x, y, 1, theta) of a part's substate.
 
+    With d the negative log-likelihood at a part's estimate and e the 5 % quantile of d at other
+    places of the start frame, at the same angle, the log odds that the part is there are::
+
+        log odds = -0.8 - 1.4 log(d / e)
+
     Attributes:
         likelihood: such as ``jaxpf.likelihoods.histogram(..., method="sampled")``.
+        elsewhere: e, ``[P]``, see ``with_log_odds``; without it, log odds are those of
+            ``likelihood``, if it defines any.
     """
 
     likelihood: Any
+    elsewhere: Any = None
 
     def translated(self, substates):
         """Convert substates ``[D, ...]`` to (u, v, scale, theta), ``[4, ...]``."""
         x, y, theta = substates[:3]
         return jnp.stack([x, y, jnp.ones_like(x), theta])
+
+    @property
+    def log_odds_all(self):
+        """Function of (observation, partition ``[N]``, substates ``[D, N]``): log odds ``[N]``."""
+        if self.elsewhere is None:
+            return super().log_odds_all
+
+        def log_odds_all(observation, partition, substates):
+            distance = jnp.maximum(-self.log_prob_all(observation, partition, substates), _CLOSEST)
+            constant, factor = _ODDS
+            return constant + factor * jnp.log(distance / jnp.asarray(self.elsewhere)[partition])
+
+        return log_odds_all
+
+
+def with_log_odds(likelihood: Any, frame: Any, poses: ArrayLike, sizes: ArrayLike) -> OfFixedSize:
+    """The likelihood of parts with log odds; without them if the frame shows parts alone.
+
+    Args:
+        likelihood: of substates (u, v, scale, theta), not normalised: 0 for a perfect match.
+        frame: uint8 RGB ``[H, W, 3]``, the start frame.
+        poses: x, y (pixels) and theta (radians) in it, ``[P, 3]``.
+        sizes: width and height, pixels, ``[P, 2]``.
+    """
+    poses, sizes = np.asarray(poses, np.float32), np.asarray(sizes, np.float32)
+    across, down = ((np.arange(_PLACES) + 0.5) / _PLACES * side for side in frame.shape[1::-1])
+    places = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2).astype(np.float32)
+    partition = np.repeat(np.arange(len(poses)), len(places))
+    substates = np.concatenate([np.tile(places, (len(poses), 1)), poses[partition, 2:]], axis=1)
+    part = OfFixedSize(likelihood)
+    measure = jax.jit(lambda frame: part.log_prob_all(part.observe(frame), partition, substates.T))
+    distance = -np.asarray(measure(jnp.asarray(frame))).reshape(len(poses), -1)
+    apart = np.linalg.norm(places - poses[:, None, :2], axis=-1)
+    other = apart > sizes.max(axis=1)[:, None] / 2
+    if not other.any(axis=1).all():
+        return part
+    elsewhere = np.nanquantile(np.where(other, distance, np.nan), _BEST, axis=1)
+    return OfFixedSize(likelihood, as_array(np.maximum(elsewhere, _CLOSEST), float))
 
 
 def parts_model(
@@ -64,7 +117,8 @@ def parts_model(
 
     Args:
         likelihood: of substates (u, v, scale, theta), such as
-            ``jaxpf.likelihoods.histogram_from_patches(..., method="sampled")``.
+            ``jaxpf.likelihoods.histogram_from_patches(..., method="sampled")``; or the same
+            ``with_log_odds``.
         poses: x, y (pixels) and theta (radians), ``[P, 3]``, just before the first frame.
         sizes: width and height of the parts, pixels, ``[P, 2]``.
         parents: the part tree, -1 for a root.
@@ -99,7 +153,8 @@ def parts_model(
             parents=tree,
         )
         initial = UniformJoints(moves, poses, reach) if reach.any() else substates_at(moves, poses)
-    return Model(moves, OfFixedSize(likelihood), initial, tree)
+    fixed = likelihood if isinstance(likelihood, OfFixedSize) else OfFixedSize(likelihood)
+    return Model(moves, fixed, initial, tree)
 
 
 def cut_pictures(frame: Any, poses: ArrayLike, sizes: ArrayLike) -> list[np.ndarray]:

@@ -107,7 +107,15 @@ class PartTarget(Target):
         return Start(ids, poses, sizes, tuple(given.parents))
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
-        """See ``Target``."""
+        """See ``Target``; with log odds if learned from the start frame."""
+        from jaxpf.parts.models import with_log_odds
+
+        learned = self._appearance(options, start, looks)
+        if looks.frame is None:
+            return learned
+        return with_log_odds(learned, looks.frame, start.shapes, start.sizes)
+
+    def _appearance(self, options: Options, start: Start, looks: Looks) -> Any:
         from jaxpf.likelihoods import patch, patch_from_pictures
 
         if options.likelihood != "patch":
@@ -127,7 +135,7 @@ class PartTarget(Target):
         return self._histogram(options, start, looks, **bilinear)
 
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
-        """See ``Target``; the likelihood is of (u, v, scale, theta)."""
+        """See ``Target``; the likelihood is of (u, v, scale, theta), or wrapped for parts."""
         from jaxpf.parts.models import parts_model
 
         return parts_model(

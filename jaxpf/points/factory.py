@@ -25,16 +25,16 @@ def tracker(
         frame: uint8 RGB ``[H, W, 3]`` that contains the points; tracking continues with the next
             frame.  It may be None with a user-defined likelihood.
         points: x and y in pixels, ``[P, 2]``.
-        method: ``"eskil"`` (default), ``"pffl"``, ``"sir"``, ``"ps"``, ...
-        particles: number of particles; by default the method's.
+        method: ``"sps"`` (default), ``"ps"``, ``"pffl"``, ``"eskil"``, ...
+        particles: number of particles; by default the method's, 300 for sps.
         likelihood: a user-defined likelihood of substates (u, v).
         ordering: from ``jaxpf.ordering``, instead of a method.
-        options: named and explained as the flags of ``jaxpf track``: ``diffusion``, ``sigma``,
-            ``window_size``, ``drift``, ...
+        options: named and explained as the flags of ``jaxpf track``: ``diffusion``, ``momentum``,
+            ``sigma``, ``window_size``, ``slip``, ...
 
     Raises:
         InputError: an unknown option or a value out of range, a point outside the frame, two points
-            at the same position, or fewer than two points with a drift; the message says which.
+            at the same position, or a single point with eskil's drift; the message says which.
     """
     given = {"method": method, "particles": particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering}

@@ -23,27 +23,40 @@ class Options:
     """Options of the point model; see the help of each."""
 
     sigma: float = option(
-        0.1,
-        "Of points, how much windows may differ.",
+        0.03,
+        "Of points, tolerated difference between windows.",
         above=0,
         path="likelihood.sigma",
         common=True,
         tuned=("",),
     )
     diffusion: float = option(
-        5.0,
+        2.0,
         "Of points, noise per frame, pixels; larger for fast motion or large frames.",
         least=0,
         path="dynamics.scale",
         common=True,
         tuned=("",),
     )
+    momentum: float = option(
+        0.9,
+        "Of points, share of the last displacement that is repeated.",
+        least=0,
+        most=1,
+        path="dynamics.momentum",
+    )
     window_size: int = option(
-        21,
+        13,
         "Of points, side of the window around each, an odd number of pixels.",
         least=1,
         most=999,
         common=True,
+    )
+    slip: float = option(
+        8.0,
+        "Of points, standard deviation in pixels of a point around the window that matches best; "
+        "widens the intervals.  0 for drawn scenes.",
+        least=0,
     )
     norm: str = option(
         "mean", "Of points, whether a window's differences are averaged.", choices=("mean", "sum")
@@ -64,7 +77,7 @@ class PointTarget(Target):
     name = "points"
     options = Options
     coordinates = ("x", "y")
-    defaults: Mapping[str, Any] = {"method": "eskil"}
+    defaults: Mapping[str, Any] = {"method": "sps"}
 
     def start(self, given: Any, names: Any = None) -> Start:
         """See ``Target``: x and y ``[P, 2]``, pixels; default names are numbers from 0."""
@@ -79,18 +92,22 @@ class PointTarget(Target):
         from jaxpf.likelihoods.windows import windows, windows_from_pictures
 
         side = (options.window_size, options.window_size)
-        settings: dict[str, Any] = {"sigma": options.sigma, "norm": options.norm}
+        settings: dict[str, Any] = {
+            "sigma": options.sigma,
+            "norm": options.norm,
+            "slip": options.slip,
+        }
         if looks.patches is not None and all(one.shape[:2] == side for one in looks.patches):
             return windows_from_pictures(looks.patches, **settings)
         return windows(looks.start_frame, start.shapes, window=side, **settings)
 
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
         """See ``Target``; substates are (u, v)."""
-        from jaxpf.dynamics.gaussian import RandomWalk
+        from jaxpf.dynamics.gaussian import AR2
 
         _check_apart(start)
         return Model(
-            dynamics=RandomWalk(np.float32(options.diffusion)),
+            dynamics=AR2(np.float32(options.diffusion), np.float32(options.momentum)),
             likelihood=likelihood,
             initial=start.shapes.astype(np.float32),
             parents=start.parents,

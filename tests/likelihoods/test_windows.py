@@ -84,3 +84,60 @@ def test_places_that_are_no_numbers_or_far_away_are_told():
 def test_bad_input_is_refused(settings, message):
     with pytest.raises(jaxpf.InputError, match=message):
         windows(**({"frame": FRAME, "points": POINTS, "window": (9, 9)} | settings))
+
+
+def shown(frame, points, window=(9, 9)):
+    """A function of estimates [P, 2] that returns log odds [P] in a frame."""
+    likelihood = windows(frame, points, window=window)
+
+    def log_odds(seen, estimates):
+        numbers = np.arange(len(estimates))
+        estimates = np.asarray(estimates, np.float32).T
+        return np.asarray(likelihood.log_odds_all(likelihood.observe(seen), numbers, estimates))
+
+    return log_odds
+
+
+def test_log_odds_fall_off_the_point_and_where_it_leaves_its_neighbours():
+    points = np.array([[15.5, 15.5], [25.5, 15.5], [15.5, 25.5], [25.5, 25.5]])
+    log_odds = shown(FRAME, points)
+    moved = np.roll(FRAME, (3, 4), axis=(0, 1))
+    followed = log_odds(moved, points + np.array([4, 3]))
+    assert np.all(followed > 3)
+    # The first point alone is left behind, where the frame shows something else.
+    left = log_odds(moved, points + np.array([[0, 0], [4, 3], [4, 3], [4, 3]]))
+    assert left[0] < -1
+    np.testing.assert_allclose(left[1:], followed[1:], atol=0.1)  # the median forgives one
+    # The match is as good as before, but the first point alone seems to move.
+    stretched = np.array(FRAME)
+    stretched[11:20, 31:40] = FRAME[11:20, 11:20]
+    apart = log_odds(stretched, points + np.array([[20, 0], [0, 0], [0, 0], [0, 0]]))
+    still = log_odds(FRAME, points)
+    assert apart[0] < still[0] - 2.5
+
+
+@pytest.mark.parametrize("contrast", [1.0, 0.2])
+def test_a_twentieth_of_other_places_matches_better_than_e(contrast):
+    # Log odds of a single point are above their constant where d < e, whatever the contrast.
+    noise = RNG.normal(128, 60 * contrast, (2, 200, 300, 3)).clip(0, 255).astype(np.uint8)
+    likelihood = windows(noise[0], [[150.5, 100.5]], window=(9, 9))
+    places = np.stack(np.meshgrid(np.arange(5.5, 295, 9), np.arange(5.5, 195, 9)), -1)
+    places = places.reshape(-1, 2).astype(np.float32)
+    numbers = np.zeros(len(places), int)
+    odds = np.asarray(likelihood.log_odds_all(likelihood.observe(noise[1]), numbers, places.T))
+    share = np.mean(odds > -1.1)
+    # Both sides are estimated from about as many disjoint windows.
+    error = np.sqrt(0.05 * 0.95 * 2 / len(places))
+    assert abs(share - 0.05) < 4.5 * error
+    point = np.array([[150.5], [100.5]], np.float32)
+    at_point = likelihood.log_odds_all(likelihood.observe(noise[0]), numbers[:1], point)
+    assert at_point[0] > np.max(odds) + 3
+
+
+def test_without_surroundings_there_are_no_log_odds():
+    pictures = [FRAME[:9, :9], FRAME[9:18, :9]]
+    learned = jaxpf.likelihoods.windows_from_pictures(pictures)
+    assert not jaxpf.contract.has_log_odds(learned)
+    assert jaxpf.contract.has_log_odds(windows(FRAME, POINTS, window=(9, 9)))
+    whole = windows(FRAME[:9, :9], [[4.5, 4.5]], window=(9, 9))
+    assert not jaxpf.contract.has_log_odds(whole)

@@ -10,7 +10,7 @@ import scenes
 from jaxpf import InputError
 from jaxpf.likelihoods import histogram_from_patches
 from jaxpf.ordering import SWAPS, named
-from jaxpf.parts import OfFixedSize, parts_model
+from jaxpf.parts import OfFixedSize, parts_model, with_log_odds
 from jaxpf.shapes import corners_from_poses
 
 TREE = (-1, 0, 0, 1, 2)
@@ -78,6 +78,21 @@ def test_a_part_of_fixed_size_is_a_box_of_scale_one(scene, likelihood):
     np.testing.assert_allclose(every, likelihood.log_prob_all(observation, jnp.arange(5), boxes))
     one = part.log_prob(observation, 3, poses[:, 3])
     np.testing.assert_allclose(one, every[3], rtol=1e-5)
+
+
+def test_log_odds_fall_where_a_part_is_not(scene, likelihood):
+    poses = scene.extras["poses"][0]
+    part = with_log_odds(likelihood, scene.frames[0], poses, scene.sizes)
+    observation, numbers = part.observe(scene.frames[0]), jnp.arange(5)
+
+    def log_odds(shift):
+        shifted = jnp.asarray(poses.T + np.array([shift, 0, 0])[:, None], jnp.float32)
+        return np.asarray(part.log_odds_all(observation, numbers, shifted))
+
+    assert np.all(log_odds(0.0) > 2)
+    assert np.all(log_odds(60.0) < log_odds(0.0) - 2)
+    assert not jaxpf.contract.has_log_odds(OfFixedSize(likelihood))
+    assert parts_model(part, poses, scene.sizes, TREE).likelihood is part
 
 
 def test_orders_put_parents_first_whatever_the_numbering():

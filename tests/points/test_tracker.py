@@ -1,6 +1,7 @@
 """Points followed by every filter, from the same start."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import cv2
 import jax
@@ -9,6 +10,7 @@ import pytest
 
 import jaxpf
 import scenes
+from jaxpf.cli.tracking.track_table import places_of
 from jaxpf.points import draw_points
 from jaxpf.points.adapter import ADAPTER as POINT_FILES
 from jaxpf.points.target import POINTS, Options
@@ -30,6 +32,23 @@ def test_every_filter_follows_points(method):
     assert np.linalg.norm(summary.estimate - truth, axis=-1).mean() < 2.5
 
 
+@pytest.mark.parametrize("method", ["eskil", "pffl", "ps", "sps"])
+def test_every_filter_doubts_a_point_that_disappears(method):
+    published = {"sigma": 0.1, "window_size": 21} if method == "eskil" else {}
+    tracker = jaxpf.points.tracker(PICTURE, PLACES, method=method, diffusion=3.0, **published)
+    frames = FRAMES.copy()
+    for t in range(3, 8):  # noise hides the third point and what is around it
+        x, y = (PLACES[2] + [2 * t + 2, 0]).astype(int)
+        hidden = RNG.integers(0, 256, frames[t, y - 20 : y + 20, x - 20 : x + 20].shape)
+        frames[t, y - 20 : y + 20, x - 20 : x + 20] = hidden
+    state, summary = jaxpf.run(tracker, jax.random.key(0), frames)
+    assert np.all(summary.confidence[:3] > 0.8)
+    hidden, others = summary.confidence[-1, 2], summary.confidence[-1, :2]
+    assert hidden < 0.5
+    assert np.all(others > (hidden if method == "eskil" else 0.8))
+    np.testing.assert_allclose(jax.nn.sigmoid(state.log_odds), summary.confidence[-1], rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("points", "changes", "message"),
     [
@@ -38,7 +57,7 @@ def test_every_filter_follows_points(method):
         (PLACES, {"diffusion": -1.0}, "diffusion = -1 must be"),
         (PLACES, {"window_size": 199}, "the window is 199 x 199 pixels and the frame 156 x 120"),
         (PLACES[0], {}, "give a row"),
-        (PLACES[:1], {}, "two partitions or more"),
+        (PLACES[:1], {"method": "eskil"}, "two partitions or more"),
         (PLACES[[0, 0]], {"method": "pffl"}, "points 0 and 1 are both at"),
         (PLACES + 100, {}, "outside the frame"),
     ],
@@ -129,7 +148,7 @@ def test_the_target_starts_from_a_scene():
     assert POINT_FILES.fits_scene(scene)
     start = POINT_FILES.scene_start(scene)
     learned = [
-        POINTS.likelihood(Options(), start, Looks(frame, patches, scene.frames.shape[1:3], 10))
+        POINTS.likelihood(Options(window_size=21), start, Looks(frame, patches, (400, 640), 10))
         for frame, patches in ((scene.frames[0], None), (None, scene.patches))
     ]
     references = [np.asarray(likelihood.references) for likelihood in learned]
@@ -143,10 +162,24 @@ def test_windows_of_scenes_have_the_size_that_was_asked_for():
     scene = scenes.make("face", seed=0, num_frames=2, frame_width=640, frame_height=400)
     start, looks = POINT_FILES.scene_start(scene), looks_of_scene(scene, 10)
     assert POINTS.likelihood(Options(window_size=31), start, looks).window == (31, 31)
-    assert POINTS.likelihood(Options(), start, looks).window == (21, 21)
+    assert POINTS.likelihood(Options(), start, looks).window == (13, 13)
 
 
 def test_points_of_a_stored_evaluation_which_knows_numbers_are_drawn():
     start = Start(np.array([1, 2]), PLACES[:2], np.full((2, 2), 21.0), (-1, -1))
     marks = Marks(np.full((2, 3), 255, np.uint8), np.zeros(2, bool))
     assert (POINT_FILES.draw(PICTURE, start, PLACES[:2], marks) != PICTURE).any()
+
+
+def test_intervals_in_tracks_are_widened_by_the_slip():
+    rng, start = np.random.default_rng(1), POINTS.start(PLACES)
+    particles = PLACES + rng.normal(0, 3, (20_000, 3, 2))
+    state = SimpleNamespace(substates=particles, log_weights=np.full(20_000, -np.log(20_000)))
+    shapes, before = particles.mean(axis=0), PLACES
+    for slip, deviation in ((0.0, 3.0), (4.0, 5.0)):
+        places, _ = places_of(
+            POINT_FILES, start, lambda x: x, shapes, state, slice(None), 25.0, before, slip
+        )
+        width = places.interval[1] - places.interval[0]
+        # 4.5 standard errors of two 2.5 % quantiles.
+        np.testing.assert_allclose(width, 3.92 * deviation, atol=4.5 * 1.42 * 3 * 2.7 / 141)

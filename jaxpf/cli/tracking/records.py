@@ -78,6 +78,11 @@ class Scene:
         """Whether a user-defined tracker converts estimates to boxes itself."""
         return self.adapter.target.has_boxes and hasattr(self.tracker, "boxes")
 
+    @property
+    def slip(self) -> float:
+        """Standard deviation of points around their windows, pixels; 0 for other targets."""
+        return float(getattr(getattr(self.tracker, "likelihood", None), "slip", 0.0))
+
     def outside(self, start: Start, shapes: np.ndarray) -> np.ndarray:
         """Which shapes lie outside the image or are not finite."""
         corners = np.asarray(self.adapter.target.outlines(start, shapes), float)
@@ -131,7 +136,15 @@ def fixed_population(
         hopeless = getattr(summary, "lost", None)
         cloud = None if scene.has_own_boxes else scene.cloud(tracked.state)
         places, centres = places_of(
-            scene.adapter, start, to_shapes, shapes, cloud, slice(None), scene.fps, centres
+            scene.adapter,
+            start,
+            to_shapes,
+            shapes,
+            cloud,
+            slice(None),
+            scene.fps,
+            centres,
+            scene.slip,
         )
         variance = getattr(summary, "estimate_variance", None)
         if variance is not None and scene.adapter.target.has_places:

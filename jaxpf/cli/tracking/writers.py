@@ -129,7 +129,8 @@ class Overlay:
         if spread is None or self._scene.has_own_boxes or not adapter.target.has_places:
             return picture
         estimate = summary.estimate[record.slots, :2]
-        return draw_spreads(picture, estimate, spread[record.slots, :2], record.colours)
+        spread = np.hypot(spread[record.slots, :2], self._scene.slip)
+        return draw_spreads(picture, estimate, spread, record.colours)
 
 
 class Smoothed:
@@ -180,6 +181,7 @@ class Smoothed:
                 slice(None),
                 scene.fps,
                 self._before,
+                scene.slip,
             )
             number = scene.first + 1 + frame.time
             self._table.write(number, start.ids, places, nobody)

@@ -23,7 +23,7 @@ from jaxpf.contract.state import (
     moments,
     sanitised,
 )
-from jaxpf.filters import initial as filters_initial
+from jaxpf.filters import confidence, initial as filters_initial
 from jaxpf.resampling import weighted as resampling
 
 
@@ -36,12 +36,14 @@ class FactoredState:
         log_weights: ``[P, K]``, normalised for each partition.
         weighted: ``[]`` bool, false for initial sets that have not been weighted.
         history: data from earlier frames, for trackers that need it; else None.
+        log_odds: ``[P]``, see ``jaxpf.ParticleState``; None if the likelihood has none.
     """
 
     lagged: jax.Array
     log_weights: jax.Array
     weighted: jax.Array
     history: Any = None
+    log_odds: Any = None
 
     @property
     def substates(self) -> jax.Array:
@@ -86,8 +88,9 @@ def count_partitions(initial: Any) -> int:
     return jax.eval_shape(initial, jax.random.key(0)).shape[0]
 
 
-def start(key: jax.Array, initial: Any, num: int, history: Any = None) -> FactoredState:
-    """Draw ``num`` particles per partition from the initial state, with equal weights."""
+def start(key: jax.Array, tracker: Any) -> FactoredState:
+    """Draw a tracker's particles from its initial state, with equal weights."""
+    initial, num = tracker.initial, tracker.num_particles * tracker.upsampling
     if callable(initial):
         drawn = jax.vmap(initial)(jax.random.split(key, num))
         chex.assert_rank(drawn, 3)
@@ -98,7 +101,7 @@ def start(key: jax.Array, initial: Any, num: int, history: Any = None) -> Factor
         lagged=jnp.stack([values, values]),
         log_weights=jnp.full(values.shape[1:], -np.log(num), values.dtype),
         weighted=jnp.zeros((), bool),
-        history=history,
+        log_odds=confidence.at_start(tracker.likelihood, values.shape[1], values.dtype),
     )
 
 

@@ -5,6 +5,7 @@ dynamics for tracking deformable objects"), section 3.  Each partition has a few
 partitions move together (``drift``) and keep their distances (``shape``).
 """
 
+import dataclasses
 from typing import Any
 
 import chex
@@ -17,6 +18,7 @@ from jaxpf.contract.errors import InputError, check_known, choice
 from jaxpf.contract.names import DRIFTS, SHAPES
 from jaxpf.contract.pytree import as_array, is_concrete, pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
+from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud, drift, shape
 from jaxpf.filters.factored.cloud import FactoredState
 from jaxpf.filters.initial import check_count
@@ -97,15 +99,9 @@ class Eskil(contract.Tracker):
     @with_written_out_key
     def init(self, key: jax.Array) -> FactoredState:
         """Draw the state just before the first frame, with equal weights."""
-        num = self.num_particles * self.upsampling
-        state = cloud.start(key, self.initial, num)
+        state = cloud.start(key, self)
         place = cloud.means(state.log_weights, state.lagged[0])[:2].T
-        return FactoredState(
-            lagged=state.lagged,
-            log_weights=state.log_weights,
-            weighted=state.weighted,
-            history=drift.at_rest(place, self.memory),
-        )
+        return dataclasses.replace(state, history=drift.at_rest(place, self.memory))
 
     def observe(self, frame: Any) -> Any:
         """Do the work that depends on the frame alone."""
@@ -146,14 +142,15 @@ class Eskil(contract.Tracker):
             posterior, _ = cloud.normalised(posterior + held, posterior)
 
         exact = self.shape == "none" and (self.drift == "none" or self.proper)
-        state = FactoredState(
+        after = FactoredState(
             lagged=jnp.stack([new, lagged[0]]),
             log_weights=posterior,
             weighted=jnp.ones((), bool),
             history=motion.after(cloud.means(posterior, new)[:2].T),
         )
         log_evidence = None if exact else jnp.full((), jnp.nan, new.dtype)
-        return state, cloud.summarise(state, totals, invalid + invalid_before, log_evidence)
+        summary = cloud.summarise(after, totals, invalid + invalid_before, log_evidence)
+        return confidence.reported(self.likelihood, state, after, summary, observation)
 
 
 def _log_ratio(dynamics, new, diffused, lagged):

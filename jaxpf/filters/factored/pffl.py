@@ -16,6 +16,7 @@ from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.names import FORMS
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
+from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud
 from jaxpf.filters.factored.cloud import FactoredState
 from jaxpf.filters.initial import check_count
@@ -76,7 +77,7 @@ class PFFL(Tracker):
     @with_written_out_key
     def init(self, key: jax.Array) -> FactoredState:
         """Draw the state just before the first frame, with equal weights."""
-        return cloud.start(key, self.initial, self.num_particles * self.upsampling)
+        return cloud.start(key, self)
 
     def observe(self, frame: Any) -> Any:
         """Do the work that depends on the frame alone."""
@@ -109,9 +110,10 @@ class PFFL(Tracker):
         log_prob, invalid = cloud.weighed(self, observation, new)
         kept, _ = cloud.normalised(log_weights, log_weights)
         log_weights, totals = cloud.normalised(log_weights + log_prob, kept)
-        state = FactoredState(
+        after = FactoredState(
             lagged=jnp.stack([new, lagged[0]]),
             log_weights=log_weights,
             weighted=jnp.ones((), bool),
         )
-        return state, cloud.summarise(state, totals, invalid + invalid_before)
+        summary = cloud.summarise(after, totals, invalid + invalid_before)
+        return confidence.reported(self.likelihood, state, after, summary, observation)

@@ -15,7 +15,9 @@ PRINTED, WITH_DRIFT = "eskil2014 as printed", "PFFL with drift"
 #: Share of the last displacement that a particle of "PFFL with drift" repeats; not published.
 MOMENTUM = 0.25
 
-#: Options of ``jaxpf.points.tracker`` that differ from their defaults.
+#: The published settings of the model, except for a sigma that suits a mean of squares.
+_MODEL: Mapping[str, Any] = {"window_size": 21, "sigma": 0.1, "momentum": 0.0, "method": "eskil"}
+#: Options of ``jaxpf.points.tracker`` beside them.
 _OPTIONS: Mapping[str, dict[str, Any]] = {
     PROPOSED: {},
     PRINTED: {
@@ -64,7 +66,8 @@ def tracker(
         points: [P, 2], pixels.
         scale: sigma_t, pixels.
     """
-    point_tracker = jaxpf.points.tracker(frame, points, diffusion=scale, **_OPTIONS[name])
+    options = {**_MODEL, **_OPTIONS[name]}
+    point_tracker = jaxpf.points.tracker(frame, points, diffusion=scale, **options)
     if name == WITH_DRIFT:
         dynamics = AR2(np.float32(scale), np.float32(MOMENTUM))
         return dataclasses.replace(point_tracker, dynamics=dynamics)

@@ -140,7 +140,9 @@ def _of_one_kind(
             click.echo(f"{one.name} is left out: {error}", err=True)
             continue
         if one.name in {other.name for other in chosen}:
-            raise InputError(f"two sequences are called {one.name!r}; give one another seed.")
+            raise InputError(
+                f"two sequences are called {one.name!r}; list it once, or give one another seed."
+            )
         most = frames
         if is_folder and frames is not None:
             most = min(frames, open_folder(one.source).num_frames - start_frame(scene))

@@ -78,14 +78,20 @@ class BoxTarget(Target):
         ids = np.arange(1, len(boxes) + 1) if names is None else np.asarray(names)
         return Start(ids, boxes, boxes[:, 2:], (-1,) * len(boxes))
 
-    def resolved(self, options: Options, is_filmed: bool) -> Options:
+    def resolved(
+        self, options: Options, is_filmed: bool, num_objects: int | None = None
+    ) -> Options:
         """See ``Target``: filmed clips use discriminative appearance and relative motion."""
         appearance, motion = options.appearance, options.motion
         if appearance == OPEN:
             appearance = DISCRIMINATIVE if is_filmed else COLOUR
         if motion == OPEN:
             motion = RELATIVE if appearance == DISCRIMINATIVE else PIXELS
-        return dataclasses.replace(options, appearance=appearance, motion=motion)
+        options = dataclasses.replace(options, appearance=appearance, motion=motion)
+        if motion != RELATIVE or num_objects is None:
+            return options
+        steps = relative_steps(options.relative_scale, num_objects)
+        return dataclasses.replace(options, relative_scale=tuple(steps.ravel().tolist()))
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
         """See ``Target``."""

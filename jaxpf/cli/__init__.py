@@ -1,11 +1,32 @@
 """The command line.  The module of a command is imported only when it runs."""
 
-import contextlib
-import errno
-import importlib
+import _signal  # signal itself imports for several milliseconds
 import os
 import sys
-from typing import Any
+
+
+def _end_at_once(*_: object) -> None:
+    """Handle Ctrl-C while modules are imported, when nothing needs to be written."""
+    os.write(2, b"Interrupted.\n")
+    os._exit(130)
+
+
+# Before the other imports, which take most of the start.  Ctrl-C while Python itself starts, before
+# this line, ends in Python's own traceback.  Other programs that import this module keep theirs.
+_is_program = os.path.basename("".join(sys.argv[:1])) in ("jaxpf", "jaxpf.exe")
+_is_module = getattr(sys.modules["__main__"], "__package__", None) in ("jaxpf", "jaxpf.cli")
+if (
+    (_is_program or _is_module)
+    and _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler
+    and "multiprocessing" not in sys.modules  # as in a worker, which prints nothing
+):
+    _signal.signal(_signal.SIGINT, _end_at_once)
+
+import contextlib  # noqa: E402
+import errno  # noqa: E402
+import importlib  # noqa: E402
+import signal  # noqa: E402
+from typing import Any  # noqa: E402
 
 try:
     import click
@@ -13,11 +34,6 @@ try:
     from jaxpf import __version__
 except ModuleNotFoundError:  # pragma: no cover - depends on the installed extras
     sys.exit("the command line needs its extra packages: pip install 'jaxpf[cli]'")
-except KeyboardInterrupt:  # Ctrl-C before a handler is installed
-    if os.path.basename(sys.argv[0]) not in ("jaxpf", "jaxpf.exe", "-m"):
-        raise  # another program imports this module
-    os.write(2, b"Interrupted.\n")
-    os._exit(130)
 
 # Name -> (module, one-line help).  Stated here so that `jaxpf --help` imports no command.
 _COMMANDS = {
@@ -85,6 +101,8 @@ def main(arguments: list[str] | None = None) -> Any:
         if arguments is None:
             from jaxpf.cli.shared.stopping import heed_ctrl_c
 
+            if signal.getsignal(signal.SIGINT) is _end_at_once:
+                signal.signal(signal.SIGINT, signal.default_int_handler)
             heed_ctrl_c()
         outcome = group.main(arguments, prog_name="jaxpf", standalone_mode=False)
         sys.stdout.flush()

@@ -19,7 +19,7 @@ PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999"
 
 
 @click.command("reproduce", cls=Speaking)
-@click.argument("paper", type=click.Choice(PAPERS))
+@click.argument("paper", type=click.Choice(PAPERS), metavar="PAPER")
 @click.option(
     "--scenes",
     type=click.IntRange(1),
@@ -62,6 +62,8 @@ def command(
 
     Published figures stand left of ours, which have 95 % intervals.  Every claim is supported,
     contradicted or open.  After an interruption, the same command resumes.
+
+    PAPER is one of smith2004, gonzales2011, rowe2005, eskil2014, maccormick1999.
     """
     from jaxpf.cli.evaluating.cluster import cluster
     from jaxpf.contract.errors import InputError

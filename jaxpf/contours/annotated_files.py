@@ -136,9 +136,16 @@ def _read_points(path: Path, first, until) -> dict[tuple[int, str], np.ndarray]:
         )
         if first <= number <= until:
             points.setdefault((number, fields[1]), {})[k] = x, y
-    return {
+    lines = {
         key: np.array([places[k] for k in sorted(places)]) for key, places in sorted(points.items())
     }
+    for (number, name), line in lines.items():
+        if (line == line[0]).all():
+            raise InputError(
+                f"'{path}' has fewer than two different points of target '{name}' in frame "
+                f"{number}; add points, or delete its lines."
+            )
+    return lines
 
 
 def _whole(field: str, place: str) -> int:

@@ -20,7 +20,7 @@ import numpy as np
 
 from jaxpf.contours.data import Contours
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import read_text
+from jaxpf.files.reading import check_name, read_text
 from jaxpf.files.writing import LineWriter, write_text
 from jaxpf.shapes.splines import CUBIC, check_order, crosses_itself, points_on
 
@@ -29,6 +29,8 @@ _KEYS = {"closed", "contours", "degree", "width"}
 _EXAMPLE = '{"closed": true, "contours": {"leaf": [[10, 20], [30, 18], [32, 40], [12, 38]]}}'
 #: Number of points at which a contour is tested for self-intersection.
 _LOOKED_AT = 200
+#: Largest coordinate, pixels.
+_FARTHEST = 1e9
 
 
 def read_contours(path: str | os.PathLike[str]) -> Contours:
@@ -58,6 +60,8 @@ def read_contours(path: str | os.PathLike[str]) -> Contours:
     given = content.get("contours")
     if not isinstance(given, dict) or not given:
         raise InputError(f"'{path}' holds no contours; write them as in {_EXAMPLE}.")
+    for name in given:
+        check_name(name, f"a contour of '{path}'")
     points = [_points(path, name, rows, degree) for name, rows in given.items()]
     lengths = {name: len(rows) for name, rows in zip(given, points, strict=True)}
     if len(set(lengths.values())) > 1:
@@ -157,7 +161,7 @@ def _points(path: Path, name: str, rows: Any, degree: int) -> np.ndarray:
         if not (isinstance(row, list) and len(row) == 2 and all(_is_number(v) for v in row)):
             raise InputError(
                 f"'{path}': point {number} of contour '{name}' is {json.dumps(row)[:60]}; give two "
-                "finite numbers, [x, y]."
+                f"numbers of at most {_FARTHEST:.0f}, [x, y]."
             )
     try:
         check_order(len(rows), degree)
@@ -169,4 +173,4 @@ def _points(path: Path, name: str, rows: Any, degree: int) -> np.ndarray:
 def _is_number(value: Any) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
-    return bool(np.isfinite(value))
+    return abs(value) <= _FARTHEST

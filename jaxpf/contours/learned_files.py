@@ -51,6 +51,8 @@ def read_learned(path: str | os.PathLike[str]) -> Learned:
         content = json.loads(text)
     except (ValueError, RecursionError):
         raise _refusal(path, "it is no JSON") from None
+    if not isinstance(content, dict):
+        raise _refusal(path, "it holds no object with names and values")
     try:
         space = _space(content["space"])
         dynamics = _dynamics(content.get("dynamics"), space.dimension)

@@ -4,11 +4,14 @@ import codecs
 import csv
 import math
 import re
+import unicodedata
 from pathlib import Path
 
 from jaxpf.contract.errors import InputError
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
+#: Longest name, and the Unicode categories that would break a line of a table.
+_LONGEST_NAME, _LINE_BREAKS = 200, ("Cc", "Zl", "Zp")
 
 
 def read_text(path: Path, what: str, expected: str) -> str:
@@ -57,6 +60,23 @@ def parse_number(field: str, place: str, remedy: str) -> float:
     if _DECIMAL_COMMA.fullmatch(field):
         remedy = f"write decimals with a point, {field.replace(',', '.')}"
     raise InputError(f"{place} '{field[:40]}', which is not a finite number; {remedy}")
+
+
+def check_name(name: str, place: str) -> None:
+    """Refuse a name that does not fit in one field of a table.
+
+    Args:
+        name: of an object.
+        place: for messages, such as ``"line 3 of 'a.csv'"``.
+
+    Raises:
+        InputError: it is blank or too long, or has a control character, such as a line break.
+    """
+    breaks = any(unicodedata.category(letter) in _LINE_BREAKS for letter in name)
+    if not name.strip() or len(name) > _LONGEST_NAME or breaks:
+        raise InputError(
+            f"{place} has the name {name[:40]!r}; give 1 to {_LONGEST_NAME} letters on one line"
+        )
 
 
 def read_rows(path: Path, what: str, expected: str) -> list[tuple[int, list[str]]]:

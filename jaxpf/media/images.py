@@ -66,10 +66,15 @@ def check_consecutive(folder: Path, names: Sequence[str]) -> str | None:
         usual = statistics.mode(steps)
         place = next(place for place, step in enumerate(steps) if step != usual)
         earlier, later = names[place : place + 2]
+        missing = range(numbers[place] + usual, numbers[place + 1], usual)
+        listed = (
+            f"{missing[0]} to {missing[-1]}" if len(missing) > 1 else "".join(map(str, missing))
+        )
+        lacks = f"has no frame {listed}" if missing else "is numbered unevenly"
         raise InputError(
-            f"folder '{folder}' leaves numbers out: '{later}' follows '{earlier}'; a number in a "
-            "name is the frame's number, so add the missing frames, or rename the files if these "
-            "frames follow one another"
+            f"folder '{folder}' {lacks}: '{later}' follows '{earlier}'; a number in a name is the "
+            "frame's number, so add the missing frames, or rename the files if these frames follow "
+            "one another"
         )
     if steps[0] == 1:
         return None

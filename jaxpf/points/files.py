@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.files.reading import parse_number, read_rows
+from jaxpf.files.reading import check_name, parse_number, read_rows
 from jaxpf.files.writing import LineWriter
 
 HEADERS = ("x,y", "x,y,name")
@@ -121,6 +121,7 @@ def _points(rows: list[tuple[str, list[str]]]) -> Points:
             raise InputError(f"{where} has {len(fields)} value(s); {_REMEDY}")
         x, y = (parse_number(field, f"{where} holds", _REMEDY) for field in fields[:2])
         name = fields[2] if len(fields) == 3 and fields[2] else str(len(names))
+        check_name(name, where)
         if name in names:
             raise InputError(f"{where} repeats the name '{name}'; give every point its own")
         if (x, y) in places:

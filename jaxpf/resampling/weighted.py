@@ -14,7 +14,12 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 
 from jaxpf.lowering.derivatives import with_gradient_of
-from jaxpf.resampling.components import Components, component_cdf, one_component
+from jaxpf.resampling.components import (
+    Components,
+    component_cdf,
+    component_max,
+    one_component,
+)
 from jaxpf.resampling.schemes import BuiltIn, Own, scheme_of
 
 
@@ -28,13 +33,18 @@ def ancestors(
 
     Args:
         key: a JAX random key.
-        log_weights: ``[N]``, unnormalised; NaN counts as zero weight.
+        log_weights: ``[N]``, unnormalised; NaN counts as zero weight.  Particles of weight +inf
+            share all offspring of their component.
         scheme: one of ``SCHEMES``, or a custom scheme.
         components: how the slots divide into components; default one.
 
     Returns:
         ``[N]`` int32 indices of particles, each in its slot's own component.
     """
+    of_all = one_component(log_weights.shape[0]) if components is None else components
+    largest = component_max(jnp.where(jnp.isnan(log_weights), -jnp.inf, log_weights), of_all)
+    only_infinite = jnp.where(jnp.isposinf(log_weights), 0.0, -jnp.inf)
+    log_weights = jnp.where(jnp.isposinf(of_all.spread(largest)), only_infinite, log_weights)
     return weighted_resample(key, log_weights, log_weights, scheme, components)[0]
 
 

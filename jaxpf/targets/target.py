@@ -134,8 +134,11 @@ class Target(abc.ABC):
             "Python with jaxpf.tune."
         )
 
-    def resolved(self, options: Any, is_filmed: bool) -> Any:
-        """The options with "auto" values that depend on ``Looks.is_filmed`` filled in."""
+    def resolved(self, options: Any, is_filmed: bool, num_objects: int | None = None) -> Any:
+        """The options with "auto" values that depend on ``Looks.is_filmed`` filled in.
+
+        With ``num_objects``, defaults that depend on it are filled in as well.
+        """
         return options
 
     def settled(self, options: Any, start: Start, looks: Looks) -> Any:

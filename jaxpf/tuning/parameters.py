@@ -94,7 +94,10 @@ class Parameter:
 DEFAULT_BOUNDS = {
     "sharpness": (0.0, math.inf),
     "sigma": (0.0, math.inf),
+    "gain": (0.0, math.inf),
     "scale": (0.0, math.inf),
+    "steps": (0.0, math.inf),
+    "joint_scale": (0.0, math.inf),
     "momentum": (0.0, 1.0),
     "tempering": (0.0, 1.0),
 }

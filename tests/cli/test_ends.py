@@ -21,19 +21,39 @@ def test_a_full_disk_under_standard_output_is_one_sentence(arguments):
     assert ended.stderr.count(b"\n") == 1
 
 
-def test_ctrl_c_while_modules_are_imported_prints_no_traceback():
-    program = (
-        "import importlib.abc, os, signal, sys\n"
+def interrupted_at(module, program, then="raise"):
+    """Run a program with Ctrl-C when ``module`` is imported, which does ``then`` if it raises."""
+    before = (
+        "import importlib.abc, signal, sys\n"
         "class Interrupt(importlib.abc.MetaPathFinder):\n"
         "    def find_spec(self, name, path, target=None):\n"
-        "        if name == 'click':\n"
-        "            signal.raise_signal(signal.SIGINT)\n"
+        f"        if name == '{module}':\n"
+        "            try:\n"
+        "                signal.raise_signal(signal.SIGINT)\n"
+        "            except KeyboardInterrupt:\n"
+        f"                {then}\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "sys.meta_path.insert(0, Interrupt())\n"
-        "sys.argv = ['jaxpf', '--help']\n"
-        "import jaxpf.cli\n"
     )
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False)
+    return subprocess.run([sys.executable, "-c", before + program], capture_output=True)
+
+
+@pytest.mark.parametrize(
+    "module", ["typing", "click", "jaxpf.cli.shared.stopping", "jax._src.core"]
+)
+def test_ctrl_c_while_modules_are_imported_prints_no_traceback(module):
+    program = (
+        "sys.modules.pop('typing', None)\n"
+        "sys.argv = ['jaxpf', 'bench', '--repeats', '1']\n"
+        "from jaxpf.cli import main\nmain()\n"
+    )
+    ended = interrupted_at(module, program, then="sys.exit('crashed, as JAX may')")
     assert (ended.returncode, ended.stderr) == (130, b"Interrupted.\n")
+
+
+def test_another_program_that_imports_the_command_line_keeps_its_ctrl_c():
+    program = "try:\n    import jaxpf.cli\nexcept KeyboardInterrupt:\n    print('mine')\n"
+    assert interrupted_at("click", program).stdout == b"mine\n"
 
 
 @pytest.mark.slow

@@ -70,3 +70,17 @@ def test_the_demo_tells_each_methods_own_time(tmp_path, monkeypatch):
     assert outcome.code == 0, outcome.err
     assert re.findall(r"\((.*) s\)", outcome.out) == ["1.0", "2.0", "4.0", "8.0"]
     assert "success: tracked in every frame" in outcome.out
+
+
+@pytest.mark.parametrize(
+    "command", ["evaluate", "tune", "track boxes", "track contours", "reproduce", "contour learn"]
+)
+def test_help_has_no_stray_blanks(command):
+    wanted = "--help" if command in ("reproduce", "contour learn") else "--help-all"
+    shown = jaxpf(*command.split(), wanted).out
+    assert "\n\n\n" not in shown
+    assert not re.search(r"[ \t]\n", shown)
+    description = re.split(r"\n\n(?=\S)", shown)[0].split("\n\n", 1)[1]
+    for line in filter(None, description.split("\n")):
+        assert re.match(r"  \S", line), line
+        assert not re.search(r"[^.:!?]  +\S", line.strip()), line

@@ -59,7 +59,11 @@ def test_a_contour_that_crosses_itself_is_accepted_and_said(tmp_path):
         ({"contours": {"a": LEAF, "b": [*LEAF, [1, 2]]}}, "'a' 4, 'b' 5"),
         ({"contours": {"leaf": [*LEAF[:3], [1, "x"]]}}, "point 3 of contour 'leaf'"),
         ({"contours": {"leaf": [*LEAF[:3], [1, float("nan")]]}}, "point 3"),
+        ({"contours": {"leaf": [*LEAF[:3], [1, 1e300]]}}, "at most 1000000000"),
         ({"contours": {"leaf": 7}}, "no list of points"),
+        ({"contours": {"": LEAF}}, "has the name ''; give 1 to 200 letters on one line"),
+        ({"contours": {"two\nlines": LEAF}}, "on one line"),
+        ({"contours": {"x" * 201: LEAF}}, "give 1 to 200 letters"),
         ({"colour": "red"}, "unknown key 'colour'"),
     ],
 )

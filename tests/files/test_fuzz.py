@@ -22,9 +22,12 @@ from jaxpf import InputError, tuning
 from jaxpf.boxes import check_boxes, dense, read_boxes, start_boxes
 from jaxpf.cli.shared.config import config_option
 from jaxpf.cli.shared.flags import NumberList
+from jaxpf.contours.files import read_contours
 from jaxpf.evaluation import Results
 from jaxpf.media import open_frames
 from jaxpf.parts.files import read_parts
+from jaxpf.points.files import read_points
+from jaxpf.populations.detections import read_detections
 from jaxpf.tuning.checkpoint import NAME, Checkpoint
 
 SEED = 17
@@ -54,6 +57,9 @@ TOKENS = (
 BOXES = b"frame,id,x,y,w,h,occ\n0,2,1,2,3,4,0\n0,7,4,1,2,2,1\n1,2,1.5,2,3,4,-1\n2,2,2,2,3,4,2\n"
 MOT = b"1,2,2,3,3,4,1,-1,-1,-1\n1,7,5,2,2,2,1,-1,-1,-1\n2,2,2.5,3,3,4,0.5,-1,-1,-1\n"
 PARTS = b"part,parent,x,y,w,h,angle\nbody,,20,17,34,30,12\narm,body,23,18,28,16,20\n"
+POINTS = b"x,y,name\n12,16,nose\n46,30,tail\n1.5,2e1,ear\n"
+CONTOURS = b'{"closed": true, "contours": {"leaf": [[10, 20], [30, 18], [32, 40], [12, 38]]}}'
+DETECTIONS = b"1,-1,2,3,3,4,.9,-1,-1,-1\n1,-1,5,2,2,2,.8,-1,-1,-1\n2,-1,2.5,3,3,4,0.5,-1,-1,-1\n"
 META = b'{"name": "a", "frames": "%d.png", "n_frames": 3, "width": 8, "height": 6, "fps": 10}'
 SEQINFO = b"[Sequence]\nname=a\nimDir=img1\nframeRate=30\nseqLength=3\nimWidth=8\nimHeight=6\n"
 OTB = b"2,3,3,4\n0,0,0,0\n3,3,3,4\n"
@@ -168,6 +174,9 @@ pytestmark = [pytest.mark.slow, needs_alarms]
         pytest.param(MOT, read_table, 600, id="mot"),
         pytest.param(PARTS, read_parts, 700, id="parts"),
         pytest.param(TOML, read_configuration, 700, id="toml"),
+        pytest.param(POINTS, read_points, 400, id="points"),
+        pytest.param(CONTOURS, read_contours, 400, id="contours"),
+        pytest.param(DETECTIONS, read_detections, 400, id="detections"),
     ],
 )
 def test_damaged_texts_are_read_or_refused(tmp_path, valid, read, count, request):

@@ -192,7 +192,13 @@ def test_points_that_do_not_move_have_no_correlation_to_divide_by(name):
         ({"initial": START * np.nan}, "not finite"),
         ({"drift": "nearest"}, "choose one of clip"),
         ({"shape": "round"}, "choose one of relative"),
-        ({"shape_scale": 0.0}, "shape_scale=0.0 must be positive"),
+        ({"shape_scale": 0.0}, "shape_scale=0.0 must be one finite number above 0"),
+        ({"shape_scale": "wide"}, "shape_scale='wide' must be one finite number"),
+        ({"shape_scale": [1, 2]}, r"shape_scale=\[1, 2\] must be one finite number"),
+        ({"memory": 2.5}, "memory=2.5 must be a whole number"),
+        ({"num_particles": 10**12}, "at most 2147483647"),
+        ({"reference": "x"}, "reference='x' must be positions"),
+        ({"reference": np.full((3, 2), 1e30)}, "too far apart"),
         ({"memory": 1}, "memory=1"),
         ({"num_particles": 0}, "num_particles=0"),
         ({"upsampling": 1.5}, "upsampling=1.5"),
@@ -211,7 +217,11 @@ def test_eskil_refuses_what_cannot_work(settings, message):
 
 @pytest.mark.parametrize(
     ("settings", "message"),
-    [({"form": "sound"}, "choose one of auxiliary"), ({"safety": 0.0}, "safety=0.0 must be above")],
+    [
+        ({"form": "sound"}, "choose one of auxiliary"),
+        ({"safety": 0.0}, "safety=0.0 must be one finite number above 0 and at most 1"),
+        ({"safety": None}, "safety=None must be one"),
+    ],
 )
 def test_pffl_refuses_what_cannot_work(settings, message):
     with pytest.raises(jaxpf.InputError, match=message):

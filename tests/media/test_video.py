@@ -388,14 +388,16 @@ def write_images(folder, *names, value=7, dtype=np.uint8):
 
 def test_a_folder_that_leaves_numbers_out_is_refused(tmp_path):
     write_images(tmp_path, "f1.png", "f2.png", "f3.png", "f16.png", "f17.png")
-    with pytest.raises(InputError, match=r"'f16\.png' follows 'f3\.png'.*add the missing frames"):
+    with pytest.raises(
+        InputError, match=r"no frame 4 to 15: 'f16\.png' follows 'f3\.png'.*add the missing frames"
+    ):
         open_frames(tmp_path)
 
 
 @pytest.mark.parametrize(
     ("names", "sentence"),
     [
-        (("f1_rgb.png", "f2_rgb.png", "f9_rgb.png"), r"'f9_rgb\.png' follows 'f2_rgb\.png'"),
+        (("f1_rgb.png", "f2_rgb.png", "f9_rgb.png"), r"no frame 3 to 8: 'f9_rgb\.png' follows"),
         (("1.png", "1.jpg", "2.png", "2.jpg"), r"two files of number 1, '1\.jpg' and '1\.png'"),
     ],
 )

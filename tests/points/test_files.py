@@ -32,6 +32,7 @@ def test_points_are_read_with_and_without_names(tmp_path, text, names):
         ("1,2\n1,b", "line 2 .* not a finite number"),
         ("1,nan", "holds 'nan', which is not a finite number"),
         ("1,2,a\n3,4,a", "repeats the name 'a'"),
+        ("1,2," + "x" * 201, "give 1 to 200 letters on one line"),
         ("1,2,a\n1,2,b", "at the place of 'a'"),
     ],
 )

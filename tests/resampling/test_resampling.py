@@ -280,6 +280,17 @@ def test_a_dead_component_stays_beside_a_living_one(scheme):
 
 
 @schemes
+def test_infinite_weights_share_all_offspring(scheme):
+    log_weights = jnp.asarray([0, np.inf, -np.inf, np.inf, 1, 1, np.nan, 3], jnp.float32)
+    halves = divide(jnp.array([4, 4]), 8)
+    chosen = np.asarray(ancestors(jax.random.key(0), log_weights, scheme, halves))
+    assert set(chosen[:4]) <= {1, 3}
+    assert set(chosen[4:]) <= {4, 5, 7}
+    whole = np.asarray(ancestors(jax.random.key(0), log_weights, scheme))
+    assert set(whole) <= {1, 3}
+
+
+@schemes
 def test_nan_counts_as_zero_weight(scheme):
     log_weights = np.float32([np.nan, 0.0] * 10)
     chosen, _ = resample(scheme, log_weights[:8])

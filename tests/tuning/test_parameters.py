@@ -10,7 +10,9 @@ from small_tuning import QUICK, made_sequence, tracker
 
 import jaxpf
 from jaxpf import InputError, tune, tuning
+from jaxpf.contract.options import options_of
 from jaxpf.likelihoods import histogram
+from jaxpf.targets import adapters
 from jaxpf.tuning import Parameter, TrainingSequence
 
 # Paths and bounds
@@ -48,6 +50,12 @@ def test_values_stay_within_their_bounds_whatever_the_free_numbers(low, high):
         step = 1e-6
         slope = (one.to_value(free[1:4] + step) - one.to_value(free[1:4] - step)) / 2 / step
         np.testing.assert_allclose(one.slope(free[1:4]), slope, rtol=1e-6)
+
+
+def test_noise_and_sharpness_of_every_target_stay_positive_by_default():
+    for adapter in adapters().values():
+        for option in options_of(adapter.target.options).values():
+            assert not option.tuned or tuning.parameter(option.path).low == 0
 
 
 def test_bounds_are_written_beside_the_path():

@@ -133,7 +133,9 @@ def _of_one_kind(
             click.echo(f"{sequence.name} is left out: {error}", err=True)
             continue
         if sequence.name in {other.name for other in chosen}:
-            raise InputError(f"two sequences are called {sequence.name!r}; give one another seed.")
+            raise InputError(
+                f"two sequences are called {sequence.name!r}; list it once, or give one another seed."
+            )
         most = frames
         if is_folder and frames is not None:
             most = min(frames, open_folder(sequence.source).num_frames - start_frame(scene))

@@ -6,6 +6,7 @@ Help explains the common options by section and lists only the names of the rest
 """
 
 import dataclasses
+import inspect
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -85,7 +86,7 @@ class Command(Speaking):
             settings: see ``click.Command``.
         """
         super().__init__(*arguments, **settings)
-        self.more = more
+        self.more = inspect.cleandoc(more)
         self.params.append(_help_all())
 
     def shown(self, ctx: click.Context) -> list[click.Parameter]:

@@ -26,7 +26,8 @@ def heed_ctrl_c() -> None:
 
     Python drops an interrupt that arrives inside a callback, such as JAX's on garbage collection;
     this raises it again.  Python handles no signals while JAX compiles: a second Ctrl-C then ends
-    the program at once, and the next run removes its leftovers.
+    the program at once, and the next run removes its leftovers.  JAX crashes on an interrupt while
+    it is imported, when nothing needs to be written: the program ends at once.
     """
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         return  # SIGINT is ignored, or another program handles it
@@ -39,10 +40,20 @@ def heed_ctrl_c() -> None:
             usual(unraisable)
 
     sys.unraisablehook = lost
+    signal.signal(signal.SIGINT, _interrupt)
     read, written = socket.socketpair()
     written.setblocking(False)
     signal.set_wakeup_fd(written.fileno(), warn_on_full_buffer=False)
     threading.Thread(target=_end_at_second, args=(read, written), daemon=True).start()
+
+
+def _interrupt(number: int, frame: Any) -> None:
+    """Raise ``KeyboardInterrupt``, or end the program if JAX is being imported."""
+    spec = getattr(sys.modules.get("jax"), "__spec__", None)
+    if getattr(spec, "_initializing", False):
+        os.write(2, b"Interrupted.\n")
+        os._exit(130)
+    signal.default_int_handler(number, frame)
 
 
 def _end_at_second(read: socket.socket, written: socket.socket) -> None:

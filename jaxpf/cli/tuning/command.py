@@ -354,7 +354,7 @@ def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[An
         # A named parameter may imply the kind of tracker.
         if one.path in named and one.implies and own.get(one.implies[0]) in (None, OPEN):
             own[one.implies[0]] = one.implies[1]
-    model = target.resolved(picked(own, target.options), is_filmed(scene))
+    model = target.resolved(picked(own, target.options), is_filmed(scene), scene.num_objects)
     filter_options = picked(own, filter_.options, {"particles": _PARTICLES, **target.defaults})
     both = (filter_options, model)
     chosen_values = {name: getattr(one, name) for one in both for name in options_of(one)}

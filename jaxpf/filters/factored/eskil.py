@@ -11,7 +11,6 @@ from typing import Any
 import chex
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_known, choice
@@ -21,7 +20,7 @@ from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud, drift, shape
 from jaxpf.filters.factored.cloud import FactoredState
-from jaxpf.filters.initial import check_count
+from jaxpf.filters.initial import check_count, check_number, numbers_in
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
@@ -86,6 +85,8 @@ class Eskil(contract.Tracker):
         object.__setattr__(self, "initial", initial)
         object.__setattr__(self, "resampling", scheme_of(self.resampling))
         if self.reference is not None:
+            if is_concrete(self.reference):
+                numbers_in("reference", self.reference, "positions, [P, 2]")
             object.__setattr__(self, "reference", as_array(self.reference, float))
         elif not callable(initial):
             object.__setattr__(self, "reference", initial[:, :2])
@@ -174,11 +175,8 @@ def _check(tracker: Eskil) -> None:
     cloud.check_factors(tracker.dynamics, tracker.likelihood)
     check_known("drift=", tracker.drift, DRIFTS)
     check_known("shape=", tracker.shape, SHAPES)
-    if tracker.memory < 2:
-        raise InputError(f"memory={tracker.memory}: velocities are compared over 2 frames or more.")
-    scale = tracker.shape_scale
-    if is_concrete(scale) and not (np.isfinite(scale) and scale > 0):
-        raise InputError(f"shape_scale={scale} must be positive and finite.")
+    check_count("memory", tracker.memory, least=2)
+    check_number("shape_scale", tracker.shape_scale)
     if tracker.drift != "none" and tracker.num_partitions < 2:
         raise InputError(
             choice("drift", tracker.drift),

@@ -12,14 +12,14 @@ import jax
 import jax.numpy as jnp
 
 from jaxpf.contract import Tracker
-from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.errors import check_known
 from jaxpf.contract.names import FORMS
-from jaxpf.contract.pytree import is_concrete, pytree_dataclass, static_field
+from jaxpf.contract.pytree import pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud
 from jaxpf.filters.factored.cloud import FactoredState
-from jaxpf.filters.initial import check_count
+from jaxpf.filters.initial import check_count, check_number
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 
@@ -66,8 +66,7 @@ class PFFL(Tracker):
         check_count("upsampling", self.upsampling)
         cloud.check_factors(self.dynamics, self.likelihood)
         check_known("form=", self.form, FORMS)
-        if is_concrete(self.safety) and not 0 < float(self.safety) <= 1:
-            raise InputError(f"safety={self.safety} must be above 0 and at most 1.")
+        check_number("safety", self.safety, most=1)
 
     @property
     def num_partitions(self) -> int:

@@ -45,8 +45,14 @@ def reference_distances(places) -> jax.Array:
     """``[P, P]`` distances between partitions at ``places`` ``[P, E]``, which must differ."""
     if is_concrete(places):
         points = np.asarray(places)
-        apart = np.linalg.norm(points[:, None] - points[None], axis=-1) + np.eye(len(points))
+        with np.errstate(over="ignore", invalid="ignore"):
+            apart = np.linalg.norm(points[:, None] - points[None], axis=-1) + np.eye(len(points))
         first, second = np.unravel_index(np.argmin(apart), apart.shape)
+        if not np.isfinite(apart).all():
+            raise InputError(
+                "the positions of the partitions that define the shape are not finite, or too far "
+                "apart for 32 bits; give finite pixels, or use shape='none'."
+            )
         if not apart[first, second] > 0:
             raise InputError(
                 f"partitions {first} and {second} start at the same place, "

@@ -8,7 +8,7 @@ from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.pytree import is_concrete
-from jaxpf.filters.initial import check_count
+from jaxpf.filters.initial import check_count, numbers_in
 from jaxpf.filters.labelled.choices import FEEDBACKS, POPULATIONS, SCOPES, WEIGHTS
 from jaxpf.filters.relocation import check_relocation
 from jaxpf.gradients import check_gradients
@@ -110,12 +110,10 @@ def _check_coordinates(tracker: Any) -> None:
 def _check_rates(tracker: Any) -> None:
     rates, scale = tracker.regularise, tracker.reseed
     if rates is not None and is_concrete(rates):
-        values = np.asarray(rates, float)
+        wanted = "two rates above 0 and at most 1, of position and speed, or None"
+        values = numbers_in("regularise", rates, wanted)
         if values.shape != (2,) or not np.all((values > 0) & (values <= 1)):
-            raise InputError(
-                f"regularise={rates} must be two rates above 0 and at most 1, of position and "
-                "speed; None does not regularise."
-            )
+            raise InputError(f"regularise={rates} must be {wanted}.")
     if scale is None:
         return
     if tracker.weights != "equal_share":
@@ -123,12 +121,13 @@ def _check_rates(tracker: Any) -> None:
             f"reseed gives lost targets an equal share again, which weights={tracker.weights!r} "
             "does not; use weights='equal_share' or reseed=None."
         )
-    if is_concrete(scale) and not (
-        np.all(np.isfinite(np.asarray(scale))) and np.all(np.asarray(scale) >= 0)
-    ):
-        raise InputError(
-            f"reseed={scale} must be finite standard deviations >= 0, one for each coordinate."
-        )
+    if is_concrete(scale):
+        wanted = "finite standard deviations >= 0, one for each coordinate of a substate"
+        values = numbers_in("reseed", scale, wanted)
+        dimension = None if callable(tracker.initial) else np.shape(tracker.initial)[1]
+        fits = dimension is None or values.shape[-1:] in ((), (1,), (dimension,))
+        if not fits or not np.all(np.isfinite(values) & (values >= 0)):
+            raise InputError(f"reseed={scale} must be {wanted}.")
 
 
 def check_started(summary: Any, ids: Any = None) -> None:

@@ -18,7 +18,7 @@ def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndar
         levels: L levels from 0 to 1.
 
     Returns:
-        ``[L, P, C]``; NaN for a partition without particles.
+        ``[L, P, C]``; NaN for a partition without particles of any weight.
 
     Raises:
         InputError: no level, or one outside of 0 to 1.
@@ -27,6 +27,8 @@ def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndar
     if shares.ndim != 1 or not len(shares) or not np.all((shares >= 0) & (shares <= 1)):
         raise InputError(f"levels={levels!r} must be a list of numbers from 0 to 1.")
     values = np.moveaxis(np.asarray(values), 0, -1)
+    if not values.shape[-1]:
+        return np.full((len(shares), *values.shape[:-1]), np.nan)
     weights = np.exp(np.asarray(log_weights, np.float64))
     weights = np.broadcast_to(weights if weights.ndim == 1 else weights[:, None], values.shape)
     weights = np.where(np.isnan(values), 0.0, weights)
@@ -34,6 +36,5 @@ def quantiles(values: Any, log_weights: Any, levels: Sequence[float]) -> np.ndar
     reached = np.cumsum(np.take_along_axis(weights, order, axis=-1), axis=-1)
     below = [np.sum(reached < level * reached[..., -1:], axis=-1) for level in levels]
     places = np.minimum(below, values.shape[-1] - 1)
-    return np.take_along_axis(np.take_along_axis(values, order, -1)[None], places[..., None], -1)[
-        ..., 0
-    ]
+    chosen = np.take_along_axis(np.take_along_axis(values, order, -1)[None], places[..., None], -1)
+    return np.where(reached[..., -1] > 0, chosen[..., 0], np.nan)

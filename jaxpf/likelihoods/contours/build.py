@@ -127,7 +127,10 @@ def _check(
     if num_lines < 4:
         raise InputError(f"num_lines {num_lines} must be 4 or more.")
     if edges == 2 and space.closed:
-        raise InputError("a wire with two edges is an open contour, and this shape space's is not.")
+        raise InputError(
+            f"width {width:g} is of wires with two edges, which are open contours, and these are "
+            "closed; leave the width out, or give open contours."
+        )
     if issubclass(_KINDS[exclusion][0], OpaqueContours):
         depth_orders(num_targets)
         if not space.closed:
@@ -138,10 +141,15 @@ def _check(
             )
     exclusive = issubclass(_KINDS[exclusion][0], ExclusiveContours)
     most = crossings * (num_targets if exclusive else 1)
-    if crossings < edges or most > _MOST_CROSSINGS:
+    if crossings < edges:
         raise InputError(
-            f"crossings {crossings} of each of {num_targets} targets must be {edges} or more, and "
-            f"{_MOST_CROSSINGS} at most together."
+            f"crossings {crossings} must be {edges} or more, one for each edge of a contour."
+        )
+    if most > _MOST_CROSSINGS:
+        raise InputError(
+            f"up to {most} boundaries could cross a line, {crossings} of each of {num_targets} "
+            f"contours, and {_MOST_CROSSINGS} is the most; track fewer contours together, or use "
+            "exclusion='none'."
         )
     if space.num_templates not in (1, num_targets):
         raise InputError(

@@ -37,7 +37,13 @@ def poisson_clutter(mean: float, max_features: int) -> jax.Array:
         raise InputError(f"clutter of mean {mean} features per line must be a number above 0.")
     counts = np.arange(max_features + 1)
     log_factorial = np.concatenate([[0.0], np.cumsum(np.log(counts[1:]))])
-    return as_array(np.exp(counts * np.log(mean) - mean - log_factorial), float)
+    law = np.exp(counts * np.log(mean) - mean - log_factorial)
+    if law.min() < np.finfo(np.float32).tiny:
+        raise InputError(
+            f"clutter of mean {mean:g} features per line makes 0 to {max_features} features "
+            "impossible in 32 bits; give a mean between, such as 0.1 to 10."
+        )
+    return as_array(law, float)
 
 
 def learn_clutter(

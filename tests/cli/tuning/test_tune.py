@@ -156,17 +156,33 @@ def test_a_folder_needs_frames_for_both(tmp_path):
     assert "--frames 500 must be 2 to" in outcome.err
 
 
-def test_a_loss_that_is_not_finite_keeps_the_last_values(tmp_path, monkeypatch):
-    """As where a real clip drives a value off: the third step finds no number.
-
-    Losses are made up; ``tests/tuning/test_tuning.py`` has one that diverges.
-    """
+@pytest.fixture
+def diverging(monkeypatch):
+    """Losses are made up, and the third is no number."""
     losses = iter([1.0, 0.9, np.nan])
 
     def value_and_gradient(free, *_):
         return next(losses), jax.tree.map(np.ones_like, free)
 
     monkeypatch.setattr("jaxpf.tuning.loop.free_loss", lambda *_: value_and_gradient)
+
+
+@pytest.mark.usefixtures("diverging")
+def test_a_clip_is_tuned_with_the_default_parameters(tmp_path):
+    """Filmed objects move by relative steps, whose default depends on the number of objects."""
+    folder = write_sequence(tmp_path / "two")
+    outcome = jaxpf("tune", folder, *QUICK[:-2], "--steps", "4", "-o", tmp_path / "out")
+    assert "They are kept in" in outcome.err
+    track = tomllib.loads((tmp_path / "out" / "tuned.toml").read_text())["track"]
+    usual, long, size = track["relative_scale"]
+    assert size == 0.02
+    assert 0 < usual != 0.045
+    assert 0 < long != 0.18
+
+
+@pytest.mark.usefixtures("diverging")
+def test_a_loss_that_is_not_finite_keeps_the_last_values(tmp_path):
+    """As where a real clip drives a value off; ``tests/tuning/test_tuning.py`` has another."""
     outcome = jaxpf(
         "tune", "distracter", *SMALL, *QUICK, "--steps", "4", "--train-scenes", "1",
         "--held-out", "2", "-o", tmp_path / "out",

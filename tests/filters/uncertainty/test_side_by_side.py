@@ -153,6 +153,14 @@ def test_quantiles_are_values_that_so_much_weight_reaches():
     assert np.isnan(quantiles(held[:3], np.log([0.2, 0.3, 0.5]), [0.5])[0, 1, 0])
 
 
+def test_quantiles_without_any_weight_are_unknown():
+    values = np.arange(6.0).reshape(3, 2, 1)
+    assert np.isnan(quantiles(values, np.full(3, -np.inf), [0.5])).all()
+    assert np.isnan(quantiles(values[:0], np.zeros(0), [0.1, 0.5])).all()
+    of_each = quantiles(values, np.array([[0, 0, 0], [-np.inf] * 3]), [0.5])[0, :, 0]
+    np.testing.assert_array_equal(of_each, [2, np.nan])
+
+
 def test_one_run_says_nothing_of_how_much_runs_differ():
     with pytest.raises(InputError, match=r"num_runs=1 .* at least 2"):
         SideBySide(one(), 1)

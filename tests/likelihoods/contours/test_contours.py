@@ -377,8 +377,10 @@ def test_clutter_is_learned_and_what_was_not_seen_is_smoothed():
     [
         ({"exclusion": "soft"}, "exclusion 'soft'"),
         ({"sigma": -1.0}, "sigma -1"),
-        ({"width": 16.0}, "two edges is an open contour"),
-        ({"crossings": 5}, "crossings 5"),
+        ({"width": 16.0}, "width 16 is of wires .* leave the width out"),
+        ({"crossings": 0}, "crossings 0 must be 1 or more"),
+        ({"crossings": 5}, "up to 10 boundaries .* track fewer contours"),
+        ({"clutter": 1e-30}, "clutter of mean 1e-30 .* such as 0.1 to 10"),
         ({"detection": np.eye(2)}, "at most 1 boundaries"),
         ({"num_lines": 2}, "num_lines 2"),
         ({"independence": 0.0}, "independence 0.0 must be above 0"),

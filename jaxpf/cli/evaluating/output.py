@@ -9,7 +9,6 @@ import click
 
 from jaxpf.cli.shared.console import print_table
 from jaxpf.contract.options import chosen, counting, plain
-from jaxpf.evaluation.output.tables import printed_tables
 from jaxpf.evaluation.results import OWN
 from jaxpf.files.writing import write_text
 from jaxpf.targets import find_adapter
@@ -89,6 +88,8 @@ def _duration(seconds: float) -> str:
 
 def print_results(results: Any, tables: Any) -> None:
     """Print the summary and store it for ``print_again``."""
+    from jaxpf.evaluation.output.tables import printed_tables
+
     printed = {
         "runs": results.runs,
         "tables": [table._asdict() for table in printed_tables(results, tables)],

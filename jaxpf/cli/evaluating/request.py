@@ -60,8 +60,8 @@ class Compared:
     )
     baseline: tuple[str, ...] = option(
         (),
-        "Baseline trackers, comma-separated: mil, csrt, kcf, meanshift, still (boxes that do not "
-        "move), or all that are installed.  csrt and kcf need opencv-contrib.",
+        "Baseline trackers, comma-separated: mil, csrt, kcf, meanshift, still; or all.  Boxes of "
+        "still do not move.  csrt and kcf need opencv-contrib; all takes those that are installed.",
     )
 
 

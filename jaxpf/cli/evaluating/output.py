@@ -63,7 +63,7 @@ def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, st
         for name, value in configuration.parameters.items():
             if counts.get(name, True):
                 values.setdefault(name, {})[plain(value)] = None
-    varied = [name for name, found in values.items() if len(found) > 1]
+    varied = [name for name, texts in values.items() if len(texts) > 1]
     rows = []
     for method, indices in by_method.items():
         group = [prepared.configurations[index] for index in indices]

@@ -161,9 +161,9 @@ def request_of(values: Mapping[str, Any]) -> Request:
     )
     owners: list[Any] = [adapter.target for adapter in adapters().values()]
     owners += filters.all_filters().values()
-    known = options_of(*(owner.options for owner in owners))
+    declared = options_of(*(owner.options for owner in owners))
     given = given_in(values)
-    grid = {name: given[name] for name in known if name in given and name not in VARIED}
+    grid = {name: given[name] for name in declared if name in given and name not in VARIED}
     return Request(resolved_scene(values["scene"]), options, grid)
 
 

@@ -95,10 +95,10 @@ def _difference(
     if imported[1]:
         theirs = _repeated(theirs, ours.runs)
     _, left, right = np.intersect1d(ours.runs, theirs.runs, return_indices=True)
-    found = mean_difference(
+    difference = mean_difference(
         *(ours.values[left], ours.weights[left]), *(theirs.values[right], theirs.weights[right])
     )
-    value, error, runs = found.value[-1], found.standard_error[-1], found.runs[-1]
+    value, error, runs = difference.value[-1], difference.standard_error[-1], difference.runs[-1]
     if not np.isfinite(error):
         return float(value), -np.inf, np.inf
     reach = float(stdtrit(runs - 1, 1 - (1 - level) / 2 / pairs)) * error

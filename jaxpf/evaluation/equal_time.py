@@ -64,7 +64,7 @@ def at_equal_time(
     if not collected:
         return []
     first = _kind(collected[0].configuration)[:2]
-    found = []
+    comparisons = []
     for index, entry in enumerate(collected):
         kind = _kind(entry.configuration)
         if kind[:2] == first or not np.isfinite(speeds[index]):
@@ -86,8 +86,8 @@ def at_equal_time(
                     runs_of(collected[each], measure) for each in (index, one, other)
                 )
                 differences[measure.name] = _difference(ours, less, more, share)
-            found.append(AtEqualTime(index, (one, other), seconds, differences))
-    return found
+            comparisons.append(AtEqualTime(index, (one, other), seconds, differences))
+    return comparisons
 
 
 def curves(summaries: "Sequence[Summary]") -> "dict[str, list[Summary]]":

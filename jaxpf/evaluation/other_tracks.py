@@ -37,9 +37,9 @@ def read_tracks(
     truth = np.asarray(truth, np.float64)
     matched = match_tracks(table, truth, ids, start_frame)
     followed = [column for column, identity in enumerate(matched) if identity is not None]
-    found = [identity for identity in matched if identity is not None]
+    identities = [identity for identity in matched if identity is not None]
     boxes = np.full(truth.shape, np.nan)
-    boxes[:, followed] = dense(table, found, start_frame + len(truth))[start_frame:]
+    boxes[:, followed] = dense(table, identities, start_frame + len(truth))[start_frame:]
     return boxes
 
 

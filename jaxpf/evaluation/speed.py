@@ -26,8 +26,8 @@ def read_speeds(folder: Path, count: int) -> list[float]:
     with contextlib.suppress(OSError, ValueError, RecursionError):
         kept = json.loads((folder / NAME).read_text(encoding="utf-8"))
     kept = kept if isinstance(kept, list) else []
-    known = [float(x) if isinstance(x, int | float) and x > 0 else np.nan for x in kept[:count]]
-    return known + [np.nan] * (count - len(known))
+    speeds = [float(x) if isinstance(x, int | float) and x > 0 else np.nan for x in kept[:count]]
+    return speeds + [np.nan] * (count - len(speeds))
 
 
 def keep_speeds(results: Results, seconds: Mapping[int, float]) -> None:
@@ -66,24 +66,24 @@ def measure_speeds(
 
     configurations = results.configurations
     speeds = read_speeds(results.folder, len(configurations))
-    known: dict[Any, float] = {}
-    for index, one in enumerate(configurations):
-        if one.is_imported or np.isfinite(speeds[index]):
+    measured: dict[Any, float] = {}
+    for index, configuration in enumerate(configurations):
+        if configuration.is_imported or np.isfinite(speeds[index]):
             continue
-        kind = one.method, shape_of(one, results.target)
-        if kind not in known:
-            on_begin(one.label)
-            scene, function = results.scene(), trackers.get(one.method)
-            tracker = tracker_of(scene, results.adapter, one, function)
+        kind = configuration.method, shape_of(configuration, results.target)
+        if kind not in measured:
+            on_begin(configuration.label)
+            scene, function = results.scene(), trackers.get(configuration.method)
+            tracker = tracker_of(scene, results.adapter, configuration, function)
             frames = scene.frames[1 : 2 + _FRAMES]
-            known[kind] = _frames_per_second(tracker, jax.random.key(results.seed), frames)
-        speeds[index] = known[kind]
+            measured[kind] = _frames_per_second(tracker, jax.random.key(results.seed), frames)
+        speeds[index] = measured[kind]
     _write(results, speeds)
 
 
 def _write(results: Results, speeds: Sequence[float]) -> None:
-    known = [round(x, 4) if np.isfinite(x) else None for x in speeds]
-    write_text(results.folder / NAME, json.dumps(known))
+    rounded = [round(x, 4) if np.isfinite(x) else None for x in speeds]
+    write_text(results.folder / NAME, json.dumps(rounded))
 
 
 def _frames_per_second(tracker: Any, key: Any, frames: Sequence[np.ndarray]) -> float:

@@ -31,10 +31,14 @@ def looks_of(scene: Any, num_particles: int) -> Looks:
 def built_in_tracker(scene: Any, adapter: Adapter, configuration: Configuration) -> Any:
     """Build the tracker of one configuration: its filter on the scene's target."""
     values = configuration.parameters | configuration.variant
-    its = filters.filter_of(values["method"])
-    target, start, options = adapter.target, adapter.scene_start(scene), chosen(its.options, values)
+    filter_ = filters.filter_of(values["method"])
+    target, start, options = (
+        adapter.target,
+        adapter.scene_start(scene),
+        chosen(filter_.options, values),
+    )
     looks = looks_of(scene, options.particles)
-    return building.build(target, chosen(target.options, values), its, options, start, looks)
+    return building.build(target, chosen(target.options, values), filter_, options, start, looks)
 
 
 def own_tracker(name: str, function: Any, scene: Any) -> Any:
@@ -44,16 +48,16 @@ def own_tracker(name: str, function: Any, scene: Any) -> Any:
         InputError: the function fails or returns something else.
     """
     try:
-        made = function(scene)
+        tracker = function(scene)
     except InputError:
         raise
     except Exception as error:
         cause = " ".join(f"{type(error).__name__}: {error}".split())
         raise InputError(f"the tracker {name!r} cannot be made: {cause}.") from error
-    if hasattr(made, "init") and hasattr(made, "step"):
-        return made
-    if hasattr(made, "__array__"):
-        boxes = np.asarray(made, np.float64)
+    if hasattr(tracker, "init") and hasattr(tracker, "step"):
+        return tracker
+    if hasattr(tracker, "__array__"):
+        boxes = np.asarray(tracker, np.float64)
         if boxes.shape != scene.boxes.shape:
             raise InputError(
                 f"the tracker {name!r} returned boxes of shape {list(boxes.shape)}; the scene has "
@@ -61,8 +65,8 @@ def own_tracker(name: str, function: Any, scene: Any) -> Any:
             )
         return boxes
     raise InputError(
-        f"the tracker {name!r} is {type(made).__name__}; return a tracker with init and step, or "
-        "boxes [T, P, 4]."
+        f"the tracker {name!r} is {type(tracker).__name__}; return a tracker with init and step, "
+        "or boxes [T, P, 4]."
     )
 
 

@@ -32,8 +32,8 @@ def measure_outlines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]:
     present = theirs > 0
 
     def share(whole: Array) -> Array:
-        found = jnp.where(whole > 0, common / jnp.where(whole > 0, whole, 1), 0)
-        return jnp.where(present, found, jnp.nan)
+        ratio = jnp.where(whole > 0, common / jnp.where(whole > 0, whole, 1), 0)
+        return jnp.where(present, ratio, jnp.nan)
 
     def distance(offset: Array) -> Array:
         return jnp.hypot(offset[..., 0], offset[..., 1])

@@ -30,27 +30,13 @@ def mean_error(distance: ArrayLike, chosen: ArrayLike | None = None) -> np.ndarr
     return _mean(np.asarray(distance, float), chosen)
 
 
-def share_within(
-    distance: ArrayLike, threshold: float, chosen: ArrayLike | None = None
-) -> np.ndarray:
-    """Percentage of correct keypoints (PCK) as a share: distances of at most ``threshold``.
-
-    Args:
-        distance: ``[..., T, P]``.
-        threshold: in the units of ``distance``.
-        chosen: ``[T, P]`` bool, frames and points that count; by default all known ones.
-    """
-    distance = np.asarray(distance, float)
-    return _mean(np.where(np.isnan(distance), np.nan, distance <= threshold), chosen)
-
-
 def recoveries(visible: ArrayLike) -> list[tuple[int, int, int]]:
     """Occlusions that end, as (point, first hidden frame, first frame in view again).
 
     Occlusions from the first frame on are left out, because the point's appearance is unknown.
     """
     visible = np.asarray(visible, bool)
-    found = []
+    occlusions = []
     for point in range(visible.shape[1]):
         shown = visible[:, point]
         begin = None
@@ -58,28 +44,9 @@ def recoveries(visible: ArrayLike) -> list[tuple[int, int, int]]:
             if shown[frame - 1] and not shown[frame]:
                 begin = frame
             if begin is not None and shown[frame]:
-                found.append((point, begin, frame))
+                occlusions.append((point, begin, frame))
                 begin = None
-    return found
-
-
-def recovered(
-    distance: ArrayLike, visible: ArrayLike, threshold: float, within: int = 5
-) -> np.ndarray:
-    """Whether points were recovered after an occlusion: bool ``[..., K]``.
-
-    Args:
-        distance: ``[..., T, P]``.
-        visible: ``[T, P]``; the K occlusions are those of ``recoveries``, in that order.
-        threshold: largest distance at which a point counts as recovered.
-        within: number of annotated frames, from its return on, in which it must be recovered.
-    """
-    distance = np.asarray(distance, float)
-    columns = [
-        np.any(distance[..., back : back + within, point] <= threshold, axis=-1)
-        for point, _, back in recoveries(visible)
-    ]
-    return np.stack(columns, axis=-1) if columns else np.zeros((*distance.shape[:-2], 0), bool)
+    return occlusions
 
 
 def points_kept(distance: ArrayLike, threshold: float, last: int = 10) -> np.ndarray:

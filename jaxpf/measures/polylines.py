@@ -41,13 +41,13 @@ def measure_polylines(estimate: ArrayLike, truth: ArrayLike) -> dict[str, Array]
     overlap = jnp.where(either > 0, both / jnp.where(either > 0, either, 1.0), 0.0)
     centres = jnp.linalg.norm(jnp.mean(ours[..., 1:, :] - theirs[..., 1:, :], axis=-2), axis=-1)
     apart = jnp.maximum(jnp.mean(to_truth, axis=-1), jnp.mean(to_estimate, axis=-1))
-    found = {"precision": precision, "recall": recall, "overlap": overlap}
-    found = {name: jnp.where(present, value, jnp.nan) for name, value in found.items()}
-    found |= {
+    shares = {"precision": precision, "recall": recall, "overlap": overlap}
+    shares = {name: jnp.where(present, value, jnp.nan) for name, value in shares.items()}
+    shares |= {
         name: jnp.where(known, value, jnp.nan)
         for name, value in (("centre_error", centres), ("corner_error", apart))
     }
-    return {"present": present, "tracked": precision > 0, **found}
+    return {"present": present, "tracked": precision > 0, **shares}
 
 
 def distances(points: ArrayLike, line: ArrayLike) -> Array:

@@ -75,12 +75,14 @@ def tracking_scores(estimate: ArrayLike, truth: ArrayLike) -> dict[str, float]:
     metrics = import_trackeval().metrics
     data = _trackeval_data(estimate, truth)
     quiet = {"PRINT_CONFIG": False}
-    found = metrics.HOTA().eval_sequence(data)
-    found |= metrics.CLEAR(quiet).eval_sequence(data) | metrics.Identity(quiet).eval_sequence(data)
-    scores = {name: float(np.mean(found[name])) for name in _SHARES}
+    results = metrics.HOTA().eval_sequence(data)
+    results |= metrics.CLEAR(quiet).eval_sequence(data) | metrics.Identity(quiet).eval_sequence(
+        data
+    )
+    scores = {name: float(np.mean(results[name])) for name in _SHARES}
     if data["num_gt_dets"] == 0:
         scores = dict.fromkeys(_SHARES, float("nan"))
-    return scores | {name: float(found[field]) for name, field in _COUNTS.items()}
+    return scores | {name: float(results[field]) for name, field in _COUNTS.items()}
 
 
 def success_curve(estimate: ArrayLike, truth: ArrayLike) -> Array:

@@ -125,7 +125,7 @@ def test_auto_is_decided_once_and_merges_with_what_it_stands_for():
         ({"methods": ["sir", "pf"]}, "method 'pf' is unknown; choose one of sir, ps, dps, sps"),
         ({"methods": []}, "methods is empty; give at least one value"),
         ({"methods": ["ps", "ps"]}, "methods names ps twice"),
-        ({"swaps": ["shuffled"]}, "swaps: 'shuffled' is unknown; choose one of none, random,"),
+        ({"swaps": ["shuffled"]}, "swaps = 'shuffled' is unknown; choose one of none, random,"),
         ({"orders": ["3;1"]}, "orders: '3;1' is no order; give 'given', 'shifts', or the objects"),
         ({"orders": []}, "orders is empty; give at least one value"),
         ({"target": "ghosts"}, "target 'ghosts' is unknown; choose one of"),

@@ -23,24 +23,18 @@ def test_distances_leave_out_what_is_not_known():
     assert points.point_distances(FOUND, TRUTH, lengths)[0, 5, 0] == 1
 
 
-def test_means_and_shares():
+def test_means():
     distance = points.point_distances(FOUND, TRUTH)
     np.testing.assert_allclose(points.mean_error(distance), [27 / 11, 1])
-    np.testing.assert_allclose(points.share_within(distance, 2), [6 / 11, 1])
     chosen = np.zeros((6, 2), bool)
     chosen[3] = True
     np.testing.assert_allclose(points.mean_error(distance, chosen), [3, 1])
     assert np.isnan(points.mean_error(distance, np.zeros((6, 2), bool))).all()
 
 
-def test_recoveries_are_listed_and_judged():
+def test_recoveries_are_listed():
     visible = np.array([[1, 0], [0, 0], [0, 1], [1, 1], [1, 0], [0, 1]], bool)
     assert points.recoveries(visible) == [(0, 1, 3), (1, 4, 5)]
-    distance = points.point_distances(FOUND, np.zeros((6, 2, 2)))
-    np.testing.assert_array_equal(
-        points.recovered(distance, visible, threshold=3), [[True, False], [True, True]]
-    )
-    assert points.recovered(distance, np.ones((6, 2), bool), 1).shape == (2, 0)
 
 
 def test_points_are_kept_if_they_end_where_they_should():

@@ -102,7 +102,7 @@ def _settle(opened: _Opened) -> Any:
 
 
 def _build(request: Request, opened: _Opened, settled: Any) -> Any:
-    """Divide the missing work and print the plan; see ``jaxpf.evaluation.Prepared``.
+    """Divide the missing work, if any, and print the plan; see ``jaxpf.evaluation.Prepared``.
 
     Raises:
         InputError: the work does not fit in memory.
@@ -115,7 +115,8 @@ def _build(request: Request, opened: _Opened, settled: Any) -> Any:
         click.echo(f"Baselines come first: {', '.join(options.baseline)}", err=True)
     limits = Limits(options.memory * 2**20, workers=opened.workers, devices=opened.devices)
     prepared = divide_work(opened.evaluation, settled, limits)
-    show_plan(prepared, opened.workers, opened.devices)
+    if prepared.missing_runs:
+        show_plan(prepared, opened.workers, opened.devices)
     check_memory(options.workers * prepared.memory, _LESS_MEMORY)
     return prepared
 
@@ -183,7 +184,7 @@ command = SceneCommand(
 
     The same command resumes after an interruption, or adds runs if --runs is larger.
 
-    Examples: jaxpf evaluate distracter --sharpness 20,30,40,50 --scale 2,2,0.001
+    Examples: jaxpf evaluate distracter --sharpness 20,30,40,50
 
     jaxpf evaluate FOLDER --baseline all --speed
     """,

@@ -9,7 +9,6 @@ import click
 
 from jaxpf.cli.shared.console import print_table
 from jaxpf.contract.options import chosen, counting, plain
-from jaxpf.evaluation.output.tables import printed_tables
 from jaxpf.evaluation.results import OWN
 from jaxpf.files.writing import write_text
 from jaxpf.targets import find_adapter
@@ -64,7 +63,7 @@ def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, st
         for name, value in configuration.parameters.items():
             if counts.get(name, True):
                 values.setdefault(name, {})[plain(value)] = None
-    varied = [name for name, found in values.items() if len(found) > 1]
+    varied = [name for name, texts in values.items() if len(texts) > 1]
     rows = []
     for method, indices in by_method.items():
         group = [prepared.configurations[index] for index in indices]
@@ -89,6 +88,8 @@ def _duration(seconds: float) -> str:
 
 def print_results(results: Any, tables: Any) -> None:
     """Print the summary and store it for ``print_again``."""
+    from jaxpf.evaluation.output.tables import printed_tables
+
     printed = {
         "runs": results.runs,
         "tables": [table._asdict() for table in printed_tables(results, tables)],

@@ -60,8 +60,8 @@ class Compared:
     )
     baseline: tuple[str, ...] = option(
         (),
-        "Baseline trackers, comma-separated: mil, csrt, kcf, meanshift, still (boxes that do not "
-        "move), or all that are installed.  csrt and kcf need opencv-contrib.",
+        "Baseline trackers, comma-separated: mil, csrt, kcf, meanshift, still; or all.  Boxes of "
+        "still do not move.  csrt and kcf need opencv-contrib; all takes those that are installed.",
     )
 
 
@@ -161,9 +161,9 @@ def request_of(values: Mapping[str, Any]) -> Request:
     )
     owners: list[Any] = [adapter.target for adapter in adapters().values()]
     owners += filters.all_filters().values()
-    known = options_of(*(owner.options for owner in owners))
+    declared = options_of(*(owner.options for owner in owners))
     given = given_in(values)
-    grid = {name: given[name] for name in known if name in given and name not in VARIED}
+    grid = {name: given[name] for name in declared if name in given and name not in VARIED}
     return Request(resolved_scene(values["scene"]), options, grid)
 
 

@@ -173,45 +173,45 @@ def declared_flags(
         rare: for a command's own options: those explained by ``--help-all`` only.  Booleans become
             flags without a value.
     """
-    found = []
-    for one in declared.values():
-        default = (defaults or {}).get(one.name, one.default)
+    flags = []
+    for option in declared.values():
+        default = (defaults or {}).get(option.name, option.default)
         about: dict[str, Any] = {
             "section": section,
-            "common": one.common if rare is None else one.name not in rare,
-            "help": _help(one, default),
+            "common": option.common if rare is None else option.name not in rare,
+            "help": _help(option, default),
         }
-        spellings = [one.flag, *one.flags, one.name]
-        if rare is not None and one.kind is bool:
+        spellings = [option.flag, *option.flags, option.name]
+        if rare is not None and option.kind is bool:
             about |= {"is_flag": True, "default": None}
-            if one.default:
-                spellings[0] = f"{one.flag}/--no-{one.flag.removeprefix('--')}"
+            if option.default:
+                spellings[0] = f"{option.flag}/--no-{option.flag.removeprefix('--')}"
         else:
-            about["type"], about["multiple"] = _click_type(one, grid)
-        found.append(Flag(spellings, **about))
-    return found
+            about["type"], about["multiple"] = _click_type(option, grid)
+        flags.append(Flag(spellings, **about))
+    return flags
 
 
-def _help(one: Option, default: Any) -> str:
-    text = one.help
-    if one.name != "method" and not all(choice in text for choice in one.choices):
-        text = f"{', '.join(one.choices)}.  {text}"
+def _help(option: Option, default: Any) -> str:
+    text = option.help
+    if option.name != "method" and not all(choice in text for choice in option.choices):
+        text = f"{', '.join(option.choices)}.  {text}"
     if default is None or default is False or default == () or "default" in text:
         return text
     return f"{text}  [default: {'on' if default is True else plain(default)}]"
 
 
-def _click_type(one: Option, grid: bool) -> tuple[Any, bool]:
-    if one.kind is Path:
+def _click_type(option: Option, grid: bool) -> tuple[Any, bool]:
+    if option.kind is Path:
         return GivenPath(), False
-    if one.kind is str and one.length:
+    if option.kind is str and option.length:
         return str, True
-    if one.length:
-        counted = one.length > 0 and not one.per_object
-        return NumberList(one.kind, one.length if counted else None, one.opens), grid
-    if not grid or one.kind is bool:
-        return one.kind, False
-    return (str if one.kind is str else NumberList(one.kind)), False
+    if option.length:
+        counted = option.length > 0 and not option.per_object
+        return NumberList(option.kind, option.length if counted else None, option.opens), grid
+    if not grid or option.kind is bool:
+        return option.kind, False
+    return (str if option.kind is str else NumberList(option.kind)), False
 
 
 def filter_flags(
@@ -269,7 +269,7 @@ def _section(family: Any) -> str:
 
 def start_flags(flags: Mapping[str, Mapping[str, Any]], section: str) -> list[Flag]:
     """Make the flags that define where a target starts."""
-    found = []
+    options = []
     for name, about in flags.items():
         kind = about.get("type", str)
         if isinstance(kind, list):
@@ -277,8 +277,8 @@ def start_flags(flags: Mapping[str, Mapping[str, Any]], section: str) -> list[Fl
         else:
             given = GivenPath() if kind is Path else kind
         spelling = f"--{name.replace('_', '-')}"
-        found.append(Flag([spelling], section=section, **{**about, "type": given}))
-    return found
+        options.append(Flag([spelling], section=section, **{**about, "type": given}))
+    return options
 
 
 def given_in(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -288,13 +288,13 @@ def given_in(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def as_typed(options: Any) -> dict[str, Any]:
     """Applicable options in command-line notation, by name; None for the rest."""
-    counts, found = counting(options), {}
-    for name, one in options_of(options).items():
+    counts, typed = counting(options), {}
+    for name, option in options_of(options).items():
         value = getattr(options, name) if counts[name] else None
-        if one.places and value and value != OPEN:
+        if option.places and value and value != OPEN:
             value = [place + 1 for place in value]
-        found[name] = value
-    return found
+        typed[name] = value
+    return typed
 
 
 def picked(
@@ -306,41 +306,41 @@ def picked(
         InputError: a value is out of range; the message names the flag.
     """
     given = {
-        name: one.checked(_from_people(one, values[name]), one.flag)
-        for name, one in options_of(owner).items()
+        name: option.checked(_from_people(option, values[name]), option.flag)
+        for name, option in options_of(owner).items()
         if name in given_in(values)
     }
     return filled(owner, given, defaults)
 
 
-def _from_people(one: Option, value: Any) -> Any:
+def _from_people(option: Option, value: Any) -> Any:
     """Convert indices from 1-based to 0-based."""
-    if not one.places or value == OPEN:
+    if not option.places or value == OPEN:
         return value
     if any(place < 1 for place in value):
-        raise InputError(f"{one.flag} {plain(value)} counts from 1; use no smaller number.")
+        raise InputError(f"{option.flag} {plain(value)} counts from 1; use no smaller number.")
     return tuple(place - 1 for place in value)
 
 
-def refuse_others(values: Mapping[str, Any], target: Any, its: Any) -> None:
+def refuse_others(values: Mapping[str, Any], target: Any, filter_: Any) -> None:
     """Refuse options of another target or another filter.
 
     Args:
         values: values of flags.
         target: the target.
-        its: the filter that tracks it.
+        filter_: the filter that tracks it.
 
     Raises:
         InputError: names the option and where it works.
     """
-    own = options_of(target.options, its.options)
-    every: dict[str, Any] = {name: one.target for name, one in adapters().items()}
+    own = options_of(target.options, filter_.options)
+    every: dict[str, Any] = {name: owner.target for name, owner in adapters().items()}
     every |= filters.all_filters()
     for name in [name for name in given_in(values) if name not in own]:
-        having = {n: options_of(one.options) for n, one in every.items()}
+        having = {n: options_of(owner.options) for n, owner in every.items()}
         owners = [n for n, options in having.items() if name in options]
         if owners:
-            chosen = its.name if owners[0] in filters.all_filters() else target.name
+            chosen = filter_.name if owners[0] in filters.all_filters() else target.name
             raise InputError(
                 f"{having[owners[0]][name].flag} works only for {' and '.join(owners)}, not for "
                 f"{chosen}, the default or the choice of --method; leave it out, or choose "

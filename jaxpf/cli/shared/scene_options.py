@@ -27,7 +27,7 @@ class SceneOptions:
         None, f"Kind of target: {', '.join(adapters())}; by default that of the truth."
     )
     set: tuple[str, ...] = option(
-        (), "NAME=VALUE, a parameter of a synthetic scene, such as lead_distance=60; repeat it."
+        (), "NAME=VALUE, parameter of a synthetic scene, repeatable.  Such as lead_distance=60."
     )
     scene_seed: int = option(0, "Seed of a synthetic scene, or of the first one.")
     ids: tuple[int, ...] | None = option(
@@ -101,8 +101,8 @@ class SceneCommand(Command):
         of = [flag for name in names for flag in self._of_target(name)]
         for flag in of:
             flag.common = bool(named)
-        its = self._of_filters(find_adapter(named).target.defaults if named else {}, methods)
-        own = [*self._own, *self.get_params(ctx)[-1:], *its]
+        of_filters = self._of_filters(find_adapter(named).target.defaults if named else {}, methods)
+        own = [*self._own, *self.get_params(ctx)[-1:], *of_filters]
         return [*own, *of] if named or ctx.meta.get(ALL) else own
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

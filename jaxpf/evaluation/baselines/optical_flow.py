@@ -41,10 +41,10 @@ def follow_points(
         grey = cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_RGB2GRAY)
         if before is not None:
             column = here[:, None]
-            there, found = _flow(before, grey, column, window, levels)
-            back, found_back = _flow(grey, before, there, window, levels)
+            there, status = _flow(before, grey, column, window, levels)
+            back, status_back = _flow(grey, before, there, window, levels)
             error = np.linalg.norm(back - column, axis=-1)[:, 0]
-            good = (found[:, 0] == 1) & (found_back[:, 0] == 1) & (error <= largest_error)
+            good = (status[:, 0] == 1) & (status_back[:, 0] == 1) & (error <= largest_error)
             here = np.where(good[:, None], there[:, 0], here)
             places.append(here + 0.5)
             followed.append(good)
@@ -54,7 +54,7 @@ def follow_points(
 
 
 def _flow(before, after, places, window, levels):
-    there, found, _ = cv2.calcOpticalFlowPyrLK(
+    there, status, _ = cv2.calcOpticalFlowPyrLK(
         before, after, places, np.empty_like(places), winSize=(window, window), maxLevel=levels
     )
-    return there, found
+    return there, status

@@ -48,7 +48,7 @@ def simulated_detections(
         raise InputError("the truth holds no box; detections are simulated from it.")
     rng = np.random.default_rng(seed)
     sizes = truth[there][:, 2:]
-    found = []
+    detections = []
     for boxes in (row[present] for row, present in zip(truth, there, strict=True)):
         seen = boxes[rng.random(len(boxes)) >= misses]
         size = seen[:, 2:] * np.exp(jitter * rng.standard_normal((len(seen), 2)))
@@ -64,5 +64,5 @@ def simulated_detections(
         )
         every = rng.permutation(every)
         inside = (every[:, :2] < frame_shape[1::-1]) & (every[:, :2] + every[:, 2:] > 0)
-        found.append(every[inside.all(axis=1)])
-    return found
+        detections.append(every[inside.all(axis=1)])
+    return detections

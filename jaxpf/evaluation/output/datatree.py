@@ -50,13 +50,13 @@ def datatree(results: Results) -> Any:
 
     def of_runs(field: str) -> np.ndarray:
         """Values of a field, ``[R, T, C, ...]``, with NaN for missing runs."""
-        known = {
+        by_place = {
             place: np.concatenate([getattr(batch, field) for batch in each])
             for place, each in batches.items()
         }
-        most, shape = max(map(len, known.values())), next(iter(known.values())).shape[1:]
+        most, shape = max(map(len, by_place.values())), next(iter(by_place.values())).shape[1:]
         filled = np.full((most, len(ran), *shape), np.nan)
-        for place, values in known.items():
+        for place, values in by_place.items():
             filled[: len(values), place] = values
         return np.moveaxis(filled, 1, 2)
 

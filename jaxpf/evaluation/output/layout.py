@@ -31,7 +31,10 @@ HEADLINE = tuple(
     )
 )
 #: Measures that fit in a terminal of 120 columns.
-PRINTED = HEADLINE[:6]
+PRINTED = tuple(
+    by_name(name)
+    for name in ("success_half", "success_area", "overlap", "coverage_95", "size_coverage_95")
+)
 #: Measures of the spread's calibration.  The log score is only in ``summary.csv``: one frame with
 #: identical particles outweighs all others.
 CALIBRATION = tuple(
@@ -135,28 +138,30 @@ def calibration_tables(
     object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
 ) -> list[Table]:
     """Calibration, one table per object; no tables if no filter has spreads of x and y."""
-    known = [s for s in summaries if s.transforms.any()]
+    calibrated = [s for s in summaries if s.transforms.any()]
     return [
-        _estimates(f"calibration, {object_name(object_ids, place)}", known, place, CALIBRATION)
+        _estimates(f"calibration, {object_name(object_ids, place)}", calibrated, place, CALIBRATION)
         for place in _distinct(object_ids, places)
-        if known
+        if calibrated
     ]
 
 
 def reliability_tables(summaries: Sequence["Summary"]) -> list[Table]:
     """Share of boxes on their object by confidence, all objects; no table without confidence."""
-    known = [summary for summary in summaries if summary.confidence.frames[-1]]
-    if not known:
+    confident = [summary for summary in summaries if summary.confidence.frames[-1]]
+    if not confident:
         return []
-    table = Table("reliability of confidence, all objects", ["method"], [[s.name] for s in known])
-    bins = known[0].confidence.bins
+    table = Table(
+        "reliability of confidence, all objects", ["method"], [[s.name] for s in confident]
+    )
+    bins = confident[0].confidence.bins
     for place in range(bins):
-        shares = triples([summary.confidence.shares() for summary in known], place)
-        frames = [f"{summary.confidence.frames[place]}" for summary in known]
+        shares = triples([summary.confidence.shares() for summary in confident], place)
+        frames = [f"{summary.confidence.frames[place]}" for summary in confident]
         texts = zip(cells_of(ON_ITS_OBJECT, shares), frames, strict=True)
         column = f"{place / bins:.1f} to {(place + 1) / bins:.1f} (%, frames)"
         table.add(column, [f"{text}, {number}" for text, number in texts])
-    areas = np.array([summary.confidence.area() for summary in known])
+    areas = np.array([summary.confidence.area() for summary in confident])
     if np.isfinite(areas).any():
         texts = [f"{100 * area:.1f}" if np.isfinite(area) else "-" for area in areas]
         table.add("area under the curve (%)", texts)

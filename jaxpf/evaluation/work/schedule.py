@@ -73,20 +73,20 @@ def batches(
     missing = sum(int(np.sum(~done[index])) for index in ours)
     share = max(1, math.ceil(missing / limits.workers))
     devices = limits.devices or jax.local_device_count()
-    known: dict[Any, Costs | None] = {}
+    cost_by_shape: dict[Any, Costs | None] = {}
     kernels = set()
     work, seconds, largest = [], 0.0, 0
-    one = math.prod(scene.frames.shape[1:])
-    length = chunk_length(len(scene.frames) - 1, one, int(_SHARE_OF_FRAMES * limits.memory))
+    frame_bytes = math.prod(scene.frames.shape[1:])
+    length = chunk_length(len(scene.frames) - 1, frame_bytes, int(_SHARE_OF_FRAMES * limits.memory))
     for index in ours:
         configuration = configurations[index]
         if done[index].all():
             continue
         shape = shape_of(configuration, adapter.target)
         function = plan.trackers.get(configuration.method)
-        if shape not in known:
-            known[shape] = costs(configuration, scene, adapter)
-        cost = known[shape]
+        if shape not in cost_by_shape:
+            cost_by_shape[shape] = costs(configuration, scene, adapter)
+        cost = cost_by_shape[shape]
         most = limits.runs_per_batch or WIDE * devices
         if cost and not limits.runs_per_batch:
             most = most_runs(cost, limits.memory, devices)
@@ -123,7 +123,7 @@ def batches(
     if not isinstance(scene.frames, np.ndarray):
         seconds += len(work) * _READ * kept / 3
         kept = 0
-    memory = _BASE_MEMORY + kept + _CHUNKS * length * one + largest
+    memory = _BASE_MEMORY + kept + _CHUNKS * length * frame_bytes + largest
     at_once = max(1.0, _SHARE_OF_CORE * min(limits.workers, len(work)))
     return work, seconds / at_once + _COMPILE * len(kernels), memory
 
@@ -202,7 +202,9 @@ def shape_of(configuration: Configuration, target: Target) -> tuple[Any, ...]:
     """Values on which the compiled kernel depends; equal ones share a kernel."""
     if configuration.kind != BUILT_IN:
         return (configuration.method,)
-    its = filters.filter_of(configuration.variant["method"])
-    options = options_of(target.options, its.options)
-    names = [name for name, option in options.items() if option.compiles and name not in its.varied]
-    return (its.name, *(configuration.parameters[name] for name in names))
+    filter_ = filters.filter_of(configuration.variant["method"])
+    options = options_of(target.options, filter_.options)
+    names = [
+        name for name, option in options.items() if option.compiles and name not in filter_.varied
+    ]
+    return (filter_.name, *(configuration.parameters[name] for name in names))

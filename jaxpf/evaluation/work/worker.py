@@ -145,8 +145,8 @@ def _tracker(scene: Any, work: Work) -> Any:
         return tracker_of(scene, find_adapter(work.target), work.configuration)
     key = work.digest, work.configuration.method
     if _own_tracker.get("key") != key:
-        made = tracker_of(scene, find_adapter(work.target), work.configuration, work.function)
-        _own_tracker.update(key=key, tracker=made)
+        tracker = tracker_of(scene, find_adapter(work.target), work.configuration, work.function)
+        _own_tracker.update(key=key, tracker=tracker)
     return _own_tracker["tracker"]
 
 
@@ -158,12 +158,12 @@ def _opened(work: Work) -> Any:
     scene = remembered_scene(work.digest)
     if scene is None:
         scene = open_scene(work.scene)
-        found = scene_digest(scene)
-        if found != work.digest:
+        digest = scene_digest(scene)
+        if digest != work.digest:
             raise InputError(
                 f"scene {scene.name!r} is not the same in every process: its pictures or boxes "
                 "differ from those the evaluation began with; give all workers the same files and "
                 "the same versions of the libraries that decode them."
             )
-        remember_scene(scene, found)
+        remember_scene(scene, digest)
     return scene

@@ -44,7 +44,6 @@ _COMMANDS = {
     ),
     "frame": ("jaxpf.cli.frame", "Save one frame with a pixel grid, for reading off boxes."),
     "contour": ("jaxpf.cli.contour", "Learn what contours look like and how they move."),
-    "detections": ("jaxpf.cli.detections", "Simulate a detector on a video with known truth."),
     "evaluate": (
         "jaxpf.cli.evaluating.command",
         "Compare methods over many runs on a scene or a clip.",

@@ -32,7 +32,8 @@ class Label(NamedTuple):
     @classmethod
     def around(cls, text: str, low: Any, high: Any, colour: tuple[int, int, int]) -> "Label":
         """The label of an object from corner ``low`` to corner ``high``, each x, y."""
-        return cls(text, *map(int, np.floor(low)), *map(int, np.ceil(high)), colour)
+        (left, top), (right, bottom) = np.floor(low).astype(int), np.ceil(high).astype(int)
+        return cls(text, int(left), int(top), int(right), int(bottom), colour)
 
 
 def draw_labels(frame: np.ndarray, labels: Sequence[Label]) -> None:

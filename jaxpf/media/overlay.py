@@ -123,11 +123,11 @@ def _draw_outlines(
         _draw_outline(picture, lines[index], shades[index], bool(lost[index]), kind)
     # Labels come last, so that no outline crosses one.
     labels = []
-    for index, name in enumerate(names):
-        if shown[index]:
-            mark = " lost" if lost[index] else " ?" if doubtful[index] else ""
-            low, high = lines[index].min(axis=0), lines[index].max(axis=0) + 0.5
-            labels.append(Label.around(f"{name}{mark}", low, high, shades[index]))
+    for place, name in enumerate(names):
+        if shown[place]:
+            mark = " lost" if lost[place] else " ?" if doubtful[place] else ""
+            low, high = lines[place].min(axis=0), lines[place].max(axis=0) + 0.5
+            labels.append(Label.around(f"{name}{mark}", low, high, shades[place]))
     draw_labels(picture, labels)
     return picture
 

@@ -38,7 +38,7 @@ def draw_points(
     picture = np.ascontiguousarray(frame).copy()
     places = np.asarray(places, float)
     chosen = object_colours(len(places)) if colours is None else np.asarray(colours)
-    shades = [tuple(map(int, each)) for each in chosen]
+    shades = [(int(red), int(green), int(blue)) for red, green, blue in chosen]
     hollow = np.zeros(len(places), bool) if hidden is None else np.asarray(hidden, bool)
     radius = max(4.0, min(picture.shape[:2]) / 120) if radius is None else radius
     line = max(1, round(radius / 4))

@@ -1,7 +1,6 @@
 from .following import (
     TrackedPopulation as TrackedPopulation,
     follow as follow,
-    open_box_model as open_box_model,
     open_box_tracker as open_box_tracker,
     open_model as open_model,
 )

@@ -16,13 +16,14 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import ArrayLike
 
 from jaxpf import running
-from jaxpf.boxes.models import DEFAULT_SCALE, box_model, boxes_at
-from jaxpf.boxes.target import Options
+from jaxpf.boxes import target as box_target
+from jaxpf.boxes.models import box_model, boxes_at
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
+from jaxpf.contract.options import chosen, options_of
+from jaxpf.filters.labelled import options as labelled
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_started
 from jaxpf.filters.labelled.tracker import Labelled
@@ -60,54 +61,21 @@ class TrackedPopulation(NamedTuple):
     state: Any
 
 
-def open_box_model(
-    frame_shape: Sequence[int],
-    capacity: int,
-    *,
-    typical_size: tuple[float, float] = (32.0, 64.0),
-    scale: ArrayLike = DEFAULT_SCALE,
-    sharpness: float = 20.0,
-    bands: int = 2,
-    likelihood: str = "auto",
-    num_particles: int | None = None,
-) -> Model:
-    """Build a model with ``capacity`` empty slots for boxes.
-
-    Args:
-        frame_shape: of a frame, (height, width, ...).
-        capacity: C.
-        typical_size: see ``open_histogram``.
-        scale: see ``jaxpf.boxes.box_model``.
-        sharpness: of the histograms.
-        bands: of a box.
-        likelihood: ``"auto"``, ``"integral"`` or ``"sampled"``.
-        num_particles: for ``"auto"``.
-    """
-    if capacity < 1:
-        raise InputError(f"capacity={capacity} must be at least 1.")
-    height, width = frame_shape[:2]
-    histograms = open_histogram(
-        capacity,
-        (height, width),
-        typical_size=typical_size,
-        sharpness=sharpness,
-        parts=bands,
-        method=likelihood,
-        num_particles=num_particles,
-    )
-    nowhere = np.full((capacity, 4), np.nan)
-    model = box_model(histograms, nowhere, scale)
-    return model._replace(initial=np.full((capacity, 3), np.nan, np.float32))
-
-
 def open_model(
-    options: Options,
+    options: box_target.Options,
     frame_shape: Sequence[int],
     capacity: int,
     typical_size: tuple[float, float],
-    num_particles: int,
+    num_particles: int | None = None,
 ) -> Model:
-    """Build ``open_box_model`` from the options of the box model.
+    """Build a model with empty slots for boxes that move by pixels and are known by colour.
+
+    Args:
+        options: of boxes.
+        frame_shape: of a frame, (height, width, ...).
+        capacity: C, number of slots.
+        typical_size: see ``open_histogram``.
+        num_particles: chooses the method of the histograms if ``options`` leave it open.
 
     Raises:
         InputError: options that require a start frame, which an empty population lacks.
@@ -117,16 +85,20 @@ def open_model(
             "objects that come and go are known by colour and move by pixels, because there is "
             "no start frame to learn from; leave out --appearance and --motion."
         )
-    return open_box_model(
-        frame_shape,
+    if capacity < 1:
+        raise InputError(f"capacity={capacity} must be at least 1.")
+    height, width = frame_shape[:2]
+    histograms = open_histogram(
         capacity,
+        (height, width),
         typical_size=typical_size,
-        scale=options.scale,
         sharpness=options.sharpness,
-        bands=options.bands,
-        likelihood=options.likelihood,
+        parts=options.bands,
+        method=options.likelihood,
         num_particles=num_particles,
     )
+    model = box_model(histograms, np.full((capacity, 4), np.nan), options.scale)
+    return model._replace(initial=np.full((capacity, 3), np.nan, np.float32))
 
 
 def open_box_tracker(
@@ -134,32 +106,22 @@ def open_box_tracker(
     *,
     capacity: int = 16,
     num_particles: int = 1600,
-    resampling: str = "systematic",
-    scope: str = "across",
-    feedback: str = "none",
-    regularise: ArrayLike | None = None,
+    typical_size: tuple[float, float] = (32.0, 64.0),
     **settings: Any,
 ) -> Labelled:
     """Build a labelled tracker with ``capacity`` empty slots; ``follow`` fills them.
 
     Args:
-        frame_shape, capacity: as in ``open_box_model``.
+        frame_shape, capacity, typical_size: as in ``open_model``.
         num_particles: N, shared by all tracked objects.
-        resampling, scope, feedback, regularise: as in ``Labelled``.
-        settings: of ``open_box_model``.
+        settings: options of boxes and of the labelled filter, such as ``scale`` or ``scope``.
     """
-    model = open_box_model(frame_shape, capacity, num_particles=num_particles, **settings)
-    return Labelled(
-        dynamics=model.dynamics,
-        likelihood=model.likelihood,
-        initial=model.initial,
-        num_particles=num_particles,
-        resampling=resampling,
-        scope=scope,
-        feedback=feedback,
-        population="open",
-        regularise=None if regularise is None else np.asarray(regularise, np.float32),
-    )
+    settings["particles"] = num_particles
+    for name in settings.keys() - options_of(box_target.Options, labelled.Options).keys():
+        raise InputError(f"{name} is no option of boxes or of the labelled filter; leave it out.")
+    options = chosen(box_target.Options, settings)
+    model = open_model(options, frame_shape, capacity, typical_size, num_particles)
+    return labelled.LABELLED.tracker(model, chosen(labelled.Options, settings))
 
 
 def follow(
@@ -205,9 +167,9 @@ def follow(
             tracker, likelihood=Detected(tracker.likelihood, nothing, nothing)
         )
     for time, frame in enumerate(frames):
-        last_id = _of_frame(detections, time)
+        detected = _of_frame(detections, time)
         if time > 0:
-            tracker = _told(tracker, boxes, last_id, rules)
+            tracker = _with_detections(tracker, boxes, detected, rules)
             state, summary = streaming.step(tracker, key, time - 1, state, frame)
             summary = jax.tree.map(np.asarray, summary)
             boxes, lost = _boxes(tracker, summary.estimate), summary.lost
@@ -215,7 +177,7 @@ def follow(
             named_first = np.isin(living.ids, [identity for identity, _ in starts.get(0, [])])
             check_started(dataclasses.replace(summary, lost=lost & named_first), living.ids)
         living, changes = lifetimes.advance(
-            living, boxes, lost, last_id, starts.get(time, []), frame.shape, rules
+            living, boxes, lost, detected, starts.get(time, []), frame.shape, rules
         )
         tracker, state, living, changes = _changed(tracker, state, living, changes, frame, ids)
         if time == 0:
@@ -273,7 +235,7 @@ def _changed(
     return tracker, state, living._replace(ids=ids), Changes(births, changes.deaths, refused)
 
 
-def _told(
+def _with_detections(
     tracker: Labelled, boxes: np.ndarray, detections: np.ndarray | None, rules: Rules
 ) -> Labelled:
     """Pass to the tracker the detections that match its objects' boxes in the previous frame."""

@@ -1,6 +1,5 @@
 """One run over the frames of a sequence: the loop over frames, and forecasts."""
 
-import sys
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -12,13 +11,9 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.pytree import is_concrete
 from jaxpf.running import missing_frames
 from jaxpf.running.checks import check_frames, check_run, check_whole
 from jaxpf.running.chunks import come_one_by_one
-
-#: Number of blocks of frames in a run that reports progress.
-_BLOCKS = 20
 
 
 def summary_only(state: Any, summary: Any) -> Any:
@@ -34,7 +29,6 @@ def run(
     observed: Any = None,
     state: Any = None,
     time: int = 0,
-    progress: bool | Callable[[int, int], Any] = False,
 ) -> tuple[Any, Any]:
     """Track one sequence once.
 
@@ -57,9 +51,6 @@ def run(
             a missing frame is 0, unless it is random (``jaxpf.running.missing_frames``).
         state: state after the previous frames, to resume; None starts with ``tracker.init``.
         time: number of previous frames.
-        progress: True prints the number of finished frames to stderr; a function is called with
-            that number and T.  The run is then split into about twenty blocks of frames, with the
-            same results.
 
     Returns:
         The final state, and the recorded values with a leading axis T.
@@ -78,11 +69,7 @@ def run(
     num_frames(frames)
     check_run(tracker, frames)
     tracker, frames = missing_frames.marked(tracker, frames, observed)
-    key = as_key(key)
-    if not progress or not is_concrete(tracker, key, frames, state):
-        return run_compiled(tracker, key, frames, record, state, time)
-    tell = _tell if progress is True else progress
-    return _in_blocks(tracker, key, frames, record, state, time, tell)
+    return run_compiled(tracker, as_key(key), frames, record, state, time)
 
 
 def forecast(
@@ -119,25 +106,6 @@ def forecast(
     nothing = np.zeros(steps, bool)
     blind = missing_frames.WithoutFrames(tracker)
     return run_compiled(blind, as_key(key), (nothing, nothing), record, state, time)
-
-
-def _in_blocks(tracker, key, frames, record, state, time, tell):
-    """``run_compiled``, reporting progress after each block of frames."""
-    total, kept = num_frames(frames), []
-    length = -(-total // _BLOCKS)
-    if state is None:
-        state = jax.jit(init)(tracker, key)
-    for first in range(0, total, length):
-        block = jax.tree.map(lambda x, first=first: x[first : first + length], frames)
-        state, recorded = run_compiled(tracker, key, block, record, state, time + first)
-        kept.append(jax.block_until_ready(recorded))
-        tell(min(first + length, total), total)
-    return state, jax.tree.map(lambda *x: jnp.concatenate(x), *kept)
-
-
-def _tell(done: int, total: int) -> None:
-    end = "\n" if done == total else ""
-    print(f"\r{done} of {total} frames", end=end, file=sys.stderr, flush=True)
 
 
 def frame_key(key: jax.Array, time: Any) -> jax.Array:

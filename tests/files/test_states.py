@@ -42,20 +42,6 @@ def test_a_run_goes_on_as_if_nothing_had_been_between(saved):
     assert jnp.array_equal(end.lagged, whole_end.lagged)
 
 
-@pytest.mark.slow
-def test_a_run_that_tells_how_far_it_is_gives_the_same(capsys):
-    told = []
-    found = jaxpf.run(
-        one(), jax.random.key(1), FRAMES, progress=lambda *numbers: told.append(numbers)
-    )
-    assert told == [(done, 6) for done in range(1, 7)]
-    whole = jaxpf.run(one(), jax.random.key(1), FRAMES)
-    same = jax.tree.map(lambda x, y: bool(jnp.array_equal(x, y)), found, whole)
-    assert all(jax.tree.leaves(same))
-    jaxpf.run(one(), jax.random.key(1), FRAMES, progress=True)
-    assert capsys.readouterr().err.endswith("6 of 6 frames\n")
-
-
 @pytest.mark.parametrize(
     ("tracker", "said"),
     [

@@ -1,4 +1,4 @@
-"""``jaxpf track`` on cameras and streams, and the preview window."""
+"""``jaxpf track`` on cameras and streams."""
 
 import collections
 import time
@@ -40,19 +40,6 @@ def check_live(request: "Request", source: Any) -> None:
                 f"{flag} is about frames that are known beforehand, and camera "
                 f"'{source.path}' is live; leave it out, or record a video first."
             )
-
-
-def open_window(source: Any) -> Any:
-    """The window of --preview; it closes when the command ends.
-
-    Raises:
-        InputError: there is no screen.
-    """
-    from jaxpf.media.preview import Preview
-
-    window = Preview(f"jaxpf: {source.name}")
-    click.get_current_context().call_on_close(window.close)
-    return window
 
 
 def used_to_the_light(frames: Iterator[np.ndarray]) -> np.ndarray:

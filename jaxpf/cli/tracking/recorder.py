@@ -220,15 +220,8 @@ def _writers(
     writers.append(recording.counts)
     if recording.population is not None:
         writers.append(recording.population)
-    if request.run.overlay or opened.window is not None:
-        from jaxpf.media.video_writer import VideoWriter
-
-        video = None
-        if request.run.overlay:
-            size = opened.source.width, opened.source.height
-            video = VideoWriter(opened.output / "overlay.mp4", *size, opened.source.fps)
-            stack.enter_context(video)
-        writers.append(Overlay(scene, video, opened.window))
+    if request.run.overlay:
+        writers.append(Overlay(opened.output, scene, stack))
     return writers
 
 

@@ -20,7 +20,7 @@ from jaxpf.targets.target import Target
 #: Maximum number of frames in a video.
 _MOST_FRAMES = 2**31 - 1
 #: Run options left out of run.toml because they do not affect results.
-_NOT_REPEATED = ("output", "overwrite", "preview", "save_state")
+_NOT_REPEATED = ("output", "overwrite", "save_state")
 #: Start flags that extend the start of a configuration file; other start flags replace it.
 _ADDS_TO_START = ("ids", "mask_step", "learned")
 
@@ -74,7 +74,6 @@ class Run:
     )
     overwrite: bool = option(False, "Replace files in an existing folder.")
     overlay: bool = option(True, "Write the overlay video.")
-    preview: bool = option(False, "Show the overlay in a window while tracking; needs a screen.")
     truth: Path | None = option(  # noqa: RUF009
         None, "Compare with these true boxes, a CSV as for --boxes."
     )

@@ -13,7 +13,7 @@ import numpy as np
 from jaxpf.cli.shared.startup import use_compile_cache
 from jaxpf.cli.tracking import births as births_of
 from jaxpf.cli.tracking.finishing import finish
-from jaxpf.cli.tracking.live import check_live, open_window, start_when_compiled, used_to_the_light
+from jaxpf.cli.tracking.live import check_live, start_when_compiled, used_to_the_light
 from jaxpf.cli.tracking.recorder import Recording, nothing_follows, record_run
 from jaxpf.cli.tracking.request import Request
 from jaxpf.contract.errors import InputError
@@ -38,7 +38,6 @@ class Opened:
         start: where objects start.
         truth: boxes of --truth, or None.
         output: folder for the results.
-        window: window of --preview, or None.
     """
 
     source: Any
@@ -47,7 +46,6 @@ class Opened:
     start: Start
     truth: Any
     output: Path
-    window: Any
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,7 +83,6 @@ def open_input(request: Request) -> Opened:
     frames = source.frames(run_options.start)
     click.get_current_context().call_on_close(frames.close)
     check_live(request, source)
-    window = open_window(source) if run_options.preview else None
     first = used_to_the_light(frames) if source.is_camera else next(frames)
     start = request.adapter.read_start(request.starts, run_options.start, source)
     for remark in start.remarks:
@@ -106,7 +103,7 @@ def open_input(request: Request) -> Opened:
             f"--smooth waits for the end of the clip, and the end of '{source.path}' is unknown; "
             "use --smooth-lag 50, or --frames."
         )
-    return Opened(source, first, frames, start, truth, output, window)
+    return Opened(source, first, frames, start, truth, output)
 
 
 def _after(frame: np.ndarray, frames: Generator[np.ndarray]) -> Generator[np.ndarray]:

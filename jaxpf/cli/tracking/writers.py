@@ -76,14 +76,19 @@ class Diagnostics:
 
 
 class Overlay:
-    """Draws the overlay into a video and into the window of --preview.
+    """Writes overlay.mp4.
 
     A recovered object is drawn as doubtful until it has been followed for ``CONFIRMED_AFTER``
     frames.
     """
 
-    def __init__(self, scene: Scene, video: Any, window: Any):
-        self._scene, self._video, self._window = scene, video, window
+    def __init__(self, output: Path, scene: Scene, stack: contextlib.ExitStack):
+        from jaxpf.media.video_writer import VideoWriter
+
+        self._scene = scene
+        self._video = stack.enter_context(
+            VideoWriter(output / "overlay.mp4", *scene.size, scene.fps)
+        )
         self._past: collections.deque[np.ndarray] = collections.deque(maxlen=_TRAIL)
         self._unconfirmed: dict[Any, int] = {}
 
@@ -92,14 +97,7 @@ class Overlay:
         doubtful = self._doubtful(record)
         if record.changes is None:
             self._past.append(record.shapes)
-        shows = self._window is not None and self._window.is_due
-        if self._video is None and not shows:
-            return
-        picture = self._draw(record, doubtful)
-        if self._video is not None:
-            self._video.write(picture)
-        if shows:
-            self._window.show(picture)
+        self._video.write(self._draw(record, doubtful))
 
     def _doubtful(self, record: Record) -> np.ndarray:
         """``[P]`` bool: the object is probably lost, or recovered and not yet confirmed."""

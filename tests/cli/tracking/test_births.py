@@ -1,11 +1,8 @@
 """``jaxpf track --births``: objects that come and go, and what is refused."""
 
-import os
-
 import numpy as np
 import pytest
-from command_line import jaxpf
-from small_video import FROM_1, LENGTH, rows_of, summary_of, true_boxes
+from small_video import LENGTH, rows_of, summary_of, true_boxes
 
 from jaxpf.boxes import read_tracks
 from jaxpf.populations.detections import write_detections
@@ -131,31 +128,6 @@ def test_what_does_not_go_is_refused(refuse, tmp_path, content, arguments, messa
         (tmp_path / "d.txt").write_text(content)
         births = ("--births", "d.txt")
     assert message in refuse(*births, *arguments)
-
-
-def test_a_user_can_simulate_a_detector(place, tmp_path):
-    arguments = ("detections", place / "clip.avi", place / "gt.csv", "-o", tmp_path / "det.txt")
-    outcome = jaxpf(*arguments, "--misses", "0", "--false-alarms", "0", "--jitter", "0")
-    assert outcome.code == 0, outcome.err
-    assert f"{2 * LENGTH} detections in {LENGTH} frames" in outcome.out
-    rows = np.loadtxt(tmp_path / "det.txt", delimiter=",")
-    assert rows[0, 0] == 1
-    truth = {tuple(box) for box in true_boxes(LENGTH - 1) + FROM_1}
-    assert {tuple(row[2:6]) for row in rows if row[0] == LENGTH} == truth
-    assert "exists; choose another" in jaxpf(*arguments).err
-    for more, sentence in (
-        (("--misses", "2"), "--misses 2.0 must be from 0 to 1"),
-        (("-o", place / "clip.avi"), "is also an input; choose another --output"),
-        (("-o", place / "gt.csv"), "is also an input; choose another --output"),
-        (("-o", os.devnull), "is a device or a pipe; choose another --output"),
-    ):
-        outcome = jaxpf(*arguments, "--overwrite", *more)
-        assert outcome.code == 2
-        assert sentence in outcome.err
-    late = tmp_path / "late.csv"
-    late.write_text(f"{LENGTH + 1},1,6,8,12,16\n")
-    outcome = jaxpf("detections", place / "clip.avi", late, "-o", tmp_path / "late.txt")
-    assert f"has no box in the {LENGTH} frames of" in outcome.err
 
 
 def test_a_start_at_which_an_object_fits_nothing_is_refused_in_its_first_frame(refuse):

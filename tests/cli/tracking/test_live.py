@@ -1,9 +1,8 @@
-"""``jaxpf track`` on streams and cameras, and its window."""
+"""``jaxpf track`` on streams and cameras."""
 
 import _thread
 import contextlib
 import signal
-import sys
 
 import numpy as np
 import pytest
@@ -13,33 +12,15 @@ from small_video import BOXES, HEIGHT, WIDTH, picture, rows_of, summary_of, true
 from jaxpf.media import open_frames
 
 
-def test_a_stream_is_tracked_as_its_file_is_and_shown(
-    track, place, whole_run, tmp_path, monkeypatch
-):
-    shown = []
-
-    class Window:
-        is_due = True
-
-        def __init__(self, title):
-            self.show = shown.append
-
-        def close(self):
-            shown.append("closed")
-
-    monkeypatch.setattr("jaxpf.media.preview.Preview", Window)
+def test_a_stream_is_tracked_as_its_file_is(track, place, whole_run, tmp_path):
     with served(place) as server:
-        outcome = track(*BOXES, "--preview", video=f"{server}/clip.avi")
+        outcome = track(*BOXES, video=f"{server}/clip.avi")
         assert outcome.code == 0, outcome.err
         again = track(
             "--config", tmp_path / "out/run.toml", "-o", "again", video=f"{server}/no.avi"
         )
     assert "no.avi' does not open" in again.err
     np.testing.assert_array_equal(rows_of(tmp_path / "out"), rows_of(whole_run[1]))
-    *pictures, last = shown
-    assert last == "closed"
-    assert len(pictures) == len(list(open_frames(tmp_path / "out" / "overlay.mp4")))
-    assert {picture.shape for picture in pictures} == {(48, 64, 3)}
 
 
 @pytest.fixture
@@ -85,11 +66,3 @@ def test_what_a_camera_cannot_have_is_refused(refuse, place, monkeypatch):
     said = refuse(*BOXES, "--truth", place / "gt.csv", video="0")
     assert "--truth is about frames that are known beforehand, and camera '0' is live" in said
     assert "camera '1' does not open" in refuse(*BOXES, video="1")
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="screens are named in DISPLAY")
-def test_a_preview_without_a_screen_is_refused(refuse, monkeypatch):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    said = refuse(*BOXES, "--preview")
-    assert "a preview needs" in said
-    assert said.endswith("leave --preview out")

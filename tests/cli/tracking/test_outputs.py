@@ -210,7 +210,6 @@ def test_run_toml_holds_every_option_that_shapes_the_result(whole_run):
         "output",
         "overwrite",
         "config",
-        "preview",
         "help_all",
         "save_state",
     }

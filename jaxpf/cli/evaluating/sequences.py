@@ -134,7 +134,8 @@ def _of_one_kind(
             continue
         if sequence.name in {other.name for other in chosen}:
             raise InputError(
-                f"two sequences are called {sequence.name!r}; list it once, or give one another seed."
+                f"two sequences are called {sequence.name!r}; list it once, or give one "
+                "another seed."
             )
         most = frames
         if is_folder and frames is not None:

@@ -10,8 +10,8 @@ import pytest
 from quick_compiling import quick
 
 import jaxpf
+from jaxpf import pytree_dataclass
 from jaxpf.boxes import relative_box_model
-from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.filters import relocation_in
 from jaxpf.likelihoods import DiscriminativeLikelihood, discriminative
 from jaxpf.likelihoods.discriminative.nearby import WindowShape

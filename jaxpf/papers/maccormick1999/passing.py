@@ -71,7 +71,9 @@ WALKERS = {
     OCCLUSION: Method("opaque", "ps", published.WALKER_PARTICLES),
     INDEPENDENT: Method("none", "ps", published.WALKER_PARTICLES, 2),
     OCCLUSION + CONDENSATION: Method("opaque", "sir", published.WALKER_PARTICLES),
-    OCCLUSION + PRINTED + CONDENSATION: Method("opaque-literal", "sir", published.WALKER_PARTICLES),
+    OCCLUSION + PRINTED + CONDENSATION: Method(
+        "opaque-literal", "sir", published.WALKER_PARTICLES, 2
+    ),
     INDEPENDENT + CONDENSATION: Method("none", "sir", published.WALKER_PARTICLES, 10),
 }
 

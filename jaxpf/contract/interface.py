@@ -51,6 +51,16 @@ class Tracker:
     cannot, define ``init`` and ``step``.
     """
 
+    def __new__(cls, *_: Any, **options: Any):
+        """Refuse a proposal by name: a missing field alone would not name the remedy."""
+        fields = getattr(cls, "__dataclass_fields__", options)
+        if options.get("proposal") is not None and "proposal" not in fields:
+            raise InputError(
+                f"{cls.__name__} draws by its dynamics alone and takes no proposal; use "
+                "jaxpf.Partitioned(proposal=...), or leave it out."
+            )
+        return super().__new__(cls)
+
     def init(self, key: jax.Array) -> Any:
         """Return the state just before the first frame."""
         raise TypeError(f"{type(self).__name__} must define init")

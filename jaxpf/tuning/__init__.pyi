@@ -1,6 +1,6 @@
 from .comparison import Comparison as Comparison, compare as compare
 from .loop import Diverged as Diverged, tune as tune
-from .metropolis import Posterior as Posterior, pmmh as pmmh
+from .metropolis import pmmh as pmmh
 from .objectives import (
     crps as crps,
     log_evidence as log_evidence,
@@ -17,6 +17,7 @@ from .parameters import (
     read as read,
     replace as replace,
 )
+from .posterior import Posterior as Posterior
 from .problem import (
     OBJECTIVES as OBJECTIVES,
     TrainingSequence as TrainingSequence,

@@ -77,25 +77,37 @@ def exact_margins():
         yield grid, steps / steps[-1]
 
 
-@pytest.fixture(scope="module")
-def posterior():
-    """By few particles: the evidence is noisy, and the law of the chains is exact all the same."""
+def drawn_by(num_particles, blocks):
+    """With few particles: the evidence is noisy, and the chains' law is exact all the same."""
     return jaxpf.pmmh(
         build, log_prior, KEY, FRAMES, START,
-        num_draws=800, num_warmup=300, num_chains=CHAINS, num_particles=25,
+        num_draws=800, num_warmup=300, num_chains=CHAINS,
+        num_particles=num_particles, blocks=blocks,
     )  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def posterior():
+    return drawn_by(25, 1)
+
+
 @pytest.mark.statistical
-def test_the_posterior_is_that_of_the_kalman_filter(posterior):
-    """Distribution functions at 19 places, in standard errors over independent chains."""
+@pytest.mark.parametrize("blocks", [1, 10])
+def test_the_posterior_is_that_of_the_kalman_filter(posterior, blocks):
+    """Distribution functions at 19 places, in standard errors over independent chains.
+
+    In blocks the evidence of 12 particles would be too noisy, but for common random numbers.
+    """
+    if blocks > 1:
+        posterior = drawn_by(12, blocks)
+        assert posterior.accepted.mean() > 0.1
     for name, (grid, exact) in zip("as", exact_margins(), strict=True):
         draws = np.asarray(posterior.parameters[name])
         places = np.interp(np.linspace(0.05, 0.95, 19), exact, grid)
         shares = (draws[..., None] <= places).mean(1)  # [C, 19]
         errors = shares.std(0, ddof=1) / CHAINS**0.5
         distance = np.abs(shares.mean(0) - np.linspace(0.05, 0.95, 19))
-        assert errors.max() < 0.03
+        assert errors.max() < 0.035
         assert (distance / errors).max() < 4.5, name
 
 
@@ -111,16 +123,21 @@ def test_draws_keep_what_they_were_accepted_with(posterior):
 
 
 def test_the_number_of_particles_makes_the_variance_of_the_evidence_about_one():
-    found = jaxpf.pmmh(build, log_prior, KEY, FRAMES, START, num_draws=2, num_warmup=100)
+    """Fewer particles serve in blocks, because most noise is common to both ends of a move."""
+    in_one, in_blocks = (
+        jaxpf.pmmh(
+            build, log_prior, KEY, FRAMES, START, num_draws=2, num_warmup=60, blocks=blocks
+        ).num_particles
+        for blocks in (1, 10)
+    )
     middle = {"a": 0.6, "s": 0.6}
     tracker = jaxpf.tuning.replace(
         build(START), {f"parameters.{name}": value for name, value in middle.items()}
     )
-    evidence = [
-        jaxpf.run(tracker, key, FRAMES)[1].log_evidence.sum() for key in jax.random.split(KEY, 200)
-    ]
-    # Of 40 particles, and proportional to 1 / N.
-    assert 0.4 < np.var(evidence) * 40 / found.num_particles < 2
+    evidence = jaxpf.monte_carlo(tracker, jax.random.split(KEY, 200), FRAMES).log_evidence.sum(1)
+    # Of 40 particles, and proportional to 1 / N; the chains are elsewhere.
+    assert 0.3 < np.var(evidence) * 40 / in_one < 3
+    assert in_blocks < in_one
 
 
 def test_it_runs_in_a_users_jit():
@@ -155,13 +172,14 @@ def test_the_draws_are_an_arviz_tree(posterior):
         ({"num_particles": 0}, "num_particles=0 must be a whole number, at least 1"),
         (
             {"log_prior": lambda p: jnp.zeros(2)},
-            r"log_prior returns shape \[2\]; return one number",
+            r"log_prior returns \[0\. 0\.\]; return one number",
         ),
-        ({"log_prior": lambda p: None}, "log_prior returns nothing; return one number"),
+        ({"log_prior": lambda p: None}, "log_prior returns None; return one number"),
         (
             {"build": lambda p: jaxpf.filters.SideBySide(build(p))},
             "build returns a SideBySide, whose num_particles cannot be set",
         ),
+        ({"blocks": 0}, "blocks=0 must be a whole number, at least 1"),
     ],
 )
 def test_what_cannot_be_sampled_is_refused(changes, words):

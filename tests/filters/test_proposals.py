@@ -1,0 +1,172 @@
+"""What a proposal goes with: each combination works, or is refused in one sentence.
+
+Those that work are compared with the Kalman filter in tests/statistical/test_proposals.py.
+"""
+
+import jax
+import numpy as np
+import pytest
+from proposed import residual
+
+import jaxpf
+from jaxpf import InputError, gradients, ordering, pytree_dataclass
+from jaxpf.dynamics import LinearGaussian
+from jaxpf.filters import Relocation, SideBySide, WithErrorBars
+from jaxpf.likelihoods import CorrelatedGaussian, Gaussian
+from jaxpf.proposals import Linearised, LocallyOptimal, Mixture
+
+P, KEY = 3, jax.random.key(0)
+FRAMES = np.zeros((4, P, 1), np.float32)
+SEEN = np.array([True, False, True, True])
+
+
+@pytree_dataclass
+class Blind:
+    """Moves of no known density."""
+
+    def propagate(self, key, partition, current, previous, parent):
+        return current
+
+
+@pytree_dataclass
+class Coupled(jaxpf.contract.CoupledDynamics):
+    def propagate(self, key, partition, current, previous, parent, others):
+        return current
+
+
+@pytree_dataclass
+class Guess(jaxpf.contract.Proposal):
+    """Draws at the observation."""
+
+    def propose(self, key, observation, partition, current, previous, parent):
+        return observation[partition] + jax.random.normal(key, current.shape)
+
+    def log_density(self, observation, partition, new, current, previous, parent):
+        return jax.scipy.stats.norm.logpdf(new - observation[partition]).sum()
+
+
+MOVES = LinearGaussian(transition=0.8 * np.ones((P, 1, 1)), noise=np.ones((P, 1, 1)))
+SEES = Gaussian(noise=np.ones((P, 1, 1)))
+
+
+def tracker(order=None, kind=jaxpf.Partitioned, **changes):
+    settings = {
+        "dynamics": MOVES,
+        "likelihood": SEES,
+        "initial": np.zeros((P, 1), np.float32),
+        "num_particles": 30,
+        "proposal": Mixture(LocallyOptimal()),
+    }
+    if kind is jaxpf.Partitioned:
+        settings["ordering"] = ordering.ps(range(P)) if order is None else order
+    return kind(**(settings | changes))
+
+
+def run(tracker, **options):
+    return jaxpf.run(tracker, KEY, FRAMES, **options)
+
+
+def smooth(tracker, **options):
+    return jaxpf.smooth(tracker, KEY, FRAMES, 5, **options)
+
+
+def evidence_gradient(tracker):
+    def log_evidence(share):
+        changed = jaxpf.tuning.replace(tracker, {"proposal.share": share})
+        return run(changed)[1].log_evidence.sum()
+
+    return jax.grad(log_evidence)(0.5)
+
+
+LABELS = {"initial_label": np.array([0.5, 0.5])}
+TREE = {"parents": (-1, 0, 0)}
+#: Combination -> tracker, what is done with it, and the refusal; None works.
+TABLE = {
+    "sir": (lambda: tracker(ordering.sir(P)), run, None),
+    "ps": (lambda: tracker(), run, None),
+    "dps": (lambda: tracker(ordering.dps(P)), run, None),
+    "branched, by labels": (
+        lambda: tracker(ordering.branched([[0, 1, 2], [2, 1, 0]]), **LABELS), run, None,
+    ),
+    "exchange": (lambda: tracker(ordering.sps(num_partitions=P)), run, None),
+    "exchange on a tree": (lambda: tracker(ordering.sps((-1, 0, 0)), **TREE), run, None),
+    "levels without exchange": (
+        lambda: tracker(ordering.sps(num_partitions=P, swap="none")), run, None,
+    ),
+    "missing frames": (tracker, lambda its: run(its, observed=SEEN), None),
+    "missing partitions": (
+        tracker, lambda its: run(its, observed=np.outer(SEEN, [True, False, True])), None,
+    ),
+    "forecast": (
+        tracker, lambda its: jaxpf.forecast(its, KEY, its.init(KEY), 2, time=4), None,
+    ),
+    "labels": (lambda: tracker(**LABELS), run, None),
+    "joint likelihood": (
+        lambda: tracker(
+            likelihood=CorrelatedGaussian(np.eye(P)), proposal=Mixture(Linearised(residual))
+        ),
+        lambda its: jaxpf.run(its, KEY, FRAMES[..., 0]),
+        None,
+    ),
+    "own proposal": (lambda: tracker(proposal=Guess()), run, None),
+    "linearised": (lambda: tracker(proposal=Linearised(residual)), run, None),
+    "optimal without a Gaussian likelihood": (
+        lambda: tracker(likelihood=CorrelatedGaussian(np.eye(P))),
+        run,
+        "the likelihood is a CorrelatedGaussian; use Linearised",
+    ),
+    "tempering": (lambda: tracker(tempering=0.5), run, None),
+    "resampling now and then": (lambda: tracker(ess_threshold=0.5), run, None),
+    "smoothing": (tracker, smooth, None),
+    "smoothing over a gap": (tracker, lambda its: smooth(its, observed=SEEN), None),
+    "smoothing after exchange": (lambda: tracker(ordering.sps(num_partitions=P)), smooth, None),
+    "particle Gibbs": (
+        lambda: tracker(resampling="multinomial"),
+        lambda its: jaxpf.smoothing.particle_gibbs(its, KEY, FRAMES, 2),
+        "not proved with proposal; leave it out",
+    ),
+    "error bars": (lambda: WithErrorBars(tracker(), lag=2), run, None),
+    "runs side by side": (lambda: SideBySide(tracker(), num_runs=3), run, None),
+    "plain gradient": (tracker, evidence_gradient, None),
+    "gradient through resampling": (
+        lambda: tracker(gradient=gradients.StopGradient()), evidence_gradient, None,
+    ),
+    "soft resampling": (lambda: tracker(gradient=gradients.Soft(0.5)), evidence_gradient, None),
+    "transport": (
+        lambda: tracker(ordering.sir(P), gradient=gradients.Transport()), evidence_gradient, None,
+    ),
+    "score of the motion": (
+        lambda: tracker(gradient=gradients.StopGradient(), motion_gradient="score"),
+        evidence_gradient,
+        None,
+    ),
+    "many runs": (
+        tracker, lambda its: jaxpf.monte_carlo(its, jax.random.split(KEY, 3), FRAMES), None,
+    ),
+    "dynamics without density": (
+        lambda: tracker(dynamics=Blind()), run, "Blind has none; add the method log_density",
+    ),
+    "coupled dynamics": (
+        lambda: tracker(dynamics=Coupled()), run, "which does not work with a proposal; use",
+    ),
+    "relocation": (
+        lambda: tracker(relocation=Relocation(0.1, np.ones(2))), run, "leave out one",
+    ),
+    "one target a particle": (
+        lambda: tracker(kind=jaxpf.Labelled), run, "Labelled draws by its dynamics alone",
+    ),
+    "pffl": (lambda: tracker(kind=jaxpf.PFFL), run, "PFFL draws by its dynamics alone"),
+    "eskil": (lambda: tracker(kind=jaxpf.Eskil), run, "Eskil draws by its dynamics alone"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", TABLE)
+def test_a_proposal_works_or_is_refused_in_one_sentence(case):
+    """Traced alone, which is quick."""
+    make, use, refusal = TABLE[case]
+    if refusal is None:
+        jax.eval_shape(lambda: use(make()))
+        return
+    with pytest.raises(InputError, match=refusal) as raised:
+        jax.eval_shape(lambda: use(make()))
+    assert "\n" not in str(raised.value)

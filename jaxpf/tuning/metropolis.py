@@ -117,14 +117,14 @@ def pmmh(
         model = _with_chosen_number(model, choice_key, frames, initial, chains)
         rates = rates[half:]
     kept = _advance(model, keys[1], frames, initial, chains, walk, rates)[2]
-    place, log_prior, log_evidence, accepted = (jnp.swapaxes(x[-num_draws:], 0, 1) for x in kept)
-    if is_known and np.isneginf(log_evidence[:, -1]).any():  # a chain accepted no move
+    places, priors, evidences, accepted = (jnp.swapaxes(x[-num_draws:], 0, 1) for x in kept)
+    if is_known and np.isneginf(evidences[:, -1]).any():  # a chain accepted no move
         raise InputError(
             f"the parameters {initial!r:.200} cannot explain the frames with "
             f"{model.num_particles} particles; start elsewhere, or give more particles."
         )
-    parameters = jax.vmap(jax.vmap(unravel))(place)
-    return Posterior(parameters, log_evidence, log_prior, accepted, model.num_particles)
+    parameters = jax.vmap(jax.vmap(unravel))(places)
+    return Posterior(parameters, evidences, priors, accepted, model.num_particles)
 
 
 class _Model(NamedTuple):
@@ -218,7 +218,8 @@ def _advance(model, key, frames, initial, chains, walk, rates):
         moves = jnp.exp(walk.log_scale) * jax.random.normal(move_key, (num_chains, size)) @ root.T
         place = chains.place + moves
         keys = chains.keys.at[:, block].set(jnp.stack(keys))
-        proposed = _Chains(place, *jax.vmap(target)(place, keys), keys)
+        priors, evidences = jax.vmap(target)(place, keys)
+        proposed = _Chains(place, priors, evidences, keys)
         after, before = (each.log_prior + each.log_evidence for each in (proposed, chains))
         chance = jnp.nan_to_num(jnp.exp(jnp.minimum(after - before, 0)))  # 0 of NaN
         accepted = jax.random.uniform(accept_key, (num_chains,)) < chance

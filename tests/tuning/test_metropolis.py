@@ -107,7 +107,7 @@ def test_the_posterior_is_that_of_the_kalman_filter(posterior, blocks):
         shares = (draws[..., None] <= places).mean(1)  # [C, 19]
         errors = shares.std(0, ddof=1) / CHAINS**0.5
         distance = np.abs(shares.mean(0) - np.linspace(0.05, 0.95, 19))
-        assert errors.max() < 0.035
+        assert errors.max() < 0.035  # frozen random numbers would scatter the chains
         assert (distance / errors).max() < 4.5, name
 
 

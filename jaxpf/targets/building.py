@@ -124,7 +124,8 @@ def make(
         del values["resampling"]
     its = filter_for(target, values.get("method"))
     _check_names(values, target, its)
-    defaults = {**target.defaults, "method": values.get("method", target.defaults.get("method"))}
+    defaults = target.defaults if its is filter_for(target) else {}
+    defaults = {**defaults, "method": values.get("method", target.defaults.get("method"))}
     if defaults["method"] is None:
         del defaults["method"]
     options = filled(its.options, values, defaults)

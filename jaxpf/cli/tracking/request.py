@@ -16,6 +16,7 @@ from jaxpf.files.writing import check_output_file
 from jaxpf.media.video_writer import SUFFIXES
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.appearance import COLOUR
+from jaxpf.targets.building import filter_for
 from jaxpf.targets.target import Target
 
 #: Maximum number of frames in a video.
@@ -181,7 +182,7 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     its, method = _filter_of(values, target, births is not None)
     refuse_others(values, target, its)
     particles, of_target = defaults_of(births)
-    defaults = {**target.defaults, **particles}
+    defaults = {**(target.defaults if its is filter_for(target) else {}), **particles}
     defaults.pop("method", None)
     filter_options = picked(values, its.options, defaults | ({"method": method} if method else {}))
     # Objects that appear later are not in the start frame, so nothing can be learned from it.

@@ -7,7 +7,7 @@ block of the frame, and the rest of the frame needs no processing.
 ``log_odds_all`` says whether points are where they are reported.  With d the mean squared
 difference between a point's window and its reference, e the 5 % quantile of d at other places of
 the start frame, and s the median strain to the three points that were nearest at the start (the
-difference of two points' displacements over their distance at the start)::
+difference of two points' displacements over their distance at the start, at least a window)::
 
     log odds = -1.4 - 1.2 log(d / e) - 1.0 log(s + .05)
 
@@ -126,6 +126,7 @@ class WindowLikelihood(Likelihood):
         moved = jnp.zeros_like(points).at[partition].set(points) - start
         others = jnp.asarray(self.neighbours)
         between = jnp.linalg.norm(start[:, None] - start[others], axis=-1)
+        between = jnp.maximum(between, max(self.window))
         apart = jnp.linalg.norm(moved[:, None] - moved[others], axis=-1)
         return jnp.median(apart / between, axis=1)[partition]
 

@@ -26,7 +26,7 @@ def tracker(
             frame.  It may be None with a user-defined likelihood.
         points: x and y in pixels, ``[P, 2]``.
         method: ``"sps"`` (default), ``"ps"``, ``"pffl"``, ``"eskil"``, ...
-        particles: number of particles; by default the method's, 300 for sps.
+        particles: number of particles; by default 1000, or 10 for eskil and 50 for pffl.
         likelihood: a user-defined likelihood of substates (u, v).
         ordering: from ``jaxpf.ordering``, instead of a method.
         options: named and explained as the flags of ``jaxpf track``: ``diffusion``, ``momentum``,

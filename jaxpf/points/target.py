@@ -40,7 +40,7 @@ class Options:
     )
     momentum: float = option(
         0.9,
-        "Of points, share of the last displacement that is repeated.",
+        "Of points, share of the last displacement that is repeated; 0 with eskil's drift.",
         least=0,
         most=1,
         path="dynamics.momentum",
@@ -77,7 +77,7 @@ class PointTarget(Target):
     name = "points"
     options = Options
     coordinates = ("x", "y")
-    defaults: Mapping[str, Any] = {"method": "sps"}
+    defaults: Mapping[str, Any] = {"method": "sps", "particles": 1000}
 
     def start(self, given: Any, names: Any = None) -> Start:
         """See ``Target``: x and y ``[P, 2]``, pixels; default names are numbers from 0."""

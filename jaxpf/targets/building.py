@@ -126,7 +126,8 @@ def make(
         del values["resampling"]
     filter_ = filter_for(target, values.get("method"))
     _check_names(values, target, filter_)
-    defaults = {**target.defaults, "method": values.get("method", target.defaults.get("method"))}
+    defaults = target.defaults if filter_ is filter_for(target) else {}
+    defaults = {**defaults, "method": values.get("method", target.defaults.get("method"))}
     if defaults["method"] is None:
         del defaults["method"]
     options = filled(filter_.options, values, defaults)

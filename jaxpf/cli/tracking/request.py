@@ -15,6 +15,7 @@ from jaxpf.contract.options import OPEN, check_options, option, options_of
 from jaxpf.files.writing import check_output_file
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.appearance import COLOUR
+from jaxpf.targets.building import filter_for
 from jaxpf.targets.target import Target
 
 #: Maximum number of frames in a video.
@@ -155,7 +156,7 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     filter_, method = _filter_of(values, target, births is not None)
     refuse_others(values, target, filter_)
     particles, of_target = defaults_of(births)
-    defaults = {**target.defaults, **particles}
+    defaults = {**(target.defaults if its is filter_for(target) else {}), **particles}
     defaults.pop("method", None)
     filter_options = picked(
         values, filter_.options, defaults | ({"method": method} if method else {})

@@ -4,6 +4,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.names import DRIFTS, FACTORED_METHODS, FORMS, SCHEMES, SHAPES
@@ -101,6 +103,7 @@ class FactoredFilter(Filter):
 
     def tracker(self, model: Model, options: Options) -> Any:
         """See ``Filter``."""
+        from jaxpf.dynamics.gaussian import AR2
         from jaxpf.filters.factored.eskil import Eskil
         from jaxpf.filters.factored.pffl import PFFL
 
@@ -116,6 +119,9 @@ class FactoredFilter(Filter):
         }
         if method == "pffl":
             return PFFL(form=options.form, **shared)
+        if options.drift != "none" and type(model.dynamics) is AR2:
+            # Drift and momentum would count the same motion twice, and points would run away.
+            shared["dynamics"] = dataclasses.replace(model.dynamics, momentum=np.float32(0))
         return Eskil(
             shape_scale=options.shape_scale,
             memory=options.velocity_memory,

@@ -86,7 +86,7 @@ class DiscriminativeLikelihood(Likelihood):
         interpolation: ``"nearest"`` or ``"bilinear"``, as for histograms.
         background: [P, n], scores of boxes anywhere, by which the likelihood is normalised; or
             None.
-        windows: shape of the windows of :meth:`observe_nearby`; None to observe whole frames only.
+        windows: a ``nearby.WindowShape`` for :meth:`observe_nearby`; None for whole frames only.
     """
 
     gain: Any
@@ -102,7 +102,7 @@ class DiscriminativeLikelihood(Likelihood):
     frame_shape: tuple[int, int] = static_field()
     interpolation: str = static_field(default="nearest")
     background: Any = None
-    windows: nearby.WindowShape | None = static_field(default=None)
+    windows: Any = static_field(default=None)
 
     #: ``observe`` does not depend on parameters that tuning may change.
     fixed_observation = True

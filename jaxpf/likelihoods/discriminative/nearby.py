@@ -195,8 +195,8 @@ def scores_on_grid(
             score += jnp.sum(features * weights[number], axis=(2, 3, 4))
         return score.ravel().astype(boxes.left.dtype)
 
-    boxes = jax.tree.map(lambda x: x.reshape(-1, PLACES, PLACES), boxes._replace(first_column=None))
-    return jax.lax.map(lambda item: of_object(*item), (partition, boxes))
+    fields = tuple(x.reshape(-1, PLACES, PLACES) for x in boxes[:-1])
+    return jax.lax.map(lambda item: of_object(item[0], Boxes(*item[1])), (partition, fields))
 
 
 def _colour_score(bins, weights, boxes, rows_of, columns):

@@ -1,9 +1,100 @@
-"""Overlap of every box with every other, for matching tracks, detections and objects."""
+"""Associates boxes by overlap: candidates for births, tracks and objects.
+
+The optimal assignment and the rules for starting and ending tracks follow SORT (Bewley et al.
+2016).
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
+
+
+class Rules(NamedTuple):
+    """Rules for continuing, reporting and ending tracks.
+
+    Attributes:
+        least_overlap: smallest intersection over union at which a detection continues a track, in
+            (0, 1].
+        least_hits: number of detections from which a track is reported.
+        most_missed: consecutive frames without a detection that a track survives.
+    """
+
+    least_overlap: float = 0.3
+    least_hits: int = 3
+    most_missed: int = 5
+
+
+class Tracks(NamedTuple):
+    """The K open tracks after a frame.
+
+    Attributes:
+        ids: int ``[K]``, from 1, never reused.
+        boxes: ``[K, 4]``, last detection.
+        hits: int ``[K]``, number of detections.
+        missed: int ``[K]``, frames since the last detection.
+        next_id: id of the next new track.
+    """
+
+    ids: np.ndarray
+    boxes: np.ndarray
+    hits: np.ndarray
+    missed: np.ndarray
+    next_id: int
+
+
+def no_tracks() -> Tracks:
+    """The empty set of tracks before the first frame."""
+    none = np.zeros(0, int)
+    return Tracks(none, np.zeros((0, 4)), none, none, 1)
+
+
+def assigned(one: np.ndarray, other: np.ndarray, least_overlap: float) -> np.ndarray:
+    """Assign each box of ``one`` ``[P, 4]`` to at most one box of ``other`` ``[Q, 4]``.
+
+    The assignment is one to one and maximises the sum of overlaps over pairs that overlap by
+    ``least_overlap`` or more.
+
+    Returns:
+        int ``[P]``, the index into ``other``, or -1 for none.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    overlap = pairwise_overlap(one, other)
+    overlap[overlap < least_overlap] = 0.0
+    rows, columns = linear_sum_assignment(-overlap)
+    partner = np.full(len(overlap), -1)
+    partner[rows] = np.where(overlap[rows, columns] > 0, columns, -1)
+    return partner
+
+
+def advance(tracks: Tracks, detections: np.ndarray, rules: Rules) -> Tracks:
+    """Update the tracks with the next frame's detections ``[M, 4]``."""
+    detections = np.asarray(detections, float).reshape(-1, 4)
+    mine = assigned(tracks.boxes, detections, rules.least_overlap)
+    seen = mine >= 0
+    boxes = tracks.boxes.copy()
+    boxes[seen] = detections[mine[seen]]
+    missed = np.where(seen, 0, tracks.missed + 1)
+    kept = missed <= rules.most_missed
+    fresh = detections[np.setdiff1d(np.arange(len(detections)), mine)]
+    number = len(fresh)
+    return Tracks(
+        ids=np.concatenate([tracks.ids[kept], tracks.next_id + np.arange(number)]),
+        boxes=np.concatenate([boxes[kept], fresh]),
+        hits=np.concatenate([(tracks.hits + seen)[kept], np.ones(number, int)]),
+        missed=np.concatenate([missed[kept], np.zeros(number, int)]),
+        next_id=tracks.next_id + number,
+    )
+
+
+def without(tracks: Tracks, places: np.ndarray) -> Tracks:
+    """Remove the tracks at the indices ``places``."""
+    kept = np.setdiff1d(np.arange(len(tracks.ids)), places)
+    ids, boxes, hits, missed = (values[kept] for values in tracks[:4])
+    return Tracks(ids, boxes, hits, missed, tracks.next_id)
 
 
 def pairwise_overlap(one: ArrayLike, other: ArrayLike) -> np.ndarray:

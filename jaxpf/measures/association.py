@@ -1,4 +1,4 @@
-"""Associates boxes by overlap, for birth candidates and for the IOU tracker.
+"""Associates boxes by overlap: candidates for births, tracks and objects.
 
 The optimal assignment and the rules for starting and ending tracks follow SORT (Bewley et al.
 2016).
@@ -20,14 +20,11 @@ class Rules(NamedTuple):
             (0, 1].
         least_hits: number of detections from which a track is reported.
         most_missed: consecutive frames without a detection that a track survives.
-        missed: in frames without a detection, ``"skip"`` reports nothing and ``"hold"`` the last
-            box.
     """
 
     least_overlap: float = 0.3
     least_hits: int = 3
     most_missed: int = 5
-    missed: str = "skip"
 
 
 class Tracks(NamedTuple):
@@ -68,9 +65,9 @@ def assigned(one: np.ndarray, other: np.ndarray, least_overlap: float) -> np.nda
     overlap = pairwise_overlap(one, other)
     overlap[overlap < least_overlap] = 0.0
     rows, columns = linear_sum_assignment(-overlap)
-    found = np.full(len(overlap), -1)
-    found[rows] = np.where(overlap[rows, columns] > 0, columns, -1)
-    return found
+    partner = np.full(len(overlap), -1)
+    partner[rows] = np.where(overlap[rows, columns] > 0, columns, -1)
+    return partner
 
 
 def advance(tracks: Tracks, detections: np.ndarray, rules: Rules) -> Tracks:

@@ -75,7 +75,7 @@ def confidence_counts(confidence: ArrayLike, on_object: ArrayLike) -> np.ndarray
     """
     confidence, on_object = np.asarray(confidence, float), np.asarray(on_object, float)
     counts = np.zeros((len(confidence), 2, CONFIDENCE_BINS), np.int64)
-    run, *_ = np.indices(confidence.shape)
+    run = np.indices(confidence.shape)[0]
     known = np.isfinite(confidence) & np.isfinite(on_object)
     bins = np.minimum((confidence[known] * CONFIDENCE_BINS).astype(int), CONFIDENCE_BINS - 1)
     np.add.at(counts, (run[known], on_object[known].astype(int), bins), 1)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jaxpf.evaluation import estimates
-from jaxpf.measures import mean_interval, wilson_interval
+from jaxpf.measures import estimates, mean_interval, wilson_interval
 
 
 def test_all_objects_together_have_the_certainty_of_runs():

@@ -37,7 +37,7 @@ def sequences_of(request: Request) -> list[Listed]:
 
     path, seed = Path(request.scene), request.options.scene_seed
     if path.suffix == ".txt" and path.is_file():
-        expected = "one with a scene in each line, and a seed after it if it has one"
+        expected = "a scene in each line, with an optional seed after it"
         lines = enumerate(read_text(path, "scenes", f"{expected}.").splitlines(), start=1)
         scenes = [
             _of_line(f"line {number} of '{path}'", line.split(), seed, path.parent)
@@ -81,7 +81,7 @@ def evaluate_each(
     for name in _OF_ONE:
         if getattr(options, name):
             flag = f"--{name.replace('_', '-')}"
-            raise InputError(f"{flag} is about one sequence; evaluate that one alone for it.")
+            raise InputError(f"{flag} works only for a single sequence; leave it out, or name one.")
     kind, chosen = _of_one_kind(listed, options.target, options.frames)
     if len(chosen) < 2:
         raise InputError(

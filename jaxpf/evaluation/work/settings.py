@@ -21,7 +21,7 @@ def new_settings(plan: Plan, scene: Any, of: Target, start: Start) -> dict[str, 
     """Make the content of ``settings.json``.
 
     Raises:
-        InputError: see ``Plan.configurations``; a user-defined tracker cannot be made.
+        InputError: see ``configurations``; a user-defined tracker cannot be made.
     """
     plan = complete(plan, of.name, start.parents)
 

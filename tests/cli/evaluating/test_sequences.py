@@ -33,6 +33,8 @@ def test_several_sequences_get_a_table_over_all(place, tmp_path, short_report):
     # The same pictures under two names.
     values = {row["sequence"]: row["value"] for row in rows if row["measure"] == "overlap"}
     assert values["one"] == values["two"]
+    measures = {row["measure"] for row in csv.DictReader((output / "overall.csv").open(newline=""))}
+    assert {"coverage_50", "coverage_95", "size_coverage_50", "size_coverage_95"} <= measures
     again = jaxpf("evaluate", "--config", output / "run.toml", "-o", output)
     assert again.code == 0, again.err
     assert again.out[again.out.index("means over 2 sequences") :] == table
@@ -51,12 +53,12 @@ def test_a_file_lists_scenes_with_their_seeds(place, tmp_path):
 @pytest.mark.parametrize(
     ("text", "options", "sentence"),
     [
-        ("# none", (), "list.txt' lists no scene; give one with a scene in each line"),
+        ("# none", (), "list.txt' lists no scene; give a scene in each line"),
         ("\0\udcff", (), "list.txt' is not a text file"),
         ("distracter x", (), "reads 'distracter x'; write a scene, and a seed after it"),
         ("distracter 1", (), "holds 1 sequence(s) that can be evaluated together"),
         ("distracter 1\ndistracter 1", (), "two sequences are called 'distracter-1'"),
-        ("distracter 1\ndistracter 2", ("--ids", "1"), "--ids is about one sequence"),
+        ("distracter 1\ndistracter 2", ("--ids", "1"), "--ids works only for a single sequence"),
     ],
 )
 def test_lists_that_cannot_be_are_one_sentence(refuse, tmp_path_factory, text, options, sentence):

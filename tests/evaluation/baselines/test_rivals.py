@@ -8,7 +8,7 @@ import pytest
 
 import scenes
 from jaxpf import InputError
-from jaxpf.evaluation.baselines.rivals import baselines
+from jaxpf.evaluation.baselines.rivals import available, baselines
 
 LENGTH = 12
 #: Those that are there everywhere and, unlike MIL, draw no samples.
@@ -90,3 +90,12 @@ def test_unknown_and_missing_baselines_are_one_sentence(scene, monkeypatch):
         monkeypatch.delattr(place, "TrackerCSRT_create", raising=False)
     with pytest.raises(InputError, match="'csrt' is missing in this OpenCV; put opencv-contrib"):
         baselines(["csrt"])["csrt"](scene)
+
+
+def test_all_baselines_are_those_that_the_installed_opencv_has(monkeypatch):
+    for place in (cv2, getattr(cv2, "legacy", cv2)):
+        monkeypatch.delattr(place, "TrackerCSRT_create", raising=False)
+        monkeypatch.setattr(place, "TrackerKCF_create", object, raising=False)
+    names = available()
+    assert {"kcf", "meanshift", "still"} <= set(names)
+    assert "csrt" not in names

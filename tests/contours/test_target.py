@@ -44,6 +44,15 @@ def test_both_wires_are_followed(wires, tracked):
     assert (gaps < 5).all()
 
 
+def test_confidence_falls_where_the_wires_vanish(wires, tracked):
+    scene, _ = wires
+    gone = np.array(scene.frames[1:])
+    gone[6:] = np.median(gone)
+    _, summary = jaxpf.run(tracked[0], jax.random.key(0), jnp.asarray(gone))
+    assert (summary.confidence[:6] > 0.8).all()
+    assert (summary.confidence[-1] < 0.1).all()
+
+
 def test_tracks_hold_control_points_and_outlines(tmp_path, tracked):
     tracker, estimates = tracked
     broken = estimates[1].copy()

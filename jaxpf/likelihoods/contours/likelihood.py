@@ -24,6 +24,8 @@ from jaxpf.shapes.splines import basis
 
 #: Number of crossings of a contour with one line that are searched for visible ones.
 _CANDIDATES = 4
+#: Slope and level of ``log_odds_all``.
+_ODDS = 21.0, 0.55
 
 
 class Observation(NamedTuple):
@@ -99,6 +101,28 @@ class IndependentContours(Likelihood):
         own = self._of_their_own(observation, lines)
         (total,) = self._factors(observation, lines, own, [[]])
         return jnp.where(finite, total, jnp.nan)
+
+    def log_odds_all(self, observation, partition, substates):
+        """Log odds ``[N]`` that targets are where they are reported, at ``[D, N]``.
+
+        ``21 (t - .55)``, with t the mean over a contour's lines of the log-ratio of its own edges
+        to clutter, scaled so that a line without a feature has 0 and one with a feature at every
+        edge 1.  Fitted by logistic regression to the truth of a filmed worm pair and of a hand,
+        against the best of 60 contours 30 to 90 pixels away.  On another worm pair, wires and
+        leaves, none of 128 contours on their targets is below a probability of .5, and 4 of 128
+        others are above it.  Look-alikes count as the target, hidden edges as missed ones.
+        """
+        finite = jnp.all(jnp.isfinite(substates), axis=0)
+        lines = self.lines_of(partition, jnp.where(finite, substates, 0.0))
+        places = jnp.stack([jnp.full_like(lines.x, offset) for offset in self._offsets()])
+        own, every = (places, self._in_view(observation, lines, places)), [range(self.edges)]
+        (ratios,) = self._log_ratios(observation, lines, own, every)
+        edges = jnp.asarray(self._offsets(), lines.x.dtype)[:, None]
+        is_found = np.array([[False, True]] * self.edges)
+        none, full = self._ratios_of(Features(edges, is_found), (edges, edges == edges), every)[0]
+        slope, level = _ODDS
+        odds = slope * ((jnp.mean(ratios, axis=0) - none) / (full - none) - level)
+        return jnp.where(finite, odds, jnp.nan)
 
     def lines_of(self, partition, substates) -> Lines:
         """Measurement lines ``[M, N]`` of substates ``[D, N]``; outwards on clockwise contours."""
@@ -224,10 +248,14 @@ class IndependentContours(Likelihood):
 
         ``[groups, M, ...]``: for each group of rows, as if only these boundaries crossed the lines.
         """
+        features = self.detector.find(observation.gradient, lines)
+        return self._ratios_of(features, boundaries, groups)
+
+    def _ratios_of(self, features: Features, boundaries, groups):
+        """``_log_ratios`` of lines with these features."""
         places, seen = boundaries
-        features: Features = self.detector.find(observation.gradient, lines)
         weights = line_weights(self.clutter, self.detection, self.detector.length)
-        sigma, reach = jnp.asarray(self.sigma, lines.x.dtype), self.detector.reach
+        sigma, reach = jnp.asarray(self.sigma, places.dtype), self.detector.reach
         return log_ratios(weights, features, places, seen, sigma, reach, groups)
 
     def _log_means(self, observation, boundaries, groups):

@@ -68,6 +68,18 @@ def with_label(likelihood, frame, substates, label):
     return likelihood.log_joint_labelled_all(observation, substates, None, label)
 
 
+@pytest.mark.parametrize("made", [WIRES, OPAQUE, likelihood("none")])
+def test_log_odds_say_whether_a_contour_is_on_its_target(made):
+    observation, nobody = made.observe(BOTH), made.observe(picture())
+    places = jnp.array([[0.0, 0.0], [25.0, 25.0], [np.nan, 0.0]]).T
+    targets = jnp.zeros(3, int)
+    on, beside, nowhere = made.log_odds_all(observation, targets, places)
+    assert on > 3
+    assert beside < -1
+    assert np.isnan(nowhere)
+    assert made.log_odds_all(nobody, targets, places)[0] < -3
+
+
 @jax.jit
 def find(detector, frame, x, y, normal_x, normal_y):
     """The features on one line."""

@@ -136,11 +136,9 @@ def _read_points(path: Path, first, until) -> dict[tuple[int, str], np.ndarray]:
         )
         if first <= number <= until:
             points.setdefault((number, fields[1]), {})[k] = x, y
-    lines = {
-        key: np.array([places[k] for k in sorted(places)]) for key, places in sorted(points.items())
-    }
-    for (number, name), line in lines.items():
-        if (line == line[0]).all():
+    lines = {key: np.array([line[j] for j in sorted(line)]) for key, line in sorted(points.items())}
+    for (number, name), places in lines.items():
+        if (places == places[0]).all():
             raise InputError(
                 f"'{path}' has fewer than two different points of target '{name}' in frame "
                 f"{number}; add points, or delete its lines."

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxpf.contract.errors import InputError
-from jaxpf.evaluation.work.execution import Factory, in_turn
+from jaxpf.evaluation.work.execution import Pool, in_turn
 from jaxpf.evaluation.work.schedule import double_precision
 from jaxpf.files.store import Damaged, Store
 from jaxpf.files.writing import report_os_errors
@@ -30,7 +30,7 @@ NAME = "parts"
 Measure = Callable[[], Mapping[str, Any]]
 
 _store: contextvars.ContextVar[Store | None] = contextvars.ContextVar("parts", default=None)
-_executor: contextvars.ContextVar[Factory | None] = contextvars.ContextVar("workers", default=None)
+_executor: contextvars.ContextVar[Pool | None] = contextvars.ContextVar("workers", default=None)
 
 
 def part(name: str, measure: Measure) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def each(parts: Iterable[tuple[str, Measure]], threads: int = 1) -> Iterator[dic
 
 
 @contextlib.contextmanager
-def sharing(executor: Factory | None) -> Iterator[None]:
+def sharing(executor: Pool | None) -> Iterator[None]:
     """Within the block, ``each`` sends parts to workers of new executors; None for none."""
     token = _executor.set(executor)
     try:

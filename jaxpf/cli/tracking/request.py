@@ -156,7 +156,7 @@ def request_of(ctx: click.Context, adapter: Adapter) -> Request:
     filter_, method = _filter_of(values, target, births is not None)
     refuse_others(values, target, filter_)
     particles, of_target = defaults_of(births)
-    defaults = {**(target.defaults if its is filter_for(target) else {}), **particles}
+    defaults = {**(target.defaults if filter_ is filter_for(target) else {}), **particles}
     defaults.pop("method", None)
     filter_options = picked(
         values, filter_.options, defaults | ({"method": method} if method else {})

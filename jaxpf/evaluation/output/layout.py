@@ -158,9 +158,9 @@ def reliability_tables(summaries: Sequence["Summary"]) -> list[Table]:
     for place in range(bins):
         shares = triples([summary.confidence.shares() for summary in confident], place)
         frames = [f"{summary.confidence.frames[place]}" for summary in confident]
-        texts = zip(cells_of(ON_ITS_OBJECT, shares), frames, strict=True)
+        cells = zip(cells_of(ON_ITS_OBJECT, shares), frames, strict=True)
         column = f"{place / bins:.1f} to {(place + 1) / bins:.1f} (%, frames)"
-        table.add(column, [f"{text}, {number}" for text, number in texts])
+        table.add(column, [f"{text}, {number}" for text, number in cells])
     areas = np.array([summary.confidence.area() for summary in confident])
     if np.isfinite(areas).any():
         texts = [f"{100 * area:.1f}" if np.isfinite(area) else "-" for area in areas]

@@ -118,7 +118,7 @@ def evaluate(
     plan: Plan,
     folder: str | os.PathLike[str],
     *,
-    executor: Executor | Factory | None = None,
+    executor: Executor | Factory | Pool | None = None,
     progress: Callable[[int], None] | None = None,
     limits: Limits = DEFAULT_LIMITS,
     retries: int = RETRIES,
@@ -248,7 +248,7 @@ def divide_work(opened: Opened, settled: Settled, limits: Limits = DEFAULT_LIMIT
 def carry_out(
     prepared: Prepared,
     *,
-    executor: Executor | Factory | None = None,
+    executor: Executor | Factory | Pool | None = None,
     progress: Callable[[int], None] | None = None,
     retries: int = RETRIES,
 ) -> Results:

@@ -39,7 +39,7 @@ class Pool(NamedTuple):
 def in_turn(
     function: Callable[[Any, int], Any],
     pieces: Iterable[Any],
-    executor: Executor | Factory | None = None,
+    executor: Executor | Factory | Pool | None = None,
     *,
     retries: int = RETRIES,
 ) -> Iterator[tuple[Any, Any]]:
@@ -168,7 +168,7 @@ def _follow_parent() -> None:
 class _Renewable:
     """An executor that can be replaced if a factory was given."""
 
-    def __init__(self, given: Executor | Factory):
+    def __init__(self, given: Executor | Factory | Pool):
         self.factory = None if isinstance(given, Executor) else given
         self.executor = given if isinstance(given, Executor) else given()
         workers = given.workers if isinstance(given, Pool) else num_cores()

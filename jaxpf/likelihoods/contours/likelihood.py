@@ -118,7 +118,7 @@ class IndependentContours(Likelihood):
         own, every = (places, self._in_view(observation, lines, places)), [range(self.edges)]
         (ratios,) = self._log_ratios(observation, lines, own, every)
         edges = jnp.asarray(self._offsets(), lines.x.dtype)[:, None]
-        is_found = np.array([[False, True]] * self.edges)
+        is_found = jnp.array([[False, True]] * self.edges)
         none, full = self._ratios_of(Features(edges, is_found), (edges, edges == edges), every)[0]
         slope, level = _ODDS
         odds = slope * ((jnp.mean(ratios, axis=0) - none) / (full - none) - level)

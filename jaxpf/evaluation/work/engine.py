@@ -15,7 +15,7 @@ from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.plan import DEFAULT_LIMITS, Limits, Plan
 from jaxpf.evaluation.results import Configuration, Results
 from jaxpf.evaluation.work.batches import Batch, survey, write_batch
-from jaxpf.evaluation.work.execution import RETRIES, Factory, in_turn
+from jaxpf.evaluation.work.execution import RETRIES, Factory, Pool, in_turn
 from jaxpf.evaluation.work.fingerprint import fingerprint
 from jaxpf.evaluation.work.folder import locked, remove_leavings, stored_settings, write_settings
 from jaxpf.evaluation.work.scene import (

@@ -100,7 +100,8 @@ def write_overall(folder: Path, names: Sequence[str], varied: Sequence[str]) -> 
         tables = [_table(f"means over {len(names)} sequences", methods, means, shown)]
         if len(methods) > 1:
             title = f"differences from {first}, paired by sequence"
-            tables.append(_table(title, methods[1:], differences, shown))
+            compared = [name for name in shown if name != "frames_per_second"]
+            tables.append(_table(title, methods[1:], differences, compared))
         return tables
 
     notes = [UNITS, *(NOTES[n] for n in (ABOUT_MEASURES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE))]
@@ -130,6 +131,8 @@ def over_sequences(
 
 def _range_of(measure: str, of_difference: bool = False) -> tuple[float, float]:
     """Smallest and largest possible value of a measure; a share is from 0 to 1."""
+    if measure == "frames_per_second" and not of_difference:
+        return 0, np.inf
     if not by_name(measure).percent or measure.startswith("effective_dynamics"):
         return -np.inf, np.inf
     if measure == "MOTA":  # unbounded below: each false alarm lowers it

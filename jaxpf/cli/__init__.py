@@ -1,6 +1,6 @@
 """The command line.  The module of a command is imported only when it runs."""
 
-import _signal  # signal itself imports for several milliseconds
+import _signal  # type: ignore[import-not-found]  # signal itself imports for milliseconds
 import os
 import sys
 

@@ -119,7 +119,9 @@ class IndependentContours(Likelihood):
         (ratios,) = self._log_ratios(observation, lines, own, every)
         edges = jnp.asarray(self._offsets(), lines.x.dtype)[:, None]
         is_found = np.array([[False, True]] * self.edges)
-        none, full = self._ratios_of(Features(edges, is_found), (edges, edges == edges), every)[0]
+        none, full = self._ratios_of(
+            Features(edges, jnp.asarray(is_found)), (edges, edges == edges), every
+        )[0]
         slope, level = _ODDS
         odds = slope * ((jnp.mean(ratios, axis=0) - none) / (full - none) - level)
         return jnp.where(finite, odds, jnp.nan)

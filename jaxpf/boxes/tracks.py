@@ -49,7 +49,10 @@ def read_tracks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         InputError: the file cannot be read or contains no tracks.
     """
     text = read_text(Path(path), "tracks", "a tracks.csv of a run")
-    rows = list(csv.reader(io.StringIO(text, newline="")))
+    try:
+        rows = list(csv.reader(io.StringIO(text, newline="")))
+    except csv.Error as error:
+        raise InputError(f"'{path}' is no CSV ({error}); give the tracks.csv of a run") from None
     if not rows or not {"frame", "time", "id"} <= set(rows[0]):
         raise InputError(f"'{path}' holds no tracks; give the tracks.csv of a run")
     if any(len(row) != len(rows[0]) for row in rows):

@@ -132,7 +132,7 @@ def _content(path: Path) -> dict[str, Any]:
     text = read_text(path, "contours", _EXAMPLE)
     try:
         content = json.loads(text, object_pairs_hook=lambda pairs: _unique(path, pairs))
-    except (json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"'{path}' is no JSON ({error}); write it as {_EXAMPLE}.") from None
     if not isinstance(content, dict):
         kind = "list" if isinstance(content, list) else "single value"

@@ -58,7 +58,7 @@ def read_learned(path: str | os.PathLike[str]) -> Learned:
         dynamics = _dynamics(content.get("dynamics"), space.dimension)
     except KeyError as error:
         raise _refusal(path, f"it has no {error}") from None
-    except (AttributeError, TypeError, ValueError) as error:
+    except (AttributeError, OverflowError, TypeError, ValueError) as error:
         raise _refusal(path, str(error).splitlines()[0]) from None
     return Learned(space, dynamics)
 

@@ -30,7 +30,7 @@ def read_text(path: Path, what: str, expected: str) -> str:
     try:
         content = path.read_bytes()
         is_utf_16 = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-        return content.decode("utf-16" if is_utf_16 else "utf-8-sig")
+        text = content.decode("utf-16" if is_utf_16 else "utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"there is no file of {what} at '{path}'; check the path") from None
     except UnicodeDecodeError:
@@ -38,6 +38,9 @@ def read_text(path: Path, what: str, expected: str) -> str:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InputError(f"cannot read '{path}': {reason}; check its permissions") from error
+    if "\0" in text:
+        raise InputError(f"'{path}' is not a text file, as it holds NUL bytes; give {expected}")
+    return text
 
 
 def parse_number(field: str, place: str, remedy: str) -> float:

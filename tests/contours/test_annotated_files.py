@@ -102,6 +102,12 @@ def test_what_cannot_be_used_is_refused(tmp_path, rows, options, message):
         read_annotated(write_lines(tmp_path / "clip", rows), **options)
 
 
+def test_outlines_without_extent_are_refused_by_their_frame(tmp_path):
+    write_lines(tmp_path, ["0,1,0,5,6", "0,1,1,9,9", "3,1,0,5,6", "3,1,1,5,6"])
+    with pytest.raises(InputError, match="two different points of target '1' in frame 3"):
+        read_annotated(tmp_path)
+
+
 def test_another_header_and_a_missing_folder_are_refused(tmp_path):
     (tmp_path / "outlines.csv").write_text("frame,id,x,y\n")
     with pytest.raises(InputError, match="begins with 'frame,id,x,y'"):

@@ -82,6 +82,9 @@ def test_files_that_are_none_are_refused(tmp_path):
     path.write_text("{closed")
     with pytest.raises(InputError, match="is no JSON"):
         read_contours(path)
+    path.write_text("[" + "9" * 5000 + "]")
+    with pytest.raises(InputError, match="is no JSON"):
+        read_contours(path)
     path.write_text("[1]")
     with pytest.raises(InputError, match="holds a list"):
         read_contours(path)

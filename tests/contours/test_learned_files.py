@@ -47,6 +47,7 @@ def test_dynamics_may_be_missing(tmp_path, learned):
         (lambda content: content.pop("space"), "it has no 'space'"),
         (lambda content: content["space"].pop("modes"), "it has no 'modes'"),
         (lambda content: content["space"].update(degree=9), "too few for degree 9"),
+        (lambda content: content["space"].update(degree=float("inf")), "is no file of a learned"),
         (lambda content: content["dynamics"].update(noise=[1, 2]), "noise must be finite numbers"),
         (lambda content: content["dynamics"].update(offset=[float("nan")] * 4), "offset must be"),
     ],

@@ -37,7 +37,7 @@ READERS = {
     "points": ("points.csv", "x,y,name\n{x},{y},a\n", lambda p: read_points(p).places[0]),
     "contours": (
         "outlines.csv",
-        "frame,id,k,x,y\n0,1,0,{x},{y}\n",
+        "frame,id,k,x,y\n0,1,0,{x},{y}\n0,1,1,9,9\n",
         lambda p: read_annotated(p.parent).lines[0, "1"][0],
     ),
     "scenes": ("gt.csv", "frame,id,x,y,w,h\n0,1,{x},{y},5,6\n", scene_boxes),

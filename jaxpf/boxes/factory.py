@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from jaxpf.boxes.models import boxes_at
 from jaxpf.boxes.target import BOXES
 from jaxpf.contract.errors import InputError
+from jaxpf.filters.initial import numbers_in
 from jaxpf.targets import building
 
 
@@ -68,7 +69,7 @@ def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:
 
 
 def _start(boxes: ArrayLike) -> Any:
-    array = np.asarray(boxes, np.float64)
+    array = numbers_in("boxes", boxes, "rows x, y, w, h in pixels")
     if array.ndim != 2 or array.shape[1] != 4 or len(array) == 0:
         raise InputError(f"boxes has shape {list(array.shape)}: give a row x, y, w, h for each.")
     for number, box in enumerate(array):

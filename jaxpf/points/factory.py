@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jaxpf.filters.initial import numbers_in
 from jaxpf.points.target import POINTS
 from jaxpf.targets import building
 
@@ -36,9 +37,10 @@ def tracker(
         InputError: an unknown option or a value out of range, a point outside the frame, two points
             at the same position, or a single point with eskil's drift; the message says which.
     """
+    start = POINTS.start(numbers_in("points", points, "rows x, y in pixels"))
     given = {"method": method, "particles": particles, **options}
     own = {"likelihood": likelihood, "ordering": ordering}
-    return building.make(POINTS, frame, POINTS.start(points), given, **own)
+    return building.make(POINTS, frame, start, given, **own)
 
 
 def shapes(tracker: Any, estimate: ArrayLike) -> np.ndarray:

@@ -117,6 +117,11 @@ def make(
     values = {name: _plain(value) for name, value in given.items() if value is not None}
     if isinstance(likelihood, str):
         values["likelihood"], likelihood = likelihood, None
+    elif likelihood is not None and not hasattr(likelihood, "observe"):
+        raise InputError(
+            f"likelihood={likelihood!r:.60} must be the name of a built-in likelihood, or an "
+            "object with the methods observe and log_prob."
+        )
     if ordering is not None:
         if "method" in values:
             raise InputError("method and ordering were both given; use one of them.")

@@ -62,6 +62,7 @@ class WindowLikelihood(Likelihood):
             no log odds.
         places: [P, 2], the points at the start.
         neighbours: int [P, K], the nearest other points at the start; None for a single point.
+        lengths: [P, K], their distances at the start, at least a window; None likewise.
     """
 
     sigma: Any
@@ -72,6 +73,7 @@ class WindowLikelihood(Likelihood):
     elsewhere: Any = None
     places: Any = None
     neighbours: Any = None
+    lengths: Any = None
 
     #: ``log_prob`` is constant within a pixel.
     state_gradient = False
@@ -122,13 +124,12 @@ class WindowLikelihood(Likelihood):
 
     def _strain(self, partition, points):
         """Median strain [P] between each point and its neighbours; points [P, 2]."""
-        start = jnp.asarray(self.places, points.dtype)
-        moved = jnp.zeros_like(points).at[partition].set(points) - start
-        others = jnp.asarray(self.neighbours)
-        between = jnp.linalg.norm(start[:, None] - start[others], axis=-1)
-        between = jnp.maximum(between, max(self.window))
-        apart = jnp.linalg.norm(moved[:, None] - moved[others], axis=-1)
-        return jnp.median(apart / between, axis=1)[partition]
+        moved = jnp.zeros_like(points).at[partition].set(points)
+        moved -= jnp.asarray(self.places, points.dtype)
+        apart = moved[:, None] - moved[jnp.asarray(self.neighbours)]
+        strain = jnp.sqrt(jnp.sum(apart**2, axis=-1)) / jnp.asarray(self.lengths, points.dtype)
+        ordered, count = jnp.sort(strain, axis=1), strain.shape[1]  # jnp.median is slower
+        return (ordered[:, (count - 1) // 2] + ordered[:, count // 2])[partition] / 2
 
     def _squares(self, observation, partition, substates):
         """Squared differences [N, rows, columns * 3], and whether u and v are finite."""
@@ -191,6 +192,7 @@ def windows(
                 "divided by it: move the point or enlarge the window."
             )
     learned = _build(seen, sigma, size, norm, slip)
+    neighbours, lengths = _neighbours(points, size)
     elsewhere = _matches_elsewhere(np.asarray(frame), points, np.asarray(learned.references), size)
     if elsewhere is None:
         return learned
@@ -198,7 +200,8 @@ def windows(
         learned,
         elsewhere=as_array(elsewhere, float),
         places=as_array(points, float),
-        neighbours=_neighbours(points),
+        neighbours=neighbours,
+        lengths=lengths,
     )
 
 
@@ -260,14 +263,15 @@ def _matches_elsewhere(frame, points, references, window):
     return np.maximum(np.nanquantile(distances, _BEST, axis=1), _CLOSEST)
 
 
-def _neighbours(points):
-    """The nearest other points, int [P, K]; None for a single point."""
+def _neighbours(points, window):
+    """The nearest other points, int [P, K], and their distances; None for a single point."""
     if len(points) == 1:
-        return None
+        return None, None
     apart = np.linalg.norm(points[:, None] - points, axis=-1)
     np.fill_diagonal(apart, np.inf)
     nearest = np.argsort(apart, axis=1)[:, : min(_NEIGHBOURS, len(points) - 1)]
-    return jnp.asarray(nearest, jnp.int32)
+    lengths = np.maximum(np.take_along_axis(apart, nearest, axis=1), max(window))
+    return jnp.asarray(nearest, jnp.int32), as_array(lengths, float)
 
 
 def _windows(frame, u, v, window):

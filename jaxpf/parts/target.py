@@ -107,16 +107,9 @@ class PartTarget(Target):
         return Start(ids, poses, sizes, tuple(given.parents))
 
     def likelihood(self, options: Options, start: Start, looks: Looks) -> Any:
-        """See ``Target``; with log odds if learned from the start frame."""
-        from jaxpf.parts.models import with_log_odds
-
-        learned = self._appearance(options, start, looks)
-        if looks.frame is None:
-            return learned
-        return with_log_odds(learned, looks.frame, start.shapes, start.sizes)
-
-    def _appearance(self, options: Options, start: Start, looks: Looks) -> Any:
+        """See ``Target``; patches of the start frame get log odds."""
         from jaxpf.likelihoods import patch, patch_from_pictures
+        from jaxpf.parts.models import with_log_odds
 
         if options.likelihood != "patch":
             return self._histogram(options, start, looks)
@@ -125,9 +118,10 @@ class PartTarget(Target):
             "window": _PATCH_WINDOW,
         }
         with naming([f"part '{name}'" for name in start.ids]):
-            if looks.patches is None:
-                return patch(looks.frame, start.shapes, start.sizes, **settings)
-            return patch_from_pictures(looks.patches, start.sizes, **settings)
+            if looks.frame is None:
+                return patch_from_pictures(looks.patches, start.sizes, **settings)
+            learned = patch(looks.frame, start.shapes, start.sizes, **settings)
+        return with_log_odds(learned, looks.frame, start.shapes, start.sizes)
 
     def training_likelihood(self, options: Options, start: Start, looks: Looks, frames: Any) -> Any:
         """See ``Target``: bilinear histograms, as a ratio to those of random background boxes."""

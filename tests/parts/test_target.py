@@ -80,18 +80,19 @@ def test_a_part_of_fixed_size_is_a_box_of_scale_one(scene, likelihood):
     np.testing.assert_allclose(one, every[3], rtol=1e-5)
 
 
-def test_log_odds_fall_where_a_part_is_not(scene, likelihood):
-    poses = scene.extras["poses"][0]
-    part = with_log_odds(likelihood, scene.frames[0], poses, scene.sizes)
-    observation, numbers = part.observe(scene.frames[0]), jnp.arange(5)
+def test_log_odds_of_patches_fall_where_a_part_is_not(scene):
+    poses, frame = scene.extras["poses"][0], scene.frames[0]
+    learned = jaxpf.likelihoods.patch(frame, poses, scene.sizes, window=(12, 12))
+    part = with_log_odds(learned, frame, poses, scene.sizes)
+    observation, numbers = part.observe(frame), jnp.arange(5)
 
     def log_odds(shift):
         shifted = jnp.asarray(poses.T + np.array([shift, 0, 0])[:, None], jnp.float32)
         return np.asarray(part.log_odds_all(observation, numbers, shifted))
 
     assert np.all(log_odds(0.0) > 2)
-    assert np.all(log_odds(60.0) < log_odds(0.0) - 2)
-    assert not jaxpf.contract.has_log_odds(OfFixedSize(likelihood))
+    assert np.all(log_odds(60.0) < 0)
+    assert not jaxpf.contract.has_log_odds(OfFixedSize(learned))
     assert parts_model(part, poses, scene.sizes, TREE).likelihood is part
 
 

@@ -8,11 +8,10 @@ smaller pictures are cut from the shrunken frame:
 - *tiles* around the grid of places elsewhere, for the log odds: too few boxes for a table, so each
   sums its own pixels.
 
-A score is a function of the same integers as with the whole frame: the same bits in windows, the
-same up to rounding in tiles.  A box that its window does not contain, or that has outgrown the
-tiles, scores NaN, and the filter repeats the step with the whole frame.  So every likelihood that
-counts is the one given the whole frame: windows change the time, not the model, and evidence
-remains the density of the whole frame.
+A score is a function of the same integers as with the whole frame, and equal up to rounding.  A
+box that its window does not contain, or that has outgrown the tiles, scores NaN, and the filter
+repeats the step with the whole frame.  So every likelihood that counts is the one given the whole
+frame: windows change the time, not the model, and evidence remains the density of the whole frame.
 """
 
 from collections.abc import Callable

@@ -207,7 +207,7 @@ def frame_sizes(
 ) -> Section:
     """The default tracker of three objects of 32 pixels: large frames against small ones."""
     names = [f"{width}x{height}: a frame" for height, width in shapes]
-    cases = []
+    cases: list[Case] = []
     for name, shape in zip(names, shapes, strict=True):
         frame, boxes = problems.small_objects(*shape)
         frames, tracker = (

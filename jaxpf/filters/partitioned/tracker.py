@@ -154,7 +154,7 @@ class Partitioned(Tracker):
         if self.proposal is not None:
             return None
         estimates = moments(state.lagged[0], jnp.exp(state.log_weights), jnp.matmul)[0].T
-        if self.relocation is not None:
+        if self.relocation is not None and state.log_odds is not None:
             epsilon = self.relocation.epsilon_at(jax.nn.sigmoid(state.log_odds))
             estimates = jnp.where(jnp.any(epsilon > 0), jnp.nan, estimates)
         return contract.observe_nearby(self.likelihood, frame, estimates)

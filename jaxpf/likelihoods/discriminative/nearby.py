@@ -114,8 +114,8 @@ def observe(likelihood: "DiscriminativeLikelihood", frame: Any, estimates: jax.A
     The window of an estimate that is not finite contains no box.
     """
     frame, (rows, columns, *_) = jnp.asarray(frame), likelihood.windows
-    factor = jnp.array(likelihood.factors, estimates.dtype)[likelihood.level]
-    first = jnp.round(estimates[:, 1::-1] / factor[:, None]) - np.array([rows, columns]) // 2
+    shrinking = jnp.array(likelihood.factors, estimates.dtype)[likelihood.level, None]
+    first = jnp.round(estimates[:, 1::-1] / shrinking) - np.array([rows, columns]) // 2
     corners = jnp.where(jnp.isfinite(first), first, -2 * max(rows, columns)).astype(jnp.int32)
 
     def window_of(factor: int) -> Callable:
@@ -221,8 +221,8 @@ def _colour_score(bins, weights, boxes, rows_of, columns):
 def _parts(starts, extent, count, size, first, length):
     """Whether lines of tiles lie in each of ``count`` equal parts of boxes: [12, count, length]."""
     edges = [line_at(starts + extent * (k / count), size) - first for k in range(count + 1)]
-    edges, lines = jnp.stack(edges, axis=1)[..., None], np.arange(length)
-    return (edges[:, :-1] <= lines) & (lines < edges[:, 1:])
+    limits, lines = jnp.stack(edges, axis=1)[..., None], np.arange(length)
+    return (limits[:, :-1] <= lines) & (lines < limits[:, 1:])
 
 
 def _tile_shape(shape: WindowShape) -> tuple[int, int]:

@@ -8,11 +8,10 @@ smaller pictures are cut from the shrunken frame:
 - *tiles* around the grid of places elsewhere, for the log odds: too few boxes for a table, so each
   sums its own pixels.
 
-A score is a function of the same integers as with the whole frame: the same bits in windows, the
-same up to rounding in tiles.  A box that its window does not contain, or that has outgrown the
-tiles, scores NaN, and the filter repeats the step with the whole frame.  So every likelihood that
-counts is the one given the whole frame: windows change the time, not the model, and evidence
-remains the density of the whole frame.
+A score is a function of the same integers as with the whole frame, and equal up to rounding.  A
+box that its window does not contain, or that has outgrown the tiles, scores NaN, and the filter
+repeats the step with the whole frame.  So every likelihood that counts is the one given the whole
+frame: windows change the time, not the model, and evidence remains the density of the whole frame.
 """
 
 from collections.abc import Callable
@@ -115,8 +114,8 @@ def observe(likelihood: "DiscriminativeLikelihood", frame: Any, estimates: jax.A
     The window of an estimate that is not finite contains no box.
     """
     frame, (rows, columns, *_) = jnp.asarray(frame), likelihood.windows
-    factors = jnp.array(likelihood.factors, estimates.dtype)[likelihood.level]
-    first = jnp.round(estimates[:, 1::-1] / factors[:, None]) - np.array([rows, columns]) // 2
+    shrinking = jnp.array(likelihood.factors, estimates.dtype)[likelihood.level, None]
+    first = jnp.round(estimates[:, 1::-1] / shrinking) - np.array([rows, columns]) // 2
     corners = jnp.where(jnp.isfinite(first), first, -2 * max(rows, columns)).astype(jnp.int32)
 
     def window_of(factor: int) -> Callable:
@@ -221,9 +220,9 @@ def _colour_score(bins, weights, boxes, rows_of, columns):
 
 def _parts(starts, extent, count, size, first, length):
     """Whether lines of tiles lie in each of ``count`` equal parts of boxes: [12, count, length]."""
-    each = [line_at(starts + extent * (k / count), size) - first for k in range(count + 1)]
-    edges, lines = jnp.stack(each, axis=1)[..., None], np.arange(length)
-    return (edges[:, :-1] <= lines) & (lines < edges[:, 1:])
+    edges = [line_at(starts + extent * (k / count), size) - first for k in range(count + 1)]
+    limits, lines = jnp.stack(edges, axis=1)[..., None], np.arange(length)
+    return (limits[:, :-1] <= lines) & (lines < limits[:, 1:])
 
 
 def _tile_shape(shape: WindowShape) -> tuple[int, int]:

@@ -101,7 +101,7 @@ def test_an_open_claim_says_how_many_scenes_would_resolve_it():
     assert judge(claim(at_least=0), [fixed(0, 1)]).remark == "more scenes would not resolve it"
     assert judge(claim(at_least=0), [fixed(5, 0)]).remark == "too few scenes to say more"
     equal = judge(claim(at_least=0, margin=3), [fixed(-0.5, 2)])
-    assert equal.remark == "equal within our margin of 3"
+    assert equal.remark == "within our margin of 3"
 
 
 def test_that_many_scenes_do_resolve_it():

@@ -175,6 +175,7 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
         walkers = claims.of_walkers(with_outcomes(one_kept_one_lost, methods))
         methods = {
             passing.PARTITIONED: first,
+            passing.PARTITIONED + passing.PRINTED: second,
             passing.FAILING: second,
             passing.ENOUGH: first,
         }
@@ -182,12 +183,14 @@ def test_claims_of_opaque_targets_follow_from_what_was_tracked(one_kept_one_lost
         return verdicts(walkers | leaves)
 
     found = judged(all_good, all_bad)
-    assert len(found) == 12
+    assert len(found) == 14
+    assert found.pop("leaves_printed") == CONTRADICTED
     assert set(found.values()) == {SUPPORTED}
     found = judged(all_bad, all_good)
     # Nothing is said about the spreads of lost targets.
     assert (found.pop("walkers_widen"), found.pop("walkers_narrow")) == (OPEN, OPEN)
     assert found.pop("leaves_fewer_particles") == NOT_SEEN
+    assert found.pop("leaves_printed") == SUPPORTED
     assert set(found.values()) == {CONTRADICTED}
 
 

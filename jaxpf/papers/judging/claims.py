@@ -1,9 +1,9 @@
 """Published claims, and the rule that judges them by measured figures.
 
 Each paper's ``claims.csv`` holds one row per claim: the range that the paper claims for its
-figures, and our margin, within which a figure counts as equal to an end of that range.  Range,
-margin and number of scenes (``Paper.scenes``) are fixed before measuring; the scenes are evaluated
-once.
+figures, and our margin, by which an interval must lie outside that range to contradict the claim.
+Range, margin and number of scenes (``Paper.scenes``) are fixed before measuring; the scenes are
+evaluated once.
 
 * *supported*: the 95 % interval of every figure lies in the claimed range.  A false claim is false
   in some figure, which passes in at most 2.5 % of the replications on either side.
@@ -223,7 +223,7 @@ def _is_near(claim: Claim, low: float, high: float) -> bool:
 def _remark(claim: Claim, figures: Sequence[Quantity], level: float, count: int) -> str:
     """A remark on an open claim."""
     if figures and all(_clearly(_is_near, claim, each, level) for each in figures):
-        return f"equal within our margin of {claim.margin:g}"
+        return f"within our margin of {claim.margin:g}"
     times = growth(claim, figures, level)
     if math.isnan(times):
         return f"too few {claim.unit} to say more"

@@ -76,7 +76,9 @@ def of_leaves(passing: Passing) -> Quantities:
     }
     if PARTITIONED + PUBLISHED_FLIP in passing.methods:
         figures["leaves_labels_flip"] = rate_of_labels(passing, PARTITIONED + PUBLISHED_FLIP)
-        figures["leaves_printed"] = share_of(passing.kept(PARTITIONED + PRINTED))
+    if (printed := PARTITIONED + PRINTED) in passing.methods:
+        figures["leaves_printed"] = share_of(passing.kept(printed))
+        figures["leaves_paid_once"] = _gap(passing.kept(PARTITIONED), passing.kept(printed))
     if ENOUGH in passing.methods:
         figures["leaves_enough"] = share_of(passing.kept(ENOUGH))
     return figures

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.points.target import POINTS
-from jaxpf.targets.adapter import Adapter, Marks, TrackFile
+from jaxpf.targets.adapter import Adapter, Marks, TrackFile, widened_by
 from jaxpf.targets.target import Start
 
 #: Default spacing of a grid of points, pixels.
@@ -95,6 +95,11 @@ class PointAdapter(Adapter):
             writer.append(frame, names, shapes, lost)
 
         return TrackFile(writer, append)
+
+    def widened(self, values: np.ndarray, interval: np.ndarray, likelihood: Any) -> np.ndarray:
+        """See ``Adapter``: a point slips in its window."""
+        slip = float(getattr(likelihood, "slip", 0.0))
+        return widened_by(values, interval, slip) if slip else interval
 
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
         """See ``Adapter``; lost and probably lost points are hollow."""

@@ -58,7 +58,7 @@ class Adapter(abc.ABC):
 
     An adapter must define ``target``, ``read_start``, ``fits_scene``, ``scene_shapes``,
     ``scene_start``, ``track_writer`` and ``draw``; a class without them cannot be instantiated.
-    ``scaled``, ``draw_particles`` and the attributes below have defaults.
+    ``scaled``, ``widened``, ``draw_particles`` and the attributes below have defaults.
 
     Attributes:
         target: the target.
@@ -123,6 +123,16 @@ class Adapter(abc.ABC):
         """Values ``[..., P, C]`` of ``columns`` for shapes ``[..., P, S]``."""
         return shapes[..., :2]
 
+    def widened(self, values: np.ndarray, interval: np.ndarray, likelihood: Any) -> np.ndarray:
+        """Add errors that the particles do not show to 95 % intervals; by default none.
+
+        Args:
+            values: ``[P, C]``, estimates of the columns.
+            interval: ``[2, P, C]``, quantiles of the particles.
+            likelihood: the tracker's, or None.
+        """
+        return interval
+
     @abc.abstractmethod
     def track_writer(self, path: Any, start: Start) -> TrackFile:
         """A new track file for the objects of ``start``."""
@@ -148,6 +158,15 @@ class Adapter(abc.ABC):
             return frame
         centres = np.swapaxes(np.asarray(state.substates)[..., :2], 0, 1)
         return draw_particles(frame, centres, colours)
+
+
+def widened_by(values: np.ndarray, interval: np.ndarray, deviation: Any) -> np.ndarray:
+    """Widen 95 % intervals ``[2, ...]`` around values by independent normal noise.
+
+    Exact if the particles are normally distributed around the values.
+    """
+    reach = np.hypot(interval - values, 1.96 * deviation)
+    return np.stack([values - reach[0], values + reach[1]])
 
 
 def looks_of_scene(scene: Any, num_particles: int, typical: Any = None) -> Looks:

@@ -180,7 +180,15 @@ def test_intervals_in_tracks_are_widened_by_the_slip():
     shapes, before = particles.mean(axis=0), PLACES
     for slip, deviation in ((0.0, 3.0), (4.0, 5.0)):
         places, _ = places_of(
-            POINT_FILES, start, lambda x: x, shapes, state, slice(None), 25.0, before, slip
+            POINT_FILES,
+            start,
+            lambda x: x,
+            shapes,
+            state,
+            slice(None),
+            25.0,
+            before,
+            SimpleNamespace(slip=slip),
         )
         width = places.interval[1] - places.interval[0]
         # 4.5 standard errors of two 2.5 % quantiles.

@@ -81,7 +81,12 @@ class Scene:
     @property
     def slip(self) -> float:
         """Standard deviation of points around their windows, pixels; 0 for other targets."""
-        return float(getattr(getattr(self.tracker, "likelihood", None), "slip", 0.0))
+        return float(getattr(self.likelihood, "slip", 0.0))
+
+    @property
+    def likelihood(self) -> Any:
+        """The tracker's likelihood; None for a user-defined tracker without one."""
+        return getattr(self.tracker, "likelihood", None)
 
     def outside(self, start: Start, shapes: np.ndarray) -> np.ndarray:
         """Which shapes lie outside the image or are not finite."""
@@ -144,7 +149,7 @@ def fixed_population(
             slice(None),
             scene.fps,
             centres,
-            scene.slip,
+            scene.likelihood,
         )
         variance = getattr(summary, "estimate_variance", None)
         if variance is not None and scene.adapter.target.has_places:
@@ -202,6 +207,7 @@ def changing_population(
             slots,
             scene.fps,
             centres,
+            scene.likelihood,
         )
         if tracked.summary is None:
             places = Places(places.values)

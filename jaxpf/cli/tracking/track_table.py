@@ -116,7 +116,7 @@ def places_of(
     slots: Any,
     fps: float,
     before: np.ndarray | None,
-    slip: float = 0.0,
+    likelihood: Any = None,
 ) -> tuple[Places, np.ndarray]:
     """Values, intervals and speeds of one frame, and the centres ``[P, 2]`` for the next.
 
@@ -129,7 +129,7 @@ def places_of(
         slots: partitions to report.
         fps: frames per second.
         before: ``[P, 2]``, centres in the previous frame; None if unknown.
-        slip: see ``Scene.slip``.
+        likelihood: the tracker's; it may report errors that widen the intervals.
     """
     values = adapter.column_values(start, shapes)
     before = np.full((len(shapes), 2), np.nan) if before is None else before
@@ -146,11 +146,7 @@ def places_of(
     # Sort only the reported partitions.
     shown = weights if weights.ndim == 1 else weights[slots]
     interval = quantiles(particles[:, slots], shown, levels)
-    if slip:
-        # Quantiles of the particles' distribution plus normal noise, exact if it is normal.
-        middle, ends = values[slots, :2], interval[..., :2]
-        reach = np.hypot(ends - middle, 1.96 * slip)
-        interval[..., :2] = middle + np.array([-1, 1])[:, None, None] * reach
+    interval = adapter.widened(values[slots], interval, likelihood)
     middles = _centres(adapter, particles)
     centres = _mean(middles, weights)
     moved = fps * (centres - before)

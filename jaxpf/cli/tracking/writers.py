@@ -179,7 +179,7 @@ class Smoothed:
                 slice(None),
                 scene.fps,
                 self._before,
-                scene.slip,
+                scene.likelihood,
             )
             number = scene.first + 1 + frame.time
             self._table.write(number, start.ids, places, nobody)

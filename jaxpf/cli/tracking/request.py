@@ -51,7 +51,8 @@ class Run:
     )
     smooth: bool = option(
         False,
-        "Also write smoothed.csv: the tracks given all frames, computed when the clip ends.",
+        "Also write smoothed.csv: the tracks given all frames, computed when the clip ends.  Paths "
+        "become smoother; errors do not become smaller, so on film its intervals are too narrow.",
     )
     smooth_lag: int | None = option(
         None,

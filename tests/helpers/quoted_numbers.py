@@ -11,11 +11,11 @@ QUOTED = {
             r"sir object 1: success 0\.93 .* ps object 1: success 0\.55 "
             r".* dps object 1: success 0\.55"
         ),
-        'about three carry all the weight, against 33 for `"ps"` and 17 for `"dps"`': (
+        'carry all the weight, against 33 for `"ps"` and 17 for `"dps"`': (
             r"effective sample size 3 ps .* sample size 33 dps .* sample size 17\b"
         ),
         "stay within a pixel of the truth on average": r"to the truth, pixels: \[0\.\d* *0\.\d*\]",
-        "ends up 10 and 20 pixels away": (
+        "is 10 and 20 pixels off on average": (
             r"without the far walls, pixels: \[10\.\d* (19\.[5-9]|20\.[0-4])"
         ),
         "is lower by 640": r"walls log evidence 1879\.4 no far walls log evidence 1239\.4",
@@ -24,14 +24,14 @@ QUOTED = {
         "from .02 to .1 it ties two bodies": (
             r"scale 0\.02 6\.3 .* scale 0\.05 5\.7 .* scale 0\.1 2\.6 .* scale 0\.2 0\.8"
         ),
-        "it finds a place within a pixel": r"Lucas-Kanade 0\.4 \[.*\] 0\.2",
+        "its error is below a pixel": r"Lucas-Kanade 0\.4 \[.*\] 0\.2",
     },
     "partitioned_sampling": {
         "12 of 200": r"effective sample size: 12\.1 of 200",
         "36 useful particles instead of 12": (
             r"sample size: 36\.1 of 200 conventional, above: 12\.1"
         ),
-        r"SIR's $\log \hat Z$ scatters by 2.6 from run to run and that of the others by .8 to .9": (
+        "has a standard deviation of 2.6 over runs, that of the others .8 to .9": (
             r"SIR A 0\.0960 B 0\.0891 2\.6\d* .* 0\.786 .* 0\.757 .* 0\.886 "
         ),
         "is off by .09 to .10, that of the others by .03 to .04": (
@@ -50,20 +50,20 @@ QUOTED = {
         ),
         "the interval of the gap, -6 to 12": r"drawn twice best - worst \+3 \[ -6, \+12\]",
         "by 22 points": r"stages counted twice best - worst \+22 ",
-        "last but one (53 %) and least when it comes last (32 %)": r"48 53 32 %",
+        "last but one (53 %) and least often when it comes last (32 %)": r"48 53 32 %",
         "DPS falls 17 points behind PS": r"DPS - PS -17 ",
-        "cannot be told apart (-11 to 18)": r"34 % of the runs, \+3 \[ -11, \+18\]",
+        "cannot be told apart (-11 to 18 points)": r"34 % of the runs, \+3 \[ -11, \+18\]",
     },
     "swap_bias": {
         "it estimates 5/16 instead of 1/4": r"none mean 0\.2500 .* sorted_swap mean 0\.3125",
         "by a factor of 1.7 at 3 parts and of some 90 at 11": (
             r" 3 sorted 1\.72\d* .* 11 sorted 91\.8"
         ),
-        "settles at 1.75 and .89": r"1000 sorted 1\.754 \+- 0\.003 0\.885",
+        "converges to 1.75 and .89": r"1000 sorted 1\.754 \+- 0\.003 0\.885",
         "sorting by 10 per cent and the unbiased rule by 9": (
             r"relative SPS sorted 10\.1 .* relative SPS combinatorial 8\.8"
         ),
-        "10 per cent smaller, with an interval from 2 to 18": r"SPS sorted 9\.9 \[ 1\.6, 17\.6\]",
+        "on these ten sequences, with an interval from 2 to 18": r"SPS sorted 9\.9 \[ 1\.6, 17\.6\]",
     },
 }
 

@@ -63,7 +63,9 @@ QUOTED = {
         "sorting by 10 per cent and the unbiased rule by 9": (
             r"relative SPS sorted 10\.1 .* relative SPS combinatorial 8\.8"
         ),
-        "on these ten sequences, with an interval from 2 to 18": r"SPS sorted 9\.9 \[ 1\.6, 17\.6\]",
+        "on these ten sequences, with an interval from 2 to 18": (
+            r"SPS sorted 9\.9 \[ 1\.6, 17\.6\]"
+        ),
     },
 }
 

@@ -35,7 +35,8 @@ GROUPS: Mapping[str, str] = {
 RULE = (
     "A claim is supported if the 95 % interval of every figure lies in the claimed range, "
     "contradicted if that of one (Bonferroni-corrected) lies outside by more than our margin, and "
-    "otherwise open.  The number of scenes is planned, and they are looked at once."
+    "otherwise open.  The number of scenes is planned, and they are looked at once, "
+    "except where a row says otherwise.  Rows are not independent: several may share one claim."
 )
 #: Maximum number of scenes that a remark suggests.
 _MOST_SCENES = 100_000
@@ -222,7 +223,9 @@ def _is_near(claim: Claim, low: float, high: float) -> bool:
 
 def _remark(claim: Claim, figures: Sequence[Quantity], level: float, count: int) -> str:
     """A remark on an open claim."""
-    if figures and all(_clearly(_is_near, claim, each, level) for each in figures):
+    values = [figure.measured(level)[0] for figure in figures]
+    is_met = all(claim.at_least < value < claim.at_most for value in values)
+    if not is_met and all(_clearly(_is_near, claim, each, level) for each in figures):
         return f"within our margin of {claim.margin:g}"
     times = growth(claim, figures, level)
     if math.isnan(times):

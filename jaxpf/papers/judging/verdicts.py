@@ -24,7 +24,7 @@ FORMS = {
     "gonzales2011": "SPS with the paper's swap",
     "rowe2005": "eq. 4 as printed",
     "eskil2014": "equations as printed only where it says so",
-    "maccormick1999": "an edge paid once, as printed where it says so",
+    "maccormick1999": "an edge paid once, as printed where said",
 }
 #: Width of each column in characters; at most 100 in total, including spaces between columns.
 _WIDTHS = (44, 16, 25, 12)

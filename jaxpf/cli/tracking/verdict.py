@@ -97,11 +97,12 @@ def sentences(
             until = about["followed_until"]
             text = f"{followed} until frame {until}, probably lost in {_frames(pieces)}"
         if about["interval_width"] is not None:
-            text += f"; 95 % interval {about['interval_width']:.2g} pixels wide"
+            text += f"; 95 % interval {about['interval_width']:.2g} pixels wide along x or y"
         lines.append(f"Object {name}: {text}")
     if some_lost:
         lines.append(
-            "Try: check those frames in the overlay; track with more particles (-n); or start the "
+            "Try: check those frames in the overlay, and those after them, where the object may be "
+            "another one that looks alike; track with more particles (-n); or start the "
             "object again where it is seen well (--start)."
         )
     if is_degenerate(ess, num_particles):

@@ -35,7 +35,8 @@ def test_an_object_that_is_followed_throughout_needs_no_advice():
         "mean_confidence": 0.9,
     }
     assert sentences(verdicts, 120.0, 300) == [
-        "Object 7: followed confidently to the end (frame 29); 95 % interval 5 pixels wide"
+        "Object 7: followed confidently to the end (frame 29); "
+        "95 % interval 5 pixels wide along x or y"
     ]
 
 

@@ -138,7 +138,7 @@ def _draw_outlines(
 
 
 def _check_frame(frame: Any) -> None:
-    if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape[2:] != (3,):
+    if getattr(frame, "dtype", None) != np.uint8 or frame.shape[2:] != (3,):
         form = f"{getattr(frame, 'dtype', type(frame).__name__)} {list(np.shape(frame))}"
         raise InputError(f"the frame is {form}; give a picture of uint8 RGB [H, W, 3].")
 

@@ -62,7 +62,7 @@ def parse_number(field: str, place: str, remedy: str) -> float:
         return value
     if _DECIMAL_COMMA.fullmatch(field):
         remedy = f"write decimals with a point, {field.replace(',', '.')}"
-    raise InputError(f"{place} '{field[:40]}', which is not a finite number; {remedy}")
+    raise InputError(f"{place} {field[:40]!r}, which is not a finite number; {remedy}")
 
 
 def check_name(name: str, place: str) -> None:

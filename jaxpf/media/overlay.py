@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jaxpf.contract.errors import InputError
 from jaxpf.media.labels import DARK, Label, draw_labels, font_scale, line_thickness, tag, tag_size
 
 #: Opacity of faint lines.
@@ -64,7 +65,10 @@ def draw_boxes(
         lost: see ``draw_outlines``.
         doubtful: see ``draw_outlines``.
     """
-    x, y, w, h = np.asarray(boxes, float).reshape(-1, 4).T
+    boxes = np.asarray(boxes, float)
+    if boxes.size and boxes.shape[-1:] != (4,):
+        raise InputError(f"boxes has shape {list(boxes.shape)}; give x, y, w, h, [P, 4].")
+    x, y, w, h = boxes.reshape(-1, 4).T
     # Along the first and last row and column of pixels that a box covers.
     left, top = np.round(x) + 0.5, np.round(y) + 0.5
     right = np.maximum(np.round(x + w) - 0.5, left)
@@ -108,6 +112,7 @@ def _draw_outlines(
     doubtful: ArrayLike | None,
     kind: int,
 ) -> np.ndarray:
+    _check_frame(frame)
     picture, nobody = np.ascontiguousarray(frame).copy(), np.zeros(len(lines), bool)
     lost = nobody if lost is None else np.asarray(lost, bool)
     doubtful = nobody if doubtful is None else np.asarray(doubtful, bool) & ~lost
@@ -130,6 +135,12 @@ def _draw_outlines(
             labels.append(Label.around(f"{name}{mark}", low, high, shades[place]))
     draw_labels(picture, labels)
     return picture
+
+
+def _check_frame(frame: Any) -> None:
+    if getattr(frame, "dtype", None) != np.uint8 or frame.shape[2:] != (3,):
+        form = f"{getattr(frame, 'dtype', type(frame).__name__)} {list(np.shape(frame))}"
+        raise InputError(f"the frame is {form}; give a picture of uint8 RGB [H, W, 3].")
 
 
 def _shades(count: int, colours: np.ndarray | None) -> list[tuple[int, int, int]]:
@@ -177,6 +188,7 @@ def draw_particles(
         max_per_object: maximum number of particles to draw, evenly spaced in the particle index,
             so that the picture does not depend on chance.
     """
+    _check_frame(frame)
     frame = frame.copy()
     centres = np.asarray(centres, np.float64)
     radius = line_thickness(frame)
@@ -214,6 +226,7 @@ def draw_spreads(
         spreads: standard deviations of x and of y in pixels [P, 2].
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
     """
+    _check_frame(frame)
     shown, size = frame.copy(), np.array(frame.shape[1::-1])
     shades = _shades(len(centres), colours)
     for centre, spread, colour in zip(centres, spreads, shades, strict=True):
@@ -239,6 +252,7 @@ def draw_pixel_grid(frame: np.ndarray, step: int | None = None) -> np.ndarray:
     Returns:
         uint8 RGB [k H, k W, 3], enlarged by k.
     """
+    _check_frame(frame)
     height, width = frame.shape[:2]
     enlargement = 1 if max(width, height) >= 480 else -(-640 // max(width, height))
     if step is None:

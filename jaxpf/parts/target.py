@@ -16,6 +16,7 @@ import numpy as np
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.options import check_options, option
+from jaxpf.filters.initial import numbers_in
 from jaxpf.targets.appearance import (
     bands_option,
     likelihood_option,
@@ -102,7 +103,10 @@ class PartTarget(Target):
 
     def start(self, given: Parts, names: Any = None) -> Start:
         """See ``Target``."""
-        poses, sizes = np.asarray(given.poses, np.float64), np.asarray(given.sizes, np.float64)
+        if not isinstance(given, Parts):
+            raise InputError(f"parts is {type(given).__name__}: give jaxpf.parts.Parts.")
+        poses = numbers_in("poses", given.poses, "numbers x, y, theta of every part, [P, 3]")
+        sizes = numbers_in("sizes", given.sizes, "numbers width, height of every part, [P, 2]")
         ids = np.array(given.names if names is None else names)
         return Start(ids, poses, sizes, tuple(given.parents))
 

@@ -23,6 +23,7 @@ from jaxpf.boxes.models import box_model, boxes_at
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
 from jaxpf.contract.options import chosen, options_of
+from jaxpf.filters.initial import numbers_in
 from jaxpf.filters.labelled import options as labelled
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_started
@@ -151,8 +152,17 @@ def follow(
     """
     rules = rules or Rules()
     starts: dict[int, list[tuple[int, np.ndarray]]] = {}
-    for time, identity, box in named:
-        starts.setdefault(time, []).append((identity, np.asarray(box, float)))
+    for entry in named:
+        if len(entry) != 3 or not all(isinstance(x, int | np.integer) for x in entry[:2]):
+            raise InputError(f"named holds {entry!r:.60}; give (time, id, box), time and id whole.")
+        time, identity, given = entry
+        box = numbers_in(f"the box of object {identity}", given, "x, y, width and height")
+        if box.shape != (4,):
+            raise InputError(
+                f"the box of object {identity} has shape {list(box.shape)}; give x, y, width and "
+                "height."
+            )
+        starts.setdefault(time, []).append((identity, box))
     ids = [identity for _, identity, _ in named]
     if len(set(ids)) < len(ids) or min(ids, default=0) < 0:
         raise InputError(f"objects are named {ids}; give each a number of its own, from 0 on.")
@@ -193,13 +203,21 @@ def _of_frame(detections: Sequence[np.ndarray | None] | None, time: int) -> np.n
     if detections is None:
         return None
     try:
-        boxes = detections[time]
-        return None if boxes is None else np.asarray(boxes, float).reshape(-1, 4)
+        given = detections[time]
     except IndexError:
         raise InputError(
             f"detections end with frame {time - 1}, and there is a frame {time}; give boxes [M, 4] "
             "for every frame, none as an array of shape [0, 4]."
         ) from None
+    if given is None:
+        return None
+    wanted = "boxes [M, 4] of x, y, width and height"
+    boxes = numbers_in(f"detections[{time}]", given, wanted)
+    if boxes.size == 0 or boxes.shape == (4,):
+        return boxes.reshape(-1, 4)
+    if boxes.ndim != 2 or boxes.shape[1] != 4:
+        raise InputError(f"detections[{time}] has shape {list(boxes.shape)}; give {wanted}.")
+    return boxes
 
 
 def _changed(

@@ -117,3 +117,9 @@ def test_decimal_commas_between_commas_do_not_become_another_box(size, tmp_path)
 def test_ten_columns_of_mot_files_are_taken(rest, tmp_path):
     (tmp_path / "b.txt").write_text(f"1,1,10,5,20,5,{rest}\n")
     assert read_boxes(tmp_path / "b.txt").box[0].tolist() == [9, 4, 20, 5]
+
+
+def test_invisible_letters_show_in_refusals(tmp_path):
+    (tmp_path / "b.csv").write_text("frame,id,x,y,w,h\n0,1,\u200b5,6,5,6\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"'\\u200b5', which is not a finite number"):
+        read_boxes(tmp_path / "b.csv")

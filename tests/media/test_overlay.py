@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+import jaxpf
 from jaxpf.media import (
     draw_boxes,
     draw_outlines,
@@ -177,3 +178,17 @@ def test_rectangles_that_are_not_finite_or_far_away_do_no_harm():
     corners = np.array([[[np.nan, 1]] * 4, [[1e9, 1e9]] * 4, [[-1e9, 5]] * 4])
     drawn = draw_outlines(frame, corners, ["a", "b", "c"])
     assert drawn.shape == frame.shape
+
+
+@pytest.mark.parametrize(
+    ("frame", "boxes", "message"),
+    [
+        (grey() / 255.0, np.ones((1, 4)), "the frame is float64 .* uint8 RGB"),
+        (grey()[..., 0], np.ones((1, 4)), "the frame is uint8 .* uint8 RGB"),
+        ("a.png", np.ones((1, 4)), "the frame is str"),
+        (grey(), np.ones((4, 5)), r"boxes has shape \[4, 5\]; give"),
+    ],
+)
+def test_frames_and_boxes_of_a_wrong_form_are_refused(frame, boxes, message):
+    with pytest.raises(jaxpf.InputError, match=message):
+        draw_boxes(frame, boxes)

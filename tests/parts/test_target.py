@@ -138,3 +138,16 @@ def build(likelihood=None, poses=POSES, sizes=SIZES, tree=TREE, ordering=None, *
 def test_every_mistake_has_one_clear_sentence(call, words):
     with pytest.raises(InputError, match=words):
         call()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("x", "parts is str: give jaxpf.parts.Parts"),
+        (jaxpf.parts.Parts(("a",), (-1,), "x", np.ones((1, 2))), "poses='x' must be numbers"),
+        (jaxpf.parts.Parts(("a",), (-1,), np.ones((1, 3)), None), "sizes=None must be numbers"),
+    ],
+)
+def test_parts_without_numbers_are_refused(given, message):
+    with pytest.raises(jaxpf.InputError, match=message):
+        jaxpf.parts.tracker(np.zeros((48, 64, 3), np.uint8), given)

@@ -117,6 +117,22 @@ def test_what_cannot_start_in_the_first_frame_is_an_error_and_later_a_note(clip)
         tracked(clip, named=[crowd[0], crowd[0]])
 
 
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        # Five numbers a row, four rows: as many numbers as five boxes.
+        ({"detections": [np.ones((4, 5))]}, r"detections\[0\] has shape \[4, 5\]; give boxes"),
+        ({"detections": ["a"]}, r"detections\[0\]='a' must be boxes"),
+        ({"named": [(0, "x", true_box(0, 0))]}, "named holds .*'x'"),
+        ({"named": [(0, 1)]}, r"named holds \(0, 1\); give"),
+        ({"named": [(0, 1, [1.0, 2, 3])]}, r"box of object 1 has shape \[3\]"),
+    ],
+)
+def test_detections_and_named_objects_of_a_wrong_form_are_refused(clip, given, message):
+    with pytest.raises(jaxpf.InputError, match=message):
+        tracked(clip, **given)
+
+
 @pytest.mark.slow
 def test_who_fits_nothing_is_an_error_in_the_first_frame_and_lost_later(clip):
     """Boxes of less than a pixel have no likelihood: noise of the size makes them so."""

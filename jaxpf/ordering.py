@@ -110,14 +110,13 @@ def dps(
         _check_count(num_partitions)
         base = list(range(num_partitions))
         orders = [base[shift:] + base[:shift] for shift in range(num_partitions)]
-    elif num_partitions is not None and any(len(order) != num_partitions for order in orders):
+    orders = _listed(orders)
+    if num_partitions is not None and any(len(order) != num_partitions for order in orders):
         raise InputError(
             f"orders={list(map(list, orders))} do not all hold the {num_partitions} partitions; "
             "give each component a permutation of all of them."
         )
     check_known("reassembly=", reassembly, REASSEMBLIES)
-    if not orders:
-        raise InputError("orders is empty; give at least one permutation of the partitions.")
     return _ordering(orders, _all_but_last(len(orders[0])), literal=reassembly == "literal")
 
 
@@ -128,8 +127,7 @@ def branched(orders: Sequence[Sequence[int]]) -> Ordering:
     ``orders[state.component]`` and keep their component through resampling.  Branch sizes vary at
     run time and may be 0 (maccormick1999, figure 8).
     """
-    if not orders:
-        raise InputError("orders is empty; give at least one permutation of the partitions.")
+    orders = _listed(orders)
     return _ordering(orders, _all_but_last(len(orders[0])), keeps_components=True)
 
 
@@ -279,6 +277,19 @@ def _entries(order: Any) -> list[int]:
             f"order {order!r} is not a list of whole numbers; give the partitions, counted from 0, "
             "such as [2, 0, 1]."
         ) from None
+
+
+def _listed(orders: Any) -> list[list[int]]:
+    """Return orders as lists; refuse none, and what holds no orders."""
+    try:
+        listed = list(orders)
+    except TypeError:
+        raise InputError(
+            f"orders={orders!r} must be a list of orders, such as [[0, 1], [1, 0]]."
+        ) from None
+    if not listed:
+        raise InputError("orders is empty; give at least one permutation of the partitions.")
+    return [_entries(order) for order in listed]
 
 
 def _ordering(

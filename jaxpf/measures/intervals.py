@@ -193,7 +193,10 @@ def _quantile(level: ArrayLike) -> Array:
 
 def check_level(level: ArrayLike) -> None:
     """Refuse a confidence that is not above 0 and below 1."""
-    if is_concrete(level) and not np.all((np.asarray(level) > 0) & (np.asarray(level) < 1)):
+    if not is_concrete(level):
+        return
+    levels = np.asarray(level)
+    if levels.dtype.kind not in "iuf" or not np.all((levels > 0) & (levels < 1)):
         raise InputError(f"level={level} must be above 0 and below 1, such as 0.95.")
 
 

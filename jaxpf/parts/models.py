@@ -23,6 +23,7 @@ from jaxpf.dynamics.joints import (
     joints_between,
     substates_at,
 )
+from jaxpf.filters.initial import numbers_in
 from jaxpf.likelihoods.wrapped import WrappedLikelihood
 
 DYNAMICS = ("relative", "absolute")
@@ -199,7 +200,8 @@ def check_parts(
     Raises:
         InputError: a wrong shape, a non-finite pose, or a part without area.
     """
-    poses, sizes = np.asarray(poses, np.float32), np.asarray(sizes, np.float32)
+    poses = numbers_in("poses", poses, "rows x, y, theta").astype(np.float32)
+    sizes = numbers_in("sizes", sizes, "rows of width and height").astype(np.float32)
     for name, array, wanted in (("poses", poses, 3), ("sizes", sizes, 2)):
         if array.shape != (len(tree), wanted):
             raise InputError(
@@ -220,7 +222,7 @@ def check_parts(
 
 def _noise(name: str, values: ArrayLike, num_parts: int) -> np.ndarray:
     """Check standard deviations or ranges and keep their shape."""
-    values = np.asarray(values, np.float32)
+    values = numbers_in(name, values, "numbers, such as 3,3,0.06").astype(np.float32)
     fits = values.shape in ((), (3,), (num_parts, 3))
     if not fits or not np.isfinite(values).all() or (values < 0).any():
         raise InputError(

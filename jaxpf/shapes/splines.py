@@ -130,7 +130,7 @@ def check_order(num_points: int, degree: int = CUBIC) -> None:
     Raises:
         InputError: there are fewer than ``degree + 1``.
     """
-    if degree < 1:
+    if not isinstance(degree, int | np.integer) or degree < 1:
         raise InputError(f"degree {degree} is no spline's; use 1 for straight sides or 3.")
     if num_points < degree + 1:
         raise InputError(

@@ -109,7 +109,7 @@ def test_the_order_of_scenes_does_not_matter_much_and_repeats_are_equal():
     )
 
 
-@pytest.mark.parametrize("level", [-1, 0, 1, 95, math.nan])
+@pytest.mark.parametrize("level", [-1, 0, 1, 95, math.nan, "x", None])
 def test_a_level_that_is_no_probability_is_refused(level):
     for interval in (student_interval, scene_interval):
         with pytest.raises(InputError, match=f"level={level} must be above 0 and below 1"):

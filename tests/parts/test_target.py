@@ -129,6 +129,8 @@ def build(likelihood=None, poses=POSES, sizes=SIZES, tree=TREE, ordering=None, *
         (lambda: build(sizes=SIZES * [1, 0]), "part 0 measures 1 x 0 pixels, which is no area"),
         (lambda: build(poses=POSES + np.nan), "the pose of part 0 is .*finite"),
         (lambda: build(poses=POSES[:4]), r"poses has shape \[4, 3\]; give \[5, 3\]"),
+        (lambda: build(sizes="big"), "sizes='big' must be rows of width and height"),
+        (lambda: build(reach="far"), "reach='far' must be numbers"),
         (lambda: build(scale=(1, 1)), "scale .* must be three finite numbers"),
         (lambda: build(joint_scale=(1, 1, -1)), "joint_scale .* must be three finite numbers"),
         (lambda: build(reach=np.inf), "reach .* must be three finite numbers"),

@@ -127,6 +127,8 @@ def test_check_tree_returns_plain_ints():
         ),
         (lambda: ordering.dps(3, reassembly="sum"), r"reassembly='sum' .* evidence, literal"),
         (lambda: ordering.branched([]), r"orders is empty"),
+        (lambda: ordering.branched(3), r"orders=3 must be a list of orders"),
+        (lambda: ordering.dps(orders=3), r"orders=3 must be a list of orders"),
         (lambda: ordering.branched([[0, 1], [1, 1]]), r"order \[1, 1\] of component 1"),
         (lambda: ordering.sps(), r"sps\(\) needs the part tree `parents` or a number"),
         (lambda: ordering.sps([]), r"parents is empty"),

@@ -144,9 +144,11 @@ class BoxTarget(Target):
             if options.motion == RELATIVE:
                 steps = relative_steps(options.relative_scale, len(start.shapes))
                 settings["reach"] = reach_of(steps)
-            found = discriminative(looks.start_frame, start.shapes, gain=options.gain, **settings)
+            likelihood = discriminative(
+                looks.start_frame, start.shapes, gain=options.gain, **settings
+            )
             check_contrast(looks.start_frame, start.shapes)
-        return found if options.exclusion == NONE else excluding(found)
+        return likelihood if options.exclusion == NONE else excluding(likelihood)
 
     def model(self, options: Options, start: Start, likelihood: Any) -> Model:
         """See ``Target``; substates are (u, v, a)."""

@@ -48,14 +48,14 @@ class ContourAdapter(Adapter):
                 "no start contour: give --contours FILE.json with control points "
                 f"(`jaxpf frame {source.path}` saves a frame with a pixel grid to read them off)."
             )
-        found = read_contours(given["contours"])
+        contours = read_contours(given["contours"])
         learned = None
         if given["learned"]:
             from jaxpf.contours.learned_files import read_learned
 
             learned = read_learned(given["learned"])
-        start = contour_start(found, learned)
-        for name, line in zip(found.names, polylines(start.shapes), strict=True):
+        start = contour_start(contours, learned)
+        for name, line in zip(contours.names, polylines(start.shapes), strict=True):
             seen = (line >= 0) & (line < (source.width, source.height))
             if not seen.all(axis=1).any():
                 raise InputError(
@@ -146,8 +146,8 @@ def _hidden(lines: np.ndarray, orders: Sequence[Sequence[int]]) -> np.ndarray:
     """Which points of ``[n, P, V, 2]`` lie inside a nearer contour, by orders, nearest first."""
     import cv2
 
-    found = np.zeros(lines.shape[:3], bool)
-    for hidden, outlines, order in zip(found, lines, orders, strict=True):
+    is_hidden = np.zeros(lines.shape[:3], bool)
+    for hidden, outlines, order in zip(is_hidden, lines, orders, strict=True):
         for nearer, farther in combinations(order, 2):
             if np.isfinite(outlines[[nearer, farther]]).all():
                 outline = outlines[nearer].astype(np.float32)[:, None]
@@ -155,4 +155,4 @@ def _hidden(lines: np.ndarray, orders: Sequence[Sequence[int]]) -> np.ndarray:
                     cv2.pointPolygonTest(outline, (float(x), float(y)), False) > 0
                     for x, y in outlines[farther]
                 ]
-    return found
+    return is_hidden

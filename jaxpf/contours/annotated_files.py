@@ -53,16 +53,16 @@ def read_annotated(
         raise InputError(f"object {value} is of masks, and '{folder}' gives {kind}; leave it out.")
     until = np.inf if last is None else last
     if kind == "masks":
-        found = _read_masks(folder, value, first, until)
+        outlines = _read_masks(folder, value, first, until)
     else:
-        found = _read_points(folder / f"{kind}.csv", first, until)
-    if not found:
+        outlines = _read_points(folder / f"{kind}.csv", first, until)
+    if not outlines:
         span = f"from {first} on" if last is None else f"{first} to {last}"
         raise InputError(
             f"'{folder}' holds no {kind} in the frames {span}; there are no key frames to learn "
             "from: mark some, or choose other frames."
         )
-    return Annotated(kind, found)
+    return Annotated(kind, outlines)
 
 
 def _read_masks(folder: Path, value, first, until) -> dict[tuple[int, str], np.ndarray]:

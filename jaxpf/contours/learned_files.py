@@ -88,20 +88,20 @@ def _dynamics(about: dict[str, Any] | None, size: int) -> LinearGaussian | None:
     if about is None:
         return None
     shapes = {name: (size,) if name == "offset" else (size, size) for name in MATRICES}
-    found: dict[str, Any] = {
+    fields: dict[str, Any] = {
         name: None
         if about[name] is None and name in ("lag", "offset")
         else as_array(_numbers(name, about[name], shape)[None], float)
         for name, shape in shapes.items()
     }
-    return LinearGaussian(**found)
+    return LinearGaussian(**fields)
 
 
 def _numbers(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
-    found = np.asarray(values, float)
-    if found.shape != shape or not np.isfinite(found).all():
+    array = np.asarray(values, float)
+    if array.shape != shape or not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite numbers of shape {list(shape)}")
-    return found
+    return array
 
 
 def _list(values: Any) -> Any:

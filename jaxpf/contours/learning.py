@@ -48,7 +48,7 @@ def learn_contours(
         raise InputError(
             f"{num_points} control points are too many to learn from; give {_MOST_POINTS} at most."
         )
-    found, control = learn_shape_space(
+    space, control = learn_shape_space(
         list(annotated.lines.values()),
         annotated.kind,
         num_points=num_points,
@@ -56,24 +56,24 @@ def learn_contours(
         ordered=annotated.kind != "masks",
     )
     if turns:
-        if found.closed:
+        if space.closed:
             raise InputError(
                 f"turns {turns} are of centrelines, and {annotated.kind} were given; leave them "
                 "out."
             )
-        found = key_frame_space(varied(control, turns), dimension, closed=False)
+        space = key_frame_space(varied(control, turns), dimension, closed=False)
     keys = list(annotated.lines)
-    tracks = _tracks(found, keys, control)
-    report = [_followed(found, control, tracks)]
+    tracks = _tracks(space, keys, control)
+    report = [_followed(space, control, tracks)]
     if order == 0:
-        return Learned(found, None), report
+        return Learned(space, None), report
     dynamics = fit(tracks, order, coefficients=coefficients, pooled=True)
     noise = np.linalg.norm(np.asarray(dynamics.noise)[0], axis=1)
     report.append(
         f"Dynamics of order {order}; noise of each coordinate per frame, pixels: "
         f"{', '.join(f'{value:.2f}' for value in noise)}."
     )
-    return Learned(found, dynamics), report
+    return Learned(space, dynamics), report
 
 
 def _tracks(space: ShapeSpace, keys: list[tuple[int, str]], control: np.ndarray) -> np.ndarray:

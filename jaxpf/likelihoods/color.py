@@ -18,9 +18,9 @@ def check_frame(frame, name: str = "frame") -> None:
     """Raise InputError unless ``frame`` is non-empty uint8 RGB, [H, W, 3]."""
     shape, dtype = getattr(frame, "shape", None), getattr(frame, "dtype", None)
     if dtype != jnp.uint8 or shape is None or len(shape) != 3 or shape[2] != 3 or 0 in shape:
-        found = type(frame).__name__ if shape is None else f"{dtype} {list(shape)}"
+        shown = type(frame).__name__ if shape is None else f"{dtype} {list(shape)}"
         raise InputError(
-            f"{name} is {found}, but a colour histogram needs RGB pixels, uint8 [H, W, 3]: "
+            f"{name} is {shown}, but a colour histogram needs RGB pixels, uint8 [H, W, 3]: "
             "convert it first."
         )
 

@@ -102,12 +102,12 @@ def smooth(
                 "keep_trajectories=True asks for whole trajectories, which a fixed lag does not "
                 "draw; leave out one of the two."
             )
-        found = list(stream(tracker, key, frames, lag, num_trajectories, observed))
+        smoothed = list(stream(tracker, key, frames, lag, num_trajectories, observed))
         return Smoothed(
-            estimate=jnp.stack([frame.estimate for frame in found]),
-            spread=jnp.stack([frame.spread for frame in found]),
-            summaries=jax.tree.map(lambda *x: jnp.stack(x), *[frame.summary for frame in found]),
-            broken=jnp.asarray(found[-1].broken),
+            estimate=jnp.stack([frame.estimate for frame in smoothed]),
+            spread=jnp.stack([frame.spread for frame in smoothed]),
+            summaries=jax.tree.map(lambda *x: jnp.stack(x), *[frame.summary for frame in smoothed]),
+            broken=jnp.asarray(smoothed[-1].broken),
         )
     check_smoothing(tracker, whole=True)
     if come_one_by_one(frames):
@@ -175,8 +175,8 @@ def stream(
         block_key = jax.random.fold_in(backward_key(key), number)
         passed = back_over(tracker, block_key, history, drawn, False, start)
         broken += int(passed.broken)
-        found = jax.tree.map(np.asarray, (passed.estimate[:length], passed.spread[:length]))
-        for place, (estimate, spread) in enumerate(zip(*found, strict=True)):
+        moments = jax.tree.map(np.asarray, (passed.estimate[:length], passed.spread[:length]))
+        for place, (estimate, spread) in enumerate(zip(*moments, strict=True)):
             summary = jax.tree.map(lambda x, place=place: np.asarray(x[place]), summaries)
             yield SmoothedFrame(start + place, estimate, spread, summary, broken)
         start += length
@@ -249,10 +249,10 @@ def _backward_groups(tracker, keys, history, parts, parents, num_trajectories, k
 
 def back_over(tracker, key, history, num_trajectories, keep, first=0) -> Pass:
     """Smooth all partitions and join the passes: ``[T, P, D]``, trajectories ``[M, T, P, D]``."""
-    found, order = [], []
+    results, order = [], []
     for number, (parts, parents) in enumerate(together(tracker)):
         keys = jax.random.split(jax.random.fold_in(key, number), len(parts))
-        found.append(
+        results.append(
             _backward_groups(tracker, keys, history, parts, parents, num_trajectories, keep, first)
         )
         order.append(parts.reshape(-1))
@@ -260,7 +260,7 @@ def back_over(tracker, key, history, num_trajectories, keep, first=0) -> Pass:
 
     def assembled(name: str) -> jax.Array:
         # [Q, T, ..., D, G] of every size: concatenate the groups' partitions in original order.
-        by_size = [jnp.moveaxis(getattr(one, name), 0, -2) for one in found]
+        by_size = [jnp.moveaxis(getattr(one, name), 0, -2) for one in results]
         flat = [values.reshape(*values.shape[:-2], -1) for values in by_size]
         return jnp.swapaxes(jnp.concatenate(flat, axis=-1)[..., back], -1, -2)
 
@@ -268,7 +268,7 @@ def back_over(tracker, key, history, num_trajectories, keep, first=0) -> Pass:
         estimate=assembled("estimate"),
         spread=assembled("spread"),
         trajectories=jnp.swapaxes(assembled("trajectories"), 0, 1) if keep else None,
-        broken=jnp.sum(jnp.stack([jnp.sum(one.broken) for one in found])),
+        broken=jnp.sum(jnp.stack([jnp.sum(one.broken) for one in results])),
     )
 
 

@@ -232,17 +232,17 @@ def filter_flags(
         family: filter whose methods and options ``--help`` shows; ``--help-all`` shows the rest.
             Default all.
     """
-    every = list(filters.all_filters().values())
+    families = list(filters.all_filters().values())
     meant = options_of(
-        *(one.options for one in every if not methods or set(one.methods) & set(methods))
+        *(each.options for each in families if not methods or set(each.methods) & set(methods))
     )
     shared: dict[str, Option] = {}
-    for one in every:
-        for name, its in options_of(one.options).items():
-            if sum(name in options_of(other.options) for other in every) > 1:
-                known = shared.setdefault(name, its)
-                if its.help not in known.help:
-                    shared[name] = dataclasses.replace(known, help=f"{known.help}  {its.help}")
+    for each in families:
+        for name, declared in options_of(each.options).items():
+            if sum(name in options_of(other.options) for other in families) > 1:
+                known = shared.setdefault(name, declared)
+                if declared.help not in known.help:
+                    shared[name] = dataclasses.replace(known, help=f"{known.help}  {declared.help}")
     method = shared["method"]
     shown = filters.methods() if family is None else family.methods
     names = f"{', '.join(shown)}."
@@ -250,12 +250,12 @@ def filter_flags(
         names += f"  Other families: {', '.join(others)}."
     shared["method"] = dataclasses.replace(method, help=f"{names}  {method.help}")
     sections = {"Filter": shared}
-    for one in every:
-        own = options_of(one.options)
-        sections[_section(one)] = {n: own[n] for n in own if n not in shared}
+    for each in families:
+        own = options_of(each.options)
+        sections[_section(each)] = {n: own[n] for n in own if n not in shared}
     flags = []
     for title, options in sections.items():
-        chosen = {n: one for n, one in options.items() if n in meant and n not in without}
+        chosen = {n: option for n, option in options.items() if n in meant and n not in without}
         for flag in declared_flags(chosen, title, defaults=defaults, grid=grid):
             flag.is_named = family is None or title in ("Filter", _section(family))
             flags.append(flag)

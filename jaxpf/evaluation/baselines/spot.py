@@ -105,8 +105,8 @@ class _Model:
         """Locate the parts in a frame and learn from it; returns positions [P, 2] in pixels."""
         responses = _responses(features, self.templates)
         cells = self._best(responses)
-        found = responses[np.arange(len(cells)), cells[:, 1], cells[:, 0]]
-        sure = found >= self.options.least_score * self.first
+        scores = responses[np.arange(len(cells)), cells[:, 1], cells[:, 0]]
+        sure = scores >= self.options.least_score * self.first
         if self.options.aggressiveness > 0:
             self._learn(features, responses, cells, sure, self.options.aggressiveness)
         return self.options.cell * (cells + 0.5) + self.rest

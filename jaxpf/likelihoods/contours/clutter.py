@@ -86,8 +86,8 @@ def learn_clutter(
         reach = detector.reach * np.abs([np.cos(angle), np.sin(angle)])
         x, y = (rng.uniform(r, size - r) for r, size in zip(reach, (width, height), strict=True))
         lines = Lines(*(jnp.asarray(v, jnp.float32) for v in (x, y, np.cos(angle), np.sin(angle))))
-        found = np.asarray(find(jnp.asarray(frame), lines)).sum(axis=0)
-        counts += np.bincount(found, minlength=len(counts))
+        numbers = np.asarray(find(jnp.asarray(frame), lines)).sum(axis=0)
+        counts += np.bincount(numbers, minlength=len(counts))
     total = counts.sum()
     mean = counts @ np.arange(len(counts)) / total
     if mean == 0:

@@ -136,21 +136,21 @@ class EdgeDetector:
         largest = jnp.iinfo(jnp.int32).max
 
         def along(carry, step):
-            found, before, here = carry
+            strongest, before, here = carry
             after = response(step)
             is_feature = (here > threshold) & (here >= before) & (here > after)
             place = (step - 1 + half).astype(jnp.int32)
             new = jnp.where(is_feature, (here.astype(jnp.int32) << _PLACE_BITS) + place, 0)
             # Insertion into a sorted list: each entry, the one above it, or the new one.
-            above = jnp.concatenate([jnp.full_like(found[:1], largest), found[:-1]])
-            return (jnp.maximum(found, jnp.minimum(above, new)), here, after), None
+            above = jnp.concatenate([jnp.full_like(strongest[:1], largest), strongest[:-1]])
+            return (jnp.maximum(strongest, jnp.minimum(above, new)), here, after), None
 
         steps = jnp.arange(-half - 1, half + 2, dtype=x.dtype)
         none = jnp.zeros((self.max_features, *x.shape), jnp.int32)
         begin = none, response(steps[0]), response(steps[1])
-        (found, _, _), _ = lax.scan(along, begin, steps[2:])
-        places = (found & (2**_PLACE_BITS - 1)).astype(x.dtype) - half
-        return Features(places, found > 0)
+        (strongest, _, _), _ = lax.scan(along, begin, steps[2:])
+        places = (strongest & (2**_PLACE_BITS - 1)).astype(x.dtype) - half
+        return Features(places, strongest > 0)
 
     @property
     def _margin(self) -> int:

@@ -58,7 +58,7 @@ class ExclusiveContours(IndependentContours):
             Places and bool, ``[C, M, P, N]``.
         """
         places, there = self._of_their_own(observation, lines)
-        found = places, there & ~self._hidden(lines, places, label, 0)
+        crossings = places, there & ~self._hidden(lines, places, label, 0)
         outline = self._outline(lines)
         for step in range(1, lines.x.shape[1]):
             other = outline._replace(
@@ -68,11 +68,11 @@ class ExclusiveContours(IndependentContours):
             def is_hidden(places, step=step):
                 return self._hidden(lines, places, label, step)
 
-            found = joined(
-                found,
+            crossings = joined(
+                crossings,
                 self._crossings_of(observation, lines, other, self.crossings, None, is_hidden),
             )
-        return found
+        return crossings
 
     def _hidden(self, lines, places, label, step):
         """Whether places on lines, of the target ``step`` after the line's own, are hidden."""

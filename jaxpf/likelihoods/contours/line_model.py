@@ -146,7 +146,7 @@ def matchings(laws) -> jax.Array:
     def serve(sums, law):
         """Add one feature; ``law`` is its ``G_j``, ``[c, ...]``."""
         # A block holds the sets with the same members among the unrolled boundaries.
-        blocks, found = [sums[number :: 2**written] for number in range(2**written)], []
+        blocks, totals = [sums[number :: 2**written] for number in range(2**written)], []
         for number, block in enumerate(blocks):
             total = block
             for j in range(written):
@@ -157,8 +157,8 @@ def matchings(laws) -> jax.Array:
                 without = block.reshape(-1, 2, 2 ** (j - written), *shape)[:, 0]
                 gained = jnp.stack([jnp.zeros_like(without), without * law[j]], axis=1)
                 total = total + gained.reshape(block.shape)
-            found.append(total)
-        return jnp.stack(found, axis=1).reshape(sums.shape), None
+            totals.append(total)
+        return jnp.stack(totals, axis=1).reshape(sums.shape), None
 
     # A loop, not unrolled: the compiler would repeat every shared sum in each of its uses.
     begin = jnp.concatenate([one[None], jnp.zeros((2**num_boundaries - 1, *shape), laws.dtype)])

@@ -75,8 +75,8 @@ def log_means(clutter, detection, sigma, share, offsets, length: float) -> Any:
         # The mean over few points, divided by that of a similar function whose true mean is one.
         alike = share * jnp.exp(with_own) + (1 - share) * jnp.exp(without)
         rows.append(jnp.log(law @ jnp.mean(shared, axis=0) / (law @ jnp.mean(alike, axis=0))))
-    found = jnp.roll(jnp.stack(rows), 1, axis=1)
-    return jnp.where(share < 1, found, 0.0)
+    factors = jnp.roll(jnp.stack(rows), 1, axis=1)
+    return jnp.where(share < 1, factors, 0.0)
 
 
 def log_mean_of(table, seen, others, there, reach):

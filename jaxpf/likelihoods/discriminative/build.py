@@ -167,10 +167,10 @@ def _channels(function: Callable) -> int:
     """
     name = getattr(function, "__name__", type(function).__name__)
     picture = jax.ShapeDtypeStruct((40, 50, 3), jnp.float32)
-    found = jax.eval_shape(function, picture)
-    shape = getattr(found, "shape", None)
+    features = jax.eval_shape(function, picture)
+    shape = getattr(features, "shape", None)
     if shape is None or len(shape) != 3 or shape[:2] != (40, 50):
-        shown = type(found).__name__ if shape is None else list(shape)
+        shown = type(features).__name__ if shape is None else list(shape)
         raise InputError(
             f"the feature {name} makes {shown} of a picture [40, 50, 3]; return a map [40, 50, C]."
         )

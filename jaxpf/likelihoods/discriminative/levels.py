@@ -48,12 +48,12 @@ def levels_of(factors: Sequence[int], frame_shape: tuple[int, int]) -> list[Leve
         factors: of the levels, each once.
         frame_shape: height and width of the frame.
     """
-    found: list[Level] = []
+    levels: list[Level] = []
     for factor in factors:
-        first = found[-1].first_row + found[-1].rows if found else 0
+        first = levels[-1].first_row + levels[-1].rows if levels else 0
         rows, columns = size_of(frame_shape, factor)
-        found.append(Level(factor, first, rows, columns))
-    return found
+        levels.append(Level(factor, first, rows, columns))
+    return levels
 
 
 def size_of(frame_shape: tuple[int, int], factor: int) -> tuple[int, int]:

@@ -150,7 +150,7 @@ def trained(
     """
     factors = np.array(likelihood.factors)[np.asarray(likelihood.level)]
     shrunk_boxes = boxes / factors[:, None]
-    found = []
+    coefficients = []
     for number, factor in enumerate(map(int, factors)):
         rows, columns = (-(-side // factor) for side in frame.shape[:2])
         shape = window_shape((rows, columns), shrunk_boxes[:, 2:])
@@ -158,8 +158,8 @@ def trained(
         pictures = _pictures(frame, as_array(boxes[number], float), corner, shape, factor)
         place = shrunk_boxes[number] - [*corner, 0, 0]
         alone = _only(likelihood, number, place, shape)
-        found.append(_coefficients(alone, pictures, as_array(place, float), penalty))
-    return _with(likelihood, *(np.stack(one) for one in zip(*found, strict=True)))
+        coefficients.append(_coefficients(alone, pictures, as_array(place, float), penalty))
+    return _with(likelihood, *(np.stack(one) for one in zip(*coefficients, strict=True)))
 
 
 @functools.partial(jax.jit, static_argnames=("shape", "factor"))

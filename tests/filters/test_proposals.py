@@ -7,6 +7,7 @@ import jax
 import numpy as np
 import pytest
 from proposed import residual
+from unsuited_dynamics import Blind, Coupled
 
 import jaxpf
 from jaxpf import InputError, gradients, ordering, pytree_dataclass
@@ -18,20 +19,6 @@ from jaxpf.proposals import Linearised, LocallyOptimal, Mixture
 P, KEY = 3, jax.random.key(0)
 FRAMES = np.zeros((4, P, 1), np.float32)
 SEEN = np.array([True, False, True, True])
-
-
-@pytree_dataclass
-class Blind:
-    """Moves of no known density."""
-
-    def propagate(self, key, partition, current, previous, parent):
-        return current
-
-
-@pytree_dataclass
-class Coupled(jaxpf.contract.CoupledDynamics):
-    def propagate(self, key, partition, current, previous, parent, others):
-        return current
 
 
 @pytree_dataclass

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from exact import LIMIT, OBJECTS, TREE, monte_carlo, objects, problem, scores
 from proposed import Bad, residual
+from unsuited_dynamics import Blind, Coupled
 
 import jaxpf
 from jaxpf import InputError, ordering, pytree_dataclass
@@ -156,22 +157,6 @@ def test_linearised_helps_where_observations_are_not_linear():
     assert blind.var() > 3 * proposed.var()
     ratio = np.exp(blind) - np.exp(proposed).mean()
     assert abs(ratio.mean()) < LIMIT * np.exp(blind).std() / len(keys) ** 0.5
-
-
-@pytree_dataclass
-class Blind:
-    """Moves of no known density."""
-
-    def propagate(self, key, partition, current, previous, parent):
-        return current
-
-
-@pytree_dataclass
-class Coupled(jaxpf.contract.CoupledDynamics):
-    """Moves by everything that was before."""
-
-    def propagate(self, key, partition, current, previous, parent, others):
-        return current
 
 
 @pytest.mark.parametrize(

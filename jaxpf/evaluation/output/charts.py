@@ -123,15 +123,8 @@ def against_time(summaries: Sequence[Summary], place: int) -> Any:
         for index, (label, line) in enumerate(lines.items()):
             values = triples([summary.estimates[name] for summary in line], place)
             value, lower, upper = factor * values.T
-            axis.errorbar(
-                1000 * times_of([summary.frames_per_second for summary in line]),
-                *(value, [value - lower, upper - value]),
-                marker="o",
-                markersize=3.5,
-                capsize=2,
-                **line_style(index),
-                label=_wrapped(label),
-            )
+            times = 1000 * times_of([summary.frames_per_second for summary in line])
+            _error_bars(axis, times, value, [value - lower, upper - value], index, label)
         axis.set(xscale="log", xlabel="ms a frame", ylabel=heading(measure))
         axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -152,11 +145,7 @@ def calibration(summaries: Sequence[Summary]) -> Any:
         covered = [share[bins // 2 - k : bins // 2 + k].sum() for k in inside]
         label = _wrapped(summary.name)
         axis.plot(200 * inside / bins, 100 * np.array(covered), label=label, **line_style(number))
-    axis.plot([0, 100], [0, 100], ":", color="0.4", zorder=1)
-    axis.set(xlabel="probability of the region (%)", ylabel="truth inside (% of frames)")
-    axis.set(xlim=(0, 100), ylim=(0, 102))
-    axis.grid(alpha=0.3)
-    legend_below(axis)
+    _finish_diagonal(axis, "probability of the region (%)", "truth inside (% of frames)", 0)
     return figure
 
 
@@ -168,21 +157,25 @@ def confidence(summaries: Sequence[Summary]) -> Any:
     middles = 100 * (np.arange(bins) + 0.5) / bins
     for number, summary in enumerate(summaries):
         value, _, lower, upper = (100 * x[:bins] for x in summary.confidence.shares())
-        axis.errorbar(
-            middles + 1.5 * (number - (len(summaries) - 1) / 2),
-            *(value, np.nan_to_num([value - lower, upper - value])),
-            marker="o",
-            markersize=3.5,
-            capsize=2,
-            **line_style(number),
-            label=_wrapped(summary.name),
-        )
+        places = middles + 1.5 * (number - (len(summaries) - 1) / 2)
+        reach = np.nan_to_num([value - lower, upper - value])
+        _error_bars(axis, places, value, reach, number, summary.name)
+    _finish_diagonal(axis, "confidence (%)", "boxes on their object (%)", -2)
+    return figure
+
+
+def _error_bars(axis: Any, x: Any, values: Any, reach: Any, number: int, name: str) -> None:
+    """Draw values with bars that reach as far below and above, ``[2, ...]``."""
+    style = {"marker": "o", "markersize": 3.5, "capsize": 2, **line_style(number)}
+    axis.errorbar(x, values, reach, label=_wrapped(name), **style)
+
+
+def _finish_diagonal(axis: Any, xlabel: str, ylabel: str, lowest: float) -> None:
+    """Finish a chart of shares, in per cent, that should lie on the diagonal."""
     axis.plot([0, 100], [0, 100], ":", color="0.4", zorder=1)
-    axis.set(xlabel="confidence (%)", ylabel="boxes on their object (%)")
-    axis.set(xlim=(0, 100), ylim=(-2, 102))
+    axis.set(xlabel=xlabel, ylabel=ylabel, xlim=(0, 100), ylim=(lowest, 102))
     axis.grid(alpha=0.3)
     legend_below(axis)
-    return figure
 
 
 def success_curves(summaries: Sequence[Summary]) -> Any:

@@ -6,10 +6,9 @@ claim -> measured figures), ``claims.csv``, ``settings.csv`` (settings that the 
 and how they were chosen) and ``__init__`` with the ``PAPER``.
 """
 
-import contextlib
 import dataclasses
 import importlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -144,14 +143,3 @@ def clip_folder(data: Path, name: str, needed: str = ".") -> Path:
             f"the folder '{data}' holds no {what}; name one that does, or leave out --data."
         )
     return folder
-
-
-@contextlib.contextmanager
-def reading_clips() -> Iterator[None]:
-    """Convert errors in a clip that is read within the block to ``InputError``."""
-    from scenes import SceneError
-
-    try:
-        yield
-    except SceneError as error:
-        raise InputError(f"{error}.") from error

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from jaxpf.boxes.models import boxes_at
 from jaxpf.boxes.target import BOXES
 from jaxpf.contract.errors import InputError
-from jaxpf.filters.initial import numbers_in
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.targets import building
 
 

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxpf.contract.errors import InputError
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.pytree import as_array, is_concrete
 
 #: Maximum number of particles; their indices are int32.
@@ -41,21 +42,6 @@ def check_count(name: str, value: Any, least: int = 1) -> None:
         raise InputError(
             f"{name}={value!r} must be a whole number, at least {least} and at most {_MOST}."
         )
-
-
-def numbers_in(name: str, value: Any, wanted: str) -> np.ndarray:
-    """Convert the concrete ``value`` of the argument ``name`` to float64.
-
-    Raises:
-        InputError: it does not hold real numbers; the message says what is ``wanted``.
-    """
-    try:
-        numbers = np.asarray(value)
-        if numbers.dtype.kind in "biuf" or jnp.issubdtype(numbers.dtype, jnp.floating):
-            return numbers.astype(float)
-    except (TypeError, ValueError):
-        pass  # such as rows of different lengths
-    raise InputError(f"{name}={value!r:.60} must be {wanted}.")
 
 
 def check_number(name: str, value: Any, most: float = np.inf) -> None:

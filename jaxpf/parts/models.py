@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError, check_known
 from jaxpf.contract.model import Model, check_tree
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.pytree import as_array, pytree_dataclass
 from jaxpf.dynamics.gaussian import RandomWalk
 from jaxpf.dynamics.joints import (
@@ -23,7 +24,6 @@ from jaxpf.dynamics.joints import (
     joints_between,
     substates_at,
 )
-from jaxpf.filters.initial import numbers_in
 from jaxpf.likelihoods.wrapped import WrappedLikelihood
 
 DYNAMICS = ("relative", "absolute")

@@ -15,6 +15,7 @@ import numpy as np
 
 from jaxpf.contract.errors import Argument, InputError
 from jaxpf.contract.model import Model
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import check_options, option
 from jaxpf.targets.appearance import (
     bands_option,
@@ -104,8 +105,6 @@ class PartTarget(Target):
         """See ``Target``."""
         if not isinstance(given, Parts):
             raise InputError(f"parts is {type(given).__name__}: give jaxpf.parts.Parts.")
-        from jaxpf.filters.initial import numbers_in  # loads JAX, which help must not
-
         poses = numbers_in("poses", given.poses, "numbers x, y, theta of every part, [P, 3]")
         sizes = numbers_in("sizes", given.sizes, "numbers width, height of every part, [P, 2]")
         ids = np.array(given.names if names is None else names)

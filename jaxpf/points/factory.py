@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jaxpf.filters.initial import numbers_in
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.points.target import POINTS
 from jaxpf.targets import building
 

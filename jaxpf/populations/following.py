@@ -22,8 +22,8 @@ from jaxpf.boxes import target as box_target
 from jaxpf.boxes.models import box_model, boxes_at
 from jaxpf.contract.errors import InputError
 from jaxpf.contract.model import Model
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.options import chosen, options_of
-from jaxpf.filters.initial import numbers_in
 from jaxpf.filters.labelled import options as labelled
 from jaxpf.filters.labelled.population import born, ended
 from jaxpf.filters.labelled.refusals import check_started

@@ -15,12 +15,13 @@ import jax.numpy as jnp
 from jaxpf import contract
 from jaxpf.contract.errors import InputError, check_known, choice
 from jaxpf.contract.names import DRIFTS, SHAPES
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.pytree import as_array, is_concrete, pytree_dataclass, static_field
 from jaxpf.contract.state import Summary
 from jaxpf.filters import confidence
 from jaxpf.filters.factored import cloud, drift, shape
 from jaxpf.filters.factored.cloud import FactoredState
-from jaxpf.filters.initial import check_count, check_number, numbers_in
+from jaxpf.filters.initial import check_count, check_number
 from jaxpf.lowering.threefry import with_written_out_key
 from jaxpf.resampling.schemes import scheme_of
 

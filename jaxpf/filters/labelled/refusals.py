@@ -7,8 +7,9 @@ import numpy as np
 from jaxpf import contract
 from jaxpf.contract.calls import check_uncoupled
 from jaxpf.contract.errors import InputError, check_known
+from jaxpf.contract.numbers import numbers_in
 from jaxpf.contract.pytree import is_concrete
-from jaxpf.filters.initial import check_count, numbers_in
+from jaxpf.filters.initial import check_count
 from jaxpf.filters.labelled.choices import FEEDBACKS, POPULATIONS, SCOPES, WEIGHTS
 from jaxpf.filters.relocation import check_relocation
 from jaxpf.gradients import check_gradients

@@ -88,8 +88,7 @@ def command(runs: int, seed: int, output: Path, overwrite: bool, particles: int 
     _overlay(scene, trackers[_SHOWN], seeds, output / "overlay.mp4")
     click.echo(
         "This scene is made to separate the methods by a single distracter; results vary with "
-        "--seed, and on film the methods differ less.  `jaxpf evaluate` compares them on "
-        "a clip of your own."
+        "--seed.  `jaxpf evaluate` compares the methods on a clip of your own."
     )
     click.echo(
         f"{output}/: overlay.mp4 (a run of {_SHOWN}, the default of `jaxpf track`) and demo.png"

@@ -50,7 +50,7 @@ _COMMANDS = {
     ),
     "tune": (
         "jaxpf.cli.tuning.command",
-        "Tune parameters by gradient descent; compare on unseen data.",
+        "Tune parameters by gradient descent.",
     ),
     "export": (
         "jaxpf.cli.exporting.command",

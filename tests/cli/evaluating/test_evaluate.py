@@ -57,17 +57,6 @@ def test_a_second_call_prints_the_same_and_does_nothing(whole):
     assert dry.out == f"{output}/: finished, nothing left to do\n"
 
 
-def test_it_is_exported_for_arviz(whole, tmp_path):
-    _, output = whole
-    exported = jaxpf("export", output, "arviz", tmp_path / "runs.nc")
-    assert exported.code == 0, exported.err
-    assert exported.out.endswith("runs.nc: distracter, 4 runs of each configuration\n")
-    assert (tmp_path / "runs.nc").stat().st_size > 0
-    of_tracks = jaxpf("export", tmp_path, "arviz", tmp_path / "other.nc")
-    assert of_tracks.code == 2
-    assert "holds no evaluation" in of_tracks.err
-
-
 def test_a_second_call_does_not_need_jax(whole):
     _, output = whole
     arguments = list(map(str, ["evaluate", "distracter", *SMALL, *COMMON, "-o", output]))

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,11 +16,9 @@ from jaxpf.evaluation.measures import (
     Measure,
     by_name,
 )
-
-if TYPE_CHECKING:
-    from jaxpf.evaluation.summary import Summary
-    from jaxpf.measures.estimates import Difference, Estimate
-    from jaxpf.measures.intervals import Interval
+from jaxpf.evaluation.summary import Summary
+from jaxpf.measures.estimates import Difference, Estimate
+from jaxpf.measures.intervals import Interval
 
 #: Measures in the tables; ``summary.csv`` has all measures.
 HEADLINE = tuple(
@@ -53,9 +51,7 @@ _ROUNDING = 1e-6
 SIGNIFICANT = 0.05
 
 #: Indices of the notes.
-ABOUT_MEASURES, ABOUT_DIFFERENCES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE, ABOUT_EQUAL_TIME = range(
-    1, 6
-)
+ABOUT_MEASURES, ABOUT_DIFFERENCES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE = range(1, 5)
 NOTES = (
     "Values with 95 % intervals in brackets. Runs are the independent units: frames and objects "
     "of a run add to the value, not to the certainty. Rates have Wilson's interval (over all "
@@ -81,9 +77,6 @@ NOTES = (
     f"them. A box is on its object if their overlap is at least {ON_OBJECT:g}; all frames with "
     "truth count. The area under the curve is the probability that a box on its object has more "
     "confidence than one that is not, over all runs and objects.",
-    "At equal time: the difference from the first method with as many particles as take the same "
-    "time, interpolated between two of its numbers of particles, in the logarithm of time, run by "
-    "run.",
     "Frames/s: a single run on this machine, from a frame in memory to its estimate, without "
     "compilation. It is the median over some frames; for trackers that return all boxes at once, "
     "the mean over all frames. Settings that share a compiled kernel share the figure.",
@@ -106,7 +99,7 @@ class Table(NamedTuple):
 
 def estimate_tables(
     object_ids: Sequence[int],
-    summaries: Sequence["Summary"],
+    summaries: Sequence[Summary],
     places: Iterable[int],
     measures: Sequence[Measure] = HEADLINE,
 ) -> list[Table]:
@@ -127,7 +120,7 @@ def estimate_tables(
     return tables
 
 
-def score_tables(summaries: Sequence["Summary"], num_objects: int) -> list[Table]:
+def score_tables(summaries: Sequence[Summary], num_objects: int) -> list[Table]:
     """One table of standard scores over all objects; no table without TrackEval."""
     if not any(SCORES[0].name in summary.estimates for summary in summaries):
         return []
@@ -135,7 +128,7 @@ def score_tables(summaries: Sequence["Summary"], num_objects: int) -> list[Table
 
 
 def calibration_tables(
-    object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
+    object_ids: Sequence[int], summaries: Sequence[Summary], places: Iterable[int]
 ) -> list[Table]:
     """Calibration, one table per object; no tables if no filter has spreads of x and y."""
     calibrated = [s for s in summaries if s.transforms.any()]
@@ -146,7 +139,7 @@ def calibration_tables(
     ]
 
 
-def reliability_tables(summaries: Sequence["Summary"]) -> list[Table]:
+def reliability_tables(summaries: Sequence[Summary]) -> list[Table]:
     """Share of boxes on their object by confidence, all objects; no table without confidence."""
     confident = [summary for summary in summaries if summary.confidence.frames[-1]]
     if not confident:
@@ -168,7 +161,7 @@ def reliability_tables(summaries: Sequence["Summary"]) -> list[Table]:
     return [table]
 
 
-def reliability_line(summary: "Summary") -> str:
+def reliability_line(summary: Summary) -> str:
     """Reliability of confidence of one configuration in a sentence; "" without confidence."""
     if not summary.confidence.frames[-1]:
         return ""
@@ -184,7 +177,7 @@ def reliability_line(summary: "Summary") -> str:
 
 
 def difference_tables(
-    object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
+    object_ids: Sequence[int], summaries: Sequence[Summary], places: Iterable[int]
 ) -> list[Table]:
     """Paired differences, one table per object; arguments as for ``estimate_tables``."""
     return [
@@ -192,27 +185,6 @@ def difference_tables(
         for place in _distinct(object_ids, places)
         if any(summary.reference is not None for summary in summaries)
     ]
-
-
-def equal_time_tables(
-    object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
-) -> list[Table]:
-    """Differences from the first method at equal time, one table per object."""
-    compared = [(each.name, each.at_equal_time) for each in summaries if each.at_equal_time]
-    tables = []
-    for place in _distinct(object_ids, places) if compared else ():
-        title = f"{object_name(object_ids, place)}: differences at equal time"
-        table = Table(title, ["method", "compared with", "ms a frame"], [])
-        for name, at in compared:
-            fewer, more = (summaries[index] for index in at.references)
-            pair = f"{fewer.name} to {more.configuration.parameters['particles']}"
-            table.rows.append([name, pair, f"{1000 * at.seconds:.3g}"])
-        for measure in COMPARED:
-            values = triples([at.differences[measure.name] for _, at in compared], place)
-            if are_known(values):
-                table.add(difference_heading(measure), cells_of(measure, values, sign="+"))
-        tables.append(table)
-    return tables
 
 
 def object_name(object_ids: Sequence[int], place: int) -> str:
@@ -226,7 +198,7 @@ def _distinct(object_ids: Sequence[int], places: Iterable[int]) -> list[int]:
 
 
 def _estimates(
-    title: str, summaries: Sequence["Summary"], place: int, measures: Sequence[Measure]
+    title: str, summaries: Sequence[Summary], place: int, measures: Sequence[Measure]
 ) -> Table:
     table = Table(title, ["method"], [[summary.name] for summary in summaries])
     if len({summary.runs for summary in summaries}) > 1:
@@ -238,14 +210,14 @@ def _estimates(
     return table
 
 
-def _add_speed(table: Table, summaries: Sequence["Summary"]) -> None:
+def _add_speed(table: Table, summaries: Sequence[Summary]) -> None:
     speeds = np.array([summary.frames_per_second for summary in summaries])
     if np.isfinite(speeds).any():
         texts = (f"{x:.{1 if x < 99.5 else 0}f}" if np.isfinite(x) else "-" for x in speeds)
         table.add("frames/s", texts)
 
 
-def _differences(title: str, summaries: Sequence["Summary"], place: int) -> Table:
+def _differences(title: str, summaries: Sequence[Summary], place: int) -> Table:
     compared = [summary for summary in summaries if summary.reference is not None]
     rows = [[s.name, summaries[s.reference or 0].name] for s in compared]
     table = Table(f"{title}: differences on common seeds", ["method", "compared with"], rows)
@@ -259,7 +231,7 @@ def _differences(title: str, summaries: Sequence["Summary"], place: int) -> Tabl
     return table
 
 
-def triples(estimates: Sequence["Estimate | Difference | Interval"], place: int) -> np.ndarray:
+def triples(estimates: Sequence[Estimate | Difference | Interval], place: int) -> np.ndarray:
     """Value and interval ends ``[C, 3]`` of the object at ``place`` in C configurations."""
     return np.array([[x[place] for x in (e.value, e.lower, e.upper)] for e in estimates])
 

@@ -13,13 +13,11 @@ from jaxpf.evaluation.output.layout import (
     ABOUT_CALIBRATION,
     ABOUT_CONFIDENCE,
     ABOUT_DIFFERENCES,
-    ABOUT_EQUAL_TIME,
     HEADLINE,
     NOTES,
     Table,
     calibration_tables,
     difference_tables,
-    equal_time_tables,
     estimate_tables,
     reliability_tables,
     score_tables,
@@ -102,7 +100,6 @@ def _content(results: Results, tables: Tables, figures: Sequence[Figure]) -> dic
     beside = {
         "calibration": (calibration_tables(ids, best, places), ABOUT_CALIBRATION),
         "confidence": (reliability_tables(best), ABOUT_CONFIDENCE),
-        "against-time": (equal_time_tables(ids, summaries, places), ABOUT_EQUAL_TIME),
     }
     for figure in figures:
         shown, note = beside.get(figure.name, ([], None))

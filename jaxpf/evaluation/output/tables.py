@@ -32,7 +32,6 @@ from jaxpf.evaluation.output.layout import (
     Table,
     calibration_tables,
     difference_tables,
-    equal_time_tables,
     estimate_tables,
     reliability_line,
     reliability_tables,
@@ -115,7 +114,6 @@ def write_tables(results: Results) -> Tables:
         *calibration_tables(ids, summaries, places),
         *reliability_tables(summaries),
         *difference_tables(ids, summaries, places),
-        *equal_time_tables(ids, summaries, places),
     ]
     tables = Tables(summaries, remarks, conclusion)
     confident = (summary for summary in tables.best_first() if summary.confidence.frames[-1])

@@ -186,8 +186,8 @@ def applicable(filter_: Filter, method: str) -> dict[str, bool]:
 class Limits:
     """Limits on the division of runs into batches; results do not depend on them.
 
-    A batch is written as a whole, so an interrupted process loses at most one batch: about 15
-    seconds of work, or less if memory is short.
+    A batch is written as a whole, so an interrupted process loses at most one batch: seconds of
+    work, less if memory is short.
 
     Attributes:
         memory: bytes that a batch may use while it is computed.

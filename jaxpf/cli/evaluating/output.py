@@ -1,7 +1,6 @@
 """Printed output of ``jaxpf evaluate``: the plan before a run, and tables after it."""
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -46,8 +45,8 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
     if workers > 1:
         place = f"in each of {workers} processes {place}"
     click.echo(
-        f"{prepared.missing_runs} runs to do: {_duration(prepared.seconds)}, about "
-        f"{prepared.memory / 2**30:.1f} GB of memory {place}"
+        f"{prepared.missing_runs} runs to do, with about {prepared.memory / 2**30:.1f} GB of memory "
+        + place
         + (", trackers of your own not counted" if has_own else "")
     )
 
@@ -75,15 +74,6 @@ def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, st
     common_to_all = {name: next(iter(values[name])) for name in values if name not in varied}
     common_to_all = {n: value for n, value in common_to_all.items() if value != plain(None)}
     return ["method", "ordering", *varied, "runs", "done"], rows, common_to_all
-
-
-def _duration(seconds: float) -> str:
-    if math.isnan(seconds):
-        return "duration unknown"
-    for unit, length in (("h", 3600), ("min", 60)):
-        if seconds >= 2 * length:
-            return f"about {seconds / length:.0f} {unit}"
-    return f"about {seconds:.0f} s"
 
 
 def print_results(results: Any, tables: Any) -> None:

@@ -20,7 +20,6 @@ _WRITTEN = (
     "results.csv",
     "summary.csv",
     "summary.md",
-    "summary.tex",
     "curves.csv",
     "run.toml",
 )
@@ -45,7 +44,7 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
     if workers > 1:
         place = f"in each of {workers} processes {place}"
     click.echo(
-        f"{prepared.missing_runs} runs to do, with about {prepared.memory / 2**30:.1f} GB of memory "
+        f"{prepared.missing_runs} runs to do, with {prepared.memory / 2**30:.1f} GB of memory "
         + place
         + (", trackers of your own not counted" if has_own else "")
     )

@@ -2,11 +2,10 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.measures import (
     COMPARED,
     ON_OBJECT,
@@ -17,6 +16,7 @@ from jaxpf.evaluation.measures import (
     by_name,
 )
 from jaxpf.evaluation.summary import Summary
+from jaxpf.files.tables import escaped, markdown_table
 from jaxpf.measures.estimates import Difference, Estimate
 from jaxpf.measures.intervals import Interval
 
@@ -47,6 +47,8 @@ CALIBRATION = tuple(
 ON_ITS_OBJECT = Measure("on_object", "on its object", weight="frames", percent=True)
 #: A half-width below this is rounding error from equal values.
 _ROUNDING = 1e-6
+#: Characters that Markdown would read as markup.
+_SPECIAL = "\\`*_{}<>|#"
 #: Differences with a Holm-adjusted p below this are marked.
 SIGNIFICANT = 0.05
 
@@ -285,49 +287,10 @@ def to_markdown(
     parts = [f"# {_markdown(title)}", *(_markdown(note) for note in notes)]
     parts += [f"- {_markdown(remark)}" for remark in remarks]
     for table in tables:
-        rows = [[_markdown(cell) for cell in row] for row in table.rows]
-        parts += [f"## {_markdown(table.title)}", _tabulate(table.columns, rows, "github")]
+        lines = markdown_table(table.columns, table.rows, _SPECIAL)
+        parts += [f"## {_markdown(table.title)}", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
-
-
-def to_latex(title: str, tables: Iterable[Table], remarks: Iterable[str]) -> str:
-    """LaTeX ``table`` environments; they need the package booktabs."""
-    parts = ["% \\usepackage{booktabs}"]
-    # One line each, because a LaTeX comment ends with the line.
-    parts += [f"% {' '.join(line.split())}" for line in (*NOTES, *remarks)]
-    for table in tables:
-        body = _tabulate(table.columns, table.rows, "latex_booktabs")
-        caption = _latex(f"{title}: {table.title}.")
-        parts.append(
-            f"\\begin{{table}}\n\\centering\\footnotesize\n\\caption{{{caption}}}\n{body}\n\\end{{table}}"
-        )
-    return "\n\n".join(parts) + "\n"
-
-
-def _tabulate(columns: Sequence[str], rows: Sequence[Sequence[str]], style: str) -> str:
-    try:
-        from tabulate import tabulate
-    except ModuleNotFoundError:
-        raise InputError("writing tables needs tabulate; pip install 'jaxpf[cli]'") from None
-    alignment = ["left", *["right"] * (len(columns) - 1)]
-    return tabulate(
-        rows, headers=columns, tablefmt=style, disable_numparse=True, colalign=alignment
-    )
 
 
 def _markdown(text: str) -> str:
-    for mark in "\\`*_{}<>|#":
-        text = text.replace(mark, "\\" + mark)
-    return text
-
-
-_LATEX: dict[str, Any] = {
-    "\\": r"\textbackslash{}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    **{mark: "\\" + mark for mark in "&%$#_{}"},
-}
-
-
-def _latex(text: str) -> str:
-    return text.translate(str.maketrans(_LATEX))
+    return escaped(text, _SPECIAL)

@@ -28,8 +28,8 @@ from jaxpf.files.writing import write_text
 
 NAME = "report.html"
 _FILES = (
-    "results.csv (every run), summary.csv, summary.md and summary.tex, curves.csv, "
-    "differences.csv, figures/ (PNG and PDF)"
+    "results.csv (every run), summary.csv, summary.md, curves.csv, differences.csv, figures/ (PNG "
+    "and PDF)"
 )
 
 

@@ -7,7 +7,7 @@
 * ``summary.csv``: one row per configuration, object ("all" for all objects) and measure;
 * ``curves.csv``: success and precision curves of every configuration and object;
 * ``differences.csv``: configurations minus their references, on common seeds;
-* ``summary.md`` and ``summary.tex``: the main tables, formatted for a paper.
+* ``summary.md``: the main tables.
 
 Undefined fields, such as the precision of an object that was never tracked, are empty.
 """
@@ -36,7 +36,6 @@ from jaxpf.evaluation.output.layout import (
     reliability_line,
     reliability_tables,
     score_tables,
-    to_latex,
     to_markdown,
 )
 from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
@@ -120,8 +119,7 @@ def write_tables(results: Results) -> Tables:
     remarks += [reliability_line(summary) for summary in itertools.islice(confident, 1)]
     title = f"{results.scene_name}, {results.runs} runs"
     lines = [conclusion.sentence, *remarks]
-    for suffix, render in ((".md", to_markdown), (".tex", to_latex)):
-        write_text(results.folder / f"summary{suffix}", render(title, everything, lines))
+    write_text(results.folder / "summary.md", to_markdown(title, everything, lines))
     return tables
 
 

@@ -3,16 +3,15 @@
 A ``Comparison`` is written as Markdown, CSV and PNG.
 """
 
-import csv
 import dataclasses
-import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from jaxpf import __version__
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.tables import markdown_table
+from jaxpf.files.writing import csv_text, write_text
 from jaxpf.papers.judging.claims import GROUPS, RULE, Judged, Measured
 
 
@@ -128,15 +127,6 @@ def claims_markdown(claims: Sequence[Judged], level: int = 3) -> list[str]:
     return lines
 
 
-def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """A table as Markdown lines."""
-
-    def line(cells: Sequence[str]) -> str:
-        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-    return [line(columns), "|" + " --- |" * len(columns), *(line(row) for row in rows)]
-
-
 def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
     """Write ``PAPER.md``, ``verdicts.csv``, a CSV per table and the figures.
 
@@ -156,14 +146,13 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
     written = []
 
     def text(name: str, content: str) -> None:
-        with atomic_write(folder / name) as file:
-            file.write(content)
+        write_text(folder / name, content)
         written.append(name)
 
     for table in comparison.tables:
         text(f"{table.name}.csv", table_csv(table))
     if comparison.claims:
-        text("verdicts.csv", _csv([VERDICT_FIELDS, *_verdict_rows(comparison, command)]))
+        text("verdicts.csv", csv_text([VERDICT_FIELDS, *_verdict_rows(comparison, command)]))
     for stem, figure in comparison.figures.items():
         plotting.save_figure(figure, folder / f"{stem}.png")
         written.append(f"{stem}.png")
@@ -188,10 +177,4 @@ def table_csv(table: Table) -> str:
             published = "" if cell.published is None else cell.published
             measured = [""] * 3 if cell.measured is None else [f"{x:.6g}" for x in cell.measured]
             lines.append((label, column, published, *measured, ""))
-    return _csv(lines)
-
-
-def _csv(lines: Sequence[Sequence[Any]]) -> str:
-    buffer = io.StringIO()
-    csv.writer(buffer, lineterminator="\n").writerows(lines)
-    return buffer.getvalue()
+    return csv_text(lines)

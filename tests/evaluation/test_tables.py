@@ -70,7 +70,6 @@ def test_every_run_and_object_has_a_row(by_hand):
         # spread over noise (2, 4, .5), in the first batch (1, 8, .5), in the second 2 throughout
         ("effective_dynamics_u", [0.5, 0.5, 0.5, 0.5, 1, 1, math.nan, math.nan]),
         ("effective_dynamics_v", [2, 2, 2, 2, 0.5, 0.5, math.nan, math.nan]),
-        ("effective_dynamics_var_v", [4, 4, 4, 4, 0.25, 0.25, math.nan, math.nan]),
         ("effective_dynamics_a", [1, 1, 1, 1, 4, 4, math.nan, math.nan]),
         # Offsets: of the first run (0, 0) and (5, 0), of the others none where they are followed;
         # spreads (1, 8) and (2, 2).

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.points.target import POINTS
-from jaxpf.targets.adapter import Adapter, Marks, TrackFile, widened_by
+from jaxpf.targets.adapter import Adapter, Marks, widened_by
 from jaxpf.targets.target import Start
 
 #: Default spacing of a grid of points, pixels.
@@ -84,17 +84,6 @@ class PointAdapter(Adapter):
                     "nothing is known of its looks; leave it out or begin with another frame."
                 )
         return POINTS.start(scene.extras["points"][0], names)
-
-    def track_writer(self, path: Any, start: Start) -> TrackFile:
-        """See ``Adapter``."""
-        from jaxpf.points.files import PointTrackWriter
-
-        names, writer = start.ids.tolist(), PointTrackWriter(path)
-
-        def append(frame: int, shapes: Any, lost: Any) -> None:
-            writer.append(frame, names, shapes, lost)
-
-        return TrackFile(writer, append)
 
     def widened(self, values: np.ndarray, interval: np.ndarray, likelihood: Any) -> np.ndarray:
         """See ``Adapter``: a point slips in its window."""

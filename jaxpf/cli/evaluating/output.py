@@ -39,7 +39,7 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
         click.echo(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
     if prepared.damaged:
         click.echo(f"{len(prepared.damaged)} damaged file(s) will be made again.")
-    has_own = any(one.kind == OWN for one in prepared.configurations)
+    has_own = any(each.kind == OWN for each in prepared.configurations)
     place = f"on {devices} device{'s' if devices > 1 else ''}"
     if workers > 1:
         place = f"in each of {workers} processes {place}"

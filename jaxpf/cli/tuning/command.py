@@ -349,13 +349,15 @@ def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[An
     named = {
         text.partition("=")[0].partition("[")[0] for text in names_in(options.parameters or "")
     }
-    for one in options_of(target.options).values():
+    for declared in options_of(target.options).values():
         # A named parameter may imply the kind of tracker.
-        if one.path in named and one.implies and own.get(one.implies[0]) in (None, OPEN):
-            own[one.implies[0]] = one.implies[1]
+        if declared.path in named and declared.implies:
+            name, value = declared.implies
+            if own.get(name) in (None, OPEN):
+                own[name] = value
     model = target.resolved(picked(own, target.options), is_filmed(scene), scene.num_objects)
     filter_options = picked(own, filter_.options, {"particles": _PARTICLES, **target.defaults})
     both = (filter_options, model)
-    chosen_values = {name: getattr(one, name) for one in both for name in options_of(one)}
-    typed = {n: v for one in both for n, v in as_typed(one).items() if n in values}
+    chosen_values = {name: getattr(owner, name) for owner in both for name in options_of(owner)}
+    typed = {n: v for owner in both for n, v in as_typed(owner).items() if n in values}
     return Recipe(target.name, chosen_values, gradient=options.gradient), typed

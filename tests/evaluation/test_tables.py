@@ -307,7 +307,7 @@ def test_a_printed_table_fits_the_terminals_printer(by_hand, capsys):
     from jaxpf.cli.shared.console import print_table
 
     for table in tables.printed_tables(*by_hand):
-        print_table(*table)
+        print_table(table.title, table.columns, table.texts())
     text = capsys.readouterr().out
     (title, *_) = text.splitlines()
     assert title.strip() == "all objects"

@@ -81,7 +81,10 @@ def print_results(results: Any, tables: Any) -> None:
 
     printed = {
         "runs": results.runs,
-        "tables": [table._asdict() for table in printed_tables(results, tables)],
+        "tables": [
+            {"title": table.title, "columns": table.columns, "rows": table.texts()}
+            for table in printed_tables(results, tables)
+        ],
         "remarks": list(tables.remarks),
         "conclusion": tables.conclusion.sentence,
     }

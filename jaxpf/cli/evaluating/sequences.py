@@ -51,7 +51,7 @@ def evaluate_each(
     tables = write_overall(output, [folder.name for folder in chosen], request.varied)
     click.echo()
     for table in tables:
-        print_table(*table)
+        print_table(table.title, table.columns, table.texts())
     write_config(output / "run.toml", "evaluate", request.table())
     click.echo(UNITS)
     click.echo(f"{output}/: {', '.join(FILES)}, run.toml, and a folder for each sequence")

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from jaxpf.evaluation.measures import (
     by_name,
 )
 from jaxpf.evaluation.summary import Summary
-from jaxpf.files.tables import escaped, markdown_table
+from jaxpf.files.tables import Rows, Table, escaped, markdown_table
 from jaxpf.measures.estimates import Difference, Estimate
 from jaxpf.measures.intervals import Interval
 
@@ -85,20 +84,6 @@ NOTES = (
 )
 
 
-class Table(NamedTuple):
-    """A table of text; ``jaxpf.cli.shared.console.print_table(*table)`` prints it."""
-
-    title: str
-    columns: list[str]
-    rows: list[list[str]]
-
-    def add(self, column: str, texts: Iterable[str]) -> None:
-        """Append a column with one text per row."""
-        self.columns.append(column)
-        for row, text in zip(self.rows, texts, strict=True):
-            row.append(text)
-
-
 def estimate_tables(
     object_ids: Sequence[int],
     summaries: Sequence[Summary],
@@ -115,7 +100,8 @@ def estimate_tables(
     """
     tables = []
     for place in _distinct(object_ids, places) if summaries else ():
-        table = _estimates(object_name(object_ids, place), summaries, place, measures)
+        title = object_name(object_ids, place)
+        table = _estimates("estimates", title, summaries, place, measures)
         if place == len(object_ids) or len(object_ids) == 1:
             _add_speed(table, summaries)
         tables.append(table)
@@ -126,7 +112,8 @@ def score_tables(summaries: Sequence[Summary], num_objects: int) -> list[Table]:
     """One table of standard scores over all objects; no table without TrackEval."""
     if not any(SCORES[0].name in summary.estimates for summary in summaries):
         return []
-    return [_estimates("standard scores, all objects", summaries, num_objects, SCORES)]
+    title = "standard scores, all objects"
+    return [_estimates("scores", title, summaries, num_objects, SCORES)]
 
 
 def calibration_tables(
@@ -135,7 +122,13 @@ def calibration_tables(
     """Calibration, one table per object; no tables if no filter has spreads of x and y."""
     calibrated = [s for s in summaries if s.transforms.any()]
     return [
-        _estimates(f"calibration, {object_name(object_ids, place)}", calibrated, place, CALIBRATION)
+        _estimates(
+            "calibration",
+            f"calibration, {object_name(object_ids, place)}",
+            calibrated,
+            place,
+            CALIBRATION,
+        )
         for place in _distinct(object_ids, places)
         if calibrated
     ]
@@ -146,9 +139,8 @@ def reliability_tables(summaries: Sequence[Summary]) -> list[Table]:
     confident = [summary for summary in summaries if summary.confidence.frames[-1]]
     if not confident:
         return []
-    table = Table(
-        "reliability of confidence, all objects", ["method"], [[s.name] for s in confident]
-    )
+    title = "reliability of confidence, all objects"
+    table = Table("reliability", title, ["method"], _labelled(confident))
     bins = confident[0].confidence.bins
     for place in range(bins):
         shares = triples([summary.confidence.shares() for summary in confident], place)
@@ -199,10 +191,15 @@ def _distinct(object_ids: Sequence[int], places: Iterable[int]) -> list[int]:
     return list(dict.fromkeys(0 if len(object_ids) == 1 else place for place in places))
 
 
+def _labelled(summaries: Sequence[Summary]) -> Rows:
+    """Rows without cells."""
+    return [(summary.name, []) for summary in summaries]
+
+
 def _estimates(
-    title: str, summaries: Sequence[Summary], place: int, measures: Sequence[Measure]
+    name: str, title: str, summaries: Sequence[Summary], place: int, measures: Sequence[Measure]
 ) -> Table:
-    table = Table(title, ["method"], [[summary.name] for summary in summaries])
+    table = Table(name, title, ["method"], _labelled(summaries))
     if len({summary.runs for summary in summaries}) > 1:
         table.add("runs", [f"{summary.runs}" for summary in summaries])
     for measure in measures:
@@ -221,8 +218,9 @@ def _add_speed(table: Table, summaries: Sequence[Summary]) -> None:
 
 def _differences(title: str, summaries: Sequence[Summary], place: int) -> Table:
     compared = [summary for summary in summaries if summary.reference is not None]
-    rows = [[s.name, summaries[s.reference or 0].name] for s in compared]
-    table = Table(f"{title}: differences on common seeds", ["method", "compared with"], rows)
+    title = f"{title}: differences on common seeds"
+    table = Table("differences", title, ["method"], _labelled(compared))
+    table.add("compared with", [summaries[s.reference or 0].name for s in compared])
     for measure in COMPARED:
         values = triples([summary.differences[measure.name] for summary in compared], place)
         if are_known(values):
@@ -287,7 +285,7 @@ def to_markdown(
     parts = [f"# {_markdown(title)}", *(_markdown(note) for note in notes)]
     parts += [f"- {_markdown(remark)}" for remark in remarks]
     for table in tables:
-        lines = markdown_table(table.columns, table.rows, _SPECIAL)
+        lines = markdown_table(table.columns, table.texts(), _SPECIAL)
         parts += [f"## {_markdown(table.title)}", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
 

@@ -15,7 +15,6 @@ from jaxpf.evaluation.output.layout import (
     ABOUT_DIFFERENCES,
     HEADLINE,
     NOTES,
-    Table,
     calibration_tables,
     difference_tables,
     estimate_tables,
@@ -24,6 +23,7 @@ from jaxpf.evaluation.output.layout import (
 )
 from jaxpf.evaluation.output.tables import Tables, write_tables
 from jaxpf.evaluation.results import Results
+from jaxpf.files.tables import Table
 from jaxpf.files.writing import write_text
 
 NAME = "report.html"

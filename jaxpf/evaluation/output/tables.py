@@ -29,7 +29,6 @@ from jaxpf.evaluation.conclusion import Conclusion, conclude
 from jaxpf.evaluation.measures import COLUMNS, CURVES
 from jaxpf.evaluation.output.layout import (
     PRINTED,
-    Table,
     calibration_tables,
     difference_tables,
     estimate_tables,
@@ -41,6 +40,7 @@ from jaxpf.evaluation.output.layout import (
 from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
 from jaxpf.evaluation.summary import Summary, configuration_name, summarise
 from jaxpf.evaluation.work.batches import Batch
+from jaxpf.files.tables import Table
 from jaxpf.files.writing import atomic_write, csv_text, report_os_errors, write_text
 
 #: Remark for scenes with a single object.
@@ -129,7 +129,7 @@ def printed_tables(results: Results, tables: Tables) -> list[Table]:
     printed = estimate_tables(results.object_ids, best, [len(results.object_ids)], PRINTED)
     if len(best) < len(summaries):
         title = f"all objects: the best {len(best)} of {len(summaries)} configurations"
-        printed = [table._replace(title=title) for table in printed]
+        printed = [dataclasses.replace(table, title=title) for table in printed]
     return printed
 
 

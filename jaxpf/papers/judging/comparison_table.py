@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxpf import __version__
-from jaxpf.files.tables import markdown_table
+from jaxpf.files.tables import Table, markdown_table
 from jaxpf.files.writing import csv_text, write_text
 from jaxpf.papers.judging.claims import GROUPS, RULE, Judged, Measured
 
@@ -29,7 +29,7 @@ class Cell:
     measured: Measured | None = None
     digits: int = 0
 
-    def text(self) -> str:
+    def __str__(self) -> str:
         """``published | measured [low, high]``, with a dash for a missing value."""
         left = "–" if self.published is None else f"{self.published:z.{self.digits}f}"
         if self.measured is None or math.isnan(self.measured.value):
@@ -37,36 +37,6 @@ class Cell:
         value, low, high = (f"{x:z.{self.digits}f}" for x in self.measured)
         interval = "" if math.isnan(self.measured.low) else f" [{low}, {high}]"
         return f"{left} | {value}{interval}"
-
-
-#: Label and one cell or text per column.
-Rows = list[tuple[str, Sequence[Cell | str]]]
-
-
-@dataclasses.dataclass(frozen=True)
-class Table:
-    """A table; every row has a label, and a cell or a text per column.
-
-    Attributes:
-        name: stem of its CSV file.
-        title: one line above the table, with units.
-        columns: header, starting with the label's column.
-        rows: ``(label, cells)``.
-        note: remark for the reader; may be empty.
-    """
-
-    name: str
-    title: str
-    columns: Sequence[str]
-    rows: Sequence[tuple[str, Sequence[Cell | str]]]
-    note: str = ""
-
-    def texts(self) -> list[list[str]]:
-        """Rows of text for printing."""
-        return [
-            [label, *(cell if isinstance(cell, str) else cell.text() for cell in cells)]
-            for label, cells in self.rows
-        ]
 
 
 @dataclasses.dataclass(frozen=True)

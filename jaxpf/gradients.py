@@ -213,7 +213,7 @@ def check_gradients(tracker: Any) -> None:
     if not isinstance(tracker.gradient, Gradient):
         raise InputError(
             f"gradient={tracker.gradient!r} is no strategy of jaxpf.gradients; give "
-            f"{', '.join(f'{one.__name__}()' for one in _NAMED.values())}."
+            f"{', '.join(f'{each.__name__}()' for each in _NAMED.values())}."
         )
     tracker.gradient.check(tracker)
     check_known("motion_gradient=", tracker.motion_gradient, MOTION_GRADIENTS)

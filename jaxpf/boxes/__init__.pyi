@@ -11,7 +11,6 @@ from .models import (
 )
 from .tracks import (
     BoxTable as BoxTable,
-    TrackWriter as TrackWriter,
     check_boxes as check_boxes,
     dense as dense,
     detections as detections,

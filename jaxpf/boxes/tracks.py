@@ -18,11 +18,10 @@ from numpy.typing import ArrayLike
 from jaxpf.boxes.tables import BoxTable, read_boxes
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import parse_number, read_text
-from jaxpf.files.writing import LineWriter, write_text
+from jaxpf.files.writing import write_text
 
 __all__ = [
     "BoxTable",
-    "TrackWriter",
     "check_boxes",
     "dense",
     "detections",
@@ -208,34 +207,6 @@ def write_mot(
     confidence = np.ones(len(frames)) if confidence is None else np.asarray(confidence)
     boxes = np.asarray(boxes).reshape(-1, 4)
     write_text(path, _rows(frames, np.asarray(ids), boxes, confidence))
-
-
-class TrackWriter(LineWriter):
-    """Appends tracks to a MOT file, which after every frame contains whole lines only."""
-
-    def append(
-        self,
-        frame: int,
-        ids: ArrayLike,
-        boxes: ArrayLike,
-        confidence: ArrayLike | None = None,
-    ) -> None:
-        """Write the boxes of one frame.
-
-        Args:
-            frame: counting from 0.
-            ids: int [P].
-            boxes: x, y, w, h [P, 4], counting from 0; non-finite ones are omitted.
-            confidence: [P]; 1 tracked (the default), 0 lost.
-
-        Raises:
-            InputError: the disk is full or the file cannot be written; the file then ends with the
-                last complete frame.
-        """
-        ids = np.asarray(ids)
-        confidence = np.ones(len(ids)) if confidence is None else np.asarray(confidence)
-        boxes = np.asarray(boxes).reshape(-1, 4)
-        self.write_lines(_rows(np.full(len(ids), frame), ids, boxes, confidence))
 
 
 def _rows(frames: np.ndarray, ids: np.ndarray, boxes: np.ndarray, confidence: np.ndarray) -> str:

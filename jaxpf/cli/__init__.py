@@ -50,11 +50,11 @@ _COMMANDS = {
     ),
     "tune": (
         "jaxpf.cli.tuning.command",
-        "Tune parameters by gradient descent; compare on unseen data.",
+        "Tune parameters by gradient descent.",
     ),
     "export": (
         "jaxpf.cli.exporting.command",
-        "Write tracks in the formats of MOT, COCO, CVAT and movement.",
+        "Write tracks in the formats of MOT, COCO and CVAT.",
     ),
     "demo": ("jaxpf.cli.demo", "Compare SIR, PS, DPS and SPS on a synthetic scene."),
     "reproduce": ("jaxpf.cli.reproduce", "Repeat a paper's experiment; judge its claims."),

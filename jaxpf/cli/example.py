@@ -65,34 +65,40 @@ def _write_births(folder: Path, scene: Any) -> None:
 def _write_parts(folder: Path, scene: Any) -> None:
     import numpy as np
 
-    from jaxpf.parts.files import HEADER, PartTrackWriter
+    from jaxpf.parts.files import HEADER
 
     names = ["body", *(f"{side} {at}" for at in (1, 2, 3) for side in ("left", "right"))]
     poses, parents = scene.extras["poses"], scene.extras["parents"]
-    _table(
-        folder / "parts.csv",
-        HEADER,
-        (
-            [name, names[parent] if parent >= 0 else "", *_rounded(x, y, *size, np.rad2deg(angle))]
-            for name, parent, (x, y, angle), size in zip(
-                names, parents, poses[0], scene.sizes, strict=True
-            )
-        ),
+    places = [
+        [
+            _rounded(x, y, *size, np.rad2deg(angle))
+            for (x, y, angle), size in zip(each, scene.sizes, strict=True)
+        ]
+        for each in poses
+    ]
+    above = [names[parent] if parent >= 0 else "" for parent in parents]
+    start = ([*part, *place] for *part, place in zip(names, above, places[0], strict=True))
+    _table(folder / "parts.csv", HEADER, start)
+    rows = (
+        [frame, name, *place]
+        for frame, each in enumerate(places)
+        for name, place in zip(names, each, strict=True)
     )
-    with PartTrackWriter(folder / "truth.csv") as truth:
-        for frame, each in enumerate(poses):
-            truth.append(frame, names, each, scene.sizes)
+    _table(folder / "truth.csv", "frame,part,x,y,w,h,angle", rows)
 
 
 def _write_points(folder: Path, scene: Any) -> None:
-    from jaxpf.points.files import PointTrackWriter
+    import numpy as np
 
     names, points = scene.extras["point_names"], scene.extras["points"]
     start = ([*_rounded(*place), name] for name, place in zip(names, points[0], strict=True))
     _table(folder / "points.csv", None, start)
-    with PointTrackWriter(folder / "truth.csv") as truth:
-        for frame, (places, seen) in enumerate(zip(points, scene.extras["visible"], strict=True)):
-            truth.append(frame, names, places, ~seen)
+    rows = (
+        [frame, names[point], *_rounded(*places[point]), int(not seen[point])]
+        for frame, (places, seen) in enumerate(zip(points, scene.extras["visible"], strict=True))
+        for point in np.flatnonzero(np.isfinite(places).all(axis=-1))
+    )
+    _table(folder / "truth.csv", "frame,point,x,y,lost", rows)
 
 
 def _write_contours(folder: Path, scene: Any) -> None:

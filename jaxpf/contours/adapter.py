@@ -11,7 +11,7 @@ from jaxpf.contours.data import Contours
 from jaxpf.contours.target import CONTOURS, PIECES, contour_start, polylines
 from jaxpf.contract.errors import InputError
 from jaxpf.shapes.splines import basis, even_places, fit_spline, resampled
-from jaxpf.targets.adapter import Adapter, Marks, TrackFile
+from jaxpf.targets.adapter import Adapter, Marks, OutlineFile
 from jaxpf.targets.target import Start
 
 #: Number of control points of a scene's contours, closed and open.
@@ -25,7 +25,6 @@ class ContourAdapter(Adapter):
 
     target = CONTOURS
     example = "--contours wires.json --sigma 3"
-    writes_outlines = True
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "contours": {
             "type": Path,
@@ -90,7 +89,7 @@ class ContourAdapter(Adapter):
         """See ``Adapter``: the mean of the outline's points."""
         return polylines(shapes).mean(axis=-2)
 
-    def track_writer(self, path: Any, start: Start) -> TrackFile:
+    def outline_file(self, path: Any, start: Start) -> OutlineFile:
         """See ``Adapter``: CSV with the header ``frame,contour,kind,point,x,y``."""
         from jaxpf.contours.files import ContourTrackWriter
 
@@ -103,11 +102,11 @@ class ContourAdapter(Adapter):
             # The control points follow from the points on the spline, which are more.
             inverse = np.linalg.pinv(basis(places, contours.points.shape[1], **kind))
 
-        def append(frame: int, shapes: Any, lost: Any) -> None:
+        def append(frame: int, shapes: Any) -> None:
             lines = polylines(np.asarray(shapes, float))
             writer.append(frame, start.ids, inverse @ lines, lines)
 
-        return TrackFile(writer, append)
+        return OutlineFile(writer, append)
 
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
         """See ``Adapter``."""

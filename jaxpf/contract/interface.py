@@ -246,8 +246,6 @@ class Likelihood:
       same, if it also depends on the particle's label.  Used when particles carry labels.
     * ``log_joint_all`` and ``log_joint_labelled_all``: the same for all particles at once, with
       ``substates [P, D, N]``, ``log_probs [P, N]``, ``label [N]`` and result ``[N]``.
-    * ``estimated_nanoseconds(frame_shape) -> (float, float)``: the time of ``observe``, and of
-      one ``log_prob``.  Evaluations plan their work by it.
     """
 
     #: Whether ``log_prob`` has a useful derivative in the substate.  A likelihood that reads whole

@@ -13,9 +13,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from jaxpf.evaluation.collection import Collected
-from jaxpf.evaluation.equal_time import Runs
 from jaxpf.evaluation.measures import by_name
-from jaxpf.evaluation.summary import Summary, run_values
+from jaxpf.evaluation.summary import Runs, Summary, run_values
 from jaxpf.measures.estimates import LEVEL, mean_difference
 
 #: The measure that ranks configurations.

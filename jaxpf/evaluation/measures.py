@@ -93,10 +93,6 @@ MEASURES = (
         for name in COORDINATES
     ),
     *(
-        Measure(f"effective_dynamics_var_{name}", f"effective dynamics in {name}, of variances")
-        for name in COORDINATES
-    ),
-    *(
         Measure(f"coverage_{p}", f"truth in the {p} % region", weight=TRACKED_FRAMES, percent=True)
         for p in REGIONS
     ),
@@ -247,7 +243,6 @@ def _measure_piece(
         if place < len(noise_scale) and noise_scale[place] > 0:
             ratio = batch.spread[..., place] / np.float64(noise_scale[place])
         values[f"effective_dynamics_{name}"] = _mean(ratio)
-        values[f"effective_dynamics_var_{name}"] = _mean(ratio**2)
     shape = batch.shapes.shape[0], batch.shapes.shape[2]
     columns = np.stack([np.broadcast_to(values[name], shape) for name in COLUMNS], axis=-1)
     transforms = transforms.astype(np.float32)

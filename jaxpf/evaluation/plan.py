@@ -116,8 +116,8 @@ class Plan:
         """Targets whose options apply, the default first, because error messages refer to it."""
         if self.target:
             return [find_adapter(self.target).target]
-        every = (one.target for one in adapters().values())
-        return sorted(every, key=lambda one: one.name != DEFAULT)
+        every = (adapter.target for adapter in adapters().values())
+        return sorted(every, key=lambda target: target.name != DEFAULT)
 
     def options_for(self, target: Target) -> dict[str, Option]:
         """Options allowed in the grid: those of a target and of the methods' filters."""
@@ -132,9 +132,9 @@ class Plan:
     def filters(self) -> list[Filter]:
         """The filters of the methods."""
         every = filters.all_filters().values()
-        return [
-            one for one in every if self.methods is None or set(one.methods) & set(self.methods)
-        ]
+        if self.methods is None:
+            return [*every]
+        return [filter_ for filter_ in every if set(filter_.methods) & set(self.methods)]
 
     def _checked_grid(self) -> dict[str, tuple[Any, ...]]:
         """The grid in normal form; values are valid for the target, or for any if none is set."""
@@ -149,15 +149,15 @@ class Plan:
 
     def _unknown(self, name: str, known: Iterable[str]) -> InputError:
         """The error for an option that is unknown or belongs to other targets or methods."""
-        having = [n for n, one in adapters().items() if name in options_of(one.target.options)]
+        having = [kind for kind, of in adapters().items() if name in options_of(of.target.options)]
         whose = f" of {self.target}" if self.target else ""
         if having:
             return InputError(
                 f"{name} is no option{whose}, but of {' and '.join(having)}; leave it out."
             )
-        for one in filters.all_filters().values():
-            if name in options_of(one.options) and name not in one.varied:
-                having = [method for method in one.methods if applicable(one, method)[name]]
+        for filter_ in filters.all_filters().values():
+            if name in options_of(filter_.options) and name not in filter_.varied:
+                having = [m for m in filter_.methods if applicable(filter_, m)[name]]
                 return InputError(
                     f"{name} is an option of {', '.join(having)}, and not of "
                     f"{', '.join(self.methods or ())}; leave it out, or name one of them among "
@@ -186,8 +186,8 @@ def applicable(filter_: Filter, method: str) -> dict[str, bool]:
 class Limits:
     """Limits on the division of runs into batches; results do not depend on them.
 
-    A batch is written as a whole, so an interrupted process loses at most one batch: about 15
-    seconds of work, or less if memory is short.
+    A batch is written as a whole, so an interrupted process loses at most one batch: seconds of
+    work, less if memory is short.
 
     Attributes:
         memory: bytes that a batch may use while it is computed.
@@ -214,9 +214,9 @@ DEFAULT_LIMITS = Limits()
 
 def _allowed(options: Sequence[Option], value: Any) -> Any:
     """Return the value in normal form if any of the options allows it."""
-    for one in options[1:]:
+    for option in options[1:]:
         with contextlib.suppress(InputError):
-            return one.checked(value)
+            return option.checked(value)
     return options[0].checked(value)
 
 

@@ -2,13 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from jaxpf.contract.options import plain
 from jaxpf.evaluation.collection import Collected, Curve, has_scores
-from jaxpf.evaluation.equal_time import AtEqualTime, Runs, at_equal_time
-from jaxpf.evaluation.measures import COMPARED, MEASURES, SCORES, Measure
+from jaxpf.evaluation.measures import MEASURES, SCORES, Measure
 from jaxpf.evaluation.results import Configuration, Results
 from jaxpf.evaluation.speed import read_speeds
 from jaxpf.measures.calibration import Reliability
@@ -22,6 +22,14 @@ from jaxpf.measures.estimates import (
     rate_difference,
     without_interval,
 )
+
+
+class Runs(NamedTuple):
+    """A measure over the runs of a configuration: ``runs [R]``, the other fields ``[R, P]``."""
+
+    runs: np.ndarray
+    values: np.ndarray
+    weights: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,7 +51,6 @@ class Summary:
         transforms: counts of probability integral transforms in equal bins, see ``Collected``.
         confidence: its reliability, over all objects and frames with truth.
         frames_per_second: of a single run; NaN if not measured, see ``speed``.
-        at_equal_time: comparison with the first method at equal time; None if unknown.
     """
 
     configuration: Configuration
@@ -59,7 +66,6 @@ class Summary:
     transforms: np.ndarray
     confidence: Reliability
     frames_per_second: float
-    at_equal_time: AtEqualTime | None = None
 
 
 def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]:
@@ -85,7 +91,6 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
     every = results.configurations
     speeds = read_speeds(results.folder, len(every))
     speeds = [speeds[every.index(entry.configuration)] for entry in collected]
-    at_once = {each.place: each for each in at_equal_time(collected, speeds, COMPARED, run_values)}
     return [
         Summary(
             configuration=entry.configuration,
@@ -101,7 +106,6 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
             transforms=entry.transforms,
             confidence=entry.confidence,
             frames_per_second=speeds[index],
-            at_equal_time=at_once.get(index),
         )
         for index, entry in enumerate(collected)
     ]

@@ -29,7 +29,6 @@ class Filter:
         varied: options that ``variants`` varies and that are therefore not in an evaluation's grid.
         by_default: whether evaluations include its methods by default.
         opens: whether it supports open populations, see ``Model.is_open``.
-        nanoseconds: time on one core per particle, partition and frame, without the likelihood.
     """
 
     name: str
@@ -38,7 +37,6 @@ class Filter:
     varied: tuple[str, ...] = ("method",)
     by_default: bool = False
     opens: bool = False
-    nanoseconds: float = 160.0
 
     def tracker(self, model: Model, options: Any) -> Any:
         """Build the tracker for a model."""

@@ -27,9 +27,9 @@ def places_in_image(across, down, u, v, width, height, cosine, sine):
     # A matrix product, because XLA would fuse any other form into the following gather, and there
     # compute everything, sines included, one scalar at a time.
     pose = jnp.stack([u, v, cosine * width, sine * height, sine * width, cosine * height], axis=-1)
-    zero, one = jnp.zeros_like(across), jnp.ones_like(across)
-    x_of_pose = jnp.stack([one, zero, across, -down, zero, zero])
-    y_of_pose = jnp.stack([zero, one, zero, zero, across, down])
+    none, unit = jnp.zeros_like(across), jnp.ones_like(across)
+    x_of_pose = jnp.stack([unit, none, across, -down, none, none])
+    y_of_pose = jnp.stack([none, unit, none, none, across, down])
     to_places = jnp.concatenate([x_of_pose, y_of_pose], axis=1).astype(u.dtype)
     x, y = jnp.split(jnp.dot(pose, to_places, precision=jax.lax.Precision.HIGHEST), 2, axis=-1)
     return x, y

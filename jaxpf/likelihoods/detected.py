@@ -2,7 +2,7 @@
 
 For a detected target, the image likelihood is multiplied by::
 
-    (exp(-r^2 / 2) + c) / (1 + c),   r^2 = sum over coordinates of ((x - found) / scale)^2
+    (exp(-r^2 / 2) + c) / (1 + c),   r^2 = sum over coordinates of ((x - place) / scale)^2
 
 where c accounts for a detection of another object, so that a wrong detection cannot drive a
 target's particles away.  Targets without a detection are not affected.
@@ -27,12 +27,12 @@ class Detected(WrappedLikelihood):
 
     Attributes:
         likelihood: of the image.
-        found: ``[L, D]``, detected substates; NaN for a target without a detection.
+        places: ``[L, D]``, detected substates; NaN for a target without a detection.
         scale: ``[L, D]``, standard deviations of the detections.
     """
 
     likelihood: Any
-    found: Any
+    places: Any
     scale: Any
 
     # Derived from ``log_prob_all``, not forwarded to the inner likelihood.
@@ -44,12 +44,13 @@ class Detected(WrappedLikelihood):
         return of_picture + self._of_detection(partition, substates)
 
     def _of_detection(self, partition: jax.Array, substates: jax.Array) -> jax.Array:
-        found, scale = (
-            jnp.asarray(values, substates.dtype)[partition].T for values in (self.found, self.scale)
+        place, scale = (
+            jnp.asarray(values, substates.dtype)[partition].T
+            for values in (self.places, self.scale)
         )
-        was_found = jnp.all(jnp.isfinite(found), axis=0)
-        off = (substates - jnp.where(was_found, found, substates)) / jnp.where(
-            was_found, scale, 1.0
+        is_detected = jnp.all(jnp.isfinite(place), axis=0)
+        off = (substates - jnp.where(is_detected, place, substates)) / jnp.where(
+            is_detected, scale, 1.0
         )
         word = jnp.log((jnp.exp(-0.5 * jnp.sum(off**2, axis=0)) + _OTHERS) / (1 + _OTHERS))
-        return jnp.where(was_found, word, 0.0)
+        return jnp.where(is_detected, word, 0.0)

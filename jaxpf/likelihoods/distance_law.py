@@ -149,8 +149,8 @@ def learn_background(likelihood: Any, frames: Any, *, num_boxes: int = 100_000) 
             squared.append(np.concatenate(pieces)[: len(centres)])
         learned.append(compressed(np.concatenate(squared)))
     # In a small frame the number of boxes may be smaller, and differ between objects.
-    longest = max(one.shape[1] for one in learned)
-    return jnp.asarray(np.stack([_filled_up(one, longest) for one in learned]), float)
+    longest = max(law.shape[1] for law in learned)
+    return jnp.asarray(np.stack([_filled_up(law, longest) for law in learned]), float)
 
 
 def _pieces(substates: np.ndarray) -> list[np.ndarray]:

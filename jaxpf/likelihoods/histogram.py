@@ -102,14 +102,6 @@ class HistogramLikelihood(Likelihood):
         """Whether ``log_prob`` is differentiable in the substate."""
         return self.interpolation == "bilinear"
 
-    def estimated_nanoseconds(self, frame_shape):
-        """Rough time per frame ``(height, width)``, and per particle and partition."""
-        _, parts, bins = self.references.shape
-        slower = 15 if self.interpolation == "bilinear" else 1
-        if self.method == "sampled":
-            return 25.0 * math.prod(frame_shape), 3.0 * slower * self.samples**2
-        return (65 + 1.6 * bins) * math.prod(frame_shape), 100.0 + slower * parts * bins
-
     def observe(self, frame):
         """The part of the computation that depends only on the frame, shared by particles and runs.
 

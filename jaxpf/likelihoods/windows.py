@@ -226,9 +226,9 @@ def windows_from_pictures(
         if picture.shape != pictures[0].shape:
             raise InputError(f"pictures[{i}] has another size than pictures[0]: give all one size.")
         middle = [[columns // 2 + 0.5, rows // 2 + 0.5]]
-        one = windows(picture, middle, sigma=sigma, window=(columns, rows), norm=norm)
-        seen.append(one.references[0])
-    return _build(np.stack(seen), sigma, one.window, norm, slip)
+        likelihood = windows(picture, middle, sigma=sigma, window=(columns, rows), norm=norm)
+        seen.append(likelihood.references[0])
+    return _build(np.stack(seen), sigma, likelihood.window, norm, slip)
 
 
 def _build(seen, sigma, window, norm, slip) -> WindowLikelihood:

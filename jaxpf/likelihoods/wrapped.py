@@ -57,7 +57,6 @@ class WrappedLikelihood(Likelihood):
     state_gradient = _forwarded("state_gradient")
     fixed_observation = _forwarded("fixed_observation")
     form = _forwarded("form")
-    estimated_nanoseconds = _forwarded("estimated_nanoseconds")
 
     def observe(self, frame):
         """The inner likelihood's observation of a frame."""

@@ -17,27 +17,28 @@ from .intervals import (
     wilson_interval as wilson_interval,
 )
 from .metrics import (
-    EffectiveDynamics as EffectiveDynamics,
     centre_error as centre_error,
-    corner_distances as corner_distances,
-    effective_dynamics as effective_dynamics,
-    effective_sample_size as effective_sample_size,
     has_truth as has_truth,
     in_the_end as in_the_end,
     mean_precision as mean_precision,
     mean_recall as mean_recall,
     overlap as overlap,
-    pose_variance as pose_variance,
     precision as precision,
     recall as recall,
     recovery as recovery,
     recovery_rate as recovery_rate,
-    resamplings_per_frame as resamplings_per_frame,
     success as success,
     success_rate as success_rate,
     summarise as summarise,
     throughout as throughout,
     track_state as track_state,
+)
+from .particle_sets import (
+    corner_distances as corner_distances,
+    effective_dynamics as effective_dynamics,
+    effective_sample_size as effective_sample_size,
+    pose_variance as pose_variance,
+    resamplings_per_frame as resamplings_per_frame,
     uniqueness as uniqueness,
 )
 from .points import point_distances as point_distances

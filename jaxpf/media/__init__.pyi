@@ -9,7 +9,6 @@ from .overlay import (
 from .plotting import (
     bars_with_intervals as bars_with_intervals,
     colours as colours,
-    diagnostics as diagnostics,
     new_figure as new_figure,
     save_figure as save_figure,
 )

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.contract.names import PROBABLY_LOST
 from jaxpf.files.writing import atomic_write
 from jaxpf.media.overlay import object_colours
 
@@ -44,55 +43,6 @@ def colours(count: int) -> list[tuple[float, ...]]:
     luminance = linear @ _LUMINANCE
     darkened = linear * np.minimum(1, _LIGHTEST / luminance)[:, None]
     return [tuple(rgb) for rgb in (darkened ** (1 / _GAMMA)).tolist()]
-
-
-def diagnostics(
-    frames: np.ndarray,
-    ess: np.ndarray,
-    uniqueness: np.ndarray,
-    log_evidence: np.ndarray,
-    ids: Sequence[Any],
-    num_particles: int,
-    confidence: np.ndarray | None = None,
-) -> Any:
-    """Plot effective sample size, evidence, and each object's uniqueness and confidence over time.
-
-    Args:
-        frames: frame numbers ``[T]``.
-        ess: ``[T]``.
-        uniqueness: ``[T, P]``.
-        log_evidence: increments ``[T]``; ``-inf`` is marked, not drawn; no panel if all are NaN.
-        ids: the objects' names ``[P]``.
-        num_particles: N.
-        confidence: ``[T, P]``, or None if the likelihood has none.
-    """
-    has_evidence = not np.isnan(log_evidence).all()
-    rows = 2 + (confidence is not None) + has_evidence
-    figure, axes = new_figure(rows, 1, figsize=(9, 2 + 2 * rows), share_x=True)
-    upper, middle, *between = axes[:, 0]
-    lower = between.pop() if has_evidence else None
-    upper.plot(frames, ess, color="black")
-    upper.set(ylabel=f"effective sample size\n(of {num_particles})", ylim=(0, None))
-    for column, (name, colour) in enumerate(zip(ids, colours(len(ids)), strict=True)):
-        label = name if isinstance(name, str) else f"object {name}"
-        middle.plot(frames, 100 * uniqueness[:, column], color=colour, label=label)
-    middle.set(ylabel="uniqueness (%)", ylim=(0, 102))
-    middle.legend(ncols=min(len(ids), 7), fontsize="small", loc="upper right")
-    for axis in between:
-        for column, colour in enumerate(colours(len(ids))):
-            axis.plot(frames, np.asarray(confidence)[:, column], color=colour)
-        axis.axhline(PROBABLY_LOST, color="black", linestyle="dotted")
-        axis.set(ylabel="confidence", ylim=(-0.02, 1.02))
-    if lower is not None:
-        possible = np.isfinite(log_evidence)
-        lower.plot(frames[possible], log_evidence[possible], color="black")
-        for frame in frames[~possible]:
-            lower.axvline(frame, color="red", alpha=0.5)
-        lower.set(ylabel="log evidence of the frame")
-    axes[-1, 0].set(xlabel="frame")
-    for axis in axes[:, 0]:
-        axis.grid(alpha=0.3)
-    return figure
 
 
 #: Maximum number of objects in one figure of trajectories.

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from jaxpf.contract.errors import InputError
+from jaxpf.files.tables import Table
 from jaxpf.papers.judging.claims import Quantity, judge_all, read_rows
-from jaxpf.papers.judging.comparison_table import Comparison, Table
+from jaxpf.papers.judging.comparison_table import Comparison
 
 #: Papers that can be repeated; each is a module here with a ``PAPER``.
 PAPERS = ("smith2004", "gonzales2011", "rowe2005", "eskil2014", "maccormick1999")

@@ -5,22 +5,18 @@ pixel (0, 0) the square [0, 1) x [0, 1); the angle is in degrees, clockwise in t
 count from 0.  In memory angles are in radians.
 """
 
-import math
 import os
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import parse_number, read_rows
-from jaxpf.files.writing import LineWriter
 from jaxpf.parts.target import Parts
 
 HEADER = "part,parent,x,y,w,h,angle"
 #: Limits of a coordinate in pixels, beyond which floats lose precision, and of a name's length.
 _FARTHEST, _LONGEST_NAME = 1e9, 200
-TRACK_HEADER = "frame,part,x,y,w,h,angle"
 
 
 def read_parts(path: str | os.PathLike[str]) -> Parts:
@@ -78,35 +74,6 @@ def read_parts(path: str | os.PathLike[str]) -> Parts:
         poses=np.column_stack([table[:, :2], np.deg2rad(table[:, 4])]),
         sizes=table[:, 2:4],
     )
-
-
-class PartTrackWriter(LineWriter):
-    """Appends tracks of parts to a file, which after every frame contains whole lines only.
-
-    CSV with the header ``frame,part,x,y,w,h,angle``, in the units of ``read_parts``.
-    """
-
-    header = TRACK_HEADER
-
-    def append(self, frame: int, names: ArrayLike, poses: ArrayLike, sizes: ArrayLike) -> None:
-        """Write the parts of one frame.
-
-        Args:
-            frame: counting from 0.
-            names: [P].
-            poses: x, y, theta (radians) [P, 3]; non-finite ones are omitted.
-            sizes: width and height [P, 2].
-
-        Raises:
-            InputError: the disk is full or the file cannot be written; the file then ends with the
-                last complete frame.
-        """
-        parts = zip(np.asarray(names), np.asarray(poses), np.asarray(sizes), strict=True)
-        there = [(name, *pose, *size) for name, pose, size in parts if np.isfinite(pose).all()]
-        self.write_rows(
-            [int(frame), name, *(f"{value:.3f}" for value in (x, y, w, h, math.degrees(theta)))]
-            for name, x, y, theta, w, h in there
-        )
 
 
 def _lines(path: Path) -> list[tuple[int, list[str]]]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.points.target import POINTS
-from jaxpf.targets.adapter import Adapter, Marks, TrackFile, widened_by
+from jaxpf.targets.adapter import Adapter, Marks, widened_by
 from jaxpf.targets.target import Start
 
 #: Default spacing of a grid of points, pixels.
@@ -48,18 +48,18 @@ class PointAdapter(Adapter):
             raise InputError("--mask-step is about the grid on a --mask, and none was given.")
         if given["mask"]:
             step = _MASK_STEP if given["mask_step"] is None else given["mask_step"]
-            found = _on_mask(given["mask"], step, source)
+            points = _on_mask(given["mask"], step, source)
         else:
-            found = (
+            points = (
                 read_points(given["points"]) if given["points"] else parse_points(given["point"])
             )
-        for name, (x, y) in zip(found.names, found.places, strict=True):
+        for name, (x, y) in zip(points.names, points.places, strict=True):
             if not (0 <= x < source.width and 0 <= y < source.height):
                 raise InputError(
                     f"point '{name}' is at ({x:g}, {y:g}), outside the frame of {source.width} x "
                     f"{source.height} pixels: move it inside, or leave it out."
                 )
-        return POINTS.start(found.places, found.names)
+        return POINTS.start(points.places, points.names)
 
     def fits_scene(self, scene: Any) -> bool:
         """Whether the ground truth has points."""
@@ -84,17 +84,6 @@ class PointAdapter(Adapter):
                     "nothing is known of its looks; leave it out or begin with another frame."
                 )
         return POINTS.start(scene.extras["points"][0], names)
-
-    def track_writer(self, path: Any, start: Start) -> TrackFile:
-        """See ``Adapter``."""
-        from jaxpf.points.files import PointTrackWriter
-
-        names, writer = start.ids.tolist(), PointTrackWriter(path)
-
-        def append(frame: int, shapes: Any, lost: Any) -> None:
-            writer.append(frame, names, shapes, lost)
-
-        return TrackFile(writer, append)
 
     def widened(self, values: np.ndarray, interval: np.ndarray, likelihood: Any) -> np.ndarray:
         """See ``Adapter``: a point slips in its window."""

@@ -14,10 +14,8 @@ from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import check_name, parse_number, read_rows
-from jaxpf.files.writing import LineWriter
 
 HEADERS = ("x,y", "x,y,name")
-TRACK_HEADER = "frame,point,x,y,lost"
 _REMEDY = "write x,y or x,y,name in pixels, such as 120,80,nose"
 
 
@@ -81,36 +79,6 @@ def grid_points(mask: ArrayLike, step: float) -> Points:
         raise InputError(f"no point of a grid of {step:g} pixels is on the mask; use a finer one")
     places = np.stack([x[on], y[on]], axis=1)
     return Points(tuple(str(number) for number in range(len(places))), places)
-
-
-class PointTrackWriter(LineWriter):
-    """Appends tracks of points to a file, which after every frame contains whole lines only.
-
-    CSV with the header ``frame,point,x,y,lost``, in pixels; lost is 1 if none of the point's
-    particles had any likelihood in the frame, else 0.
-    """
-
-    header = TRACK_HEADER
-
-    def append(self, frame: int, names: Sequence[str], places: ArrayLike, lost: ArrayLike) -> None:
-        """Write the points of one frame.
-
-        Args:
-            frame: counting from 0.
-            names: [P].
-            places: x, y [P, 2]; non-finite ones are omitted.
-            lost: bool [P].
-
-        Raises:
-            InputError: the disk is full or the file cannot be written; the file then ends with the
-                last complete frame.
-        """
-        points = zip(names, np.asarray(places), np.asarray(lost), strict=True)
-        self.write_rows(
-            [int(frame), name, *(f"{value:.3f}" for value in place), int(gone)]
-            for name, place, gone in points
-            if np.isfinite(place).all()
-        )
 
 
 def _points(rows: list[tuple[str, list[str]]]) -> Points:

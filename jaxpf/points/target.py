@@ -97,7 +97,7 @@ class PointTarget(Target):
             "norm": options.norm,
             "slip": options.slip,
         }
-        if looks.patches is not None and all(one.shape[:2] == side for one in looks.patches):
+        if looks.patches is not None and all(patch.shape[:2] == side for patch in looks.patches):
             return windows_from_pictures(looks.patches, **settings)
         return windows(looks.start_frame, start.shapes, window=side, **settings)
 

@@ -268,7 +268,7 @@ def _with_detections(
     places = np.hstack([own[:, :2] + own[:, 2:] / 2, size])
     scale = rules.detection_scale * np.hstack([own[:, 2:], size])
     likelihood = dataclasses.replace(
-        tracker.likelihood, found=places.astype(np.float32), scale=scale.astype(np.float32)
+        tracker.likelihood, places=places.astype(np.float32), scale=scale.astype(np.float32)
     )
     return dataclasses.replace(tracker, likelihood=likelihood)
 

@@ -13,13 +13,11 @@ from .rectangles import (
     cos_sin as cos_sin,
     intersection_area as intersection_area,
     is_proper as is_proper,
-    substates_from_boxes as substates_from_boxes,
     turned as turned,
 )
 from .spaces import (
     ShapeSpace as ShapeSpace,
     check_contours as check_contours,
-    explained_share as explained_share,
     key_frame_space as key_frame_space,
     space_of as space_of,
 )

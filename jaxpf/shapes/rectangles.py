@@ -26,26 +26,6 @@ def boxes_from_substates(substates: ArrayLike, sizes: ArrayLike) -> Array:
     return jnp.concatenate([substates[..., :2] - extent / 2, extent], axis=-1)
 
 
-def substates_from_boxes(boxes: ArrayLike, sizes: ArrayLike) -> Array:
-    """The substates (u, v, a) of boxes; inverts ``boxes_from_substates``.
-
-    A box with an aspect other than the reference's keeps its centre and area, not its sides.
-
-    Args:
-        boxes: ``[..., P, 4]``, in pixels.
-        sizes: ``[P, 2]`` width and height of the objects at scale 1, in pixels.
-
-    Returns:
-        ``[..., P, 3]``: the centre, and a = sqrt(box area / reference area).  A box that is not
-        finite gives NaN, a box without area gives scale 0.
-    """
-    boxes, sizes = jnp.asarray(boxes), jnp.asarray(sizes)
-    ratio = area(boxes) / (sizes[..., 0] * sizes[..., 1])
-    is_finite = jnp.all(jnp.isfinite(boxes), axis=-1)
-    scale = jnp.where(is_finite, jnp.sqrt(ratio), jnp.nan)
-    return jnp.concatenate([centres(boxes), scale[..., None]], axis=-1)
-
-
 def centres(boxes: ArrayLike) -> Array:
     """The centres ``[..., 2]`` of boxes ``[..., 4]``, in pixels; NaN for a box that is not finite.
 

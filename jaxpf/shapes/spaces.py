@@ -162,14 +162,6 @@ def key_frame_space(
     return _scaled(mean[None], [modes], closed, degree)
 
 
-def explained_share(space: ShapeSpace, examples: ArrayLike) -> float:
-    """Share of the examples' variance in shape that a space explains, 0 to 1."""
-    examples = np.asarray(examples, float)
-    centred = examples - examples.mean(axis=1, keepdims=True)
-    rest = centred - np.asarray(space.control_points(space.project(centred[:, None])))[:, 0]
-    return 1 - float(np.sum(rest**2) / np.sum((centred - centred.mean(axis=0)) ** 2))
-
-
 def check_contours(contours: ArrayLike, degree: int = CUBIC) -> np.ndarray:
     """Valid control points ``[P, K, 2]`` in float64.
 

@@ -34,18 +34,17 @@ class Marks(NamedTuple):
         return self.lost if self.doubtful is None else self.lost | self.doubtful
 
 
-class TrackFile:
-    """A track file, written frame by frame; use it as a context manager.
+class OutlineFile:
+    """A file of outlines, written frame by frame; use it as a context manager.
 
     Attributes:
-        append: function of (frame, shapes, lost).  If objects come and go it also takes ``ids``;
-            if the likelihood has log odds, ``confidence`` ``[P]``.
+        append: function of (frame, shapes ``[P, S]``).
     """
 
-    def __init__(self, writer: Any, append: Callable[..., None]):
+    def __init__(self, writer: Any, append: Callable[[int, Any], None]):
         self._writer, self.append = writer, append
 
-    def __enter__(self) -> "TrackFile":
+    def __enter__(self) -> "OutlineFile":
         self._writer.__enter__()
         return self
 
@@ -57,28 +56,24 @@ class Adapter(abc.ABC):
     """How programs read, write and draw a target, and which options they offer for it.
 
     An adapter must define ``target``, ``read_start``, ``fits_scene``, ``scene_shapes``,
-    ``scene_start``, ``track_writer`` and ``draw``; a class without them cannot be instantiated.
-    ``scaled``, ``widened``, ``draw_particles`` and the attributes below have defaults.
+    ``scene_start`` and ``draw``; a class without them cannot be instantiated.  ``scaled``,
+    ``widened``, ``outline_file``, ``draw_particles`` and the attributes below have defaults.
 
     Attributes:
         target: the target.
         start_flags: options of ``jaxpf track`` that say where objects start, name -> arguments of
             ``click.option``; ``read_start`` gets their values.
         example: arguments of ``jaxpf track`` after the video, for its help.
-        track_suffix: suffix of the files that ``track_writer`` writes.
         columns: columns of tracks.csv that hold an object's position; angles in degrees, all
             others in pixels.
         fixed_columns: those columns that never change, and so have no interval.
-        writes_outlines: whether ``track_writer`` also writes outlines.csv.
     """
 
     target: Target
     start_flags: Mapping[str, Mapping[str, Any]] = {}
     example: str = ""
-    track_suffix: str = ".csv"
     columns: tuple[str, ...] = ("x", "y")
     fixed_columns: tuple[str, ...] = ()
-    writes_outlines: bool = False
 
     @property
     def name(self) -> str:
@@ -133,9 +128,12 @@ class Adapter(abc.ABC):
         """
         return interval
 
-    @abc.abstractmethod
-    def track_writer(self, path: Any, start: Start) -> TrackFile:
-        """A new track file for the objects of ``start``."""
+    def outline_file(self, path: Any, start: Start) -> OutlineFile | None:
+        """A new file for the outlines of the objects of ``start``; by default none.
+
+        For targets whose outlines do not follow from ``columns``.
+        """
+        return None
 
     @abc.abstractmethod
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Tune tracker parameters by gradient descent instead of trial and error.
 
 Parameters are named by their path in the tracker.  Choose an objective; the result holds tuned
-values, their uncertainty, and a comparison on held-out sequences.
+values and their uncertainty.
 """
 
 import lazy_loader

@@ -1,4 +1,3 @@
-from .comparison import Comparison as Comparison, compare as compare
 from .loop import Diverged as Diverged, tune as tune
 from .metropolis import pmmh as pmmh
 from .objectives import (
@@ -23,9 +22,5 @@ from .problem import (
     loss_function as loss_function,
 )
 from .result import Descent as Descent, Result as Result
-from .sequences import (
-    Recipe as Recipe,
-    held_out as held_out,
-    training_sequence as training_sequence,
-)
+from .sequences import Recipe as Recipe, training_sequence as training_sequence
 from .settings import Settings as Settings

@@ -1,4 +1,4 @@
-"""Prepare scenes for tuning and for the comparison afterwards."""
+"""Prepare scenes for tuning."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -13,7 +13,6 @@ from jaxpf.gradients import named
 from jaxpf.targets import building, find_adapter
 from jaxpf.targets.adapter import Adapter, looks_of_scene
 from jaxpf.targets.target import Looks, Start, Target
-from jaxpf.tuning.comparison import HeldOut
 from jaxpf.tuning.declared import with_tuned
 from jaxpf.tuning.problem import TrainingSequence
 
@@ -121,26 +120,6 @@ def training_sequence(
         sizes=start.sizes.astype(np.float32),
         name=scene.name,
         outlines=of.outlines_of_estimates,
-    )
-
-
-def held_out(scene: Any, before: Recipe, after: Recipe) -> HeldOut:
-    """Pair a scene with the trackers that ``jaxpf evaluate`` would run on it."""
-    of = before.of
-    start = before.adapter.scene_start(scene)
-
-    def tracker(recipe: Recipe) -> Any:
-        particles = int(recipe.values["particles"])
-        looks = looks_of_scene(scene, particles)
-        return recipe.tracker(start, looks)
-
-    return HeldOut(
-        before=tracker(before),
-        after=tracker(after),
-        frames=scene.frames[1:],
-        truth=before.adapter.scene_shapes(scene)[1:],
-        target=of,
-        start=start,
     )
 
 

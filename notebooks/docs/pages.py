@@ -12,8 +12,9 @@ import jaxpf
 import scenes
 from jaxpf import cli, media
 from jaxpf.cli.shared.flags import ALL
+from jaxpf.files.tables import markdown_table
 from jaxpf.papers.judging import verdicts
-from jaxpf.papers.judging.comparison_table import claims_markdown, markdown_table
+from jaxpf.papers.judging.comparison_table import claims_markdown
 from jaxpf.papers.paper import PAPERS
 
 

@@ -1,14 +1,10 @@
 import os
-import signal
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from box_files import GT, message_of
 
 from jaxpf.boxes import (
-    TrackWriter,
     check_boxes,
     dense,
     detections,
@@ -143,78 +139,10 @@ def test_written_and_read_again_gives_the_same_numbers(tmp_path):
     assert again.read_bytes() == path.read_bytes()
 
 
-def test_a_track_writer_appends_and_its_file_is_whole_after_every_frame(tmp_path):
-    path = tmp_path / "tracks.txt"
-    with TrackWriter(path) as writer:
-        assert path.read_bytes() == b""
-        writer.append(0, [7, 8], [[0, 0, 3, 4], [1, 1, 3, 4]])
-        assert path.read_bytes().count(b"\n") == 2
-        writer.append(1, [7, 8], [[0, 0, 3, 4], [np.nan] * 4], [0, 1])
-        writer.append(2, [], np.zeros((0, 4)))
-        assert path.read_text().splitlines()[2:] == ["2,7,1.000,1.000,3.000,4.000,0,-1,-1,-1"]
-    writer.close()
-    table = read_boxes(path)
-    assert table.frame.tolist() == [0, 0, 1]
-    assert table.box[1].tolist() == [1, 1, 3, 4]
-
-
-def test_an_interrupted_track_writer_closes_its_file(tmp_path):
-    def write_until_interrupted():
-        with TrackWriter(tmp_path / "tracks.txt") as writer:
-            writer.append(0, [7], [[0, 0, 3, 4]])
-            kept.append(writer)
-            raise KeyboardInterrupt
-
-    kept: list[TrackWriter] = []
-    with pytest.raises(KeyboardInterrupt):
-        write_until_interrupted()
-    with pytest.raises(ValueError, match="closed file"):
-        kept[0].append(1, [7], [[0, 0, 3, 4]])
-    assert len(read_boxes(tmp_path / "tracks.txt")) == 1
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
-def test_a_killed_track_writer_leaves_whole_lines(tmp_path):
-    program = (
-        "import itertools; from jaxpf.boxes.tracks import TrackWriter\n"
-        "with TrackWriter('tracks.txt') as writer:\n"
-        "    for frame in itertools.count():\n"
-        "        writer.append(frame, [1, 2], [[0, 0, 3, 4], [5, 6, 7, 8]])\n"
-        "        if frame == 100: print('running', flush=True)\n"
-    )
-    process = subprocess.Popen(
-        [sys.executable, "-c", program], cwd=tmp_path, stdout=subprocess.PIPE
-    )
-    assert process.stdout.readline() == b"running\n"
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    process.stdout.close()
-    assert (tmp_path / "tracks.txt").read_bytes().endswith(b",1,-1,-1,-1\n")
-    assert len(read_boxes(tmp_path / "tracks.txt")) >= 200
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
-def test_a_full_disk_is_reported_and_the_last_line_is_whole(tmp_path):
-    program = (
-        "import resource; from jaxpf.boxes.tracks import TrackWriter\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
-        "with TrackWriter('tracks.txt') as writer:\n"
-        "    for frame in range(99): writer.append(frame, [1], [[0, 0, 3, 4]])\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=600
-    )
-    assert "InputError: cannot write 'tracks.txt': file too large; check" in done.stderr
-    assert 20 < len(read_boxes(tmp_path / "tracks.txt")) < 30
-
-
 def test_places_that_cannot_be_written_are_named(tmp_path):
     path = tmp_path / "gone" / "tracks.txt"
-    for message in (
-        message_of(TrackWriter, path),
-        message_of(write_mot, path, [0], [1], [[1, 2, 3, 4]]),
-    ):
-        assert f"cannot write '{path}': no such file or directory; check the path" in message
+    message = message_of(write_mot, path, [0], [1], [[1, 2, 3, 4]])
+    assert f"cannot write '{path}': no such file or directory; check the path" in message
 
 
 def test_boxes_become_supervisions_detections():

@@ -80,7 +80,7 @@ def test_wires_are_followed_also_through_a_frame_without_any_edge(whole_run):
 @pytest.mark.slow
 def test_the_run_is_shown_and_can_be_repeated(whole_run, clip, start, tmp_path):
     _, output = whole_run
-    assert {"overlay.mp4", "summary.json", "diagnostics.png"} <= {p.name for p in output.iterdir()}
+    assert {"overlay.mp4", "summary.json", "trajectories.png"} <= {p.name for p in output.iterdir()}
     options = tomllib.loads((output / "run.toml").read_text())["track"]
     assert (options["target"], options["method"], options["exclusion"]) == (
         "contours",

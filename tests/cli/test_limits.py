@@ -6,7 +6,6 @@ from small_sequence_folder import SMALL
 
 from jaxpf import InputError
 from jaxpf.evaluation import Plan
-from jaxpf.evaluation.output.layout import to_latex
 from jaxpf.running import memory
 
 LONG = "x" * 300
@@ -91,11 +90,6 @@ def test_a_demo_replaces_nothing_unasked(tmp_path):
 def test_a_trackers_name_fits_a_table(name):
     with pytest.raises(InputError, match="a tracker cannot be called"):
         Plan("distracter", methods=(), tracks={name: "file.csv"})
-
-
-def test_a_remark_of_several_lines_stays_a_comment_of_latex():
-    text = to_latex("title", [], ["one\n\\input{/etc/passwd}"])
-    assert all(line.startswith("%") for line in text.splitlines() if line)
 
 
 @pytest.mark.parametrize("kind", ["scene", "tracker", "import"])

@@ -80,7 +80,7 @@ def test_parts_are_followed_and_every_file_is_written(scene, whole_run):
     assert outcome.code == 0, outcome.err
     assert f"{LENGTH - 1} frames tracked" in outcome.out
     assert {path.name for path in output.iterdir()} == {
-        "tracks.csv", "overlay.mp4", "diagnostics.csv", "diagnostics.png", "summary.json",
+        "tracks.csv", "overlay.mp4", "diagnostics.csv", "summary.json",
         "run.toml", "trajectories.png",
     }  # fmt: skip
     header, *rows = (output / "tracks.csv").read_text().splitlines()

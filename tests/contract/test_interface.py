@@ -36,9 +36,6 @@ class OfAll:
     fixed_observation = True
     form = "density"
 
-    def estimated_nanoseconds(self, frame_shape):
-        return frame_shape
-
     def observe(self, frame):
         return 2 * frame
 
@@ -74,11 +71,9 @@ def test_a_wrapper_has_what_the_wrapped_likelihood_has_and_no_more():
     plain, full = OfFixedSize(OfOneParticle()), OfFixedSize(OfAll())
     assert (plain.fixed_observation, plain.form) == (False, None)
     assert (full.fixed_observation, full.form) == (True, "density")
-    assert not hasattr(plain, "estimated_nanoseconds")
     assert not contract.has_log_odds(plain)
     odds = contract.log_odds_all(full, OBSERVATION, PARTITION, SUBSTATES)
     np.testing.assert_allclose(odds, [0 + 1 + 0.1, 1 + 5 + 0.2], rtol=1e-6)
-    assert full.estimated_nanoseconds((3, 4)) == (3, 4)
     joint = full.log_joint(OBSERVATION, SUBSTATES.T, jnp.array([1.0, 2.0]))
     np.testing.assert_allclose(joint, 3 + 2 - (1 + 5), rtol=1e-6)
     assert not hasattr(OfFixedSize(OfFixedSize(OfOneParticle())), "log_joint")

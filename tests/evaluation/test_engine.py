@@ -22,7 +22,7 @@ from jaxpf import InputError
 from jaxpf.evaluation import Limits, Results, evaluate, finished, prepare
 from jaxpf.evaluation.work.schedule import divide
 from jaxpf.evaluation.work.worker import keep_measures
-from jaxpf.likelihoods import HistogramLikelihood, histogram_from_patches
+from jaxpf.likelihoods import histogram_from_patches
 from jaxpf.shapes import boxes_from_substates
 
 
@@ -197,12 +197,6 @@ def test_work_is_divided_to_the_memory_budget_and_among_workers(tmp_path):
                 for run in range(work.first_run, work.first_run + work.num_runs)
             ]
             assert runs == list(range(10_000))
-
-
-def test_no_time_is_promised_where_nobody_knows_the_costs(tmp_path, monkeypatch):
-    assert 0 < prepare(small_plan(), tmp_path).seconds < 60
-    monkeypatch.setattr(HistogramLikelihood, "estimated_nanoseconds", None)
-    assert np.isnan(prepare(small_plan(), tmp_path).seconds)
 
 
 def test_a_run_has_a_block_of_one_width_however_its_work_is_divided():

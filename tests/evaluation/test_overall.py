@@ -56,9 +56,9 @@ def test_orders_of_a_method_are_averaged_and_differences_are_paired(tmp_path):
     write(tmp_path, "three", rows(0.9, []))
     means, differences = write_overall(tmp_path, ["one", "two", "three"], ["gain"])
     assert means.columns[:2] == ["method", "sequences"]
-    assert [row[:2] for row in means.rows] == [["SIR, gain 2.0", "3"], ["PS, gain 2.0", "2"]]
-    assert means.rows[0][2].startswith("60 [")
-    assert means.rows[1][2].startswith("60")  # .6 of both sequences
+    assert [row[:2] for row in means.texts()] == [["SIR, gain 2.0", "3"], ["PS, gain 2.0", "2"]]
+    assert means.texts()[0][2].startswith("60 [")
+    assert means.texts()[1][2].startswith("60")  # .6 of both sequences
     with open(tmp_path / "overall.csv", newline="") as file:
         found = [row for row in csv.DictReader(file) if row["what"] == "difference"]
     (row,) = found
@@ -82,7 +82,7 @@ def test_only_options_that_vary_stand_in_names(tmp_path, varied):
     for name in ("one", "two"):
         write(tmp_path, name, [["SIR", "", "2.0", "all", "overlap", 9, 0.5]])
     (means,) = write_overall(tmp_path, ["one", "two"], varied)
-    assert means.rows[0][0] == ("SIR, gain 2.0" if varied else "SIR")
+    assert means.texts()[0][0] == ("SIR, gain 2.0" if varied else "SIR")
 
 
 def test_curves_are_means_over_sequences_with_their_intervals(tmp_path, monkeypatch):

@@ -102,7 +102,7 @@ def test_tables_say_what_the_summary_says(written):
     for title in ("All objects", "Object 1", "Object 2", "Standard scores", "Settings"):
         assert title in text
     for table in printed_tables(results, write_tables(results)):
-        for row in table.rows:
+        for row in table.texts():
             for cell in row:
                 assert cell in text
     assert "one track, the same for every seed" in text

@@ -1,9 +1,12 @@
 import os
+import signal
+import subprocess
+import sys
 
 import pytest
 
 from jaxpf import InputError
-from jaxpf.files.writing import atomic_write, prepare_output_folder
+from jaxpf.files.writing import LineWriter, atomic_write, prepare_output_folder
 
 
 def message_of(call, *arguments):
@@ -82,3 +85,56 @@ def test_an_output_folder_that_is_a_file_or_cannot_be_made_is_refused(tmp_path, 
     message = message_of(prepare_output_folder, tmp_path / "new")
     assert "cannot write into the output folder" in message
     assert "permission denied" in message
+
+
+def test_a_line_writers_file_is_whole_after_every_call(tmp_path):
+    path = tmp_path / "tracks.csv"
+    with LineWriter(path) as writer:
+        assert path.read_bytes() == b""
+        writer.write_rows([["frame", "id"], [0, "a,b"]])
+        assert path.read_text() == 'frame,id\n0,"a,b"\n'
+        writer.write_rows([])
+    writer.close()
+    with pytest.raises(ValueError, match="closed file"):
+        writer.write_rows([[1, 2]])
+    path = tmp_path / "gone" / "tracks.csv"
+    message = message_of(LineWriter, path)
+    assert f"cannot write '{path}': no such file or directory; check the path" in message
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
+def test_a_killed_program_leaves_whole_lines(tmp_path):
+    program = (
+        "import itertools; from jaxpf.files.writing import LineWriter\n"
+        "with LineWriter('tracks.csv') as writer:\n"
+        "    for frame in itertools.count():\n"
+        "        writer.write_rows([[frame, 'left'], [frame, 'right']])\n"
+        "        if frame == 100: print('running', flush=True)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], cwd=tmp_path, stdout=subprocess.PIPE
+    )
+    assert process.stdout.readline() == b"running\n"
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    text = (tmp_path / "tracks.csv").read_text()
+    assert text.endswith(",right\n")
+    assert text.count("\n") >= 200
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
+def test_a_full_disk_is_reported_and_the_last_line_is_whole(tmp_path):
+    program = (
+        "import resource; from jaxpf.files.writing import LineWriter\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
+        "with LineWriter('tracks.csv') as writer:\n"
+        "    for frame in range(99): writer.write_rows([[frame, 'a name of some length']])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=600
+    )
+    assert "InputError: cannot write 'tracks.csv': file too large; check" in done.stderr
+    text = (tmp_path / "tracks.csv").read_text()
+    assert text.endswith("length\n")
+    assert 30 < text.count("\n") < 45

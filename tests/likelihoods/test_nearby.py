@@ -38,7 +38,7 @@ FRAME = texture(0, HEIGHT, WIDTH)
 
 @pytest.fixture(scope="module")
 def learned():
-    likelihood = discriminative(FRAME, BOXES, features=["colour", "gradients", "hues"])
+    likelihood = discriminative(FRAME, BOXES)
     return dataclasses.replace(likelihood, windows=SHAPE)
 
 

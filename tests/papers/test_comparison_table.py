@@ -3,9 +3,10 @@ import csv
 import pytest
 
 from jaxpf import InputError, media
+from jaxpf.files.tables import Table
 from jaxpf.papers.judging import comparison_table
 from jaxpf.papers.judging.claims import Claim, Judged, Measured
-from jaxpf.papers.judging.comparison_table import Cell, Comparison, Table
+from jaxpf.papers.judging.comparison_table import Cell, Comparison
 
 CLAIM = Claim("a_b", "paper", "a is b", "1", "a | b.", "table 1", 0.0, float("inf"), 0.0, 0, "runs")
 
@@ -29,9 +30,9 @@ def comparison():
 
 
 def test_cells_show_published_and_measured_side_by_side():
-    assert Cell(19, Measured(26.6, 20.2, 33.4)).text() == "19 | 27 [20, 33]"
-    assert Cell(None, Measured(1.96, 1.5, 2.5), digits=1).text() == "– | 2.0 [1.5, 2.5]"
-    assert Cell(1.99, None, digits=2).text() == "1.99 | –"
+    assert str(Cell(19, Measured(26.6, 20.2, 33.4))) == "19 | 27 [20, 33]"
+    assert str(Cell(None, Measured(1.96, 1.5, 2.5), digits=1)) == "– | 2.0 [1.5, 2.5]"
+    assert str(Cell(1.99, None, digits=2)) == "1.99 | –"
 
 
 def test_everything_is_written(comparison, tmp_path):

@@ -1,12 +1,10 @@
-"""Files of parts: what is read, what is refused and how, what is written."""
-
-import csv
+"""Files of parts: what is read, what is refused and how."""
 
 import numpy as np
 import pytest
 
 from jaxpf import InputError
-from jaxpf.parts.files import HEADER, TRACK_HEADER, PartTrackWriter, read_parts
+from jaxpf.parts.files import HEADER, read_parts
 
 GOOD = """\
 hand,arm,140,30,10,8,-90
@@ -93,26 +91,3 @@ def test_other_files_are_refused(write, tmp_path):
         read_parts(tmp_path / "gone.csv")
     with pytest.raises(InputError, match="is a folder"):
         read_parts(tmp_path)
-
-
-def test_tracks_are_whole_after_every_frame(tmp_path):
-    path = tmp_path / "tracks.csv"
-    names, sizes = ["body", 'a "b", c'], np.array([[20, 40], [10, 8]])
-    with PartTrackWriter(path) as writer:
-        assert path.read_text() == f"{TRACK_HEADER}\n"
-        writer.append(7, names, [[1, 2, np.pi / 2], [3, 4, -0.1]], sizes)
-        assert path.read_bytes().count(b"\n") == 3
-        writer.append(8, names, [[np.nan, 2, 0], [3.14159, 4, 0]], sizes)
-    with path.open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [(row["frame"], row["part"]) for row in rows] == [
-        ("7", "body"), ("7", 'a "b", c'), ("8", 'a "b", c')
-    ]  # fmt: skip
-    assert rows[0]["angle"] == "90.000"
-    assert rows[1]["w"] == "10.000"
-    assert rows[2]["x"] == "3.142"
-
-
-def test_places_that_cannot_be_written_are_named(tmp_path):
-    with pytest.raises(InputError, match=r"cannot write '.*tracks.csv': no such file"):
-        PartTrackWriter(tmp_path / "gone" / "tracks.csv")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.points.files import PointTrackWriter, grid_points, parse_points, read_points
+from jaxpf.points.files import grid_points, parse_points, read_points
 
 
 @pytest.mark.parametrize(
@@ -73,16 +73,3 @@ def test_a_grid_lies_on_its_mask():
     ):
         with pytest.raises(jaxpf.InputError, match=message):
             grid_points(*wrong)
-
-
-def test_tracks_are_written_frame_by_frame(tmp_path):
-    path = tmp_path / "tracks.csv"
-    with PointTrackWriter(path) as writer:
-        writer.append(0, ["nose", "a,b"], [[1, 2], [3, 4]], [False, True])
-        writer.append(1, ["nose", "a,b"], [[1, 2], [np.nan, 4]], [False, True])
-    assert path.read_text().splitlines() == [
-        "frame,point,x,y,lost",
-        "0,nose,1.000,2.000,0",
-        '0,"a,b",3.000,4.000,1',
-        "1,nose,1.000,2.000,0",
-    ]

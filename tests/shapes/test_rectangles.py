@@ -5,7 +5,6 @@ import pytest
 from jaxpf import shapes
 
 boxes_from_substates = jax.jit(shapes.boxes_from_substates)
-substates_from_boxes = jax.jit(shapes.substates_from_boxes)
 intersection_area, area = jax.jit(shapes.intersection_area), jax.jit(shapes.area)
 cos_sin = jax.jit(shapes.cos_sin)
 
@@ -33,28 +32,6 @@ def test_further_coordinates_of_a_substate_are_not_used():
     substates = np.array([[100.0, 80.0, 1.0, 7.0, 8.0], [50.0, 60.0, 2.0, 9.0, 10.0]])
     boxes = boxes_from_substates(substates, SIZES)
     np.testing.assert_array_equal(boxes, boxes_from_substates(substates[:, :3], SIZES))
-
-
-def test_scale_is_the_root_of_the_ratio_of_areas():
-    # 8 x 9 = 72 against 2 x 4 = 8: a ratio of 9, a scale of 3; the aspect differs.
-    substate = substates_from_boxes(np.array([[10.0, 20.0, 8.0, 9.0]]), [[2.0, 4.0]])
-    np.testing.assert_allclose(substate, [[14.0, 24.5, 3.0]])
-
-
-def test_boxes_and_substates_invert_each_other_under_jit_and_leading_axes():
-    rng = np.random.default_rng(0)
-    substates = rng.uniform([0, 0, 0.5], [300, 200, 2], (5, 4, 2, 3)).astype(np.float32)
-    there = boxes_from_substates(substates, SIZES)
-    back = substates_from_boxes(there, SIZES)
-    assert there.shape == (5, 4, 2, 4)
-    np.testing.assert_allclose(back, substates, rtol=1e-5, atol=1e-4)
-
-
-def test_substates_of_boxes_that_do_not_exist_are_nan():
-    boxes = np.array([[np.nan] * 4, [0.0, 0.0, 10.0, 20.0]])
-    substates = np.asarray(substates_from_boxes(boxes, SIZES))
-    assert np.isnan(substates[0]).all()
-    np.testing.assert_allclose(substates[1], [5, 10, 1])
 
 
 def test_intersection_by_hand():

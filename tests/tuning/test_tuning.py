@@ -1,4 +1,4 @@
-"""Tuning: objectives, descent, checkpoints, comparison, refusals."""
+"""Tuning: objectives, descent, checkpoints, refusals."""
 
 import dataclasses
 
@@ -7,15 +7,11 @@ import numpy as np
 import pytest
 from small_tuning import QUICK, SCALE, made_sequence, tracker
 
-import jaxpf
-from jaxpf import InputError, ordering, tune, tuning
+from jaxpf import InputError, tune, tuning
 from jaxpf.dynamics import RandomWalk
 from jaxpf.likelihoods import Gaussian, histogram
-from jaxpf.targets import find_adapter
-from jaxpf.targets.target import Start
-from jaxpf.tuning import Settings, TrainingSequence, compare
+from jaxpf.tuning import Settings, TrainingSequence
 from jaxpf.tuning.checkpoint import NAME
-from jaxpf.tuning.comparison import HeldOut
 
 # Objectives
 
@@ -241,40 +237,6 @@ def test_a_checkpoint_of_other_settings_is_refused(tmp_path):
 def test_settings_out_of_range_are_refused(change, words):
     with pytest.raises(InputError, match=words):
         Settings(**change)
-
-
-# Comparison
-
-
-@pytest.mark.slow
-def test_the_comparison_pairs_runs_and_names_its_unit():
-    rng = np.random.default_rng(0)
-    centres = np.cumsum(rng.normal(0, 2, (10, 1, 2)), axis=0)
-    truth = np.concatenate([centres - 5, np.full((10, 1, 2), 10.0)], axis=-1)
-    frames = np.float32(np.concatenate([centres, np.ones((10, 1, 1))], axis=-1))
-
-    def one(scale):
-        return jaxpf.Partitioned(
-            dynamics=RandomWalk(scale=jnp.array([scale, scale, 0.0])),
-            likelihood=Gaussian(noise=0.5 * jnp.eye(3)[None]),
-            ordering=ordering.sir(1),
-            initial=jnp.array([[0.0, 0.0, 1.0]]),
-            num_particles=50,
-        )
-
-    start = Start(np.array([1]), truth[0], np.full((1, 2), 10.0), (-1,))
-    held_out = HeldOut(one(0.05), one(2.0), frames, truth, find_adapter("boxes").target, start)
-    single = compare([held_out], runs=6)
-    assert (single.unit, single.count) == ("runs", 6)
-    assert single.verdict("overlap") == "better"
-    assert single.verdict("centre error") == "better"
-    several = compare([held_out, held_out, held_out], runs=6)
-    assert (several.unit, several.count) == ("sequences", 3)
-    same = compare([dataclasses.replace(held_out, after=held_out.before)], runs=6)
-    assert same.verdict("overlap") == "no clear difference"
-    assert float(same.difference["overlap"].value) == 0.0
-    with pytest.raises(InputError, match="gives no interval"):
-        compare([held_out], runs=1)
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import click
 
 from jaxpf.cli.evaluating.request import VARIED, Compared, Request, Work, plan_of, request_of
-from jaxpf.cli.evaluating.sequences import evaluate_each, sequences_of
+from jaxpf.cli.evaluating.sequences import evaluate_each
 from jaxpf.cli.shared.config import write_config
 from jaxpf.cli.shared.console import progress_bar
 from jaxpf.cli.shared.scene_options import SceneCommand, SceneOptions
@@ -36,8 +36,10 @@ class _Opened(NamedTuple):
 
 
 def _command(**values: Any) -> None:
+    from scenes.sequences import sequences_in
+
     request = request_of(values)
-    if sequences := sequences_of(request):
+    if sequences := sequences_in(request.scene):
         evaluate_each(request, sequences, _evaluate)
     else:
         _evaluate(request)
@@ -189,9 +191,8 @@ command = SceneCommand(
     jaxpf evaluate FOLDER --baseline all --speed
     """,
     more="""A sequence is a folder with a video or frames, gt.csv and meta.json, or a MOTChallenge
-    or OTB sequence.  The sequences of a folder, or the scenes in the lines of a .txt file (with an
-    optional seed after each), are evaluated one after another.  Tables over all of them have
-    intervals over the sequences.
+    or OTB sequence.  The sequences of a folder are evaluated one after another.  Tables over all of
+    them have intervals over the sequences.
 
     Runs are stored batch by batch.  The results of a seed do not depend on --workers, --devices or
     --memory.""",

@@ -1,7 +1,6 @@
 """Printed output of ``jaxpf evaluate``: the plan before a run, and tables after it."""
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ _WRITTEN = (
     "results.csv",
     "summary.csv",
     "summary.md",
-    "summary.tex",
     "curves.csv",
     "run.toml",
 )
@@ -41,13 +39,13 @@ def show_plan(prepared: Any, workers: int, devices: int) -> None:
         click.echo(", ".join(f"{name} {value}" for name, value in common_to_all.items()))
     if prepared.damaged:
         click.echo(f"{len(prepared.damaged)} damaged file(s) will be made again.")
-    has_own = any(one.kind == OWN for one in prepared.configurations)
+    has_own = any(each.kind == OWN for each in prepared.configurations)
     place = f"on {devices} device{'s' if devices > 1 else ''}"
     if workers > 1:
         place = f"in each of {workers} processes {place}"
     click.echo(
-        f"{prepared.missing_runs} runs to do: {_duration(prepared.seconds)}, about "
-        f"{prepared.memory / 2**30:.1f} GB of memory {place}"
+        f"{prepared.missing_runs} runs to do, with {prepared.memory / 2**30:.1f} GB of memory "
+        + place
         + (", trackers of your own not counted" if has_own else "")
     )
 
@@ -77,22 +75,16 @@ def _plan_table(prepared: Any) -> tuple[list[str], list[list[str]], dict[str, st
     return ["method", "ordering", *varied, "runs", "done"], rows, common_to_all
 
 
-def _duration(seconds: float) -> str:
-    if math.isnan(seconds):
-        return "duration unknown"
-    for unit, length in (("h", 3600), ("min", 60)):
-        if seconds >= 2 * length:
-            return f"about {seconds / length:.0f} {unit}"
-    return f"about {seconds:.0f} s"
-
-
 def print_results(results: Any, tables: Any) -> None:
     """Print the summary and store it for ``print_again``."""
     from jaxpf.evaluation.output.tables import printed_tables
 
     printed = {
         "runs": results.runs,
-        "tables": [table._asdict() for table in printed_tables(results, tables)],
+        "tables": [
+            {"title": table.title, "columns": table.columns, "rows": table.texts()}
+            for table in printed_tables(results, tables)
+        ],
         "remarks": list(tables.remarks),
         "conclusion": tables.conclusion.sentence,
     }

@@ -1,18 +1,17 @@
-"""Tracks in the formats of other projects: COCO, CVAT, MOT and ``movement``.
+"""Tracks in the formats of other projects: COCO, CVAT and MOT.
 
 All read the output folder of ``jaxpf track`` and keep the objects' ids.  In memory, frames and
 pixels count from 0, and pixel (0, 0) is the square [0, 1) x [0, 1).  File conventions:
 
-=================  ============  ===========  ==================================
-format             first frame   first pixel  position
-=================  ============  ===========  ==================================
-mot                1             1            top left corner, width and height
-coco               image id 1    0            top left corner, width and height
-cvat (MOT 1.1)     1             0            top left corner, width and height
-movement (netCDF)  seconds       0            centre, width and height
-=================  ============  ===========  ==================================
+==============  ===========  ===========  =================================
+format          first frame  first pixel  position
+==============  ===========  ===========  =================================
+mot             1            1            top left corner, width and height
+coco            image id 1   0            top left corner, width and height
+cvat (MOT 1.1)  1            0            top left corner, width and height
+==============  ===========  ===========  =================================
 
-Seconds are frame timestamps, which differ from index / fps where the frame rate varies.
+COCO's times are frame timestamps, which differ from index / fps where the frame rate varies.
 """
 
 import csv
@@ -28,7 +27,7 @@ import numpy as np
 from jaxpf.boxes.tracks import read_tracks, write_mot
 from jaxpf.contract.errors import InputError
 from jaxpf.files.reading import read_text
-from jaxpf.files.writing import atomic_path, atomic_write, report_os_errors, write_text
+from jaxpf.files.writing import atomic_write, report_os_errors, write_text
 from jaxpf.media.video import open_frames
 
 #: Category of all tracked objects.
@@ -48,7 +47,6 @@ class Tracked:
         confidence: ``[T, P]``, confidence in the reported position; 0 where an object is lost.
         video: the tracked video.
         size: width and height of its frames.
-        fps: its frames per second.
     """
 
     target: str
@@ -59,7 +57,6 @@ class Tracked:
     confidence: np.ndarray
     video: str
     size: tuple[int, int]
-    fps: float
 
     @property
     def ids(self) -> list[int]:
@@ -123,7 +120,6 @@ def read_tracked(folder: Path) -> Tracked:
         confidence=confidence,
         video=video,
         size=(source.width, source.height),
-        fps=source.fps,
     )
 
 
@@ -260,51 +256,6 @@ def write_motchallenge(path: Path, tracked: Tracked) -> None:
     write_mot(path, times + tracked.first, ids, boxes, confidence)
 
 
-def write_movement(path: Path, tracked: Tracked) -> None:
-    """Write netCDF in ``movement``'s layout: poses for points, bounding boxes for other targets.
-
-    Raises:
-        InputError: xarray is missing, or the file cannot be written.
-    """
-    try:
-        import xarray
-    except ModuleNotFoundError:
-        raise InputError(
-            "movement's files need xarray, which is missing; pip install 'jaxpf[formats]'."
-        ) from None
-
-    of_points = tracked.target == "points"
-
-    def turned(values: np.ndarray) -> np.ndarray:  # [T, P, ...] -> [T, ..., P]
-        moved = np.moveaxis(values, 1, -1)
-        return moved[..., None] if of_points else moved
-
-    boxes = tracked.boxes
-    whose = ["keypoints", "individuals"] if of_points else ["individuals"]
-    values = {
-        "position": (["time", "space", *whose], turned(boxes[..., :2] + boxes[..., 2:] / 2)),
-        "confidence": (["time", *whose], turned(tracked.confidence)),
-    }
-    coordinates: dict[str, Any] = {
-        "time": tracked.times,
-        "space": ["x", "y"],
-        "individuals": ["object"] if of_points else [f"id_{name}" for name in tracked.names],
-    }
-    if of_points:
-        coordinates["keypoints"] = list(tracked.names)
-    else:
-        values["shape"] = (["time", "space", *whose], turned(boxes[..., 2:]))
-    about = {
-        "ds_type": "poses" if of_points else "bboxes",
-        "source_software": "jaxpf",
-        "source_file": tracked.video,
-        "fps": tracked.fps,
-        "time_unit": "seconds",
-    }
-    with atomic_path(path) as temporary:
-        xarray.Dataset(values, coordinates, about).to_netcdf(temporary, engine="scipy")
-
-
 def _rounded(values: Any) -> list[float]:
     return [round(float(value), 3) for value in values]
 
@@ -314,5 +265,4 @@ FORMATS: dict[str, tuple[str, Callable[[Path, Tracked], None]]] = {
     "coco": (".json", write_coco),
     "cvat": (".zip", write_cvat),
     "mot": (".txt", write_motchallenge),
-    "movement": (".nc", write_movement),
 }

@@ -36,7 +36,6 @@ _TERMS = {
     "frag": "interruptions of a track",
     "error of repeats": "standard error, from the scatter of the descents",
     "error of frames": "standard error, from the curvature of the evidence",
-    "paired difference": "after minus before",
     "compared with": "differences are paired by run",
     "ns": "nanoseconds, without compilation",
     "ratio": "median of interleaved pairs",

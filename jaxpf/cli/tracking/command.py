@@ -64,8 +64,8 @@ _ABOUT = """Track {what} through VIDEO: a video file or a folder of images.  VID
 camera index, a stream (http://, rtsp://, ...) or a pipe.
 
 The output folder receives tracks.csv (a row per frame and object, with 95 % intervals),
-overlay.mp4, trajectories.png, summary.json (a verdict on each object), diagnostics, and run.toml,
-which repeats the run: `jaxpf track --config run.toml -o ANOTHER`.
+overlay.mp4, trajectories.png, summary.json (a verdict on each object), diagnostics.csv, and
+run.toml, which repeats the run: `jaxpf track --config run.toml -o ANOTHER`.
 
 """
 _OTHERS = """Other kinds of target: `jaxpf track {others} VIDEO`.

@@ -34,27 +34,13 @@ def _finish(recording: Recording, truth: Any) -> None:
     table = read_tracks(output / "tracks.csv")
     diagnostics = np.loadtxt(output / "diagnostics.csv", delimiter=",", skiprows=1, ndmin=2)
     names = list(start.ids.tolist())
-    slots = names
     if recording.population is not None:
         names = [birth["id"] for birth in recording.population.births]
-        capacity = recording.request.births.rules.capacity  # type: ignore[union-attr]
-        slots = [f"slot {number}" for number in range(1, capacity + 1)]
     verdicts = object_verdicts(table, names)
     ess = float(np.median(diagnostics[:, 1]))
     content = _summary(recording, names, verdicts, table, None if np.isnan(ess) else ess)
     writing.write_text(output / "summary.json", json.dumps(content, indent=2) + "\n")
-    last = 3 + len(slots)
     num_particles = _num_particles(recording, diagnostics)
-    figure = plotting.diagnostics(
-        diagnostics[:, 0],
-        diagnostics[:, 1],
-        diagnostics[:, 3:last],
-        diagnostics[:, 2],
-        slots,
-        num_particles,
-        diagnostics[:, last:] if diagnostics.shape[1] > last else None,
-    )
-    plotting.save_figure(figure, output / "diagnostics.png")
     lost = {name: about["probably_lost"] for name, about in verdicts.items()}
     adapter = recording.request.adapter
     columns = [name for name in adapter.columns if name not in adapter.fixed_columns]

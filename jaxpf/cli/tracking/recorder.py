@@ -34,7 +34,6 @@ OUTPUTS = (
     "outlines.csv",
     "overlay.mp4",
     "diagnostics.csv",
-    "diagnostics.png",
     "trajectories.png",
     "metrics.csv",
     "smoothed.csv",

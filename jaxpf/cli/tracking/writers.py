@@ -36,10 +36,8 @@ class Tracks:
         self._table = stack.enter_context(
             TrackTable(output / "tracks.csv", scene.adapter, scene.shown_at)
         )
-        self._outlines: Any = None
-        if scene.adapter.writes_outlines:
-            outlines = scene.adapter.track_writer(output / "outlines.csv", scene.start)
-            self._outlines = stack.enter_context(outlines)
+        outlines = scene.adapter.outline_file(output / "outlines.csv", scene.start)
+        self._outlines: Any = outlines and stack.enter_context(outlines)
 
     def write(self, record: Record) -> None:
         """See ``Writer``."""
@@ -47,7 +45,7 @@ class Tracks:
             record.number, record.start.ids, record.places, record.lost, record.confidence
         )
         if self._outlines is not None:
-            self._outlines.append(record.number, record.shapes, record.lost)
+            self._outlines.append(record.number, record.shapes)
 
 
 class Diagnostics:
@@ -137,10 +135,8 @@ class Smoothed:
     def __init__(self, output: Path, scene: Scene, look_back: Any, stack: contextlib.ExitStack):
         table = TrackTable(output / "smoothed.csv", scene.adapter, scene.shown_at)
         self._table = stack.enter_context(table)
-        self._outlines: Any = None
-        if scene.adapter.writes_outlines:
-            path = output / "smoothed_outlines.csv"
-            self._outlines = stack.enter_context(scene.adapter.track_writer(path, scene.start))
+        outlines = scene.adapter.outline_file(output / "smoothed_outlines.csv", scene.start)
+        self._outlines: Any = outlines and stack.enter_context(outlines)
         self._scene, self._look_back = scene, look_back
         self._before: Any = None
 
@@ -151,7 +147,7 @@ class Smoothed:
             self._before = centres_of(self._scene.adapter, record.start, record.shapes)
             self._table.write(record.number, record.start.ids, record.places, nobody)
             if self._outlines is not None:
-                self._outlines.append(record.number, record.shapes, nobody)
+                self._outlines.append(record.number, record.shapes)
             return
         self._append(self._look_back.add(self._scene.cloud(record.state)))
 
@@ -184,7 +180,7 @@ class Smoothed:
             number = scene.first + 1 + frame.time
             self._table.write(number, start.ids, places, nobody)
             if self._outlines is not None:
-                self._outlines.append(number, shapes, nobody)
+                self._outlines.append(number, shapes)
 
 
 class _NormalDraws:

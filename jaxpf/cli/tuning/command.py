@@ -1,6 +1,7 @@
 """``jaxpf tune``: tune parameters of the likelihood and the motion by gradient descent."""
 
 import dataclasses
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -42,11 +43,9 @@ class Scenes(SceneOptions):
     """Options that choose scenes."""
 
     train_scenes: int = option(3, "Synthetic scenes to tune on.", least=1)
-    held_out: int = option(10, "Further synthetic scenes to compare on.", least=1)
     frames: int | None = option(
         None,
-        "Frames of a folder to tune on, the start frame included; by default half.  The "
-        "comparison uses the frames after them.",
+        "Frames of a folder to tune on, the start frame included; by default half.",
     )
 
 
@@ -79,10 +78,8 @@ class Tuned:
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """Options of the comparison and the output."""
+    """Options of the output."""
 
-    compare_runs: int = option(20, "Runs of the comparison.", least=2)
-    compare_particles: int = option(300, "Particles of the comparison.", least=1)
     output: Path | None = option(  # noqa: RUF009
         None,
         "Folder for the results; the same command resumes from it.  [default: jaxpf-tune-NAME]",
@@ -117,16 +114,15 @@ class _Request(NamedTuple):
 
 
 class _Opened(NamedTuple):
-    """Scenes for tuning and for the comparison, and whether the folder holds a checkpoint."""
+    """The scenes, and whether the folder holds a checkpoint."""
 
-    train: list[Any]
-    unseen: list[Any]
+    scenes: list[Any]
     continues: bool
 
     @property
     def bytes(self) -> int:
         """Bytes of all frames: a gradient needs them both in memory and on the device."""
-        return 2 * sum(scene.frames.nbytes for scene in self.train)
+        return 2 * sum(scene.frames.nbytes for scene in self.scenes)
 
 
 class _Settled(NamedTuple):
@@ -159,15 +155,15 @@ def _open(request: _Request) -> _Opened:
     """Load the scenes.
 
     Raises:
-        InputError: the scenes cannot be loaded or divided, or do not fit in memory.
+        InputError: the scenes cannot be loaded or cut, or do not fit in memory.
     """
-    from jaxpf.cli.tuning.scenes import divided_scenes
+    from jaxpf.cli.tuning.scenes import scenes_to_tune_on
     from jaxpf.files.writing import report_os_errors
     from jaxpf.tuning.checkpoint import NAME
 
     with report_os_errors("write into the output folder", request.output):
         continues = (request.output / NAME).is_file()
-    opened = _Opened(*divided_scenes(request.source, request.options), continues)
+    opened = _Opened(scenes_to_tune_on(request.source, request.options), continues)
     check_memory(opened.bytes, _LESS_MEMORY)
     return opened
 
@@ -177,7 +173,7 @@ def _settle(request: _Request, opened: _Opened) -> _Settled:
     from jaxpf.tuning.declared import tuned_by_default
 
     options = request.options
-    before, repeated = _recipe(request.values, options, opened.train[0])
+    before, repeated = _recipe(request.values, options, opened.scenes[0])
     if options.parameters is None:
         usual = tuned_by_default(chosen(before.of.options, before.values))
         options = dataclasses.replace(options, parameters=",".join(usual))
@@ -195,7 +191,7 @@ def _build(opened: _Opened, settled: _Settled) -> _Built:
     parameters = [tuning.parameter(text) for text in names_in(options.parameters or "")]
     sequences = [
         training_sequence(scene, before, options.objective, options.labels)
-        for scene in opened.train
+        for scene in opened.scenes
     ]
     tracker = sequences[0].tracker
     _check_parameters(tracker, before.of, parameters)
@@ -228,18 +224,22 @@ def _run(request: _Request, opened: _Opened, settled: _Settled, built: _Built) -
 
 
 def _finish(request: _Request, opened: _Opened, settled: _Settled, result: Any) -> None:
-    """Write the results, and compare before and after on held-out frames."""
+    """Write the results, and name unseen frames to compare on."""
     from jaxpf.cli.tuning import output as outputs
+    from jaxpf.cli.tuning.scenes import unseen
 
     folder, before = request.output, settled.before
     write_config(folder / "run.toml", "tune", settled.table)
     outputs.write_tuned(folder / outputs.TUNED, result, result.values, before)
     outputs.write_traces(folder / outputs.TRACES, result, settled.options.objective)
     outputs.show(result)
-    after = before.with_values(result.values)
-    outputs.compare_before_and_after(folder, opened.unseen, before, after, settled.options)
-    names = (outputs.TUNED, outputs.TRACES, outputs.COMPARISON, "run.toml")
-    click.echo(f"{folder}/: {', '.join(names)}")
+    click.echo(f"{folder}/: {outputs.TUNED}, {outputs.TRACES}, run.toml")
+    others = shlex.join([request.source, *unseen(opened.scenes, settled.options)])
+    config = shlex.quote(str(folder / outputs.TUNED))
+    click.echo(
+        "To compare on unseen frames, run this with and without --config: jaxpf evaluate "
+        f"{others} --config {config}"
+    )
 
 
 command = SceneCommand(
@@ -264,17 +264,16 @@ command = SceneCommand(
         "window",
         "tolerance",
         "jitter",
-        "compare_particles",
     ),
     without=("order", "swap", "ess_threshold"),
     defaults={"particles": _PARTICLES, **_DEFAULTS},
-    help="""Tune parameters on SCENE, and compare before and after on unseen frames.
+    help="""Tune parameters on SCENE.
 
-    SCENE is as for `jaxpf evaluate`.  A synthetic scene is tuned on some seeds and compared on
-    others, a folder on its first frames and on the rest.
+    SCENE is as for `jaxpf evaluate`.  A synthetic scene is tuned on some seeds, a folder on its
+    first frames.  The last line says how to compare on unseen ones.
 
-    The output folder receives tuned.toml (a --config for track and evaluate), tables and a
-    checkpoint, from which the same command resumes.
+    The output folder receives tuned.toml (a --config for track and evaluate), a plot of the
+    descent and a checkpoint, from which the same command resumes.
 
     Example, in minutes: jaxpf tune distracter --sharpness 1 --steps 120
     """,
@@ -350,13 +349,15 @@ def _recipe(values: Mapping[str, Any], options: Options, scene: Any) -> tuple[An
     named = {
         text.partition("=")[0].partition("[")[0] for text in names_in(options.parameters or "")
     }
-    for one in options_of(target.options).values():
+    for declared in options_of(target.options).values():
         # A named parameter may imply the kind of tracker.
-        if one.path in named and one.implies and own.get(one.implies[0]) in (None, OPEN):
-            own[one.implies[0]] = one.implies[1]
+        if declared.path in named and declared.implies:
+            name, value = declared.implies
+            if own.get(name) in (None, OPEN):
+                own[name] = value
     model = target.resolved(picked(own, target.options), is_filmed(scene), scene.num_objects)
     filter_options = picked(own, filter_.options, {"particles": _PARTICLES, **target.defaults})
     both = (filter_options, model)
-    chosen_values = {name: getattr(one, name) for one in both for name in options_of(one)}
-    typed = {n: v for one in both for n, v in as_typed(one).items() if n in values}
+    chosen_values = {name: getattr(owner, name) for owner in both for name in options_of(owner)}
+    typed = {n: v for owner in both for n, v in as_typed(owner).items() if n in values}
     return Recipe(target.name, chosen_values, gradient=options.gradient), typed

@@ -1,6 +1,5 @@
-"""Output of `jaxpf tune`: values, traces, and the comparison on held-out frames."""
+"""Output of `jaxpf tune`: values and traces."""
 
-import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +8,10 @@ import numpy as np
 
 from jaxpf.cli.shared.console import print_table
 from jaxpf.contract.options import options_of
-from jaxpf.files.writing import atomic_write, write_text
+from jaxpf.files.writing import atomic_write
 from jaxpf.targets import DEFAULT
 
-TUNED, TRACES, COMPARISON = "tuned.toml", "tuning.png", "comparison.csv"
+TUNED, TRACES = "tuned.toml", "tuning.png"
 
 
 def write_tuned(path: Path, result: Any, values: dict[str, Any], before: Any) -> None:
@@ -90,55 +89,3 @@ def show(result: Any) -> None:
         click.echo(f"repeat {descent.repeat + 1}: {how} after {descent.num_steps} steps")
     for remark in result.remarks:
         click.echo(remark)
-
-
-def compare_before_and_after(
-    output: Path, unseen: list[Any], before: Any, after: Any, options: Any
-) -> None:
-    """Print and write the comparison before and after tuning."""
-    from jaxpf.tuning.comparison import MEASURES, compare
-    from jaxpf.tuning.sequences import held_out
-
-    runs, particles = options.compare_runs, options.compare_particles
-    before, after = (
-        dataclasses.replace(x, values={**x.values, "particles": particles}) for x in (before, after)
-    )
-    comparison = compare(
-        [held_out(scene, before, after) for scene in unseen],
-        runs=runs,
-        seed=options.seed + 1,
-    )
-    is_single = len(unseen) == 1
-    what = unseen[0].name if is_single else f"{len(unseen)} scenes"
-    click.echo(f"Comparing before and after on {what}: {runs} runs each ...", err=True)
-    rows, lines = [], ["measure,before,after,difference,low,high,unit,count"]
-    for name in MEASURES:
-        was, is_, change = (
-            getattr(comparison, part)[name] for part in ("before", "after", "difference")
-        )
-        if not np.isfinite(float(was.value)):
-            continue
-        factor, unit = (1, " px") if name.endswith("error") else (100, " %")
-        rows.append(
-            [
-                name,
-                f"{factor * float(was.value):.1f}{unit}",
-                f"{factor * float(is_.value):.1f}{unit}",
-                f"{factor * float(change.value):+.1f} [{factor * float(change.lower):+.1f}, "
-                f"{factor * float(change.upper):+.1f}]",
-                comparison.verdict(name),
-            ]
-        )
-        lines.append(
-            f"{name},{float(was.value):.6g},{float(is_.value):.6g},{float(change.value):.6g},"
-            f"{float(change.lower):.6g},{float(change.upper):.6g},{comparison.unit},"
-            f"{comparison.count}"
-        )
-    print_table(
-        f"On {what}, not seen in tuning: {runs} runs each, {particles} particles, 95 % over "
-        f"{comparison.count} {comparison.unit}",
-        # Runs on one sequence do not generalise to others.
-        ["", "before", "after", "paired difference", "here" if is_single else "for such scenes"],
-        rows,
-    )
-    write_text(output / COMPARISON, "\n".join(lines) + "\n")

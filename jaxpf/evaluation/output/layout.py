@@ -2,11 +2,9 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.measures import (
     COMPARED,
     ON_OBJECT,
@@ -16,11 +14,10 @@ from jaxpf.evaluation.measures import (
     Measure,
     by_name,
 )
-
-if TYPE_CHECKING:
-    from jaxpf.evaluation.summary import Summary
-    from jaxpf.measures.estimates import Difference, Estimate
-    from jaxpf.measures.intervals import Interval
+from jaxpf.evaluation.summary import Summary
+from jaxpf.files.tables import Rows, Table, escaped, markdown_table
+from jaxpf.measures.estimates import Difference, Estimate
+from jaxpf.measures.intervals import Interval
 
 #: Measures in the tables; ``summary.csv`` has all measures.
 HEADLINE = tuple(
@@ -49,13 +46,13 @@ CALIBRATION = tuple(
 ON_ITS_OBJECT = Measure("on_object", "on its object", weight="frames", percent=True)
 #: A half-width below this is rounding error from equal values.
 _ROUNDING = 1e-6
+#: Characters that Markdown would read as markup.
+_SPECIAL = "\\`*_{}<>|#"
 #: Differences with a Holm-adjusted p below this are marked.
 SIGNIFICANT = 0.05
 
 #: Indices of the notes.
-ABOUT_MEASURES, ABOUT_DIFFERENCES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE, ABOUT_EQUAL_TIME = range(
-    1, 6
-)
+ABOUT_MEASURES, ABOUT_DIFFERENCES, ABOUT_CALIBRATION, ABOUT_CONFIDENCE = range(1, 5)
 NOTES = (
     "Values with 95 % intervals in brackets. Runs are the independent units: frames and objects "
     "of a run add to the value, not to the certainty. Rates have Wilson's interval (over all "
@@ -81,32 +78,15 @@ NOTES = (
     f"them. A box is on its object if their overlap is at least {ON_OBJECT:g}; all frames with "
     "truth count. The area under the curve is the probability that a box on its object has more "
     "confidence than one that is not, over all runs and objects.",
-    "At equal time: the difference from the first method with as many particles as take the same "
-    "time, interpolated between two of its numbers of particles, in the logarithm of time, run by "
-    "run.",
     "Frames/s: a single run on this machine, from a frame in memory to its estimate, without "
     "compilation. It is the median over some frames; for trackers that return all boxes at once, "
     "the mean over all frames. Settings that share a compiled kernel share the figure.",
 )
 
 
-class Table(NamedTuple):
-    """A table of text; ``jaxpf.cli.shared.console.print_table(*table)`` prints it."""
-
-    title: str
-    columns: list[str]
-    rows: list[list[str]]
-
-    def add(self, column: str, texts: Iterable[str]) -> None:
-        """Append a column with one text per row."""
-        self.columns.append(column)
-        for row, text in zip(self.rows, texts, strict=True):
-            row.append(text)
-
-
 def estimate_tables(
     object_ids: Sequence[int],
-    summaries: Sequence["Summary"],
+    summaries: Sequence[Summary],
     places: Iterable[int],
     measures: Sequence[Measure] = HEADLINE,
 ) -> list[Table]:
@@ -120,40 +100,47 @@ def estimate_tables(
     """
     tables = []
     for place in _distinct(object_ids, places) if summaries else ():
-        table = _estimates(object_name(object_ids, place), summaries, place, measures)
+        title = object_name(object_ids, place)
+        table = _estimates("estimates", title, summaries, place, measures)
         if place == len(object_ids) or len(object_ids) == 1:
             _add_speed(table, summaries)
         tables.append(table)
     return tables
 
 
-def score_tables(summaries: Sequence["Summary"], num_objects: int) -> list[Table]:
+def score_tables(summaries: Sequence[Summary], num_objects: int) -> list[Table]:
     """One table of standard scores over all objects; no table without TrackEval."""
     if not any(SCORES[0].name in summary.estimates for summary in summaries):
         return []
-    return [_estimates("standard scores, all objects", summaries, num_objects, SCORES)]
+    title = "standard scores, all objects"
+    return [_estimates("scores", title, summaries, num_objects, SCORES)]
 
 
 def calibration_tables(
-    object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
+    object_ids: Sequence[int], summaries: Sequence[Summary], places: Iterable[int]
 ) -> list[Table]:
     """Calibration, one table per object; no tables if no filter has spreads of x and y."""
     calibrated = [s for s in summaries if s.transforms.any()]
     return [
-        _estimates(f"calibration, {object_name(object_ids, place)}", calibrated, place, CALIBRATION)
+        _estimates(
+            "calibration",
+            f"calibration, {object_name(object_ids, place)}",
+            calibrated,
+            place,
+            CALIBRATION,
+        )
         for place in _distinct(object_ids, places)
         if calibrated
     ]
 
 
-def reliability_tables(summaries: Sequence["Summary"]) -> list[Table]:
+def reliability_tables(summaries: Sequence[Summary]) -> list[Table]:
     """Share of boxes on their object by confidence, all objects; no table without confidence."""
     confident = [summary for summary in summaries if summary.confidence.frames[-1]]
     if not confident:
         return []
-    table = Table(
-        "reliability of confidence, all objects", ["method"], [[s.name] for s in confident]
-    )
+    title = "reliability of confidence, all objects"
+    table = Table("reliability", title, ["method"], _labelled(confident))
     bins = confident[0].confidence.bins
     for place in range(bins):
         shares = triples([summary.confidence.shares() for summary in confident], place)
@@ -168,7 +155,7 @@ def reliability_tables(summaries: Sequence["Summary"]) -> list[Table]:
     return [table]
 
 
-def reliability_line(summary: "Summary") -> str:
+def reliability_line(summary: Summary) -> str:
     """Reliability of confidence of one configuration in a sentence; "" without confidence."""
     if not summary.confidence.frames[-1]:
         return ""
@@ -184,7 +171,7 @@ def reliability_line(summary: "Summary") -> str:
 
 
 def difference_tables(
-    object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
+    object_ids: Sequence[int], summaries: Sequence[Summary], places: Iterable[int]
 ) -> list[Table]:
     """Paired differences, one table per object; arguments as for ``estimate_tables``."""
     return [
@@ -192,27 +179,6 @@ def difference_tables(
         for place in _distinct(object_ids, places)
         if any(summary.reference is not None for summary in summaries)
     ]
-
-
-def equal_time_tables(
-    object_ids: Sequence[int], summaries: Sequence["Summary"], places: Iterable[int]
-) -> list[Table]:
-    """Differences from the first method at equal time, one table per object."""
-    compared = [(each.name, each.at_equal_time) for each in summaries if each.at_equal_time]
-    tables = []
-    for place in _distinct(object_ids, places) if compared else ():
-        title = f"{object_name(object_ids, place)}: differences at equal time"
-        table = Table(title, ["method", "compared with", "ms a frame"], [])
-        for name, at in compared:
-            fewer, more = (summaries[index] for index in at.references)
-            pair = f"{fewer.name} to {more.configuration.parameters['particles']}"
-            table.rows.append([name, pair, f"{1000 * at.seconds:.3g}"])
-        for measure in COMPARED:
-            values = triples([at.differences[measure.name] for _, at in compared], place)
-            if are_known(values):
-                table.add(difference_heading(measure), cells_of(measure, values, sign="+"))
-        tables.append(table)
-    return tables
 
 
 def object_name(object_ids: Sequence[int], place: int) -> str:
@@ -225,10 +191,15 @@ def _distinct(object_ids: Sequence[int], places: Iterable[int]) -> list[int]:
     return list(dict.fromkeys(0 if len(object_ids) == 1 else place for place in places))
 
 
+def _labelled(summaries: Sequence[Summary]) -> Rows:
+    """Rows without cells."""
+    return [(summary.name, []) for summary in summaries]
+
+
 def _estimates(
-    title: str, summaries: Sequence["Summary"], place: int, measures: Sequence[Measure]
+    name: str, title: str, summaries: Sequence[Summary], place: int, measures: Sequence[Measure]
 ) -> Table:
-    table = Table(title, ["method"], [[summary.name] for summary in summaries])
+    table = Table(name, title, ["method"], _labelled(summaries))
     if len({summary.runs for summary in summaries}) > 1:
         table.add("runs", [f"{summary.runs}" for summary in summaries])
     for measure in measures:
@@ -238,17 +209,18 @@ def _estimates(
     return table
 
 
-def _add_speed(table: Table, summaries: Sequence["Summary"]) -> None:
+def _add_speed(table: Table, summaries: Sequence[Summary]) -> None:
     speeds = np.array([summary.frames_per_second for summary in summaries])
     if np.isfinite(speeds).any():
         texts = (f"{x:.{1 if x < 99.5 else 0}f}" if np.isfinite(x) else "-" for x in speeds)
         table.add("frames/s", texts)
 
 
-def _differences(title: str, summaries: Sequence["Summary"], place: int) -> Table:
+def _differences(title: str, summaries: Sequence[Summary], place: int) -> Table:
     compared = [summary for summary in summaries if summary.reference is not None]
-    rows = [[s.name, summaries[s.reference or 0].name] for s in compared]
-    table = Table(f"{title}: differences on common seeds", ["method", "compared with"], rows)
+    title = f"{title}: differences on common seeds"
+    table = Table("differences", title, ["method"], _labelled(compared))
+    table.add("compared with", [summaries[s.reference or 0].name for s in compared])
     for measure in COMPARED:
         values = triples([summary.differences[measure.name] for summary in compared], place)
         if are_known(values):
@@ -259,7 +231,7 @@ def _differences(title: str, summaries: Sequence["Summary"], place: int) -> Tabl
     return table
 
 
-def triples(estimates: Sequence["Estimate | Difference | Interval"], place: int) -> np.ndarray:
+def triples(estimates: Sequence[Estimate | Difference | Interval], place: int) -> np.ndarray:
     """Value and interval ends ``[C, 3]`` of the object at ``place`` in C configurations."""
     return np.array([[x[place] for x in (e.value, e.lower, e.upper)] for e in estimates])
 
@@ -313,49 +285,10 @@ def to_markdown(
     parts = [f"# {_markdown(title)}", *(_markdown(note) for note in notes)]
     parts += [f"- {_markdown(remark)}" for remark in remarks]
     for table in tables:
-        rows = [[_markdown(cell) for cell in row] for row in table.rows]
-        parts += [f"## {_markdown(table.title)}", _tabulate(table.columns, rows, "github")]
+        lines = markdown_table(table.columns, table.texts(), _SPECIAL)
+        parts += [f"## {_markdown(table.title)}", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
-
-
-def to_latex(title: str, tables: Iterable[Table], remarks: Iterable[str]) -> str:
-    """LaTeX ``table`` environments; they need the package booktabs."""
-    parts = ["% \\usepackage{booktabs}"]
-    # One line each, because a LaTeX comment ends with the line.
-    parts += [f"% {' '.join(line.split())}" for line in (*NOTES, *remarks)]
-    for table in tables:
-        body = _tabulate(table.columns, table.rows, "latex_booktabs")
-        caption = _latex(f"{title}: {table.title}.")
-        parts.append(
-            f"\\begin{{table}}\n\\centering\\footnotesize\n\\caption{{{caption}}}\n{body}\n\\end{{table}}"
-        )
-    return "\n\n".join(parts) + "\n"
-
-
-def _tabulate(columns: Sequence[str], rows: Sequence[Sequence[str]], style: str) -> str:
-    try:
-        from tabulate import tabulate
-    except ModuleNotFoundError:
-        raise InputError("writing tables needs tabulate; pip install 'jaxpf[cli]'") from None
-    alignment = ["left", *["right"] * (len(columns) - 1)]
-    return tabulate(
-        rows, headers=columns, tablefmt=style, disable_numparse=True, colalign=alignment
-    )
 
 
 def _markdown(text: str) -> str:
-    for mark in "\\`*_{}<>|#":
-        text = text.replace(mark, "\\" + mark)
-    return text
-
-
-_LATEX: dict[str, Any] = {
-    "\\": r"\textbackslash{}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    **{mark: "\\" + mark for mark in "&%$#_{}"},
-}
-
-
-def _latex(text: str) -> str:
-    return text.translate(str.maketrans(_LATEX))
+    return escaped(text, _SPECIAL)

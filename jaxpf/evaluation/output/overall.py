@@ -18,12 +18,12 @@ from jaxpf.evaluation.output.layout import (
     ABOUT_CONFIDENCE,
     ABOUT_MEASURES,
     NOTES,
-    Table,
     are_known,
     cells_of,
     heading,
     to_markdown,
 )
+from jaxpf.files.tables import Table
 from jaxpf.files.writing import csv_text, write_text
 from jaxpf.measures.intervals import student_interval
 
@@ -193,7 +193,7 @@ def _table(
     means: Mapping[tuple[str, str], OverSequences],
     shown: Sequence[str],
 ) -> Table:
-    table = Table(title, ["method"], [[method] for method in methods])
+    table = Table("overall", title, ["method"], [(method, []) for method in methods])
     counts = [means[method, "overlap"].sequences for method in methods]
     if len(set(counts)) > 1:
         table.add("sequences", map(str, counts))

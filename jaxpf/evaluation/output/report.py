@@ -13,25 +13,23 @@ from jaxpf.evaluation.output.layout import (
     ABOUT_CALIBRATION,
     ABOUT_CONFIDENCE,
     ABOUT_DIFFERENCES,
-    ABOUT_EQUAL_TIME,
     HEADLINE,
     NOTES,
-    Table,
     calibration_tables,
     difference_tables,
-    equal_time_tables,
     estimate_tables,
     reliability_tables,
     score_tables,
 )
 from jaxpf.evaluation.output.tables import Tables, write_tables
 from jaxpf.evaluation.results import Results
+from jaxpf.files.tables import Table
 from jaxpf.files.writing import write_text
 
 NAME = "report.html"
 _FILES = (
-    "results.csv (every run), summary.csv, summary.md and summary.tex, curves.csv, "
-    "differences.csv, figures/ (PNG and PDF)"
+    "results.csv (every run), summary.csv, summary.md, curves.csv, differences.csv, figures/ (PNG "
+    "and PDF)"
 )
 
 
@@ -102,7 +100,6 @@ def _content(results: Results, tables: Tables, figures: Sequence[Figure]) -> dic
     beside = {
         "calibration": (calibration_tables(ids, best, places), ABOUT_CALIBRATION),
         "confidence": (reliability_tables(best), ABOUT_CONFIDENCE),
-        "against-time": (equal_time_tables(ids, summaries, places), ABOUT_EQUAL_TIME),
     }
     for figure in figures:
         shown, note = beside.get(figure.name, ([], None))

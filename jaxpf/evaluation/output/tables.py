@@ -7,7 +7,7 @@
 * ``summary.csv``: one row per configuration, object ("all" for all objects) and measure;
 * ``curves.csv``: success and precision curves of every configuration and object;
 * ``differences.csv``: configurations minus their references, on common seeds;
-* ``summary.md`` and ``summary.tex``: the main tables, formatted for a paper.
+* ``summary.md``: the main tables.
 
 Undefined fields, such as the precision of an object that was never tracked, are empty.
 """
@@ -29,20 +29,18 @@ from jaxpf.evaluation.conclusion import Conclusion, conclude
 from jaxpf.evaluation.measures import COLUMNS, CURVES
 from jaxpf.evaluation.output.layout import (
     PRINTED,
-    Table,
     calibration_tables,
     difference_tables,
-    equal_time_tables,
     estimate_tables,
     reliability_line,
     reliability_tables,
     score_tables,
-    to_latex,
     to_markdown,
 )
 from jaxpf.evaluation.results import BUILT_IN, Configuration, Results
 from jaxpf.evaluation.summary import Summary, configuration_name, summarise
 from jaxpf.evaluation.work.batches import Batch
+from jaxpf.files.tables import Table
 from jaxpf.files.writing import atomic_write, csv_text, report_os_errors, write_text
 
 #: Remark for scenes with a single object.
@@ -115,15 +113,13 @@ def write_tables(results: Results) -> Tables:
         *calibration_tables(ids, summaries, places),
         *reliability_tables(summaries),
         *difference_tables(ids, summaries, places),
-        *equal_time_tables(ids, summaries, places),
     ]
     tables = Tables(summaries, remarks, conclusion)
     confident = (summary for summary in tables.best_first() if summary.confidence.frames[-1])
     remarks += [reliability_line(summary) for summary in itertools.islice(confident, 1)]
     title = f"{results.scene_name}, {results.runs} runs"
     lines = [conclusion.sentence, *remarks]
-    for suffix, render in ((".md", to_markdown), (".tex", to_latex)):
-        write_text(results.folder / f"summary{suffix}", render(title, everything, lines))
+    write_text(results.folder / "summary.md", to_markdown(title, everything, lines))
     return tables
 
 
@@ -133,7 +129,7 @@ def printed_tables(results: Results, tables: Tables) -> list[Table]:
     printed = estimate_tables(results.object_ids, best, [len(results.object_ids)], PRINTED)
     if len(best) < len(summaries):
         title = f"all objects: the best {len(best)} of {len(summaries)} configurations"
-        printed = [table._replace(title=title) for table in printed]
+        printed = [dataclasses.replace(table, title=title) for table in printed]
     return printed
 
 

@@ -90,7 +90,6 @@ class Prepared:
         import_seconds: seconds to make the tracks in ``imports`` that were computed here, by
             index.
         damaged: damaged batch files; their runs count as missing.
-        seconds: estimated time of the missing work on this machine; NaN if unknown.
         memory: estimated bytes per worker process.
     """
 
@@ -105,7 +104,6 @@ class Prepared:
     imports: list[tuple[int, Batch]]
     import_seconds: dict[int, float]
     damaged: list[Path]
-    seconds: float
     memory: int
 
     @property
@@ -223,7 +221,7 @@ def divide_work(opened: Opened, settled: Settled, limits: Limits = DEFAULT_LIMIT
     plan, scene, configurations = opened.plan, opened.scene, settled.configurations
     digest = settled.settings["scene"]["digest"]
     remember_scene(scene, digest)
-    work, seconds, memory = batches(
+    work, memory = batches(
         plan, scene, opened.adapter, digest, configurations, settled.done, limits
     )
     target = opened.adapter.target
@@ -240,7 +238,6 @@ def divide_work(opened: Opened, settled: Settled, limits: Limits = DEFAULT_LIMIT
         imports=[(index, batch) for index, batch, _ in imports],
         import_seconds={index: seconds for index, _, seconds in imports if seconds is not None},
         damaged=settled.damaged,
-        seconds=seconds,
         memory=memory,
     )
 

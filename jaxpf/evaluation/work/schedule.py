@@ -1,4 +1,4 @@
-"""Divides an evaluation into batches and estimates their cost in time and memory."""
+"""Divides an evaluation into batches by the memory and the work of their runs."""
 
 import math
 from collections.abc import Iterator
@@ -19,36 +19,27 @@ from jaxpf.running.chunks import chunk_length
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Target
 
-#: Approximate upper limit on the seconds per batch, which an interrupted process can lose.
-SECONDS_PER_BATCH = 15.0
+#: Largest number of likelihoods per batch and core, which an interrupted process can lose: about 15
+#: seconds of colour histograms.
+_MOST_QUERIES = 5e7
 #: Share of a batch's memory that a chunk of frames may use.
 _SHARE_OF_FRAMES = 1 / 4
 #: Chunks in memory at once: the current one on host and devices, and the one being read.
 _CHUNKS = 3
 #: Measured bytes for JAX, its libraries and the compilation of a kernel.
 _BASE_MEMORY = 800 * 2**20
-#: Parallel efficiency per core when there are several.
-_SHARE_OF_CORE = 0.75
-#: Seconds to decode a pixel of a long recording, which every batch reads again.
-_READ = 5e-9
-#: Overhead of a block in units of one run: 5 runs cost about 6, one run about 2.
-_OF_BLOCK = 0.8
-#: Seconds to compile one kernel for blocks of one width.
-_COMPILE = 9.0
 
 
 class Costs(NamedTuple):
-    """Estimated cost of the runs of one configuration.
+    """Work and memory of the runs of one configuration.
 
     Attributes:
-        seconds_per_batch: on one core, for the frames' tables, regardless of batch size.
-        seconds_per_run: in addition, on one core.
+        queries_per_run: likelihoods that a run computes.
         bytes_per_run: memory while the run's batch is computed.
         bytes_per_frame: memory for the tables of one frame.
     """
 
-    seconds_per_batch: float
-    seconds_per_run: float
+    queries_per_run: int
     bytes_per_run: int
     bytes_per_frame: int
 
@@ -61,21 +52,19 @@ def batches(
     configurations: list[Configuration],
     done: list[np.ndarray],
     limits: Limits,
-) -> tuple[list[Work], float, int]:
+) -> tuple[list[Work], int]:
     """Divide the missing runs into batches.
 
     Returns:
-        The batches, the estimated seconds on this machine including compilation, and the estimated
-        bytes per process.  Seconds are NaN if the cost of a likelihood is unknown.  User-defined
-        trackers are not counted and use the smallest batches.
+        The batches, and the estimated bytes per process.  User-defined trackers are not counted
+        and use the smallest batches.
     """
     ours = [index for index, c in enumerate(configurations) if not c.is_imported]
     missing = sum(int(np.sum(~done[index])) for index in ours)
     share = max(1, math.ceil(missing / limits.workers))
     devices = limits.devices or jax.local_device_count()
     cost_by_shape: dict[Any, Costs | None] = {}
-    kernels = set()
-    work, seconds, largest = [], 0.0, 0
+    work, largest = [], 0
     frame_bytes = math.prod(scene.frames.shape[1:])
     length = chunk_length(len(scene.frames) - 1, frame_bytes, int(_SHARE_OF_FRAMES * limits.memory))
     for index in ours:
@@ -107,25 +96,13 @@ def batches(
                     function=function,
                 )
             )
-            kernels |= {(shape, blocks, width) for _, width in blocks}
-            if cost is None and configuration.kind == BUILT_IN:
-                seconds = math.nan
-            elif cost:
-                used = min(devices, max(number for number, _ in blocks))
-                # Each device computes one block at a time; devices share the frames' tables.
-                in_turn = sum(math.ceil(n / used) * (width + _OF_BLOCK) for n, width in blocks)
-                takes = cost.seconds_per_batch / used + in_turn * cost.seconds_per_run
-                seconds += takes if used == 1 else takes / _SHARE_OF_CORE
+            if cost:
                 # Each device holds the tables of a group of frames, one frame from every device.
+                used = min(devices, max(number for number, _ in blocks))
                 kept = work[-1].width * cost.bytes_per_run + devices * used * cost.bytes_per_frame
                 largest = max(largest, kept)
-    kept = scene.frames.nbytes
-    if not isinstance(scene.frames, np.ndarray):
-        seconds += len(work) * _READ * kept / 3
-        kept = 0
-    memory = _BASE_MEMORY + kept + _CHUNKS * length * frame_bytes + largest
-    at_once = max(1.0, _SHARE_OF_CORE * min(limits.workers, len(work)))
-    return work, seconds / at_once + _COMPILE * len(kernels), memory
+    kept = scene.frames.nbytes if isinstance(scene.frames, np.ndarray) else 0
+    return work, _BASE_MEMORY + kept + _CHUNKS * length * frame_bytes + largest
 
 
 def double_precision() -> bool:
@@ -134,34 +111,24 @@ def double_precision() -> bool:
 
 
 def costs(configuration: Configuration, scene: Any, adapter: Adapter) -> Costs | None:
-    """Estimate the cost of a configuration's runs; None if unknown, as for user trackers."""
+    """Estimate the cost of a configuration's runs; None for user-defined trackers."""
     if configuration.kind != BUILT_IN:
         return None
     tracker = tracker_of(scene, adapter, configuration)
-    estimate = getattr(tracker.likelihood, "estimated_nanoseconds", None)
-    if estimate is None:
-        return None
     num_frames = len(scene.frames) - 1
     size = _bytes(jax.eval_shape(tracker.init, jax.random.key(0)))
     frame = jax.ShapeDtypeStruct(scene.frames.shape[1:], scene.frames.dtype)
     bytes_per_frame = _bytes(jax.eval_shape(tracker.observe, frame))
     recorded = 4 * num_frames * (tracker.num_partitions * 8 + 2)
-    bytes_per_run = 3 * size + 4 * recorded
-    queries = tracker.num_partitions * tracker.num_particles
-    fixed, per_query = estimate(scene.frames.shape[1:3])
-    kernel = filters.filter_of(configuration.variant["method"]).nanoseconds
-    seconds = 1e-9 * num_frames
-    return Costs(
-        fixed * seconds, (per_query + kernel) * queries * seconds, bytes_per_run, bytes_per_frame
-    )
+    queries = num_frames * tracker.num_partitions * tracker.num_particles
+    return Costs(queries, 3 * size + 4 * recorded, bytes_per_frame)
 
 
 def most_runs(cost: Costs, memory: int, devices: int) -> int:
-    """Largest number of runs per batch, limited by memory and by the time lost if interrupted."""
-    by_memory = memory / cost.bytes_per_run
-    by_time = SECONDS_PER_BATCH / cost.seconds_per_run * max(1.0, _SHARE_OF_CORE * devices)
+    """Largest number of runs per batch, limited by memory and by the work lost if interrupted."""
+    by_work = devices * _MOST_QUERIES / cost.queries_per_run
     unit = WIDE * devices
-    return max(1, int(min(by_memory, by_time)) // unit) * unit
+    return max(1, int(min(memory / cost.bytes_per_run, by_work)) // unit) * unit
 
 
 def divide(done: np.ndarray, largest: int) -> Iterator[tuple[int, int, Blocks]]:

@@ -161,13 +161,13 @@ def moved(tracker, key, lagged: jax.Array) -> jax.Array:
     num_partitions, num = lagged.shape[-2:]
     parent = jnp.zeros((lagged.shape[1], num), lagged.dtype)
 
-    def one(key, partition, current, previous):
+    def move(key, partition, current, previous):
         numbers = jnp.full((num,), partition, jnp.int32)
         return contract.propagate_all(tracker.dynamics, key, numbers, current, previous, parent)
 
     keys = keys_of(key, num_partitions)
     everyone = jnp.arange(num_partitions, dtype=jnp.int32)
-    new = jax.vmap(one, in_axes=(0, 0, 1, 1), out_axes=1)(keys, everyone, lagged[0], lagged[1])
+    new = jax.vmap(move, in_axes=(0, 0, 1, 1), out_axes=1)(keys, everyone, lagged[0], lagged[1])
     return new.astype(lagged.dtype)
 
 

@@ -99,7 +99,6 @@ class FactoredFilter(Filter):
     name = "factored"
     methods = FACTORED_METHODS
     options = Options
-    nanoseconds = 600.0
 
     def tracker(self, model: Model, options: Options) -> Any:
         """See ``Filter``."""

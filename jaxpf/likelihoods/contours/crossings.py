@@ -95,23 +95,23 @@ def nearest_crossings(lines: Lines, polyline: Polyline, reach: float, keep: int,
         )
 
     def step(carry, item):
-        found, (far, place) = carry
+        nearest, (far, place) = carry
         x, y, counts = item
         far_now, place_now = relative(x, y)
         passes = counts & ((far < 0) != (far_now < 0))
         rise = jnp.where(passes, far - far_now, 1.0)
         at = place + far / rise * (place_now - place)
         at = jnp.where(passes & (jnp.abs(at) <= reach), at, _NEVER)
-        above = jnp.concatenate([jnp.zeros_like(found[:1]), found[:-1]])
+        above = jnp.concatenate([jnp.zeros_like(nearest[:1]), nearest[:-1]])
         # Insertion into a list sorted by distance from the middle.
         inserted = jnp.where(jnp.abs(at) < jnp.abs(above), above, at)
-        found = jnp.where(jnp.abs(at) < jnp.abs(found), inserted, found)
-        return (found, (far_now, place_now)), None
+        nearest = jnp.where(jnp.abs(at) < jnp.abs(nearest), inserted, nearest)
+        return (nearest, (far_now, place_now)), None
 
     begin = jnp.full((keep, *shape), _NEVER, dtype), relative(polyline.x[0], polyline.y[0])
-    (found, _), _ = lax.scan(step, begin, (polyline.x[1:], polyline.y[1:], counts[1:]))
-    there = jnp.abs(found) <= reach
-    return jnp.where(there, found, 0.0), there
+    (nearest, _), _ = lax.scan(step, begin, (polyline.x[1:], polyline.y[1:], counts[1:]))
+    there = jnp.abs(nearest) <= reach
+    return jnp.where(there, nearest, 0.0), there
 
 
 @custom_vmap
@@ -140,8 +140,8 @@ def first(places, there, keep: int):
         return places, there
     number = jnp.cumsum(there, axis=0)
     chosen = [there & (number == k + 1) for k in range(keep)]
-    found = [jnp.sum(jnp.where(is_it, places, 0.0), axis=0) for is_it in chosen]
-    return jnp.stack(found), jnp.stack([jnp.any(is_it, axis=0) for is_it in chosen])
+    kept = [jnp.sum(jnp.where(is_it, places, 0.0), axis=0) for is_it in chosen]
+    return jnp.stack(kept), jnp.stack([jnp.any(is_it, axis=0) for is_it in chosen])
 
 
 def is_inside(x, y, polyline: Polyline):

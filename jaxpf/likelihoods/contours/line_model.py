@@ -137,9 +137,9 @@ def matchings(laws) -> jax.Array:
         ``[2^c, ...]``: bit j of the first index says whether boundary j is in the set.
     """
     num_boundaries, shape = laws.shape[0], laws.shape[2:]
-    one = jnp.ones(shape, laws.dtype)
+    unit = jnp.ones(shape, laws.dtype)
     if num_boundaries <= 1:
-        return jnp.stack([one, *jnp.sum(laws, axis=1)])
+        return jnp.stack([unit, *jnp.sum(laws, axis=1)])
 
     written = min(num_boundaries, _WRITTEN_OUT)
 
@@ -161,7 +161,7 @@ def matchings(laws) -> jax.Array:
         return jnp.stack(totals, axis=1).reshape(sums.shape), None
 
     # A loop, not unrolled: the compiler would repeat every shared sum in each of its uses.
-    begin = jnp.concatenate([one[None], jnp.zeros((2**num_boundaries - 1, *shape), laws.dtype)])
+    begin = jnp.concatenate([unit[None], jnp.zeros((2**num_boundaries - 1, *shape), laws.dtype)])
     sums, _ = lax.scan(serve, begin, jnp.moveaxis(laws, 1, 0))
     return sums
 

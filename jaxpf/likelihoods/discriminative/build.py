@@ -16,15 +16,12 @@ from jaxpf.likelihoods._references import check_parts
 from jaxpf.likelihoods.color import NUM_BINS, check_frame, hsv_bins
 from jaxpf.likelihoods.discriminative.levels import factor_of, shrunk
 from jaxpf.likelihoods.discriminative.likelihood import DiscriminativeLikelihood, grid_places
-from jaxpf.likelihoods.discriminative.maps import gradients, hues
+from jaxpf.likelihoods.discriminative.maps import gradients
 from jaxpf.likelihoods.discriminative.nearby import window_shape
 from jaxpf.likelihoods.discriminative.training import RIDGE, trained, training_boxes
 
 #: Built-in features; users may add functions.
-FEATURES = ("colour", "gradients", "hues")
-#: The default features.
-USUAL_FEATURES = ("colour", "gradients")
-_MAPS: dict[str, Callable] = {"gradients": gradients, "hues": hues}
+FEATURES = ("colour", "gradients")
 #: Number of an object's most frequent colour bins that are used.
 NUM_COLOURS = 36
 #: An object that covers more of the frame than this has no background to learn from.
@@ -37,7 +34,7 @@ def discriminative(
     frame,
     boxes,
     *,
-    features: Sequence[str | Callable] = USUAL_FEATURES,
+    features: Sequence[str | Callable] = FEATURES,
     gain: float = 1.0,
     bands: int = 2,
     grid: tuple[int, int] = (4, 4),
@@ -54,8 +51,6 @@ def discriminative(
         features: names from ``FEATURES``, and your own functions.  A function takes a picture,
             float [h, w, 3] of red, green and blue from 0 to 1, and returns maps [h, w, C] from 0
             to 1 that describe each pixel's neighbourhood; they are summed in cells like gradients.
-            ``"hues"`` adds where on the object its colours are: better if the object fills its
-            box, worse if the box shows much background.
         gain: trust in the scores.  Neighbouring cells see the same pixels, so with a large gain
             the particles' spread is too small.  On ten annotated clips of animals and people (80
             frames, 4 runs, PS, 300 particles), in frames in which the object is followed, the 95 %
@@ -85,7 +80,9 @@ def discriminative(
         [factor_of(width, height) for width, height in boxes[:, 2:]], return_inverse=True
     )
     maps: tuple[Any, ...] = tuple(
-        _MAPS[one] if isinstance(one, str) else one for one in features if one != "colour"
+        gradients if feature == "gradients" else feature
+        for feature in features
+        if feature != "colour"
     )
     lookup, own = None, None
     if "colour" in features:
@@ -97,7 +94,7 @@ def discriminative(
         residual=as_array(np.ones(len(boxes)), float),
         colour_weights=None if own is None else as_array(own, float),
         map_weights=tuple(
-            as_array(np.ones((len(boxes), *grid, _channels(one))), float) for one in maps
+            as_array(np.ones((len(boxes), *grid, _channels(each))), float) for each in maps
         ),
         bin_lookup=lookup,
         level=as_array(level, jnp.int32),
@@ -220,10 +217,11 @@ def _check(boxes, features, gain, bands, grid, penalty, interpolation, frame_sha
             )
     if not features:
         raise InputError(f"features is empty: give at least one of {', '.join(FEATURES)}.")
-    for one in features:
-        if isinstance(one, str) and one not in FEATURES:
+    for feature in features:
+        if isinstance(feature, str) and feature not in FEATURES:
             raise InputError(
-                f"feature {one!r} is unknown; choose of {', '.join(FEATURES)}, or give a function."
+                f"feature {feature!r} is unknown; choose of {', '.join(FEATURES)}, or give a "
+                "function."
             )
     check_positive("gain", gain)
     check_positive("penalty", penalty)

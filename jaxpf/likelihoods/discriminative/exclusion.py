@@ -67,4 +67,4 @@ class ExclusiveAppearance(DiscriminativeLikelihood):
 def excluding(likelihood: DiscriminativeLikelihood) -> ExclusiveAppearance:
     """The same learned appearance, of objects that exclude each other."""
     fields = dataclasses.fields(likelihood)
-    return ExclusiveAppearance(**{one.name: getattr(likelihood, one.name) for one in fields})
+    return ExclusiveAppearance(**{field.name: getattr(likelihood, field.name) for field in fields})

@@ -159,7 +159,7 @@ def trained(
         place = shrunk_boxes[number] - [*corner, 0, 0]
         alone = _only(likelihood, number, place, shape)
         coefficients.append(_coefficients(alone, pictures, as_array(place, float), penalty))
-    return _with(likelihood, *(np.stack(one) for one in zip(*coefficients, strict=True)))
+    return _with(likelihood, *(np.stack(each) for each in zip(*coefficients, strict=True)))
 
 
 @functools.partial(jax.jit, static_argnames=("shape", "factor"))
@@ -225,5 +225,5 @@ def _with(likelihood, weights, offset, residual):
         offset=as_array(offset),
         residual=as_array(residual),
         colour_weights=None if colour_weights is None else as_array(colour_weights),
-        map_weights=tuple(as_array(one) for one in map_weights),
+        map_weights=tuple(as_array(weights) for weights in map_weights),
     )

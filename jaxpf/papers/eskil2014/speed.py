@@ -9,9 +9,9 @@ import numpy as np
 
 import scenes
 from jaxpf import running
-from jaxpf.evaluation.baselines.spot import spot
 from jaxpf.measures.timing import interleaved, seconds_of
 from jaxpf.papers.eskil2014 import methods, published
+from jaxpf.papers.eskil2014.spot import spot
 
 #: Number of frames for timing filters, and for timing SPOT.
 FRAMES, SPOT_FRAMES = 40, 4

@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 
+from jaxpf.files.tables import Rows, Table
 from jaxpf.measures import points as measures
 from jaxpf.papers.eskil2014 import methods, published, speed
 from jaxpf.papers.eskil2014.measure import Measurement
 from jaxpf.papers.eskil2014.scenes import Outcome
-from jaxpf.papers.judging.comparison_table import Cell, Rows, Table
+from jaxpf.papers.judging.comparison_table import Cell
 from jaxpf.papers.judging.estimates import mean_cell, only
 
 #: A point counts as kept or recovered within this distance, relative to the body's length.

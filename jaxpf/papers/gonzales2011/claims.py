@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from jaxpf.evaluation.equal_time import between, times_of
-from jaxpf.measures import metrics
+from jaxpf.measures import particle_sets
 from jaxpf.ordering import named
 from jaxpf.papers.gonzales2011.measure import Measurement
 from jaxpf.papers.gonzales2011.published import (
@@ -95,7 +95,7 @@ def resamplings() -> list[Quantity]:
     for num_parts in FIGURE_8_PARTS:
         tree = [-1 if part == 0 else max(part - 2, 0) for part in range(num_parts)]
         ps, sps = (
-            int(metrics.resamplings_per_frame(named(method, tree).resample_after))
+            int(particle_sets.resamplings_per_frame(named(method, tree).resample_after))
             for method in ("ps", "sps")
         )
         figures.append(computed(ps / sps, f"{num_parts} parts, {ps} / {sps}"))

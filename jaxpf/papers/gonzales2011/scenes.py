@@ -15,7 +15,7 @@ from jaxpf.contract.pytree import pytree_dataclass
 from jaxpf.filters.partitioned.tracker import Partitioned
 from jaxpf.likelihoods.histogram import HistogramLikelihood, histogram_from_patches
 from jaxpf.likelihoods.wrapped import WrappedLikelihood
-from jaxpf.measures import metrics
+from jaxpf.measures import particle_sets
 from jaxpf.ordering import named
 from jaxpf.papers.checkpoints import each
 from jaxpf.papers.gonzales2011.published import SHARPNESS
@@ -214,8 +214,8 @@ def _measured(
             poses, spread = jax.device_get(
                 _track(base, moves, starts, OfFixedSize(Observed(likelihood)), keys, frames, mesh)
             )
-            error = metrics.corner_distances(corners_from_poses(poses, sizes), truth)
-            variance = metrics.pose_variance(spread, sizes)
+            error = particle_sets.corner_distances(corners_from_poses(poses, sizes), truth)
+            variance = particle_sets.pose_variance(spread, sizes)
             for number, kind in enumerate(dynamics):
                 errors[kind][method] = np.asarray(error[number])
                 variances[kind][method] = np.asarray(variance[number])

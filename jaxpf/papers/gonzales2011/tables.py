@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from jaxpf.files.tables import Rows, Table
 from jaxpf.measures.timing import median_interval
 from jaxpf.papers.gonzales2011 import times
 from jaxpf.papers.gonzales2011.measure import Measurement
@@ -15,7 +16,7 @@ from jaxpf.papers.gonzales2011.published import (
 from jaxpf.papers.gonzales2011.scenes import DYNAMICS, METHODS, Outcomes
 from jaxpf.papers.gonzales2011.times import Times
 from jaxpf.papers.judging.claims import Measured, Quantity
-from jaxpf.papers.judging.comparison_table import Cell, Rows, Table
+from jaxpf.papers.judging.comparison_table import Cell
 from jaxpf.papers.judging.estimates import mean_cell, ratio_of
 
 

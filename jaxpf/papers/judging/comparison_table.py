@@ -3,16 +3,15 @@
 A ``Comparison`` is written as Markdown, CSV and PNG.
 """
 
-import csv
 import dataclasses
-import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from jaxpf import __version__
-from jaxpf.files.writing import atomic_write
+from jaxpf.files.tables import Table, markdown_table
+from jaxpf.files.writing import csv_text, write_text
 from jaxpf.papers.judging.claims import GROUPS, RULE, Judged, Measured
 
 
@@ -30,7 +29,7 @@ class Cell:
     measured: Measured | None = None
     digits: int = 0
 
-    def text(self) -> str:
+    def __str__(self) -> str:
         """``published | measured [low, high]``, with a dash for a missing value."""
         left = "–" if self.published is None else f"{self.published:z.{self.digits}f}"
         if self.measured is None or math.isnan(self.measured.value):
@@ -38,36 +37,6 @@ class Cell:
         value, low, high = (f"{x:z.{self.digits}f}" for x in self.measured)
         interval = "" if math.isnan(self.measured.low) else f" [{low}, {high}]"
         return f"{left} | {value}{interval}"
-
-
-#: Label and one cell or text per column.
-Rows = list[tuple[str, Sequence[Cell | str]]]
-
-
-@dataclasses.dataclass(frozen=True)
-class Table:
-    """A table; every row has a label, and a cell or a text per column.
-
-    Attributes:
-        name: stem of its CSV file.
-        title: one line above the table, with units.
-        columns: header, starting with the label's column.
-        rows: ``(label, cells)``.
-        note: remark for the reader; may be empty.
-    """
-
-    name: str
-    title: str
-    columns: Sequence[str]
-    rows: Sequence[tuple[str, Sequence[Cell | str]]]
-    note: str = ""
-
-    def texts(self) -> list[list[str]]:
-        """Rows of text for printing."""
-        return [
-            [label, *(cell if isinstance(cell, str) else cell.text() for cell in cells)]
-            for label, cells in self.rows
-        ]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -128,15 +97,6 @@ def claims_markdown(claims: Sequence[Judged], level: int = 3) -> list[str]:
     return lines
 
 
-def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """A table as Markdown lines."""
-
-    def line(cells: Sequence[str]) -> str:
-        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-    return [line(columns), "|" + " --- |" * len(columns), *(line(row) for row in rows)]
-
-
 def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
     """Write ``PAPER.md``, ``verdicts.csv``, a CSV per table and the figures.
 
@@ -156,14 +116,13 @@ def write(comparison: Comparison, folder: Path, command: str = "") -> list[str]:
     written = []
 
     def text(name: str, content: str) -> None:
-        with atomic_write(folder / name) as file:
-            file.write(content)
+        write_text(folder / name, content)
         written.append(name)
 
     for table in comparison.tables:
         text(f"{table.name}.csv", table_csv(table))
     if comparison.claims:
-        text("verdicts.csv", _csv([VERDICT_FIELDS, *_verdict_rows(comparison, command)]))
+        text("verdicts.csv", csv_text([VERDICT_FIELDS, *_verdict_rows(comparison, command)]))
     for stem, figure in comparison.figures.items():
         plotting.save_figure(figure, folder / f"{stem}.png")
         written.append(f"{stem}.png")
@@ -188,10 +147,4 @@ def table_csv(table: Table) -> str:
             published = "" if cell.published is None else cell.published
             measured = [""] * 3 if cell.measured is None else [f"{x:.6g}" for x in cell.measured]
             lines.append((label, column, published, *measured, ""))
-    return _csv(lines)
-
-
-def _csv(lines: Sequence[Sequence[Any]]) -> str:
-    buffer = io.StringIO()
-    csv.writer(buffer, lineterminator="\n").writerows(lines)
-    return buffer.getvalue()
+    return csv_text(lines)

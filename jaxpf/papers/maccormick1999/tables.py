@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from jaxpf.files.tables import Table
 from jaxpf.papers.judging import estimates
 from jaxpf.papers.judging.claims import Quantity
-from jaxpf.papers.judging.comparison_table import Cell, Table
+from jaxpf.papers.judging.comparison_table import Cell
 from jaxpf.papers.judging.estimates import mean_cell, ratio_of, share_cell
 from jaxpf.papers.maccormick1999 import published
 from jaxpf.papers.maccormick1999.measure import Measurement

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxpf.papers.judging.comparison_table import Rows, Table
+from jaxpf.files.tables import Rows, Table
 from jaxpf.papers.judging.estimates import mean_cell, share_cell
 from jaxpf.papers.rowe2005 import published
 from jaxpf.papers.rowe2005.measure import Measurement

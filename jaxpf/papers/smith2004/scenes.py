@@ -10,7 +10,7 @@ import numpy as np
 import scenes
 from jaxpf import ordering
 from jaxpf.evaluation.work.worker import run_keys
-from jaxpf.measures import metrics
+from jaxpf.measures import metrics, particle_sets
 from jaxpf.ordering import Ordering
 from jaxpf.papers.smith2004.comparison import SMITH2004_PARTICLES, SMITH2004_SCALE
 from jaxpf.papers.smith2004.grid import GridResult, run_grid
@@ -138,12 +138,12 @@ def _measures(result: GridResult, truth: jax.Array) -> tuple[jax.Array, ...]:
     """
     leader, others = result.boxes[..., :1, :], result.boxes[..., 1:, :]
     quality = (metrics.mean_precision, metrics.mean_recall)
-    dynamics = metrics.effective_dynamics(result.spread, jnp.asarray(SMITH2004_SCALE))
+    dynamics = particle_sets.effective_dynamics(result.spread, jnp.asarray(SMITH2004_SCALE))
     return (
         metrics.recovery(leader, truth[:, :1])[..., 0],
         metrics.success(others, truth[:, 1:]).mean(axis=(-2, -1)),
         *(each(others, truth[:, 1:], over="all").mean(axis=(-2, -1)) for each in quality),
         *(each(leader, truth[:, :1], over="tracked", axis=(-3, -2))[..., 0] for each in quality),
         result.uniqueness.mean(axis=(2, 3)),
-        dynamics.deviation_ratio[..., :2].mean(axis=(2, 3)),
+        dynamics[..., :2].mean(axis=(2, 3)),
     )

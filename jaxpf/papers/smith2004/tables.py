@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from jaxpf.files.tables import Rows, Table
 from jaxpf.measures.timing import median_interval
 from jaxpf.papers.judging.claims import Measured
-from jaxpf.papers.judging.comparison_table import Cell, Rows, Table
+from jaxpf.papers.judging.comparison_table import Cell
 from jaxpf.papers.judging.estimates import mean_cell, rate_cell, share_cell
 from jaxpf.papers.smith2004 import costs, occlusions
 from jaxpf.papers.smith2004.conditions import Condition

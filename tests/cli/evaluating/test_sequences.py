@@ -1,4 +1,4 @@
-"""``jaxpf evaluate`` of several sequences, and what it says to lists that cannot be."""
+"""``jaxpf evaluate`` of several sequences, and what it says to folders that cannot be."""
 
 import csv
 
@@ -40,28 +40,17 @@ def test_several_sequences_get_a_table_over_all(place, tmp_path, short_report):
     assert again.out[again.out.index("means over 2 sequences") :] == table
 
 
-def test_a_file_lists_scenes_with_their_seeds(place, tmp_path):
-    listed = tmp_path / "list.txt"
-    listed.write_text(f"# two of one kind\ndistracter 3\n{place / 'two'}\n\ndistracter 4\n")
-    outcome = jaxpf("evaluate", listed, "--methods", "sir", "--dry-run", "-o", tmp_path / "out")
-    assert outcome.code == 0, outcome.err
-    for words in ("distracter-3 (1 of 3)", "two (2 of 3)", "distracter-4 (3 of 3)"):
-        assert words in outcome.out
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize(
-    ("text", "options", "sentence"),
+    ("names", "options", "sentence"),
     [
-        ("# none", (), "list.txt' lists no scene; give a scene in each line"),
-        ("\0\udcff", (), "list.txt' is not a text file"),
-        ("distracter x", (), "reads 'distracter x'; write a scene, and a seed after it"),
-        ("distracter 1", (), "holds 1 sequence(s) that can be evaluated together"),
-        ("distracter 1\ndistracter 1", (), "two sequences are called 'distracter-1'"),
-        ("distracter 1\ndistracter 2", ("--ids", "1"), "--ids works only for a single sequence"),
+        (("one",), (), "holds 1 sequence(s) that can be evaluated together"),
+        (("one", "two"), ("--ids", "1"), "--ids works only for a single sequence"),
     ],
 )
-def test_lists_that_cannot_be_are_one_sentence(refuse, tmp_path_factory, text, options, sentence):
-    listed = tmp_path_factory.mktemp("listed") / "list.txt"
-    listed.write_bytes(text.encode(errors="surrogateescape"))
-    assert sentence in refuse(listed, *options)
+def test_folders_that_cannot_be_are_one_sentence(
+    refuse, tmp_path_factory, names, options, sentence
+):
+    folder = tmp_path_factory.mktemp("sequences")
+    for name in names:
+        write_sequence(folder / name)
+    assert sentence in refuse(folder, *options)

@@ -90,20 +90,6 @@ def test_boxes_as_a_cvat_archive(result):
     assert len(lines) == 3
 
 
-@pytest.mark.parametrize("target", ["boxes", "points"])
-def test_tracks_in_movements_layout(result, target):
-    xarray = pytest.importorskip("xarray", reason="pip install 'jaxpf[formats]' for netCDF")
-    data = xarray.load_dataset(exported(result(target), "movement", "tracks.nc"), engine="scipy")
-    assert data.position.dims[:2] == ("time", "space")
-    if target == "points":
-        np.testing.assert_allclose(data.position.sel(keypoints="tail").squeeze(), [3, 4])
-        np.testing.assert_allclose(data.confidence.squeeze(), [1, 0])
-    else:
-        np.testing.assert_allclose(data.position.sel(individuals="id_1"), [[14, 7], [15, 8]])
-        np.testing.assert_allclose(data["shape"].isel(time=0), [[8, 6], [4, 9]])
-        assert np.isnan(data.position.isel(time=1, individuals=1)).all()
-
-
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
@@ -161,22 +147,11 @@ def read_cvat(path):
     return read_mot(path.parent / "cvat" / "gt" / "gt.txt")
 
 
-def read_movement(path):
-    xarray = pytest.importorskip("xarray", reason="pip install 'jaxpf[formats]' for netCDF")
-    data = xarray.load_dataset(path, engine="scipy")
-    size, centre = data["shape"].values, data["position"].values  # [T, 2, P]
-    boxes = np.concatenate([centre - size / 2, size], axis=1)
-    names = [int(name.removeprefix("id_")) for name in data.individuals.values.tolist()]
-    places = np.argwhere(np.isfinite(boxes).all(axis=1))
-    return {(int(t), names[p]): boxes[t, :, p].tolist() for t, p in places}
-
-
 @pytest.mark.parametrize(
     ("form", "name", "read"),
     [
         ("coco", "t.json", read_coco),
         ("cvat", "t.zip", read_cvat),
-        ("movement", "t.nc", read_movement),
         ("mot", "t.txt", read_mot),
         (None, "tracks.csv", read_mot),
     ],
@@ -184,8 +159,6 @@ def read_movement(path):
 def test_every_format_comes_back_with_its_ids_and_pixels(result, form, name, read):
     folder = result("boxes")
     (folder / "tracks.csv").write_text(ROUND_TRACKS)
-    if form == "movement":
-        pytest.importorskip("xarray", reason="pip install 'jaxpf[formats]' for netCDF")
     found = read(folder / name if form is None else exported(folder, form, name))
     expected = {(0, 2): ROUND[0, 0], (0, 7): ROUND[0, 1], (1, 2): ROUND[1, 0]}
     assert set(found) == set(expected)
@@ -254,6 +227,6 @@ def test_names_that_start_with_0_keep_it(result):
 def test_no_tracks_cannot_be_exported(result, target):
     header = TRACKS[target].splitlines()[0]
     folder = with_tracks(result, target, f"{header}\n")
-    outcome = jaxpf("export", folder, "movement", folder / "t.nc")
+    outcome = jaxpf("export", folder, "mot", folder / "t.txt")
     assert outcome.code == 2
     assert "holds no tracks, so nothing can be exported" in outcome.err

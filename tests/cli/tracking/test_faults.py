@@ -50,7 +50,7 @@ def test_a_frame_that_no_particle_explains_is_left_out_and_counted(track, tmp_pa
     summary = summary_of(tmp_path / "out")
     assert summary["impossible_frames"] == 2
     assert summary["frames_without_likelihood"] == {"1": [1, 2], "2": [1, 2]}
-    assert cv2.imread(str(tmp_path / "out" / "diagnostics.png")) is not None
+    assert cv2.imread(str(tmp_path / "out" / "trajectories.png")) is not None
 
 
 def test_likelihoods_that_are_no_number_are_counted(track, tmp_path):
@@ -162,7 +162,7 @@ def test_ctrl_c_leaves_valid_tracks_and_a_playable_video(whole_run, tmp_path):
     shown = len(list(open_frames(output / "overlay.mp4")))
     assert abs(len(table) / 2 - 1 - summary["frames_tracked"]) <= 1
     assert abs(shown - 1 - summary["frames_tracked"]) <= 1
-    assert (output / "diagnostics.png").exists()
+    assert (output / "trajectories.png").exists()
 
 
 def test_ctrl_c_before_the_first_frame_leaves_no_folder(track, tmp_path, monkeypatch):

@@ -1,6 +1,6 @@
 """``jaxpf tune``: values that track and evaluate take, resumed, refused in one sentence."""
 
-import csv
+import shlex
 import tomllib
 
 import cv2
@@ -11,12 +11,11 @@ from command_line import jaxpf
 from small_evaluation import small_scene
 from small_sequence_folder import SMALL, write_sequence
 
-WRITTEN = {"tuned.toml", "tuning.png", "comparison.csv", "run.toml", "checkpoint.npz"}
+WRITTEN = {"tuned.toml", "tuning.png", "run.toml", "checkpoint.npz"}
 #: Every successful call has these shapes, so that the filter is compiled once.
 QUICK = (
-    "--particles", "20", "--compare-particles", "20", "--runs", "2", "--compare-runs", "2",
-    "--method", "sir", "--gradient", "none", "--repeats", "1", "--window", "2",
-    "--scale", "1,1,0.001",
+    "--particles", "20", "--runs", "2", "--method", "sir", "--gradient", "none",
+    "--repeats", "1", "--window", "2", "--scale", "1,1,0.001",
 )  # fmt: skip
 
 
@@ -26,24 +25,18 @@ def tuned(tmp_path_factory, compiled_quickly):
     output = tmp_path_factory.mktemp("tune") / "out"
     arguments = (
         "tune", "distracter", *SMALL, *QUICK, "--steps", "4", "--train-scenes", "1",
-        "--held-out", "2", "-o", output,
+        "-o", output,
     )  # fmt: skip
     return output, jaxpf(*arguments), arguments
 
 
 @pytest.mark.slow
-def test_it_prints_values_and_a_comparison_and_writes_them(tuned):
+def test_it_prints_values_and_writes_them(tuned):
     output, outcome, _ = tuned
     assert outcome.code == 0, outcome.err
-    for words in (
-        "Tuned values",
-        "likelihood.sharpness",
-        "dynamics.scale[1]",
-        "not seen in tuning",
-    ):
+    for words in ("Tuned values", "likelihood.sharpness", "dynamics.scale[1]"):
         assert words in outcome.out
     assert "repeat 1 of 1: step 4 of at most 4, loss" in outcome.err  # without a terminal, too
-    assert "Comparing before and after on 2 scenes" in outcome.err
     assert {path.name for path in output.iterdir()} == WRITTEN
     content = tomllib.loads((output / "tuned.toml").read_text())
     value = content["tuned"]["likelihood.sharpness"]["value"]
@@ -53,11 +46,10 @@ def test_it_prints_values_and_a_comparison_and_writes_them(tuned):
     assert content["track"]["scale"][2] == 0.001
     picture = cv2.imread(str(output / "tuning.png"))
     assert picture.shape[0] > 300
-    rows = list(csv.DictReader((output / "comparison.csv").open()))
-    assert [row["measure"] for row in rows][:2] == ["overlap", "precision_all"]
-    for row in rows:
-        difference = float(row["after"]) - float(row["before"])
-        assert abs(difference - float(row["difference"])) < 1e-4
+    *_, last = outcome.out.splitlines()
+    command = shlex.split(last.partition(": jaxpf ")[2])
+    assert command[:4] == ["evaluate", "distracter", "--scene-seed", "1"]
+    assert jaxpf(*command, "--dry-run").code == 0
 
 
 @pytest.mark.slow
@@ -101,15 +93,14 @@ def test_evaluate_and_track_take_the_values(tuned, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("compiled_quickly")
-def test_a_folder_is_divided_into_frames_to_learn_from_and_the_rest(tmp_path):
+def test_a_folder_is_tuned_on_its_first_frames(tmp_path):
     folder = write_sequence(tmp_path / "two")
     outcome = jaxpf(
         "tune", folder, *QUICK, "--objective", "overlap", "--steps", "2", "--labels", "1",
         "--frames", "3", "--parameters", "likelihood.sharpness=1:100", "-o", tmp_path / "out",
     )  # fmt: skip
     assert outcome.code == 0, outcome.err
-    last = len(small_scene().frames) - 1
-    assert f"On two, frames 3 to {last}, not seen in tuning" in outcome.out.replace("\n", " ")
+    assert f"jaxpf evaluate {folder} --start-frame 3 --config" in outcome.out
     content = tomllib.loads((tmp_path / "out" / "tuned.toml").read_text())
     assert set(content["track"]) == {"sharpness"}
     # A single repeat tells nothing about the error, which is not a zero.
@@ -130,7 +121,6 @@ def test_a_folder_is_divided_into_frames_to_learn_from_and_the_rest(tmp_path):
         (["--gradient", "all"], "--gradient 'all' is unknown"),
         (["--method", "pss"], "method 'pss' is unknown"),
         (["--steps", "0"], "--steps 0 must be a whole number of at least 1"),
-        (["--compare-runs", "1"], "--compare-runs 1 must be a whole number of at least 2"),
         (["--frames", "3"], "--frames 3 divides a folder's frames"),
         (["--labels", "5"], "--labels 5 does not work with --objective evidence"),
         (["--labels", "99", "--objective", "position"], "--labels 99 must be 1 to"),
@@ -139,8 +129,8 @@ def test_a_folder_is_divided_into_frames_to_learn_from_and_the_rest(tmp_path):
 )
 def test_a_mistake_is_one_sentence(tmp_path, arguments, words):
     outcome = jaxpf(
-        "tune", "distracter", *SMALL, *QUICK, "--train-scenes", "1", "--held-out", "1",
-        "-o", tmp_path / "out", *arguments,
+        "tune", "distracter", *SMALL, *QUICK, "--train-scenes", "1", "-o", tmp_path / "out",
+        *arguments,
     )  # fmt: skip
     assert outcome.code == 2
     *_, sentence = outcome.err.strip().splitlines()
@@ -185,7 +175,7 @@ def test_a_loss_that_is_not_finite_keeps_the_last_values(tmp_path):
     """As where a real clip drives a value off; ``tests/tuning/test_tuning.py`` has another."""
     outcome = jaxpf(
         "tune", "distracter", *SMALL, *QUICK, "--steps", "4", "--train-scenes", "1",
-        "--held-out", "2", "-o", tmp_path / "out",
+        "-o", tmp_path / "out",
     )  # fmt: skip
     assert outcome.code == 2
     *_, sentence = outcome.err.strip().splitlines()
@@ -204,17 +194,13 @@ def test_help_names_the_command_and_its_example():
 @pytest.mark.slow
 @pytest.mark.usefixtures("compiled_quickly")
 def test_parts_are_tuned_on_their_outlines(tmp_path):
-    """A target without boxes: its own measures are compared, its own options written."""
+    """A target without boxes: its own options are written."""
     outcome = jaxpf(
         "tune", "articulated", "--set", "num_frames=6", "--set", "num_parts=3", "--method", "sir",
         "--likelihood", "patch", "--objective", "overlap", "--parameters", "dynamics.scale",
-        "--particles", "20", "--compare-particles", "20", "--runs", "2", "--compare-runs", "2",
-        "--repeats", "1", "--window", "2", "--steps", "2", "--train-scenes", "1",
-        "--held-out", "1", "-o", tmp_path / "out",
+        "--particles", "20", "--runs", "2", "--repeats", "1", "--window", "2", "--steps", "2",
+        "--train-scenes", "1", "-o", tmp_path / "out",
     )  # fmt: skip
     assert outcome.code == 0, outcome.err
-    with (tmp_path / "out" / "comparison.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert {"overlap", "corner error"} <= {row["measure"] for row in rows}
     tuned = tomllib.loads((tmp_path / "out" / "tuned.toml").read_text())
     assert len(tuned["track"]["scale"]) == 3

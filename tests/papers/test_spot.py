@@ -1,28 +1,17 @@
-"""Optical flow and SPOT on pictures whose motion is known."""
+"""SPOT on pictures whose motion is known."""
 
 import numpy as np
 import pytest
 
 import jaxpf
-from jaxpf.evaluation.baselines.hog import hog
-from jaxpf.evaluation.baselines.optical_flow import follow_points
-from jaxpf.evaluation.baselines.spot import Options, spot
+from jaxpf.papers.eskil2014.hog import hog
+from jaxpf.papers.eskil2014.spot import Options, spot
 
 RNG = np.random.default_rng(0)
 PICTURE = np.kron(RNG.integers(0, 256, (20, 26, 3), dtype=np.uint8), np.ones((6, 6, 1), np.uint8))
 POINTS = np.array([[40.5, 40.5], [70.5, 45.5], [55.5, 75.5]])
 FRAMES = [np.roll(PICTURE, (t, 2 * t), axis=(0, 1)) for t in range(7)]
 TRUTH = POINTS + np.arange(1, 7)[:, None, None] * np.array([2.0, 1.0])
-
-
-def test_optical_flow_follows_points_and_says_when_it_does_not():
-    places, followed = follow_points(FRAMES, POINTS)
-    assert followed.all()
-    np.testing.assert_allclose(places, TRUTH, atol=0.1)
-    cut = [*FRAMES[:3], np.zeros_like(PICTURE)]
-    places, followed = follow_points(cut, POINTS)
-    assert not followed[-1].any()
-    np.testing.assert_array_equal(places[-1], places[-2])
 
 
 def test_spot_follows_points_within_a_cell():
@@ -45,7 +34,7 @@ def test_spot_finds_the_best_of_all_configurations():
     picture, points = PICTURE[:32, :36], np.array([[14.0, 14.0], [22.0, 14.0]])
     frames = [picture, np.roll(picture, 4, axis=1)]
     model_places = spot(frames, points, Options(size=3, aggressiveness=0.0, stiffness=0.5))
-    from jaxpf.evaluation.baselines import spot as module
+    from jaxpf.papers.eskil2014 import spot as module
 
     options = Options(size=3, aggressiveness=0.0, stiffness=0.5)
     model = module._Model(module._padded(hog(frames[0], 4), 3), points, options)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxpf.contract.errors import InputError
-from jaxpf.evaluation.baselines.hog import hog
+from jaxpf.papers.eskil2014.hog import hog
 
 #: Largest displacement of a spring, in cells, in either direction.
 _REACH = 12

@@ -1,0 +1,57 @@
+"""Tables for readers, as text and as Markdown."""
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+#: Label and one cell for every further column.
+Rows = list[tuple[str, list[Any]]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """A table; a cell is a text, or an object that ``str`` turns into one.
+
+    Attributes:
+        name: stem of its file.
+        title: one line above the table, with units.
+        columns: header, starting with the label's column.
+        rows: ``(label, cells)``.
+        note: remark for the reader; may be empty.
+    """
+
+    name: str
+    title: str
+    columns: list[str]
+    rows: Rows
+    note: str = ""
+
+    def add(self, column: str, cells: Iterable[Any]) -> None:
+        """Append a column with one cell per row."""
+        self.columns.append(column)
+        for (_, others), cell in zip(self.rows, cells, strict=True):
+            others.append(cell)
+
+    def texts(self) -> list[list[str]]:
+        """Rows of text for printing."""
+        return [[label, *map(str, cells)] for label, cells in self.rows]
+
+
+def markdown_table(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], special: str = "|"
+) -> list[str]:
+    """A table as Markdown lines; ``special`` holds the characters to escape in cells."""
+    return [
+        _line(columns, special),
+        "|" + " --- |" * len(columns),
+        *(_line(row, special) for row in rows),
+    ]
+
+
+def escaped(text: str, special: str) -> str:
+    """A text with a backslash before each of the special characters of Markdown."""
+    return "".join(f"\\{mark}" if mark in special else mark for mark in text)
+
+
+def _line(cells: Sequence[str], special: str) -> str:
+    return "| " + " | ".join(escaped(cell, special) for cell in cells) + " |"

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxpf.boxes.target import BOXES
 from jaxpf.contract.errors import InputError
-from jaxpf.targets.adapter import Adapter, Marks, TrackFile, widened_by
+from jaxpf.targets.adapter import Adapter, Marks
 from jaxpf.targets.target import Start
 
 
@@ -17,7 +17,6 @@ class BoxAdapter(Adapter):
 
     target = BOXES
     example = "--box 120,80,40,90 --box 300,85,42,88"
-    track_suffix = ".txt"
     columns = ("x", "y", "w", "h")
     start_flags: Mapping[str, Mapping[str, Any]] = {
         "box": {"multiple": True, "metavar": "X,Y,W,H", "help": "A start box; repeat it."},
@@ -73,29 +72,6 @@ class BoxAdapter(Adapter):
     def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
         """See ``Adapter``: the top left corner and the size."""
         return shapes
-
-    def widened(self, values: np.ndarray, interval: np.ndarray, likelihood: Any) -> np.ndarray:
-        """See ``Adapter``: the size differs from the tracked one by ``likelihood.size_error``."""
-        error = float(getattr(likelihood, "size_error", 0.0))
-        if not error:
-            return interval
-        corner, extent = values[:, :2], values[:, 2:]
-        corners = widened_by(corner, interval[..., :2], error * extent / 2)
-        logs = widened_by(np.log(extent), np.log(interval[..., 2:]), error)
-        return np.concatenate([corners, np.exp(logs)], axis=-1)
-
-    def track_writer(self, path: Any, start: Start) -> TrackFile:
-        """See ``Adapter``: MOT format."""
-        from jaxpf.boxes.tracks import TrackWriter
-
-        writer = TrackWriter(path)
-
-        def append(
-            frame: int, shapes: Any, lost: Any, ids: Any = start.ids, confidence: Any = 1.0
-        ) -> None:
-            writer.append(frame, ids, shapes, np.where(lost, 0.0, confidence))
-
-        return TrackFile(writer, append)
 
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
         """See ``Adapter``."""

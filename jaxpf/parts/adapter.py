@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.parts.target import PARTS, Parts
-from jaxpf.targets.adapter import Adapter, Marks, TrackFile
+from jaxpf.targets.adapter import Adapter, Marks
 from jaxpf.targets.target import Start
 
 
@@ -70,17 +70,6 @@ class PartAdapter(Adapter):
         """See ``Adapter``: centre, size and clockwise angle in degrees."""
         sizes = np.broadcast_to(start.sizes, (*shapes.shape[:-1], 2))
         return np.concatenate([shapes[..., :2], sizes, np.rad2deg(shapes[..., 2:3])], axis=-1)
-
-    def track_writer(self, path: Any, start: Start) -> TrackFile:
-        """See ``Adapter``: CSV with the header ``frame,part,x,y,w,h,angle``."""
-        from jaxpf.parts.files import PartTrackWriter
-
-        writer = PartTrackWriter(path)
-
-        def append(frame: int, shapes: Any, lost: Any) -> None:
-            writer.append(frame, start.ids, shapes, start.sizes)
-
-        return TrackFile(writer, append)
 
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
         """See ``Adapter``."""

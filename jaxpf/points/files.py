@@ -17,7 +17,7 @@ from jaxpf.files.reading import check_name, parse_number, read_rows
 from jaxpf.files.writing import LineWriter
 
 HEADERS = ("x,y", "x,y,name")
-TRACK_HEADER = "frame,point,x,y,lost"
+TRACK_HEADER = "frame,point,x,y,hidden"
 _REMEDY = "write x,y or x,y,name in pixels, such as 120,80,nose"
 
 
@@ -86,29 +86,30 @@ def grid_points(mask: ArrayLike, step: float) -> Points:
 class PointTrackWriter(LineWriter):
     """Appends tracks of points to a file, which after every frame contains whole lines only.
 
-    CSV with the header ``frame,point,x,y,lost``, in pixels; lost is 1 if none of the point's
-    particles had any likelihood in the frame, else 0.
+    CSV with the header ``frame,point,x,y,hidden``, in pixels; hidden is 1 or 0.
     """
 
     header = TRACK_HEADER
 
-    def append(self, frame: int, names: Sequence[str], places: ArrayLike, lost: ArrayLike) -> None:
+    def append(
+        self, frame: int, names: Sequence[str], places: ArrayLike, hidden: ArrayLike
+    ) -> None:
         """Write the points of one frame.
 
         Args:
             frame: counting from 0.
             names: [P].
             places: x, y [P, 2]; non-finite ones are omitted.
-            lost: bool [P].
+            hidden: bool [P].
 
         Raises:
             InputError: the disk is full or the file cannot be written; the file then ends with the
                 last complete frame.
         """
-        points = zip(names, np.asarray(places), np.asarray(lost), strict=True)
+        points = zip(names, np.asarray(places), np.asarray(hidden), strict=True)
         self.write_rows(
-            [int(frame), name, *(f"{value:.3f}" for value in place), int(gone)]
-            for name, place, gone in points
+            [int(frame), name, *(f"{value:.3f}" for value in place), int(is_hidden)]
+            for name, place, is_hidden in points
             if np.isfinite(place).all()
         )
 

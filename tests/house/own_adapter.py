@@ -6,8 +6,8 @@ from own_target import SPOTS
 
 from jaxpf import InputError
 from jaxpf.points import draw_points
-from jaxpf.points.files import PointTrackWriter, parse_points
-from jaxpf.targets.adapter import Adapter, TrackFile
+from jaxpf.points.files import parse_points
+from jaxpf.targets.adapter import Adapter
 
 
 class SpotAdapter(Adapter):
@@ -31,10 +31,6 @@ class SpotAdapter(Adapter):
 
     def scene_start(self, scene):
         return SPOTS.start(scene.extras["spots"][0])
-
-    def track_writer(self, path, start):
-        writer = PointTrackWriter(path)
-        return TrackFile(writer, lambda frame, *row: writer.append(frame, start.ids, *row))
 
     def draw(self, frame, start, shapes, marks):
         return draw_points(frame, shapes, colours=marks.colours, names=list(start.ids))

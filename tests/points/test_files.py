@@ -81,7 +81,7 @@ def test_tracks_are_written_frame_by_frame(tmp_path):
         writer.append(0, ["nose", "a,b"], [[1, 2], [3, 4]], [False, True])
         writer.append(1, ["nose", "a,b"], [[1, 2], [np.nan, 4]], [False, True])
     assert path.read_text().splitlines() == [
-        "frame,point,x,y,lost",
+        "frame,point,x,y,hidden",
         "0,nose,1.000,2.000,0",
         '0,"a,b",3.000,4.000,1',
         "1,nose,1.000,2.000,0",

@@ -103,7 +103,7 @@ class _Source:
     width, height, path = 156, 120, "clip"
 
 
-def test_the_target_says_where_points_start(tmp_path):
+def test_the_target_says_where_points_start():
     nothing = {"point": (), "points": None, "mask": None, "mask_step": None}
     given = nothing | {"point": ("40.5,40.5,nose", "70.5,45.5")}
     start = POINT_FILES.read_start(given, 0, _Source)
@@ -118,9 +118,6 @@ def test_the_target_says_where_points_start(tmp_path):
     ):
         with pytest.raises(jaxpf.InputError, match=message):
             POINT_FILES.read_start(nothing | wrong, 0, _Source)
-    with POINT_FILES.track_writer(tmp_path / "t.csv", start) as writer:
-        writer.append(3, start.shapes, [False, True])
-    assert "3,1,70.500,45.500,1" in (tmp_path / "t.csv").read_text()
     tuned = with_tuned(Options(), {"likelihood.sigma": 0.2, "dynamics.scale": 3.0}, "points")
     assert (tuned.sigma, tuned.diffusion) == (0.2, 3.0)
 
@@ -188,7 +185,7 @@ def test_intervals_in_tracks_are_widened_by_the_slip():
             slice(None),
             25.0,
             before,
-            SimpleNamespace(slip=slip),
+            np.array([slip, slip, 0]),
         )
         width = places.interval[1] - places.interval[0]
         # 4.5 standard errors of two 2.5 % quantiles.

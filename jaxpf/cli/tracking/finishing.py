@@ -55,7 +55,7 @@ def _finish(recording: Recording, truth: Any) -> None:
         diagnostics[:, last:] if diagnostics.shape[1] > last else None,
     )
     plotting.save_figure(figure, output / "diagnostics.png")
-    lost = {name: about["probably_lost"] for name, about in verdicts.items()}
+    lost = {name: about["lost"] for name, about in verdicts.items()}
     adapter = recording.request.adapter
     columns = [name for name in adapter.columns if name not in adapter.fixed_columns]
     figure = plotting.trajectories(table, columns, lost)

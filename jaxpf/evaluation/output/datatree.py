@@ -20,7 +20,7 @@ _STATISTICS: dict[str, list[str]] = {
     "log_evidence": [],
     "uniqueness": ["object"],
     "confidence": ["object"],
-    "lost": ["object"],
+    "without_likelihood": ["object"],
     "spread": ["object", "coordinate"],
 }
 

@@ -74,7 +74,7 @@ def test_the_verdict_of_each_object_is_printed_and_kept(whole_run):
     for name, about in objects.items():
         assert about["frames"] == LENGTH - 1
         assert about["followed_until"] == LENGTH - 1
-        assert about["probably_lost"] == []
+        assert about["lost"] == []
         width = f"{about['interval_width']:.2g}"
         assert (
             f"Object {name}: followed confidently to the end (frame 9); 95 % interval {width} "

@@ -43,7 +43,7 @@ class TrackTable(LineWriter):
         self._columns: list[str] = []
 
     def write(
-        self, number: int, ids: Any, places: Places, lost: Any, confidence: Any = None
+        self, number: int, ids: Any, places: Places, lost: Any = None, confidence: Any = None
     ) -> None:
         """Append the rows of one frame; rows of the start frame are delayed until the next frame.
 
@@ -51,20 +51,20 @@ class TrackTable(LineWriter):
             number: frame number, from 0.
             ids: ``[P]``.
             places: positions of the objects.
-            lost: bool ``[P]``.
+            lost: bool ``[P]``, or None if unknown.
             confidence: ``[P]``, or None if the likelihood defines none.
         """
         self._waiting.append((number, ids, places, lost, confidence))
         if not self._columns and places.speed is None:
             return
         if not self._columns:
-            self._columns = self._header(places, confidence)
+            self._columns = self._header(places, lost, confidence)
             self.write_rows([["frame", "time", "id", *self._columns]])
         for frame in self._waiting:
             self.write_rows(self._rows(*frame))
         self._waiting.clear()
 
-    def _header(self, places: Places, confidence: Any) -> list[str]:
+    def _header(self, places: Places, lost: Any, confidence: Any) -> list[str]:
         names = [*self._adapter.columns]
         if places.interval is not None:
             varying = [name for name in names if name not in self._adapter.fixed_columns]
@@ -74,7 +74,8 @@ class TrackTable(LineWriter):
             names += [f"speed_{level:g}" for level in LEVELS]
         if confidence is not None:
             names.append("confidence")
-        names.append("lost")
+        if lost is not None:
+            names.append("lost")
         return names + ([] if places.error is None else ["x_error", "y_error"])
 
     def _rows(self, number: int, ids: Any, places: Places, lost: Any, confidence: Any) -> Any:

@@ -98,11 +98,12 @@ class Overlay:
         self._video.write(self._draw(record, doubtful))
 
     def _doubtful(self, record: Record) -> np.ndarray:
-        """``[P]`` bool: the object is lost, or recovered and not yet confirmed."""
-        for name, is_lost in zip(record.start.ids.tolist(), record.lost, strict=True):
+        """``[P]`` bool: the object was lost, and is recovered but not yet confirmed."""
+        names = record.start.ids.tolist()
+        for name, is_lost in zip(names, record.lost, strict=True):
             left = self._unconfirmed.get(name, 0) - 1
             self._unconfirmed[name] = _CONFIRMED_AFTER if is_lost else max(left, 0)
-        return np.array([self._unconfirmed[n] > 0 for n in record.start.ids.tolist()], bool)
+        return np.array([self._unconfirmed[name] > 0 for name in names], bool) & ~record.lost
 
     def _draw(self, record: Record, doubtful: np.ndarray) -> np.ndarray:
         from jaxpf.media.overlay import draw_spreads
@@ -140,9 +141,8 @@ class Smoothed:
     def write(self, record: Record) -> None:
         """See ``Writer``."""
         if record.summary is None:
-            nobody = np.zeros(len(record.start.ids), bool)
             self._before = centres_of(self._scene.adapter, record.start, record.shapes)
-            self._table.write(record.number, record.start.ids, record.places, nobody)
+            self._table.write(record.number, record.start.ids, record.places)
             if self._write_outlines is not None:
                 self._write_outlines(record.number, record.shapes)
             return
@@ -160,7 +160,6 @@ class Smoothed:
 
     def _append(self, frames: Any) -> None:
         scene, start = self._scene, self._scene.start
-        nobody = np.zeros(len(start.ids), bool)
         for frame in frames:
             shapes = scene.shapes(start, frame.estimate)
             places, self._before = places_of(
@@ -175,7 +174,7 @@ class Smoothed:
                 scene.model_error,
             )
             number = scene.first + 1 + frame.time
-            self._table.write(number, start.ids, places, nobody)
+            self._table.write(number, start.ids, places)
             if self._write_outlines is not None:
                 self._write_outlines(number, shapes)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxpf.boxes.target import BOXES
 from jaxpf.contract.errors import InputError
-from jaxpf.targets.adapter import Adapter, Marks, widened_by
+from jaxpf.targets.adapter import Adapter, Marks
 from jaxpf.targets.target import Start
 
 
@@ -72,16 +72,6 @@ class BoxAdapter(Adapter):
     def column_values(self, start: Start, shapes: np.ndarray) -> np.ndarray:
         """See ``Adapter``: the top left corner and the size."""
         return shapes
-
-    def widened(self, values: np.ndarray, interval: np.ndarray, likelihood: Any) -> np.ndarray:
-        """See ``Adapter``: the size differs from the tracked one by ``likelihood.size_error``."""
-        error = float(getattr(likelihood, "size_error", 0.0))
-        if not error:
-            return interval
-        corner, extent = values[:, :2], values[:, 2:]
-        corners = widened_by(corner, interval[..., :2], error * extent / 2)
-        logs = widened_by(np.log(extent), np.log(interval[..., 2:]), error)
-        return np.concatenate([corners, np.exp(logs)], axis=-1)
 
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
         """See ``Adapter``."""

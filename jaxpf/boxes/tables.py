@@ -140,8 +140,7 @@ def parsed_lines(path: Path) -> Iterator[tuple[int, tuple[float, ...]]]:
         else:
             row = dict(zip(columns, fields, strict=True))
             box = _parse_row([row[name] for name in HEADERS[0].split(",")], header, 0, place)
-            is_lost = row.get("lost") == "1"
-            yield line, (*box[:-1], 0.0 if is_lost else float(row.get("confidence") or 1))
+            yield line, (*box[:-1], float(row.get("confidence") or row.get("lost") != "1"))
 
 
 def _parse_row(

@@ -1,6 +1,7 @@
 """Reads contours from JSON; writes and draws them."""
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from jaxpf.contours.data import Contours
 from jaxpf.contours.target import CONTOURS, PIECES, contour_start, polylines
 from jaxpf.contract.errors import InputError
 from jaxpf.shapes.splines import basis, even_places, fit_spline, resampled
-from jaxpf.targets.adapter import Adapter, Marks, OutlineFile
+from jaxpf.targets.adapter import Adapter, Marks
 from jaxpf.targets.target import Start
 
 #: Number of control points of a scene's contours, closed and open.
@@ -89,11 +90,11 @@ class ContourAdapter(Adapter):
         """See ``Adapter``: the mean of the outline's points."""
         return polylines(shapes).mean(axis=-2)
 
-    def outline_file(self, path: Any, start: Start) -> OutlineFile:
+    @contextlib.contextmanager
+    def outline_file(self, path: Any, start: Start) -> Iterator[Callable[[int, Any], None]]:
         """See ``Adapter``: CSV with the header ``frame,contour,kind,point,x,y``."""
         from jaxpf.contours.files import ContourTrackWriter
 
-        writer = ContourTrackWriter(path)
         inverse = np.zeros((0, PIECES + 1))  # without splines there are no control points
         contours = getattr(start, "contours", None)
         if contours is not None:
@@ -102,11 +103,13 @@ class ContourAdapter(Adapter):
             # The control points follow from the points on the spline, which are more.
             inverse = np.linalg.pinv(basis(places, contours.points.shape[1], **kind))
 
-        def append(frame: int, shapes: Any) -> None:
-            lines = polylines(np.asarray(shapes, float))
-            writer.append(frame, start.ids, inverse @ lines, lines)
+        with ContourTrackWriter(path) as writer:
 
-        return OutlineFile(writer, append)
+            def append(frame: int, shapes: Any) -> None:
+                lines = polylines(np.asarray(shapes, float))
+                writer.append(frame, start.ids, inverse @ lines, lines)
+
+            yield append
 
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
         """See ``Adapter``."""

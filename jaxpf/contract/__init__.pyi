@@ -20,6 +20,7 @@ from .calls import (
     log_odds_all as log_odds_all,
     log_prob_all as log_prob_all,
     method_of as method_of,
+    model_error as model_error,
     observe_nearby as observe_nearby,
     observed_apart as observed_apart,
     of_partition as of_partition,

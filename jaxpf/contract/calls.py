@@ -7,6 +7,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from jaxpf.contract.errors import Argument, InputError
@@ -249,6 +250,11 @@ def log_odds_all(likelihood, observation, partition, substates) -> jax.Array:
     if hasattr(likelihood, "log_odds_all"):
         return likelihood.log_odds_all(observation, partition, substates)
     return jax.vmap(likelihood.log_odds, in_axes=(None, 0, 1))(observation, partition, substates)
+
+
+def model_error(tracker: Any) -> np.ndarray:
+    """The declared error ``[3]`` of a tracker's likelihood, see ``Likelihood``; 0 without one."""
+    return np.array(getattr(getattr(tracker, "likelihood", None), "model_error", (0, 0, 0)), float)
 
 
 def has_state_gradient(likelihood: Any) -> bool:

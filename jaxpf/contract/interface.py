@@ -23,7 +23,8 @@ likelihood    ``observe``, ``log_prob`` or ``log_prob_all``                ``log
                                                                            ``form``,
                                                                            ``expecting``,
                                                                            ``observe_nearby``,
-                                                                           ``log_odds``
+                                                                           ``log_odds``,
+                                                                           ``model_error``
 proposal      ``propose`` or ``propose_all``,                              ``of_model``
               ``log_density`` or ``log_density_all``
 observation   any pytree                                                   ``take_frame``
@@ -253,6 +254,10 @@ class Likelihood:
     state_gradient: Any = True
     #: Whether the observation depends on the frame alone, not on any parameter.
     fixed_observation: Any = False
+    #: Standard deviations ``[3]`` of the truth around the states that explain the frame best: of x
+    #: and of y in pixels, and of the logarithm of the size.  Particles do not show this error;
+    #: reported intervals and their coverage include it.
+    model_error: Any = (0.0, 0.0, 0.0)
     #: For likelihoods of a distance, its form (``jaxpf.likelihoods.log_density``); else None.
     form: Any = None
 

@@ -1,4 +1,4 @@
-"""Names of choices, and a threshold that several packages share.  Imports no JAX."""
+"""Names of choices that several packages share.  Imports no JAX."""
 
 #: Named orderings of the partitioned filter on the command line.
 METHODS = ("sir", "ps", "dps", "sps")
@@ -34,6 +34,3 @@ ANNOTATIONS = ("masks", "outlines", "centrelines")
 #: Structure of learned dynamics: what a coordinate depends on.  Its own last steps; its own past,
 #: with a mean to which it returns; or the past of all coordinates.
 COEFFICIENTS = ("steps", "own", "all")
-
-#: Objects with confidence (``jaxpf.Summary``) below this level are probably lost.
-PROBABLY_LOST = 0.5

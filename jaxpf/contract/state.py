@@ -84,7 +84,8 @@ class Summary:
             section 3.1).
         spread: ``[P, D]``, weighted standard deviation of the substates.
         status: ``[]`` int32, a sum of the ``STATUS_*`` bits.
-        lost: ``[P]`` bool, partitions with zero likelihood in every particle of nonzero weight.
+        lost: ``[P]`` bool, partitions with zero likelihood in every particle of nonzero weight: one
+            of the reasons for which outputs call an object lost, see ``jaxpf.contract.lost``.
         num_invalid: ``[]`` int32, number of log-likelihoods that were NaN or +inf.
         ess_parts: ``[P]``, effective sample size per partition if partitions have separate
             weights (``ess`` is then the smallest); else None.

@@ -1,8 +1,9 @@
 """States the conclusion of an evaluation: the best configuration, in one sentence.
 
-Configurations are compared by their success area over all objects, paired by run.  Naming the
-best of C configurations involves C (C - 1) / 2 differences, so intervals are Bonferroni-corrected
-for that number: together they hold with 95 % confidence.
+Configurations are compared by their success area over all objects, paired by run.  Methods are
+compared at equal settings, those of the best configuration; settings are compared only if there is
+a single method.  Naming the best of C configurations involves C (C - 1) / 2 differences, so
+intervals are Bonferroni-corrected for that number: together they hold with 95 % confidence.
 """
 
 import itertools
@@ -14,7 +15,8 @@ from scipy.special import stdtrit
 
 from jaxpf.evaluation.collection import Collected
 from jaxpf.evaluation.measures import by_name
-from jaxpf.evaluation.summary import Runs, Summary, run_values
+from jaxpf.evaluation.results import Configuration, Results
+from jaxpf.evaluation.summary import Runs, Summary, configuration_name, named_values, run_values
 from jaxpf.measures.estimates import LEVEL, mean_difference
 
 #: The measure that ranks configurations.
@@ -34,16 +36,24 @@ class Conclusion(NamedTuple):
     ranking: list[int]
 
 
-def conclude(summaries: Sequence[Summary], collected: Sequence[Collected]) -> Conclusion:
+def conclude(
+    results: Results, summaries: Sequence[Summary], collected: Sequence[Collected]
+) -> Conclusion:
     """Rank the configurations and state which ones differ from the best."""
     areas = [summary.estimates[RANKED_BY.name].value[-1] for summary in summaries]
     ranking = [index for index in np.argsort(areas)[::-1].tolist() if np.isfinite(areas[index])]
     if not ranking:
         return Conclusion("No run is finished, so there is nothing to conclude.", [])
     best, *others = ranking
-    name = summaries[best].name
+    ours = summaries[best].configuration
+    held = [name for name in results.swept if name in ours.parameters]
+    equal = [other for other in others if _agree(ours, summaries[other].configuration, held)]
+    others, held = (equal, held) if equal else (others, [])
+    names = [configuration_name(results, each.configuration, held) for each in summaries]
+    settings = ", ".join(named_values(ours, held))
+    start = f"With {settings}, where the mean is highest, " if held else ""
     if not others:
-        return Conclusion(f"{name}: success area {_share(areas[best])}.", ranking)
+        return Conclusion(f"{names[best]}: success area {_share(areas[best])}.", ranking)
     pairs = len(list(itertools.combinations(ranking, 2)))
     intervals = {
         other: _difference(summaries, collected, best, other, LEVEL, pairs) for other in others
@@ -52,8 +62,8 @@ def conclude(summaries: Sequence[Summary], collected: Sequence[Collected]) -> Co
     tied = [other for other in others if other not in worse]
     if not worse:
         return Conclusion(
-            f"No configuration follows best: {name} is ahead, but "
-            f"{_names(summaries, tied)} cannot be told apart from it.",
+            f"{start}{'no' if start else 'No'} configuration follows best: {names[best]} is "
+            f"ahead, but {_listed(names, tied)} cannot be told apart from it.",
             ranking,
         )
     # Report the gain over the first distinguishable configuration: the reference comes first.
@@ -61,16 +71,22 @@ def conclude(summaries: Sequence[Summary], collected: Sequence[Collected]) -> Co
     value, lower, upper = intervals[reference]
     digits = 2 if upper - lower >= 0.02 else 3
     sentence = (
-        f"{name} follows best: success area {_share(value, digits, '+')} "
-        f"[{_share(lower, digits)}, {_share(upper, digits)}] over {summaries[reference].name}"
+        f"{start}{names[best]} follows best: success area {_share(value, digits, '+')} "
+        f"[{_share(lower, digits)}, {_share(upper, digits)}] over {names[reference]}"
     )
     if tied:
-        sentence += f"; {_names(summaries, tied)} cannot be told apart from it"
+        sentence += f"; {_listed(names, tied)} cannot be told apart from it"
     elif len(worse) > 1:
         rest = [index for index in worse if index != reference]
         few = len(rest) <= _MOST_NAMED
-        sentence += f", and better than {_names(summaries, rest) if few else 'all others'}"
+        sentence += f", and better than {_listed(names, rest) if few else 'all others'}"
     return Conclusion(f"{sentence}.", ranking)
+
+
+def _agree(ours: Configuration, other: Configuration, names: Sequence[str]) -> bool:
+    """Whether another configuration has the same values of named parameters, where it has them."""
+    mine, theirs = ours.parameters, other.parameters
+    return all(theirs.get(name, mine[name]) == mine[name] for name in names)
 
 
 def _difference(
@@ -109,8 +125,8 @@ def _repeated(track: Runs, runs: np.ndarray) -> Runs:
     return Runs(runs, values, weights)
 
 
-def _names(summaries: Sequence[Summary], indices: Sequence[int]) -> str:
-    names = [summaries[index].name for index in indices[:_MOST_NAMED]]
+def _listed(all_names: Sequence[str], indices: Sequence[int]) -> str:
+    names = [all_names[index] for index in indices[:_MOST_NAMED]]
     if len(indices) > _MOST_NAMED:
         names.append(f"{len(indices) - _MOST_NAMED} more")
     separator = "; " if any("," in name for name in names) else ", "

@@ -106,7 +106,7 @@ MEASURES = (
     Measure("log_score", "log score", weight=TRACKED_FRAMES),
     Measure("ess", "effective sample size"),
     Measure("log_evidence", "log evidence"),
-    Measure("frames_lost", "frames without likelihood"),
+    Measure("frames_without_likelihood", "frames without likelihood"),
 )
 #: Columns of counts; the table places them before the measures.
 COUNTS = (FRAMES, TRACKED_FRAMES, "located_frames")
@@ -201,12 +201,14 @@ def _measure_piece(
     offset = np.stack([frames["offset_x"], frames["offset_y"]], axis=-1)
     # Only frames in which the object is tracked: no region covers a lost object.
     asked = np.broadcast_to(has_places & tracked[..., None], offset.shape)
-    spread = np.where(asked, batch.spread[..., :2], np.nan)
+    model_error = batch.model_error[:, None, None]
+    spread = np.where(asked, np.hypot(batch.spread[..., :2], model_error[..., :2]), np.nan)
     transforms = calibration.transforms(offset, spread)
     smallest = calibration.smallest_region(offset, spread)
     size_spread = np.full(tracked.shape, np.nan)
     if has_places and batch.spread.shape[-1] > 2:
-        size_spread = np.where(tracked, batch.spread[..., 2], np.nan)
+        size = np.where(tracked, frames["size"], np.nan)
+        size_spread = np.hypot(batch.spread[..., 2] / size, model_error[..., 2])  # of the logarithm
     size_smallest = calibration.smallest_region(frames["size_offset"], size_spread)
     on_object = np.where(present, frames["overlap"] >= ON_OBJECT, np.nan)
     values = {
@@ -232,7 +234,7 @@ def _measure_piece(
         "log_score": _mean_of_places(calibration.log_score(offset, spread)),
         "ess": _mean(batch.ess)[:, None],
         "log_evidence": np.sum(batch.log_evidence.astype(np.float64), axis=1, keepdims=True),
-        "frames_lost": np.sum(batch.lost, axis=1),
+        "frames_without_likelihood": np.sum(batch.without_likelihood, axis=1),
     }
     for percent in REGIONS:
         values[f"coverage_{percent}"] = _mean_of_places(_inside(smallest, percent))
@@ -293,12 +295,12 @@ def _compiled_measures(
         middle = target.outlines(start, shapes).mean(axis=-2)
         offset = middle - target.outlines(start, truth).mean(axis=-2)
     measures |= {"offset_x": offset[..., 0], "offset_y": offset[..., 1]}
-    measures["size_offset"] = jnp.full(shape, jnp.nan)
+    measures |= {name: jnp.full(shape, jnp.nan) for name in ("size", "size_offset")}
     if target.has_boxes:  # a size is the square root of the area, relative to the start
         ours, theirs, first = (
             jnp.sqrt(box[..., -2] * box[..., -1]) for box in (shapes, truth, sizes)
         )
-        measures["size_offset"] = (ours - theirs) / first
+        measures |= {"size": ours / first, "size_offset": jnp.log(ours / theirs)}
     present = jnp.broadcast_to(measures["present"], shape)
     tracked = jnp.broadcast_to(measures["tracked"], shape)
     measures |= {

@@ -173,6 +173,12 @@ class Results:
         named = [name for name in names if len(asked.get(name, ())) != 1]
         return tuple(n for n in named if len({repr(p[n]) for p in ours if n in p}) > 1)
 
+    @property
+    def swept(self) -> tuple[str, ...]:
+        """The varied parameters for which several values were requested."""
+        asked = self.settings["asked"].get("grid", {})
+        return tuple(name for name in self.varied if len(asked.get(name, ())) > 1)
+
     def noise_scale(self, configuration: Configuration) -> np.ndarray:
         """``[3]``: process noise of the first three coordinates; NaN where unknown."""
         if configuration.kind != BUILT_IN:

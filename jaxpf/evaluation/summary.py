@@ -111,14 +111,24 @@ def summarise(results: Results, collected: Sequence[Collected]) -> list[Summary]
     ]
 
 
-def configuration_name(results: Results, configuration: Configuration) -> str:
-    """Name with the method, ordering, and the parameters that differ between configurations."""
-    varied = [
-        f"{name} {plain(configuration.parameters[name])}"
-        for name in results.varied
-        if name in configuration.parameters
-    ]
-    return ", ".join([configuration.label, *varied])
+def configuration_name(
+    results: Results, configuration: Configuration, but: Sequence[str] = ()
+) -> str:
+    """Name with the method, ordering, and the parameters that differ between configurations.
+
+    Args:
+        results: the evaluation.
+        configuration: one of its configurations.
+        but: parameters to leave out.
+    """
+    names = [name for name in results.varied if name not in but]
+    return ", ".join([configuration.label, *named_values(configuration, names)])
+
+
+def named_values(configuration: Configuration, names: Sequence[str]) -> list[str]:
+    """Those of the named parameters that a configuration has, as "sharpness 20"."""
+    values = configuration.parameters
+    return [f"{name} {plain(values[name])}" for name in names if name in values]
 
 
 def _references(collected: Sequence[Collected]) -> list[int | None]:

@@ -1,4 +1,4 @@
-"""Relocation: search the whole frame for objects that are probably lost.
+"""Relocation: search the whole frame for objects that are lost.
 
 A partition with low confidence moves by a mixture.  With probability 1 - epsilon it moves by its
 dynamics.  With probability epsilon its centre, the substate's first two coordinates, is uniform
@@ -26,7 +26,7 @@ from jax import lax
 
 from jaxpf import contract
 from jaxpf.contract.errors import InputError
-from jaxpf.contract.names import PROBABLY_LOST
+from jaxpf.contract.lost import LOST_BELOW
 from jaxpf.contract.pytree import is_concrete, pytree_dataclass, static_field
 from jaxpf.lowering.prefix import running_sum
 
@@ -55,7 +55,7 @@ class Relocation:
 
     def epsilon_at(self, confidence: jax.Array) -> jax.Array:
         """Epsilon per partition, ``[P]``, given the confidence before the frame."""
-        doubt = jnp.clip(1 - confidence / PROBABLY_LOST, 0, 1)
+        doubt = jnp.clip(1 - confidence / LOST_BELOW, 0, 1)
         return jnp.asarray(self.epsilon, confidence.dtype) * doubt
 
 

@@ -57,7 +57,7 @@ class WindowLikelihood(Likelihood):
         norm: ``"mean"`` (squares are averaged over the window's entries) or ``"sum"``, the
             literal rule, whose exponent is 1323 times as large for 21 x 21 pixels.
         slip: standard deviation in pixels of a point around the window that matches best, because
-            surfaces turn and skin slides; reports widen intervals by it.
+            surfaces turn and skin slides; the ``model_error`` of x and y.
         elsewhere: [P], e of the log odds; None if the surroundings are unknown, and then there are
             no log odds.
         places: [P, 2], the points at the start.
@@ -78,6 +78,11 @@ class WindowLikelihood(Likelihood):
     #: ``log_prob`` is constant within a pixel.
     state_gradient = False
     fixed_observation = True
+
+    @property
+    def model_error(self):
+        """See ``Likelihood``."""
+        return self.slip, self.slip, 0.0
 
     def observe(self, frame):
         """The frame itself, uint8 [H, W, 3].

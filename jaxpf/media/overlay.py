@@ -95,9 +95,8 @@ def draw_outlines(
             that is not finite is skipped.
         names: the labels [P].
         colours: uint8 RGB [P, 3]; ``object_colours(P)`` by default.
-        lost: bool [P]; a lost object is dashed and its label says "lost".
-        doubtful: bool [P]; a probably lost object is dashed and faint, and its label has a
-            question mark.
+        lost: bool [P]; a lost object is dashed and faint, and its label says "lost".
+        doubtful: bool [P]; a doubtful object is dashed, and its label has a question mark.
     """
     lines = np.asarray(lines, float)
     return _draw_outlines(frame, lines, names, colours, lost, doubtful, cv2.LINE_AA)
@@ -121,11 +120,11 @@ def _draw_outlines(
     size, shown = np.array(frame.shape[1::-1]), np.isfinite(lines).all(axis=(1, 2))
     lines = np.clip(lines, -size, 2 * size)
     faint = picture.copy()
-    for index in np.flatnonzero(shown & doubtful):
+    for index in np.flatnonzero(shown & lost):
         _draw_outline(faint, lines[index], shades[index], True, kind)
     cv2.addWeighted(faint, _FAINT, picture, 1 - _FAINT, 0, dst=picture)
-    for index in np.flatnonzero(shown & ~doubtful):
-        _draw_outline(picture, lines[index], shades[index], bool(lost[index]), kind)
+    for index in np.flatnonzero(shown & ~lost):
+        _draw_outline(picture, lines[index], shades[index], bool(doubtful[index]), kind)
     # Labels come last, so that no outline crosses one.
     labels = []
     for place, name in enumerate(names):

@@ -59,7 +59,7 @@ def trajectories(
     Args:
         table: columns of tracks.csv, see ``jaxpf.boxes.read_tracks``.
         columns: the coordinates to draw.
-        lost: id -> first and last frames of the intervals in which it was probably lost.
+        lost: id -> first and last frames of each stretch in which it was lost.
     """
     names = np.array([str(name) for name in table["id"].tolist()])
     shown = list(dict.fromkeys(names.tolist()))[:_MOST_OBJECTS]
@@ -81,7 +81,7 @@ def trajectories(
     if shown:
         axes[0, 0].legend(ncols=min(len(shown), 7), fontsize="small", loc="upper right")
     note = "" if len(shown) == len(set(names.tolist())) else f", the first {len(shown)} objects"
-    axes[0, 0].set_title(f"Bands: 95 % intervals.  Shaded: probably lost{note}.", fontsize="small")
+    axes[0, 0].set_title(f"Bands: 95 % intervals.  Shaded: lost{note}.", fontsize="small")
     axes[-1, 0].set(xlabel="frame")
     return figure
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxpf.contract.errors import InputError
 from jaxpf.points.target import POINTS
-from jaxpf.targets.adapter import Adapter, Marks, widened_by
+from jaxpf.targets.adapter import Adapter, Marks
 from jaxpf.targets.target import Start
 
 #: Default spacing of a grid of points, pixels.
@@ -85,22 +85,21 @@ class PointAdapter(Adapter):
                 )
         return POINTS.start(scene.extras["points"][0], names)
 
-    def widened(self, values: np.ndarray, interval: np.ndarray, likelihood: Any) -> np.ndarray:
-        """See ``Adapter``: a point slips in its window."""
-        slip = float(getattr(likelihood, "slip", 0.0))
-        return widened_by(values, interval, slip) if slip else interval
-
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
-        """See ``Adapter``; lost and probably lost points are hollow."""
+        """See ``Adapter``; lost points are hollow, and doubtful ones have a question mark."""
         from jaxpf.points.drawing import draw_points
 
+        doubtful = np.zeros(len(start.ids), bool) if marks.doubtful is None else marks.doubtful
         return draw_points(
             frame,
             shapes,
             trails=marks.past,
-            hidden=marks.unsure,
+            hidden=marks.lost,
             colours=marks.colours,
-            names=[str(name) for name in start.ids],
+            names=[
+                f"{name} ?" if is_doubtful else f"{name}"
+                for name, is_doubtful in zip(start.ids, doubtful, strict=True)
+            ],
         )
 
 

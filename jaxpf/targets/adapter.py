@@ -5,6 +5,7 @@ can list its options quickly.
 """
 
 import abc
+import contextlib
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -18,9 +19,9 @@ class Marks(NamedTuple):
 
     Attributes:
         colours: uint8 RGB ``[P, 3]``.
-        lost: bool ``[P]``.
+        lost: bool ``[P]``, see ``jaxpf.contract.lost``.
         past: ``[L, P, S]``, shapes of the previous L frames, latest last, for trails.
-        doubtful: bool ``[P]``, probably lost; None if unknown.
+        doubtful: bool ``[P]``, recovered and not yet confirmed; None if unknown.
     """
 
     colours: Any
@@ -28,36 +29,13 @@ class Marks(NamedTuple):
     past: Any = None
     doubtful: Any = None
 
-    @property
-    def unsure(self) -> Any:
-        """bool ``[P]``, whether an object is lost or probably lost."""
-        return self.lost if self.doubtful is None else self.lost | self.doubtful
-
-
-class OutlineFile:
-    """A file of outlines, written frame by frame; use it as a context manager.
-
-    Attributes:
-        append: function of (frame, shapes ``[P, S]``).
-    """
-
-    def __init__(self, writer: Any, append: Callable[[int, Any], None]):
-        self._writer, self.append = writer, append
-
-    def __enter__(self) -> "OutlineFile":
-        self._writer.__enter__()
-        return self
-
-    def __exit__(self, *exception: Any) -> Any:
-        return self._writer.__exit__(*exception)
-
 
 class Adapter(abc.ABC):
     """How programs read, write and draw a target, and which options they offer for it.
 
     An adapter must define ``target``, ``read_start``, ``fits_scene``, ``scene_shapes``,
-    ``scene_start`` and ``draw``; a class without them cannot be instantiated.  ``scaled``,
-    ``widened``, ``outline_file``, ``draw_particles`` and the attributes below have defaults.
+    ``scene_start`` and ``draw``; a class without them cannot be instantiated.  The other methods
+    and the attributes below have defaults.
 
     Attributes:
         target: the target.
@@ -118,22 +96,14 @@ class Adapter(abc.ABC):
         """Values ``[..., P, C]`` of ``columns`` for shapes ``[..., P, S]``."""
         return shapes[..., :2]
 
-    def widened(self, values: np.ndarray, interval: np.ndarray, likelihood: Any) -> np.ndarray:
-        """Add errors that the particles do not show to 95 % intervals; by default none.
+    def outline_file(
+        self, path: Any, start: Start
+    ) -> contextlib.AbstractContextManager[Callable[[int, Any], None] | None]:
+        """Open a new outlines.csv; as a context it is a function of a frame's number and shapes.
 
-        Args:
-            values: ``[P, C]``, estimates of the columns.
-            interval: ``[2, P, C]``, quantiles of the particles.
-            likelihood: the tracker's, or None.
+        By default there is no such file, and the context is None.
         """
-        return interval
-
-    def outline_file(self, path: Any, start: Start) -> OutlineFile | None:
-        """A new file for the outlines of the objects of ``start``; by default none.
-
-        For targets whose outlines do not follow from ``columns``.
-        """
-        return None
+        return contextlib.nullcontext()
 
     @abc.abstractmethod
     def draw(self, frame: Any, start: Start, shapes: Any, marks: Marks) -> np.ndarray:
@@ -156,15 +126,6 @@ class Adapter(abc.ABC):
             return frame
         centres = np.swapaxes(np.asarray(state.substates)[..., :2], 0, 1)
         return draw_particles(frame, centres, colours)
-
-
-def widened_by(values: np.ndarray, interval: np.ndarray, deviation: Any) -> np.ndarray:
-    """Widen 95 % intervals ``[2, ...]`` around values by independent normal noise.
-
-    Exact if the particles are normally distributed around the values.
-    """
-    reach = np.hypot(interval - values, 1.96 * deviation)
-    return np.stack([values - reach[0], values + reach[1]])
 
 
 def looks_of_scene(scene: Any, num_particles: int, typical: Any = None) -> Looks:

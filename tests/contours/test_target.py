@@ -148,8 +148,8 @@ def test_scenes_tell_where_contours_start_and_how_well_they_are_found(tmp_path, 
     assert np.asarray(measured["corner_error"])[-1].max() < 5
     # A stored evaluation knows of shapes, and of no splines.
     stored = Start(start.ids, start.shapes, start.sizes, start.parents)
-    with CONTOUR_FILES.outline_file(tmp_path / "tracks.csv", stored) as writer:
-        writer.append(3, found[0])
+    with CONTOUR_FILES.outline_file(tmp_path / "tracks.csv", stored) as write:
+        write(3, found[0])
     rows = list(csv.DictReader((tmp_path / "tracks.csv").open()))
     assert {(row["contour"], row["kind"]) for row in rows} == {("1", "outline"), ("2", "outline")}
     _, doubled = CONTOUR_FILES.scaled(stored, found, (2.0, 1.0))

@@ -26,6 +26,27 @@ def test_the_best_is_named_with_its_interval_over_the_first(tmp_path):
     assert "] over SIR, and better than PS 21." in sentence
 
 
+def test_methods_are_compared_at_the_settings_of_the_best(tmp_path):
+    """PS beats SIR by a little with each sharpness, and 30 beats 20 by far."""
+    truth, boxes = walks(seed=3, runs=30, frames=12, objects=2)
+    batches = []
+    for sharpness, factor in ((20.0, 1.0), (30.0, 0.1)):
+        for method, gain in (("SIR", 1.0), ("PS", 0.5)):
+            configuration = Configuration(method, "", {"sharpness": sharpness})
+            batches.append((configuration, [batch(truth + gain * factor * (boxes - truth))]))
+    grid = {"sharpness": [20.0, 30.0]}
+    sentence, ranking = write_tables(make(tmp_path / "m", batches, truth, grid=grid)).conclusion
+    assert ranking == [3, 2, 1, 0]
+    start = "With sharpness 30, where the mean is highest, PS follows best: success area +."
+    assert sentence.startswith(start)
+    assert sentence.endswith("] over SIR.")
+    # A single method leaves only settings to compare.
+    made = make(tmp_path / "s", batches[::2], truth, grid=grid)
+    sentence = write_tables(made).conclusion.sentence
+    assert sentence.startswith("SIR, sharpness 30 follows best: success area +.")
+    assert sentence.endswith("] over SIR, sharpness 20.")
+
+
 def test_equal_methods_cannot_be_told_apart_from_the_best(tmp_path):
     sentence, _ = conclusion(tmp_path, sir=1.0, ps=0.1, dps=0.1)
     assert "follows best" in sentence

@@ -49,13 +49,14 @@ def test_results_tell_everything_about_the_evaluation(whole):
             "shapes": (RUNS, 9, 2, 4),
             "uniqueness": (RUNS, 9, 2),
             "spread": (RUNS, 9, 2, 3),
+            "model_error": (RUNS, 3),
             "confidence": (RUNS, 9, 2),
             "ess": (RUNS, 9),
             "log_evidence": (RUNS, 9),
-            "lost": (RUNS, 9, 2),
+            "without_likelihood": (RUNS, 9, 2),
         }
         assert first.shapes.dtype == np.float32
-        assert first.lost.dtype == bool
+        assert first.without_likelihood.dtype == bool
     np.testing.assert_array_equal(whole.scene().frames, scene.frames)
 
 
@@ -139,7 +140,7 @@ def test_imported_tracks_enter_as_one_run(whole, tmp_path):
     expected = scene.boxes[None, 1:].astype(np.float32)
     expected[0, 3, 1] = np.nan
     np.testing.assert_allclose(batch.shapes, expected, rtol=1e-6)
-    np.testing.assert_array_equal(np.argwhere(batch.lost), [[0, 3, 1]])
+    np.testing.assert_array_equal(np.argwhere(batch.without_likelihood), [[0, 3, 1]])
     for name in ("uniqueness", "spread", "ess", "log_evidence"):
         assert np.all(np.isnan(getattr(batch, name)))
     assert np.all(np.isnan(results.noise_scale(theirs)))

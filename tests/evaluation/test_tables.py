@@ -28,7 +28,7 @@ def by_hand(tmp_path_factory):
     evidence = np.array([[-1000.25, -2.5], [-3, -math.inf]])
     parts = [
         batch(BOXES[:2], spread=spread, log_evidence=evidence),
-        batch(BOXES[2:], first_run=2, lost=[[[True, False], [True, True]]]),
+        batch(BOXES[2:], first_run=2, without_likelihood=[[[True, False], [True, True]]]),
     ]
     other = [imported(np.array([[TRUE, NAN], [FAR, TRUE]]))]
     batches = [(SIR, parts), (OTHER, other)]
@@ -77,7 +77,7 @@ def test_every_run_and_object_has_a_row(by_hand):
         ("coverage_95", [0.75, 1, 1, math.nan, 1, math.nan, math.nan, math.nan]),
         ("ess", [*6 * [30], math.nan, math.nan]),
         ("log_evidence", [*2 * [-1002.75], *2 * [-math.inf], *2 * [-3], math.nan, math.nan]),
-        ("frames_lost", [0, 0, 0, 0, 2, 1, 0, 1]),
+        ("frames_without_likelihood", [0, 0, 0, 0, 2, 1, 0, 1]),
     ],
 )
 def test_measures_of_runs_by_hand(by_hand, name, expected):

@@ -31,20 +31,25 @@ def batch(boxes, first_run=0, **given):
         shapes=boxes,
         uniqueness=filled("uniqueness", 0.5, runs, frames, objects),
         spread=filled("spread", 2.0, runs, frames, objects, 3),
+        model_error=filled("model_error", 0.0, runs, 3),
         confidence=filled("confidence", 0.7, runs, frames, objects),
         ess=filled("ess", 30.0, runs, frames),
         log_evidence=filled("log_evidence", -1.5, runs, frames),
-        lost=np.broadcast_to(given.get("lost", False), (runs, frames, objects)),
+        without_likelihood=np.broadcast_to(
+            given.get("without_likelihood", False), (runs, frames, objects)
+        ),
     )
 
 
 def imported(boxes):
     """The one batch of imported tracks ``[T, P, 4]``."""
     nothing = dict.fromkeys(("uniqueness", "spread", "confidence", "ess", "log_evidence"), np.nan)
-    return batch(np.asarray(boxes)[None], lost=np.isnan(boxes).any(axis=-1), **nothing)
+    return batch(
+        np.asarray(boxes)[None], without_likelihood=np.isnan(boxes).any(axis=-1), **nothing
+    )
 
 
-def make(folder, batches, truth, runs=None, ids=None, frames=None, start_frame=0):
+def make(folder, batches, truth, runs=None, ids=None, frames=None, start_frame=0, grid=None):
     """Write an evaluation and open it.
 
     Args:
@@ -55,6 +60,7 @@ def make(folder, batches, truth, runs=None, ids=None, frames=None, start_frame=0
         ids: of the objects; 1, 2, ... by default.
         frames: of the scene, ``[T + 1, H, W, 3]``; without them the scene is not there.
         start_frame: of the scene.
+        grid: values that were asked for, by parameter.
     """
     (folder / FOLDER).mkdir(parents=True)
     for index, (_, parts) in enumerate(batches):
@@ -63,7 +69,7 @@ def make(folder, batches, truth, runs=None, ids=None, frames=None, start_frame=0
     finished = max(sum(map(len, parts)) for _, parts in batches)
     settings = {
         "runs": finished if runs is None else runs,
-        "asked": {"seed": 7, "tracks": {"<script>": "&"}},
+        "asked": {"seed": 7, "tracks": {"<script>": "&"}, "grid": grid or {}},
         "versions": {"jaxpf": "0"},
         "scene": {
             "name": "made <scene>",

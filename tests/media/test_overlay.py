@@ -33,14 +33,14 @@ def test_a_box_is_drawn_on_the_pixels_it_covers():
     assert (frame == 128).all(), "the given frame is left alone"
 
 
-def test_a_box_that_is_probably_lost_is_dashed_and_faint():
-    boxes, doubtful = np.array([[20.0, 30, 60, 45]]), np.array([True])
-    lost = draw_boxes(grey(), boxes, [1], lost=doubtful)[74]
-    faint = draw_boxes(grey(), boxes, [1], doubtful=doubtful)[74]
-    # Half of what a lost box's line is; in the gaps between dashes there is nothing.
-    np.testing.assert_allclose(faint, (lost.astype(float) + 128) / 2, atol=1)
-    assert (faint[20:80] == 128).all(-1).any()
-    both = draw_boxes(grey(), boxes, [1], lost=doubtful, doubtful=doubtful)
+def test_a_lost_box_is_dashed_and_faint_and_a_doubtful_one_dashed():
+    boxes, yes = np.array([[20.0, 30, 60, 45]]), np.array([True])
+    lost = draw_boxes(grey(), boxes, [1], lost=yes)[74]
+    dashed = draw_boxes(grey(), boxes, [1], doubtful=yes)[74]
+    # Half of what a doubtful box's line is; in the gaps between dashes there is nothing.
+    np.testing.assert_allclose(lost, (dashed.astype(float) + 128) / 2, atol=1)
+    assert (lost[20:80] == 128).all(-1).any()
+    both = draw_boxes(grey(), boxes, [1], lost=yes, doubtful=yes)
     np.testing.assert_array_equal(both[74], lost)
 
 
@@ -156,8 +156,8 @@ def test_a_turned_rectangle_is_drawn_along_its_sides():
         assert (window[..., 0] - window[..., 1]).max() > 150
     assert (drawn[60, 60] == 40).all()  # its middle is left as it was
     assert (frame == 40).all()
-    lost = draw_outlines(frame, corners, ["a"], colour, np.array([True]))
-    dashes, sides = ((picture[62:, :, 0] > 200).sum() for picture in (lost, drawn))
+    dashed = draw_outlines(frame, corners, ["a"], colour, doubtful=np.array([True]))
+    dashes, sides = ((picture[62:, :, 0] > 200).sum() for picture in (dashed, drawn))
     assert 0.3 < dashes / sides < 0.8
 
 
@@ -170,7 +170,7 @@ def test_an_open_contour_is_dashed_where_it_is_in_doubt(mark):
     assert row[20:180].all()
     assert 0.3 < changed(frame, unsure)[60, 20:180].mean() < 0.8
     strength = [np.abs(picture[60, 20:180].astype(int) - 128).max() for picture in (sure, unsure)]
-    assert (strength[1] < 0.6 * strength[0]) == (mark == "doubtful")
+    assert (strength[1] < 0.6 * strength[0]) == (mark == "lost")
 
 
 def test_rectangles_that_are_not_finite_or_far_away_do_no_harm():

@@ -185,7 +185,7 @@ def test_intervals_in_tracks_are_widened_by_the_slip():
             slice(None),
             25.0,
             before,
-            SimpleNamespace(slip=slip),
+            np.array([slip, slip, 0]),
         )
         width = places.interval[1] - places.interval[0]
         # 4.5 standard errors of two 2.5 % quantiles.

@@ -44,7 +44,9 @@ class Tracked:
         first: number of the first of T frames, from 0.
         times: ``[T]``, timestamp of each frame, seconds.
         lines: ``[T, P, S, 2]``, corners, outlines or points, pixels; NaN where missing.
-        confidence: ``[T, P]``, confidence in the reported position; 0 where an object is lost.
+        confidence: ``[T, P]``, confidence in the reported position; where the tracks have none,
+            0 where an object is lost and else 1.
+        lost: bool ``[T, P]``.
         video: the tracked video.
         size: width and height of its frames.
     """
@@ -55,6 +57,7 @@ class Tracked:
     times: np.ndarray
     lines: np.ndarray
     confidence: np.ndarray
+    lost: np.ndarray
     video: str
     size: tuple[int, int]
 
@@ -100,8 +103,9 @@ def read_tracked(folder: Path) -> Tracked:
     names, first = tuple(dict.fromkeys(ids)), int(frames.min())
     numbers = np.arange(first, frames.max() + 1)
     rows = frames - first, np.array([names.index(name) for name in ids])
-    confidence = np.zeros((len(numbers), len(names)))
-    confidence[rows] = (1 - table["lost"]) * np.nan_to_num(table.get("confidence", 1.0), nan=1.0)
+    confidence, lost = np.zeros((2, len(numbers), len(names)))
+    lost[rows], reported = table["lost"], table.get("confidence", np.nan)
+    confidence[rows] = np.where(np.isnan(reported), 1 - table["lost"], reported)
     outlines = folder / "outlines.csv"
     if outlines.is_file():
         lines = _read_outlines(outlines, names, numbers)
@@ -118,6 +122,7 @@ def read_tracked(folder: Path) -> Tracked:
         times=np.interp(numbers, tracked_frames, table["time"][places]),
         lines=lines,
         confidence=confidence,
+        lost=lost > 0,
         video=video,
         size=(source.width, source.height),
     )
@@ -212,7 +217,7 @@ def _skeletons(tracked: Tracked) -> Iterator[dict[str, Any]]:
             continue
         low, high = points[reported].min(axis=0), points[reported].max(axis=0)
         # COCO: 0 not labelled, 1 labelled and not visible, 2 visible.
-        seen = np.where(reported, 1 + (tracked.confidence[t] > 0), 0)
+        seen = np.where(reported, 2 - tracked.lost[t], 0)
         marks = np.column_stack([np.where(reported[:, None], points, 0), seen])
         yield {
             "image_id": t + tracked.first + 1,

@@ -41,7 +41,7 @@ def _finish(recording: Recording, truth: Any) -> None:
     content = _summary(recording, names, verdicts, table, None if np.isnan(ess) else ess)
     writing.write_text(output / "summary.json", json.dumps(content, indent=2) + "\n")
     num_particles = _num_particles(recording, diagnostics)
-    lost = {name: about["probably_lost"] for name, about in verdicts.items()}
+    lost = {name: about["lost"] for name, about in verdicts.items()}
     adapter = recording.request.adapter
     columns = [name for name in adapter.columns if name not in adapter.fixed_columns]
     figure = plotting.trajectories(table, columns, lost)

@@ -9,6 +9,7 @@ import numpy as np
 
 from jaxpf.cli.tracking.births import Births, by_frame
 from jaxpf.cli.tracking.track_table import Places, centres_of, mean_centres, places_of
+from jaxpf.contract.lost import judge
 from jaxpf.targets.adapter import Adapter
 from jaxpf.targets.target import Start
 
@@ -23,9 +24,10 @@ class Record(NamedTuple):
         colours: uint8 RGB ``[P, 3]``.
         shapes: ``[P, S]``.
         places: the shapes in columns of tracks.csv, with intervals.
-        outside: bool ``[P]``, outside the image.
-        lost: bool ``[P]``, outside the image or without likelihood.
-        confidence: ``[P]``; None if the likelihood defines none.
+        lost: bool ``[P]``, see ``jaxpf.contract.lost.judge``.
+        confidence: ``[P]``, see there; None if the likelihood defines none.
+        outside: bool ``[P]``, outside the image; None in a frame that is not filtered.
+        without_likelihood: bool ``[P]``, no particle has any; None likewise.
         summary: summary of all partitions; None in a frame that is not filtered.
         state: holds the particles; None in a frame that is not filtered.
         slots: partitions occupied by the objects.
@@ -38,9 +40,10 @@ class Record(NamedTuple):
     colours: np.ndarray
     shapes: np.ndarray
     places: Places
-    outside: np.ndarray
     lost: np.ndarray
     confidence: Any = None
+    outside: Any = None
+    without_likelihood: Any = None
     summary: Any = None
     state: Any = None
     slots: Any = slice(None)
@@ -79,14 +82,11 @@ class Scene:
         return self.adapter.target.has_boxes and hasattr(self.tracker, "boxes")
 
     @property
-    def slip(self) -> float:
-        """Standard deviation of points around their windows, pixels; 0 for other targets."""
-        return float(getattr(self.likelihood, "slip", 0.0))
+    def model_error(self) -> np.ndarray:
+        """``[3]``, see ``jaxpf.contract.Likelihood``."""
+        from jaxpf import contract
 
-    @property
-    def likelihood(self) -> Any:
-        """The tracker's likelihood; None for a user-defined tracker without one."""
-        return getattr(self.tracker, "likelihood", None)
+        return contract.model_error(self.tracker)
 
     def outside(self, start: Start, shapes: np.ndarray) -> np.ndarray:
         """Which shapes lie outside the image or are not finite."""
@@ -128,9 +128,7 @@ def fixed_population(
         centres = mean_centres(scene.adapter, start, to_shapes, cloud)
     else:
         values = scene.adapter.column_values(start, start.shapes)
-        yield Record(
-            scene.first, frame, start, colours, start.shapes, Places(values), nobody, nobody
-        )
+        yield Record(scene.first, frame, start, colours, start.shapes, Places(values), nobody)
         centres = centres_of(scene.adapter, start, start.shapes)
     for tracked in stream(tracker, key, frames, state=state, time=time):
         summary = tracked.summary
@@ -138,7 +136,8 @@ def fixed_population(
             scene.check_first(summary, start.ids)
         shapes = scene.shapes(start, summary.estimate)
         outside = scene.outside(start, shapes)
-        hopeless = getattr(summary, "lost", None)
+        hopeless = nobody if getattr(summary, "lost", None) is None else summary.lost
+        confidence, lost = judge(outside, hopeless, getattr(summary, "confidence", None))
         cloud = None if scene.has_own_boxes else scene.cloud(tracked.state)
         places, centres = places_of(
             scene.adapter,
@@ -149,7 +148,7 @@ def fixed_population(
             slice(None),
             scene.fps,
             centres,
-            scene.likelihood,
+            scene.model_error,
         )
         variance = getattr(summary, "estimate_variance", None)
         if variance is not None and scene.adapter.target.has_places:
@@ -161,9 +160,10 @@ def fixed_population(
             colours=colours,
             shapes=shapes,
             places=places,
+            lost=lost,
+            confidence=confidence,
             outside=outside,
-            lost=outside if hopeless is None else outside | hopeless,
-            confidence=getattr(summary, "confidence", None),
+            without_likelihood=hopeless,
             summary=summary,
             state=tracked.state,
         )
@@ -207,14 +207,19 @@ def changing_population(
             slots,
             scene.fps,
             centres,
-            scene.likelihood,
+            scene.model_error,
         )
         if tracked.summary is None:
             places = Places(places.values)
         ids = tracked.ids
-        confidence = getattr(tracked.summary, "confidence", None)
         shapes = tracked.boxes[slots]
         outside = scene.outside(start, shapes) if len(slots) else np.zeros(0, bool)
+        confidence = getattr(tracked.summary, "confidence", None)
+        if confidence is not None:
+            confidence = np.array(confidence)
+            confidence[[birth.slot for birth in tracked.changes.births]] = np.nan  # not yet known
+            confidence = confidence[slots]
+        confidence, lost = judge(outside, tracked.lost[slots], confidence)
         yield Record(
             number=scene.first + tracked.time,
             frame=tracked.frame,
@@ -222,9 +227,10 @@ def changing_population(
             colours=object_colours(int(max(start.ids, default=0)) + 1)[start.ids],
             shapes=shapes,
             places=places,
+            lost=lost,
+            confidence=confidence,
             outside=outside,
-            lost=outside | tracked.lost[slots],
-            confidence=None if confidence is None else confidence[slots],
+            without_likelihood=tracked.lost[slots],
             summary=tracked.summary,
             state=tracked.state,
             slots=slots,

@@ -43,7 +43,7 @@ class TrackTable(LineWriter):
         self._columns: list[str] = []
 
     def write(
-        self, number: int, ids: Any, places: Places, lost: Any, confidence: Any = None
+        self, number: int, ids: Any, places: Places, lost: Any = None, confidence: Any = None
     ) -> None:
         """Append the rows of one frame; rows of the start frame are delayed until the next frame.
 
@@ -51,20 +51,20 @@ class TrackTable(LineWriter):
             number: frame number, from 0.
             ids: ``[P]``.
             places: positions of the objects.
-            lost: bool ``[P]``.
+            lost: bool ``[P]``, or None if unknown.
             confidence: ``[P]``, or None if the likelihood defines none.
         """
         self._waiting.append((number, ids, places, lost, confidence))
         if not self._columns and places.speed is None:
             return
         if not self._columns:
-            self._columns = self._header(places, confidence)
+            self._columns = self._header(places, lost, confidence)
             self.write_rows([["frame", "time", "id", *self._columns]])
         for frame in self._waiting:
             self.write_rows(self._rows(*frame))
         self._waiting.clear()
 
-    def _header(self, places: Places, confidence: Any) -> list[str]:
+    def _header(self, places: Places, lost: Any, confidence: Any) -> list[str]:
         names = [*self._adapter.columns]
         if places.interval is not None:
             varying = [name for name in names if name not in self._adapter.fixed_columns]
@@ -74,7 +74,8 @@ class TrackTable(LineWriter):
             names += [f"speed_{level:g}" for level in LEVELS]
         if confidence is not None:
             names.append("confidence")
-        names.append("lost")
+        if lost is not None:
+            names.append("lost")
         return names + ([] if places.error is None else ["x_error", "y_error"])
 
     def _rows(self, number: int, ids: Any, places: Places, lost: Any, confidence: Any) -> Any:
@@ -116,7 +117,7 @@ def places_of(
     slots: Any,
     fps: float,
     before: np.ndarray | None,
-    likelihood: Any = None,
+    error: np.ndarray,
 ) -> tuple[Places, np.ndarray]:
     """Values, intervals and speeds of one frame, and the centres ``[P, 2]`` for the next.
 
@@ -129,7 +130,7 @@ def places_of(
         slots: partitions to report.
         fps: frames per second.
         before: ``[P, 2]``, centres in the previous frame; None if unknown.
-        likelihood: the tracker's; it may report errors that widen the intervals.
+        error: ``[3]``, ``model_error`` of ``jaxpf.contract.Likelihood``.
     """
     values = adapter.column_values(start, shapes)
     before = np.full((len(shapes), 2), np.nan) if before is None else before
@@ -146,7 +147,8 @@ def places_of(
     # Sort only the reported partitions.
     shown = weights if weights.ndim == 1 else weights[slots]
     interval = quantiles(particles[:, slots], shown, levels)
-    interval = adapter.widened(values[slots], interval, likelihood)
+    if error.any():
+        interval = _widened(values[slots], interval, error, adapter.target.has_boxes)
     middles = _centres(adapter, particles)
     centres = _mean(middles, weights)
     moved = fps * (centres - before)
@@ -161,6 +163,26 @@ def places_of(
     along = np.sum((steps - _mean(steps, weights)) * moved, -1) / np.maximum(speed, 1e-9)
     ends = speed[slots] + quantiles(along[:, slots, None], shown, levels)[..., 0]
     return places._replace(speed_interval=np.maximum(ends, 0)), centres
+
+
+def _widened(
+    values: np.ndarray, interval: np.ndarray, error: np.ndarray, has_boxes: bool
+) -> np.ndarray:
+    """Add the model's error, independent and normal, to 95 % intervals ``[2, P, C]``.
+
+    Exact if the particles are normally distributed around the values.
+    """
+
+    def around(values: np.ndarray, interval: np.ndarray, deviation: Any) -> np.ndarray:
+        reach = np.hypot(interval - values, 1.96 * deviation)
+        return np.stack([values - reach[0], values + reach[1]])
+
+    place, rest = error[:2], interval[..., 2:]
+    if has_boxes:  # x, y is a corner, and moves with the size
+        extent = values[:, 2:]
+        place = np.hypot(place, error[2] * extent / 2)
+        rest = np.exp(around(np.log(extent), np.log(rest), error[2]))
+    return np.concatenate([around(values[:, :2], interval[..., :2], place), rest], axis=-1)
 
 
 def mean_centres(adapter: Any, start: Any, to_shapes: Any, state: Any) -> np.ndarray | None:

@@ -5,9 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from jaxpf.cli.tracking.writers import CONFIRMED_AFTER
-from jaxpf.contract.names import PROBABLY_LOST
-
 #: Below this effective sample size the filter relies on about a single particle.
 _NEAR_ONE = 2.0
 
@@ -21,42 +18,41 @@ def object_verdicts(table: Mapping[str, np.ndarray], ids: Any) -> dict[str, dict
 
     Returns:
         id -> ``frames``, their number; ``followed_until``, the last frame before the object was
-        first lost or probably lost (None if lost from the beginning); ``probably_lost``, pairs of
-        first and last frames; ``interval_width``, the median width in pixels of the 95 % intervals
-        of x and y while followed (None if unknown); ``mean_confidence`` (None if the likelihood
-        defines none).
+        first lost (None if lost from the beginning); ``frames_lost``, their number; ``lost``, pairs
+        of first and last frames; ``interval_width``, the median width in pixels of the 95 %
+        intervals of x and y where the object is not lost (None if unknown); ``mean_confidence``
+        (None if the likelihood defines none).
     """
     names = np.array([str(name) for name in table["id"].tolist()])
     confidence, lost = table.get("confidence"), table["lost"] == 1
-    unsure = lost if confidence is None else lost | (confidence < PROBABLY_LOST)
     verdicts = {}
     for name in map(str, ids):
         # The start frame holds the user's input and has no speed.
         rows = np.flatnonzero((names == name) & np.isfinite(table["speed"]))
         frames = table["frame"][rows].astype(int)
-        stretches = _stretches(frames[unsure[rows]])
-        kept = [int(row) for row in rows if not unsure[row]]
+        stretches = _stretches(frames[lost[rows]])
+        kept = [int(row) for row in rows if not lost[row]]
         first = stretches[0][0] if stretches else None
         before = frames if first is None else frames[frames < first]
         about: dict[str, Any] = {
             "frames": len(frames),
             "followed_until": int(before[-1]) if len(before) else None,
-            "probably_lost": stretches,
+            "frames_lost": int(lost[rows].sum()),
+            "lost": stretches,
             "interval_width": _width(table, kept),
             "mean_confidence": None,
         }
         if confidence is not None and len(rows):
-            mean = np.mean(np.where(lost[rows], 0.0, confidence[rows]))
-            about["mean_confidence"] = round(float(mean), 4)
+            about["mean_confidence"] = round(float(np.mean(confidence[rows])), 4)
         verdicts[name] = about
     return verdicts
 
 
 def _stretches(frames: np.ndarray) -> list[list[int]]:
-    """First and last frames of stretches; stretches a few frames apart are merged."""
+    """First and last frames of stretches."""
     pieces: list[list[int]] = []
     for frame in frames.tolist():
-        if pieces and frame - pieces[-1][1] <= CONFIRMED_AFTER:
+        if pieces and frame == pieces[-1][1] + 1:
             pieces[-1][1] = frame
         else:
             pieces.append([frame, frame])
@@ -87,15 +83,14 @@ def sentences(
             continue
         sure = about["mean_confidence"] is not None
         followed = "followed confidently" if sure else "followed"
-        pieces = about["probably_lost"]
+        until, pieces = about["followed_until"], about["lost"]
         some_lost |= bool(pieces)
         if not pieces:
-            text = f"{followed} to the end (frame {about['followed_until']})"
-        elif about["followed_until"] is None:
-            text = f"probably lost in {_frames(pieces)}"
+            text = f"{followed} to the end (frame {until})"
         else:
-            until = about["followed_until"]
-            text = f"{followed} until frame {until}, probably lost in {_frames(pieces)}"
+            before = "" if until is None else f"{followed} until frame {until}, "
+            count = f"{about['frames_lost']} of {about['frames']} frames"
+            text = f"{before}lost in {count} ({_frames(pieces)})"
         if about["interval_width"] is not None:
             text += f"; 95 % interval {about['interval_width']:.2g} pixels wide along x or y"
         lines.append(f"Object {name}: {text}")
@@ -122,6 +117,4 @@ def is_degenerate(ess: float | None, num_particles: int) -> bool:
 def _frames(stretches: list[list[int]], most: int = 4) -> str:
     texts = [f"{first} to {last}" if last > first else f"{first}" for first, last in stretches]
     shown = texts[:most] + ([f"{len(texts) - most} more stretches"] if len(texts) > most else [])
-    joined = " and ".join([", ".join(shown[:-1]), shown[-1]]) if len(shown) > 1 else shown[0]
-    is_single = len(stretches) == 1 and stretches[0][0] == stretches[0][1]
-    return f"{'frame' if is_single else 'frames'} {joined}"
+    return " and ".join([", ".join(shown[:-1]), shown[-1]]) if len(shown) > 1 else shown[0]

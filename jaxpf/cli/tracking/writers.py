@@ -10,14 +10,13 @@ import numpy as np
 
 from jaxpf.cli.tracking.records import Record, Scene
 from jaxpf.cli.tracking.track_table import TrackTable, centres_of, places_of
-from jaxpf.contract.names import PROBABLY_LOST
 from jaxpf.files.writing import LineWriter
 from jaxpf.targets.adapter import Marks
 
 #: Length of a trail in frames.
 _TRAIL = 20
 #: Consecutive frames that confirm a recovered object.
-CONFIRMED_AFTER = 5
+_CONFIRMED_AFTER = 5
 #: Number of normal draws from which smoothed coordinates get their intervals.
 _DRAWS = 400
 
@@ -37,15 +36,15 @@ class Tracks:
             TrackTable(output / "tracks.csv", scene.adapter, scene.shown_at)
         )
         outlines = scene.adapter.outline_file(output / "outlines.csv", scene.start)
-        self._outlines: Any = outlines and stack.enter_context(outlines)
+        self._write_outlines = stack.enter_context(outlines)
 
     def write(self, record: Record) -> None:
         """See ``Writer``."""
         self._table.write(
             record.number, record.start.ids, record.places, record.lost, record.confidence
         )
-        if self._outlines is not None:
-            self._outlines.append(record.number, record.shapes)
+        if self._write_outlines is not None:
+            self._write_outlines(record.number, record.shapes)
 
 
 class Diagnostics:
@@ -62,8 +61,9 @@ class Diagnostics:
             return
         unknown = np.full(len(self._names), np.nan)
         columns = {"uniqueness": getattr(summary, "uniqueness", unknown)}
-        if getattr(summary, "confidence", None) is not None:
-            columns["confidence"] = summary.confidence
+        if record.confidence is not None:
+            columns["confidence"] = np.array(summary.confidence)
+            columns["confidence"][record.slots] = record.confidence
         if self._is_new:
             names = [f"{column}_{name}" for column in columns for name in self._names]
             self._file.write_rows([["frame", "ess", "log_evidence", *names]])
@@ -76,7 +76,7 @@ class Diagnostics:
 class Overlay:
     """Writes overlay.mp4.
 
-    A recovered object is drawn as doubtful until it has been followed for ``CONFIRMED_AFTER``
+    A recovered object is drawn as doubtful until it has been followed for ``_CONFIRMED_AFTER``
     frames.
     """
 
@@ -98,14 +98,12 @@ class Overlay:
         self._video.write(self._draw(record, doubtful))
 
     def _doubtful(self, record: Record) -> np.ndarray:
-        """``[P]`` bool: the object is probably lost, or recovered and not yet confirmed."""
-        unsure = record.lost.copy()
-        if record.confidence is not None:
-            unsure |= record.confidence < PROBABLY_LOST
-        for name, is_unsure in zip(record.start.ids.tolist(), unsure, strict=True):
+        """``[P]`` bool: the object was lost, and is recovered but not yet confirmed."""
+        names = record.start.ids.tolist()
+        for name, is_lost in zip(names, record.lost, strict=True):
             left = self._unconfirmed.get(name, 0) - 1
-            self._unconfirmed[name] = CONFIRMED_AFTER if is_unsure else max(left, 0)
-        return np.array([self._unconfirmed[n] > 0 for n in record.start.ids.tolist()], bool)
+            self._unconfirmed[name] = _CONFIRMED_AFTER if is_lost else max(left, 0)
+        return np.array([self._unconfirmed[name] > 0 for name in names], bool) & ~record.lost
 
     def _draw(self, record: Record, doubtful: np.ndarray) -> np.ndarray:
         from jaxpf.media.overlay import draw_spreads
@@ -125,7 +123,7 @@ class Overlay:
         if spread is None or self._scene.has_own_boxes or not adapter.target.has_places:
             return picture
         estimate = summary.estimate[record.slots, :2]
-        spread = np.hypot(spread[record.slots, :2], self._scene.slip)
+        spread = np.hypot(spread[record.slots, :2], self._scene.model_error[:2])
         return draw_spreads(picture, estimate, spread, record.colours)
 
 
@@ -136,18 +134,17 @@ class Smoothed:
         table = TrackTable(output / "smoothed.csv", scene.adapter, scene.shown_at)
         self._table = stack.enter_context(table)
         outlines = scene.adapter.outline_file(output / "smoothed_outlines.csv", scene.start)
-        self._outlines: Any = outlines and stack.enter_context(outlines)
+        self._write_outlines = stack.enter_context(outlines)
         self._scene, self._look_back = scene, look_back
         self._before: Any = None
 
     def write(self, record: Record) -> None:
         """See ``Writer``."""
         if record.summary is None:
-            nobody = np.zeros(len(record.start.ids), bool)
             self._before = centres_of(self._scene.adapter, record.start, record.shapes)
-            self._table.write(record.number, record.start.ids, record.places, nobody)
-            if self._outlines is not None:
-                self._outlines.append(record.number, record.shapes)
+            self._table.write(record.number, record.start.ids, record.places)
+            if self._write_outlines is not None:
+                self._write_outlines(record.number, record.shapes)
             return
         self._append(self._look_back.add(self._scene.cloud(record.state)))
 
@@ -163,7 +160,6 @@ class Smoothed:
 
     def _append(self, frames: Any) -> None:
         scene, start = self._scene, self._scene.start
-        nobody = np.zeros(len(start.ids), bool)
         for frame in frames:
             shapes = scene.shapes(start, frame.estimate)
             places, self._before = places_of(
@@ -175,12 +171,12 @@ class Smoothed:
                 slice(None),
                 scene.fps,
                 self._before,
-                scene.likelihood,
+                scene.model_error,
             )
             number = scene.first + 1 + frame.time
-            self._table.write(number, start.ids, places, nobody)
-            if self._outlines is not None:
-                self._outlines.append(number, shapes)
+            self._table.write(number, start.ids, places)
+            if self._write_outlines is not None:
+                self._write_outlines(number, shapes)
 
 
 class _NormalDraws:
@@ -231,8 +227,9 @@ class Counts:
         self.invalid += int(getattr(record.summary, "num_invalid", 0))
         log_evidence = float(getattr(record.summary, "log_evidence", np.nan))
         self.impossible += int(np.isneginf(log_evidence))
-        hopeless = getattr(record.summary, "lost", None)
-        hopeless = np.zeros(len(record.lost), bool) if hopeless is None else hopeless[record.slots]
-        for where, frames in ((record.outside, self.outside), (hopeless, self.without_likelihood)):
+        for where, frames in (
+            (record.outside, self.outside),
+            (record.without_likelihood, self.without_likelihood),
+        ):
             for name in record.start.ids[where]:
                 frames.setdefault(str(name), []).append(record.number)

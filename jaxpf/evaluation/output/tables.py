@@ -97,7 +97,7 @@ def write_tables(results: Results) -> Tables:
             if (entry := collect(results, configuration, folder, rows)) is not None:
                 collected.append(entry)
         summaries = summarise(results, collected)
-        conclusion = conclude(summaries, collected)
+        conclusion = conclude(results, summaries, collected)
     remarks = _remarks(results, summaries)
     for name, rows in (
         ("summary", _summary_rows(results, summaries)),

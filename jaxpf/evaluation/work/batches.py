@@ -28,11 +28,12 @@ class Batch:
             boxes x, y, w, h in pixels.
         uniqueness: ``[R, T, P]`` float32, distinct draws over particles.
         spread: ``[R, T, P, D]`` float32, standard deviation of the particle set.
+        model_error: ``[R, 3]`` float32, see ``jaxpf.contract.Likelihood``.
         confidence: ``[R, T, P]`` float32, 0 to 1, see ``jaxpf.contract.Summary``.
         ess: ``[R, T]`` float32, effective sample size.
         log_evidence: ``[R, T]`` float32, increment per frame.
-        lost: ``[R, T, P]`` bool, whether an object has zero likelihood in every particle; for
-            imported tracks, whether it has no box.
+        without_likelihood: ``[R, T, P]`` bool, whether an object has zero likelihood in every
+            particle; for imported tracks, whether it has no box.
     """
 
     seeds: np.ndarray
@@ -40,10 +41,11 @@ class Batch:
     shapes: np.ndarray
     uniqueness: np.ndarray
     spread: np.ndarray
+    model_error: np.ndarray
     confidence: np.ndarray
     ess: np.ndarray
     log_evidence: np.ndarray
-    lost: np.ndarray
+    without_likelihood: np.ndarray
 
     def __len__(self) -> int:
         """Number of runs, R."""

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxpf.contract import model_error
 from jaxpf.contract.errors import InputError
 from jaxpf.evaluation.results import BUILT_IN, Configuration
 from jaxpf.evaluation.trackers import shapes_of, tracker_of
@@ -82,13 +83,14 @@ def run_batch(work: Work, attempt: int = 0) -> Batch:
             frames_per_chunk=work.frames_per_chunk,
         )
     kept = {
-        name: np.asarray(value, bool if name == "lost" else np.float32)
+        name: np.asarray(value, bool if name == "without_likelihood" else np.float32)
         for name, value in recorded.items()
     }
     return Batch(
         seeds=np.full(work.num_runs, work.seed, np.int64),
         runs=np.arange(work.first_run, work.first_run + work.num_runs),
         shapes=shapes_of(tracker, of.target, start, kept.pop("estimate")).astype(np.float32),
+        model_error=np.tile(np.float32(model_error(tracker)), (work.num_runs, 1)),
         **kept,
     )
 
@@ -109,7 +111,7 @@ def keep_measures(state: Any, summary: Any) -> dict[str, jax.Array]:
         "confidence": known("confidence", *estimate.shape[:-1]),
         "ess": known("ess"),
         "log_evidence": known("log_evidence"),
-        "lost": ~jnp.isfinite(estimate).all(axis=-1) if lost is None else lost,
+        "without_likelihood": ~jnp.isfinite(estimate).all(axis=-1) if lost is None else lost,
     }
 
 
@@ -132,10 +134,11 @@ def imported_batch(shapes: np.ndarray, seed: int) -> Batch:
         shapes=shapes[None].astype(np.float32),
         uniqueness=unknown(times, objects),
         spread=unknown(times, objects, 3),
+        model_error=np.zeros((1, 3), np.float32),
         confidence=unknown(times, objects),
         ess=unknown(times),
         log_evidence=unknown(times),
-        lost=~np.isfinite(shapes[None]).all(axis=-1),
+        without_likelihood=~np.isfinite(shapes[None]).all(axis=-1),
     )
 
 

@@ -130,7 +130,7 @@ def move(tracker: Any, key: jax.Array, state: LabelledState) -> tuple[LabelledSt
 def relocated(
     tracker: Any, key: jax.Array, state: LabelledState, observation: Any
 ) -> tuple[LabelledState, jax.Array]:
-    """Relocate particles of probably lost targets; return the state and log-weights ``[N]``.
+    """Relocate particles of lost targets; return the state and log-weights ``[N]``.
 
     See ``jaxpf.filters.relocation``.
     """

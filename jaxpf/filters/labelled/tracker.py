@@ -41,7 +41,7 @@ class Labelled(Tracker):
         regularise: rates (a_x, a_u) in (0, 1] of position and speed in eq. 6; None does not
             regularise.  It changes the reported estimates and, with feedback, the particles'
             motion.
-        relocation: a ``jaxpf.filters.Relocation``, the search for targets that are probably lost;
+        relocation: a ``jaxpf.filters.Relocation``, the search for targets that are lost;
             None moves all targets by the dynamics.
         reseed: standard deviations ``[D]`` or ``[L, D]``.  In the next frame a lost target gets its
             share of the particles again, drawn around its last estimate.  None (default) does not

@@ -51,7 +51,7 @@ class Motion:
 
 
 class Relocating(Motion):
-    """Relocates objects that are probably lost; see ``jaxpf.filters.relocation``.
+    """Relocates objects that are lost; see ``jaxpf.filters.relocation``.
 
     Attributes:
         jumps: one frame's jumps.

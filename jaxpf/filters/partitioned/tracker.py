@@ -50,7 +50,7 @@ class Partitioned(Tracker):
         look_ahead: static, whether each stage weights by the joint likelihood instead of
             ``log_prob``, with later partitions at the substates that ``dynamics.predict`` gives;
             see ``jaxpf.filters.partitioned.weighing.LookAhead``.
-        relocation: a ``jaxpf.filters.Relocation``, the search for objects that are probably lost;
+        relocation: a ``jaxpf.filters.Relocation``, the search for objects that are lost;
             None moves all objects by the dynamics.
         proposal: a ``jaxpf.contract.Proposal`` that draws substates in place of the dynamics, such
             as those in ``jaxpf.proposals``.  A stage's weight is then likelihood times transition
@@ -149,7 +149,7 @@ class Partitioned(Tracker):
     def observe_nearby(self, frame: Any, state: ParticleState) -> Any:
         """See ``jaxpf.contract.observe_nearby``.
 
-        A proposal may look anywhere, and so does relocation if an object is probably lost.
+        A proposal may look anywhere, and so does relocation if an object is lost.
         """
         if self.proposal is not None:
             return None

@@ -14,7 +14,7 @@ TRACKS = {
     "boxes": """frame,time,id,x,y,w,h,x_2.5,x_97.5,y_2.5,y_97.5,speed,confidence,lost
 0,0.00,1,10,5,8,4,,,,,,,0
 0,0.00,2,30,20,6,9,,,,,,,0
-1,0.04,1,11,6,8,4,9,13,5,8,7,0.5,0
+1,0.04,1,11,6,8,4,9,13,5,8,7,0.4,1
 """,
     # A part that lies on its side.
     "parts": """frame,time,id,x,y,w,h,angle,speed,lost
@@ -61,7 +61,7 @@ def test_boxes_as_coco(result):
     assert found == [
         (1, 1, [10, 5, 8, 4], 1),
         (1, 2, [30, 20, 6, 9], 1),
-        (2, 1, [11, 6, 8, 4], 0.5),
+        (2, 1, [11, 6, 8, 4], 0.4),  # of a lost object, too
     ]
     assert [a["area"] for a in content["annotations"]] == [32, 54, 32]
 
@@ -116,7 +116,7 @@ def test_boxes_as_mot_lines_count_from_1(result):
     assert lines == [
         "1,1,11.000,6.000,8.000,4.000,1,-1,-1,-1",
         "1,2,31.000,21.000,6.000,9.000,1,-1,-1,-1",
-        "2,1,12.000,7.000,8.000,4.000,0.5,-1,-1,-1",
+        "2,1,12.000,7.000,8.000,4.000,0.4,-1,-1,-1",
     ]
 
 

@@ -17,11 +17,13 @@ from small_video import (
     summary_of,
     true_boxes,
     write_images,
+    write_lossless_video,
     write_truth,
 )
 
 from jaxpf import measures
 from jaxpf.boxes import dense, read_boxes, read_tracks
+from jaxpf.contract.lost import LOST_BELOW
 from jaxpf.media import open_frames
 
 # What a run writes
@@ -72,7 +74,7 @@ def test_the_verdict_of_each_object_is_printed_and_kept(whole_run):
     for name, about in objects.items():
         assert about["frames"] == LENGTH - 1
         assert about["followed_until"] == LENGTH - 1
-        assert about["probably_lost"] == []
+        assert about["lost"] == []
         width = f"{about['interval_width']:.2g}"
         assert (
             f"Object {name}: followed confidently to the end (frame 9); 95 % interval {width} "
@@ -90,6 +92,29 @@ def test_the_confidence_is_the_same_in_tracks_diagnostics_and_summary(whole_run)
     np.testing.assert_array_equal(table[:, 5:], confidence)
     mean = [summary_of(output)["objects"][name]["mean_confidence"] for name in ("1", "2")]
     np.testing.assert_allclose(mean, confidence.mean(axis=0), atol=1e-4)
+
+
+def test_lost_means_the_same_in_tables_verdicts_and_exports(track, tmp_path):
+    """Object 2 vanishes after frame 4; nothing leaves the picture."""
+    frames = [picture(number) for number in range(LENGTH)]
+    for number in range(5, LENGTH):
+        x, y, w, h = true_boxes(number)[1]
+        frames[number][y : y + h, x : x + w] = frames[number][-1, -1]
+    clip = write_lossless_video(tmp_path / "gone.avi", frames)
+    outcome = track(*BOXES, video=clip)
+    assert outcome.code == 0
+    output, table = tmp_path / "out", read_tracks(tmp_path / "out" / "tracks.csv")
+    lost = table["lost"] == 1
+    assert lost[table["id"] == 2].any()
+    np.testing.assert_array_equal(lost, table["confidence"] < LOST_BELOW)
+    for name, about in summary_of(output)["objects"].items():
+        said = [n for first, last in about["lost"] for n in range(first, last + 1)]
+        assert table["frame"][lost & (table["id"] == int(name))].tolist() == said
+        assert about["frames_lost"] == len(said)
+        assert (f"lost in {len(said)} of {LENGTH - 1} frames" in outcome.out) or not said
+    exported = jaxpf("export", output, "mot", tmp_path / "t.txt")
+    assert exported.code == 0
+    np.testing.assert_array_equal(read_boxes(tmp_path / "t.txt").confidence < LOST_BELOW, lost)
 
 
 def test_colour_cannot_tell_who_is_lost_and_nobody_invents_a_number(track, tmp_path):

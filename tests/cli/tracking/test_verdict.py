@@ -30,7 +30,8 @@ def test_an_object_that_is_followed_throughout_needs_no_advice():
     assert verdicts["7"] == {
         "frames": 29,
         "followed_until": 29,
-        "probably_lost": [],
+        "frames_lost": 0,
+        "lost": [],
         "interval_width": 5.0,
         "mean_confidence": 0.9,
     }
@@ -40,16 +41,14 @@ def test_an_object_that_is_followed_throughout_needs_no_advice():
     ]
 
 
-def test_stretches_of_low_confidence_are_named_and_short_gaps_are_closed():
-    confidence = np.full(30, 0.9)
-    confidence[[10, 11, 14]] = 0.2  # found again for two frames only
+def test_stretches_in_which_an_object_is_lost_are_those_of_the_table():
     lost = np.zeros(30)
-    lost[25:] = 1
-    verdicts = object_verdicts(table(confidence, lost), [7])
+    lost[[10, 11, 14, *range(25, 30)]] = 1
+    verdicts = object_verdicts(table(np.full(30, 0.9), lost), [7])
     assert verdicts["7"]["followed_until"] == 9
-    assert verdicts["7"]["probably_lost"] == [[10, 14], [25, 29]]
+    assert verdicts["7"]["lost"] == [[10, 11], [14, 14], [25, 29]]
     first, advice = sentences(verdicts, 120.0, 300)
-    assert "until frame 9, probably lost in frames 10 to 14 and 25 to 29" in first
+    assert "until frame 9, lost in 8 of 29 frames (10 to 11, 14 and 25 to 29)" in first
     assert advice.startswith("Try: ")
 
 

@@ -1,0 +1,32 @@
+"""When an object counts as lost: one rule for tables, verdicts, plots, overlays and exports.
+
+Imports no JAX.
+"""
+
+from typing import Any
+
+import numpy as np
+
+#: Objects with confidence (``jaxpf.Summary``) below this level are lost.
+LOST_BELOW = 0.5
+
+
+def judge(outside: Any, without_likelihood: Any, confidence: Any = None) -> tuple[Any, np.ndarray]:
+    """Confidence in the reported positions of P objects in one frame, and whether they are lost.
+
+    An object is lost where it is outside the picture, where no particle has any likelihood, or
+    where its confidence is below ``LOST_BELOW``.  In the first two cases its confidence is 0.
+
+    Args:
+        outside: bool ``[P]``, outside the picture.
+        without_likelihood: bool ``[P]``, ``lost`` of ``jaxpf.Summary``.
+        confidence: ``[P]``, see ``jaxpf.Summary``; None if the likelihood defines none.
+
+    Returns:
+        The confidence ``[P]``, None if there is none, and lost, bool ``[P]``.
+    """
+    gone = np.asarray(outside, bool) | np.asarray(without_likelihood, bool)
+    if confidence is None:
+        return None, gone
+    confidence = np.where(gone, 0.0, confidence)
+    return confidence, confidence < LOST_BELOW
